@@ -1,0 +1,50 @@
+# Two commands need nothing but python3: `make run` and `make test`. `make help` lists the rest.
+PYTHON ?= python3
+VENV   ?= .venv
+PY     := $(VENV)/bin/python
+BIN    := $(VENV)/bin
+PORT   ?=
+ARGS   ?=
+
+.DEFAULT_GOAL := help
+.PHONY: help run test check lint types imports schemas docs clean
+
+help: ## this list
+	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+$(VENV)/.run: pyproject.toml tools/bootstrap.py
+	@$(PYTHON) tools/bootstrap.py $(VENV) monitor
+	@touch $@
+
+$(VENV)/.dev: pyproject.toml tools/bootstrap.py
+	@$(PYTHON) tools/bootstrap.py $(VENV) dev
+	@touch $@ $(VENV)/.run
+
+run: $(VENV)/.run ## start the daemon: on a simulated board, or on a real one with PORT=/dev/...
+	@exec $(PY) tools/run.py $(if $(PORT),--port $(PORT)) $(ARGS)
+
+test: $(VENV)/.dev check ## set up, and pass every check
+
+check: lint types imports schemas-check ## every check in this environment
+	$(BIN)/python -m pytest $(ARGS)
+
+lint: $(VENV)/.dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(VENV)/.dev
+	$(BIN)/mypy
+
+imports: $(VENV)/.dev
+	$(BIN)/lint-imports
+
+schemas: $(VENV)/.dev ## write schemas/ and docs/configuration.md anew from the models
+	$(PY) -m yahboomd.messages.generate schemas
+	$(PY) -m yahboomd.cli.main config reference > docs/configuration.md
+
+.PHONY: schemas-check
+schemas-check: $(VENV)/.dev
+	$(PY) -m yahboomd.messages.generate --check schemas
+
+clean: ## remove the environment and every cache
+	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

@@ -1,0 +1,54 @@
+"""Makes the virtual environment that `make` works in, or says in one sentence why it cannot.
+
+Written for any Python from 2.7 on, so that an old one gets the sentence and not a SyntaxError.
+"""
+
+import os
+import subprocess
+import sys
+
+OLDEST = (3, 11)
+
+
+def fail(sentence):
+    sys.stderr.write("yahboomd: %s\n" % sentence)
+    sys.exit(1)
+
+
+def check():
+    if sys.version_info < OLDEST:
+        fail(
+            "this is Python %d.%d, and yahboomd needs %d.%d or later. Point make at a newer one "
+            "(make PYTHON=python3.12 ...), or see docs/install.md for Ubuntu 22.04."
+            % (sys.version_info[0], sys.version_info[1], OLDEST[0], OLDEST[1])
+        )
+    try:
+        import ensurepip  # noqa: F401
+        import venv  # noqa: F401
+    except ImportError:
+        fail(
+            "this Python has no working venv module. Install it with: sudo apt install python3-venv"
+        )
+
+
+def main():
+    if len(sys.argv) != 3:
+        fail("usage: bootstrap.py FOLDER EXTRAS")
+    folder, extras = sys.argv[1], sys.argv[2]
+    check()
+    python = os.path.join(folder, "bin", "python")
+    if not os.path.exists(python):
+        sys.stdout.write("yahboomd: making a virtual environment in %s\n" % folder)
+        sys.stdout.flush()
+        if subprocess.call([sys.executable, "-m", "venv", folder]) != 0:
+            fail("the virtual environment could not be made in %s; see above." % folder)
+    sys.stdout.write("yahboomd: installing what it needs (a minute, the first time)\n")
+    sys.stdout.flush()
+    target = ".[%s]" % extras if extras else "."
+    pip = [python, "-m", "pip", "--disable-pip-version-check", "install", "--quiet", "-e", target]
+    if subprocess.call(pip) != 0:
+        fail("pip could not install the packages; its own words are above. Is there a network?")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,85 @@
+"""The exceptions of yahboomd, split by what the caller does about them.
+
+``YahboomdError``
+├── ``ConfigError``      a human edits something: exit 78 (EX_CONFIG)
+├── ``LinkError``        the port: the supervisor reconnects
+│   ├── ``PortMissing``      nothing there to open: exit 69 (EX_UNAVAILABLE)
+│   ├── ``PortBusy``         another process owns it
+│   ├── ``PortDenied``       no permission: exit 77 (EX_NOPERM)
+│   ├── ``PortLost``         it was open and went away
+│   └── ``BoardSilent``      open, and nothing that answers like a board
+├── ``BoardError``       the board answered, and refuses or must not be driven
+└── ``BusError``         the Zenoh session: exit 69 (EX_UNAVAILABLE)
+
+Bad bytes, from the wire or from the bus, are no exceptions: they are counted.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import ClassVar
+
+
+class YahboomdError(Exception):
+    """Something that a person has to know, in a sentence and with a remedy.
+
+    Args:
+        message: What happened and where (port, key, file and line).
+        remedy: What the person can do about it; empty where there is nothing.
+    """
+
+    exit_code: ClassVar[int] = os.EX_SOFTWARE
+
+    def __init__(self, message: str, *, remedy: str = "") -> None:
+        super().__init__(message)
+        self.message = message
+        self.remedy = remedy
+
+    def __str__(self) -> str:
+        return f"{self.message} {self.remedy}".rstrip()
+
+
+class ConfigError(YahboomdError):
+    """The configuration cannot be used; the message names every mistake in it."""
+
+    exit_code = os.EX_CONFIG
+
+
+class LinkError(YahboomdError):
+    """The serial port cannot be used, now; trying again later may work."""
+
+    exit_code = os.EX_UNAVAILABLE
+
+
+class PortMissing(LinkError):
+    """There is no such port."""
+
+
+class PortBusy(LinkError):
+    """Another process holds the port."""
+
+
+class PortDenied(LinkError):
+    """The port may not be opened by this user."""
+
+    exit_code = os.EX_NOPERM
+
+
+class PortLost(LinkError):
+    """The port was open and went away."""
+
+
+class BoardSilent(LinkError):
+    """The port is open and nothing on it answers like a board."""
+
+
+class BoardError(YahboomdError):
+    """The board answered, and refuses, or must not be driven as it is set up."""
+
+    exit_code = os.EX_CONFIG
+
+
+class BusError(YahboomdError):
+    """The Zenoh session cannot be opened or has been lost for good."""
+
+    exit_code = os.EX_UNAVAILABLE

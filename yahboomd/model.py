@@ -1,0 +1,155 @@
+"""The nouns that the rooms hand to each other. Frozen, SI units, radians, monotonic nanoseconds.
+
+Axes follow REP 103: x forward, y left, z up; a positive turn is counter-clockwise.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, TypeAlias
+
+import msgspec
+
+Counts: TypeAlias = tuple[int, int, int, int]
+"""One integer for each position of the board, 1 to 4 (M1..M4, the article's A..D)."""
+
+Matrix3: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
+"""A 3 by 3 matrix, row by row."""
+
+Severity: TypeAlias = Literal["info", "warning", "error"]
+
+CHANNELS = 4
+"""Positions of the board; every frame with per-motor numbers carries exactly so many."""
+
+
+class Twist2d(msgspec.Struct, frozen=True, kw_only=True):
+    """A velocity of the base, in its own frame: m/s, m/s, rad/s."""
+
+    vx: float = 0.0
+    vy: float = 0.0
+    wz: float = 0.0
+
+    @property
+    def is_zero(self) -> bool:
+        """Whether this asks for standstill exactly."""
+        return self.vx == 0.0 and self.vy == 0.0 and self.wz == 0.0
+
+
+STANDSTILL = Twist2d()
+
+
+class Pose2d(msgspec.Struct, frozen=True, kw_only=True):
+    """Where the base is in the odometry frame: m, m, rad. ``theta`` is not wrapped."""
+
+    x: float = 0.0
+    y: float = 0.0
+    theta: float = 0.0
+
+
+class Motor(msgspec.Struct, frozen=True, kw_only=True):
+    """One motor on the board and the wheel that it turns.
+
+    Attributes:
+        name: What messages call it, such as ``left`` or ``front_left``.
+        wheel: Index of the kinematic wheel (``Kinematics.wheels``) that it turns; in a skid-steer
+            base several motors turn one "wheel", a side.
+        position: Its place on the board, 1 to 4.
+        command_sign: +1, or -1 where a positive command would turn the wheel backward.
+        encoder_sign: +1, or -1 where the counts fall while the wheel rolls forward.
+        radius_m: The radius of its wheel, calibration included.
+        ticks_per_revolution: Counts of one turn of the wheel.
+    """
+
+    name: str
+    wheel: int
+    position: int
+    command_sign: int = 1
+    encoder_sign: int = 1
+    radius_m: float
+    ticks_per_revolution: float
+
+    @property
+    def metres_per_tick(self) -> float:
+        """How far the rim travels in one count (unsigned)."""
+        return 2.0 * 3.141592653589793 * self.radius_m / self.ticks_per_revolution
+
+
+class Kinematics(msgspec.Struct, frozen=True, kw_only=True):
+    """A drive geometry as two linear maps between the body and the wheels' rims.
+
+    Attributes:
+        name: The row of the registry, such as ``differential``.
+        wheels: The names of the wheels, in the order of the rows of ``inverse``.
+        inverse: For each wheel, the factors of (vx, vy, wz) in its rim speed.
+        forward: Three rows (vx, vy, wz), the factors of each wheel's rim speed.
+        holonomic: Whether the base can move sideways; where not, vy is refused.
+    """
+
+    name: str
+    wheels: tuple[str, ...]
+    inverse: tuple[tuple[float, float, float], ...]
+    forward: tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]
+    holonomic: bool = False
+
+
+class EncoderReading(msgspec.Struct, frozen=True, kw_only=True):
+    """The board's cumulative counters at one moment.
+
+    Attributes:
+        ticks: Raw counters as the board sent them (int32 that wrap), positions 1 to 4.
+        received_ns: When the last byte of the line was on the host's side of the wire (bytes that
+            arrived behind it in the same read are taken off); monotonic nanoseconds.
+        sent_ns: When the first byte of the line left the board, as far as the wire tells
+            (``received_ns`` less the transfer time of the line); for a request and its answer, no
+            earlier than the request's arrival on the board. Monotonic nanoseconds.
+        after_reset: The first reading since the board reset itself: counters started from zero.
+        after_gap: The first reading since the port was (re)opened.
+    """
+
+    ticks: Counts
+    received_ns: int
+    sent_ns: int
+    after_reset: bool = False
+    after_gap: bool = False
+
+
+class OdometryEstimate(msgspec.Struct, frozen=True, kw_only=True):
+    """Where the robot is and how it moves, from one encoder reading.
+
+    Attributes:
+        stamp_ns: When the board sampled its counters; monotonic nanoseconds.
+        pose: Pose of ``base_link`` in ``odom``.
+        twist: Velocity in ``base_link``.
+        pose_covariance: Over (x, y, theta), row by row: m^2, m rad, rad^2.
+        twist_covariance: Over (vx, vy, wz), row by row.
+        motor_ticks: Travelled counts per motor since start, signed (positive is forward), in the
+            order of the motors; never wrapped.
+        motor_position_rad: The same as wheel angles.
+        motor_speed_m_s: Rim speed per motor.
+    """
+
+    stamp_ns: int
+    pose: Pose2d
+    twist: Twist2d
+    pose_covariance: Matrix3
+    twist_covariance: Matrix3
+    motor_ticks: tuple[int, ...]
+    motor_position_rad: tuple[float, ...]
+    motor_speed_m_s: tuple[float, ...]
+
+
+class Event(msgspec.Struct, frozen=True, kw_only=True):
+    """Something that happened once and that a person or a program may have to know.
+
+    Attributes:
+        kind: A stable word in snake_case, such as ``board_reset``.
+        severity: How bad it is.
+        message: One sentence: what happened, what yahboomd does, what can be done.
+        wheel: The motor concerned, by name.
+        data: Numbers and words that belong to it.
+    """
+
+    kind: str
+    severity: Severity
+    message: str
+    wheel: str | None = None
+    data: dict[str, int | float | str | bool | None] | None = None
