@@ -1,0 +1,86 @@
+"""The board's bare text lines. The law: a whole line or nothing, save for the banner of a reset.
+
+Only the version is looked for anywhere in a line: a software reset cuts the line end of
+``Reset MCU`` off, and a reset in the middle of sending glues the banner to what came before.
+Every other line must match from end to end, because on a wire without a checksum a piece of an
+answer can look like another answer.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Final
+
+from yahboomd.protocol.dialect import (
+    CommandLost,
+    Reply,
+    Setting,
+    SettingValue,
+    Unrecognised,
+    VersionLine,
+)
+from yahboomd.protocol.fields import decimal, integer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from yahboomd.protocol.dialect import Decoded
+
+VERSION_LABEL: Final = "Motor_Version:"
+RESET_NOTICE: Final = "Reset MCU"
+
+# Which command it was is not said. A frame is too long only when two have run together, so this
+# too means that a command was lost.
+_LOST: Final = frozenset({"fail,Command not found!", "fail,command is long!"})
+_TYPE_REFUSED: Final = "fail,type error!"
+_REFUSED = re.compile(r"fail,[ -~]+!")
+_ACCEPTED = re.compile(r"(?:Set )?([A-Za-z_]+):OK!")
+# The firmware's own spelling.
+_SPELLING: Final = {"falsh_reset": "flash_reset"}
+
+_LABELLED = re.compile(r"([A-Za-z_]+):(\S+)")
+_LABELS: Final[dict[str, tuple[str, Callable[[str], int | float | None]]]] = {
+    "Motor_type": ("motor_type", integer),
+    "Dead_Zone": ("deadzone", integer),
+    "Pulse_Line": ("lines", integer),
+    "Pulse_Phase": ("ratio", integer),
+    "wheel_diameter": ("wheel_diameter_mm", decimal),
+}
+_PID = re.compile(r"P:(\S+)\s+I:(\S+)\s+D:(\S+)")
+
+
+def decode_text(text: str) -> Decoded:
+    """Say what a text line means; never raises.
+
+    Args:
+        text: The line without its line end.
+    """
+    before, label, version = text.partition(VERSION_LABEL)
+    if label:
+        return VersionLine(version=version.strip(), after_reset=RESET_NOTICE in before)
+    line = text.strip()
+    if line in _LOST:
+        return CommandLost(text=line)
+    if line == _TYPE_REFUSED:
+        return Reply(command="mtype", ok=False, text=line)
+    if accepted := _ACCEPTED.fullmatch(line):
+        command = accepted[1]
+        return Reply(command=_SPELLING.get(command, command), ok=True, text=line)
+    if _REFUSED.fullmatch(line):
+        return Reply(command="", ok=False, text=line)
+    return _setting(line) or Unrecognised(text=text)
+
+
+def _setting(line: str) -> Setting | None:
+    value: SettingValue | None
+    if pid := _PID.fullmatch(line):
+        p, i, d = map(decimal, pid.groups())
+        if p is None or i is None or d is None:
+            return None
+        return Setting(name="pid", value=(p, i, d))
+    labelled = _LABELLED.fullmatch(line)
+    if labelled is None or labelled[1] not in _LABELS:
+        return None
+    name, parse = _LABELS[labelled[1]]
+    value = parse(labelled[2])
+    return None if value is None else Setting(name=name, value=value)
