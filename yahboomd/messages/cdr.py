@@ -1,0 +1,325 @@
+"""CDR, the bytes of ROS 2, for the few messages that a robot base speaks.
+
+One law: every value lies at a multiple of its size, counted from behind the four-byte header. So a
+layout is fixed once its strings are known, and is compiled once into a ``struct.Struct``; only
+diagnostics, whose strings change, are written value by value. What goes out is little-endian;
+both orders are read. A factory takes what is configured (frames, names) and returns the encoder.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, Protocol
+
+HEADER_LE = b"\x00\x01\x00\x00"
+"""Representation CDR_LE, and two bytes of options, zero."""
+
+TWIST_BYTES = 52
+"""The header and six doubles: no stamped message is so short."""
+
+SECOND_NS = 1_000_000_000
+
+_F32_MAX = 3.4028234663852886e38
+_ORDERS = {b"\x00\x00": ">", b"\x00\x01": "<"}
+_TWISTS = {order: struct.Struct(f"{order}6d") for order in "<>"}
+_STAMPS = {order: struct.Struct(f"{order}iII") for order in "<>"}
+_NAN = math.nan
+
+
+class Velocity(NamedTuple):
+    """The planar part of a Twist, and the stamp of a TwistStamped (none, or Unix ns)."""
+
+    vx: float
+    vy: float
+    wz: float
+    stamp_ns: int | None
+    finite: bool
+
+
+class Diagnostic(NamedTuple):
+    """One diagnostic_msgs/msg/DiagnosticStatus; level 0 OK, 1 WARN, 2 ERROR, 3 STALE."""
+
+    level: int
+    name: str
+    message: str
+    hardware_id: str
+    values: Sequence[tuple[str, str]]
+
+
+class OdometryEncoder(Protocol):
+    """Encodes a pose (position, quaternion: 7 numbers), a twist (6), and 36 covariances of each."""
+
+    def __call__(  # noqa: D102
+        self,
+        stamp_ns: int,
+        pose: Sequence[float],
+        pose_covariance: Sequence[float],
+        twist: Sequence[float],
+        twist_covariance: Sequence[float],
+    ) -> bytes: ...
+
+
+class TransformsEncoder(Protocol):
+    """Encodes one transform (translation, quaternion: 7 numbers) for each pair of frames."""
+
+    def __call__(self, stamp_ns: int, transforms: Sequence[Sequence[float]]) -> bytes: ...  # noqa: D102
+
+
+class JointEncoder(Protocol):
+    """Encodes one angle and one angular speed for each joint."""
+
+    def __call__(  # noqa: D102
+        self, stamp_ns: int, position_rad: Sequence[float], velocity_rad_s: Sequence[float]
+    ) -> bytes: ...
+
+
+class BatteryEncoder(Protocol):
+    """Encodes a voltage and, where it is known, the charge from 0 to 1."""
+
+    def __call__(  # noqa: D102
+        self, stamp_ns: int, volts: float, percentage: float = ..., *, present: bool = ...
+    ) -> bytes: ...
+
+
+class Layout:
+    """Collects a layout's fields, puts the padding where CDR wants it, and compiles it.
+
+    Strings and lengths that are known beforehand become part of the layout's constants.
+    """
+
+    def __init__(self) -> None:
+        self._formats = ["<4s"]
+        self._size = 0
+
+    def add(self, code: str, size: int, count: int = 1) -> Layout:
+        """Adds ``count`` values of ``size`` bytes each, with the padding in front of them."""
+        if count:
+            pad = -self._size % size
+            self._formats.append(f"{pad}x{count}{code}" if pad else f"{count}{code}")
+            self._size += pad + size * count
+        return self
+
+    def text(self, value: bytes) -> Layout:
+        """Adds a string's length and the string, which ends in a zero byte."""
+        self.add("I", 4)
+        self._formats.append(f"{len(value) + 1}s")
+        self._size += len(value) + 1
+        return self
+
+    def packer(self) -> Callable[..., bytes]:
+        """The compiled layout; its first argument is the header."""
+        return struct.Struct("".join(self._formats)).pack
+
+
+def stamp(stamp_ns: int) -> tuple[int, int]:
+    """Unix nanoseconds as a builtin_interfaces/msg/Time: (seconds, nanoseconds).
+
+    ROS counts seconds in 32 bits; they wrap as they do there, rather than fail.
+    """
+    seconds, nanoseconds = divmod(stamp_ns, SECOND_NS)
+    return seconds & 0xFFFFFFFF, nanoseconds
+
+
+def decode_velocity(payload: bytes) -> Velocity | str:
+    """Reads a geometry_msgs/msg/Twist or TwistStamped, told apart by their length.
+
+    Args:
+        payload: Header and body, in either byte order.
+
+    Returns:
+        The velocity, or what is wrong with the bytes. A stamp of zero counts as none.
+    """
+    order = _ORDERS.get(payload[:2])
+    if order is None:
+        return f"representation {payload[:2].hex()}: neither 0000 nor 0001"
+    size = len(payload)
+    stamp_ns: int | None = None
+    offset = 4
+    if size != TWIST_BYTES:
+        if size < 4 + 12:
+            return f"{size} bytes: neither a Twist nor a TwistStamped"
+        seconds, nanoseconds, length = _STAMPS[order].unpack_from(payload, 4)
+        # Doubles start at a multiple of eight behind the header, wherever the frame's name ends.
+        offset = 4 + ((12 + length + 7) & ~7)
+        if size != offset + 48:
+            return f"{size} bytes: neither a Twist nor a TwistStamped"
+        if not length or payload[15 + length]:
+            return "the frame's name does not end in a zero byte"
+        if seconds < 0 or nanoseconds >= SECOND_NS:
+            return "a stamp that is no time"
+        stamp_ns = seconds * SECOND_NS + nanoseconds or None
+    vx, vy, vz, wx, wy, wz = _TWISTS[order].unpack_from(payload, offset)
+    # A sum is finite if all its terms are, unless they are so large that it does not matter.
+    return Velocity(vx, vy, wz, stamp_ns, math.isfinite(vx + vy + vz + wx + wy + wz))
+
+
+def odometry(frame_id: str, child_frame_id: str) -> OdometryEncoder:
+    """An encoder of nav_msgs/msg/Odometry between two frames."""
+    frame, child = frame_id.encode(), child_frame_id.encode()
+    pack = Layout().add("I", 4, 2).text(frame).text(child).add("d", 8, 85).packer()
+    constants = (len(frame) + 1, frame, len(child) + 1, child)
+
+    def encode(
+        stamp_ns: int,
+        pose: Sequence[float],
+        pose_covariance: Sequence[float],
+        twist: Sequence[float],
+        twist_covariance: Sequence[float],
+    ) -> bytes:
+        return pack(
+            HEADER_LE,
+            *stamp(stamp_ns),
+            *constants,
+            *pose,
+            *pose_covariance,
+            *twist,
+            *twist_covariance,
+        )
+
+    return encode
+
+
+def transforms(frames: Sequence[tuple[str, str]]) -> TransformsEncoder:
+    """An encoder of tf2_msgs/msg/TFMessage: a transform for each pair (parent, child) of frames.
+
+    All transforms of a message carry the same stamp.
+    """
+    layout = Layout().add("I", 4)
+    names: list[tuple[int, bytes, int, bytes]] = []
+    for parent, child in frames:
+        one, two = parent.encode(), child.encode()
+        layout.add("I", 4, 2).text(one).text(two).add("d", 8, 7)
+        names.append((len(one) + 1, one, len(two) + 1, two))
+    pack = layout.packer()
+
+    def encode(stamp_ns: int, transforms: Sequence[Sequence[float]]) -> bytes:
+        time = stamp(stamp_ns)
+        values: list[int | bytes | float] = []
+        for constants, transform in zip(names, transforms, strict=True):
+            values += (*time, *constants, *transform)
+        return pack(HEADER_LE, len(names), *values)
+
+    return encode
+
+
+def joint_state(frame_id: str, names: Sequence[str]) -> JointEncoder:
+    """An encoder of sensor_msgs/msg/JointState of these joints, without efforts."""
+    count, frame = len(names), frame_id.encode()
+    layout = Layout().add("I", 4, 2).text(frame).add("I", 4)
+    constants: list[int | bytes] = [len(frame) + 1, frame, count]
+    for name in names:
+        joint = name.encode()
+        layout.text(joint)
+        constants += (len(joint) + 1, joint)
+    layout.add("I", 4).add("d", 8, count).add("I", 4).add("d", 8, count).add("I", 4)
+    pack = layout.packer()
+
+    def encode(
+        stamp_ns: int, position_rad: Sequence[float], velocity_rad_s: Sequence[float]
+    ) -> bytes:
+        return pack(
+            HEADER_LE,
+            *stamp(stamp_ns),
+            *constants,
+            count,
+            *position_rad,
+            count,
+            *velocity_rad_s,
+            0,
+        )
+
+    return encode
+
+
+def battery_state(frame_id: str, *, location: str = "", serial_number: str = "") -> BatteryEncoder:
+    """An encoder of sensor_msgs/msg/BatteryState of a battery of which the voltage is measured.
+
+    All else is NaN and "unknown", as the message prescribes for what is not measured.
+    """
+    frame, place, serial = frame_id.encode(), location.encode(), serial_number.encode()
+    pack = (
+        (Layout().add("I", 4, 2).text(frame).add("f", 4, 7).add("B", 1, 3).add("?", 1))
+        .add("I", 4, 2)
+        .text(place)
+        .text(serial)
+        .packer()
+    )
+
+    def encode(
+        stamp_ns: int, volts: float, percentage: float = _NAN, *, present: bool = True
+    ) -> bytes:
+        unknown = (_NAN, _NAN, _NAN, _NAN, _NAN)  # temperature to design capacity
+        measured = (_float32(volts), *unknown, _float32(percentage))
+        tail = (0, 0, 0, present, 0, 0, len(place) + 1, place, len(serial) + 1, serial)
+        return pack(HEADER_LE, *stamp(stamp_ns), len(frame) + 1, frame, *measured, *tail)
+
+    return encode
+
+
+def diagnostics(stamp_ns: int, frame_id: str, status: Sequence[Diagnostic]) -> bytes:
+    """A diagnostic_msgs/msg/DiagnosticArray."""
+    out = bytearray(struct.pack("<4s2I", HEADER_LE, *stamp(stamp_ns)))
+    _put_text(out, frame_id)
+    _put_count(out, len(status))
+    for one in status:
+        out.append(one.level)
+        for text in (one.name, one.message, one.hardware_id):
+            _put_text(out, text)
+        _put_count(out, len(one.values))
+        for key, value in one.values:
+            _put_text(out, key)
+            _put_text(out, value)
+    return bytes(out)
+
+
+def is_cdr(payload: bytes) -> bool:
+    """Whether these bytes start with the header of plain CDR, in either byte order."""
+    return len(payload) >= 4 and payload[:2] in _ORDERS
+
+
+def decode_set_bool(payload: bytes) -> bool | str:
+    """Reads the request of a std_srvs/srv/SetBool: the flag, or what is wrong.
+
+    Up to three bytes may follow: some middleware pads to a multiple of four.
+    """
+    if not is_cdr(payload):
+        return "no CDR header"
+    if not 5 <= len(payload) <= 8 or payload[4] > 1:
+        return "not the request of a SetBool"
+    return payload[4] == 1
+
+
+def set_bool_request(data: bool) -> bytes:
+    """The request of a std_srvs/srv/SetBool."""
+    return HEADER_LE + bytes((data,))
+
+
+def trigger_request() -> bytes:
+    """The request of a std_srvs/srv/Trigger: empty, which in ROS 2 is one zero byte."""
+    return HEADER_LE + b"\x00"
+
+
+def service_response(success: bool, message: str) -> bytes:
+    """The response of a std_srvs/srv/Trigger, and of a SetBool: they have the same layout."""
+    out = bytearray((*HEADER_LE, success))
+    _put_text(out, message)
+    return bytes(out)
+
+
+def _float32(value: float) -> float:
+    """What fits a 32-bit float; what does not becomes infinite, where ``struct`` would raise."""
+    return value if not abs(value) > _F32_MAX else math.copysign(math.inf, value)
+
+
+def _put_count(out: bytearray, count: int) -> None:
+    out += bytes(-len(out) % 4)  # the header's four bytes do not change a multiple of four
+    out += count.to_bytes(4, "little")
+
+
+def _put_text(out: bytearray, text: str) -> None:
+    data = text.encode(errors="replace")
+    _put_count(out, len(data) + 1)
+    out += data
+    out.append(0)

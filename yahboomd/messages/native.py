@@ -1,0 +1,298 @@
+"""The native messages: what the daemon publishes, accepts and answers, field by field.
+
+A message only ever grows by fields with a default; anything else is a new message. Readers ignore
+fields that they do not know. The docstrings and descriptions here end up in ``schemas/``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, Literal, TypeAlias
+
+import msgspec
+from msgspec import Meta
+
+from yahboomd.model import Event, Matrix3, OdometryEstimate, Severity
+
+Fact: TypeAlias = int | float | str | bool | None
+"""A counter or a fact of one word."""
+
+# Three levels, spelled out because msgspec knows no recursive alias: the deepest group is
+# command -> sources -> one source -> refusals by reason.
+_Facts: TypeAlias = Mapping[str, Fact]
+_Group1: TypeAlias = Mapping[str, Fact | Sequence[str] | _Facts]
+_Group2: TypeAlias = Mapping[str, Fact | Sequence[str] | _Group1]
+Group: TypeAlias = Mapping[str, Fact | Sequence[str] | _Group2]
+"""Counters and facts by name; values may be lists of words and groups, three levels deep."""
+
+State: TypeAlias = Literal["waiting", "standing", "driving", "stopping", "estopped", "fault"]
+
+INT64_MAX = 2**63 - 1
+MAX_LABEL = 64
+"""Characters of a ``source`` label that are kept; a label is for people."""
+
+_Stamp = Annotated[
+    int, Meta(ge=0, le=INT64_MAX, description="Unix time in nanoseconds; never runs backwards.")
+]
+_Seq = Annotated[int, Meta(ge=0, description="Counts readings: a gap is a sample that got lost.")]
+_Vx = Annotated[float, Meta(description="Forward, m/s.")]
+_Vy = Annotated[float, Meta(description="To the left, m/s.")]
+_Wz = Annotated[float, Meta(description="Counter-clockwise, rad/s.")]
+_X = Annotated[float, Meta(description="Metres.")]
+_Y = Annotated[float, Meta(description="Metres.")]
+_Theta = Annotated[float, Meta(description="Heading in radians, counter-clockwise, not wrapped.")]
+_PoseCovariance = Annotated[
+    Matrix3, Meta(description="Over (x, y, theta), row by row: m^2, m rad, rad^2.")
+]
+_TwistCovariance = Annotated[
+    Matrix3, Meta(description="Over (vx, vy, wz), row by row: (m/s)^2, m rad/s^2, (rad/s)^2.")
+]
+
+
+class VelocityCommand(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """A velocity for the base, in its own frame. At least one of vx, vy, wz must be there."""
+
+    vx: _Vx = 0.0
+    vy: Annotated[
+        float, Meta(description="To the left, m/s; ignored by a base that cannot do it.")
+    ] = 0.0
+    wz: _Wz = 0.0
+    stamp_ns: Annotated[
+        int | None,
+        Meta(description="When the command was made, Unix ns; lets a backlog be recognised."),
+    ] = None
+    source: Annotated[
+        str | None,
+        Meta(description="A label for people; what a command may do depends on its key alone."),
+    ] = None
+
+
+class LinearXY(msgspec.Struct, frozen=True, kw_only=True):
+    """The linear part of a velocity command in the shape of a ROS Twist."""
+
+    x: _Vx = 0.0
+    y: _Vy = 0.0
+
+
+class AngularZ(msgspec.Struct, frozen=True, kw_only=True):
+    """The angular part of a velocity command in the shape of a ROS Twist."""
+
+    z: _Wz = 0.0
+
+
+class RosVelocityCommand(msgspec.Struct, frozen=True, kw_only=True):
+    """A velocity command in the shape of a ROS Twist, as web bridges send it."""
+
+    linear: LinearXY = LinearXY()
+    angular: AngularZ = AngularZ()
+
+
+class PoseSample(msgspec.Struct, frozen=True, kw_only=True):
+    """Where the base is. One for each encoder reading; its twist has the same stamp and seq."""
+
+    stamp_ns: _Stamp
+    seq: _Seq
+    frame_id: Annotated[str, Meta(description="The frame of x, y and theta.")]
+    child_frame_id: Annotated[str, Meta(description="The frame that is there: the base.")]
+    x: _X
+    y: _Y
+    theta: _Theta
+    covariance: _PoseCovariance
+
+
+class TwistSample(msgspec.Struct, frozen=True, kw_only=True):
+    """How the base moves, in its own frame, as the encoders tell."""
+
+    stamp_ns: _Stamp
+    seq: _Seq
+    frame_id: Annotated[str, Meta(description="The frame of the velocities: the base.")]
+    vx: _Vx
+    vy: _Vy
+    wz: _Wz
+    covariance: _TwistCovariance
+
+
+class WheelsSample(msgspec.Struct, frozen=True, kw_only=True):
+    """Every motor's wheel; the lists have one entry for each name, in the same order."""
+
+    stamp_ns: _Stamp
+    seq: _Seq
+    names: tuple[str, ...]
+    ticks: Annotated[
+        tuple[int, ...],
+        Meta(description="Counts since start, positive is forward, never wrapped."),
+    ]
+    position_rad: Annotated[tuple[float, ...], Meta(description="Wheel angles, not wrapped.")]
+    speed_m_s: Annotated[tuple[float, ...], Meta(description="Measured speed of the rims.")]
+    command_m_s: Annotated[tuple[float, ...], Meta(description="Commanded speed of the rims.")]
+
+
+class BatterySample(msgspec.Struct, frozen=True, kw_only=True):
+    """The battery as the board measures it."""
+
+    stamp_ns: _Stamp
+    volts: Annotated[float, Meta(description="Volts.")]
+
+
+class EventSample(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """Something that happened once: a discontinuity, a fault, its end."""
+
+    stamp_ns: _Stamp
+    kind: Annotated[str, Meta(description="A stable word in snake_case, such as board_reset.")]
+    severity: Severity
+    message: Annotated[str, Meta(description="One sentence for people.")]
+    wheel: Annotated[str | None, Meta(description="The motor concerned, by name.")] = None
+    data: Annotated[
+        Mapping[str, Fact] | None, Meta(description="Numbers and words that belong to it.")
+    ] = None
+
+
+class StatusSample(msgspec.Struct, frozen=True, kw_only=True):
+    """Health, counters, who drives, and why the robot stands."""
+
+    stamp_ns: _Stamp
+    state: Annotated[
+        State,
+        Meta(
+            description="waiting: no board yet; standing; driving; stopping: slowing down by "
+            "itself; estopped: latched until reset; fault: motion is refused."
+        ),
+    ]
+    driver: Annotated[str | None, Meta(description="The key that has control, if any.")]
+    since_ns: Annotated[int, Meta(description="Since when it is in this state, Unix ns.")]
+    why: Annotated[str, Meta(description="One sentence: why it is in this state.")]
+    board: Annotated[Group, Meta(description="The board: firmware, settings, problems.")]
+    link: Annotated[Group, Meta(description="The serial port: frames, losses, latencies.")]
+    command: Annotated[Group, Meta(description="Commands by source: accepted, refused and why.")]
+    bus: Annotated[Group, Meta(description="The Zenoh session: routers, samples, drops.")]
+
+
+class EstopRequest(msgspec.Struct, frozen=True, kw_only=True):
+    """Engages the emergency stop; false is refused, because releasing has a service of its own.
+
+    Any other payload, an empty or a broken one too, engages as well.
+    """
+
+    engaged: bool = True
+
+
+class SetPoseRequest(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """Asks odometry to go on from this pose."""
+
+    x: _X
+    y: _Y
+    theta: _Theta
+    covariance: Annotated[
+        Matrix3 | None,
+        Meta(description="Over (x, y, theta), row by row; absent: known exactly."),
+    ] = None
+
+
+class ServiceReply(msgspec.Struct, frozen=True, kw_only=True):
+    """The answer of every service."""
+
+    success: Annotated[bool, Meta(description="Whether it was done.")]
+    message: Annotated[str, Meta(description="What was done, or why not.")]
+    data: Annotated[
+        Mapping[str, Any], Meta(description="What the service has to tell, by name.")
+    ] = msgspec.field(default_factory=dict)
+
+
+MESSAGES: dict[str, type[msgspec.Struct]] = {
+    message.__name__: message
+    for message in (
+        VelocityCommand,
+        RosVelocityCommand,
+        PoseSample,
+        TwistSample,
+        WheelsSample,
+        BatterySample,
+        EventSample,
+        StatusSample,
+        EstopRequest,
+        SetPoseRequest,
+        ServiceReply,
+    )
+}
+"""Every native message by its name."""
+
+
+def pose_sample(
+    estimate: OdometryEstimate, *, stamp_ns: int, seq: int, frame_id: str, child_frame_id: str
+) -> PoseSample:
+    """The pose of an estimate.
+
+    Args:
+        estimate: What odometry made of one reading.
+        stamp_ns: The estimate's stamp as Unix time (the estimate's own is monotonic).
+        seq: Number of the reading.
+        frame_id: The odometry frame.
+        child_frame_id: The frame of the base.
+    """
+    pose = estimate.pose
+    return PoseSample(
+        stamp_ns=stamp_ns,
+        seq=seq,
+        frame_id=frame_id,
+        child_frame_id=child_frame_id,
+        x=pose.x,
+        y=pose.y,
+        theta=pose.theta,
+        covariance=estimate.pose_covariance,
+    )
+
+
+def twist_sample(
+    estimate: OdometryEstimate, *, stamp_ns: int, seq: int, frame_id: str
+) -> TwistSample:
+    """The twist of an estimate; arguments as for ``pose_sample``, with the frame of the base."""
+    twist = estimate.twist
+    return TwistSample(
+        stamp_ns=stamp_ns,
+        seq=seq,
+        frame_id=frame_id,
+        vx=twist.vx,
+        vy=twist.vy,
+        wz=twist.wz,
+        covariance=estimate.twist_covariance,
+    )
+
+
+def wheels_sample(
+    estimate: OdometryEstimate,
+    *,
+    stamp_ns: int,
+    seq: int,
+    names: tuple[str, ...],
+    command_m_s: tuple[float, ...],
+) -> WheelsSample:
+    """The wheels of an estimate.
+
+    Args:
+        estimate: What odometry made of one reading.
+        stamp_ns: The estimate's stamp as Unix time.
+        seq: Number of the reading.
+        names: The motors' names, in the estimate's order.
+        command_m_s: Rim speeds as last commanded, in the same order.
+    """
+    return WheelsSample(
+        stamp_ns=stamp_ns,
+        seq=seq,
+        names=names,
+        ticks=estimate.motor_ticks,
+        position_rad=estimate.motor_position_rad,
+        speed_m_s=estimate.motor_speed_m_s,
+        command_m_s=command_m_s,
+    )
+
+
+def event_sample(event: Event, *, stamp_ns: int) -> EventSample:
+    """An event as it goes out, stamped with Unix time."""
+    return EventSample(
+        stamp_ns=stamp_ns,
+        kind=event.kind,
+        severity=event.severity,
+        message=event.message,
+        wheel=event.wheel,
+        data=event.data,
+    )
