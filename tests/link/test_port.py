@@ -1,0 +1,218 @@
+"""The port on a real pty: locked, never blocking, and honest about its loss."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import fcntl
+import os
+import pty
+import subprocess
+import sys
+import termios
+import tty
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from yahboomd.clock import SystemClock
+from yahboomd.errors import LinkError, PortBusy, PortMissing
+from yahboomd.link.port import (
+    MAX_PENDING,
+    PortOptions,
+    SerialPort,
+    byte_time_ns,
+    holders,
+    lost,
+    open_port,
+)
+
+pytestmark = pytest.mark.realtime
+
+
+class Device:
+    """The far side of a pty."""
+
+    def __init__(self) -> None:
+        self.master, slave = pty.openpty()
+        tty.setraw(slave)
+        self.path = os.ttyname(slave)
+        os.close(slave)
+
+    def read(self, size: int = 65536) -> bytes:
+        try:
+            return os.read(self.master, size)
+        except OSError:
+            return b""
+
+    def close(self) -> None:
+        if self.master >= 0:
+            os.close(self.master)
+            self.master = -1
+
+
+@pytest.fixture
+def device() -> Iterator[Device]:
+    device = Device()
+    yield device
+    device.close()
+
+
+@pytest.fixture
+async def port(device: Device) -> SerialPort:
+    port = await open_port(PortOptions(path=device.path), SystemClock())
+    yield port  # type: ignore[misc]
+    port.close()
+    await asyncio.sleep(0)
+    await asyncio.sleep(0)
+
+
+async def until(condition: Callable[[], object]) -> None:
+    async with asyncio.timeout(20):
+        while not condition():
+            await asyncio.sleep(0.001)
+
+
+def test_a_byte_at_115200_baud_takes_86_8_microseconds() -> None:
+    assert byte_time_ns(115200) == 86_805
+
+
+async def test_bytes_pass_both_ways(port: SerialPort, device: Device) -> None:
+    heard: list[bytes] = []
+    port.listen(heard.append, lambda _: None)
+    os.write(device.master, b"$data:1,2,3,4#")
+    await until(lambda: b"".join(heard) == b"$data:1,2,3,4#")
+    port.write(b"$read#")
+    # Written at once: it is there before the loop turned.
+    assert device.read() == b"$read#"
+
+
+async def test_a_second_owner_is_refused_and_the_first_is_named(
+    port: SerialPort, device: Device
+) -> None:
+    with pytest.raises(PortBusy, match="held") as caught:
+        await open_port(PortOptions(path=device.path), SystemClock())
+    assert "stop the other one" in str(caught.value)
+
+
+async def test_the_holder_in_another_process_is_named(device: Device) -> None:
+    code = (
+        "import os, fcntl, sys; fd = os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY);"
+        "fcntl.flock(fd, fcntl.LOCK_EX); print('held', flush=True); sys.stdin.read()"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", code, device.path], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as holder:
+        assert holder.stdout is not None
+        assert holder.stdin is not None
+        holder.stdout.readline()
+        try:
+            assert any(f"pid {holder.pid}" in each for each in holders(device.path))
+            with pytest.raises(PortBusy, match=f"pid {holder.pid}"):
+                await open_port(PortOptions(path=device.path), SystemClock())
+        finally:
+            holder.stdin.close()
+
+
+async def test_a_missing_port_is_named_with_the_remedy() -> None:
+    with pytest.raises(PortMissing, match=r"/dev/not-there.*plugged in"):
+        await open_port(PortOptions(path="/dev/not-there"), SystemClock())
+
+
+async def test_what_is_no_serial_port_is_refused() -> None:
+    with pytest.raises(LinkError, match="/dev/null"):
+        await open_port(PortOptions(path="/dev/null"), SystemClock())
+
+
+async def test_closing_leaves_the_port_to_the_next(device: Device) -> None:
+    for _ in range(3):
+        port = await open_port(PortOptions(path=device.path), SystemClock())
+        port.close()
+        await asyncio.sleep(0)
+        await asyncio.sleep(0)
+
+
+@pytest.mark.parametrize("keep", [True, False])
+async def test_dtr_is_dropped_at_close_only_where_wanted(device: Device, keep: bool) -> None:
+    port = await open_port(PortOptions(path=device.path, hangup_on_close=keep), SystemClock())
+    slave = os.open(device.path, os.O_RDWR | os.O_NOCTTY) if os.geteuid() == 0 else None
+    if slave is not None:
+        assert bool(termios.tcgetattr(slave)[2] & termios.HUPCL) is keep
+        os.close(slave)
+    port.close()
+    await asyncio.sleep(0)
+    await asyncio.sleep(0)
+
+
+async def test_an_idle_port_that_hangs_up_is_reported(port: SerialPort, device: Device) -> None:
+    gone: list[Exception | None] = []
+    port.listen(lambda _: None, gone.append)
+    device.close()
+    await until(lambda: gone)
+    assert "went away" in str(lost(port.name, gone[0]))
+
+
+async def test_a_port_that_hangs_up_with_output_waiting_is_reported(
+    port: SerialPort, device: Device
+) -> None:
+    gone: list[Exception | None] = []
+    port.listen(lambda _: None, gone.append)
+    while not port.pending:
+        port.write(b"x" * 1024)
+    device.close()
+    await until(lambda: gone)
+    assert len(gone) == 1
+
+
+async def test_writing_to_a_lost_port_neither_raises_nor_reports_again(
+    port: SerialPort, device: Device
+) -> None:
+    gone: list[Exception | None] = []
+    port.listen(lambda _: None, gone.append)
+    device.close()
+    port.write(b"$read#")
+    await until(lambda: gone)
+    port.write(b"$read#")
+    assert port.pending == 0
+    assert len(gone) == 1
+
+
+async def test_output_that_nobody_takes_is_bounded_and_ends_the_port(port: SerialPort) -> None:
+    gone: list[Exception | None] = []
+    port.listen(lambda _: None, gone.append)
+    for _ in range(100):
+        port.write(b"x" * 1024)
+        assert port.pending <= MAX_PENDING + 1024
+    assert gone
+    assert getattr(gone[0], "errno", None) == errno.ETIMEDOUT
+
+
+async def test_output_that_the_kernel_took_in_part_arrives_whole(
+    port: SerialPort, device: Device
+) -> None:
+    port.listen(lambda _: None, lambda _: None)
+    sent = 0
+    while not port.pending:
+        port.write(b"0123456789abcdef" * 64)
+        sent += 1024
+    received = 0
+    async with asyncio.timeout(20):
+        while received < sent:
+            received += len(await asyncio.to_thread(device.read))
+    assert received == sent
+    assert await port.drain(10.0)
+
+
+async def test_closing_a_port_that_takes_no_output_does_not_block(
+    device: Device,
+) -> None:
+    port = await open_port(PortOptions(path=device.path), SystemClock())
+    port.listen(lambda _: None, lambda _: None)
+    while not port.pending:
+        port.write(b"x" * 1024)
+    assert not await port.drain(0.02)
+    port.close()
+    for _ in range(3):
+        await asyncio.sleep(0)
+    with pytest.raises(OSError, match="Bad file descriptor"):
+        fcntl.fcntl(port._fd, fcntl.F_GETFD)

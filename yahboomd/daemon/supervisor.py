@@ -1,0 +1,98 @@
+"""Keeps a session with the board, for ever: opens, serves, and after a fault tries again.
+
+It alone reconnects. A port that is missing is looked for with bounded back-off; one fault is told
+once, and counted while it repeats.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from collections.abc import Callable
+from typing import Protocol
+
+from yahboomd.clock import Clock, nanoseconds, sleep_until
+from yahboomd.errors import BoardError, ConfigError, LinkError, YahboomdError
+from yahboomd.link.session import Session
+
+log = logging.getLogger(__name__)
+
+BACK_OFF_S = (0.1, 0.2, 0.4, 0.8, 1.0)
+"""Waits between attempts. Looking for a port costs next to nothing, and a robot that was plugged in
+should not stand for longer than a person waits."""
+
+STEADY_S = 5.0
+"""A session that lasted so long was a good one: the next fault starts from the shortest wait."""
+
+
+class Watcher(Protocol):
+    """Who hears how the link fares."""
+
+    def searching(self) -> None:
+        """An attempt to connect begins."""
+        ...
+
+    def unavailable(self, error: YahboomdError) -> None:
+        """It failed, or an open session ended."""
+        ...
+
+
+class Supervisor:
+    """Runs sessions one after another.
+
+    Args:
+        make_session: A fresh session.
+        clock: What tells the time.
+        watcher: Hears how it goes.
+    """
+
+    def __init__(self, make_session: Callable[[], Session], clock: Clock, watcher: Watcher) -> None:
+        self._make_session = make_session
+        self._clock = clock
+        self._watcher = watcher
+        self._said: str | None = None
+        self.session: Session | None = None
+        self.counters: Counter[str] = Counter()
+
+    async def run(self) -> None:
+        """Connect and reconnect until cancelled."""
+        attempt = 0
+        while True:
+            started_ns = self._clock.now_ns()
+            session = self.session = self._make_session()
+            self.counters["attempts"] += 1
+            self._watcher.searching()
+            try:
+                await session.run()
+            except (LinkError, BoardError, ConfigError) as error:
+                self._watcher.unavailable(error)
+                self._tell(error, was_connected=session.identity is not None)
+            finally:
+                self._keep(session)
+            if self._clock.now_ns() - started_ns > nanoseconds(STEADY_S):
+                attempt = 0
+            wait_s = BACK_OFF_S[min(attempt, len(BACK_OFF_S) - 1)]
+            attempt += 1
+            await sleep_until(self._clock, self._clock.now_ns() + nanoseconds(wait_s))
+
+    def facts(self) -> dict[str, int]:
+        """Counters of all sessions so far, and of reconnecting."""
+        facts = Counter(self.counters)
+        if self.session is not None:
+            facts.update(self.session.facts())
+        return dict(facts)
+
+    def _keep(self, session: Session) -> None:
+        self.counters.update(session.facts())
+        self.session = None
+        if session.identity is not None:
+            self.counters["sessions"] += 1
+
+    def _tell(self, error: YahboomdError, *, was_connected: bool) -> None:
+        words = str(error)
+        if was_connected or words != self._said:
+            self._said = words
+            log.warning("%s yahboomd keeps trying.", words)
+        else:
+            self.counters["repeated_faults"] += 1
+            log.debug("still: %s", words)

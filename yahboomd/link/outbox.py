@@ -1,0 +1,176 @@
+"""What waits to be sent: three lanes, and one rule of who goes first.
+
+- **stop** overtakes everything, and wipes the velocity that it contradicts;
+- **velocity** is a slot: the newest wins, and it is said again until replaced, since the board may
+  drop one and nobody would know;
+- **configuration** is first in, first out, each waiting for its answer.
+
+The request for counters of a board that is polled is a slot beside them. So that a flood of
+velocities cannot starve the poll, nor the poll the configuration, nobody but a stop goes twice in a
+row while another waits.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections import deque
+from collections.abc import Callable
+
+import msgspec
+
+from yahboomd.protocol.dialect import Decoded
+
+
+class Lane(enum.Enum):
+    """Where a frame came from."""
+
+    STOP = "stop"
+    VELOCITY = "velocity"
+    POLL = "poll"
+    CONFIGURATION = "configuration"
+
+
+Answers = Callable[[Decoded], bool]
+"""Whether what the board said is the (last part of the) answer to a request."""
+
+
+class Request(msgspec.Struct, frozen=True, kw_only=True, eq=False):
+    """A frame of the configuration lane and the answer that it waits for.
+
+    Attributes:
+        frame: The bytes to send.
+        answered: Tells whether something heard completes the answer.
+        timeout_ns: How long to wait for it, from the end of the frame.
+        done: Called once, with whether the answer came.
+    """
+
+    frame: bytes
+    answered: Answers
+    timeout_ns: int
+    done: Callable[[bool], None]
+
+
+class Outgoing(msgspec.Struct, frozen=True, kw_only=True):
+    """What goes out now."""
+
+    lane: Lane
+    frame: bytes
+    request: Request | None = None
+
+
+class Outbox:
+    """The lanes. It writes nothing and asks no clock: the writer does.
+
+    Args:
+        resend_ns: How often the current velocity is said again.
+    """
+
+    def __init__(self, *, resend_ns: int) -> None:
+        self._resend_ns = resend_ns
+        self._stops: deque[bytes] = deque()
+        self._velocity: bytes | None = None
+        self._velocity_due_ns: int | None = None
+        self._poll: bytes | None = None
+        self._requests: deque[Request] = deque()
+        self._last: Lane | None = None
+        self.replaced = 0
+
+    def stop(self, frames: tuple[bytes, ...]) -> None:
+        """Put a stop before everything else; what was to move the wheels is forgotten."""
+        self._stops.clear()
+        self._stops.extend(frames)
+        self._velocity = None
+        self._velocity_due_ns = None
+
+    def velocity(self, frame: bytes) -> None:
+        """Replace the velocity; the same one again changes nothing about when it is due."""
+        if frame == self._velocity:
+            return
+        if self._velocity_due_ns == 0:
+            self.replaced += 1
+        self._velocity = frame
+        self._velocity_due_ns = 0
+
+    def velocity_lost(self) -> None:
+        """The board lost a command: say the current velocity again at once."""
+        if self._velocity is not None:
+            self._velocity_due_ns = 0
+
+    def quiet(self) -> None:
+        """Say no velocity any more (the wheels are let go)."""
+        self._velocity = None
+        self._velocity_due_ns = None
+
+    def poll(self, frame: bytes) -> bool:
+        """Ask for the counters; ``False`` where the previous request still waits."""
+        if self._poll is not None:
+            return False
+        self._poll = frame
+        return True
+
+    def request(self, request: Request) -> None:
+        """Queue a frame that waits for an answer."""
+        self._requests.append(request)
+
+    def withdraw(self, request: Request) -> None:
+        """Take a request back that nobody waits for any more."""
+        if request in self._requests:
+            self._requests.remove(request)
+
+    @property
+    def stopping(self) -> bool:
+        """Whether a stop waits."""
+        return bool(self._stops)
+
+    @property
+    def waiting(self) -> bool:
+        """Whether anything is due now or queued."""
+        return bool(self._stops or self._requests or self._poll or self._velocity_due_ns == 0)
+
+    @property
+    def resend_at_ns(self) -> int | None:
+        """When the current velocity is to be said again."""
+        return self._velocity_due_ns
+
+    def take(self, now_ns: int, *, busy: bool) -> Outgoing | None:
+        """The frame to send now, if any.
+
+        Args:
+            now_ns: Now.
+            busy: A command is in flight whose answer has not come: only a stop may go.
+        """
+        if self._stops:
+            return self._sent(Outgoing(lane=Lane.STOP, frame=self._stops.popleft()))
+        if busy:
+            return None
+        ready = [lane for lane in _ORDER if self._ready(lane, now_ns)]
+        if not ready:
+            return None
+        lane = next((each for each in ready if each is not self._last), ready[0])
+        return self._sent(self._pick(lane, now_ns))
+
+    def _ready(self, lane: Lane, now_ns: int) -> bool:
+        if lane is Lane.VELOCITY:
+            return self._velocity_due_ns is not None and self._velocity_due_ns <= now_ns
+        if lane is Lane.POLL:
+            return self._poll is not None
+        return bool(self._requests)
+
+    def _pick(self, lane: Lane, now_ns: int) -> Outgoing:
+        if lane is Lane.VELOCITY:
+            assert self._velocity is not None
+            self._velocity_due_ns = now_ns + self._resend_ns
+            return Outgoing(lane=lane, frame=self._velocity)
+        if lane is Lane.POLL:
+            assert self._poll is not None
+            frame, self._poll = self._poll, None
+            return Outgoing(lane=lane, frame=frame)
+        request = self._requests.popleft()
+        return Outgoing(lane=lane, frame=request.frame, request=request)
+
+    def _sent(self, outgoing: Outgoing) -> Outgoing:
+        self._last = outgoing.lane
+        return outgoing
+
+
+_ORDER = (Lane.VELOCITY, Lane.POLL, Lane.CONFIGURATION)

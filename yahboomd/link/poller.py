@@ -1,0 +1,122 @@
+"""The second of the two coroutines that share the stream: it gets the counts.
+
+A board that is polled is asked on an absolute schedule. A board that streams sends by itself, and
+the same schedule only looks whether it still does. Either way every reading passes through here on
+its way to the odometry, at the moment its last byte arrived: nothing waits for a turn of the loop.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+
+from yahboomd.clock import Clock, Schedule, seconds
+from yahboomd.errors import BoardSilent
+from yahboomd.link.writer import Writer
+from yahboomd.model import EncoderReading
+from yahboomd.protocol.dialect import Dialect
+
+REARM_AFTER_S = 0.25
+"""A stream that paused so long is switched on again: the board may have reset itself unheard."""
+
+SILENT_AFTER_S = 1.0
+"""No counts for so long: the board is gone, whatever the port says."""
+
+
+class Poller:
+    """Asks for counts, or watches that they come.
+
+    Args:
+        writer: Sends what is asked.
+        clock: What tells the time.
+        dialect: How the board is spoken to.
+        period_ns: From poll to poll.
+        on_reading: Hears every reading.
+        port_name: For messages.
+    """
+
+    def __init__(
+        self,
+        writer: Writer,
+        clock: Clock,
+        dialect: Dialect,
+        *,
+        period_ns: int,
+        on_reading: Callable[[EncoderReading], None],
+        port_name: str,
+    ) -> None:
+        self._writer = writer
+        self._clock = clock
+        self._dialect = dialect
+        self._period_ns = period_ns
+        self._on_reading = on_reading
+        self._port_name = port_name
+        self._heard_ns = clock.now_ns()
+        self._rearmed_ns = 0
+        self._after_reset = False
+        self._after_gap = True
+        self.counters: Counter[str] = Counter()
+
+    def board_reset(self) -> None:
+        """The board said that it started anew: its counters did, and its stream is off."""
+        self._after_reset = True
+        self._heard_ns = self._clock.now_ns()
+        self._arm()
+
+    def reading(self, ticks: tuple[int, int, int, int], *, received_ns: int, sent_ns: int) -> None:
+        """Counts arrived."""
+        self._heard_ns = received_ns
+        self.counters["readings"] += 1
+        reading = EncoderReading(
+            ticks=ticks,
+            received_ns=received_ns,
+            sent_ns=sent_ns,
+            after_reset=self._after_reset,
+            after_gap=self._after_gap,
+        )
+        self._after_reset = False
+        self._after_gap = False
+        self._on_reading(reading)
+
+    async def run(self) -> None:
+        """Poll, or watch.
+
+        Raises:
+            BoardSilent: No counts came for a second.
+        """
+        schedule = Schedule(self._clock, self._period_ns)
+        self._heard_ns = self._clock.now_ns()
+        try:
+            while True:
+                await schedule.beat()
+                self.counters["polls_late"] = schedule.missed
+                self._look()
+                if self._dialect.poll is not None and not self._writer.poll(
+                    self._dialect.poll, self._answer_ns
+                ):
+                    self.counters["polls_skipped"] += 1
+        finally:
+            schedule.close()
+
+    @property
+    def _answer_ns(self) -> int:
+        # A slow schedule need not wait its whole period for an answer that was lost.
+        return min(max(self._period_ns, 20_000_000), 100_000_000)
+
+    def _look(self) -> None:
+        silent_s = seconds(self._clock.now_ns() - self._heard_ns)
+        if silent_s > SILENT_AFTER_S:
+            raise BoardSilent(
+                f"{self._port_name}: the board sent no counts for {silent_s:.1f} s.",
+                remedy="Is it powered? The port is opened anew.",
+            )
+        since_arm_s = seconds(self._clock.now_ns() - self._rearmed_ns)
+        if silent_s > REARM_AFTER_S < since_arm_s:
+            self.counters["rearmed"] += 1
+            self._after_gap = True
+            self._arm()
+
+    def _arm(self) -> None:
+        self._rearmed_ns = self._clock.now_ns()
+        for frame in self._dialect.arm:
+            self._writer.tell(frame)

@@ -1,0 +1,339 @@
+"""The serial port: opened once, owned alone, never blocking.
+
+pyserial-asyncio carries the bytes. Three of its ways do not fit a program that stops wheels, and
+are mended here, at the edge:
+
+- its ``write`` waits for the loop to report the port writable; a frame that finds the port free is
+  written at once, and its buffer takes only what the kernel did not;
+- its close calls ``tcdrain`` on the loop's thread, and the kernel waits again for output that
+  nobody takes: both are cut short by discarding the output first, so draining is ours to do, with
+  a deadline (:meth:`SerialPort.drain`);
+- a port that hangs up while output is waiting is closed without a word (``connection_lost`` never
+  comes): reading errors are reported from the serial object itself.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import fcntl
+import os
+import struct
+import termios
+from collections.abc import Callable
+from typing import Protocol, cast
+
+import msgspec
+import serial
+import serial_asyncio
+
+from yahboomd.clock import NS_PER_S, Clock, nanoseconds, sleep_until
+from yahboomd.errors import LinkError, PortBusy, PortDenied, PortLost, PortMissing
+
+BITS_PER_BYTE = 10  # 8N1: a start bit, eight of data, a stop bit
+
+MAX_PENDING = 4096
+"""Output the kernel would not take, in bytes; beyond that the port counts as stuck."""
+
+
+def byte_time_ns(baudrate: int) -> int:
+    """How long one byte is on the wire (86.8 us at 115200)."""
+    return BITS_PER_BYTE * NS_PER_S // baudrate
+
+
+class PortOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """How a port is opened.
+
+    Attributes:
+        path: The device, such as ``/dev/yahboom_driver``.
+        baudrate: Bits per second.
+        dtr: State of DTR, set before the port opens (the board wires it to its reset).
+        rts: State of RTS, likewise (wired to the boot selection).
+        hangup_on_close: Leave HUPCL set: closing drops DTR, which may reset the board.
+    """
+
+    path: str
+    baudrate: int = 115200
+    dtr: bool = True
+    rts: bool = False
+    hangup_on_close: bool = False
+
+
+class Port(Protocol):
+    """What the session needs of a port; the simulated one in memory offers the same."""
+
+    @property
+    def name(self) -> str:
+        """What messages call it."""
+        ...
+
+    @property
+    def byte_ns(self) -> int:
+        """Nanoseconds that a byte takes on the wire."""
+        ...
+
+    @property
+    def pending(self) -> int:
+        """Bytes written here and not yet taken by the system."""
+        ...
+
+    def listen(
+        self, on_data: Callable[[bytes], None], on_lost: Callable[[Exception | None], None]
+    ) -> None:
+        """Tell who hears bytes and the loss of the port."""
+        ...
+
+    def write(self, data: bytes) -> None:
+        """Send; never blocks and never raises: a lost port is reported to ``on_lost``."""
+        ...
+
+    async def drain(self, timeout_s: float) -> bool:
+        """Wait until everything is on the wire; whether it is."""
+        ...
+
+    def close(self) -> None:
+        """Let go at once; what is not on the wire is discarded."""
+        ...
+
+
+class _Serial(serial.Serial):
+    """A serial object whose ways fit an event loop."""
+
+    on_broken: Callable[[Exception], None] | None = None
+
+    def read(self, size: int = 1) -> bytes:
+        try:
+            return super().read(size)
+        except (serial.SerialException, OSError) as error:
+            if self.on_broken is not None:
+                self.on_broken(error)
+            raise serial.SerialException(str(error)) from error
+
+    def write(self, data: bytes) -> int:  # type: ignore[override]
+        try:
+            return os.write(self.fileno(), data)
+        except BlockingIOError:
+            return 0
+        except OSError as error:
+            raise serial.SerialException(str(error)) from error
+
+    def flush(self) -> None:
+        """Not here: it is ``tcdrain``, which would block the loop. See ``SerialPort.drain``."""
+
+    def close(self) -> None:
+        if self.is_open and self.fd is not None:
+            # The kernel, too, would wait for output that nobody takes.
+            with contextlib.suppress(OSError, termios.error):
+                termios.tcflush(self.fd, termios.TCOFLUSH)
+            with contextlib.suppress(OSError):
+                fcntl.ioctl(self.fd, termios.TIOCNXCL)
+        super().close()
+
+
+class SerialPort(asyncio.Protocol):
+    """A real port (a pty counts as one). Made by :func:`open_port`."""
+
+    def __init__(self, device: _Serial, options: PortOptions, clock: Clock) -> None:
+        self._device = device
+        self._clock = clock
+        self._transport: serial_asyncio.SerialTransport | None = None
+        self._on_data: Callable[[bytes], None] = lambda _data: None
+        self._on_lost: Callable[[Exception | None], None] = lambda _error: None
+        self._lost = False
+        self._fd: int = device.fileno()
+        self.name = options.path
+        self.byte_ns = byte_time_ns(options.baudrate)
+        device.on_broken = self._broken
+
+    # What asyncio calls.
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Keep the transport."""
+        self._transport = transport
+
+    def data_received(self, data: bytes) -> None:
+        """Hand bytes on."""
+        self._on_data(data)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Report a port that went away."""
+        self._transport = None
+        self._report(exc)
+
+    # What the session calls.
+
+    def listen(
+        self, on_data: Callable[[bytes], None], on_lost: Callable[[Exception | None], None]
+    ) -> None:
+        """See :class:`Port`."""
+        self._on_data = on_data
+        self._on_lost = on_lost
+
+    @property
+    def pending(self) -> int:
+        """Bytes that the kernel did not take yet."""
+        if self._transport is None or self._lost:
+            return 0
+        return cast(int, self._transport.get_write_buffer_size())
+
+    def write(self, data: bytes) -> None:
+        """See :class:`Port`."""
+        if self._lost or self._transport is None:
+            return
+        pending = self.pending
+        if pending == 0:
+            try:
+                taken = os.write(self._fd, data)
+            except BlockingIOError:
+                taken = 0
+            except OSError as error:
+                self._broken(error)
+                return
+            if taken == len(data):
+                return
+            data = data[taken:]
+        elif pending > MAX_PENDING:
+            self._broken(OSError(errno.ETIMEDOUT, "the port takes no output"))
+            return
+        self._transport.write(data)
+
+    async def drain(self, timeout_s: float) -> bool:
+        """See :class:`Port`."""
+        deadline_ns = self._clock.now_ns() + nanoseconds(timeout_s)
+        while not self._lost:
+            waiting = self.pending + self._in_kernel()
+            if waiting == 0:
+                return True
+            now_ns = self._clock.now_ns()
+            if now_ns >= deadline_ns:
+                return False
+            await sleep_until(self._clock, min(deadline_ns, now_ns + waiting * self.byte_ns))
+        return False
+
+    def close(self) -> None:
+        """See :class:`Port`."""
+        self._on_data = lambda _data: None
+        self._on_lost = lambda _error: None
+        self._lost = True
+        self._abort()
+
+    def _in_kernel(self) -> int:
+        try:
+            answer = fcntl.ioctl(self._fd, termios.TIOCOUTQ, b"\0\0\0\0")
+        except OSError:
+            return 0
+        return int(struct.unpack("i", answer)[0])
+
+    def _broken(self, error: Exception) -> None:
+        self._report(error)
+        self._abort()
+
+    def _abort(self) -> None:
+        # A transport that is gone cannot be aborted again.
+        transport, self._transport = self._transport, None
+        if transport is not None:
+            transport.abort()
+
+    def _report(self, error: Exception | None) -> None:
+        if not self._lost:
+            self._lost = True
+            self._on_lost(error)
+
+
+async def open_port(options: PortOptions, clock: Clock) -> SerialPort:
+    """Open a port and take it for this process alone.
+
+    Raises:
+        PortMissing: There is no such device.
+        PortDenied: The user may not open it.
+        PortBusy: Another process holds it; the message names it where that can be seen.
+        LinkError: It is no serial port, or the kernel refuses it otherwise.
+    """
+    device = _Serial()
+    device.port = options.path
+    device.baudrate = options.baudrate
+    device.timeout = 0
+    device.write_timeout = 0
+    device.exclusive = True
+    device.dtr = options.dtr
+    device.rts = options.rts
+    try:
+        device.open()
+    except (OSError, termios.error) as error:
+        raise _explained(options.path, error) from error
+    try:
+        _claim(device, hangup_on_close=options.hangup_on_close)
+    except (OSError, termios.error) as error:
+        device.close()
+        raise _explained(options.path, error) from error
+    port = SerialPort(device, options, clock)
+    await serial_asyncio.connection_for_serial(asyncio.get_running_loop(), lambda: port, device)
+    # The transport introduces itself at the loop's next turn.
+    await asyncio.sleep(0)
+    return port
+
+
+def _claim(device: _Serial, *, hangup_on_close: bool) -> None:
+    """Keep those out who ask for no lock, and say what becomes of DTR when we leave."""
+    fcntl.ioctl(device.fileno(), termios.TIOCEXCL)
+    attributes = termios.tcgetattr(device.fileno())
+    attributes[2] = (attributes[2] & ~termios.HUPCL) | (termios.HUPCL if hangup_on_close else 0)
+    termios.tcsetattr(device.fileno(), termios.TCSANOW, attributes)
+
+
+def _explained(path: str, error: Exception) -> LinkError:
+    code = getattr(error, "errno", None)
+    words = str(error)
+    if code in {errno.ENOENT, errno.ENODEV, errno.ENXIO, errno.EIO}:
+        return PortMissing(
+            f"{path}: there is no such port.",
+            remedy="Is the board plugged in and powered? `yahboomd probe` lists the ports it sees.",
+        )
+    if code in {errno.EACCES, errno.EPERM}:
+        return PortDenied(
+            f"{path}: this user may not open the port.",
+            remedy="Add the user to the group that owns it (sudo usermod -aG dialout $USER) and "
+            "log in again.",
+        )
+    if code in {errno.EBUSY, errno.EAGAIN} or "exclusively lock" in words:
+        who = holders(path)
+        named = f" by {', '.join(who)}" if who else ""
+        return PortBusy(
+            f"{path}: the port is held{named}.",
+            remedy="One process owns the board: stop the other one, or use its bus instead.",
+        )
+    return LinkError(
+        f"{path}: the port cannot be used: {words}.",
+        remedy="Is it a serial port? `yahboomd probe` tells more.",
+    )
+
+
+def holders(path: str) -> tuple[str, ...]:
+    """The processes, as ``name (pid N)``, that have the port open, as far as we may see."""
+    try:
+        device = os.stat(path).st_rdev
+    except OSError:
+        return ()
+    found: list[str] = []
+    for entry in os.listdir("/proc"):
+        if not entry.isdigit() or int(entry) == os.getpid():
+            continue
+        with contextlib.suppress(OSError):
+            for fd in os.listdir(f"/proc/{entry}/fd"):
+                with contextlib.suppress(OSError):
+                    if os.stat(f"/proc/{entry}/fd/{fd}").st_rdev == device != 0:
+                        with open(f"/proc/{entry}/comm", encoding="utf-8") as comm:
+                            found.append(f"{comm.read().strip()} (pid {entry})")
+                        break
+    return tuple(found)
+
+
+def lost(path: str, error: Exception | None) -> PortLost:
+    """The port went away: what to raise."""
+    words = f" ({error})" if error is not None else ""
+    return PortLost(
+        f"{path}: the port went away{words}.",
+        remedy="The wheels hold their last command until the board is reached again: check the "
+        "cable, and feed the motors separately, not through USB.",
+    )
