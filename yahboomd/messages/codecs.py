@@ -1,0 +1,292 @@
+"""Bytes to messages and back: JSON, MessagePack and CDR, told apart by the first byte.
+
+Nothing here raises on what arrives: every payload becomes a message or a ``Refusal``.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from typing import Any, Literal, NamedTuple, TypeAlias
+
+import msgspec
+
+from yahboomd.messages import cdr
+from yahboomd.messages.native import (
+    INT64_MAX,
+    MAX_LABEL,
+    ServiceReply,
+    SetPoseRequest,
+    VelocityCommand,
+)
+
+NativeEncoding: TypeAlias = Literal["json", "msgpack"]
+Encoding: TypeAlias = Literal["json", "msgpack", "cdr"]
+Reason: TypeAlias = Literal[
+    "no_velocity", "not_finite", "wrong_type", "malformed", "oversize", "unknown_encoding"
+]
+
+MAX_PAYLOAD_BYTES = 4096
+"""What is larger is refused unread; the largest honest request has a few hundred bytes."""
+
+MEDIA_TYPES: dict[Encoding, str] = {
+    "json": "application/json",
+    "msgpack": "application/msgpack",
+    "cdr": "application/cdr",
+}
+
+_ENCODERS: dict[str, Callable[[Any], bytes]] = {
+    "json": msgspec.json.Encoder().encode,
+    "msgpack": msgspec.msgpack.Encoder().encode,
+}
+
+# What first bytes mean: a map in MessagePack, the header of CDR, a JSON object after white space.
+_FIRST: dict[int, Encoding] = {
+    **dict.fromkeys(range(0x80, 0x90), "msgpack"),
+    0xDE: "msgpack",
+    0xDF: "msgpack",
+    0x00: "cdr",
+    ord("{"): "json",
+}
+_WHITE_SPACE = b" \t\r\n"
+_DETAIL_CHARACTERS = 160
+
+# A broken payload shows in many ways: msgspec's own errors and bad UTF-8 are ValueErrors, and
+# brackets nested a thousand deep end its recursion.
+_BROKEN = (ValueError, RecursionError, OverflowError)
+
+
+class Refusal(NamedTuple):
+    """Why a payload is not taken: a word to count by, and a sentence for people."""
+
+    reason: Reason
+    detail: str
+
+
+class ReceivedCommand(VelocityCommand, frozen=True, kw_only=True):
+    """A velocity command as it arrived: all numbers finite, and how it was encoded."""
+
+    encoding: Encoding
+
+
+class _Linear(msgspec.Struct):
+    x: float | msgspec.UnsetType = msgspec.UNSET
+    y: float | msgspec.UnsetType = msgspec.UNSET
+
+
+class _Angular(msgspec.Struct):
+    z: float | msgspec.UnsetType = msgspec.UNSET
+
+
+class _Command(msgspec.Struct):
+    """Both shapes of a command; what is absent must be known, not zero."""
+
+    vx: float | msgspec.UnsetType = msgspec.UNSET
+    vy: float | msgspec.UnsetType = msgspec.UNSET
+    wz: float | msgspec.UnsetType = msgspec.UNSET
+    linear: _Linear | None = None
+    angular: _Angular | None = None
+    stamp_ns: int | None = None
+    source: str | None = None
+
+
+_DECODE_COMMAND: dict[str, Callable[[bytes], _Command]] = {
+    "json": msgspec.json.Decoder(_Command).decode,
+    "msgpack": msgspec.msgpack.Decoder(_Command).decode,
+}
+_DECODE_SET_POSE: dict[str, Callable[[bytes], SetPoseRequest]] = {
+    "json": msgspec.json.Decoder(SetPoseRequest).decode,
+    "msgpack": msgspec.msgpack.Decoder(SetPoseRequest).decode,
+}
+
+
+class _Release(msgspec.Struct):
+    """An e-stop payload whose flag must be there."""
+
+    engaged: bool
+
+
+_DECODE_RELEASE: dict[str, Callable[[bytes], _Release]] = {
+    "json": msgspec.json.Decoder(_Release).decode,
+    "msgpack": msgspec.msgpack.Decoder(_Release).decode,
+}
+
+
+def encode(message: msgspec.Struct, encoding: NativeEncoding) -> bytes:
+    """The bytes of a native message."""
+    return _ENCODERS[encoding](message)
+
+
+def encode_reply(reply: ServiceReply, encoding: Encoding) -> bytes:
+    """The bytes of a service's answer; in CDR that of a Trigger or SetBool, without the data."""
+    if encoding == "cdr":
+        return cdr.service_response(reply.success, reply.message)
+    return _ENCODERS[encoding](reply)
+
+
+def encoding_name(message: type[msgspec.Struct] | str, encoding: Encoding) -> str:
+    """What a sample's Zenoh Encoding says, such as ``application/json;PoseSample``.
+
+    Args:
+        message: A native message, or the name of any, such as ``nav_msgs/msg/Odometry``.
+        encoding: How it is encoded.
+    """
+    name = message if isinstance(message, str) else message.__name__
+    return f"{MEDIA_TYPES[encoding]};{name}"
+
+
+def encoding_of(payload: bytes) -> Encoding | None:
+    """Which encoding a payload starts like; none for an empty or a strange one."""
+    if not payload:
+        return None
+    first = payload[0]
+    if first in _WHITE_SPACE:
+        text = payload[:MAX_PAYLOAD_BYTES].lstrip(_WHITE_SPACE)
+        return "json" if text.startswith(b"{") else None
+    return _FIRST.get(first)
+
+
+def decode_command(payload: bytes) -> ReceivedCommand | Refusal:
+    """Reads a velocity command in any of the three encodings and either shape.
+
+    JSON and MessagePack hold ``{vx, vy, wz, stamp_ns?, source?}``, or the shape of a ROS Twist,
+    ``{linear: {x, y}, angular: {z}}``; of both at once the first counts. CDR holds a
+    geometry_msgs/msg/Twist or TwistStamped. Unknown fields are ignored, of a field that is there
+    twice the last counts, and a stamp of zero is none.
+
+    Args:
+        payload: What arrived, whatever it is.
+    """
+    encoding = _admit(payload)
+    if isinstance(encoding, Refusal):
+        return encoding
+    if encoding == "cdr":
+        return _from_cdr(payload)
+    try:
+        command = _DECODE_COMMAND[encoding](payload)
+    except _BROKEN as error:
+        return _why(error, payload, encoding)
+    return _from_map(command, encoding)
+
+
+def decode_set_pose(payload: bytes) -> SetPoseRequest | Refusal:
+    """Reads the request of ``odometry/set_pose``, in JSON or MessagePack."""
+    encoding = _admit(payload)
+    if isinstance(encoding, Refusal):
+        return encoding
+    if encoding == "cdr":
+        return Refusal("unknown_encoding", "set_pose takes JSON or MessagePack, not CDR")
+    try:
+        request = _DECODE_SET_POSE[encoding](payload)
+    except _BROKEN as error:
+        return _why(error, payload, encoding)
+    covariance = request.covariance or ()
+    if not all(map(math.isfinite, (request.x, request.y, request.theta, *covariance))):
+        return Refusal("not_finite", "a number that is not finite")
+    if any(variance < 0.0 for variance in covariance[::4]):
+        return Refusal("wrong_type", "a variance, on the diagonal of covariance, is negative")
+    return request
+
+
+def is_release_attempt(payload: bytes, *, query: bool = False) -> bool:
+    """Whether an e-stop payload asks for a release, which is refused; all else engages.
+
+    Args:
+        payload: What arrived on the e-stop's key.
+        query: It came as a query: then CDR is the request of a SetBool, as ROS 2 calls services,
+            and its false is a release too. A plain sample of these bytes engages.
+    """
+    encoding = _admit(payload)
+    if isinstance(encoding, Refusal):
+        return False
+    if encoding == "cdr":
+        return query and cdr.decode_set_bool(payload) is False
+    try:
+        return not _DECODE_RELEASE[encoding](payload).engaged
+    except _BROKEN:
+        return False
+
+
+def _admit(payload: bytes) -> Encoding | Refusal:
+    """The encoding of a payload that is worth reading."""
+    size = len(payload)
+    if size > MAX_PAYLOAD_BYTES:
+        return Refusal("oversize", f"{size} bytes, {MAX_PAYLOAD_BYTES} at most")
+    encoding = encoding_of(payload)
+    if encoding is None:
+        if not payload:
+            return Refusal("malformed", "empty")
+        return Refusal("unknown_encoding", f"starts with {payload[:4].hex()}")
+    return encoding
+
+
+def _from_cdr(payload: bytes) -> ReceivedCommand | Refusal:
+    velocity = cdr.decode_velocity(payload)
+    if isinstance(velocity, str):
+        return Refusal("malformed", velocity)
+    if not velocity.finite:
+        return Refusal("not_finite", "a velocity that is not finite")
+    return ReceivedCommand(
+        vx=velocity.vx,
+        vy=velocity.vy,
+        wz=velocity.wz,
+        stamp_ns=velocity.stamp_ns,
+        encoding="cdr",
+    )
+
+
+def _from_map(command: _Command, encoding: Encoding) -> ReceivedCommand | Refusal:
+    unset = msgspec.UNSET
+    vx, vy, wz = command.vx, command.vy, command.wz
+    if vx is unset and vy is unset and wz is unset:
+        if command.linear is not None:
+            vx, vy = command.linear.x, command.linear.y
+        if command.angular is not None:
+            wz = command.angular.z
+        if vx is unset and vy is unset and wz is unset:
+            return Refusal("no_velocity", "none of vx, vy, wz (or linear.x, linear.y, angular.z)")
+    # An absent velocity is zero; written so that the type checker can follow.
+    vx = 0.0 if isinstance(vx, msgspec.UnsetType) else vx
+    vy = 0.0 if isinstance(vy, msgspec.UnsetType) else vy
+    wz = 0.0 if isinstance(wz, msgspec.UnsetType) else wz
+    if not math.isfinite(vx + vy + wz):
+        return Refusal("not_finite", "a velocity that is not finite")
+    stamp_ns, source = command.stamp_ns, command.source
+    if stamp_ns is not None and not 0 <= stamp_ns <= INT64_MAX:
+        return Refusal("wrong_type", "stamp_ns is no Unix time in nanoseconds")
+    if source is not None and len(source) > MAX_LABEL:
+        source = source[:MAX_LABEL]
+    return ReceivedCommand(
+        vx=vx, vy=vy, wz=wz, stamp_ns=stamp_ns or None, source=source, encoding=encoding
+    )
+
+
+def _why(error: Exception, payload: bytes, encoding: Encoding) -> Refusal:
+    """What kind of broken: not a number that a velocity may be, a wrong type, or no such bytes."""
+    detail = str(error)[:_DETAIL_CHARACTERS]
+    if encoding == "json" and _holds_infinite(payload):
+        return Refusal("not_finite", "a number that is not finite")
+    if isinstance(error, msgspec.ValidationError):
+        return Refusal("wrong_type", detail)
+    return Refusal("malformed", detail)
+
+
+def _holds_infinite(payload: bytes) -> bool:
+    """Whether this is JSON but for a NaN, an Infinity, or a number beyond what a double holds.
+
+    msgspec, rightly, takes none of these for JSON; many libraries write them all the same.
+    """
+    found: list[str] = []
+
+    def number(text: str) -> float:
+        value = float(text)
+        if not math.isfinite(value):
+            found.append(text)
+        return value
+
+    try:
+        json.loads(payload, parse_constant=number, parse_float=number, parse_int=number)
+    except _BROKEN:
+        return False
+    return bool(found)
