@@ -6,6 +6,7 @@ other scripts; on a wire without a checksum each of those is a corrupted byte.
 
 from __future__ import annotations
 
+import operator
 import re
 from typing import Final, TypeAlias
 
@@ -73,7 +74,9 @@ def command(name: str, units: Counts, limit: int) -> bytes:
         limit: The largest magnitude that may be sent.
 
     Raises:
-        ValueError: On other than four numbers, or on one that is not an integer.
+        ValueError: On other than four numbers.
+        TypeError: On a number that is not an integer.
     """
-    a, b, c, d = (max(-limit, min(limit, unit)) for unit in units)
+    # index() before the clamp: min(1000, nan) is 1000, and nan would become full speed.
+    a, b, c, d = (max(-limit, min(limit, operator.index(unit))) for unit in units)
     return f"${name}:{a:d},{b:d},{c:d},{d:d}#".encode("ascii")

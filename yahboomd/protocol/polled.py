@@ -6,20 +6,16 @@ from. Counters are asked for; nothing is stored; there is no way to cut the powe
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import msgspec
 
-from yahboomd.protocol.dialect import Totals, Unrecognised
+from yahboomd.model import Counts
+from yahboomd.protocol.dialect import Decoded, SettingWrite, Totals, Unrecognised
 from yahboomd.protocol.fields import command, four_integers
-from yahboomd.protocol.framing import TextLine
+from yahboomd.protocol.framing import Frame, TextLine
+from yahboomd.protocol.settings import BoardSettings, MotorProfile
 from yahboomd.protocol.texts import decode_text
-
-if TYPE_CHECKING:
-    from yahboomd.model import Counts
-    from yahboomd.protocol.dialect import Decoded, SettingWrite
-    from yahboomd.protocol.framing import Frame
-    from yahboomd.protocol.settings import BoardSettings, MotorProfile
 
 MAX_SPEED: Final = 1000
 

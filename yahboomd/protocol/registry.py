@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from collections.abc import Iterable
+from typing import Final
 
+from yahboomd.protocol.dialect import Dialect
+from yahboomd.protocol.framing import Frame, TextLine
 from yahboomd.protocol.polled import Polled
 from yahboomd.protocol.streamed import Streamed
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from yahboomd.protocol.dialect import Dialect
-    from yahboomd.protocol.framing import Frame, TextLine
 
 DIALECTS: Final[dict[str, Dialect]] = {dialect.name: dialect for dialect in (Streamed(), Polled())}
 """Every dialect, in the order in which a board is asked."""

@@ -8,17 +8,13 @@ instead of overwriting them.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from collections.abc import Iterable
+from typing import Final
 
 import msgspec
 
 from yahboomd.errors import BoardError, ConfigError
-from yahboomd.protocol.dialect import Setting, SettingValue, VersionLine
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from yahboomd.protocol.dialect import Decoded
+from yahboomd.protocol.dialect import Decoded, Setting, SettingValue, VersionLine
 
 EDGES_PER_LINE: Final = 4
 """The board counts both edges of both phases."""

@@ -6,12 +6,15 @@ command table and the firmware's habits are in ``docs/protocol.md``.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from collections.abc import Callable
+from typing import Final
 
 import msgspec
 
+from yahboomd.model import Counts
 from yahboomd.protocol.dialect import (
     Battery,
+    Decoded,
     Deltas,
     SettingWrite,
     Speeds,
@@ -19,17 +22,9 @@ from yahboomd.protocol.dialect import (
     Unrecognised,
 )
 from yahboomd.protocol.fields import command, four_integers, four_speeds, volts
-from yahboomd.protocol.framing import TextLine
-from yahboomd.protocol.settings import check_storable
+from yahboomd.protocol.framing import Frame, TextLine
+from yahboomd.protocol.settings import BoardSettings, MotorProfile, check_storable
 from yahboomd.protocol.texts import decode_text
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from yahboomd.model import Counts
-    from yahboomd.protocol.dialect import Decoded
-    from yahboomd.protocol.framing import Frame
-    from yahboomd.protocol.settings import BoardSettings, MotorProfile
 
 MAX_SPEED: Final = 1000
 MAX_PWM: Final = 3600

@@ -9,10 +9,12 @@ answer can look like another answer.
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Final
+from collections.abc import Callable
+from typing import Final
 
 from yahboomd.protocol.dialect import (
     CommandLost,
+    Decoded,
     Reply,
     Setting,
     SettingValue,
@@ -20,11 +22,6 @@ from yahboomd.protocol.dialect import (
     VersionLine,
 )
 from yahboomd.protocol.fields import decimal, integer
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from yahboomd.protocol.dialect import Decoded
 
 VERSION_LABEL: Final = "Motor_Version:"
 RESET_NOTICE: Final = "Reset MCU"

@@ -1,0 +1,71 @@
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from yahboomd.protocol.dialect import CommandLost, Totals, Unrecognised
+from yahboomd.protocol.framing import Framer
+from yahboomd.protocol.polled import Polled
+from yahboomd.protocol.settings import PROFILES, BoardSettings
+
+POLLED = Polled()
+int32 = st.integers(-(2**31), 2**31 - 1)
+
+
+def decoded(data):
+    (item,) = Framer().feed(data)
+    return POLLED.decode(item)
+
+
+@given(int32, int32, int32, int32)
+def test_an_answer_gives_the_counters(a, b, c, d):
+    assert decoded(f"$data:{a},{b},{c},{d}#".encode()) == Totals(ticks=(a, b, c, d))
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"$data:1,2,3#",
+        b"$data:1,2,3,4,5#",
+        b"$data:1,2,3,4.0#",
+        b"$data:1,2,3,4294967296#",
+        b"$data#",
+        b"$Data:1,2,3,4#",
+        b"$MAll:1,2,3,4#",
+    ],
+)
+def test_another_frame_gives_none(data):
+    assert decoded(data) == Unrecognised(
+        text=data.decode() if b":" in data else data.decode().replace("#", ":#")
+    )
+
+
+def test_the_frames_are_the_articles():
+    assert POLLED.arm == (b"$mtype:1#",)
+    assert POLLED.poll == POLLED.probe == b"$read#"
+    assert POLLED.speeds((500, 0, -1500, 0)) == b"$speed:500,0,-1000,0#"
+    assert POLLED.brake == b"$speed:0,0,0,0#"
+
+
+def test_there_is_no_cut_and_nothing_to_read_or_write():
+    assert POLLED.cut is None
+    assert POLLED.release is None
+    assert POLLED.battery is None
+    assert POLLED.read_settings is None
+    assert POLLED.factory_reset is None
+    assert POLLED.write_settings(BoardSettings(lines=1), BoardSettings(lines=2)) == ()
+
+
+def test_frames_may_follow_each_other_at_once():
+    assert POLLED.spacing_ns == POLLED.totals_spacing_ns == 0
+    assert POLLED.sample_period_ns is None
+
+
+def test_the_profile_tells_the_motor_type():
+    assert POLLED.for_profile(PROFILES["310"]).arm == (b"$mtype:2#",)
+
+
+def test_the_wrong_dialect_shows_in_the_boards_complaints():
+    text = "fail,Command not found!"
+    assert decoded(text.encode() + b"\r\n") == CommandLost(text=text)

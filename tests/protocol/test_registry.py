@@ -1,0 +1,100 @@
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from yahboomd.protocol.dialect import VersionLine
+from yahboomd.protocol.framing import RESYNC, Framer
+from yahboomd.protocol.registry import CONNECT_SPACING_NS, CONNECT_STOP, DIALECTS, identify
+from yahboomd.protocol.settings import PROFILES, board_settings, problems
+
+
+def identified(data):
+    return identify(Framer().feed(data))
+
+
+def test_both_dialects_are_registered_under_their_own_names():
+    assert list(DIALECTS) == ["streamed", "polled"]
+    assert all(dialect.name == name for name, dialect in DIALECTS.items())
+
+
+def test_the_stop_before_anything_is_known_serves_both_dialects():
+    assert CONNECT_STOP == (b"$pwm:0,0,0,0#", b"$speed:0,0,0,0#")
+    assert CONNECT_SPACING_NS == 20_000_000
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"fail,Command not found!\r\n",
+        b"read_flash:OK!\r\n",
+        b"Motor_type:1\r\n",
+        b"Reset MCUMotor_Version:1.7.3\r\n",
+        b"3,4#\r\n$MAll:1,2,3,4#\r\n",
+        b"$MTEP:0,0,0,0#\r\n",
+        b"$MSPD:0.00,0.00,0.00,0.00#\r\n",
+        b"$Battery:7.4V#\r\n",
+    ],
+)
+def test_words_and_streams_mean_streamed(data):
+    assert identified(data) == "streamed"
+
+
+@pytest.mark.parametrize("data", [b"$data:0,0,0,0#", b"3,0,4#\r\n$data:1,0,-2,0#\r\n"])
+def test_an_answer_with_counters_means_polled(data):
+    assert identified(data) == "polled"
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"\r\n\r\n",
+        b"1,2,3,4#\r\n",
+        b"1,2,3,4\r\n",
+        b"$data:1,2,3#",
+        b"$data:1,2,3,4",
+        b"$MAll:1,2\r\n",
+        b"error:1\r\nGrbl 1.1f ['$' for help]\r\n",
+        b"$GPGGA,123519,4807.038,N*47\r\n",
+        b"\xff\xfe\x00\x80\r\n",
+    ],
+)
+def test_pieces_and_the_chatter_of_other_devices_mean_nothing(data):
+    assert identified(data) is None
+
+
+@given(st.lists(st.binary(max_size=30), max_size=5))
+def test_no_bytes_make_identification_raise(chunks):
+    framer = Framer()
+    items = [item for chunk in chunks for item in framer.feed(chunk)]
+    assert identify(iter(items)) in {None, "streamed", "polled"}
+
+
+@pytest.mark.parametrize("name", DIALECTS)
+def test_a_whole_connect_decodes_to_its_meanings_however_it_is_cut(
+    capture, chunked, each_way, name
+):
+    taken = capture(f"connect-{name}")
+    data = b"".join(taken.received)
+    items = each_way(data)
+    assert chunked(taken.received) == chunked([data])
+    assert [repr(DIALECTS[name].decode(item)) for item in items] == taken.meanings
+    assert identify(items) == name
+
+
+def test_the_streamed_connect_shows_a_board_that_may_be_moved(capture):
+    items = Framer().feed(b"".join(capture("connect-streamed").received))
+    answers = [DIALECTS["streamed"].decode(item) for item in items]
+    settings = board_settings(answers)
+    assert settings.is_complete
+    assert problems(settings, PROFILES["520"]) == ()
+    assert VersionLine(version="1.7.3", after_reset=True) in answers
+
+
+@pytest.mark.parametrize("name", DIALECTS)
+def test_a_connect_sends_the_stop_before_anything_else(capture, name):
+    sent = capture(f"connect-{name}").sent
+    assert tuple(sent[:3]) == (RESYNC, *CONNECT_STOP)
+    assert sent[3] == DIALECTS["streamed"].probe
