@@ -1,0 +1,71 @@
+#!/usr/bin/env bash
+# Builds the real peers of the interoperability tests, once, into a cache outside the tree:
+#   bridge   zenoh-bridge-ros2dds (Rust, with Cyclone DDS in it)
+#   native   a node that speaks rmw_zenoh's protocol (Rust)
+#   venv     Python with cyclonedds, for dds_node.py
+# What is there and up to date is left alone. Exit code: 0 all built, 1 something is missing (said which and why).
+set -uo pipefail
+here="$(cd "$(dirname "$0")" && pwd)"
+cache="${YAHBOOMD_CACHE:-${XDG_CACHE_HOME:-$HOME/.cache}/yahboomd}/interop"
+python="${PYTHON:-python3}"
+jobs="${JOBS:-$(nproc 2>/dev/null || echo 2)}"
+mkdir -p "$cache"
+exec 9>"$cache/lock" && flock 9
+
+missing=()
+lacks() { # name, reason
+  missing+=("$1: $2")
+  printf 'interop: NOT built: %s: %s\n' "$1" "$2"
+}
+
+# Python first: it also brings the libclang which the bindings to Cyclone DDS are generated with.
+wanted="cyclonedds==11.0.1 libclang==18.1.1"
+if [ "$(cat "$cache/venv/.interop" 2>/dev/null)" != "$wanted" ]; then
+  echo "interop: Python with $wanted"
+  rm -rf "$cache/venv"
+  # shellcheck disable=SC2086
+  "$python" -m venv "$cache/venv" &&
+    "$cache/venv/bin/python" -m pip install -q --disable-pip-version-check $wanted &&
+    "$cache/venv/bin/python" -c 'import cyclonedds.domain' &&
+    echo "$wanted" >"$cache/venv/.interop" ||
+    lacks venv "pip could not install $wanted, or it does not load here"
+fi
+
+# The programs, keyed by every file that makes them.
+key="$(cd "$here" && { rustc --version 2>/dev/null; cat Cargo.toml Cargo.lock */Cargo.toml */src/*.rs; } | sha256sum | cut -c1-16)"
+bin="$cache/bin/$key"
+if [ -x "$bin/bridge" ] && [ -x "$bin/native" ]; then
+  echo "interop: bridge and native are up to date"
+elif ! command -v cargo >/dev/null; then
+  lacks "bridge, native" "no cargo (https://rustup.rs)"
+else
+  for tool in cmake cc; do
+    command -v "$tool" >/dev/null || echo "interop: no $tool: Cyclone DDS will not build (Debian: cmake, gcc)"
+  done
+  # A libclang of the system serves as well (Debian: libclang-dev); the wheel has no headers of its own.
+  wheel="$(echo "$cache"/venv/lib/python3*/site-packages/clang/native)"
+  if [ -z "${LIBCLANG_PATH:-}" ] && [ -e "$wheel/libclang.so" ]; then
+    export LIBCLANG_PATH="$wheel"
+    export BINDGEN_EXTRA_CLANG_ARGS="-I$(cc -print-file-name=include) ${BINDGEN_EXTRA_CLANG_ARGS:-}"
+  fi
+  echo "interop: building bridge and native (once; minutes; log: $cache/build.log)"
+  began=$SECONDS
+  rm -f "$cache/target/release/bridge" "$cache/target/release/native" # so what is there is new
+  (cd "$here" && CARGO_TARGET_DIR="$cache/target" nice -n 19 \
+    cargo build --locked --release --workspace --keep-going --jobs "$jobs") >"$cache/build.log" 2>&1
+  mkdir -p "$bin"
+  for name in bridge native; do
+    built="$cache/target/release/$name"
+    if [ -x "$built" ]; then
+      cp "$built" "$bin/$name"
+    else
+      lacks "$name" "$(grep -m1 -E '^error' "$cache/build.log" || echo "see $cache/build.log")"
+    fi
+  done
+  echo "interop: built in $((SECONDS - began)) s"
+fi
+ln -sfn "$key" "$cache/bin/current"
+
+[ "${#missing[@]}" -eq 0 ] || exit 1
+[ -n "${KEEP_TARGET:-}" ] || rm -rf "$cache/target" # a gigabyte that only a rebuild would use
+echo "interop: bridge, native and venv are in $cache"

@@ -1,0 +1,249 @@
+"""Real peers: the bridge, a DDS node, an rmw_zenoh node, a router; each on ports of its own."""
+
+import json
+import os
+import socket
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zenoh
+
+HERE = Path(__file__).parent
+EXAMPLE = HERE.parent.parent / "examples" / "zenoh-bridge-ros2dds.json5"
+CACHE = (
+    Path(
+        os.environ.get("YAHBOOMD_CACHE")
+        or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "yahboomd"
+    )
+    / "interop"
+)
+PATIENCE_S = 30.0
+"""How long a condition may take: discovery over DDS needs a second or two, a busy machine more."""
+
+Event = dict[str, Any]
+
+
+def built(name: str) -> Path:
+    """The program or environment `name` out of the cache, or a skip that says how to get it."""
+    path = CACHE / ("venv/bin/python" if name == "venv" else f"bin/current/{name}")
+    if not path.exists():
+        pytest.skip(f"{name} is not built: `make interop` builds it ({path} is missing)")
+    return path
+
+
+def free_port() -> int:
+    with closing(socket.socket()) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def free_domain() -> int:
+    """A DDS domain whose ports nobody uses: they are fixed, 250 to a domain from 7400 on."""
+    first = os.getpid() % 100
+    for domain in (1 + (first + step) % 100 for step in range(100)):
+        with ExitStack() as stack:
+            try:
+                for port in (7400, 7410, 7411, 7412, 7413):
+                    probe = stack.enter_context(socket.socket(type=socket.SOCK_DGRAM))
+                    probe.bind(("127.0.0.1", port + 250 * domain))
+            except OSError:
+                continue
+            return domain
+    raise RuntimeError("every DDS domain is in use")
+
+
+def until(condition: Callable[[], Any], what: str, patience_s: float = PATIENCE_S) -> Any:
+    """The first true value of `condition`."""
+    deadline_s = time.monotonic() + patience_s
+    while not (value := condition()):
+        if time.monotonic() > deadline_s:
+            pytest.fail(f"waited {patience_s:.0f} s in vain for {what}")
+        time.sleep(0.02)
+    return value
+
+
+def subject(event: Event) -> tuple[str, str]:
+    return event["event"], event.get("topic", event.get("service", ""))
+
+
+@dataclass
+class Peer:
+    """A program that takes orders and tells events, both as JSON lines."""
+
+    process: subprocess.Popen[str]
+    log: Path
+    events: list[Event] = field(default_factory=list)
+    news: threading.Condition = field(default_factory=threading.Condition)
+
+    def __post_init__(self) -> None:
+        self.reader = threading.Thread(target=self._read)
+        self.reader.start()
+
+    def _read(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            with self.news:
+                self.events.append(json.loads(line))
+                self.news.notify_all()
+        with self.news:
+            self.news.notify_all()
+
+    def order(self, do: str, **what: Any) -> None:
+        assert self.process.stdin is not None
+        self.process.stdin.write(json.dumps({"do": do, **what}) + "\n")
+        self.process.stdin.flush()
+
+    def await_event(
+        self, wanted: Callable[[Event], bool], what: str, patience_s: float = PATIENCE_S
+    ) -> Event:
+        """The first event that is `wanted`; it and older ones of its subject are used up."""
+        deadline_s = time.monotonic() + patience_s
+        with self.news:
+            while True:
+                for index, event in enumerate(self.events):
+                    if wanted(event):
+                        older = [e for e in self.events[:index] if subject(e) != subject(event)]
+                        self.events[: index + 1] = older
+                        return event
+                left_s = deadline_s - time.monotonic()
+                if left_s <= 0 or self.process.poll() is not None:
+                    heard = sorted({str(e.get("topic", e["event"])) for e in self.events})
+                    pytest.fail(
+                        f"{what}: not within {patience_s:.0f} s; heard {heard};"
+                        f" stderr: {self.log.read_text()[-2000:]}"
+                    )
+                self.news.wait(min(left_s, 0.5))
+
+    def message(
+        self, topic: str, wanted: Callable[[Event], bool] = lambda _: True, what: str = ""
+    ) -> Event:
+        """The next message on `topic` that is `wanted`."""
+        event = self.await_event(
+            lambda e: e["event"] == "message" and e["topic"] == topic and wanted(e["message"]),
+            what or f"a message on {topic}",
+        )
+        return dict(event["message"])
+
+    def call(self, service: str, data: bool | None = None) -> Event:
+        """Ask a service (SetBool with `data`, else Trigger): the event `reply` or `no_reply`."""
+        self.order("call", service=service, **({} if data is None else {"data": data}))
+        return self.await_event(
+            lambda e: e["event"] in ("reply", "no_reply") and e["service"] == service,
+            f"the end of a call of {service}",
+        )
+
+    def graph(self) -> Event:
+        self.order("graph")
+        return dict(self.await_event(lambda e: e["event"] == "graph", "the graph")["graph"])
+
+    def close(self) -> None:
+        assert self.process.stdin is not None
+        self.process.stdin.close()
+        try:
+            self.process.wait(10)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        self.reader.join()
+        assert self.process.stdout is not None
+        self.process.stdout.close()
+
+
+def start_peer(command: list[str], log: Path) -> Peer:
+    with log.open("w") as stderr:
+        process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=stderr, text=True
+        )
+    peer = Peer(process, log)
+    peer.await_event(lambda e: e["event"] == "ready", f"{command[0]} to be ready")
+    return peer
+
+
+@dataclass(frozen=True)
+class Bridge:
+    endpoint: str
+    domain: int
+    log: Path
+
+
+@pytest.fixture
+def bridge(tmp_path: Path) -> Iterator[Bridge]:
+    """The real bridge with the example's configuration, but for the port; DDS on loopback."""
+    program = built("bridge")
+    port, domain, log = free_port(), free_domain(), tmp_path / "bridge.log"
+    endpoint = f"tcp/127.0.0.1:{port}"
+    environment = {
+        **os.environ,
+        "ROS_DISTRO": "jazzy",
+        "ROS_DOMAIN_ID": str(domain),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "CYCLONEDDS_URI": '<CycloneDDS><Domain><General><Interfaces><NetworkInterface name="lo"/>'
+        "</Interfaces></General></Domain></CycloneDDS>",
+    }
+    with log.open("w") as stderr:
+        process = subprocess.Popen([program, EXAMPLE, endpoint], env=environment, stderr=stderr)
+
+    def listens() -> bool:
+        assert process.poll() is None, f"the bridge ended: {log.read_text()[-2000:]}"
+        with closing(socket.socket()) as probe:
+            return probe.connect_ex(("127.0.0.1", port)) == 0
+
+    try:
+        until(listens, "the bridge to listen")
+        yield Bridge(endpoint, domain, log)
+    finally:
+        process.terminate()
+        process.wait(10)
+
+
+@pytest.fixture
+def start_dds_node(bridge: Bridge, tmp_path: Path) -> Iterator[Callable[..., Peer]]:
+    """Starts ROS 2 nodes over DDS in the bridge's domain: on all topics, or on those named."""
+    with ExitStack() as stack:
+
+        def start(*topics: str) -> Peer:
+            command = [str(built("venv")), str(HERE / "dds_node.py"), str(bridge.domain), *topics]
+            peer = start_peer(command, tmp_path / f"dds_node_{time.monotonic_ns()}.log")
+            stack.callback(peer.close)
+            return peer
+
+        yield start
+
+
+@pytest.fixture
+def dds_node(start_dds_node: Callable[..., Peer]) -> Peer:
+    """A ROS 2 node over DDS that hears every topic of a robot base."""
+    return start_dds_node()
+
+
+@dataclass(frozen=True)
+class Router:
+    endpoint: str
+    session: zenoh.Session
+
+
+@pytest.fixture
+def router() -> Iterator[Router]:
+    """A router as rmw_zenoh's daemon is one: it listens, forwards, and says nothing itself."""
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    config = zenoh.Config()
+    config.insert_json5("mode", '"router"')
+    config.insert_json5("listen/endpoints", json.dumps([endpoint]))
+    config.insert_json5("scouting/multicast/enabled", "false")
+    with zenoh.open(config) as session:
+        yield Router(endpoint, session)
+
+
+@pytest.fixture
+def native_node(router: Router, tmp_path: Path) -> Iterator[Peer]:
+    """A node as rmw_zenoh's are, in domain 0 of the router."""
+    peer = start_peer([str(built("native")), router.endpoint, "0"], tmp_path / "native.log")
+    yield peer
+    peer.close()
