@@ -1,0 +1,205 @@
+"""Names and bytes that ROS 2 peers parse: exact, character by character."""
+
+from __future__ import annotations
+
+import struct
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from yahboomd.messages import ros2
+
+ODOMETRY_HASH = "RIHS01_3cc97dc7fb7502f8714462c526d369e35b603cfc34d946e3f2eda2766dfec6e0"
+TWIST_HASH = "RIHS01_9c45bf16fe0983d80e3cfe750d6835843d265a9a6c46bd2e609fcddde6fb8d2a"
+ZID = "aa3702ee9ab5cd68f20a2b1c3d4e5f60"
+NODE = ros2.Node(domain_id=0, zid=ZID)
+
+
+@pytest.mark.parametrize("ros_type", ros2.TYPE_HASHES)
+def test_type_hashes_equal_those_computed_from_the_definitions(oracle, ros_type):
+    assert ros2.TYPE_HASHES[ros_type] == oracle.type_hash(ros_type)
+    assert ros2.type_hash(ros_type, "jazzy") == oracle.type_hash(ros_type)
+
+
+def test_humble_knows_no_type_hashes():
+    assert ros2.type_hash(ros2.ODOMETRY, "humble") == "TypeHashNotSupported"
+
+
+def test_dds_types_are_named_as_dds_does():
+    assert ros2.dds_type("nav_msgs/msg/Odometry") == "nav_msgs::msg::dds_::Odometry_"
+    assert ros2.dds_type("std_srvs/srv/Trigger") == "std_srvs::srv::dds_::Trigger_"
+
+
+# --- the bridge -----------------------------------------------------------------------------
+
+
+def test_the_bridge_sees_a_publisher():
+    token = ros2.bridge_token(
+        "MP",
+        zid=ZID,
+        key="odom",
+        ros_type=ros2.ODOMETRY,
+        qos=ros2.Qos(depth=10),
+        distro="jazzy",
+    )
+    assert token == (
+        f"@/{ZID}/@ros2_lv/MP/odom/nav_msgs§msg§Odometry/:1:0:0,10:typehash={ODOMETRY_HASH};"
+    )
+
+
+def test_the_bridge_sees_a_best_effort_subscriber_under_a_namespace():
+    token = ros2.bridge_token(
+        "MS",
+        zid=ZID,
+        key="bot1/cmd_vel",
+        ros_type=ros2.TWIST,
+        qos=ros2.Qos(reliable=False, depth=1),
+        distro="jazzy",
+    )
+    assert token == (
+        f"@/{ZID}/@ros2_lv/MS/bot1§cmd_vel/geometry_msgs§msg§Twist/:0:0:0,1:typehash={TWIST_HASH};"
+    )
+
+
+def test_the_bridge_sees_a_latched_publisher_and_humble_gets_no_hash():
+    token = ros2.bridge_token(
+        "MP",
+        zid=ZID,
+        key="tf_static",
+        ros_type=ros2.TF_MESSAGE,
+        qos=ros2.Qos(latched=True, depth=1),
+        distro="humble",
+    )
+    assert token == f"@/{ZID}/@ros2_lv/MP/tf_static/tf2_msgs§msg§TFMessage/:1:1:0,1"
+
+
+def test_the_bridge_sees_a_service():
+    token = ros2.bridge_token(
+        "SS",
+        zid=ZID,
+        key="yahboomd/odometry/reset",
+        ros_type=ros2.TRIGGER,
+        qos=ros2.Qos(),
+        distro="jazzy",
+    )
+    assert token == f"@/{ZID}/@ros2_lv/SS/yahboomd§odometry§reset/std_srvs§srv§Trigger"
+
+
+# --- native ---------------------------------------------------------------------------------
+
+
+def test_native_keys_carry_domain_type_and_hash():
+    key = ros2.native_key(NODE, topic="odom", ros_type=ros2.ODOMETRY, distro="jazzy")
+    assert key == f"0/odom/nav_msgs::msg::dds_::Odometry_/{ODOMETRY_HASH}"
+    other = ros2.Node(domain_id=42, zid=ZID)
+    key = ros2.native_key(other, topic="bot1/cmd_vel", ros_type=ros2.TWIST, distro="humble")
+    assert key == "42/bot1/cmd_vel/geometry_msgs::msg::dds_::Twist_/TypeHashNotSupported"
+
+
+def test_the_node_shows_in_the_graph():
+    assert ros2.node_token(NODE) == f"@ros2_lv/0/{ZID}/0/0/NN/%/%/yahboomd"
+    named = ros2.Node(domain_id=7, zid=ZID, name="base", namespace="fleet/bot1")
+    assert ros2.node_token(named) == f"@ros2_lv/7/{ZID}/0/0/NN/%/%fleet%bot1/base"
+
+
+@pytest.mark.parametrize(
+    ("kind", "topic", "ros_type", "qos", "tail"),
+    [
+        (
+            "MP",
+            "odom",
+            ros2.ODOMETRY,
+            ros2.Qos(),
+            f"%odom/nav_msgs::msg::dds_::Odometry_/{ODOMETRY_HASH}/::,10:,:,:,,",
+        ),
+        (
+            "MS",
+            "bot1/cmd_vel",
+            ros2.TWIST,
+            ros2.Qos(reliable=False, depth=5),
+            f"%bot1%cmd_vel/geometry_msgs::msg::dds_::Twist_/{TWIST_HASH}/2::,5:,:,:,,",
+        ),
+        (
+            "MP",
+            "odom",
+            ros2.ODOMETRY,
+            ros2.Qos(latched=True, depth=1),
+            f"%odom/nav_msgs::msg::dds_::Odometry_/{ODOMETRY_HASH}/:1:,1:,:,:,,",
+        ),
+        (
+            "MP",
+            "odom",
+            ros2.ODOMETRY,
+            ros2.Qos(depth=42),
+            f"%odom/nav_msgs::msg::dds_::Odometry_/{ODOMETRY_HASH}/::,:,:,:,,",
+        ),
+    ],
+)
+def test_endpoints_show_in_the_graph(kind, topic, ros_type, qos, tail):
+    token = ros2.endpoint_token(
+        kind, NODE, entity=11, topic=topic, ros_type=ros_type, qos=qos, distro="jazzy"
+    )
+    assert token == f"@ros2_lv/0/{ZID}/0/11/{kind}/%/%/yahboomd/{tail}"
+
+
+def test_a_service_shows_in_the_graph():
+    token = ros2.endpoint_token(
+        "SS",
+        ros2.Node(domain_id=0, zid=ZID, namespace="bot1"),
+        entity=12,
+        topic="bot1/estop",
+        ros_type=ros2.SET_BOOL,
+        qos=ros2.Qos(),
+        distro="jazzy",
+    )
+    assert token == (
+        f"@ros2_lv/0/{ZID}/0/12/SS/%/%bot1/yahboomd/%bot1%estop/std_srvs::srv::dds_::SetBool_/"
+        f"{ros2.TYPE_HASHES[ros2.SET_BOOL]}/::,10:,:,:,,"
+    )
+
+
+# --- the attachment -------------------------------------------------------------------------
+
+
+def test_the_attachment_has_these_33_bytes():
+    data = ros2.attachment(1, 1_700_000_000_123_456_789, bytes(range(16)))
+    assert data.hex() == (
+        "0100000000000000"  # sequence
+        "15cd853dfe9c9717"  # Unix ns
+        "10"  # length of the gid
+        "000102030405060708090a0b0c0d0e0f"
+    )
+
+
+@given(
+    st.integers(-(2**63), 2**63 - 1), st.integers(0, 2**63 - 1), st.binary(min_size=16, max_size=16)
+)
+def test_an_attachment_survives_the_round_trip(sequence, stamp_ns, gid):
+    data = ros2.attachment(sequence, stamp_ns, gid)
+    assert len(data) == ros2.ATTACHMENT_BYTES == 33
+    assert ros2.parse_attachment(data) == (sequence, stamp_ns, gid)
+
+
+@given(st.binary(max_size=40))
+def test_what_is_no_attachment_is_none(data):
+    parsed = ros2.parse_attachment(data)
+    assert (parsed is not None) == (len(data) == 33 and data[16] == 16)
+
+
+def test_an_attachment_with_another_length_of_gid_is_none():
+    data = struct.pack("<qqB16s", 1, 2, 15, bytes(16))
+    assert ros2.parse_attachment(data) is None
+
+
+@pytest.mark.parametrize("size", [0, 15, 17])
+def test_a_gid_of_another_length_is_never_sent(size):
+    with pytest.raises(ValueError, match="16 bytes"):
+        ros2.attachment(1, 2, bytes(size))
+
+
+def test_endpoints_have_gids_of_their_own():
+    gids = {ros2.gid_of(f"token{i}") for i in range(100)}
+    assert len(gids) == 100
+    assert {len(gid) for gid in gids} == {16}
+    assert ros2.gid_of("token1") == ros2.gid_of("token1")
