@@ -1,0 +1,75 @@
+"""``yahboomd config``: check, show and explain the configuration."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from yahboomd.cli.options import add_config_options, read_config
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command and its four verbs."""
+    parser = subparsers.add_parser(
+        "config",
+        description="Check, show and explain the configuration. Nothing is opened or moved.",
+        epilog="A configuration with mistakes ends with exit status 78, each mistake on a line.",
+    )
+    verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
+
+    check = verbs.add_parser(
+        "check",
+        help="say whether the configuration can be used",
+        description="Say whether the configuration can be used, and name every mistake if not.",
+    )
+    add_config_options(check)
+
+    show = verbs.add_parser(
+        "show",
+        help="print the configuration in effect",
+        description="Print the configuration in effect, as a commented file that can be used as "
+        "such.",
+    )
+    add_config_options(show)
+    show.add_argument(
+        "--origin", action="store_true", help="say behind each value where it comes from"
+    )
+
+    verbs.add_parser(
+        "schema",
+        help="print a JSON Schema of the configuration",
+        description="Print a JSON Schema of the configuration, for editors that check TOML.",
+    )
+    reference = verbs.add_parser(
+        "reference",
+        help="explain every key",
+        description="Print the reference of every key, in Markdown.",
+    )
+    reference.add_argument(
+        "--toml", action="store_true", help="print the commented default file instead"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry out one verb.
+
+    Raises:
+        ConfigError: Naming every mistake.
+    """
+    from yahboomd.config import reference, writing
+
+    match args.verb:
+        case "check":
+            loaded = read_config(args)
+            for warning in loaded.warnings:
+                print(f"warning: {warning}", file=sys.stderr)
+            print(f"ok: {reference.summary(loaded)}")
+        case "show":
+            loaded = read_config(args)
+            origins = loaded.origins if args.origin else None
+            print(writing.as_toml(loaded.config, origins=origins), end="")
+        case "schema":
+            print(reference.schema(), end="")
+        case _:
+            print(reference.default_toml() if args.toml else reference.markdown(), end="")
+    return 0

@@ -1,0 +1,140 @@
+"""The ``yahboomd`` command: finds the subcommand, runs it, and says in one message what failed.
+
+Each subcommand is a module of this room with ``add_parser(subparsers)`` and ``run(args) -> int``,
+imported when it is used: ``yahboomd --help`` must not wait for Zenoh, and a machine without the
+extras of one command must not lose the others.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import signal
+import sys
+from collections.abc import Sequence
+from typing import Protocol, cast
+
+from yahboomd import __version__
+from yahboomd.errors import YahboomdError
+
+COMMANDS = {
+    "run": "drive the board: the daemon itself",
+    "simulate": "be a board on a pseudo-terminal, with motors, chassis and ground truth",
+    "stop": "stop the wheels, through the daemon or on the port itself",
+    "monitor": "watch a running daemon: pose, wheels, battery, who drives",
+    "drive": "drive the robot with the keyboard",
+    "probe": "find the port, name the board, explain what is wrong",
+    "config": "check, show and explain the configuration",
+}
+"""Every subcommand with its line in the help."""
+
+EXTRAS = {"rich": "monitor", "matplotlib": "plot", "uvloop": "uvloop"}
+"""Packages that are installed only when asked for, with the name of the extra."""
+
+USAGE = 2
+"""What argparse itself ends with when it cannot make sense of the arguments."""
+
+EPILOG = """\
+a first drive, without a robot:
+  yahboomd simulate --link /tmp/board    in one terminal
+  yahboomd run --port /tmp/board         in a second one
+  yahboomd drive                         in a third one
+
+`yahboomd COMMAND --help` explains each command.
+"""
+
+
+class Command(Protocol):
+    """What a subcommand's module offers."""
+
+    def add_parser(self, subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+        """Add the subcommand, its options and its help."""
+        ...
+
+    def run(self, args: argparse.Namespace) -> int:
+        """Do it; returns the exit status."""
+        ...
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command.
+
+    Args:
+        argv: The arguments after the program's name; the process's own when None.
+
+    Returns:
+        The exit status: 0, the command's own, that of the error (78 for the configuration, 69 for
+        a port or a bus that is not there, 77 for a missing permission), 130 after Ctrl-C.
+    """
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    try:
+        status = _dispatch(arguments)
+        sys.stdout.flush()
+    except YahboomdError as error:
+        _say(str(error))
+        return error.exit_code
+    except KeyboardInterrupt:
+        return 128 + signal.SIGINT
+    except BrokenPipeError:
+        # The reader (head, less) has left. Python would complain once more when it flushes at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 128 + signal.SIGPIPE
+    return status
+
+
+def _dispatch(arguments: list[str]) -> int:
+    name = next((word for word in arguments if not word.startswith("-")), None)
+    parser = argparse.ArgumentParser(
+        prog="yahboomd",
+        description="Drives Yahboom encoder motor boards: velocity commands in over Zenoh, exact "
+        "odometry out.",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"yahboomd {__version__}")
+    subparsers = parser.add_subparsers(dest="command", metavar="COMMAND")
+    command: Command | None = None
+    for known, line in COMMANDS.items():
+        if known == name:
+            try:
+                command = _load(known)
+            except ModuleNotFoundError as error:
+                _say(_missing(known, error))
+                return os.EX_UNAVAILABLE
+            command.add_parser(subparsers)
+        else:
+            subparsers.add_parser(known, help=line)
+    args = parser.parse_args(arguments)
+    if command is None:
+        parser.print_help()
+        return USAGE
+    try:
+        return command.run(args)
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] not in EXTRAS:
+            raise
+        _say(_missing(args.command, error))
+        return os.EX_UNAVAILABLE
+
+
+def _load(name: str) -> Command:
+    return cast(Command, importlib.import_module(f"yahboomd.cli.{name}"))
+
+
+def _missing(command: str, error: ModuleNotFoundError) -> str:
+    package = (error.name or "").partition(".")[0]
+    if package in EXTRAS:
+        extra = EXTRAS[package]
+        return f"`{command}` needs {package}: pip install 'yahboomd[{extra}]'"
+    if error.name == f"yahboomd.cli.{command}":
+        return f"`{command}` is not part of this installation."
+    return f"`{command}` needs the Python package {error.name}, which is missing: install again."
+
+
+def _say(message: str) -> None:
+    print(f"yahboomd: {message}", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,99 @@
+"""The options that several commands share, and what follows from them."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from yahboomd.config import Config, Loaded
+
+
+def add_config_options(parser: argparse.ArgumentParser) -> None:
+    """``--config FILE`` and ``--set SECTION.KEY=VALUE``."""
+    parser.add_argument(
+        "--config",
+        metavar="FILE",
+        type=Path,
+        help="configuration to read (default: /etc/yahboomd/config.toml, if it exists)",
+    )
+    parser.add_argument(
+        "--set",
+        metavar="SECTION.KEY=VALUE",
+        action="append",
+        default=[],
+        dest="overrides",
+        help="change one key, over file and environment; may be repeated",
+    )
+
+
+def add_port_option(parser: argparse.ArgumentParser) -> None:
+    """``--port PATH``, short for ``--set serial.port=PATH``."""
+    parser.add_argument(
+        "--port",
+        metavar="PATH",
+        help="serial port of the board, such as /dev/ttyUSB0 (default: find it)",
+    )
+
+
+def add_bus_options(parser: argparse.ArgumentParser) -> None:
+    """``--namespace NAME`` and ``--connect ENDPOINT``, for commands that talk to a daemon."""
+    parser.add_argument(
+        "--namespace",
+        metavar="NAME",
+        help="name of the robot, short for --set zenoh.namespace=NAME",
+    )
+    parser.add_argument(
+        "--connect",
+        metavar="ENDPOINT",
+        action="append",
+        help="where to reach the daemon or its router, such as tcp/192.168.1.5:7447 "
+        "(default: where the configuration lets the daemon listen)",
+    )
+
+
+def read_config(args: argparse.Namespace, environ: Mapping[str, str] | None = None) -> Loaded:
+    """Read the configuration that the shared options describe.
+
+    Args:
+        args: Parsed by a parser with :func:`add_config_options`, perhaps more of this file.
+        environ: The environment; the process's own when None.
+
+    Raises:
+        ConfigError: Naming every mistake.
+    """
+    # pydantic takes a tenth of a second to import: not for --help.
+    from yahboomd.config import read
+
+    overrides = list(args.overrides)
+    for option, key in (("port", "serial.port"), ("namespace", "zenoh.namespace")):
+        value = getattr(args, option, None)
+        if value is not None:
+            # In letters, whatever TOML would make of it.
+            overrides.append(f"{key}={quoted(value)}")
+    return read(
+        args.config, environ=os.environ if environ is None else environ, overrides=overrides
+    )
+
+
+def daemon_endpoints(args: argparse.Namespace, config: Config) -> tuple[str, ...]:
+    """Where a client reaches the daemon: as told, else where the configuration has it listen.
+
+    An address that means "every interface" is reached on this machine.
+    """
+    if getattr(args, "connect", None):
+        return tuple(args.connect)
+    own = (
+        endpoint.replace("/0.0.0.0:", "/127.0.0.1:").replace("/[::]:", "/[::1]:")
+        for endpoint in (config.zenoh.listen if config.zenoh.mode != "client" else ())
+    )
+    return tuple(dict.fromkeys((*own, *config.zenoh.connect)))
+
+
+def quoted(text: str) -> str:
+    """Text as a basic string of TOML."""
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'

@@ -1,0 +1,6 @@
+"""What humans write: ``config.toml``, ``YAHBOOMD_…`` variables and ``--set``, read in one place."""
+
+from yahboomd.config.loading import STANDARD_PATH, Loaded, load, read
+from yahboomd.config.models import WHEELS, Config
+
+__all__ = ["STANDARD_PATH", "WHEELS", "Config", "Loaded", "load", "read"]

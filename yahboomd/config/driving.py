@@ -1,0 +1,151 @@
+"""Limits, commands, faults, the emergency stop: what the wheels may do, and for whom."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from yahboomd.config.values import AbsolutePath, Positive, Section, SourceKey
+from yahboomd.drive import limiter as drive
+
+
+class AxisLimits(Section):
+    """The limits of one axis; what is missing is unlimited."""
+
+    velocity: Positive | None = Field(
+        default=None, description="Greatest speed: m/s (linear), rad/s (angular)."
+    )
+    acceleration: Positive | None = Field(
+        default=None, description="Greatest gain of speed: m/s^2, rad/s^2."
+    )
+    deceleration: Positive | None = Field(
+        default=None, description="Greatest loss of speed: m/s^2, rad/s^2."
+    )
+    jerk: Positive | None = Field(
+        default=None, description="Greatest change of acceleration: m/s^3, rad/s^3."
+    )
+
+    def noun(self) -> drive.AxisLimits:
+        """The same, as the limiter takes it."""
+        return drive.AxisLimits(
+            velocity=self.velocity,
+            acceleration=self.acceleration,
+            deceleration=self.deceleration,
+            jerk=self.jerk,
+        )
+
+
+class Limits(Section):
+    """Limits of the base's motion.
+
+    A table that is given replaces its default whole; a missing entry in it is unlimited; jerk too.
+    """
+
+    linear: AxisLimits = Field(
+        default=AxisLimits(velocity=1.0, acceleration=2.5, deceleration=5.0),
+        description="Forward and sideways: m/s, m/s^2, m/s^2, m/s^3.",
+    )
+    angular: AxisLimits = Field(
+        default=AxisLimits(velocity=6.0, acceleration=12.0, deceleration=24.0),
+        description="Turning: rad/s, rad/s^2, rad/s^2, rad/s^3.",
+    )
+
+
+class Source(Section):
+    """One key that may command the wheels."""
+
+    priority: int = Field(
+        default=10,
+        ge=-1_000_000,
+        le=1_000_000,
+        description="The larger number wins; among equals whoever holds control keeps it.",
+    )
+    timeout_s: float | None = Field(
+        default=None,
+        gt=0.0,
+        le=60.0,
+        description="Seconds until this source's silence stops the wheels. Absent: "
+        "command.timeout_s.",
+    )
+
+
+class Command(Section):
+    """Who may drive, how fresh a command must be, and what happens when commands end."""
+
+    timeout_s: float = Field(
+        default=0.5,
+        gt=0.0,
+        le=60.0,
+        description="Seconds of command silence until the wheels stop, by themselves.",
+    )
+    on_timeout: Literal["ramp", "halt"] = Field(
+        default="ramp",
+        description="How they stop then, and at a hand-over: within the limits, or at once. Every "
+        "other stop is immediate.",
+    )
+    rate_hz: float = Field(
+        default=50.0,
+        ge=1.0,
+        le=1000.0,
+        description="Control steps in a second; a new command runs one at once besides.",
+    )
+    resend_s: float = Field(
+        default=0.1,
+        gt=0.0,
+        le=10.0,
+        description="Seconds after which an unchanged speed is sent again, because the board may "
+        "lose one.",
+    )
+    stamps: Literal["relative", "absolute", "ignore"] = Field(
+        default="relative",
+        description="How the age of a command is told from its stamp. relative: against the "
+        "source's own clock, which need not agree with ours; absolute: against this machine's "
+        "clock; ignore: every command counts as new.",
+    )
+    at_rest: Literal["hold", "release"] = Field(
+        default="hold",
+        description="Once the wheels stand: hold them ($spd:0), or let them go ($pwm:0).",
+    )
+    sources: dict[SourceKey, Source] = Field(
+        default={
+            "cmd_vel": Source(priority=10),
+            "cmd_vel/teleop": Source(priority=100, timeout_s=0.3),
+        },
+        description="The keys, below the namespace, on which velocity commands arrive. Given in "
+        "a file, they replace the default ones.",
+    )
+
+
+class Faults(Section):
+    """What to do when wheels and commands disagree.
+
+    A wheel that runs away, or turns against its command, is always cut.
+    """
+
+    stall: Literal["stop", "report"] = Field(
+        default="stop",
+        description="When a wheel stands against its command: stop the base, or only report it.",
+    )
+    turns_without_command: Literal["stop", "report"] = Field(
+        default="report",
+        description="When a wheel turns though none was commanded (a hand, a slope): stop, or "
+        "only report it.",
+    )
+    min_speed_m_s: float = Field(
+        default=0.08,
+        gt=0.0,
+        le=1.0,
+        description="Commanded rim speed in m/s below which missing counts prove nothing.",
+    )
+
+
+class Estop(Section):
+    """The emergency stop's memory."""
+
+    latch_file: AbsolutePath = Field(
+        default="",
+        description="File that remembers an engaged emergency stop over a restart. Empty: estop "
+        "in $RUNTIME_DIRECTORY, else in /run/yahboomd (root), $XDG_RUNTIME_DIR/yahboomd or "
+        "/tmp/yahboomd-<user id>; with the namespace in its name.",
+    )

@@ -1,0 +1,239 @@
+"""The serial port, the board, the chassis: what is screwed together."""
+
+from __future__ import annotations
+
+from typing import Annotated, TypeAlias
+
+from pydantic import Field
+
+from yahboomd.config.values import Choice, MotorName, Positive, Section
+from yahboomd.drive.kinematics import KINEMATICS
+from yahboomd.protocol.registry import DIALECTS
+from yahboomd.protocol.settings import PROFILES
+
+CUSTOM = "custom"
+"""The profile whose figures stand in the configuration."""
+
+NO_ENCODER = (("tt", "a TT motor without encoder is refused: it gives no odometry"),)
+"""Why a profile that one may look for is none."""
+
+
+class Serial(Section):
+    """The serial port of the board."""
+
+    port: str = Field(
+        default="",
+        description="Device of the board, such as /dev/ttyUSB0. Empty: /dev/yahboom_driver, else "
+        "the only CH340 (1a86:7522, 1a86:7523) on USB; with none or several, they are listed and "
+        "nothing is opened.",
+    )
+    baudrate: int = Field(
+        default=115200,
+        ge=1200,
+        le=4_000_000,
+        description="Bits per second; the board's firmware knows 115200 alone.",
+    )
+    dialect: Annotated[str, Choice(("auto", *DIALECTS))] = Field(
+        default="auto",
+        description="What the board speaks. auto asks it, after stopping the wheels.",
+    )
+    dtr: bool = Field(
+        default=True,
+        description="Level of DTR, set before the port opens; the board wires it to its reset.",
+    )
+    rts: bool = Field(
+        default=False,
+        description="Level of RTS, set before the port opens; asserted at a reset, it leaves the "
+        "board silent.",
+    )
+    hangup_on_close: bool = Field(
+        default=False,
+        description="Whether closing the port drops DTR (HUPCL), which may reset the board, and "
+        "its counters with it.",
+    )
+
+
+class Board(Section):
+    """The motors that the board is set up for."""
+
+    profile: Annotated[str, Choice((*PROFILES, CUSTOM), NO_ENCODER)] = Field(
+        default="520",
+        description="The motors: encoder lines, gear ratio and wheel of the vendor's kits. tt is "
+        "the TT motor with encoder; without one there is no odometry. custom takes the figures "
+        "from the keys below.",
+    )
+    write_settings: bool = Field(
+        default=False,
+        description="Whether connecting may store the profile in the board's flash. Off, a motor "
+        "type that differs, or a zero, refuses motion and names `yahboomd probe --write`.",
+    )
+    battery_period_s: float = Field(
+        default=5.0,
+        ge=0.0,
+        le=3600.0,
+        description="Seconds between two questions for the battery's voltage; 0 asks never.",
+    )
+    motor_type: int | None = Field(
+        default=None,
+        ge=1,
+        le=4,
+        examples=[1],
+        description="For profile custom: the board's motor type, 1 = 520, 2 = 310, 3 = TT with "
+        "encoder. Absent: 1.",
+    )
+    deadzone: int | None = Field(
+        default=None,
+        ge=0,
+        le=3600,
+        examples=[1900],
+        description="For profile custom: PWM units below which the motor does not turn. "
+        "Absent: what the board stores.",
+    )
+    lines: int | None = Field(
+        default=None,
+        ge=1,
+        le=10_000,
+        examples=[11],
+        description="For profile custom: encoder lines in one turn of the motor's own shaft. "
+        "Absent: 11.",
+    )
+    ratio: float | None = Field(
+        default=None,
+        ge=1.0,
+        le=1000.0,
+        examples=[30.0],
+        description="For profile custom: turns of the motor in one turn of the wheel. The board "
+        "keeps its whole part. Absent: from chassis.ticks_per_revolution.",
+    )
+    wheel_diameter_mm: float | None = Field(
+        default=None,
+        ge=1.0,
+        le=1000.0,
+        examples=[67.0],
+        description="For profile custom: diameter of the wheel in millimetres, as the board "
+        "stores it. Absent: from chassis.wheel_radius_m.",
+    )
+
+
+class MotorEntry(Section):
+    """One motor of a wheel."""
+
+    position: int = Field(
+        ge=1, le=4, description="Its place on the board, M1 to M4 (the article's A to D)."
+    )
+    command_sign: Annotated[int, Choice((1, -1))] = Field(
+        default=1, description="-1 where a positive command turns the wheel backward."
+    )
+    encoder_sign: Annotated[int, Choice((1, -1))] = Field(
+        default=1, description="-1 where the counts fall while the wheel rolls forward."
+    )
+    name: MotorName | None = Field(
+        default=None,
+        description="What messages call it. Absent: the wheel's name, numbered where the wheel "
+        "has several motors.",
+    )
+
+
+MotorEntries: TypeAlias = Annotated[
+    tuple[MotorEntry, ...], Field(min_length=1, max_length=4, strict=False)
+]
+
+
+class Chassis(Section):
+    """The geometry of the base, and which motor turns which wheel.
+
+    Wheels are `left` and `right` (differential, skid_steer), or `front_left`, `rear_left`,
+    `front_right` and `rear_right` (mecanum). Given motors replace the default whole.
+    """
+
+    preset: Annotated[str, Choice(("", "2wd", "4wd", "mecanum"))] = Field(
+        default="",
+        description="Sets kinematics and motors in one word, where these are at their defaults. "
+        "2wd: the article's, left on M1, right on M3. 4wd: the vendor's, skid steer, M1 left "
+        "front, M2 left rear, M3 right front, M4 right rear. mecanum: the same places.",
+    )
+    kinematics: Annotated[str, Choice(tuple(KINEMATICS))] = Field(
+        default="differential",
+        description="How the base moves. skid_steer: several motors on each side.",
+    )
+    wheel_separation_m: float = Field(
+        default=0.150,
+        gt=0.0,
+        le=5.0,
+        description="Metres from the left wheels' middle to the right wheels'.",
+    )
+    wheel_base_m: float | None = Field(
+        default=None,
+        gt=0.0,
+        le=5.0,
+        examples=[0.170],
+        description="Metres from the front axle to the rear one; for mecanum, which needs it.",
+    )
+    wheel_radius_m: float | None = Field(
+        default=None,
+        gt=0.0,
+        le=1.0,
+        examples=[0.0325],
+        description="Metres from the axle to the rim. Absent: the profile's. The article's is "
+        "0.0325, the 520 kit's 0.0335.",
+    )
+    ticks_per_revolution: float | None = Field(
+        default=None,
+        ge=1.0,
+        le=1_000_000.0,
+        examples=[1320],
+        description="Counts in one turn of the wheel. Absent: the profile's, lines x ratio x 4.",
+    )
+    command_scale: float = Field(
+        default=1.0,
+        ge=0.1,
+        le=10.0,
+        description="The article's SCALE_FACTOR as a multiplier of 1000 units per m/s: above 1 "
+        "where the wheels turn slower than commanded.",
+    )
+    wheel_radius_multiplier: dict[str, Positive] = Field(
+        default={"left": 1.0, "right": 1.0},
+        description="Calibration of each wheel's radius, by wheel; one that is missing is 1.",
+    )
+    wheel_separation_multiplier: float = Field(
+        default=1.0,
+        ge=0.1,
+        le=10.0,
+        description="Calibration of the track; a skid-steer base acts as if it were 1.3 to 1.9 "
+        "times as wide as it is.",
+    )
+    motors: dict[str, MotorEntries] = Field(
+        default={"left": (MotorEntry(position=1),), "right": (MotorEntry(position=3),)},
+        description="The motors of each wheel.",
+    )
+
+
+PRESETS: dict[str, tuple[str, dict[str, tuple[MotorEntry, ...]]]] = {
+    "2wd": (
+        "differential",
+        {"left": (MotorEntry(position=1),), "right": (MotorEntry(position=3),)},
+    ),
+    "4wd": (
+        "skid_steer",
+        {
+            "left": (
+                MotorEntry(position=1, name="front_left"),
+                MotorEntry(position=2, name="rear_left"),
+            ),
+            "right": (
+                MotorEntry(position=3, name="front_right"),
+                MotorEntry(position=4, name="rear_right"),
+            ),
+        },
+    ),
+    "mecanum": (
+        "mecanum",
+        {
+            "front_left": (MotorEntry(position=1),),
+            "rear_left": (MotorEntry(position=2),),
+            "front_right": (MotorEntry(position=3),),
+            "rear_right": (MotorEntry(position=4),),
+        },
+    ),
+}
+"""Kinematics and motors of the known builds: the article's, and the vendor's with four wheels."""

@@ -1,0 +1,153 @@
+"""The whole configuration, and the nouns that follow from it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from urllib.parse import quote
+
+from pydantic import Field
+
+from yahboomd.config.driving import Command, Estop, Faults, Limits
+from yahboomd.config.hardware import CUSTOM, PRESETS, Board, Chassis, MotorEntry, Serial
+from yahboomd.config.outputs import Log, Odometry, Ros2, Zenoh
+from yahboomd.config.values import Section
+from yahboomd.drive.kinematics import KINEMATICS
+from yahboomd.model import Kinematics, Motor
+from yahboomd.protocol.settings import EDGES_PER_LINE, PROFILES, MotorProfile, custom_profile
+
+WHEELS: dict[str, tuple[str, ...]] = {
+    name: build(separation_m=1.0, base_m=1.0).wheels for name, build in KINEMATICS.items()
+}
+"""The wheels of each drive geometry."""
+
+USUAL_LINES = 11
+"""Encoder lines that the board is sold with."""
+
+
+class Config(Section):
+    """What a person has decided about this robot; everything has a default."""
+
+    serial: Serial = Field(default=Serial(), description="The serial port.")
+    board: Board = Field(default=Board(), description="The board.")
+    chassis: Chassis = Field(default=Chassis(), description="The chassis.")
+    limits: Limits = Field(default=Limits(), description="The limits.")
+    command: Command = Field(default=Command(), description="The commands.")
+    odometry: Odometry = Field(default=Odometry(), description="The odometry.")
+    zenoh: Zenoh = Field(default=Zenoh(), description="The bus.")
+    ros2: Ros2 = Field(default=Ros2(), description="The ROS 2 plane.")
+    faults: Faults = Field(default=Faults(), description="The faults.")
+    estop: Estop = Field(default=Estop(), description="The emergency stop.")
+    log: Log = Field(default=Log(), description="The log.")
+
+    def resolved(self) -> Config:
+        """The same with the preset's kinematics and motors written out."""
+        chassis = {"kinematics": self.kinematics_name(), "motors": self.motor_entries()}
+        return self.model_copy(update={"chassis": self.chassis.model_copy(update=chassis)})
+
+    def kinematics_name(self) -> str:
+        """The row of the registry of drive geometries, a preset taken in."""
+        chassis = self.chassis
+        return PRESETS[chassis.preset][0] if chassis.preset else chassis.kinematics
+
+    def motor_entries(self) -> dict[str, tuple[MotorEntry, ...]]:
+        """The motors by wheel, a preset taken in."""
+        chassis = self.chassis
+        return PRESETS[chassis.preset][1] if chassis.preset else chassis.motors
+
+    def kinematics(self) -> Kinematics:
+        """The drive geometry, calibration included."""
+        chassis = self.chassis
+        return KINEMATICS[self.kinematics_name()](
+            separation_m=chassis.wheel_separation_m * chassis.wheel_separation_multiplier,
+            base_m=chassis.wheel_base_m,
+        )
+
+    def profile(self) -> MotorProfile:
+        """The motors' profile: the vendor's by name, or the figures of ``custom``.
+
+        Raises:
+            ConfigError: If a custom profile cannot be stored on the board.
+        """
+        board, chassis = self.board, self.chassis
+        if board.profile != CUSTOM:
+            return PROFILES[board.profile]
+        lines = board.lines or USUAL_LINES
+        ratio = board.ratio or (chassis.ticks_per_revolution or 0.0) / (lines * EDGES_PER_LINE)
+        return custom_profile(
+            lines=lines,
+            ratio=ratio,
+            wheel_diameter_mm=board.wheel_diameter_mm or 2000.0 * (chassis.wheel_radius_m or 0.0),
+            motor_type=board.motor_type or 1,
+            deadzone=board.deadzone,
+        )
+
+    def radius_m(self, wheel: str) -> float:
+        """The radius of a wheel in metres, calibration included."""
+        nominal = self.chassis.wheel_radius_m or self.profile().wheel_radius_m
+        return nominal * self.chassis.wheel_radius_multiplier.get(wheel, 1.0)
+
+    def ticks_per_revolution(self) -> float:
+        """Counts of one turn of a wheel."""
+        return self.chassis.ticks_per_revolution or self.profile().ticks_per_revolution
+
+    def motors(self) -> tuple[Motor, ...]:
+        """The motors as the other rooms know them, in the order of the geometry's wheels."""
+        names = self.motor_names()
+        return tuple(
+            Motor(
+                name=names[wheel][number],
+                wheel=index,
+                position=entry.position,
+                command_sign=entry.command_sign,
+                encoder_sign=entry.encoder_sign,
+                radius_m=self.radius_m(wheel),
+                ticks_per_revolution=self.ticks_per_revolution(),
+            )
+            for index, wheel in enumerate(WHEELS[self.kinematics_name()])
+            for number, entry in enumerate(self.motor_entries().get(wheel, ()))
+        )
+
+    def motor_names(self) -> dict[str, tuple[str, ...]]:
+        """What messages call the motors of each wheel."""
+        return {
+            wheel: tuple(
+                entry.name or (wheel if len(entries) == 1 else f"{wheel}_{number}")
+                for number, entry in enumerate(entries, start=1)
+            )
+            for wheel, entries in self.motor_entries().items()
+        }
+
+    def source_timeout_s(self, source: str) -> float:
+        """Seconds until the silence of a source stops the wheels."""
+        return self.command.sources[source].timeout_s or self.command.timeout_s
+
+    def joint_name(self, motor: str) -> str:
+        """The joint that a motor turns, for ROS 2."""
+        return self.ros2.joint_names.get(motor, f"{motor}_wheel_joint")
+
+    def key(self, key: str) -> str:
+        """A key of the bus, below the namespace."""
+        return f"{self.zenoh.namespace}/{key}" if self.zenoh.namespace else key
+
+    def latch_path(self, environ: Mapping[str, str], *, user_id: int) -> Path:
+        """The file that remembers an engaged emergency stop over a restart.
+
+        Robots that share a machine differ by their namespace.
+
+        Args:
+            environ: For ``RUNTIME_DIRECTORY`` (the service manager's) and ``XDG_RUNTIME_DIR``.
+            user_id: Of the process; root has a directory of its own.
+        """
+        if self.estop.latch_file:
+            return Path(self.estop.latch_file)
+        if given := environ.get("RUNTIME_DIRECTORY", "").split(":")[0]:
+            folder = Path(given)
+        elif user_id == 0:
+            folder = Path("/run/yahboomd")
+        elif session := environ.get("XDG_RUNTIME_DIR"):
+            folder = Path(session) / "yahboomd"
+        else:
+            folder = Path(f"/tmp/yahboomd-{user_id}")  # noqa: S108 - named by user, made private
+        suffix = f".{quote(self.zenoh.namespace, safe='')}" if self.zenoh.namespace else ""
+        return folder / f"estop{suffix}"

@@ -1,0 +1,133 @@
+"""Odometry, Zenoh, ROS 2, the log: what the world hears."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from yahboomd.config.values import (
+    AbsolutePath,
+    Endpoint,
+    Frame,
+    FramePrefix,
+    Joint,
+    Key,
+    Section,
+    Topic,
+)
+
+
+class Odometry(Section):
+    """How often the counters are asked for, and what the pose is called."""
+
+    poll_rate_hz: float = Field(
+        default=50.0,
+        gt=0.0,
+        le=1000.0,
+        description="Questions for the counters in a second, in the polled dialect; a streamed "
+        "board sends them by itself, new ones every 10 ms.",
+    )
+    publish_rate_hz: float = Field(
+        default=50.0,
+        gt=0.0,
+        le=1000.0,
+        description="Most samples of pose and twist in a second.",
+    )
+    frame_id: Frame = Field(default="odom", description="Frame of the pose.")
+    child_frame_id: Frame = Field(
+        default="base_link", description="Frame of the twist: the base itself."
+    )
+    travel_noise_m: float = Field(
+        default=0.01,
+        gt=0.0,
+        le=1.0,
+        description="Standard deviation, in metres, of a wheel's measured travel after one metre "
+        "rolled; its square grows with the distance, and with it the covariance.",
+    )
+
+
+class Zenoh(Section):
+    """The bus: how the daemon is reached, and below which name."""
+
+    mode: Literal["router", "peer", "client"] = Field(
+        default="router",
+        description="A router serves clients and peers alike; a client needs one to connect to.",
+    )
+    listen: tuple[Endpoint, ...] = Field(
+        default=("tcp/127.0.0.1:7448",),
+        strict=False,
+        description="Where applications reach the daemon. Whoever reaches it can drive: beyond "
+        "this machine, use TLS and access control.",
+    )
+    connect: tuple[Endpoint, ...] = Field(
+        default=("tcp/127.0.0.1:7447",),
+        strict=False,
+        description="Routers to join when they are there, never waited for. Whoever reaches such "
+        "a router can drive.",
+    )
+    namespace: Key = Field(
+        default="", description="Prefix of every key, such as bot1; the name of this robot."
+    )
+    encoding: Literal["json", "msgpack"] = Field(
+        default="json", description="How the native samples are written."
+    )
+    config: AbsolutePath = Field(
+        default="",
+        description="A Zenoh JSON5 file for everything else: TLS, users, access control.",
+    )
+
+
+class Ros2(Section):
+    """The ROS 2 plane: topics for zenoh-bridge-ros2dds, or for rmw_zenoh's own graphs."""
+
+    bridge: bool = Field(
+        default=True, description="Publish CDR on plain keys, for zenoh-bridge-ros2dds."
+    )
+    rmw_zenoh: bool = Field(
+        default=False, description="Appear as a node of rmw_zenoh, without a bridge."
+    )
+    distro: Literal["iron", "jazzy", "kilted", "rolling"] = Field(
+        default="jazzy", description="The distribution of the rmw_zenoh graph."
+    )
+    domain_id: int = Field(
+        default=0, ge=0, le=232, description="ROS_DOMAIN_ID of the rmw_zenoh graph."
+    )
+    odom: bool = Field(default=True, description="Publish nav_msgs/Odometry.")
+    publish_tf: bool = Field(
+        default=True,
+        description="Publish the transform from odom to base_link; off where another node, such "
+        "as robot_localization, does.",
+    )
+    joint_states: bool = Field(default=True, description="Publish sensor_msgs/JointState.")
+    battery_state: bool = Field(default=True, description="Publish sensor_msgs/BatteryState.")
+    diagnostics: bool = Field(
+        default=True, description="Publish diagnostic_msgs/DiagnosticArray, once a second."
+    )
+    odom_topic: Topic = Field(default="odom", description="Topic of the odometry.")
+    joint_states_topic: Topic = Field(
+        default="joint_states", description="Topic of the joint states."
+    )
+    battery_state_topic: Topic = Field(
+        default="battery_state", description="Topic of the battery's state."
+    )
+    diagnostics_topic: Topic = Field(default="diagnostics", description="Topic of the diagnostics.")
+    frame_prefix: FramePrefix = Field(
+        default="",
+        description="Put before every frame of the ROS 2 plane, as it stands, such as bot1/; apart "
+        "from the namespace.",
+    )
+    joint_names: dict[str, Joint] = Field(
+        default={},
+        description="Joint of each motor, by the motor's name; one that is missing is "
+        "<motor>_wheel_joint.",
+    )
+
+
+class Log(Section):
+    """What the daemon says about itself."""
+
+    level: Literal["debug", "info", "warning", "error"] = Field(
+        default="info",
+        description="The least serious line that is written; debug shows every frame.",
+    )

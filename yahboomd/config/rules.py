@@ -1,0 +1,289 @@
+"""What keys must agree about with each other.
+
+A rule looks at a configuration whose values are each valid, and yields what contradicts. It names
+every key that it looked at, so that a key whose own value was wrong is not blamed twice.
+"""
+
+from __future__ import annotations
+
+import difflib
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from yahboomd.config.hardware import CUSTOM, PRESETS, Chassis
+from yahboomd.config.models import WHEELS, Config
+from yahboomd.config.values import ENDPOINT, HOST_AND_PORT, Place, dotted, number
+from yahboomd.protocol.settings import NO_ENCODER_TYPE
+
+POLL_BYTES = 57
+"""On the wire for one poll: ``$read#``, an answer of 30 bytes and a speed frame of 21."""
+
+BITS_PER_BYTE = 10
+"""8N1: a start bit, eight of data, a stop bit."""
+
+SAMPLES_PER_S = 100.0
+"""A streamed board takes new counts every 10 ms."""
+
+BOARD_MAX_M_S = 1.0
+"""The board takes speeds up to 1000 mm/s."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A contradiction, or with ``is_warning`` something that works and may surprise.
+
+    Attributes:
+        place: The key to change.
+        words: What was expected.
+        beside: The other keys that it was compared with.
+        is_warning: Whether the configuration can be used nevertheless.
+    """
+
+    place: Place
+    words: str
+    beside: tuple[Place, ...] = ()
+    is_warning: bool = False
+
+
+Rule = Callable[[Config], Iterator[Finding]]
+
+_PRESET: Place = ("chassis", "preset")
+_KINEMATICS: Place = ("chassis", "kinematics")
+_MOTORS: Place = ("chassis", "motors")
+_BASE: Place = ("chassis", "wheel_base_m")
+_PROFILE: Place = ("board", "profile")
+
+
+def presets(config: Config) -> Iterator[Finding]:
+    """A preset fills in what is at its default, and contradicts anything else that is given."""
+    chassis, plain = config.chassis, Chassis()
+    if not chassis.preset:
+        return
+    kinematics, motors = PRESETS[chassis.preset]
+    words = f'contradicts preset "{chassis.preset}"; leave out one of them'
+    if chassis.kinematics not in {plain.kinematics, kinematics}:
+        yield Finding(_KINEMATICS, words, (_PRESET,))
+    if chassis.motors not in (plain.motors, motors):
+        yield Finding(_MOTORS, words, (_PRESET,))
+
+
+def wheels(config: Config) -> Iterator[Finding]:
+    """Every wheel of the geometry has its motors, and there are no others."""
+    name = config.kinematics_name()
+    known, entries = WHEELS[name], config.motor_entries()
+    beside = (_KINEMATICS, _PRESET)
+    for wheel in entries:
+        if wheel not in known:
+            close = difflib.get_close_matches(wheel, known, n=1)
+            better = f'; did you mean "{close[0]}"?' if close else f" has {', '.join(known)}"
+            words = f"no wheel of a {name} base" + (better if close else f", which{better}")
+            yield Finding((*_MOTORS, wheel), words, beside)
+    for wheel in known:
+        if wheel not in entries:
+            words = f"missing; a {name} base has the wheels {', '.join(known)}"
+            yield Finding((*_MOTORS, wheel), words, (_MOTORS, *beside))
+        elif len(entries[wheel]) > 1 and name != "skid_steer":
+            words = f"expected one motor, got {len(entries[wheel])}; several on a side are "
+            yield Finding((*_MOTORS, wheel), f"{words}skid_steer", beside)
+    for wheel, factor in config.chassis.wheel_radius_multiplier.items():
+        if wheel not in known and factor != 1.0:
+            place = ("chassis", "wheel_radius_multiplier", wheel)
+            words = f"no wheel of a {name} base, which has {', '.join(known)}"
+            yield Finding(place, words, beside)
+
+
+def motors(config: Config) -> Iterator[Finding]:
+    """No two motors share a position or a name."""
+    names = config.motor_names()
+    places = {
+        (*_MOTORS, wheel, index): (entry.position, names[wheel][index])
+        for wheel, entries in config.motor_entries().items()
+        for index, entry in enumerate(entries)
+    }
+    for part, what in enumerate(("position", "name")):
+        taken: dict[int | str, Place] = {}
+        for place, values in places.items():
+            first = taken.setdefault(values[part], place)
+            if first != place:
+                words = f"{what} {values[part]} is taken by {dotted(first)}"
+                yield Finding((*place, what), words, ((*first, what), _PRESET))
+    all_names = [name for group in names.values() for name in group]
+    for motor in config.ros2.joint_names:
+        if motor not in all_names:
+            words = f"no motor of that name; there are {', '.join(all_names)}"
+            yield Finding(("ros2", "joint_names", motor), words, (_MOTORS, _PRESET))
+
+
+def geometry(config: Config) -> Iterator[Finding]:
+    """The distance between the axles is for mecanum, and needed there."""
+    name = config.kinematics_name()
+    beside = (_KINEMATICS, _PRESET)
+    if name == "mecanum" and config.chassis.wheel_base_m is None:
+        words = "missing; a mecanum base needs the distance between its axles in metres"
+        yield Finding(_BASE, words, beside)
+    if name != "mecanum" and config.chassis.wheel_base_m is not None:
+        words = f"belongs to a mecanum base, and this one is {name}; leave it out"
+        yield Finding(_BASE, words, beside)
+
+
+def profile(config: Config) -> Iterator[Finding]:
+    """A profile is complete, has an encoder, and is the vendor's or ours, not both."""
+    board, chassis = config.board, config.chassis
+    if board.motor_type == NO_ENCODER_TYPE:
+        words = "expected 1, 2 or 3, got 4: motors without encoder give no odometry"
+        yield Finding(("board", "motor_type"), words)
+    if board.profile != CUSTOM:
+        for key in ("motor_type", "deadzone", "lines", "ratio", "wheel_diameter_mm"):
+            if getattr(board, key) is not None:
+                words = f'belongs to profile "custom", and the profile is "{board.profile}"'
+                yield Finding(("board", key), words, (_PROFILE,))
+        return
+    needed = (
+        ("ratio", "ticks_per_revolution", board.ratio or chassis.ticks_per_revolution),
+        ("wheel_diameter_mm", "wheel_radius_m", board.wheel_diameter_mm or chassis.wheel_radius_m),
+    )
+    for key, instead, value in needed:
+        if value is None:
+            words = f'missing; profile "custom" needs it, or chassis.{instead}'
+            yield Finding(("board", key), words, (_PROFILE, ("chassis", instead)))
+    if board.ratio is None and chassis.ticks_per_revolution is not None:
+        least = 4 * (board.lines or 11)
+        if chassis.ticks_per_revolution < least:
+            place = ("chassis", "ticks_per_revolution")
+            words = f"expected at least {least} (one turn of the motor, lines x 4)"
+            yield Finding(place, words, (_PROFILE, ("board", "lines"), ("board", "ratio")))
+
+
+def speeds(config: Config) -> Iterator[Finding]:
+    """The limits are such as the board can keep."""
+    velocity = config.limits.linear.velocity
+    place: Place = ("limits", "linear", "velocity")
+    if velocity is not None and velocity > BOARD_MAX_M_S:
+        words = f"{number(velocity)} m/s is more than the board takes ({BOARD_MAX_M_S:g} m/s)"
+        yield Finding(place, words, is_warning=True)
+    least = ("faults", "min_speed_m_s")
+    if velocity is not None and velocity < config.faults.min_speed_m_s:
+        words = f"above limits.linear.velocity ({number(velocity)}): a stall is never noticed"
+        yield Finding(least, words, (place,), is_warning=True)
+
+
+def timeouts(config: Config) -> Iterator[Finding]:
+    """A command outlives two control steps, and is repeated before it ends."""
+    command = config.command
+    rate: Place = ("command", "rate_hz")
+    resend: Place = ("command", "resend_s")
+    shortest = 2.0 / command.rate_hz
+    given: dict[Place, float] = {("command", "timeout_s"): command.timeout_s}
+    for name, source in command.sources.items():
+        if source.timeout_s is not None:
+            given[("command", "sources", name, "timeout_s")] = source.timeout_s
+    for place, timeout_s in given.items():
+        if timeout_s < shortest:
+            words = f"expected at least two control periods ({number(shortest)} s at rate_hz = "
+            yield Finding(place, f"{words}{number(command.rate_hz)}), got {timeout_s}", (rate,))
+    place = min(given, key=given.__getitem__)
+    if command.resend_s >= given[place]:
+        words = f"expected less than {dotted(place)} ({given[place]}), got {command.resend_s}"
+        yield Finding(resend, words, (place,))
+    if not command.sources:
+        words = "there is none, so nobody can drive"
+        yield Finding(("command", "sources"), words, is_warning=True)
+
+
+def rates(config: Config) -> Iterator[Finding]:
+    """The counters are asked for as often as the line allows, and published no more often."""
+    poll_hz, publish_hz = config.odometry.poll_rate_hz, config.odometry.publish_rate_hz
+    poll: Place = ("odometry", "poll_rate_hz")
+    publish: Place = ("odometry", "publish_rate_hz")
+    baud: Place = ("serial", "baudrate")
+    dialect: Place = ("serial", "dialect")
+    most = config.serial.baudrate / BITS_PER_BYTE / POLL_BYTES
+    if poll_hz > most and config.serial.dialect != "streamed":
+        words = f"expected at most {most:.0f}, what {config.serial.baudrate} baud carry, got "
+        is_warning = config.serial.dialect == "auto"
+        yield Finding(poll, f"{words}{number(poll_hz)}", (baud, dialect), is_warning)
+    if config.serial.dialect == "streamed":
+        if publish_hz > SAMPLES_PER_S:
+            words = f"expected at most {SAMPLES_PER_S:g}, the samples of a streamed board, got "
+            yield Finding(publish, f"{words}{number(publish_hz)}", (dialect,))
+    elif publish_hz > poll_hz:
+        words = f"expected at most poll_rate_hz ({number(poll_hz)}), got {number(publish_hz)}"
+        yield Finding(publish, words, (poll, dialect))
+
+
+def bus(config: Config) -> Iterator[Finding]:
+    """The bus can be reached, and not by more than meant."""
+    zenoh = config.zenoh
+    mode: Place = ("zenoh", "mode")
+    listen: Place = ("zenoh", "listen")
+    connect: Place = ("zenoh", "connect")
+    if zenoh.config and not os.path.isfile(zenoh.config):
+        yield Finding(("zenoh", "config"), f"no such file: {zenoh.config}")
+    if zenoh.mode == "client":
+        if not zenoh.connect and not zenoh.config:
+            words = "expected an endpoint: a client needs a router to connect to"
+            yield Finding(connect, words, (mode, ("zenoh", "config")))
+        if zenoh.listen not in ((), type(zenoh)().listen):
+            words = 'contradicts mode = "client": a client does not listen; leave it out, or []'
+            yield Finding(listen, words, (mode,))
+        return
+    if not (zenoh.listen or zenoh.connect or zenoh.config):
+        words = "expected an endpoint: nobody can reach a bus that neither listens nor connects"
+        yield Finding(listen, words, (connect, ("zenoh", "config")))
+    for endpoint in zenoh.listen:
+        if endpoint in zenoh.connect:
+            yield Finding(connect, f"{endpoint} is in zenoh.listen as well", (listen,))
+        if not zenoh.config and not _is_local(endpoint):
+            words = f"{endpoint} is open to the network: whoever reaches it can drive"
+            yield Finding(listen, words, is_warning=True)
+
+
+def names(config: Config) -> Iterator[Finding]:
+    """Every topic, source and frame has a name of its own."""
+    ros2 = config.ros2
+    if config.odometry.frame_id == config.odometry.child_frame_id:
+        words = f'"{config.odometry.frame_id}" is the frame of the pose as well'
+        yield Finding(("odometry", "child_frame_id"), words, (("odometry", "frame_id"),))
+    topics: dict[str, Place] = {}
+    for key in ("odom_topic", "joint_states_topic", "battery_state_topic", "diagnostics_topic"):
+        place: Place = ("ros2", key)
+        first = topics.setdefault(getattr(ros2, key), place)
+        if first != place:
+            yield Finding(place, f'"{getattr(ros2, key)}" is {dotted(first)} as well', (first,))
+        if getattr(ros2, key) in {"tf", "tf_static"}:
+            yield Finding(place, f'"{getattr(ros2, key)}" carries the transforms')
+    for source in config.command.sources:
+        taken = source in topics or source in {"tf", "tf_static"}
+        if ros2.bridge and taken:
+            words = "a topic that yahboomd itself publishes; choose another key"
+            place = ("command", "sources", source)
+            yield Finding(place, words, (topics.get(source, place),))
+
+
+def _is_local(endpoint: str) -> bool:
+    parts = ENDPOINT.fullmatch(endpoint)
+    if parts is None or parts["protocol"] == "unixsock-stream":
+        return True
+    address = HOST_AND_PORT.fullmatch(parts["address"])
+    host = address["host"].strip("[]") if address else ""
+    return host in {"localhost", "::1"} or host.startswith("127.")
+
+
+RULES: tuple[Rule, ...] = (
+    presets,
+    wheels,
+    motors,
+    geometry,
+    profile,
+    speeds,
+    timeouts,
+    rates,
+    bus,
+    names,
+)
+
+
+def findings(config: Config) -> list[Finding]:
+    """All that the rules find in a configuration."""
+    return [finding for rule in RULES for finding in rule(config)]
