@@ -111,6 +111,17 @@ def test_what_is_read_as_a_velocity_is_one_to_rosbags_too(oracle, data, little_e
         assert oracle.decode(TWIST_STAMPED, named)
 
 
+@given(six=numbers(6), frame=texts, stamp_ns=stamps_ns, big_endian=st.booleans())
+def test_twists_for_clients_equal_rosbags(oracle, ros, six, frame, stamp_ns, big_endian):
+    value = ros.twist(six)
+    assert cdr.twist(six, big_endian=big_endian) == oracle.encode(
+        TWIST, value, little_endian=not big_endian
+    )
+    assert cdr.twist_stamped(stamp_ns, frame, six) == oracle.encode(
+        TWIST_STAMPED, {"header": ros.header(stamp_ns, frame), "twist": value}
+    )
+
+
 # --- out ------------------------------------------------------------------------------------
 
 

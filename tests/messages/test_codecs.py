@@ -64,10 +64,7 @@ def twist(*six, order="<"):
 @given(finite, finite, finite, stamps_ns, words, st.sampled_from(["json", "msgpack"]))
 def test_a_command_survives_the_round_trip(vx, vy, wz, stamp_ns, source, encoding):
     sent = VelocityCommand(vx=vx, vy=vy, wz=wz, stamp_ns=stamp_ns, source=source)
-    got = decode_command(encode(sent, encoding))
-    if vx == vy == wz == 0.0:  # defaults are left out of the message
-        return
-    assert got == ReceivedCommand(
+    assert decode_command(encode(sent, encoding)) == ReceivedCommand(
         vx=vx, vy=vy, wz=wz, stamp_ns=stamp_ns, source=source, encoding=encoding
     )
 
@@ -108,6 +105,12 @@ def test_one_velocity_is_enough_and_the_others_are_zero(payload, velocity):
     got = decode_command(payload)
     assert isinstance(got, ReceivedCommand)
     assert (got.vx, got.vy, got.wz) == velocity
+
+
+@pytest.mark.parametrize("encoding", ["json", "msgpack"])
+def test_a_stop_is_a_command(encoding):
+    got = decode_command(encode(VelocityCommand(), encoding))
+    assert got == ReceivedCommand(vx=0.0, vy=0.0, wz=0.0, encoding=encoding)
 
 
 def test_a_stamped_twist_brings_its_stamp():

@@ -155,6 +155,20 @@ def decode_velocity(payload: bytes) -> Velocity | str:
     return Velocity(vx, vy, wz, stamp_ns, math.isfinite(vx + vy + vz + wx + wy + wz))
 
 
+def twist(numbers: Sequence[float], *, big_endian: bool = False) -> bytes:
+    """A geometry_msgs/msg/Twist: linear and angular velocity, 6 numbers. For clients and tests."""
+    if big_endian:
+        return bytes(4) + _TWISTS[">"].pack(*numbers)
+    return HEADER_LE + _TWISTS["<"].pack(*numbers)
+
+
+def twist_stamped(stamp_ns: int, frame_id: str, numbers: Sequence[float]) -> bytes:
+    """A geometry_msgs/msg/TwistStamped. For clients and tests."""
+    frame = frame_id.encode()
+    pack = Layout().add("I", 4, 2).text(frame).add("d", 8, 6).packer()
+    return pack(HEADER_LE, *stamp(stamp_ns), len(frame) + 1, frame, *numbers)
+
+
 def odometry(frame_id: str, child_frame_id: str) -> OdometryEncoder:
     """An encoder of nav_msgs/msg/Odometry between two frames."""
     frame, child = frame_id.encode(), child_frame_id.encode()

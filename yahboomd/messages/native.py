@@ -49,7 +49,8 @@ _TwistCovariance = Annotated[
 ]
 
 
-class VelocityCommand(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+# Zeros are written too: a stop that left them out would be a command without a velocity.
+class VelocityCommand(msgspec.Struct, frozen=True, kw_only=True):
     """A velocity for the base, in its own frame. At least one of vx, vy, wz must be there."""
 
     vx: _Vx = 0.0

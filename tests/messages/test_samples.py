@@ -1,0 +1,74 @@
+"""The golden samples are what they claim to be."""
+
+from __future__ import annotations
+
+import msgspec
+import pytest
+
+from yahboomd.messages import cdr, samples
+from yahboomd.messages.codecs import (
+    ReceivedCommand,
+    Refusal,
+    decode_command,
+    decode_set_pose,
+    encode,
+    is_release_attempt,
+)
+from yahboomd.messages.native import MESSAGES
+
+
+def test_every_native_message_has_a_sample():
+    assert list(samples.NATIVE) == list(MESSAGES)
+    assert all(isinstance(samples.NATIVE[name], MESSAGES[name]) for name in MESSAGES)
+
+
+@pytest.mark.parametrize("name", samples.NATIVE)
+def test_both_encodings_of_a_sample_hold_the_same(name):
+    message = samples.NATIVE[name]
+    kind = type(message)
+    assert msgspec.json.decode(encode(message, "json"), type=kind) == message
+    assert msgspec.msgpack.decode(encode(message, "msgpack"), type=kind) == message
+
+
+@pytest.mark.parametrize("name", samples.CDR)
+def test_cdr_samples_equal_rosbags(oracle, name):
+    sample = samples.CDR[name]
+    little_endian = "big_endian" not in name
+    assert sample.payload == oracle.encode(
+        sample.ros_type, sample.values, little_endian=little_endian
+    )
+
+
+def test_every_sample_of_a_command_is_taken():
+    native = samples.NATIVE
+    payloads = [
+        encode(native[name], encoding)
+        for name in ("VelocityCommand", "RosVelocityCommand")
+        for encoding in ("json", "msgpack")
+    ]
+    payloads += [samples.CDR[n].payload for n in ("Twist", "Twist_big_endian", "TwistStamped")]
+    for payload in payloads:
+        got = decode_command(payload)
+        assert isinstance(got, ReceivedCommand)
+        assert (got.vx, got.vy, got.wz) == (0.5, 0.0, -0.25)
+        assert got.stamp_ns in {None, samples.STAMP_NS}
+
+
+@pytest.mark.parametrize("name", samples.REFUSED)
+def test_refused_samples_are_refused_for_their_reason(name):
+    sample = samples.REFUSED[name]
+    got = decode_command(sample.payload)
+    assert isinstance(got, Refusal)
+    assert got.reason == sample.reason
+
+
+def test_every_reason_has_a_sample_but_the_one_that_is_too_large():
+    reasons = {sample.reason for sample in samples.REFUSED.values()}
+    assert reasons == {"no_velocity", "not_finite", "wrong_type", "malformed", "unknown_encoding"}
+
+
+def test_the_request_samples_are_taken():
+    request = samples.NATIVE["SetPoseRequest"]
+    assert decode_set_pose(encode(request, "msgpack")) == request
+    assert not is_release_attempt(encode(samples.NATIVE["EstopRequest"], "json"))
+    assert cdr.decode_set_bool(samples.CDR["SetBool_Request"].payload) is True

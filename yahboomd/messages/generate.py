@@ -1,0 +1,197 @@
+"""Writes ``schemas/``: what another language needs to speak with the daemon, from the Structs.
+
+``python -m yahboomd.messages.generate FOLDER`` writes; ``--check`` compares, lists what differs,
+and exits with 1 if anything does. The same Structs give the same bytes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from yahboomd.messages import codecs, samples
+from yahboomd.messages.native import MESSAGES
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+
+def _any_of(*names: str) -> list[dict[str, Any]]:
+    return [{"required": [name]} for name in names]
+
+
+# What a Struct cannot say: a command without any velocity is refused.
+_EXTRA: dict[str, dict[str, Any]] = {
+    "VelocityCommand": {"anyOf": _any_of("vx", "vy", "wz")},
+    "RosVelocityCommand": {
+        "anyOf": [
+            {"required": ["linear"], "properties": {"linear": {"anyOf": _any_of("x", "y")}}},
+            {"required": ["angular"], "properties": {"angular": {"anyOf": _any_of("z")}}},
+        ]
+    },
+}
+
+_README = """\
+# Schemas and golden samples
+
+For programs in any language that speak with yahboomd over Zenoh. The keys, and what happens when,
+are in [`docs/bus.md`](../docs/bus.md). Everything here is generated, and checked by a test:
+
+    python -m yahboomd.messages.generate schemas            # write
+    python -m yahboomd.messages.generate --check schemas    # compare
+
+| where | what |
+|---|---|
+| `<Message>.json` | its JSON Schema (draft 2020-12): fields, types, units |
+| `samples/json/<Message>.json` | an example, byte for byte as it travels in JSON |
+| `samples/msgpack/<Message>.bin` | the same example in MessagePack |
+| `samples/cdr/<Type>.bin` | an example of a ROS 2 message in CDR, with its four-byte header |
+| `samples/cdr/<Type>.json` | its type and what it holds (`"NaN"` stands for not-a-number) |
+| `samples/refused.json` | velocity commands that are refused, as hexadecimal bytes, and why |
+
+## How to use them
+1. Generate types from the schemas, or write them by hand: there are few and they are flat.
+2. Test the decoder: `samples/msgpack/X.bin` must decode to what `samples/json/X.json` holds, and
+   `samples/cdr/X.bin` to the `values` of `samples/cdr/X.json`.
+3. Test the encoder by meaning, not by bytes: the order of fields, white space, and how wide a
+   MessagePack number is are free. Fields with a default may be left out.
+4. Ignore fields that you do not know. A message changes by growing fields; anything else would be
+   a new message.
+
+## What to know
+- Which encoding a sample has is its Zenoh Encoding, with the message's name behind a semicolon,
+  such as `{example}`: {encodings}.
+  Each key carries one type in one encoding.
+- What you send is told apart by its first byte: `{{` (after white space) is JSON, 80-8f, de or df
+  a MessagePack map, 00 CDR. At most {limit} bytes are read.
+- Numbers are SI: metres, radians, m/s, rad/s. `stamp_ns` is Unix time in nanoseconds and needs 64
+  bits; in JavaScript read it as a BigInt, or lose the last three digits.
+- A JSON or MessagePack number is finite: NaN and infinities are refused. Integers are welcome
+  where a schema says number.
+- In CDR both byte orders are read, and little-endian is written.
+
+## The messages
+| schema | meaning |
+|---|---|
+{messages}
+
+| ROS 2 sample | type | bytes |
+|---|---|---|
+{types}
+"""
+
+
+def schema(name: str) -> dict[str, Any]:
+    """The JSON Schema of a native message, with its own definition on top."""
+    generated = msgspec.json.schema(MESSAGES[name])
+    definitions: dict[str, Any] = generated["$defs"]
+    own: dict[str, Any] = definitions.pop(name)
+    result = {"$schema": DIALECT, **own, **_EXTRA.get(name, {})}
+    # Python 3.13 strips a docstring's indentation, earlier versions keep it: so always strip.
+    result["description"] = _unindented(own["description"])
+    if definitions:
+        for one in definitions.values():
+            one["description"] = _unindented(one["description"])
+        result["$defs"] = definitions
+    return result
+
+
+def generated() -> dict[str, bytes]:
+    """Every file below the folder, by its path with forward slashes."""
+    files = {"README.md": _readme().encode()}
+    for name, message in samples.NATIVE.items():
+        files[f"{name}.json"] = _pretty(schema(name))
+        files[f"samples/json/{name}.json"] = codecs.encode(message, "json")
+        files[f"samples/msgpack/{name}.bin"] = codecs.encode(message, "msgpack")
+    for name, sample in samples.CDR.items():
+        files[f"samples/cdr/{name}.bin"] = sample.payload
+        files[f"samples/cdr/{name}.json"] = _pretty(
+            {"type": sample.ros_type, "values": _without_nan(sample.values)}
+        )
+    refused = {
+        name: {"reason": sample.reason, "payload": sample.payload.hex()}
+        for name, sample in samples.REFUSED.items()
+    }
+    files["samples/refused.json"] = _pretty(refused)
+    return files
+
+
+def differences(expected: Mapping[str, bytes], found: Mapping[str, bytes]) -> list[str]:
+    """What is missing, different or superfluous, one line each."""
+    lines: list[str] = []
+    for path in sorted({*expected, *found}):
+        if path not in found:
+            lines.append(f"missing: {path}")
+        elif path not in expected:
+            lines.append(f"not generated: {path}")
+        elif found[path] != expected[path]:
+            lines.append(f"differs: {path}")
+    return lines
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The command; returns the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m yahboomd.messages.generate")
+    parser.description = "Write JSON Schemas and golden samples of every message."
+    parser.add_argument("folder", type=Path, help="where they are, such as schemas")
+    parser.add_argument("--check", action="store_true", help="write nothing, list differences")
+    options = parser.parse_args(arguments)
+    folder: Path = options.folder
+    files = generated()
+    if not options.check:
+        for path, content in files.items():
+            target = folder / path
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(content)
+    found = {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
+    lines = differences(files, found)
+    for line in lines:
+        sys.stdout.write(f"{line}\n")
+    if lines:
+        sys.stdout.write(f"run: python -m yahboomd.messages.generate {folder}\n")
+    return 1 if lines else 0
+
+
+def _pretty(value: object) -> bytes:
+    text = json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False)
+    return f"{text}\n".encode()
+
+
+def _without_nan(value: object) -> object:
+    if isinstance(value, dict):
+        return {key: _without_nan(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_without_nan(item) for item in value]
+    return "NaN" if isinstance(value, float) and math.isnan(value) else value
+
+
+def _unindented(text: str) -> str:
+    return "\n".join(line.strip() for line in text.splitlines())
+
+
+def _readme() -> str:
+    meanings = {name: schema(name)["description"].partition("\n")[0] for name in samples.NATIVE}
+    return _README.format(
+        encodings=", ".join(f"`{name}`" for name in codecs.MEDIA_TYPES.values()),
+        example=codecs.encoding_name("PoseSample", "json"),
+        limit=codecs.MAX_PAYLOAD_BYTES,
+        messages="\n".join(f"| [`{n}`]({n}.json) | {text} |" for n, text in meanings.items()),
+        types="\n".join(
+            f"| `{name}` | `{sample.ros_type}` | {len(sample.payload)} |"
+            for name, sample in samples.CDR.items()
+        ),
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,259 @@
+"""One example of every message, from which ``schemas/`` is generated and other languages test."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import msgspec
+
+from yahboomd.messages import cdr, planar, ros2
+from yahboomd.messages.codecs import Reason
+from yahboomd.messages.native import (
+    AngularZ,
+    BatterySample,
+    EstopRequest,
+    EventSample,
+    LinearXY,
+    PoseSample,
+    RosVelocityCommand,
+    ServiceReply,
+    SetPoseRequest,
+    StatusSample,
+    TwistSample,
+    VelocityCommand,
+    WheelsSample,
+)
+
+STAMP_NS = 1_700_000_000_123_456_789
+_STAMP = {"sec": 1_700_000_000, "nanosec": 123_456_789}
+
+_POSE = PoseSample(
+    stamp_ns=STAMP_NS,
+    seq=4711,
+    frame_id="odom",
+    child_frame_id="base_link",
+    x=1.25,
+    y=-0.5,
+    theta=0.75,
+    covariance=(4e-4, 1e-5, 2e-5, 1e-5, 9e-4, 3e-5, 2e-5, 3e-5, 2.5e-3),
+)
+_TWIST = TwistSample(
+    stamp_ns=STAMP_NS,
+    seq=4711,
+    frame_id="base_link",
+    vx=0.5,
+    vy=0.0,
+    wz=-0.25,
+    covariance=(1e-4, 0.0, 0.0, 0.0, 1e-6, 0.0, 0.0, 0.0, 4e-4),
+)
+_WHEELS = WheelsSample(
+    stamp_ns=STAMP_NS,
+    seq=4711,
+    names=("left", "right"),
+    ticks=(13200, -1320),
+    position_rad=(62.5, -6.25),
+    speed_m_s=(0.5, -0.125),
+    command_m_s=(0.5, -0.125),
+)
+
+NATIVE: dict[str, msgspec.Struct] = {
+    type(message).__name__: message
+    for message in (
+        VelocityCommand(vx=0.5, wz=-0.25, stamp_ns=STAMP_NS, source="my_app"),
+        RosVelocityCommand(linear=LinearXY(x=0.5), angular=AngularZ(z=-0.25)),
+        _POSE,
+        _TWIST,
+        _WHEELS,
+        BatterySample(stamp_ns=STAMP_NS, volts=11.75),
+        EventSample(
+            stamp_ns=STAMP_NS,
+            kind="stall",
+            severity="error",
+            message="The left wheel is commanded and does not turn; the robot was stopped.",
+            wheel="left",
+            data={"command_m_s": 0.5, "ticks": 0},
+        ),
+        StatusSample(
+            stamp_ns=STAMP_NS,
+            state="driving",
+            driver="cmd_vel",
+            since_ns=STAMP_NS - 2_000_000_000,
+            why="Commands arrive on cmd_vel.",
+            board={"version": "V1.0", "profile": "520", "problems": []},
+            link={"frames": 12345, "discarded_bytes": 0, "poll_hz": 50.0},
+            command={
+                "sources": {"cmd_vel": {"accepted": 100, "refused": {"not_finite": 1}}},
+            },
+            bus={"mode": "router", "joined": False},
+        ),
+        EstopRequest(),
+        SetPoseRequest(x=1.0, y=2.0, theta=1.5),
+        ServiceReply(success=True, message="The pose was set.", data={"x": 1.0, "y": 2.0}),
+    )
+}
+"""An example of every native message, by name."""
+
+
+class CdrSample(NamedTuple):
+    """A ROS 2 message: its type, what it holds in ROS 2's field names, and its bytes."""
+
+    ros_type: str
+    values: dict[str, Any]
+    payload: bytes
+
+
+class RefusedSample(NamedTuple):
+    """A velocity command that is refused, and the reason that ``status`` counts."""
+
+    reason: Reason
+    payload: bytes
+
+
+def _header(frame_id: str) -> dict[str, Any]:
+    return {"stamp": _STAMP, "frame_id": frame_id}
+
+
+def _xyz(x: float, y: float, z: float) -> dict[str, float]:
+    return {"x": x, "y": y, "z": z}
+
+
+def _rotation(theta: float) -> dict[str, float]:
+    return dict(zip("xyzw", planar.quaternion(theta), strict=True))
+
+
+def _velocity(vx: float, vy: float, wz: float) -> dict[str, Any]:
+    return {"linear": _xyz(vx, vy, 0.0), "angular": _xyz(0.0, 0.0, wz)}
+
+
+def _samples() -> dict[str, CdrSample]:
+    pose, twist, wheels = _POSE, _TWIST, _WHEELS
+    command = _velocity(0.5, 0.0, -0.25)
+    numbers = (0.5, 0.0, 0.0, 0.0, 0.0, -0.25)
+    done = "The pose was set."
+    reply = {"success": True, "message": done}
+    diagnostic = cdr.Diagnostic(0, "yahboomd: link", "All is well.", "board", [("frames", "7")])
+    return {
+        "Twist": CdrSample(ros2.TWIST, command, cdr.twist(numbers)),
+        "Twist_big_endian": CdrSample(ros2.TWIST, command, cdr.twist(numbers, big_endian=True)),
+        "TwistStamped": CdrSample(
+            ros2.TWIST_STAMPED,
+            {"header": _header("base_link"), "twist": command},
+            cdr.twist_stamped(STAMP_NS, "base_link", numbers),
+        ),
+        "Odometry": CdrSample(
+            ros2.ODOMETRY,
+            {
+                "header": _header("odom"),
+                "child_frame_id": "base_link",
+                "pose": {
+                    "pose": {
+                        "position": _xyz(pose.x, pose.y, 0.0),
+                        "orientation": _rotation(pose.theta),
+                    },
+                    "covariance": list(planar.covariance(pose.covariance)),
+                },
+                "twist": {
+                    "twist": _velocity(twist.vx, twist.vy, twist.wz),
+                    "covariance": list(planar.covariance(twist.covariance)),
+                },
+            },
+            planar.odometry("odom", "base_link")(pose, twist),
+        ),
+        "TFMessage": CdrSample(
+            ros2.TF_MESSAGE,
+            {
+                "transforms": [
+                    {
+                        "header": _header("odom"),
+                        "child_frame_id": "base_link",
+                        "transform": {
+                            "translation": _xyz(pose.x, pose.y, 0.0),
+                            "rotation": _rotation(pose.theta),
+                        },
+                    }
+                ]
+            },
+            planar.transform("odom", "base_link")(pose),
+        ),
+        "JointState": CdrSample(
+            ros2.JOINT_STATE,
+            {
+                "header": _header(""),
+                "name": ["left_wheel_joint", "right_wheel_joint"],
+                "position": list(wheels.position_rad),
+                "velocity": [15.5, -3.875],
+                "effort": [],
+            },
+            cdr.joint_state("", ("left_wheel_joint", "right_wheel_joint"))(
+                STAMP_NS, wheels.position_rad, (15.5, -3.875)
+            ),
+        ),
+        "BatteryState": CdrSample(
+            ros2.BATTERY_STATE,
+            {
+                "header": _header("base_link"),
+                "voltage": 11.75,
+                "temperature": math.nan,
+                "current": math.nan,
+                "charge": math.nan,
+                "capacity": math.nan,
+                "design_capacity": math.nan,
+                "percentage": math.nan,
+                "power_supply_status": 0,
+                "power_supply_health": 0,
+                "power_supply_technology": 0,
+                "present": True,
+                "cell_voltage": [],
+                "cell_temperature": [],
+                "location": "",
+                "serial_number": "",
+            },
+            cdr.battery_state("base_link")(STAMP_NS, 11.75),
+        ),
+        "DiagnosticArray": CdrSample(
+            ros2.DIAGNOSTIC_ARRAY,
+            {
+                "header": _header(""),
+                "status": [
+                    {**diagnostic._asdict(), "values": [{"key": "frames", "value": "7"}]},
+                ],
+            },
+            cdr.diagnostics(STAMP_NS, "", [diagnostic]),
+        ),
+        "Trigger_Request": CdrSample(
+            f"{ros2.TRIGGER}_Request",
+            {"structure_needs_at_least_one_member": 0},
+            cdr.trigger_request(),
+        ),
+        "Trigger_Response": CdrSample(
+            f"{ros2.TRIGGER}_Response", reply, cdr.service_response(True, done)
+        ),
+        "SetBool_Request": CdrSample(
+            f"{ros2.SET_BOOL}_Request", {"data": True}, cdr.set_bool_request(True)
+        ),
+        "SetBool_Response": CdrSample(
+            f"{ros2.SET_BOOL}_Response", reply, cdr.service_response(True, done)
+        ),
+    }
+
+
+CDR: dict[str, CdrSample] = _samples()
+"""An example of every ROS 2 message, by the name of its files."""
+
+_TWIST_CDR = CDR["Twist"].payload
+
+REFUSED: dict[str, RefusedSample] = {
+    "json_without_velocity": RefusedSample("no_velocity", b'{"speed": 1}'),
+    "json_nan": RefusedSample("not_finite", b'{"vx": NaN}'),
+    "json_beyond_a_double": RefusedSample("not_finite", b'{"vx": 1e999}'),
+    "json_string": RefusedSample("wrong_type", b'{"vx": "0.5"}'),
+    "json_cut": RefusedSample("malformed", b'{"vx": 0.5'),
+    "text": RefusedSample("unknown_encoding", b"forward"),
+    "msgpack_nan": RefusedSample("not_finite", msgspec.msgpack.encode({"vx": math.nan})),
+    "msgpack_trailing_byte": RefusedSample("malformed", msgspec.msgpack.encode({"vx": 1}) + b"\0"),
+    "cdr_nan": RefusedSample("not_finite", cdr.twist((math.nan, 0.0, 0.0, 0.0, 0.0, 0.0))),
+    "cdr_cut": RefusedSample("malformed", _TWIST_CDR[:-1]),
+    "cdr_trailing_byte": RefusedSample("malformed", _TWIST_CDR + b"\0"),
+}
+"""Commands that are refused, by the name of what is wrong with them."""
