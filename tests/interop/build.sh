@@ -65,6 +65,7 @@ else
   echo "interop: built in $((SECONDS - began)) s"
 fi
 ln -sfn "$key" "$cache/bin/current"
+find "$cache/bin" -mindepth 1 -maxdepth 1 -type d ! -name "$key" -exec rm -rf {} +
 
 [ "${#missing[@]}" -eq 0 ] || exit 1
 [ -n "${KEEP_TARGET:-}" ] || rm -rf "$cache/target" # a gigabyte that only a rebuild would use

@@ -1,4 +1,7 @@
-"""Real peers: the bridge, a DDS node, an rmw_zenoh node, a router; each on ports of its own."""
+"""Real peers: the bridge, a DDS node, an rmw_zenoh node, a router; each on ports of its own.
+
+And a session that stands where yahboomd stands, for what its design takes for granted of them.
+"""
 
 import json
 import os
@@ -7,13 +10,15 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, closing
+from contextlib import AbstractContextManager, ExitStack, closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import pytest
 import zenoh
+
+from yahboomd.messages import cdr, ros2
 
 HERE = Path(__file__).parent
 EXAMPLE = HERE.parent.parent / "examples" / "zenoh-bridge-ros2dds.json5"
@@ -167,6 +172,155 @@ def start_peer(command: list[str], log: Path) -> Peer:
 
 
 @dataclass(frozen=True)
+class Spoken:
+    """A message as yahboomd encodes it, and what of it a ROS node must read."""
+
+    ros_type: str
+    payload: bytes
+    read: Event
+    latched: bool = False
+
+
+@pytest.fixture
+def spoken() -> dict[str, Spoken]:
+    """One message for every topic that a robot base publishes, its numbers all different."""
+    stamp_ns = 1_700_000_000_123_456_789
+    stamp = {"sec": 1_700_000_000, "nanosec": 123_456_789}
+    header = {"stamp": stamp, "frame_id": "odom"}
+    pose = (1.5, -2.25, 0.125, 0.1, 0.2, 0.3, 0.9)
+    position, orientation = (
+        dict(zip("xyz", pose, strict=False)),
+        dict(zip("xyzw", pose[3:], strict=True)),
+    )
+    pose_covariance = [number / 8 for number in range(36)]
+    twist = (0.5, -0.25, 0.0625, 0.01, 0.02, -0.75)
+    twist_covariance = [number / -16 for number in range(36)]
+    transform = {"translation": position, "rotation": orientation}
+    linear, angular = (
+        dict(zip("xyz", twist, strict=False)),
+        dict(zip("xyz", twist[3:], strict=True)),
+    )
+    wheels = ("front_left_wheel_joint", "front_right_wheel_joint")
+    return {
+        "/odom": Spoken(
+            ros2.ODOMETRY,
+            cdr.odometry("odom", "base_link")(
+                stamp_ns, pose, pose_covariance, twist, twist_covariance
+            ),
+            {
+                "header": header,
+                "child_frame_id": "base_link",
+                "pose": {
+                    "pose": {"position": position, "orientation": orientation},
+                    "covariance": pose_covariance,
+                },
+                "twist": {
+                    "twist": {"linear": linear, "angular": angular},
+                    "covariance": twist_covariance,
+                },
+            },
+        ),
+        "/tf": Spoken(
+            ros2.TF_MESSAGE,
+            cdr.transforms([("odom", "base_link")])(stamp_ns, [pose]),
+            {
+                "transforms": [
+                    {"header": header, "child_frame_id": "base_link", "transform": transform}
+                ]
+            },
+        ),
+        "/tf_static": Spoken(
+            ros2.TF_MESSAGE,
+            cdr.transforms([("odom", "imu_link"), ("odom", "laser")])(stamp_ns, [pose, pose]),
+            {
+                "transforms": [
+                    {"header": header, "child_frame_id": child, "transform": transform}
+                    for child in ("imu_link", "laser")
+                ]
+            },
+            latched=True,
+        ),
+        "/joint_states": Spoken(
+            ros2.JOINT_STATE,
+            cdr.joint_state("odom", wheels)(stamp_ns, (0.5, -1.5), (2.5, -3.5)),
+            {
+                "header": header,
+                "name": list(wheels),
+                "position": [0.5, -1.5],
+                "velocity": [2.5, -3.5],
+                "effort": [],
+            },
+        ),
+        "/battery_state": Spoken(
+            ros2.BATTERY_STATE,
+            cdr.battery_state("odom", location="deck", serial_number="7")(stamp_ns, 12.25, 0.75),
+            {
+                "header": header,
+                "voltage": 12.25,
+                "percentage": 0.75,
+                "present": True,
+                "cell_voltage": [],
+                "location": "deck",
+                "serial_number": "7",
+            },
+        ),
+        "/diagnostics": Spoken(
+            ros2.DIAGNOSTIC_ARRAY,
+            cdr.diagnostics(
+                stamp_ns,
+                "odom",
+                [
+                    cdr.Diagnostic(0, "yahboomd: board", "fine", "yahboom", [("volts", "12.2")]),
+                    cdr.Diagnostic(1, "yahboomd: bus", "slow", "", [("a", ""), ("", "b")]),
+                ],
+            ),
+            {
+                "header": header,
+                "status": [
+                    {
+                        "level": 0,
+                        "name": "yahboomd: board",
+                        "message": "fine",
+                        "hardware_id": "yahboom",
+                        "values": [{"key": "volts", "value": "12.2"}],
+                    },
+                    {
+                        "level": 1,
+                        "name": "yahboomd: bus",
+                        "message": "slow",
+                        "hardware_id": "",
+                        "values": [{"key": "a", "value": ""}, {"key": "", "value": "b"}],
+                    },
+                ],
+            },
+        ),
+    }
+
+
+@pytest.fixture
+def join() -> Callable[..., AbstractContextManager[zenoh.Session]]:
+    """Opens a session where yahboomd's would be: a router that connects, or another mode."""
+
+    def open_session(endpoint: str, mode: str = "router") -> zenoh.Session:
+        config = zenoh.Config()
+        config.insert_json5("mode", json.dumps(mode))
+        config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+        config.insert_json5("listen/endpoints", "[]")
+        config.insert_json5("scouting/multicast/enabled", "false")
+        config.insert_json5("scouting/gossip/enabled", "false")
+        config.insert_json5("timestamping/enabled", "true")
+        return zenoh.open(config)
+
+    return open_session
+
+
+@pytest.fixture
+def eventually() -> Callable[..., Any]:
+    """Waits for a condition: `eventually(lambda: ..., "what it is")` is its first true value."""
+    return until
+
+
+@dataclass(frozen=True)
 class Bridge:
     endpoint: str
     domain: int
@@ -242,8 +396,19 @@ def router() -> Iterator[Router]:
 
 
 @pytest.fixture
-def native_node(router: Router, tmp_path: Path) -> Iterator[Peer]:
-    """A node as rmw_zenoh's are, in domain 0 of the router."""
-    peer = start_peer([str(built("native")), router.endpoint, "0"], tmp_path / "native.log")
-    yield peer
-    peer.close()
+def start_native_node(router: Router, tmp_path: Path) -> Iterator[Callable[[], Peer]]:
+    """Starts nodes as rmw_zenoh's are, in domain 0 of the router: peers that listen on loopback."""
+    with ExitStack() as stack:
+
+        def start() -> Peer:
+            log = tmp_path / f"native_{time.monotonic_ns()}.log"
+            peer = start_peer([str(built("native")), router.endpoint, "0"], log)
+            stack.callback(peer.close)
+            return peer
+
+        yield start
+
+
+@pytest.fixture
+def native_node(start_native_node: Callable[[], Peer]) -> Peer:
+    return start_native_node()

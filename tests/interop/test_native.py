@@ -1,0 +1,201 @@
+"""A real node that speaks rmw_zenoh's protocol, beside us on one router, without any bridge."""
+
+import threading
+import time
+
+import pytest
+import zenoh
+
+from yahboomd.messages import cdr, ros2
+
+pytestmark = pytest.mark.realtime
+
+DISTRO = "jazzy"
+TRIGGERS = ("yahboomd/estop/reset", "yahboomd/odometry/reset")
+SERVICES = {"yahboomd/estop": ros2.SET_BOOL, **dict.fromkeys(TRIGGERS, ros2.TRIGGER)}
+BEST_EFFORT = ros2.Qos(reliable=False, depth=5)
+
+
+class Us:
+    """The node /yahboomd, as rmw_zenoh's nodes see one: tokens, typed keys, attachments."""
+
+    def __init__(self, session):
+        self.session = session
+        self.node = ros2.Node(domain_id=0, zid=str(session.info.zid()))
+        self.tokens = [session.liveliness().declare_token(ros2.node_token(self.node))]
+        self.sequence = 0
+
+    def key(self, topic, ros_type):
+        return ros2.native_key(self.node, topic=topic, ros_type=ros_type, distro=DISTRO)
+
+    def announce(self, kind, topic, ros_type, qos):
+        """Put an endpoint into the graph; its gid."""
+        token = ros2.endpoint_token(
+            kind,
+            self.node,
+            entity=len(self.tokens),
+            topic=topic,
+            ros_type=ros_type,
+            qos=qos,
+            distro=DISTRO,
+        )
+        self.tokens.append(self.session.liveliness().declare_token(token))
+        return ros2.gid_of(token)
+
+    def publisher(self, topic, message):
+        """A function that publishes the message on the topic."""
+        name = topic.removeprefix("/")
+        gid = self.announce("MP", name, message.ros_type, ros2.Qos(latched=message.latched))
+        key = self.key(name, message.ros_type)
+        if message.latched:
+            declared = zenoh.ext.declare_advanced_publisher(
+                self.session,
+                key,
+                cache=zenoh.ext.CacheConfig(max_samples=1),
+                publisher_detection=True,
+            )
+        else:
+            declared = self.session.declare_publisher(key)
+
+        def publish(payload=message.payload):
+            self.sequence += 1
+            attached = ros2.attachment(self.sequence, time.time_ns(), gid)
+            declared.put(payload, attachment=attached)
+
+        return publish
+
+    def commands(self, got):
+        self.announce("MS", "cmd_vel", ros2.TWIST, BEST_EFFORT)
+        return self.session.declare_subscriber(self.key("cmd_vel", ros2.TWIST), got.append)
+
+    def serve(self, asked):
+        """Answers the services, each reply with its request's attachment; notes what was asked."""
+
+        def answer(query):
+            asked.append((str(query.key_expr).split("/std_srvs")[0], query.payload.to_bytes()))
+            attached = ros2.parse_attachment(query.attachment.to_bytes())
+            query.reply(
+                str(query.key_expr),
+                cdr.service_response(True, "as you wish"),
+                attachment=ros2.attachment(attached.sequence, time.time_ns(), attached.gid),
+            )
+
+        for name, ros_type in SERVICES.items():
+            self.announce("SS", name, ros_type, ros2.Qos())
+        return [
+            self.session.declare_queryable(self.key(name, ros_type), answer, complete=True)
+            for name, ros_type in SERVICES.items()
+        ]
+
+
+@pytest.fixture(params=["client", "router"])
+def us(request, router, join):
+    """We are a client of the graph's router, or a router that connects to it."""
+    with join(router.endpoint, request.param) as session:
+        yield Us(session)
+
+
+def test_every_message_is_read_as_we_wrote_it(us, native_node, spoken):
+    publish = {topic: us.publisher(topic, message) for topic, message in spoken.items()}
+    enough = threading.Event()
+
+    def keep_publishing():
+        while not enough.wait(0.05):  # a node that has just started does not hear yet
+            for say in publish.values():
+                say()
+
+    thread = threading.Thread(target=keep_publishing)
+    thread.start()
+    try:
+        for topic, message in spoken.items():
+            read = native_node.message(topic)
+            assert {name: read[name] for name in message.read} == message.read
+    finally:
+        enough.set()
+        thread.join()
+
+
+def test_commands_arrive_with_their_attachment(us, native_node, eventually):
+    got = []
+    with us.commands(got):
+        native_node.order("drive", vx=0.25, vy=-0.125, wz=-0.5, hz=50)
+        eventually(lambda: len(got) > 2, "commands")
+    velocity = cdr.decode_velocity(got[0].payload.to_bytes())
+    assert (velocity.vx, velocity.vy, velocity.wz) == (0.25, -0.125, -0.5)
+    first, second = (ros2.parse_attachment(s.attachment.to_bytes()) for s in got[:2])
+    assert second.sequence == first.sequence + 1
+    assert second.gid == first.gid
+    assert abs(time.time_ns() - first.stamp_ns) < 60_000_000_000
+
+
+def test_the_node_and_all_that_is_its_shows_in_the_graph(us, native_node, eventually, spoken):
+    for topic, message in spoken.items():
+        us.publisher(topic, message)
+    got = []
+    _commands = us.commands(got)
+    _services = us.serve([])
+
+    def seen():
+        graph = native_node.graph()
+        served = {s["name"] for s in graph["services"]}
+        return graph if {f"/{name}" for name in SERVICES} <= served else None
+
+    graph = eventually(seen, "our services")
+    assert {"name": "yahboomd", "namespace": "/"} in graph["nodes"]
+    topics = {t["name"]: t for t in graph["topics"]}
+    for topic, message in spoken.items():
+        assert topics[topic]["type"] == ros2.dds_type(message.ros_type)
+        assert topics[topic]["publishers"] == 1
+    assert topics["/cmd_vel"]["subscribers"] == 1
+    types = {s["name"]: s["type"] for s in graph["services"]}
+    for name, ros_type in SERVICES.items():
+        assert types[f"/{name}"] == ros2.dds_type(ros_type)
+
+
+def test_a_node_that_starts_late_gets_the_static_frames(us, request, spoken):
+    publish = us.publisher("/tf_static", spoken["/tf_static"])
+    publish()
+    native_node = request.getfixturevalue("native_node")
+    assert native_node.message("/tf_static") == spoken["/tf_static"].read
+
+
+def test_services_are_asked_and_answered(us, native_node):
+    asked = []
+    _services = us.serve(asked)
+    done = {"success": True, "message": "as you wish"}
+    assert native_node.call("/yahboomd/estop", data=True)["reply"] == done
+    assert native_node.call("/yahboomd/estop", data=False)["reply"] == done
+    for key in TRIGGERS:
+        assert native_node.call(f"/{key}")["reply"] == done
+    assert [cdr.decode_set_bool(payload) for _, payload in asked[:2]] == [True, False]
+    assert [key for key, _ in asked] == [f"0/{k}" for k in ("yahboomd/estop",) * 2 + TRIGGERS]
+
+
+def test_two_nodes_get_every_sample(us, start_native_node, spoken):
+    nodes = [start_native_node(), start_native_node()]
+    odometry = cdr.odometry("odom", "base_link")
+    publish = us.publisher("/odom", spoken["/odom"])
+    numbers, no_covariance = [0.0] * 6, [0.0] * 36
+
+    def put(count):
+        publish(odometry(count, [*numbers, 1.0], no_covariance, numbers, no_covariance))
+
+    def count_of(node):
+        return node.message("/odom")["header"]["stamp"]["nanosec"]
+
+    count = 0
+    deaf = list(nodes)
+    while deaf:  # until each has heard us once
+        count += 1
+        put(count)
+        time.sleep(0.02)
+        deaf = [n for n in deaf if not any(e.get("topic") == "/odom" for e in n.events)]
+    last = count + 300
+    for number in range(count + 1, last + 1):
+        put(number)
+        time.sleep(0.001)
+    for node in nodes:
+        heard = [count_of(node)]
+        while heard[-1] < last:
+            heard.append(count_of(node))
+        assert heard == list(range(heard[0], last + 1))
