@@ -1,0 +1,219 @@
+"""``yahboomd simulate``: a board on a pseudo-terminal, with motors, a chassis and ground truth."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import signal
+from pathlib import Path
+
+from yahboomd.errors import ConfigError
+from yahboomd.simulation.control import HELP
+from yahboomd.simulation.options import FlashContent, ImpairmentOptions, SimulationOptions
+from yahboomd.simulation.pty import PtyPort, serve
+from yahboomd.simulation.robot import SimulatedRobot
+
+EPILOG = f"""\
+a first drive, each line in a terminal of its own:
+  yahboomd simulate --link /tmp/board
+  yahboomd run --port /tmp/board
+
+a line that loses bytes, and a wheel whose encoder is dead from the start:
+  yahboomd simulate --link /tmp/board --loss 0.02 --do 'encoder-dead left'
+
+disturb it while it runs, by one command a line on the control socket:
+  yahboomd simulate --link /tmp/board --control /tmp/board.control
+  echo 'unplug 2' | nc -U -N /tmp/board.control
+
+control commands, for --control and --do:
+{"".join(f"  {line}" + chr(10) for line in HELP.splitlines())}"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command and its options."""
+    robot, flash, line = SimulationOptions(), FlashContent(), ImpairmentOptions()
+    parser = subparsers.add_parser(
+        "simulate",
+        help="be a board on a pseudo-terminal, with motors, chassis and ground truth",
+        description="Be a motor driver board on a pseudo-terminal, in real time, with motors and a "
+        "chassis behind it. A program opens it like the serial port of a real board. It runs "
+        "until Ctrl-C.",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    where = parser.add_argument_group("where it appears")
+    where.add_argument(
+        "--link",
+        metavar="PATH",
+        type=Path,
+        help="a name for the port, such as /tmp/board (default: only the system's own, /dev/pts/N)",
+    )
+    where.add_argument(
+        "--truth",
+        metavar="FILE",
+        type=Path,
+        help="write where the robot truly is, 100 times a second, as JSON lines",
+    )
+    where.add_argument(
+        "--control", metavar="PATH", type=Path, help="a unix socket that takes control commands"
+    )
+    where.add_argument(
+        "--do",
+        metavar="COMMAND",
+        action="append",
+        default=[],
+        help="a control command to carry out at the start; may be repeated",
+    )
+
+    what = parser.add_argument_group("what it is")
+    what.add_argument(
+        "--dialect",
+        choices=("streamed", "polled"),
+        default=robot.dialect,
+        help="what the board speaks (default: %(default)s, as boards on sale do)",
+    )
+    what.add_argument(
+        "--drive",
+        choices=("differential", "skid_steer", "mecanum"),
+        default=robot.drive,
+        help="differential: left on M1, right on M3; the others: M1 to M4 as the vendor has them "
+        "(default: %(default)s)",
+    )
+    what.add_argument("--wheel-radius", metavar="M", type=float, default=robot.wheel_radius_m)
+    what.add_argument(
+        "--wheel-separation", metavar="M", type=float, default=robot.wheel_separation_m
+    )
+    what.add_argument("--wheel-base", metavar="M", type=float, default=robot.wheel_base_m)
+    what.add_argument(
+        "--lines", metavar="N", type=int, default=robot.lines, help="encoder lines of the motors"
+    )
+    what.add_argument(
+        "--ratio", metavar="X", type=float, default=robot.ratio, help="their true gear ratio"
+    )
+    what.add_argument(
+        "--flash",
+        metavar="NAME=VALUE",
+        action="append",
+        default=[],
+        help="what a streamed board has stored, such as lines=0; may be repeated. Names: "
+        f"{', '.join(flash.__struct_fields__)}",
+    )
+    what.add_argument("--firmware", metavar="VERSION", default=robot.firmware)
+    what.add_argument(
+        "--ticks",
+        metavar="A,B,C,D",
+        default="0,0,0,0",
+        help="counters at the start (default: %(default)s)",
+    )
+    what.add_argument("--battery", metavar="V", type=float, default=robot.battery_volts)
+    what.add_argument(
+        "--stream-pace",
+        choices=("measured", "wire"),
+        default=robot.stream_pace,
+        help="stream lines at the rate of a real board, or one right after the other",
+    )
+
+    bad = parser.add_argument_group("what is wrong with the line")
+    bad.add_argument(
+        "--seed", metavar="N", type=int, default=robot.seed, help="the same number, the same faults"
+    )
+    bad.add_argument("--loss", metavar="SHARE", type=float, default=line.loss)
+    bad.add_argument("--corruption", metavar="SHARE", type=float, default=line.corruption)
+    bad.add_argument("--delay", metavar="S", type=float, default=line.delay_s)
+    bad.add_argument("--jitter", metavar="S", type=float, default=line.jitter_s)
+    bad.add_argument(
+        "--chunk",
+        metavar="S",
+        type=float,
+        default=line.chunk_s,
+        help="period in which bytes arrive, 0 for each alone (default: %(default)s)",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Serve until SIGINT or SIGTERM.
+
+    Raises:
+        ConfigError: An option cannot be used.
+    """
+    robot = SimulatedRobot(_options(args))
+    return asyncio.run(_serve(robot, args))
+
+
+async def _serve(robot: SimulatedRobot, args: argparse.Namespace) -> int:
+    def ready(port: PtyPort) -> None:
+        name = port.name if args.link is None else f"{args.link} ({port.name})"
+        reach = port.name if args.link is None else args.link
+        print(
+            f"A simulated {args.dialect} board is at {name}; drive it: yahboomd run --port {reach}",
+            flush=True,
+        )
+
+    loop = asyncio.get_running_loop()
+    served = asyncio.ensure_future(
+        serve(
+            robot,
+            link=args.link,
+            truth=args.truth,
+            control=args.control,
+            at_start=args.do,
+            ready=ready,
+        )
+    )
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, served.cancel)
+    with contextlib.suppress(asyncio.CancelledError):
+        await served
+    return 0
+
+
+def _options(args: argparse.Namespace) -> SimulationOptions:
+    return SimulationOptions(
+        dialect=args.dialect,
+        drive=args.drive,
+        lines=args.lines,
+        ratio=args.ratio,
+        wheel_radius_m=args.wheel_radius,
+        wheel_separation_m=args.wheel_separation,
+        wheel_base_m=args.wheel_base,
+        battery_volts=args.battery,
+        flash=_flash(args.flash),
+        firmware=args.firmware,
+        initial_ticks=_ticks(args.ticks),
+        stream_pace=args.stream_pace,
+        seed=args.seed,
+        impairments=ImpairmentOptions(
+            loss=args.loss,
+            corruption=args.corruption,
+            delay_s=args.delay,
+            jitter_s=args.jitter,
+            chunk_s=args.chunk,
+        ),
+    )
+
+
+def _flash(settings: list[str]) -> FlashContent:
+    import msgspec
+
+    values = dict(setting.partition("=")[::2] for setting in settings)
+    unknown = set(values) - set(FlashContent.__struct_fields__)
+    if unknown:
+        raise ConfigError(
+            f"--flash knows no {', '.join(sorted(unknown))}.",
+            remedy=f"There are {', '.join(FlashContent.__struct_fields__)}.",
+        )
+    try:
+        return msgspec.convert(values, FlashContent, strict=False)
+    except msgspec.ValidationError as why:
+        raise ConfigError(f"--flash: {why}.") from why
+
+
+def _ticks(text: str) -> tuple[int, int, int, int]:
+    try:
+        a, b, c, d = (int(part) for part in text.split(","))
+    except ValueError:
+        raise ConfigError(f"--ticks takes four whole numbers, not {text!r}.") from None
+    if any(not -(2**31) <= ticks < 2**31 for ticks in (a, b, c, d)):
+        raise ConfigError(f"--ticks takes numbers of 32 bits, not {text!r}.")
+    return a, b, c, d

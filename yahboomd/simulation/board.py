@@ -1,0 +1,71 @@
+"""What every simulated board is to the robot around it: a state machine on given time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol, TypeAlias
+
+from yahboomd.model import Counts
+
+Emit: TypeAlias = Callable[[bytes, int], None]
+"""Where a board's bytes go, with the moment at which the first one leaves."""
+
+NEVER = 2**63 - 1
+"""Later than any moment."""
+
+BOOT_NS = 60_000_000
+"""From power or reset to the first instruction that matters; motors are off, bytes are lost."""
+
+
+class Board(Protocol):
+    """A board that is fed bytes and moved through time.
+
+    Moments only grow. Nothing happens in between calls: what was due is done, at its own exact
+    time, by the next :meth:`step`.
+
+    Attributes:
+        emit: Where its bytes go.
+    """
+
+    emit: Emit
+
+    @property
+    def next_ns(self) -> int:
+        """When the next thing happens inside."""
+        ...
+
+    @property
+    def speaks_ns(self) -> int:
+        """When it may next say something, :data:`NEVER` while it waits for a command."""
+        ...
+
+    @property
+    def totals(self) -> Counts:
+        """The counters, as the latest interrupt left them."""
+        ...
+
+    def receive(self, byte: int, now_ns: int) -> None:
+        """One byte has arrived completely; the caller has stepped to ``now_ns``."""
+        ...
+
+    def step(self, now_ns: int) -> None:
+        """Do everything that is due up to ``now_ns``."""
+        ...
+
+    def start(self, now_ns: int) -> None:
+        """Be a board that was powered long ago: running, silent, counters kept."""
+        ...
+
+    def reset(self, now_ns: int, *, off_ns: int = 0, by_power: bool) -> None:
+        """Lose all but the flash, let the motors go, and start again after ``off_ns``.
+
+        Args:
+            now_ns: When.
+            off_ns: How long it stays without power.
+            by_power: Whether power failed, rather than a reset by software.
+        """
+        ...
+
+    def hang(self) -> None:
+        """Stop executing, for good, with the outputs as they are."""
+        ...

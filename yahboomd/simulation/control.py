@@ -1,0 +1,223 @@
+"""The words with which a running simulation is disturbed, one command a line.
+
+``execute`` is pure but for the robot that it acts on; ``serve_control`` offers it on a unix socket.
+Every line gets one line back: ``ok``, ``ok`` with facts, or ``error`` with the reason.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeAlias
+
+import msgspec
+
+from yahboomd.errors import ConfigError
+from yahboomd.simulation.motors import FAULTS, HEALTHY
+from yahboomd.simulation.robot import SimulatedRobot
+
+Words: TypeAlias = list[str]
+Command: TypeAlias = Callable[[SimulatedRobot, Words, int], str]
+
+HELP = """\
+reset                    reset the board's MCU by software
+brown-out [SECONDS]      take the board's supply away (0.05)
+hang                     stop the MCU with the motors as they are, until a reset
+mute SECONDS             nothing of what the board says arrives
+babble SECONDS           random bytes arrive instead
+unplug [SECONDS]         pull the USB plug (and put it back after SECONDS)
+replug                   put it back now
+loss SHARE               this share of bytes vanishes, each way
+corruption SHARE         this share of bytes arrives with a bit flipped, each way
+delay SECONDS [JITTER]   every chunk waits, each way
+chunk SECONDS            period in which bytes arrive; 0: each byte alone
+clear                    a perfect line again
+encoder-dead MOTOR       its counts stay
+encoder-reversed MOTOR   its counts run backward
+phases-swapped MOTOR     it turns the wrong way
+stalled MOTOR            it is held
+unplugged MOTOR          its cable is out
+turning MOTOR [M_S]      it turns without command (0.2 m/s)
+repair MOTOR             it is healthy again
+battery VOLTS            the battery at rest
+pose                     where the robot truly is, as JSON
+help                     this list
+MOTOR is a name, a position from 1 to 4, or all."""
+
+
+def execute(robot: SimulatedRobot, line: str, now_ns: int) -> str:
+    """Carry out one line; wrong input is answered, never raised."""
+    name, *words = line.split() or [""]
+    command = COMMANDS.get(name)
+    if command is None:
+        return f"error unknown command {name!r}; try help"
+    try:
+        return f"ok {command(robot, words, now_ns)}".rstrip()
+    except KeyError as unknown:
+        names = ", ".join(wire.name for wire in robot.plant.wiring)
+        return f"error no motor {unknown}; there are {names}, or all"
+    except (IndexError, ValueError) as mistake:
+        return f"error {name} cannot be used like this ({mistake}); try help"
+
+
+def _reset(robot: SimulatedRobot, _words: Words, now_ns: int) -> str:
+    robot.reset(now_ns)
+    return ""
+
+
+def _brown_out(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
+    robot.brown_out(now_ns, _seconds(words, 0.05))
+    return ""
+
+
+def _hang(robot: SimulatedRobot, _words: Words, now_ns: int) -> str:
+    robot.hang(now_ns)
+    return ""
+
+
+def _mute(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
+    robot.mute(now_ns, _seconds(words))
+    return ""
+
+
+def _babble(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
+    robot.babble(now_ns, _seconds(words))
+    return ""
+
+
+def _unplug(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
+    robot.unplug(now_ns, _seconds(words) if words else None)
+    return ""
+
+
+def _replug(robot: SimulatedRobot, _words: Words, now_ns: int) -> str:
+    robot.replug(now_ns)
+    return ""
+
+
+def _loss(robot: SimulatedRobot, words: Words, _now_ns: int) -> str:
+    robot.impairments.change(loss=float(words[0]))
+    return ""
+
+
+def _corruption(robot: SimulatedRobot, words: Words, _now_ns: int) -> str:
+    robot.impairments.change(corruption=float(words[0]))
+    return ""
+
+
+def _delay(robot: SimulatedRobot, words: Words, _now_ns: int) -> str:
+    delay_s = _seconds(words)
+    robot.impairments.change(delay_s=delay_s, jitter_s=_seconds(words[1:], 0.0))
+    return ""
+
+
+def _chunk(robot: SimulatedRobot, words: Words, _now_ns: int) -> str:
+    robot.impairments.change(chunk_s=_seconds(words))
+    return ""
+
+
+def _clear(robot: SimulatedRobot, _words: Words, _now_ns: int) -> str:
+    robot.impairments.clear()
+    return ""
+
+
+def _fault(name: str) -> Command:
+    def command(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
+        robot.set_faults(words[0], FAULTS[name], now_ns=now_ns)
+        return ""
+
+    return command
+
+
+def _turning(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
+    faults = FAULTS["turning"]
+    if len(words) > 1:
+        faults = msgspec.structs.replace(faults, turning_m_s=float(words[1]))
+    robot.set_faults(words[0], faults, now_ns=now_ns)
+    return ""
+
+
+def _repair(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
+    robot.set_faults(words[0], HEALTHY, now_ns=now_ns)
+    return ""
+
+
+def _battery(robot: SimulatedRobot, words: Words, _now_ns: int) -> str:
+    robot.plant.battery_volts = _seconds(words)
+    return ""
+
+
+def _pose(robot: SimulatedRobot, _words: Words, now_ns: int) -> str:
+    return msgspec.json.encode(robot.truth(now_ns)).decode()
+
+
+def _help(_robot: SimulatedRobot, _words: Words, _now_ns: int) -> str:
+    # One line back, so that a script need not guess where the answer ends.
+    return "; ".join(" ".join(line.split()) for line in HELP.splitlines())
+
+
+def _seconds(words: Words, default: float | None = None) -> float:
+    """The first word as a number that is not negative."""
+    if not words and default is not None:
+        return default
+    value = float(words[0])
+    if not 0.0 <= value < 1e6:
+        raise ValueError(f"{value} is out of range")
+    return value
+
+
+COMMANDS: dict[str, Command] = {
+    "reset": _reset,
+    "brown-out": _brown_out,
+    "hang": _hang,
+    "mute": _mute,
+    "babble": _babble,
+    "unplug": _unplug,
+    "replug": _replug,
+    "loss": _loss,
+    "corruption": _corruption,
+    "delay": _delay,
+    "chunk": _chunk,
+    "clear": _clear,
+    "turning": _turning,
+    "repair": _repair,
+    "battery": _battery,
+    "pose": _pose,
+    "help": _help,
+    **{name: _fault(name) for name in FAULTS if name != "turning"},
+}
+
+
+async def serve_control(path: Path, answer: Callable[[str], str]) -> asyncio.Server:
+    """Listen on a unix socket, one command a line; the caller closes the server.
+
+    Args:
+        path: The socket; one that a killed simulator left is replaced.
+        answer: Carries out a line.
+
+    Raises:
+        ConfigError: ``path`` is taken by something else, or cannot be made.
+    """
+    _clear_away(path)
+
+    async def talk(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        try:
+            while line := await reader.readline():
+                writer.write(answer(line.decode(errors="replace").strip()).encode() + b"\n")
+                await writer.drain()
+        except (ConnectionError, ValueError):
+            # The other end went away, or sent a line without an end: there is nobody to answer.
+            return
+        finally:
+            writer.close()
+
+    try:
+        return await asyncio.start_unix_server(talk, path)
+    except OSError as why:
+        raise ConfigError(f"The control socket {path} cannot be made: {why}.") from why
+
+
+def _clear_away(path: Path) -> None:
+    if path.is_socket():
+        path.unlink()

@@ -1,0 +1,131 @@
+"""The settings of the streamed board, as its firmware reads, stores and reports them.
+
+The firmware checks next to nothing: zeros are stored, decimals of whole numbers are cut, and an
+empty argument stores 0.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+
+import msgspec
+
+from yahboomd.simulation.options import FlashContent
+from yahboomd.simulation.speed_loop import Tuning
+
+LONGEST_DEAD_ZONE = 3600
+
+_WHOLE = re.compile(rb"\s*([+-]?\d{1,12})")
+_DECIMAL = re.compile(rb"\s*([+-]?(?:\d{1,12}(?:\.\d{0,9})?|\.\d{1,9}))")
+
+
+def whole(text: bytes) -> int:
+    """C's ``atoi``: leading digits count, anything else is 0, 32 bits saturate."""
+    match = _WHOLE.match(text)
+    if match is None:
+        return 0
+    return max(-0x8000_0000, min(0x7FFF_FFFF, int(match[1])))
+
+
+def decimal(text: bytes) -> float:
+    """C's ``atof``, without exponents."""
+    match = _DECIMAL.match(text)
+    return float(match[1]) if match else 0.0
+
+
+def short(value: int) -> int:
+    """What a 16-bit integer makes of a number."""
+    return (value + 0x8000) % 0x1_0000 - 0x8000
+
+
+class Refused(msgspec.Struct, frozen=True):
+    """A setting that the firmware does not take.
+
+    Attributes:
+        answer: What it says.
+    """
+
+    answer: bytes
+
+
+def changed(content: FlashContent, name: bytes, args: bytes) -> FlashContent | Refused:
+    """The flash after ``$name:args#``, for the settings that a command stores one by one."""
+    replace = msgspec.structs.replace
+    match name:
+        case b"mtype":
+            motor_type = whole(args)
+            if not 1 <= motor_type <= 4:
+                return Refused(b"fail,type error!")
+            return replace(content, motor_type=motor_type)
+        case b"deadzone":
+            return replace(content, dead_zone=max(0, min(LONGEST_DEAD_ZONE, whole(args))))
+        case b"mline":
+            return replace(content, lines=short(whole(args)))
+        case b"mphase":
+            return replace(content, ratio=short(whole(args)))
+        case b"wdiameter":
+            return replace(content, wheel_diameter_mm=decimal(args))
+        case b"MPID":
+            p, i, d = (max(0.0, decimal(part)) for part in (args.split(b",") + [b""] * 3)[:3])
+            return replace(content, p=p, i=i, d=d)
+        case _:
+            raise KeyError(name)
+
+
+SETTINGS = (b"mtype", b"deadzone", b"mline", b"mphase", b"wdiameter", b"MPID")
+"""The commands that :func:`changed` knows."""
+
+
+def report(content: FlashContent, version: str) -> bytes:
+    """The answer to ``$read_flash#``: text lines, not frames."""
+    lines = (
+        "read_flash:OK!",
+        f"Motor_Version:{version}",
+        f"Motor_type:{content.motor_type}",
+        f"Dead_Zone:{content.dead_zone}",
+        f"Pulse_Line:{content.lines}",
+        f"Pulse_Phase:{content.ratio}",
+        f"wheel_diameter:{content.wheel_diameter_mm:.3f}",
+        f"P:{content.p:.3f}\t I:{content.i:.3f}\t D:{content.d:.3f}\t ",
+    )
+    return "".join(f"{line}\r\n" for line in lines).encode()
+
+
+def mm_s_per_tick(content: FlashContent) -> float:
+    """Rim speed that one count in 10 ms stands for: 15.946 mm/s with the defaults.
+
+    A zero among lines, ratio and diameter makes the board measure nothing.
+    """
+    ticks_per_revolution = content.lines * content.ratio * 4
+    if ticks_per_revolution == 0:
+        return 0.0
+    return 100.0 * math.pi * content.wheel_diameter_mm / ticks_per_revolution
+
+
+def tuning(content: FlashContent, wired_type: int) -> Tuning:
+    """What the 100 Hz interrupt makes of the settings.
+
+    Args:
+        content: The settings.
+        wired_type: What the motors really are.
+    """
+    return Tuning(
+        mm_s_per_tick=mm_s_per_tick(content),
+        p=content.p,
+        i=content.i,
+        d=content.d,
+        dead_zone=content.dead_zone,
+        # TT motors without encoder are not regulated.
+        frozen=content.motor_type == 4,
+        # The types differ in how their wires are arranged.
+        inverted=content.motor_type in (2, 3) and content.motor_type != wired_type,
+    )
+
+
+def confirmation(name: bytes, version: str) -> bytes:
+    """What follows a stored setting; 1.6.5 and older say nothing about the dead zone."""
+    numbers = tuple(whole(part.encode()) for part in version.split("."))
+    if name == b"deadzone" and numbers <= (1, 6, 5):
+        return b""
+    return b"Set " + name + b":OK!\r\n"

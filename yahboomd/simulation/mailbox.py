@@ -1,0 +1,63 @@
+"""How the streamed firmware takes bytes in: a collector, and a mailbox for one command.
+
+- ``$`` opens a frame, ``#`` closes it; between them everything is data, ``$`` and newlines too.
+- Outside a frame everything is ignored.
+- A frame of more than 51 characters is given up at its 52nd.
+- A finished frame overwrites whatever is in the mailbox, and whoever carries out a command wipes
+  the mailbox afterwards: a frame that arrived meanwhile is found empty.
+"""
+
+from __future__ import annotations
+
+LONGEST_FRAME = 51
+"""Characters between ``$`` and ``#``."""
+
+_OPEN = ord("$")
+_CLOSE = ord("#")
+
+
+class Mailbox:
+    """The receiving end of the firmware."""
+
+    def __init__(self) -> None:
+        self.ready = False
+        self.too_long = False
+        self._content = b""
+        self._collected: bytearray | None = None
+
+    def put(self, byte: int) -> bool:
+        """Take one byte; return whether the main loop now has something to do."""
+        if self._collected is None:
+            if byte == _OPEN:
+                self._collected = bytearray()
+            return False
+        if byte == _CLOSE:
+            self._content = bytes(self._collected)
+            self._collected = None
+            self.ready = True
+            return True
+        self._collected.append(byte)
+        if len(self._collected) > LONGEST_FRAME:
+            self._collected = None
+            self.too_long = True
+            return True
+        return False
+
+    def spoil(self) -> None:
+        """Damage the finished frame beyond recognition."""
+        self._content = b"\x00" + self._content[1:]
+
+    def take(self) -> bytes:
+        """What the main loop finds: the newest finished frame, or nothing where it was wiped."""
+        self.ready = False
+        return self._content
+
+    def wipe(self) -> None:
+        """Clear the content, of whichever frame it is by now."""
+        self._content = b""
+
+    def reset(self) -> None:
+        """Forget everything, half frames too."""
+        self.ready = self.too_long = False
+        self._content = b""
+        self._collected = None

@@ -1,0 +1,150 @@
+"""A motor with its gear, its wheel and its encoder, and what can be wrong with them.
+
+The law: above the dead zone the rim speed follows the output linearly, with a first-order lag; an
+output inside the dead zone brakes; no output at all lets the wheel coast.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TypeAlias
+
+import msgspec
+
+PWM_MAX = 3600
+"""Full output, in the board's PWM units."""
+
+COAST_TIME_CONSTANT_S = 0.15
+COAST_FRICTION_M_S2 = 0.3
+
+
+class MotorLaw(msgspec.Struct, frozen=True, kw_only=True):
+    """The numbers of one motor.
+
+    Attributes:
+        max_speed_m_s: Rim speed at full output.
+        dead_zone: Output at and below which it does not turn, in PWM units.
+        time_constant_s: Lag while it is driven.
+        ticks_per_metre: Counts per metre of rim travel.
+        command_sign: -1 where a positive output turns the wheel backward.
+        encoder_sign: -1 where the counts fall while the wheel rolls forward.
+    """
+
+    max_speed_m_s: float
+    dead_zone: int
+    time_constant_s: float
+    ticks_per_metre: float
+    command_sign: int = 1
+    encoder_sign: int = 1
+
+
+class MotorFaults(msgspec.Struct, frozen=True, kw_only=True):
+    """What is wrong with a motor.
+
+    Attributes:
+        encoder_dead: The counts stay.
+        encoder_reversed: The encoder's two phases are swapped: counts run the other way.
+        phases_swapped: The motor's own two wires are swapped: it turns the other way.
+        stalled: The wheel is held.
+        unplugged: Neither power nor counts pass the cable.
+        turning_m_s: The wheel turns at this rim speed, whatever the board does.
+    """
+
+    encoder_dead: bool = False
+    encoder_reversed: bool = False
+    phases_swapped: bool = False
+    stalled: bool = False
+    unplugged: bool = False
+    turning_m_s: float | None = None
+
+
+HEALTHY = MotorFaults()
+
+FAULTS: dict[str, MotorFaults] = {
+    "encoder-dead": MotorFaults(encoder_dead=True),
+    "encoder-reversed": MotorFaults(encoder_reversed=True),
+    "phases-swapped": MotorFaults(phases_swapped=True),
+    "stalled": MotorFaults(stalled=True),
+    "unplugged": MotorFaults(unplugged=True),
+    "turning": MotorFaults(turning_m_s=0.2),
+}
+"""The faults by the names that the control interface uses."""
+
+Drive: TypeAlias = tuple[float, float, float]
+"""Where the rim speed tends to (m/s), its time constant (s), and sliding friction (m/s^2)."""
+
+
+class Motor:
+    """State of one motor. Rim speeds and travel are true ones, positive forward.
+
+    Args:
+        law: Its numbers.
+        phase: Where between two counts the encoder starts, 0 to 1.
+    """
+
+    def __init__(self, law: MotorLaw, *, phase: float = 0.0) -> None:
+        self.law = law
+        self.faults = HEALTHY
+        self.pwm = 0
+        self.speed_m_s = 0.0
+        self.travel_m = 0.0
+        self._encoder_ticks = phase
+
+    @property
+    def ticks(self) -> int:
+        """What the encoder has counted since the beginning, unbounded."""
+        return math.floor(self._encoder_ticks)
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether it stands and nothing will turn it."""
+        return self.speed_m_s == 0.0 and self._drive()[0] == 0.0
+
+    def advance(self, dt_s: float) -> float:
+        """Turn for ``dt_s`` with the output held; return the rim travel in metres.
+
+        The speed is the exact solution of the first-order law over the step, and the travel its
+        exact integral.
+        """
+        if self.faults.stalled:
+            self.speed_m_s = 0.0
+            return 0.0
+        wanted, time_constant_s, friction = self._drive()
+        before = self.speed_m_s
+        decay = math.exp(-dt_s / time_constant_s)
+        after = wanted + (before - wanted) * decay
+        travel = wanted * dt_s + (before - wanted) * time_constant_s * (1.0 - decay)
+        if friction:
+            # Sliding friction ends what an exponential never would.
+            slowed = max(0.0, abs(after) - friction * dt_s)
+            after = math.copysign(slowed, after) if slowed else 0.0
+            travel = (before + after) * 0.5 * dt_s
+        elif wanted == 0.0 and abs(after) < 1e-4:
+            after = 0.0
+        self.speed_m_s = after
+        self.travel_m += travel
+        self._encoder_ticks += travel * self._ticks_per_metre()
+        return travel
+
+    def _drive(self) -> Drive:
+        law, faults = self.law, self.faults
+        if faults.stalled:
+            return 0.0, law.time_constant_s, 0.0
+        if faults.turning_m_s is not None:
+            return faults.turning_m_s, law.time_constant_s, 0.0
+        output = 0 if faults.unplugged else self.pwm
+        if output == 0:
+            return 0.0, COAST_TIME_CONSTANT_S, COAST_FRICTION_M_S2
+        effect = abs(output) - law.dead_zone
+        if effect <= 0:
+            return 0.0, law.time_constant_s, 0.0
+        share = min(1.0, effect / (PWM_MAX - law.dead_zone))
+        sign = law.command_sign * (-1 if faults.phases_swapped else 1)
+        return math.copysign(share * law.max_speed_m_s, output * sign), law.time_constant_s, 0.0
+
+    def _ticks_per_metre(self) -> float:
+        faults = self.faults
+        if faults.encoder_dead or faults.unplugged:
+            return 0.0
+        sign = self.law.encoder_sign * (-1 if faults.encoder_reversed else 1)
+        return self.law.ticks_per_metre * sign

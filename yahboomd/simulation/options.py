@@ -1,0 +1,222 @@
+"""What a simulated robot is made of, in plain values."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, TypeAlias
+
+import msgspec
+
+from yahboomd.errors import ConfigError
+from yahboomd.model import CHANNELS, Counts
+
+DialectName: TypeAlias = Literal["streamed", "polled"]
+DriveName: TypeAlias = Literal["differential", "skid_steer", "mecanum"]
+Corner: TypeAlias = Literal["left", "right", "front_left", "rear_left", "front_right", "rear_right"]
+StreamPace: TypeAlias = Literal["measured", "wire"]
+
+
+class Wiring(msgspec.Struct, frozen=True, kw_only=True):
+    """One motor, where it sits and how it is connected.
+
+    A motor that is mounted the other way round has both signs at -1. Signs that differ make the
+    board's own speed loop run away, as a wrongly wired motor does.
+
+    Attributes:
+        name: What truth and control call it.
+        position: Its plug on the board, 1 to 4.
+        corner: Where its wheel is.
+        command_sign: -1 where a positive output turns the wheel backward.
+        encoder_sign: -1 where the counts fall while the wheel rolls forward.
+        radius_scale: The true radius of its wheel as a multiple of the nominal one.
+    """
+
+    name: str
+    position: int
+    corner: Corner
+    command_sign: int = 1
+    encoder_sign: int = 1
+    radius_scale: float = 1.0
+
+
+TWO_WHEELS: tuple[Wiring, ...] = (
+    Wiring(name="left", position=1, corner="left"),
+    Wiring(name="right", position=3, corner="right"),
+)
+"""The article's robot: motor A left, motor C right, B and D free."""
+
+FOUR_WHEELS: tuple[Wiring, ...] = (
+    Wiring(name="front_left", position=1, corner="front_left"),
+    Wiring(name="rear_left", position=2, corner="rear_left"),
+    Wiring(name="front_right", position=3, corner="front_right"),
+    Wiring(name="rear_right", position=4, corner="rear_right"),
+)
+"""The vendor's robots with four wheels: M1 to M4."""
+
+WIRINGS: dict[DriveName, tuple[Wiring, ...]] = {
+    "differential": TWO_WHEELS,
+    "skid_steer": FOUR_WHEELS,
+    "mecanum": FOUR_WHEELS,
+}
+
+
+class FlashContent(msgspec.Struct, frozen=True, kw_only=True):
+    """What the streamed board keeps over a reset, with the vendor's defaults.
+
+    Attributes:
+        motor_type: 1 to 4: 520, 310, TT with encoder, TT without.
+        dead_zone: PWM units that the speed loop adds to its output.
+        lines: Encoder lines per turn of the motor.
+        ratio: Gear ratio, whole.
+        wheel_diameter_mm: What the board takes the wheels for.
+        p: Proportional gain of the speed loop.
+        i: Integral gain.
+        d: Differential gain.
+    """
+
+    motor_type: int = 1
+    dead_zone: int = 1600
+    lines: int = 11
+    ratio: int = 30
+    wheel_diameter_mm: float = 67.0
+    p: float = 0.8
+    i: float = 0.06
+    d: float = 0.5
+
+
+class ImpairmentOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """What is wrong with the line from the start; all of it can be changed at run time.
+
+    Attributes:
+        loss: Share of bytes that vanish, 0 to 1, each way.
+        corruption: Share of bytes that arrive with one bit flipped, 0 to 1, each way.
+        delay_s: What every chunk waits besides the wire, each way.
+        jitter_s: Up to this much more, at random; order is kept.
+        chunk_s: Bytes for the host arrive in chunks of this period, as USB brings them; 0 brings
+            every byte alone.
+        flush_when_idle: Hand over what there is as soon as the line falls silent, rather than at
+            the next chunk.
+    """
+
+    loss: float = 0.0
+    corruption: float = 0.0
+    delay_s: float = 0.0
+    jitter_s: float = 0.0
+    chunk_s: float = 0.001
+    flush_when_idle: bool = True
+
+
+class SimulationOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """A robot, its board and its line.
+
+    Attributes:
+        dialect: Which firmware the board runs.
+        drive: The geometry.
+        wiring: The motors; None takes the usual ones of the drive.
+        motor_type: What the motors are (1: 520), whatever the board was told.
+        lines: Encoder lines per turn of the motor.
+        ratio: The true gear ratio, which need not be whole.
+        wheel_radius_m: The true radius of the wheels.
+        wheel_separation_m: The true (effective) track.
+        wheel_base_m: Distance between the axles, for mecanum.
+        max_speed_m_s: Rim speed at full output.
+        motor_dead_zone: Output below which the motors do not turn, in PWM units.
+        time_constant_s: Lag of a driven motor.
+        battery_volts: The battery at rest.
+        flash: What the streamed board has stored.
+        firmware: The version that it reports.
+        initial_ticks: The counters at the start, as of a board that has run for a while.
+        baud: Speed of the line, 8N1.
+        stream_pace: ``measured`` sends stream lines at the rates seen on boards, ``wire`` one
+            right after the other.
+        seed: Of every random thing.
+        impairments: What is wrong with the line from the start.
+    """
+
+    dialect: DialectName = "streamed"
+    drive: DriveName = "differential"
+    wiring: tuple[Wiring, ...] | None = None
+    motor_type: int = 1
+    lines: int = 11
+    ratio: float = 30.0
+    wheel_radius_m: float = 0.0335
+    wheel_separation_m: float = 0.15
+    wheel_base_m: float = 0.15
+    max_speed_m_s: float = 1.15
+    motor_dead_zone: int = 1950
+    time_constant_s: float = 0.06
+    battery_volts: float = 7.4
+    flash: FlashContent = FlashContent()
+    firmware: str = "1.7.3"
+    initial_ticks: Counts = (0, 0, 0, 0)
+    baud: int = 115200
+    stream_pace: StreamPace = "measured"
+    seed: int = 0
+    impairments: ImpairmentOptions = ImpairmentOptions()
+
+    @property
+    def motors(self) -> tuple[Wiring, ...]:
+        """The motors, the usual ones of the drive where none are named."""
+        return WIRINGS[self.drive] if self.wiring is None else self.wiring
+
+    @property
+    def ticks_per_revolution(self) -> float:
+        """Counts of one turn of a wheel: lines x ratio x 4 edges."""
+        return self.lines * self.ratio * 4.0
+
+
+def check(options: SimulationOptions) -> None:
+    """Refuse a robot that cannot be.
+
+    Raises:
+        ConfigError: Naming everything that is impossible.
+    """
+    mistakes = [f"{name} must be positive, not {value}" for name, value in _impossible(options)]
+    mistakes += _wiring_mistakes(options)
+    line = options.impairments
+    for name, share in (("loss", line.loss), ("corruption", line.corruption)):
+        if not 0.0 <= share <= 1.0:
+            mistakes.append(f"{name} is a share from 0 to 1, not {share}")
+    for name, seconds in (
+        ("delay_s", line.delay_s),
+        ("jitter_s", line.jitter_s),
+        ("chunk_s", line.chunk_s),
+    ):
+        if not (math.isfinite(seconds) and seconds >= 0.0):
+            mistakes.append(f"{name} cannot be {seconds}")
+    if mistakes:
+        raise ConfigError(f"This robot cannot be simulated: {'; '.join(mistakes)}.")
+
+
+def _impossible(options: SimulationOptions) -> list[tuple[str, float]]:
+    numbers: tuple[tuple[str, float], ...] = (
+        ("lines", options.lines),
+        ("ratio", options.ratio),
+        ("wheel_radius_m", options.wheel_radius_m),
+        ("wheel_separation_m", options.wheel_separation_m),
+        ("wheel_base_m", options.wheel_base_m),
+        ("max_speed_m_s", options.max_speed_m_s),
+        ("time_constant_s", options.time_constant_s),
+        ("baud", options.baud),
+    )
+    return [(name, value) for name, value in numbers if not (math.isfinite(value) and value > 0.0)]
+
+
+def _wiring_mistakes(options: SimulationOptions) -> list[str]:
+    mistakes = []
+    positions = [wire.position for wire in options.motors]
+    if any(not 1 <= position <= CHANNELS for position in positions):
+        mistakes.append(f"positions go from 1 to {CHANNELS}")
+    if len(set(positions)) != len(positions):
+        mistakes.append("two motors share a position")
+    if any({wire.command_sign, wire.encoder_sign} - {1, -1} for wire in options.motors):
+        mistakes.append("signs are 1 or -1")
+    corners = {wire.corner for wire in options.motors}
+    if options.drive == "mecanum":
+        if corners != {wire.corner for wire in FOUR_WHEELS}:
+            mistakes.append("mecanum needs a motor at each corner")
+    elif not any("left" in corner for corner in corners) or not any(
+        "right" in corner for corner in corners
+    ):
+        mistakes.append("a motor is needed on each side")
+    return mistakes

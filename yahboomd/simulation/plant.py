@@ -1,0 +1,96 @@
+"""Everything that the board drives and senses: motors, chassis and battery, on given time."""
+
+from __future__ import annotations
+
+import math
+from random import Random
+
+from yahboomd.model import CHANNELS, Counts
+from yahboomd.simulation.chassis import Chassis, shares
+from yahboomd.simulation.motors import PWM_MAX, Motor, MotorLaw
+from yahboomd.simulation.options import SimulationOptions, Wiring
+
+STEP_NS = 1_000_000
+"""Longest step of the integration: far below every time constant of the motors."""
+
+SAG_V = 0.15
+"""What one motor at full output takes off the battery's voltage."""
+
+
+class Plant:
+    """Motors by their position on the board, the chassis under them, and the battery.
+
+    Args:
+        options: The robot.
+        random: Decides where between two counts each encoder starts.
+    """
+
+    def __init__(self, options: SimulationOptions, random: Random) -> None:
+        self.wiring: tuple[Wiring, ...] = options.motors
+        self.motor_type = options.motor_type
+        self.battery_volts = options.battery_volts
+        self.motors = [_motor(options, wire, random.random()) for wire in self.wiring]
+        self.chassis = Chassis(
+            shares(
+                options.drive,
+                self.wiring,
+                wheel_separation_m=options.wheel_separation_m,
+                wheel_base_m=options.wheel_base_m,
+            )
+        )
+        self._by_position: list[Motor | None] = [None] * CHANNELS
+        for wire, motor in zip(self.wiring, self.motors, strict=True):
+            self._by_position[wire.position - 1] = motor
+        self._now_ns = 0
+        self._started = False
+
+    def start(self, now_ns: int) -> None:
+        """Time begins here."""
+        self._now_ns = now_ns
+        self._started = True
+
+    def set_outputs(self, pwm: tuple[int, ...]) -> None:
+        """Outputs of the four positions from now on, in PWM units."""
+        for motor, value in zip(self._by_position, pwm, strict=True):
+            if motor is not None:
+                motor.pwm = value
+
+    @property
+    def ticks(self) -> Counts:
+        """What the encoders have counted since the beginning, positions 1 to 4."""
+        first, second, third, fourth = (m.ticks if m else 0 for m in self._by_position)
+        return first, second, third, fourth
+
+    @property
+    def volts(self) -> float:
+        """The battery under its present load."""
+        load = sum(abs(motor.pwm) for motor in self.motors) / PWM_MAX
+        return self.battery_volts - SAG_V * load
+
+    def advance(self, now_ns: int) -> None:
+        """Turn the motors and move the chassis up to ``now_ns``."""
+        assert self._started, "a plant needs a start time"
+        elapsed_ns = now_ns - self._now_ns
+        if elapsed_ns <= 0:
+            return
+        self._now_ns = now_ns
+        if all(motor.at_rest for motor in self.motors):
+            return
+        steps = -(-elapsed_ns // STEP_NS)
+        dt_s = elapsed_ns / steps / 1e9
+        for _ in range(steps):
+            self.chassis.advance([motor.advance(dt_s) for motor in self.motors])
+
+
+def _motor(options: SimulationOptions, wire: Wiring, phase: float) -> Motor:
+    circumference_m = 2.0 * math.pi * options.wheel_radius_m * wire.radius_scale
+    law = MotorLaw(
+        # Full output is a rate of turning: a larger wheel runs faster.
+        max_speed_m_s=options.max_speed_m_s * wire.radius_scale,
+        dead_zone=options.motor_dead_zone,
+        time_constant_s=options.time_constant_s,
+        ticks_per_metre=options.ticks_per_revolution / circumference_m,
+        command_sign=wire.command_sign,
+        encoder_sign=wire.encoder_sign,
+    )
+    return Motor(law, phase=phase)

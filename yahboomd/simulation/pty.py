@@ -1,0 +1,286 @@
+"""A simulated robot on a pseudo-terminal, in real time: what a host opens like a serial port.
+
+- Bytes are paced on an absolute schedule; the kernel's timer wakes us when there is something to
+  hand over, an incoming command wakes us at once.
+- Nobody has the port open: the board runs on, what it says is lost, and we look every few
+  milliseconds whether somebody has come (a pty tells only by reading it).
+- The host does not read: what the pty does not take is lost, as with a UART.
+- The host writes faster than the wire carries: we stop reading, and the host's buffer fills.
+- Unplugging closes the pty, which the host sees as a hang-up, and removes the link; replugging
+  makes a new pty behind the same link.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import termios
+import tty
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from yahboomd.clock import Alarm, SystemClock
+from yahboomd.errors import ConfigError
+from yahboomd.simulation.control import execute, serve_control
+from yahboomd.simulation.robot import SimulatedRobot
+from yahboomd.simulation.truth import TruthWriter
+
+READ_BYTES = 4096
+BACKLOG_NS = 40_000_000
+"""Time on the wire of what we take from a host in advance: about 460 bytes at 115200 baud."""
+
+
+class PtyPort:
+    """The board's end of a pty.
+
+    Attributes:
+        name: The device, such as ``/dev/pts/5``; empty while unplugged.
+        dropped_bytes: What no host took.
+        ended: Done with the error if something went wrong inside.
+
+    Args:
+        robot: What is served.
+        link: A symbolic link to the device, kept up to date.
+    """
+
+    def __init__(self, robot: SimulatedRobot, *, link: Path | None = None) -> None:
+        self.robot = robot
+        self.link = link
+        self.name = ""
+        self.dropped_bytes = 0
+        self.ended: asyncio.Future[None]
+        self._clock = SystemClock()
+        self._loop: asyncio.AbstractEventLoop
+        self._alarm: Alarm
+        self._master = -1
+        self._host = False
+        self._reading = False
+
+    @property
+    def has_host(self) -> bool:
+        """Whether somebody has the port open, as far as we have looked."""
+        return self._host
+
+    def open(self) -> None:
+        """Make the pty and the link, and start, on the running loop.
+
+        Raises:
+            ConfigError: The link cannot be made.
+            OSError: The system has no pty for us.
+        """
+        self._loop = asyncio.get_running_loop()
+        self.ended = self._loop.create_future()
+        self._alarm = self._clock.alarm(self._wake)
+        try:
+            self._plug_in()
+        except BaseException:
+            self.close()
+            raise
+        self.robot.start(self._clock.now_ns())
+        self.robot.on_plug = self._plugged
+        self._alarm.set(self.robot.next_ns)
+
+    def close(self) -> None:
+        """Hang up, remove the link; safe to call twice."""
+        self.robot.on_plug = None
+        self._alarm.close()
+        self._pull_out()
+
+    def command(self, line: str) -> str:
+        """Carry out a control command, and return what it answers."""
+        answer = execute(self.robot, line, self._clock.now_ns())
+        self._schedule()
+        return answer
+
+    # On the loop.
+
+    def _wake(self) -> None:
+        try:
+            chunks = self.robot.advance(self._clock.now_ns())
+            if chunks:
+                self._write(b"".join(chunks) if len(chunks) > 1 else chunks[0])
+            if self._master >= 0 and not self._reading and not self._stuffed():
+                self._read()
+            self._schedule()
+        except Exception as why:  # noqa: BLE001 - a callback has nobody else to tell
+            self._fail(why)
+
+    def _readable(self) -> None:
+        try:
+            self._read()
+            self._schedule()
+        except Exception as why:  # noqa: BLE001 - a callback has nobody else to tell
+            self._fail(why)
+
+    def _fail(self, why: Exception) -> None:
+        if not self.ended.done():
+            self.ended.set_exception(why)
+
+    def _schedule(self) -> None:
+        self._alarm.set(self.robot.next_ns)
+
+    def _stuffed(self) -> bool:
+        return self.robot.host_backlog_ns(self._clock.now_ns()) > BACKLOG_NS
+
+    def _read(self) -> None:
+        if self._master < 0:
+            return
+        try:
+            data = os.read(self._master, READ_BYTES)
+        except BlockingIOError:
+            self._host_is_there()
+            return
+        except OSError:
+            # EIO: nobody has the other end open.
+            self._host_is_gone()
+            return
+        if not data:
+            self._host_is_gone()
+            return
+        self._host_is_there()
+        self.robot.host_wrote(data, self._clock.now_ns())
+        if self._stuffed():
+            self._stop_reading()
+
+    def _host_is_there(self) -> None:
+        if not self._host:
+            self._host = True
+            # What was said to nobody is gone.
+            self.robot.forget_output()
+        if not self._reading:
+            self._reading = True
+            self._loop.add_reader(self._master, self._readable)
+
+    def _host_is_gone(self) -> None:
+        self._stop_reading()
+        if not self._host:
+            return
+        self._host = False
+        # The next host must not read what this one left.
+        with contextlib.suppress(OSError, termios.error):
+            slave = os.open(self.name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+            try:
+                termios.tcflush(slave, termios.TCIFLUSH)
+            finally:
+                os.close(slave)
+
+    def _stop_reading(self) -> None:
+        # A pty without a host is readable for ever: it would be read in a tight loop.
+        if self._reading:
+            self._reading = False
+            self._loop.remove_reader(self._master)
+
+    def _write(self, data: bytes) -> None:
+        written = 0
+        if self._master >= 0 and self._host:
+            with contextlib.suppress(OSError):
+                written = os.write(self._master, data)
+        self.dropped_bytes += len(data) - written
+
+    # The plug.
+
+    def _plugged(self, plugged: bool) -> None:
+        if plugged:
+            self._plug_in()
+        else:
+            self._pull_out()
+
+    def _plug_in(self) -> None:
+        master, slave = os.openpty()
+        try:
+            tty.setraw(slave)
+            self.name = os.ttyname(slave)
+            os.set_blocking(master, False)
+            if self.link is not None:
+                _point(self.link, self.name)
+        except BaseException:
+            os.close(master)
+            raise
+        finally:
+            os.close(slave)
+        self._master = master
+
+    def _pull_out(self) -> None:
+        if self._master < 0:
+            return
+        self._stop_reading()
+        if self.link is not None:
+            _unpoint(self.link, self.name)
+        os.close(self._master)
+        self._master = -1
+        self._host = False
+        self.name = ""
+
+
+async def serve(
+    robot: SimulatedRobot,
+    *,
+    link: Path | None = None,
+    truth: Path | None = None,
+    control: Path | None = None,
+    at_start: Sequence[str] = (),
+    ready: Callable[[PtyPort], None] = lambda _port: None,
+) -> None:
+    """Serve a robot on a pty until cancelled.
+
+    Args:
+        robot: The robot; its time starts now.
+        link: A symbolic link to the device.
+        truth: Where to write the ground truth.
+        control: A unix socket that takes control commands.
+        at_start: Control commands to carry out first.
+        ready: Called once the port can be opened.
+
+    Raises:
+        ConfigError: A path cannot be used, or a command of ``at_start`` is wrong.
+        OSError: The system has no pty for us.
+    """
+    port = PtyPort(robot, link=link)
+    async with contextlib.AsyncExitStack() as stack:
+        if truth is not None:
+            stack.callback(_follow(robot, truth).close)
+        port.open()
+        stack.callback(port.close)
+        for line in at_start:
+            answer = port.command(line)
+            if not answer.startswith("ok"):
+                raise ConfigError(f"{line!r} at the start: {answer}.")
+        if control is not None:
+            server = await serve_control(control, port.command)
+            stack.callback(control.unlink, missing_ok=True)
+            stack.callback(server.close)
+        ready(port)
+        await port.ended
+
+
+def _follow(robot: SimulatedRobot, path: Path) -> TruthWriter:
+    writer = TruthWriter(path)
+    try:
+        writer.open()
+    except OSError as why:
+        raise ConfigError(f"The ground truth cannot be written: {why}.") from why
+    robot.on_truth = writer.write
+    return writer
+
+
+def _point(link: Path, target: str) -> None:
+    """Make a link, or turn one to a new target, in one step."""
+    if link.exists() and not link.is_symlink():
+        raise ConfigError(
+            f"{link} exists and is no link.", remedy="Choose another name, or remove it."
+        )
+    beside = link.with_name(f".{link.name}.{os.getpid()}")
+    try:
+        beside.unlink(missing_ok=True)
+        beside.symlink_to(target)
+        beside.replace(link)
+    except OSError as why:
+        raise ConfigError(f"The link {link} cannot be made: {why}.") from why
+
+
+def _unpoint(link: Path, target: str) -> None:
+    """Remove a link, if it still is ours."""
+    with contextlib.suppress(OSError):
+        if str(link.readlink()) == target:
+            link.unlink()

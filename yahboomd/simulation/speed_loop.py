@@ -1,0 +1,168 @@
+"""The 100 Hz interrupt of the firmware: counters, and an incremental speed loop per motor.
+
+The loop adds to its output u, every 10 ms, with the error e = target - measured:
+
+    du = P (e - e1) + I e + D (e - 2 e1 + e2)
+
+Where the error stays zero the output stays what it is. So a dead encoder with target 0 keeps the
+wheel running, and a reversed one drives it to full speed.
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+from yahboomd.model import CHANNELS, Counts
+from yahboomd.simulation.motors import PWM_MAX
+from yahboomd.simulation.plant import Plant
+
+TICK_NS = 10_000_000
+"""Period of the interrupt."""
+
+SPEED_MAX = 1000
+"""Largest speed command, in mm/s."""
+
+GAIN = 4.0
+"""PWM units per mm/s of error and unit of gain; tuned so that the default gains settle within
+0.1 to 0.3 s, as on the real motors."""
+
+
+class Tuning(msgspec.Struct, frozen=True, kw_only=True):
+    """What the interrupt takes from the settings.
+
+    Attributes:
+        mm_s_per_tick: Rim speed that one count in 10 ms stands for; 0 where the settings hold a
+            zero, and the board measures nothing.
+        p: Proportional gain.
+        i: Integral gain.
+        d: Differential gain.
+        dead_zone: PWM units added to the loop's output.
+        frozen: The loop does not run, outputs stay.
+        inverted: Outputs go out with the other sign, as for motors of another type.
+        zero_releases: Target 0 switches the output off instead of regulating.
+    """
+
+    mm_s_per_tick: float
+    p: float
+    i: float
+    d: float
+    dead_zone: int
+    frozen: bool = False
+    inverted: bool = False
+    zero_releases: bool = False
+
+
+class SpeedLoop:
+    """The loop of one motor."""
+
+    def __init__(self) -> None:
+        self.target_mm_s = 0
+        self._output = 0.0
+        self._error = 0.0
+        self._error_before = 0.0
+
+    def reset(self) -> None:
+        """Forget output and errors; the target stays."""
+        self._output = self._error = self._error_before = 0.0
+
+    def step(self, measured_mm_s: float, tuning: Tuning) -> int:
+        """The output of the next 10 ms, in PWM units."""
+        error = self.target_mm_s - measured_mm_s
+        change = (
+            tuning.p * (error - self._error)
+            + tuning.i * error
+            + tuning.d * (error - 2.0 * self._error + self._error_before)
+        )
+        self._error_before, self._error = self._error, error
+        self._output = min(PWM_MAX, max(-PWM_MAX, self._output + GAIN * change))
+        whole = int(self._output)
+        if whole == 0:
+            return 0
+        if whole > 0:
+            return min(PWM_MAX, whole + tuning.dead_zone)
+        return max(-PWM_MAX, whole - tuning.dead_zone)
+
+
+class MotorControl:
+    """Counters, modes and outputs of the four positions.
+
+    Args:
+        plant: What is driven and sensed.
+        totals: The counters at the start.
+    """
+
+    def __init__(self, plant: Plant, totals: Counts = (0, 0, 0, 0)) -> None:
+        self._plant = plant
+        self.totals: Counts = totals
+        self.deltas: Counts = (0, 0, 0, 0)
+        self._seen: Counts = plant.ticks
+        self._loops = [SpeedLoop() for _ in range(CHANNELS)]
+        self._regulates = False
+
+    def restart(self) -> None:
+        """What a reset of the MCU does: motors go, counters start from zero."""
+        self.release()
+        self.totals = (0, 0, 0, 0)
+        self.deltas = (0, 0, 0, 0)
+        self._seen = self._plant.ticks
+
+    def release(self) -> None:
+        """Outputs off, no regulation."""
+        self._regulates = False
+        self._reset_loops()
+        self._plant.set_outputs((0,) * CHANNELS)
+
+    def regulate(self, targets_mm_s: tuple[int, ...]) -> None:
+        """Hold these rim speeds from the next interrupt on."""
+        self._regulates = True
+        for loop, target in zip(self._loops, targets_mm_s, strict=True):
+            loop.target_mm_s = target
+
+    def drive(self, pwm: tuple[int, ...], *, inverted: bool = False) -> None:
+        """Set the outputs, open loop, at once."""
+        self._regulates = False
+        self._reset_loops()
+        self._plant.set_outputs(tuple(-value if inverted else value for value in pwm))
+
+    def tick(self, now_ns: int, tuning: Tuning) -> None:
+        """One interrupt: read the encoders, then regulate."""
+        self._plant.advance(now_ns)
+        ticks = self._plant.ticks
+        a, b, c, d = (new - old for new, old in zip(ticks, self._seen, strict=True))
+        self._seen = ticks
+        self.deltas = (a, b, c, d)
+        if a or b or c or d:
+            first, second, third, fourth = self.totals
+            self.totals = (
+                _int32(first + a),
+                _int32(second + b),
+                _int32(third + c),
+                _int32(fourth + d),
+            )
+        if not self._regulates or tuning.frozen:
+            return
+        self._plant.set_outputs(tuple(self._outputs(tuning)))
+
+    def speeds_mm_s(self, tuning: Tuning) -> tuple[float, ...]:
+        """Rim speeds over the latest 10 ms, as the board believes."""
+        return tuple(delta * tuning.mm_s_per_tick for delta in self.deltas)
+
+    def _outputs(self, tuning: Tuning) -> list[int]:
+        outputs = []
+        for loop, measured in zip(self._loops, self.speeds_mm_s(tuning), strict=True):
+            if tuning.zero_releases and loop.target_mm_s == 0:
+                loop.reset()
+                outputs.append(0)
+                continue
+            output = loop.step(measured, tuning)
+            outputs.append(-output if tuning.inverted else output)
+        return outputs
+
+    def _reset_loops(self) -> None:
+        for loop in self._loops:
+            loop.target_mm_s = 0
+            loop.reset()
+
+
+def _int32(value: int) -> int:
+    return (value + 0x8000_0000) % 0x1_0000_0000 - 0x8000_0000

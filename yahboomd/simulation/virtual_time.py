@@ -1,0 +1,117 @@
+"""An event loop whose time jumps: whatever waits for a timer waits no real time.
+
+When nothing is ready to run, the loop's time moves to the next timer at once. Files, sockets and
+threads still work, but take no virtual time: work handed to a thread may find that timers have
+run meanwhile.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import functools
+import math
+import selectors
+from collections.abc import Callable, Coroutine, Mapping
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+
+from yahboomd.clock import NS_PER_S
+
+if TYPE_CHECKING:
+    from _typeshed import FileDescriptorLike
+
+T = TypeVar("T")
+P = ParamSpec("P")
+
+START_NS = 1_000 * NS_PER_S
+"""Where virtual time starts: not at 0, which hides mistakes."""
+
+REAL_PATIENCE_S = 5.0
+"""How long to wait, in real time, for a thread or a socket when no timer is left."""
+
+
+class Deadlock(RuntimeError):
+    """Nothing is ready, no timer is left, and nothing came from outside."""
+
+
+class _Selector(selectors.BaseSelector):
+    """Looks at real files without waiting, then moves the time instead."""
+
+    def __init__(self) -> None:
+        self._real = selectors.DefaultSelector()
+        self.now_ns = START_NS
+
+    def register(
+        self, fileobj: FileDescriptorLike, events: int, data: object = None
+    ) -> selectors.SelectorKey:
+        return self._real.register(fileobj, events, data)
+
+    def unregister(self, fileobj: FileDescriptorLike) -> selectors.SelectorKey:
+        return self._real.unregister(fileobj)
+
+    def modify(
+        self, fileobj: FileDescriptorLike, events: int, data: object = None
+    ) -> selectors.SelectorKey:
+        return self._real.modify(fileobj, events, data)
+
+    def get_map(self) -> Mapping[FileDescriptorLike, selectors.SelectorKey]:
+        return self._real.get_map()
+
+    def close(self) -> None:
+        self._real.close()
+
+    def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
+        ready = self._real.select(0)
+        if ready or timeout == 0:
+            return ready
+        if timeout is None:
+            ready = self._real.select(REAL_PATIENCE_S)
+            if not ready:
+                raise Deadlock("every task waits for something that no timer will bring")
+            return ready
+        self.now_ns += max(1, math.ceil(timeout * NS_PER_S))
+        return []
+
+
+class VirtualTimeLoop(asyncio.SelectorEventLoop):
+    """The loop; its ``time()`` is virtual."""
+
+    def __init__(self) -> None:
+        # The base class asks for the time while it is being made.
+        self._virtual = _Selector()
+        super().__init__(self._virtual)
+
+    def time(self) -> float:
+        """Virtual seconds."""
+        return self._virtual.now_ns / NS_PER_S
+
+
+def run(main: Coroutine[Any, Any, T]) -> T:
+    """Run a coroutine on a fresh virtual-time loop and return its result.
+
+    Raises:
+        Deadlock: It waits for something that never comes.
+        RuntimeError: It has left tasks behind.
+    """
+    with asyncio.Runner(loop_factory=VirtualTimeLoop) as runner:
+        return runner.run(_leaving_nothing(main))
+
+
+async def _leaving_nothing(main: Coroutine[Any, Any, T]) -> T:
+    result = await main
+    # One turn for what was cancelled last.
+    await asyncio.sleep(0)
+    left = asyncio.all_tasks() - {asyncio.current_task()}
+    if left:
+        names = ", ".join(sorted(task.get_name() for task in left if task is not None))
+        raise RuntimeError(f"tasks were left running: {names}")
+    return result
+
+
+def on_virtual_time(test: Callable[P, Coroutine[Any, Any, T]]) -> Callable[P, T]:
+    """Turn a coroutine function into a plain one that runs on virtual time, for tests."""
+
+    @functools.wraps(test)
+    def wrapper(*args: P.args, **kwargs: P.kwargs) -> T:
+        return run(test(*args, **kwargs))
+
+    return wrapper
