@@ -115,6 +115,24 @@ def test_every_message_is_read_as_we_wrote_it(us, native_node, spoken):
         thread.join()
 
 
+def test_the_attachment_of_every_sample_is_read(us, native_node, eventually, spoken):
+    gid = us.announce("MP", "odom", ros2.ODOMETRY, ros2.Qos())
+    key = us.key("odom", ros2.ODOMETRY)
+    attached = ros2.attachment(7, 1_700_000_000_123_456_789, gid)
+    declared = us.session.declare_publisher(key)
+
+    def heard():
+        declared.put(spoken["/odom"].payload, attachment=attached)
+        return [e for e in native_node.events if e.get("topic") == "/odom"]
+
+    assert eventually(heard, "a sample")[0]["attachment"] == {
+        "sequence": 7,
+        "stamp_ns": 1_700_000_000_123_456_789,
+        "gid": list(gid),
+        "bytes": 33,
+    }
+
+
 def test_commands_arrive_with_their_attachment(us, native_node, eventually):
     got = []
     with us.commands(got):

@@ -13,10 +13,12 @@ use std::{
 };
 
 use hiroz::{
+    attachment::Attachment,
     context::ZContextBuilder,
+    msg::{ZDeserializer, ZMessage},
     node::ZNode,
     qos::{QosDurability, QosHistory, QosProfile, QosReliability},
-    Builder, Result,
+    Builder, Result, WithTypeInfo,
 };
 use hiroz_msgs::{
     diagnostic_msgs::DiagnosticArray,
@@ -26,7 +28,9 @@ use hiroz_msgs::{
     std_srvs::{srv, SetBoolRequest, TriggerRequest},
     tf2_msgs::TFMessage,
 };
+use serde::Serialize;
 use serde_json::{json, Value};
+use zenoh::sample::Sample;
 
 const CALL_TIMEOUT: Duration = Duration::from_secs(5);
 
@@ -36,16 +40,42 @@ fn say(line: Value) {
     let _ = writeln!(out, "{line}").and_then(|()| out.flush());
 }
 
-/// Subscribes and prints; the handle keeps the subscription alive.
-macro_rules! listen {
-    ($node:expr, $type:ty, $topic:literal, $qos:expr) => {
-        $node
-            .create_sub::<$type>($topic)
-            .with_qos($qos)
-            .build_with_callback(|message| {
-                say(json!({"event": "message", "topic": $topic, "message": message}))
-            })?
-    };
+/// What rmw_zenoh reads of an attachment. It ends the process when it cannot; here it is said.
+fn attached(sample: &Sample) -> Result<Value> {
+    let bytes = sample.attachment().ok_or("no attachment")?;
+    let attachment = Attachment::try_from(bytes)?;
+    Ok(json!({
+        "sequence": attachment.sequence_number,
+        "stamp_ns": attachment.source_timestamp,
+        "gid": attachment.source_gid,
+        "bytes": bytes.len(),
+    }))
+}
+
+/// Subscribes, and prints what comes from a thread of its own.
+fn listen<T>(node: &ZNode, topic: &'static str, qos: QosProfile) -> Result<()>
+where
+    T: ZMessage + WithTypeInfo + Serialize,
+    T::Serdes: for<'a> ZDeserializer<Output = T, Input<'a> = &'a [u8]> + Send,
+{
+    let subscriber = node.create_sub::<T>(topic).with_qos(qos).build()?;
+    thread::spawn(move || {
+        while let Ok(sample) = subscriber.recv_serialized() {
+            let message = T::deserialize(&sample.payload().to_bytes());
+            match (message, attached(&sample)) {
+                (Ok(message), Ok(attachment)) => say(json!({
+                    "event": "message", "topic": topic, "message": message, "attachment": attachment,
+                })),
+                (Err(error), _) => {
+                    say(json!({"event": "error", "topic": topic, "message": error.to_string()}))
+                }
+                (_, Err(error)) => {
+                    say(json!({"event": "error", "topic": topic, "message": error.to_string()}))
+                }
+            }
+        }
+    });
+    Ok(())
 }
 
 fn call(node: &ZNode, service: &str, data: Option<bool>) -> Result<Value> {
@@ -79,7 +109,7 @@ fn main() -> Result<()> {
 
     let reliable = QosProfile {
         reliability: QosReliability::Reliable,
-        history: QosHistory::from_depth(10),
+        history: QosHistory::from_depth(1000), // what is printed late is not lost
         ..Default::default()
     };
     let best_effort = QosProfile {
@@ -90,12 +120,12 @@ fn main() -> Result<()> {
         durability: QosDurability::TransientLocal,
         ..reliable
     };
-    let _odom = listen!(node, Odometry, "/odom", reliable);
-    let _tf = listen!(node, TFMessage, "/tf", reliable);
-    let _tf_static = listen!(node, TFMessage, "/tf_static", latched);
-    let _joints = listen!(node, JointState, "/joint_states", best_effort);
-    let _battery = listen!(node, BatteryState, "/battery_state", best_effort);
-    let _diagnostics = listen!(node, DiagnosticArray, "/diagnostics", reliable);
+    listen::<Odometry>(&node, "/odom", reliable)?;
+    listen::<TFMessage>(&node, "/tf", reliable)?;
+    listen::<TFMessage>(&node, "/tf_static", latched)?;
+    listen::<JointState>(&node, "/joint_states", best_effort)?;
+    listen::<BatteryState>(&node, "/battery_state", best_effort)?;
+    listen::<DiagnosticArray>(&node, "/diagnostics", reliable)?;
 
     let cmd_vel = node
         .create_pub::<Twist>("/cmd_vel")
