@@ -1,0 +1,24 @@
+"""Fixtures of the bus's tests: an open bus on a port of its own, and applications to reach it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from zenoh_fixtures import free_endpoint, zenoh_app, zenoh_router
+
+from yahboomd.bus.options import BusOptions
+from yahboomd.bus.session import Bus
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator
+
+__all__ = ["bus", "zenoh_app", "zenoh_router"]
+
+
+@pytest.fixture
+async def bus() -> AsyncIterator[Bus]:
+    """An open bus that joins nobody."""
+    bus = Bus(BusOptions(listen=(free_endpoint(),), connect=(), namespace="bot1"))
+    async with bus:
+        yield bus

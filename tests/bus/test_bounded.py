@@ -1,0 +1,60 @@
+import asyncio
+import threading
+
+import pytest
+from zenoh_fixtures import eventually
+
+from yahboomd.bus.bounded import bounded
+
+
+async def test_result_of_the_call_is_returned():
+    assert await bounded(lambda: 7, timeout_s=20, name="test") == 7
+
+
+async def test_error_of_the_call_is_raised():
+    with pytest.raises(ZeroDivisionError):
+        await bounded(lambda: 1 / 0, timeout_s=20, name="test")
+
+
+async def test_a_call_that_never_returns_is_left_behind_in_a_daemon():
+    release, late = threading.Event(), []
+    with pytest.raises(TimeoutError):
+        await bounded(
+            lambda: release.wait() and "late", timeout_s=0.01, name="stuck", late=late.append
+        )
+    (thread,) = [thread for thread in threading.enumerate() if thread.name == "stuck"]
+    assert thread.daemon
+    release.set()
+    await eventually(lambda: late)
+    assert late == ["late"]
+
+
+async def test_result_goes_to_late_when_the_waiting_task_is_cancelled():
+    release, late = threading.Event(), []
+    task = asyncio.create_task(
+        bounded(lambda: release.wait() and 1, timeout_s=20, name="cancelled", late=late.append)
+    )
+    await asyncio.sleep(0)
+    task.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await task
+    release.set()
+    await eventually(lambda: late)
+
+
+def test_result_goes_to_late_when_the_loop_has_ended():
+    release, done, late = threading.Event(), threading.Event(), []
+
+    async def leave():
+        with pytest.raises(TimeoutError):
+            await bounded(
+                lambda: release.wait() and 1,
+                timeout_s=0.01,
+                name="orphan",
+                late=lambda result: (late.append(result), done.set()),
+            )
+
+    asyncio.run(leave())
+    release.set()
+    assert done.wait(20)
+    assert late == [1]

@@ -1,0 +1,50 @@
+import zenoh
+from hypothesis import given
+from hypothesis import strategies as st
+
+from yahboomd.bus import keys
+
+CHUNKS = st.lists(st.text(min_size=1, max_size=8), min_size=1, max_size=4).map("/".join)
+
+
+def test_namespace_goes_in_front_of_every_key():
+    assert keys.full_key("bot1", keys.POSE) == "bot1/yahboomd/pose"
+    assert keys.full_key("site/bot1", keys.CMD_VEL) == "site/bot1/cmd_vel"
+
+
+def test_without_a_namespace_a_key_is_itself():
+    assert keys.full_key("", keys.ESTOP) == "yahboomd/estop"
+
+
+def test_a_key_with_a_leading_slash_is_outside_the_namespace():
+    assert keys.full_key("bot1", "/0/odom/x") == "0/odom/x"
+
+
+def test_names_that_zenoh_or_a_reader_would_trip_over_are_refused():
+    for name in ("/bot1", "bot1/", "a//b", "bot*", "a/**", "b$t", "who?", "a#b", "a b", "@bot", ""):
+        assert keys.name_problem(name), name
+
+
+def test_usual_names_are_accepted():
+    for name in ("bot1", "site/hall-2/bot_1", "Roboter.7", "café"):
+        assert keys.name_problem(name) is None, name
+
+
+@given(CHUNKS)
+def test_zenoh_takes_every_name_that_is_accepted(name):
+    if keys.name_problem(name) is None:
+        assert str(zenoh.KeyExpr(keys.full_key(name, keys.POSE))) == f"{name}/yahboomd/pose"
+
+
+def test_every_key_is_a_name():
+    names = [value for name, value in vars(keys).items() if name.isupper() and name[0] != "_"]
+    assert names
+    assert [name for name in names if keys.name_problem(name)] == []
+    assert len(set(names)) == len(names)
+
+
+def test_holder_of_a_token_is_read_back():
+    assert keys.holder_of("bot1/yahboomd/alive", keys.holder_key("bot1/yahboomd/alive", "ab")) == "ab"
+    assert keys.holder_of("bot1/yahboomd/alive", "bot1/yahboomd/alive") is None
+    assert keys.holder_of("bot1/yahboomd/alive", "bot2/yahboomd/alive/ab") is None
+    assert keys.holder_of("bot1/yahboomd/alive", "bot1/yahboomd/alive/ab/cd") is None

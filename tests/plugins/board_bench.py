@@ -1,0 +1,134 @@
+"""A simulated board behind the session's port, on virtual time."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Any, Self
+
+from yahboomd.clock import LoopClock
+from yahboomd.link.handshake import Identity
+from yahboomd.link.port import byte_time_ns
+from yahboomd.link.session import Session, SessionOptions
+from yahboomd.model import EncoderReading, Event
+from yahboomd.simulation.memory import MemoryPort
+from yahboomd.simulation.options import SimulationOptions
+from yahboomd.simulation.robot import SimulatedRobot
+
+
+class BoardPort:
+    """The simulated board's line, as the session wants a port; it keeps what was written."""
+
+    name = "/dev/simulated"
+    byte_ns = byte_time_ns(115200)
+    pending = 0
+
+    def __init__(self, robot: SimulatedRobot) -> None:
+        self._memory = MemoryPort(robot)
+        self._memory.open()
+        self._clock = LoopClock()
+        self.written: list[tuple[int, bytes]] = []
+        self.closed = False
+
+    def listen(self, on_data: Any, on_lost: Any) -> None:
+        self._memory.on_data = on_data
+        self._memory.on_lost = on_lost
+
+    def write(self, data: bytes) -> None:
+        self.written.append((self._clock.now_ns(), data))
+        self._memory.write(data)
+
+    async def drain(self, timeout_s: float) -> bool:
+        await asyncio.sleep(0.005)
+        return self._memory.is_open
+
+    def close(self) -> None:
+        self.closed = True
+        self._memory.on_data = lambda _: None
+        self._memory.on_lost = lambda _: None
+        self._memory.close()
+
+    @property
+    def frames(self) -> list[bytes]:
+        return [data.strip(b"\n") for _, data in self.written]
+
+
+class Recorder:
+    """Hears what the session tells."""
+
+    def __init__(self) -> None:
+        self.identities: list[Identity] = []
+        self.readings: list[EncoderReading] = []
+        self.volts: list[float] = []
+        self.resets: list[str] = []
+        self.events: list[Event] = []
+
+    def connected(self, session: Session, identity: Identity) -> None:
+        self.identities.append(identity)
+
+    def reading(self, reading: EncoderReading) -> None:
+        self.readings.append(reading)
+
+    def battery(self, volts: float) -> None:
+        self.volts.append(volts)
+
+    def board_reset(self, version: str) -> None:
+        self.resets.append(version)
+
+    def event(self, event: Event) -> None:
+        self.events.append(event)
+
+
+class Bench:
+    """A robot, a session with it, and what both said."""
+
+    def __init__(
+        self, simulation: SimulationOptions | None = None, options: SessionOptions | None = None
+    ) -> None:
+        self.robot = SimulatedRobot(simulation or SimulationOptions())
+        self.recorder = Recorder()
+        self.options = options or SessionOptions()
+        self.port: BoardPort | None = None
+        self.session = Session(self.open, LoopClock(), self.recorder, self.options)
+        self.task: asyncio.Task[None] | None = None
+
+    async def open(self) -> BoardPort:
+        self.port = BoardPort(self.robot)
+        return self.port
+
+    async def __aenter__(self) -> Self:
+        self.task = asyncio.create_task(self.session.run())
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self.stop()
+
+    async def stop(self) -> None:
+        assert self.task is not None
+        self.task.cancel()
+        await asyncio.gather(self.task, return_exceptions=True)
+
+    async def ended(self) -> None:
+        """Wait until the session ends, and raise what ended it."""
+        assert self.task is not None
+        await self.task
+
+    async def connected(self) -> None:
+        await self.until(lambda: self.recorder.readings)
+
+    async def until(self, condition: Callable[[], object], within_s: float = 10.0) -> None:
+        """Wait, in virtual time, until a condition holds or the session ended."""
+        assert self.task is not None
+        async with asyncio.timeout(within_s):
+            while not condition():
+                if self.task.done():
+                    self.task.result()
+                await asyncio.sleep(0.001)
+
+    def now_ns(self) -> int:
+        return LoopClock().now_ns()
+
+    @property
+    def rim_speeds(self) -> list[float]:
+        """The true speeds of the wheels."""
+        return [motor.speed_m_s for motor in self.robot.plant.motors]

@@ -1,0 +1,122 @@
+"""Real Zenoh sessions and routers for tests. Whatever is started here is ended by its handle.
+
+Import the fixtures by name in a conftest.py to have them.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+import zenoh
+from zenoh.handlers import Callback
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+PATIENCE_S = 20.0
+"""Nothing here is judged by time; after so long a condition is taken never to come."""
+
+
+def free_endpoint() -> str:
+    """A loopback endpoint that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+async def eventually(condition: Callable[[], Any]) -> Any:
+    """What ``condition`` returns once that is true; fails the test when it never is."""
+    for _ in range(int(PATIENCE_S / 0.01)):
+        if result := condition():
+            return result
+        await asyncio.sleep(0.01)
+    pytest.fail(f"never came true: {condition}")
+
+
+class ZenohRouter:
+    """A router in a process of its own."""
+
+    def __init__(self, endpoint: str) -> None:
+        self.endpoint = endpoint
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def start(self) -> None:
+        """Start it; returns when it listens."""
+        script = Path(__file__).with_name("zenoh_router_process.py")
+        self._process = subprocess.Popen(
+            [sys.executable, str(script), self.endpoint],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+        )
+        assert self._process.stdout is not None
+        assert self._process.stdout.readline() == b"ready\n"
+
+    def kill(self) -> None:
+        """End it as a power failure would."""
+        process, self._process = self._process, None
+        if process is not None:
+            process.kill()
+            process.communicate()
+
+
+class ZenohApp:
+    """An application: a session that is nothing of yahboomd's."""
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self.session = session
+
+    def collect(self, key: str) -> list[zenoh.Sample]:
+        """A list that grows by what arrives on ``key``."""
+        samples: list[zenoh.Sample] = []
+        self.session.declare_subscriber(key, Callback(samples.append, indirect=False))
+        return samples
+
+    async def ask(self, selector: str, **arguments: Any) -> list[zenoh.Reply]:
+        """All replies to a query, off the loop."""
+        return await asyncio.to_thread(
+            lambda: list(self.session.get(selector, timeout=PATIENCE_S, **arguments))
+        )
+
+    async def reach(self, key: str) -> None:
+        """Wait until somebody who subscribes to ``key`` is known to this session."""
+        publisher = self.session.declare_publisher(key)
+        try:
+            await eventually(lambda: publisher.matching_status.matching)
+        finally:
+            publisher.undeclare()
+
+
+@pytest.fixture
+def zenoh_router() -> Iterator[ZenohRouter]:
+    """A router, not yet started."""
+    router = ZenohRouter(free_endpoint())
+    yield router
+    router.kill()
+
+
+@pytest.fixture
+def zenoh_app() -> Iterator[Callable[..., ZenohApp]]:
+    """Opens applications: ``zenoh_app(mode, endpoint, {setting: value})``."""
+    sessions: list[zenoh.Session] = []
+
+    def start(mode: str, connect: str, settings: dict[str, Any] | None = None) -> ZenohApp:
+        config = zenoh.Config()
+        config.insert_json5("mode", json.dumps(mode))
+        config.insert_json5("connect/endpoints", json.dumps([connect]))
+        config.insert_json5("listen/endpoints", json.dumps([]))
+        config.insert_json5("scouting/multicast/enabled", "false")
+        for key, value in (settings or {}).items():
+            config.insert_json5(key, json.dumps(value))
+        sessions.append(zenoh.open(config))
+        return ZenohApp(sessions[-1])
+
+    yield start
+    for session in sessions:
+        session.close()

@@ -1,0 +1,79 @@
+"""The keys of the bus: one name for each, all below one optional namespace.
+
+yahboomd puts the namespace in front by itself. Zenoh has a namespace of its own for a session, but
+there liveliness tokens are not seen by those who watch for them below that namespace.
+
+A key that begins with ``/`` is taken as it stands, outside the namespace: what ROS 2's middlewares
+prescribe (``/@ros2_lv/...``, ``/0/odom/...``) has its own rules for names.
+"""
+
+from __future__ import annotations
+
+import re
+
+CMD_VEL = "cmd_vel"
+CMD_VEL_TELEOP = "cmd_vel/teleop"
+
+POSE = "yahboomd/pose"
+TWIST = "yahboomd/twist"
+WHEELS = "yahboomd/wheels"
+BATTERY = "yahboomd/battery"
+STATUS = "yahboomd/status"
+EVENTS = "yahboomd/events"
+
+ESTOP = "yahboomd/estop"
+ESTOP_RESET = "yahboomd/estop/reset"
+ODOMETRY_RESET = "yahboomd/odometry/reset"
+ODOMETRY_SET_POSE = "yahboomd/odometry/set_pose"
+CONFIG = "yahboomd/config"
+BOARD = "yahboomd/board"
+
+ALIVE = "yahboomd/alive"
+
+ROS_ODOM = "odom"
+ROS_TF = "tf"
+ROS_TF_STATIC = "tf_static"
+ROS_JOINT_STATES = "joint_states"
+ROS_BATTERY_STATE = "battery_state"
+ROS_DIAGNOSTICS = "diagnostics"
+
+# Zenoh's rules for a key without wildcards: chunks that are not empty, none of `*`, `$`, `?`, `#`.
+# `@` opens a chunk that wildcards do not reach; a robot that is hidden by accident helps nobody.
+_CHUNK = re.compile(r"[^*$?#/@\s\x00-\x1f][^*$?#/\s\x00-\x1f]*\Z")
+
+
+def name_problem(name: str) -> str | None:
+    """Why ``name`` cannot be a namespace or a key below it; None when it can."""
+    if name.startswith("/") or name.endswith("/"):
+        return "it may not begin or end with '/'"
+    for chunk in name.split("/"):
+        if not chunk:
+            return "between two '/' there must be a name"
+        if not _CHUNK.match(chunk):
+            return f"{chunk!r} has a character that keys may not have (one of * $ ? # @ or a space)"
+    return None
+
+
+def full_key(namespace: str, key: str) -> str:
+    """The key as it goes over the bus: below ``namespace``, unless it begins with ``/``."""
+    if key.startswith("/"):
+        return key[1:]
+    return f"{namespace}/{key}" if namespace else key
+
+
+def holder_key(key: str, zid: str) -> str:
+    """The key of the token by which one holder of ``key`` is told from another.
+
+    Tokens of two sessions on one and the same key are one token to those who watch: the second is
+    not announced, and when one of the two ends, the end is announced though the other lives on.
+    """
+    return f"{key}/{zid}"
+
+
+def holder_of(key: str, holder: str) -> str | None:
+    """The session in ``holder``, a key made by :func:`holder_key`; None for any other key."""
+    prefix = f"{key}/"
+    if not holder.startswith(prefix):
+        return None
+    zid = holder[len(prefix) :]
+    return zid if zid and "/" not in zid else None

@@ -1,0 +1,210 @@
+"""What the bus is told when it is made, and how that becomes a configuration of Zenoh's.
+
+The defaults make a robot that nobody reaches over the network: a router on loopback, without
+scouting. Zenoh's own would listen on every interface and answer to multicast.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import json
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+import msgspec
+import zenoh
+
+from yahboomd.bus.keys import name_problem
+from yahboomd.errors import BusError
+
+Mode: TypeAlias = Literal["router", "peer", "client"]
+
+_ADDRESSED = ("tcp", "udp", "tls", "quic", "ws", "wss")
+"""Protocols whose address is a host and a port."""
+
+_OWN_SETTINGS = {
+    "mode": "mode",
+    "listen/endpoints": "listen",
+    "connect/endpoints": "connect",
+    "namespace": "namespace",
+}
+"""Zenoh's settings that have a name in yahboomd's own configuration, and only there."""
+
+
+class BusOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """How the session is to be.
+
+    Attributes:
+        mode: ``router`` serves clients and peers alike, and whatever it joins; two ``peer``
+            sessions that share a router but do not reach each other exchange nothing; a
+            ``client`` cannot be opened without its router.
+        listen: Endpoints to be reached at. A client listens nowhere.
+        connect: Endpoints to join: tried for ever, never waited for (except by a client).
+        namespace: Put in front of every key; empty for none.
+        config_file: A JSON5 file of Zenoh's for everything else; what it sets wins over what
+            :func:`zenoh_config` would choose.
+        unix_socket: Path of a Unix socket to listen on as well; its folder must exist.
+        lease_s: After so long without a sign of life the others take this session for gone.
+        open_timeout_s: The longest wait for the session to open.
+        close_timeout_s: The longest wait for it to close.
+    """
+
+    mode: Mode = "router"
+    listen: tuple[str, ...] = ("tcp/127.0.0.1:7448",)
+    connect: tuple[str, ...] = ("tcp/127.0.0.1:7447",)
+    namespace: str = ""
+    config_file: Path | None = None
+    unix_socket: Path | None = None
+    lease_s: float = 2.0
+    open_timeout_s: float = 5.0
+    close_timeout_s: float = 2.0
+
+    @property
+    def listening(self) -> tuple[str, ...]:
+        """All endpoints that the session listens on."""
+        if self.mode == "client":
+            return ()
+        if self.unix_socket is None:
+            return self.listen
+        return (*self.listen, f"unixsock-stream/{self.unix_socket}")
+
+    @property
+    def exposed(self) -> tuple[str, ...]:
+        """The endpoints among them that other machines may reach."""
+        return tuple(endpoint for endpoint in self.listening if not is_local(endpoint))
+
+
+def is_local(endpoint: str) -> bool:
+    """Whether only this machine reaches ``endpoint``.
+
+    A host name that is not ``localhost`` may mean anything: it counts as reachable by others.
+    """
+    protocol, _, address = endpoint.partition("/")
+    if protocol == "unixsock-stream":
+        return True
+    host = address.split("?")[0].split("#")[0].rpartition(":")[0].strip("[]")
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def endpoint_problem(endpoint: str) -> str | None:
+    """Why ``endpoint`` cannot work; None when it looks right.
+
+    Zenoh says nothing of a wrong endpoint to connect to: it tries it for ever.
+    """
+    protocol, slash, rest = endpoint.partition("/")
+    address = rest.split("?")[0].split("#")[0]
+    if not slash or not protocol or not address:
+        return "it is not of the form protocol/address, such as tcp/127.0.0.1:7447"
+    if protocol == "unixsock-stream":
+        return None if address.startswith("/") else "the socket's path must begin with '/'"
+    if protocol not in _ADDRESSED:
+        return f"{protocol!r} is none of {', '.join(_ADDRESSED)} and unixsock-stream"
+    host, colon, port = address.rpartition(":")
+    if not colon or not host:
+        return "it has no port, such as :7447"
+    if not port.isascii() or not port.isdigit() or int(port) > 65535:
+        return f"{port!r} is not a port from 0 to 65535"
+    return None
+
+
+def zenoh_config(options: BusOptions) -> zenoh.Config:
+    """Zenoh's configuration for these options, with the user's own file in it.
+
+    Raises:
+        BusError: The namespace or an endpoint is wrong, or the file cannot be read or used.
+    """
+    _check(options)
+    plain = zenoh.Config()
+    config = _from_file(options.config_file, plain)
+    for key, value in _always(options).items():
+        config.insert_json5(key, json.dumps(value))
+    for key, value in _unless_set(options).items():
+        # What the file sets to Zenoh's own default cannot be told from what it does not set.
+        if config.get_json(key) == plain.get_json(key):
+            config.insert_json5(key, json.dumps(value))
+    return config
+
+
+def _always(options: BusOptions) -> dict[str, Any]:
+    return {
+        "mode": options.mode,
+        "listen/endpoints": list(options.listening),
+        "connect/endpoints": list(options.connect),
+    }
+
+
+def _unless_set(options: BusOptions) -> dict[str, Any]:
+    client = options.mode == "client"
+    return {
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        # A router waits so long at open for what scouting may find: half a second by default.
+        "scouting/delay": 0,
+        "open/return_conditions/connect_scouted": False,
+        # Never waited for, tried for ever. A client is refused by Zenoh when its router is not
+        # there in time, and with no limit its open would never return.
+        "connect/timeout_ms": 1000 if client else -1,
+        "connect/exit_on_failure": client,
+        "connect/retry": {
+            "period_init_ms": 250,
+            "period_max_ms": 2000,
+            "period_increase_factor": 2.0,
+        },
+        # A latched publisher's cache is kept by timestamps.
+        "timestamping/enabled": True,
+        "transport/shared_memory/enabled": False,
+        "transport/link/tx/lease": max(1, round(options.lease_s * 1000)),
+        # Zenoh would put together a message of one gigabyte for anyone who begins to send one.
+        "transport/link/rx/max_message_size": 16 * 1024 * 1024,
+    }
+
+
+def _check(options: BusOptions) -> None:
+    if options.namespace and (problem := name_problem(options.namespace)):
+        raise BusError(
+            f"The namespace {options.namespace!r} cannot be used: {problem}.",
+            remedy="Set zenoh.namespace to a name such as 'bot1'.",
+        )
+    for setting, endpoints in (("listen", options.listening), ("connect", options.connect)):
+        for endpoint in endpoints:
+            if problem := endpoint_problem(endpoint):
+                raise BusError(
+                    f"The endpoint {endpoint!r} in zenoh.{setting} cannot be used: {problem}."
+                )
+    if options.mode == "client" and not options.connect:
+        raise BusError(
+            "A Zenoh client needs a router to connect to, and zenoh.connect is empty.",
+            remedy="Name one there, or set zenoh.mode to 'router'.",
+        )
+
+
+def _from_file(path: Path | None, plain: zenoh.Config) -> zenoh.Config:
+    if path is None:
+        return zenoh.Config()
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
+        raise BusError(
+            f"The Zenoh configuration {path} cannot be read: {reason}.",
+            remedy="Set zenoh.config to a JSON5 file that this user may read, or to ''.",
+        ) from error
+    try:
+        config = zenoh.Config.from_json5(text)
+    except zenoh.ZError as error:
+        raise BusError(
+            f"The Zenoh configuration {path} cannot be used: {' '.join(str(error).split())}.",
+            remedy="docs/security.md has examples that work.",
+        ) from error
+    for key, name in _OWN_SETTINGS.items():
+        if config.get_json(key) != plain.get_json(key):
+            raise BusError(
+                f"The Zenoh configuration {path} sets {key}, which is zenoh.{name} here.",
+                remedy=f"Take it out of that file and set zenoh.{name} in config.toml.",
+            )
+    return config

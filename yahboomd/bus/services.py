@@ -1,0 +1,213 @@
+"""Queries in, answers out: a query always gets an answer, whatever becomes of its handler.
+
+Handlers run on the loop. Answers are sent by a thread: an answer takes over the query's congestion
+control, which blocks where the asker's connection is full, and an asker that froze must not hold
+the loop.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable
+from typing import TypeAlias
+
+import msgspec
+import zenoh
+
+from yahboomd.bus.sender import Sender
+
+log = logging.getLogger(__name__)
+
+
+class Request(msgspec.Struct, frozen=True, kw_only=True):
+    """A query as it arrived.
+
+    Attributes:
+        key: The service's key, as it was declared.
+        selector: The key that was asked for; differs from the service's where it has wildcards.
+        parameters: What stood behind the ``?``.
+        payload: Its bytes; empty for none.
+        encoding: What the asker says that they are; empty for none.
+        attachment: The asker's attachment.
+        arrived_ns: When it arrived here; monotonic nanoseconds.
+        oversize: More bytes than the service takes: ``payload`` is empty. Only a service with
+            ``keep_oversize`` sees such a request.
+    """
+
+    key: str
+    selector: str
+    parameters: str
+    payload: bytes
+    encoding: str
+    attachment: bytes | None
+    arrived_ns: int
+    oversize: bool = False
+
+
+class Response(msgspec.Struct, frozen=True, kw_only=True):
+    """An answer: its bytes, what they are, and an attachment where the protocol has one."""
+
+    payload: bytes
+    encoding: str = ""
+    attachment: bytes | None = None
+
+
+Handler: TypeAlias = Callable[[Request], Response | Awaitable[Response]]
+"""Answers on the loop, at once or later."""
+
+Fallback: TypeAlias = Callable[[str], Response]
+"""Makes the answer for a request that got none, from the reason, a sentence."""
+
+
+class ServiceCounters(msgspec.Struct, kw_only=True):
+    """What a service has seen.
+
+    Attributes:
+        requests: Queries handed to the handler.
+        answered: Answers sent, the fallback's included.
+        refused: Queries answered by the fallback: too many, too large, a key with wildcards.
+        failed: Queries whose handler raised or was cancelled.
+        unsent: Answers that could not be sent.
+    """
+
+    requests: int = 0
+    answered: int = 0
+    refused: int = 0
+    failed: int = 0
+    unsent: int = 0
+
+
+class Pending(msgspec.Struct, frozen=True, kw_only=True):
+    """A query on its way to the loop."""
+
+    query: zenoh.Query
+    arrived_ns: int
+    oversize: bool
+
+
+class Service:
+    """One key that answers. Made by ``Bus.serve``.
+
+    Args:
+        name: The key as declared, below the namespace.
+        key: The key in full.
+        handler: Answers a request.
+        fallback: Answers for it when it does not.
+        wildcards: Whether ``**`` may ask: else somebody who lists the network would reset the
+            odometry by it.
+        keep_oversize: Hand over requests that are too large, without their payload.
+        answers: Sends them.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        key: str,
+        handler: Handler,
+        fallback: Fallback,
+        *,
+        wildcards: bool,
+        keep_oversize: bool,
+        answers: Sender,
+    ) -> None:
+        self.name = name
+        self.key = key
+        self.counters = ServiceCounters()
+        self._handler = handler
+        self._fallback = fallback
+        self._wildcards = wildcards
+        self._keep_oversize = keep_oversize
+        self._answers = answers
+        self._tasks = set[asyncio.Task[None]]()
+
+    def handle(self, batch: list[Pending], _lost: int) -> None:
+        """Answer a batch; on the loop."""
+        for pending in batch:
+            self._handle(pending)
+
+    def refuse(self, pending: Pending, reason: str = "Too many requests at once.") -> None:
+        """Answer by the fallback; from any thread."""
+        self.counters.refused += 1
+        self._answer(pending.query, self._fallback(reason))
+
+    def close(self) -> tuple[asyncio.Task[None], ...]:
+        """Cancel what is under way; each is answered. Returns the tasks, to be waited for."""
+        for task in self._tasks:
+            task.cancel()
+        return tuple(self._tasks)
+
+    def _handle(self, pending: Pending) -> None:
+        query = pending.query
+        selector = str(query.key_expr)
+        if pending.oversize and not self._keep_oversize:
+            self.refuse(pending, "The request has more bytes than this service takes.")
+            return
+        if selector != self.key and not self._wildcards:
+            self.refuse(pending, f"Ask for {self.key} by its full name, without wildcards.")
+            return
+        self.counters.requests += 1
+        try:
+            answer = self._handler(_request(self.name, selector, pending))
+        except Exception:
+            self._fail(query)
+            log.exception("The service %s failed", self.key)
+            return
+        if isinstance(answer, Response):
+            self._answer(query, answer)
+            return
+        task = asyncio.ensure_future(self._later(query, answer))
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def _later(self, query: zenoh.Query, answer: Awaitable[Response]) -> None:
+        try:
+            response = await answer
+        except asyncio.CancelledError:
+            self._fail(query, "The service is being shut down.")
+            raise
+        except Exception:
+            self._fail(query)
+            log.exception("The service %s failed", self.key)
+            return
+        self._answer(query, response)
+
+    def _fail(self, query: zenoh.Query, reason: str = "The service failed; see its log.") -> None:
+        self.counters.failed += 1
+        self._answer(query, self._fallback(reason))
+
+    def _answer(self, query: zenoh.Query, response: Response) -> None:
+        if not self._answers.send(lambda: self._send(query, response)):
+            self.counters.unsent += 1
+            query.drop()
+
+    def _send(self, query: zenoh.Query, response: Response) -> None:
+        try:
+            query.reply(
+                self.key,
+                response.payload,
+                encoding=response.encoding or None,
+                attachment=response.attachment,
+            )
+            self.counters.answered += 1
+        except zenoh.ZError as error:  # the asker is gone, or the session
+            self.counters.unsent += 1
+            log.debug("No answer on %s: %s", self.key, error)
+        finally:
+            # The asker waits until the query ends here, not until the answer comes.
+            query.drop()
+
+
+def _request(name: str, selector: str, pending: Pending) -> Request:
+    query = pending.query
+    payload, attachment = query.payload, query.attachment
+    return Request(
+        key=name,
+        selector=selector,
+        parameters=str(query.parameters),
+        payload=b"" if payload is None or pending.oversize else payload.to_bytes(),
+        encoding="" if query.encoding is None else str(query.encoding),
+        attachment=None if attachment is None or pending.oversize else attachment.to_bytes(),
+        arrived_ns=pending.arrived_ns,
+        oversize=pending.oversize,
+    )
