@@ -35,9 +35,6 @@ from yahboomd.protocol.dialect import (
 from yahboomd.protocol.framing import Frame, Framer, TextLine
 from yahboomd.protocol.settings import PROFILES, MotorProfile
 
-BATTERY_EVERY_S = 5.0
-"""How often the voltage is asked for, where the dialect can."""
-
 BATTERY_ANSWER_S = 0.3
 
 
@@ -50,6 +47,7 @@ class SessionOptions(msgspec.Struct, frozen=True, kw_only=True):
         resend_s: How often the current velocity is said again.
         still_ticks_per_s: Below it a wheel counts as standing.
         profile: The motors; a board that stores no type is told it at each start.
+        battery_period_s: How often the voltage is asked for, where the dialect can; 0 for never.
     """
 
     dialect: str = "auto"
@@ -57,6 +55,7 @@ class SessionOptions(msgspec.Struct, frozen=True, kw_only=True):
     resend_s: float = 0.1
     still_ticks_per_s: float = 190.0
     profile: MotorProfile = PROFILES["520"]
+    battery_period_s: float = 5.0
 
 
 class Listener(Protocol):
@@ -109,7 +108,9 @@ class Session:
         self._identity: Identity | None = None
         self._writer: Writer | None = None
         self._poller: Poller | None = None
-        self._gone: asyncio.Future[Exception | None] | None = None
+        self._gone: asyncio.Future[Exception] | None = None
+        self._vital: list[asyncio.Task[None]] = []
+        self._port_lost = False
         self._ears: Callable[[Frame | TextLine], None] | None = None
         self._asking_settings = False
         self._leaving = False
@@ -146,6 +147,11 @@ class Session:
         return self._identity
 
     @property
+    def port_name(self) -> str:
+        """The port, by name; empty before it is open."""
+        return "" if self._port is None else self._port.name
+
+    @property
     def standing(self) -> bool:
         """Whether the counters show every wheel standing."""
         return self._watch.standing
@@ -174,8 +180,9 @@ class Session:
         port.listen(self._data, self._lost)
         try:
             async with asyncio.TaskGroup() as tasks:
-                tasks.create_task(self._watch_port(port.name), name="port-watch")
+                tasks.create_task(self._watch_port(), name="port-watch")
                 await self._connect(port, tasks)
+                await self._watch_tasks()
         except BaseExceptionGroup as group:
             known, unknown = group.split(YahboomdError)
             if unknown is not None or known is None:
@@ -196,7 +203,7 @@ class Session:
         # Known from here on: what comes is decoded, and a failure stops in the right dialect.
         self._identity = Identity(dialect=dialect, settings=None)
         self._writer = writer
-        tasks.create_task(writer.run(), name="link-writer")
+        self._vital.append(tasks.create_task(writer.run(), name="link-writer"))
         poller = Poller(
             writer,
             self._clock,
@@ -215,8 +222,8 @@ class Session:
         for frame in dialect.arm:
             writer.tell(frame)
         self._listener.connected(self, self._identity)
-        tasks.create_task(poller.run(), name="link-poller")
-        if dialect.battery is not None:
+        self._vital.append(tasks.create_task(poller.run(), name="link-poller"))
+        if dialect.battery is not None and self._options.battery_period_s > 0.0:
             tasks.create_task(self._ask_battery(writer, dialect.battery), name="link-battery")
 
     def _hear_raw(self, ears: Callable[[Frame | TextLine], None] | None) -> None:
@@ -224,14 +231,26 @@ class Session:
         self._ears = ears
 
     async def _ask_battery(self, writer: Writer, frame: bytes) -> None:
+        period_ns = nanoseconds(self._options.battery_period_s)
         while True:
             await writer.request(frame, lambda said: isinstance(said, Battery), BATTERY_ANSWER_S)
-            await sleep_until(self._clock, self._clock.now_ns() + nanoseconds(BATTERY_EVERY_S))
+            await sleep_until(self._clock, self._clock.now_ns() + period_ns)
+
+    async def _watch_tasks(self) -> None:
+        """A task group lets a task be cancelled alone, and goes on without it. Not this one."""
+        done, _ = await asyncio.wait(self._vital, return_when=asyncio.FIRST_COMPLETED)
+        raise RuntimeError(f"the task {done.pop().get_name()} ended by itself")
 
     # What comes in.
 
     def _data(self, data: bytes) -> None:
-        now_ns = self._clock.now_ns()
+        try:
+            self._take(data, self._clock.now_ns())
+        except Exception as error:  # noqa: BLE001 - told to the session, which ends with it
+            # Here the event loop is the caller: it would log the error, and drive on.
+            self._end(error)
+
+    def _take(self, data: bytes, now_ns: int) -> None:
         for item in self._framer.feed(data):
             if self._ears is not None:
                 self._ears(item)
@@ -272,12 +291,17 @@ class Session:
             self._listener.board_reset(version)
 
     def _lost(self, error: Exception | None) -> None:
+        assert self._port is not None
+        self._port_lost = True
+        self._end(lost(self._port.name, error))
+
+    def _end(self, error: Exception) -> None:
         if self._gone is not None and not self._gone.done():
             self._gone.set_result(error)
 
-    async def _watch_port(self, name: str) -> None:
+    async def _watch_port(self) -> None:
         assert self._gone is not None
-        raise lost(name, await self._gone)
+        raise await self._gone
 
     # The end.
 
@@ -285,7 +309,7 @@ class Session:
         """Stop the wheels and close. Bounded in time, whatever brought us here."""
         identity, self._leaving = self._identity, True
         try:
-            if self._gone is not None and self._gone.done():
+            if self._port_lost:
                 return
             if identity is None:
                 await stop_unidentified(port, self._clock)

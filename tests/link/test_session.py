@@ -1,0 +1,302 @@
+"""A session with a simulated board, both dialects, on virtual time."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+
+import pytest
+from board_bench import Bench
+
+from yahboomd.errors import BoardError, BoardSilent, PortLost
+from yahboomd.link.session import SessionOptions
+from yahboomd.simulation.motors import MotorFaults
+from yahboomd.simulation.options import FlashContent, ImpairmentOptions, SimulationOptions
+from yahboomd.simulation.virtual_time import on_virtual_time
+
+DIALECTS = ["streamed", "polled"]
+
+
+def bench(dialect: str, **options: object) -> Bench:
+    return Bench(
+        SimulationOptions(dialect=dialect),
+        SessionOptions(**options),  # type: ignore[arg-type]
+    )
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_the_dialect_is_found_out_and_counts_come(dialect: str) -> None:
+    async with bench(dialect) as board:
+        await board.connected()
+        assert [each.dialect.name for each in board.recorder.identities] == [dialect]
+        assert board.recorder.readings[0].after_gap
+        await board.until(lambda: len(board.recorder.readings) > 20)
+        assert not any(each.after_gap for each in board.recorder.readings[1:])
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_connecting_stops_first_and_writes_no_setting(dialect: str) -> None:
+    async with bench(dialect) as board:
+        await board.connected()
+        assert board.port is not None
+        frames = [frame for frame in board.port.frames if frame]
+        assert frames[:2] == [b"$pwm:0,0,0,0#", b"$speed:0,0,0,0#"]
+        told = {frame.split(b":")[0].strip(b"$#") for frame in frames}
+        allowed = {b"pwm", b"speed", b"read_flash", b"read", b"upload", b"read_vol"}
+        assert told - ({b"mtype"} if dialect == "polled" else set()) <= allowed
+
+
+@on_virtual_time
+async def test_wheels_that_turn_after_a_crash_are_stopped_before_the_board_is_asked() -> None:
+    board = bench("streamed")
+    async with board:
+        await board.connected()
+        board.session.drive((300, 0, 300, 0))
+        await board.until(lambda: min(board.rim_speeds) > 0.2)
+        # The daemon is killed: nobody says goodbye, and the board drives on.
+        assert board.port is not None
+        board.port.close()
+        assert min(board.rim_speeds) > 0.2
+        again = Bench()
+        again.robot = board.robot
+        async with again:
+            await again.connected()
+            await again.until(lambda: max(map(abs, again.rim_speeds)) < 0.03)
+
+
+@on_virtual_time
+async def test_the_settings_of_the_board_are_read() -> None:
+    flash = FlashContent(lines=13, ratio=20, wheel_diameter_mm=48.0)
+    async with Bench(SimulationOptions(flash=flash)) as board:
+        await board.connected()
+        settings = board.recorder.identities[0].settings
+        assert settings is not None
+        assert (settings.lines, settings.ratio, settings.wheel_diameter_mm) == (13, 20, 48.0)
+        assert settings.version == "1.7.3"
+
+
+@pytest.mark.parametrize(("wanted", "there"), [("polled", "streamed"), ("streamed", "polled")])
+@on_virtual_time
+async def test_the_other_dialect_than_the_configured_one_is_named(wanted: str, there: str) -> None:
+    board = bench(there, dialect=wanted)
+    with pytest.raises(BoardError, match=f"speaks the {there} dialect"):
+        await board.session.run()
+    assert board.port is not None
+    assert board.port.closed
+
+
+@on_virtual_time
+async def test_a_port_on_which_nothing_answers_is_named_with_the_remedy() -> None:
+    board = bench("streamed")
+    board.robot.start(board.now_ns())
+    board.robot.hang(board.now_ns())
+    with pytest.raises(BoardSilent, match="no board answers here; heard nothing"):
+        await board.session.run()
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_a_command_turns_the_wheels(dialect: str) -> None:
+    async with bench(dialect) as board:
+        await board.connected()
+        board.session.drive((200, 0, -200, 0))
+        await board.until(lambda: board.rim_speeds[0] > 0.15 and board.rim_speeds[1] < -0.15)
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_the_end_of_a_session_brings_the_wheels_to_rest(dialect: str) -> None:
+    async with bench(dialect) as board:
+        await board.connected()
+        board.session.drive((300, 0, 300, 0))
+        await board.until(lambda: min(board.rim_speeds) > 0.2)
+        await board.stop()
+        assert max(map(abs, board.rim_speeds)) < 0.03
+        assert board.session.report is not None
+        assert board.session.report.stood is True
+        assert board.port is not None
+        assert board.port.closed
+
+
+@on_virtual_time
+async def test_a_session_leaves_with_the_motors_let_go_and_the_stream_off() -> None:
+    async with bench("streamed") as board:
+        await board.connected()
+        await board.stop()
+        assert board.port is not None
+        assert board.port.frames[-3:] == [b"$pwm:0,0,0,0#", b"$pwm:0,0,0,0#", b"$upload:0,0,0#"]
+
+
+@pytest.mark.parametrize("how", ["raises", "is cancelled"])
+@pytest.mark.parametrize("name", ["link-writer", "link-poller"])
+@on_virtual_time
+async def test_wheels_stop_when_a_task_dies(name: str, how: str) -> None:
+    async with bench("streamed") as board:
+        await board.connected()
+        board.session.drive((300, 0, 300, 0))
+        await board.until(lambda: min(board.rim_speeds) > 0.2)
+        task = next(each for each in asyncio.all_tasks() if each.get_name() == name)
+        if how == "is cancelled":
+            task.cancel()
+        else:
+            part = board.session._writer if name == "link-writer" else board.session._poller
+            part._pump = part._look = lambda: 1 / 0  # type: ignore[union-attr, method-assign]
+        with pytest.raises(BaseExceptionGroup):
+            await board.ended()
+        assert max(map(abs, board.rim_speeds)) < 0.03
+
+
+@on_virtual_time
+async def test_wheels_stop_when_whoever_hears_a_reading_fails() -> None:
+    async with bench("streamed") as board:
+        await board.connected()
+        board.session.drive((300, 0, 300, 0))
+        await board.until(lambda: min(board.rim_speeds) > 0.2)
+        board.session._poller._on_reading = lambda _: 1 / 0  # type: ignore[union-attr]
+        with pytest.raises(BaseExceptionGroup):
+            await board.ended()
+        board.robot.advance(board.now_ns())
+        await asyncio.sleep(0.5)
+        assert max(map(abs, board.rim_speeds)) < 0.03
+
+
+@on_virtual_time
+async def test_an_encoder_that_is_dead_makes_the_stop_cut_the_motors() -> None:
+    async with bench("streamed") as board:
+        await board.connected()
+        faults = MotorFaults(dead_encoder=True)
+        board.robot.set_faults("left", faults, now_ns=board.now_ns())
+        board.session.drive((150, 0, 150, 0))
+        await board.until(lambda: board.rim_speeds[0] > 0.5)
+        await board.stop()
+        # The zero speed does not end a runaway; letting the motors go does.
+        await asyncio.sleep(1.0)
+        board.robot.advance(board.now_ns())
+        assert abs(board.rim_speeds[0]) < 0.05
+
+
+@on_virtual_time
+async def test_the_port_that_goes_away_ends_the_session() -> None:
+    board = bench("streamed")
+    async with board:
+        await board.connected()
+        board.robot.unplug(board.now_ns())
+        with pytest.raises(PortLost, match="/dev/simulated: the port went away"):
+            await board.ended()
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_a_board_that_falls_silent_ends_the_session(dialect: str) -> None:
+    board = bench(dialect)
+    async with board:
+        await board.connected()
+        board.robot.hang(board.now_ns())
+        with pytest.raises(BoardSilent, match="sent no counts"):
+            await board.ended()
+
+
+@on_virtual_time
+async def test_a_board_that_resets_is_noticed_and_armed_again() -> None:
+    async with bench("streamed") as board:
+        await board.connected()
+        board.robot.reset(board.now_ns())
+        await board.until(lambda: board.recorder.resets)
+        count = len(board.recorder.readings)
+        await board.until(lambda: len(board.recorder.readings) > count + 10)
+        assert board.recorder.readings[count].after_reset
+        assert sum(each.after_reset for each in board.recorder.readings) == 1
+
+
+@on_virtual_time
+async def test_a_reset_whose_notice_is_lost_is_armed_again_after_the_silence() -> None:
+    async with bench("streamed") as board:
+        await board.connected()
+        board.robot.mute(board.now_ns(), 0.2)
+        board.robot.reset(board.now_ns())
+        count = len(board.recorder.readings)
+        await board.until(lambda: len(board.recorder.readings) > count + 10)
+        assert board.session.facts()["rearmed"] >= 1
+        assert board.recorder.readings[count].after_gap
+
+
+@on_virtual_time
+async def test_the_voltage_is_asked_for() -> None:
+    async with bench("streamed", battery_period_s=1.0) as board:
+        await board.until(lambda: len(board.recorder.volts) >= 3)
+        assert all(5.0 < volts < 13.0 for volts in board.recorder.volts)
+
+
+@on_virtual_time
+async def test_polled_reaches_200_polls_a_second_with_a_speed_frame_in_every_control_step() -> None:
+    async with bench("polled", poll_rate_hz=200.0) as board:
+        await board.connected()
+        start = len(board.recorder.readings)
+        for step in range(100):
+            board.session.drive((200 + step % 2, 0, 200, 0))
+            await asyncio.sleep(0.02)
+        polled = len(board.recorder.readings) - start
+        # Every poll of the two seconds, but for the one under way at each end.
+        assert polled >= 398
+
+
+@on_virtual_time
+async def test_streamed_reads_every_frame_that_the_wire_carries() -> None:
+    async with bench("streamed") as board:
+        await board.connected()
+        start = len(board.recorder.readings)
+        sent = board.robot.board.lines_sent  # type: ignore[attr-defined]
+        board.session.drive((200, 0, 200, 0))
+        await asyncio.sleep(5.0)
+        board.robot.advance(board.now_ns())
+        read = len(board.recorder.readings) - start
+        assert abs(read - (board.robot.board.lines_sent - sent)) <= 2  # type: ignore[attr-defined]
+        assert read > 500
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_frames_keep_the_spacing_that_the_dialect_asks_for(dialect: str) -> None:
+    async with bench(dialect) as board:
+        await board.connected()
+        assert board.port is not None
+        begin = len(board.port.written)
+        for step in range(200):
+            board.session.drive((100 + step, 0, 100, 0))
+            await asyncio.sleep(0.003)
+        gap_ns = board.recorder.identities[0].dialect.totals_spacing_ns
+        frames = board.port.written[begin:]
+        assert len(frames) > 20
+        for (at_ns, data), (next_ns, _) in itertools.pairwise(frames):
+            assert next_ns - at_ns >= len(data) * board.port.byte_ns + gap_ns - 1_000
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_a_line_that_loses_every_fiftieth_byte_still_drives_and_counts(dialect: str) -> None:
+    simulation = SimulationOptions(
+        dialect=dialect,
+        seed=7,
+        impairments=ImpairmentOptions(loss=0.02),  # type: ignore[arg-type]
+    )
+    async with Bench(simulation) as board:
+        await board.connected()
+        board.session.drive((300, 0, 300, 0))
+        await board.until(lambda: min(board.rim_speeds) > 0.2)
+        facts = board.session.facts()
+        assert facts["discarded_bytes"] + facts["unrecognised"] + facts["broken_frames"] > 0
+        board.session.drive((0, 0, 0, 0))
+        await board.until(lambda: max(map(abs, board.rim_speeds)) < 0.03)
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_a_reading_is_stamped_with_the_moment_its_last_byte_arrived(dialect: str) -> None:
+    async with bench(dialect) as board:
+        await board.connected()
+        await board.until(lambda: len(board.recorder.readings) > 50)
+        for reading in board.recorder.readings:
+            assert reading.sent_ns <= reading.received_ns
+            assert reading.received_ns - reading.sent_ns < 6_000_000

@@ -1,0 +1,137 @@
+"""From the configuration to objects: the only place that knows both."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import msgspec
+
+from yahboomd.bus.options import BusOptions
+from yahboomd.bus.publishers import BusPublisher
+from yahboomd.bus.session import Bus
+from yahboomd.clock import Clock, nanoseconds
+from yahboomd.config import Config
+from yahboomd.daemon.control import Controller, ControlOptions, Outputs
+from yahboomd.daemon.latch import EstopLatch
+from yahboomd.daemon.latch_file import LatchFile
+from yahboomd.daemon.publisher import OpenOutlet
+from yahboomd.drive.arbiter import STANDING_M_S, Arbiter, Source
+from yahboomd.link.discovery import candidates, choose
+from yahboomd.link.port import Port, PortOptions, open_port
+from yahboomd.link.session import Listener, Opener, Session, SessionOptions
+from yahboomd.messages.codecs import encoding_name
+from yahboomd.odometry.odometer import Odometer, OdometerOptions
+
+SPEED_MARGIN = 1.6
+"""No wheel turns faster than its board can be told, times this: 1000 units, and an overshoot."""
+
+
+def bus_options(config: Config) -> BusOptions:
+    """How the Zenoh session is to be."""
+    zenoh = config.zenoh
+    return BusOptions(
+        mode=zenoh.mode,
+        listen=zenoh.listen,
+        connect=zenoh.connect,
+        namespace=zenoh.namespace,
+        config_file=Path(zenoh.config) if zenoh.config else None,
+    )
+
+
+def arbiter(config: Config) -> Arbiter:
+    """Who may drive."""
+    sources = [
+        Source(name=name, priority=source.priority, timeout_s=config.source_timeout_s(name))
+        for name, source in config.command.sources.items()
+    ]
+    return Arbiter(sources, on_timeout=config.command.on_timeout, stamps=config.command.stamps)
+
+
+def odometer(config: Config) -> Odometer:
+    """What makes estimates of readings."""
+    motors = config.motors()
+    return Odometer(config.kinematics(), motors, OdometerOptions())
+
+
+def control_options(config: Config) -> ControlOptions:
+    """What the control path is told."""
+    return ControlOptions(
+        kinematics=config.kinematics(),
+        motors=config.motors(),
+        profile=config.profile(),
+        command_scale=config.chassis.command_scale,
+        linear=config.limits.linear.noun(),
+        angular=config.limits.angular.noun(),
+        at_rest=config.command.at_rest,
+        stall=config.faults.stall,
+        turns_without_command=config.faults.turns_without_command,
+        min_speed_m_s=config.faults.min_speed_m_s,
+    )
+
+
+def controller(
+    config: Config, clock: Clock, arbiter: Arbiter, outputs: Outputs, environ: Mapping[str, str]
+) -> Controller:
+    """The control path, its e-stop as it was left."""
+    file = LatchFile(config.latch_path(environ, user_id=os.getuid()))
+    return Controller(
+        clock,
+        control_options(config),
+        arbiter=arbiter,
+        odometer=odometer(config),
+        latch=EstopLatch(file, clock.now_ns()),
+        outputs=outputs,
+    )
+
+
+def opener(config: Config, clock: Clock) -> Opener:
+    """Looks for the port at each attempt: a board that comes back may be elsewhere."""
+    serial = config.serial
+
+    async def open_it() -> Port:
+        path = choose(serial.port, candidates() if not serial.port else ())
+        options = PortOptions(
+            path=path,
+            baudrate=serial.baudrate,
+            dtr=serial.dtr,
+            rts=serial.rts,
+            hangup_on_close=serial.hangup_on_close,
+        )
+        return await open_port(options, clock)
+
+    return open_it
+
+
+def session_options(config: Config) -> SessionOptions:
+    """How a session with the board behaves."""
+    finest_m = min(motor.metres_per_tick for motor in config.motors())
+    return SessionOptions(
+        dialect=config.serial.dialect,
+        poll_rate_hz=config.odometry.poll_rate_hz,
+        resend_s=config.command.resend_s,
+        still_ticks_per_s=STANDING_M_S / finest_m,
+        profile=config.profile(),
+        battery_period_s=config.board.battery_period_s,
+    )
+
+
+def session(config: Config, clock: Clock, listener: Listener, open_it: Opener) -> Session:
+    """One connection to the board."""
+    return Session(open_it, clock, listener, session_options(config))
+
+
+def outlet(config: Config, bus: Bus) -> OpenOutlet:
+    """Opens the publishers of the native plane."""
+    encoding = config.zenoh.encoding
+
+    def open_outlet(key: str, message: type[msgspec.Struct]) -> BusPublisher:
+        return bus.publisher(key, encoding=encoding_name(message, encoding))
+
+    return open_outlet
+
+
+def command_period_ns(config: Config) -> int:
+    """From one control step to the next."""
+    return nanoseconds(1.0 / config.command.rate_hz)

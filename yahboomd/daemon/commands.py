@@ -1,0 +1,84 @@
+"""From what arrives on the command keys to what the arbiter is offered."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+
+from yahboomd.bus.subscriptions import Arrival
+from yahboomd.clock import Clock
+from yahboomd.drive.arbiter import Accepted, Arbiter
+from yahboomd.messages.codecs import Refusal, decode_command
+from yahboomd.model import Twist2d
+
+
+class CommandIntake:
+    """Decodes commands, offers them, and asks for one control step for the lot.
+
+    Args:
+        arbiter: Decides who drives.
+        clock: For the wall time that absolute stamps are compared with.
+        holonomic: Whether a sideways velocity means anything.
+        step: Runs a control step; called once for what arrived together.
+    """
+
+    def __init__(
+        self, arbiter: Arbiter, clock: Clock, *, holonomic: bool, step: Callable[[], None]
+    ) -> None:
+        self._arbiter = arbiter
+        self._clock = clock
+        self._holonomic = holonomic
+        self._step = step
+        self.counters: Counter[str] = Counter()
+        self.last_refusal = ""
+
+    def handler(self, source: str) -> Callable[[list[Arrival]], None]:
+        """What to subscribe with for a source's key. The key is the authority, not the payload."""
+
+        def take(arrivals: list[Arrival]) -> None:
+            for arrival in arrivals:
+                self._take(source, arrival)
+            self._step()
+
+        return take
+
+    def facts(self) -> dict[str, int | str]:
+        """Counters of everything that came, and why the latest refused command was."""
+        facts: dict[str, int | str] = dict(self.counters)
+        facts.update(self._arbiter.counters)
+        facts["last_refusal"] = self.last_refusal
+        return facts
+
+    def _take(self, source: str, arrival: Arrival) -> None:
+        self.counters["received"] += 1 + arrival.dropped
+        if arrival.dropped:
+            self.counters["overrun"] += arrival.dropped
+        if arrival.oversize:
+            self._refuse(source, "oversize", "the payload has more bytes than a command may")
+            return
+        command = decode_command(arrival.payload)
+        if isinstance(command, Refusal):
+            self._refuse(source, command.reason, command.detail)
+            return
+        vy = command.vy
+        if vy != 0.0 and not self._holonomic:
+            self.counters["vy_ignored"] += 1
+            vy = 0.0
+        by_sender = command.stamp_ns is not None
+        verdict = self._arbiter.offer(
+            source,
+            Twist2d(vx=command.vx, vy=vy, wz=command.wz),
+            arrival.arrived_ns,
+            command.stamp_ns if by_sender else arrival.stamp_ns,
+            by_sender,
+            wall_ns=self._clock.wall_ns() - (self._clock.now_ns() - arrival.arrived_ns),
+            arrivals=1 + arrival.dropped,
+        )
+        if not isinstance(verdict, Accepted):
+            # The arbiter counts its own refusals.
+            self.last_refusal = f"{source}: {verdict.reason}: {verdict.detail}"
+
+    def _refuse(self, source: str, reason: str, detail: str) -> None:
+        self.counters["refused"] += 1
+        self.counters[reason] += 1
+        self.last_refusal = f"{source}: {reason}: {detail}"

@@ -1,0 +1,153 @@
+"""Estimates become samples: at most so many a second, and only for what is new."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+import msgspec
+
+from yahboomd.bus import keys
+from yahboomd.daemon.stamps import WallStamps
+from yahboomd.messages.codecs import NativeEncoding, encode
+from yahboomd.messages.native import (
+    BatterySample,
+    EventSample,
+    PoseSample,
+    StatusSample,
+    TwistSample,
+    WheelsSample,
+    event_sample,
+    pose_sample,
+    twist_sample,
+    wheels_sample,
+)
+from yahboomd.model import Event, OdometryEstimate
+
+
+class Outlet(Protocol):
+    """Where the samples of one key go."""
+
+    @property
+    def has_subscribers(self) -> bool:
+        """Whether anybody would get them."""
+        ...
+
+    def put(self, payload: bytes) -> bool:
+        """Send one."""
+        ...
+
+
+OpenOutlet = Callable[[str, type[msgspec.Struct]], Outlet]
+
+
+class Pace:
+    """Lets through at most one in each period, on a grid that does not drift.
+
+    Args:
+        period_ns: The shortest distance on average.
+    """
+
+    def __init__(self, period_ns: int) -> None:
+        self._period_ns = period_ns
+        self._due_ns: int | None = None
+
+    def due(self, now_ns: int) -> bool:
+        """Whether one may pass at this moment."""
+        if self._due_ns is None or now_ns - self._due_ns > 4 * self._period_ns:
+            self._due_ns = now_ns
+        # Readings come on a grid of their own; one that is early by less than a quarter of a
+        # period is meant for this beat, else every second one would be left out.
+        if now_ns < self._due_ns - self._period_ns // 4:
+            return False
+        self._due_ns += self._period_ns
+        return True
+
+
+class Publisher:
+    """The native plane.
+
+    Args:
+        outlet: Opens the outlet of a key.
+        encoding: How samples are written.
+        stamps: Wall time.
+        period_ns: The shortest distance between two poses.
+        frame_id: Frame of the pose.
+        child_frame_id: Frame of the base.
+        motor_names: In the order of the estimates.
+    """
+
+    def __init__(
+        self,
+        outlet: OpenOutlet,
+        *,
+        encoding: NativeEncoding,
+        stamps: WallStamps,
+        period_ns: int,
+        frame_id: str,
+        child_frame_id: str,
+        motor_names: tuple[str, ...],
+    ) -> None:
+        self._encoding = encoding
+        self._stamps = stamps
+        self._pace = Pace(period_ns)
+        self._frame_id = frame_id
+        self._child_frame_id = child_frame_id
+        self._motor_names = motor_names
+        self._pose = outlet(keys.POSE, PoseSample)
+        self._twist = outlet(keys.TWIST, TwistSample)
+        self._wheels = outlet(keys.WHEELS, WheelsSample)
+        self._battery = outlet(keys.BATTERY, BatterySample)
+        self._status = outlet(keys.STATUS, StatusSample)
+        self._events = outlet(keys.EVENTS, EventSample)
+        self._seq = 0
+
+    def estimate(self, estimate: OdometryEstimate, command_m_s: tuple[float, ...]) -> int | None:
+        """Publish one reading's pose, twist and wheels, if it is due.
+
+        Returns:
+            The stamp that it went out with; ``None`` where it was left out.
+        """
+        if not self._pace.due(estimate.stamp_ns):
+            return None
+        stamp_ns = self._stamps.of(estimate.stamp_ns)
+        self._seq += 1
+        seq = self._seq
+        if self._pose.has_subscribers:
+            pose = pose_sample(
+                estimate,
+                stamp_ns=stamp_ns,
+                seq=seq,
+                frame_id=self._frame_id,
+                child_frame_id=self._child_frame_id,
+            )
+            self._pose.put(encode(pose, self._encoding))
+        if self._twist.has_subscribers:
+            twist = twist_sample(
+                estimate, stamp_ns=stamp_ns, seq=seq, frame_id=self._child_frame_id
+            )
+            self._twist.put(encode(twist, self._encoding))
+        if self._wheels.has_subscribers:
+            wheels = wheels_sample(
+                estimate,
+                stamp_ns=stamp_ns,
+                seq=seq,
+                names=self._motor_names,
+                command_m_s=command_m_s,
+            )
+            self._wheels.put(encode(wheels, self._encoding))
+        return stamp_ns
+
+    def battery(self, volts: float) -> None:
+        """Publish the voltage."""
+        sample = BatterySample(stamp_ns=self._stamps.now(), volts=volts)
+        self._battery.put(encode(sample, self._encoding))
+
+    def status(self, sample: StatusSample) -> None:
+        """Publish how things stand."""
+        self._status.put(encode(sample, self._encoding))
+
+    def event(self, event: Event) -> None:
+        """Publish something that happened."""
+        sample = event_sample(event, stamp_ns=self._stamps.now())
+        self._events.put(encode(sample, self._encoding))

@@ -1,0 +1,101 @@
+"""The status sample: state, who drives, why the robot stands, and every counter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from yahboomd.bus.session import Bus
+from yahboomd.clock import Clock
+from yahboomd.daemon.commands import CommandIntake
+from yahboomd.daemon.control import Controller
+from yahboomd.daemon.supervisor import Supervisor
+from yahboomd.messages.native import StatusSample
+
+
+class Status:
+    """Collects the status from all stages.
+
+    Args:
+        clock: What tells the time.
+        controller: State and reason.
+        intake: Commands and refusals.
+        supervisor: The link's counters.
+        bus: Whom the daemon is connected to.
+        more_bus_facts: Counters of the publishers.
+    """
+
+    def __init__(
+        self,
+        clock: Clock,
+        *,
+        controller: Controller,
+        intake: CommandIntake,
+        supervisor: Supervisor,
+        bus: Bus,
+        more_bus_facts: Callable[[], dict[str, Any]],
+    ) -> None:
+        self._clock = clock
+        self._controller = controller
+        self._intake = intake
+        self._supervisor = supervisor
+        self._bus = bus
+        self._more_bus_facts = more_bus_facts
+        self._state: str | None = None
+        self._since_ns = 0
+
+    def sample(self) -> StatusSample:
+        """How things stand now."""
+        now_ns = self._clock.wall_ns()
+        state, why = self._controller.state()
+        if state != self._state:
+            self._state = state
+            self._since_ns = now_ns
+        return StatusSample(
+            stamp_ns=now_ns,
+            state=state,
+            driver=self._controller.decision.driver,
+            since_ns=self._since_ns,
+            why=why,
+            board=self.board(),
+            link=dict(self._supervisor.facts()),
+            command={**self._intake.facts(), **self._controller.facts()},
+            bus=self.bus(),
+        )
+
+    def board(self) -> dict[str, Any]:
+        """What the board told of itself; empty while none is there."""
+        session = self._supervisor.session
+        identity = None if session is None else session.identity
+        if session is None or identity is None:
+            return {}
+        facts: dict[str, Any] = {"port": session.port_name, "dialect": identity.dialect.name}
+        settings = identity.settings
+        if settings is not None:
+            facts.update(
+                {
+                    "version": settings.version,
+                    "motor_type": settings.motor_type,
+                    "deadzone": settings.deadzone,
+                    "lines": settings.lines,
+                    "ratio": settings.ratio,
+                    "wheel_diameter_mm": settings.wheel_diameter_mm,
+                }
+            )
+            if settings.pid is not None:
+                facts.update(zip(("p", "i", "d"), settings.pid, strict=True))
+        if self._controller.volts is not None:
+            facts["volts"] = self._controller.volts
+        return facts
+
+    def bus(self) -> dict[str, Any]:
+        """The session, and the routers that it joined."""
+        routers = [
+            each.address or each.zid for each in self._bus.neighbours if each.kind == "router"
+        ]
+        return {
+            "zid": self._bus.zid,
+            "routers": ", ".join(routers),
+            "neighbours": len(self._bus.neighbours),
+            **self._more_bus_facts(),
+        }
