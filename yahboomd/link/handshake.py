@@ -7,6 +7,7 @@ written to its flash, ever, by connecting.
 from __future__ import annotations
 
 import asyncio
+from collections import Counter
 from collections.abc import Callable
 
 import msgspec
@@ -15,11 +16,11 @@ from yahboomd.clock import Clock, nanoseconds
 from yahboomd.errors import BoardError, BoardSilent
 from yahboomd.link.port import Port
 from yahboomd.link.writer import Writer
-from yahboomd.protocol.dialect import Decoded, Dialect
+from yahboomd.protocol.dialect import Decoded, Dialect, Setting, SettingValue, VersionLine
 from yahboomd.protocol.framing import RESYNC, Frame, TextLine
 from yahboomd.protocol.registry import DIALECTS
 from yahboomd.protocol.registry import identify as recognise
-from yahboomd.protocol.settings import BoardSettings, board_settings
+from yahboomd.protocol.settings import BoardSettings
 
 ATTEMPTS = 3
 """How often a silent board is asked who it is."""
@@ -27,7 +28,9 @@ ATTEMPTS = 3
 ANSWER_WITHIN_S = 0.25
 """The longest answer, ``$read_flash#``'s, is begun in under 20 ms and takes 15 ms more."""
 
-SETTINGS_WITHIN_S = 0.4
+SETTINGS_WITHIN_S = 0.2
+
+SETTINGS_ATTEMPTS = 10
 
 Ears = Callable[[Frame | TextLine], None]
 
@@ -110,24 +113,50 @@ async def _recognised(
         alarm.close()
 
 
-async def read_settings(writer: Writer, dialect: Dialect, port_name: str) -> BoardSettings | None:
+async def read_settings(
+    writer: Writer, dialect: Dialect, expected: BoardSettings, port_name: str
+) -> BoardSettings | None:
     """What the board keeps in flash; ``None`` for a dialect that cannot tell.
 
+    The answer has no check of any kind, and a lost digit makes ``Pulse_Line:1`` of 11: the wheels
+    would turn eleven times too fast. So a value that speed depends on is believed when it is the
+    expected one, or when it was said twice.
+
     Raises:
-        BoardSilent: It was asked three times and never told everything.
+        BoardSilent: It was asked often enough and never told everything.
     """
     if dialect.read_settings is None:
         return None
-    for _ in range(ATTEMPTS):
-        said: list[Decoded] = []
+    votes: Counter[tuple[str, SettingValue | str]] = Counter()
 
-        def complete(decoded: Decoded, said: list[Decoded] = said) -> bool:
-            said.append(decoded)
-            return board_settings(said).is_complete
+    def hear(decoded: Decoded) -> bool:
+        if isinstance(decoded, Setting):
+            votes[decoded.name, decoded.value] += 1
+        elif isinstance(decoded, VersionLine):
+            votes["version", decoded.version] += 1
+        # The gains are the answer's last line, whatever became of the others.
+        return isinstance(decoded, Setting) and decoded.name == "pid"
 
-        if await writer.request(dialect.read_settings, complete, SETTINGS_WITHIN_S):
-            return board_settings(said)
+    for _ in range(SETTINGS_ATTEMPTS):
+        await writer.request(dialect.read_settings, hear, SETTINGS_WITHIN_S)
+        settings = _believed(votes, expected)
+        if settings.is_complete:
+            return settings
     raise BoardSilent(
         f"{port_name}: the board does not tell its settings, and without them no wheel may turn.",
         remedy="Is the cable long or noisy? Try `yahboomd probe`.",
     )
+
+
+def _believed(
+    votes: Counter[tuple[str, SettingValue | str]], expected: BoardSettings
+) -> BoardSettings:
+    settings = BoardSettings()
+    # The most said last, so that it stays.
+    for (name, value), count in sorted(votes.items(), key=lambda vote: vote[1]):
+        if name not in _SPEED_DEPENDS_ON or count >= 2 or value == getattr(expected, name):
+            settings = settings.with_value(name, value)
+    return settings
+
+
+_SPEED_DEPENDS_ON = frozenset({"motor_type", "lines", "ratio", "wheel_diameter_mm"})

@@ -35,6 +35,8 @@ from yahboomd.protocol.dialect import (
 from yahboomd.protocol.framing import Frame, Framer, TextLine
 from yahboomd.protocol.settings import PROFILES, MotorProfile
 
+UNHEARD_REPEATS = 3
+
 BATTERY_ANSWER_S = 0.3
 
 
@@ -214,12 +216,16 @@ class Session:
         )
         self._asking_settings = True
         try:
-            settings = await handshake.read_settings(writer, dialect, port.name)
+            settings = await handshake.read_settings(
+                writer, dialect, self._options.profile.settings, port.name
+            )
         finally:
             self._asking_settings = False
         self._identity = Identity(dialect=dialect, settings=settings)
         self._poller = poller
-        for frame in dialect.arm:
+        # A stream that does not come is noticed and armed again; of a motor type that got lost
+        # nothing tells but wheels that do not turn, so it is said more than once.
+        for frame in dialect.arm * (1 if dialect.poll is None else UNHEARD_REPEATS):
             writer.tell(frame)
         self._listener.connected(self, self._identity)
         self._vital.append(tasks.create_task(poller.run(), name="link-poller"))
