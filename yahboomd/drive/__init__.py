@@ -1,1 +1,1 @@
-"""drive."""
+"""Wishes to safe wheel speeds: who drives, how fast, which wheel, whether it obeys. Pure."""

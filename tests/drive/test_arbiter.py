@@ -1,0 +1,321 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from yahboomd.drive.arbiter import Accepted, Arbiter, Refused, Source
+from yahboomd.errors import ConfigError
+from yahboomd.model import STANDSTILL, Twist2d
+
+MS = 1_000_000
+S = 1000 * MS
+EPOCH_NS = 1_700_000_000 * S
+FORWARD = Twist2d(vx=0.5)
+SLOWER = Twist2d(vx=0.2)
+
+
+@pytest.fixture
+def arbiter(sources: tuple[Source, ...]) -> Arbiter:
+    return Arbiter(sources)
+
+
+def reason(result: Accepted | Refused) -> str | None:
+    return result.reason if isinstance(result, Refused) else None
+
+
+def stand(arbiter: Arbiter, now_ns: int) -> None:
+    arbiter.observe_wheels(now_ns, commanded_zero=True, measured_m_s=(0.0, 0.01))
+
+
+def test_before_the_first_command_nobody_drives(arbiter: Arbiter) -> None:
+    decision = arbiter.current(5)
+    assert (decision.twist, decision.driver, decision.why) == (STANDSTILL, None, "no_command")
+
+
+def test_a_single_command_is_in_effect_at_once(arbiter: Arbiter) -> None:
+    assert arbiter.offer("cmd_vel", FORWARD, 7 * S) == Accepted(source="cmd_vel", took_over=True)
+    decision = arbiter.current(7 * S)
+    assert (decision.twist, decision.driver, decision.since_ns) == (FORWARD, "cmd_vel", 7 * S)
+
+
+def test_a_command_runs_out_after_its_sources_timeout(arbiter: Arbiter) -> None:
+    arbiter.offer("cmd_vel", FORWARD, S)
+    assert arbiter.deadline_ns == S + 500 * MS
+    assert arbiter.current(S + 500 * MS - 1).twist == FORWARD
+    silent = arbiter.current(S + 500 * MS)
+    assert (silent.twist, silent.timed_out, silent.why) == (STANDSTILL, True, "timed_out")
+    assert (silent.source, silent.age_ns) == ("cmd_vel", 500 * MS)
+    assert arbiter.counters["timed_out"] == 1
+
+
+@pytest.mark.parametrize(("on_timeout", "ramp"), [("ramp", True), ("halt", False)])
+def test_silence_ramps_or_halts_as_configured(
+    sources: tuple[Source, ...], on_timeout: str, ramp: bool
+) -> None:
+    arbiter = Arbiter(sources, on_timeout="ramp" if on_timeout == "ramp" else "halt")
+    arbiter.offer("cmd_vel", FORWARD, 0)
+    assert arbiter.current(0).ramp
+    assert arbiter.current(S).ramp is ramp
+
+
+def test_the_larger_priority_takes_over_at_once(arbiter: Arbiter) -> None:
+    arbiter.offer("cmd_vel", FORWARD, 0)
+    taken = arbiter.offer("cmd_vel/teleop", SLOWER, MS)
+    assert isinstance(taken, Accepted)
+    assert taken.took_over
+    assert reason(arbiter.offer("cmd_vel", FORWARD, 2 * MS)) == "lower_priority"
+    assert arbiter.current(2 * MS).twist == SLOWER
+    assert arbiter.current(2 * MS).driver == "cmd_vel/teleop"
+
+
+def test_among_equals_whoever_holds_control_keeps_it(arbiter: Arbiter) -> None:
+    arbiter.offer("planner", FORWARD, 0)
+    assert reason(arbiter.offer("cmd_vel", SLOWER, MS)) == "lower_priority"
+    assert arbiter.current(MS).driver == "planner"
+
+
+def test_a_zero_command_holds_control_too(arbiter: Arbiter) -> None:
+    arbiter.offer("cmd_vel/teleop", STANDSTILL, 0)
+    stand(arbiter, 100 * MS)
+    assert reason(arbiter.offer("cmd_vel", FORWARD, 200 * MS)) == "lower_priority"
+    decision = arbiter.current(200 * MS)
+    assert (decision.why, decision.driver) == ("zero_command", "cmd_vel/teleop")
+
+
+@pytest.mark.parametrize("follower", ["cmd_vel", "planner"])
+def test_control_passes_down_only_from_standstill(arbiter: Arbiter, follower: str) -> None:
+    arbiter.offer("planner" if follower == "cmd_vel" else "cmd_vel/teleop", FORWARD, 0)
+    assert reason(arbiter.offer(follower, SLOWER, 600 * MS)) == "not_standing"
+    arbiter.observe_wheels(610 * MS, commanded_zero=False, measured_m_s=(0.0, 0.0))
+    assert reason(arbiter.offer(follower, SLOWER, 611 * MS)) == "not_standing"
+    arbiter.observe_wheels(620 * MS, commanded_zero=True, measured_m_s=(0.0, -0.03))
+    assert reason(arbiter.offer(follower, SLOWER, 621 * MS)) == "not_standing"
+    arbiter.observe_wheels(630 * MS, commanded_zero=True, measured_m_s=None)
+    assert reason(arbiter.offer(follower, SLOWER, 631 * MS)) == "not_standing"
+    arbiter.observe_wheels(640 * MS, commanded_zero=True, measured_m_s=(0.029, -0.029))
+    assert arbiter.current(640 * MS).twist == STANDSTILL
+    assert isinstance(arbiter.offer(follower, SLOWER, 641 * MS), Accepted)
+    assert arbiter.current(641 * MS).driver == follower
+
+
+def test_standstill_under_a_live_command_does_not_free_control(arbiter: Arbiter) -> None:
+    arbiter.offer("cmd_vel/teleop", FORWARD, 0)
+    stand(arbiter, 100 * MS)
+    assert arbiter.current(100 * MS).driver == "cmd_vel/teleop"
+
+
+def test_a_command_given_before_the_wheels_stood_does_not_take_control(
+    sources: tuple[Source, ...],
+) -> None:
+    arbiter = Arbiter(sources, stamps="absolute")
+    arbiter.offer("cmd_vel/teleop", FORWARD, S, S, stamp_is_message=True)
+    stand(arbiter, 2 * S)
+    late = arbiter.offer("cmd_vel", SLOWER, 2 * S + 50 * MS, 2 * S - 1, stamp_is_message=True)
+    assert reason(late) == "not_standing"
+    newer = arbiter.offer("cmd_vel", SLOWER, 2 * S + 60 * MS, 2 * S, stamp_is_message=True)
+    assert isinstance(newer, Accepted)
+
+
+def test_the_holder_goes_on_after_its_own_silence(arbiter: Arbiter) -> None:
+    arbiter.offer("cmd_vel", FORWARD, 0)
+    assert arbiter.current(S).timed_out
+    assert isinstance(arbiter.offer("cmd_vel", SLOWER, S), Accepted)
+    assert arbiter.current(S).twist == SLOWER
+    assert arbiter.current(S).since_ns == 0
+
+
+def test_a_freed_robot_says_since_when_and_who_was_last(arbiter: Arbiter) -> None:
+    arbiter.offer("cmd_vel", FORWARD, 0)
+    stand(arbiter, 2 * S)
+    decision = arbiter.current(3 * S)
+    assert (decision.driver, decision.since_ns, decision.source) == (None, 2 * S, "cmd_vel")
+    assert decision.timed_out
+
+
+def test_a_backlog_of_200_old_commands_in_4_ms_after_a_stall_moves_nothing(
+    arbiter: Arbiter,
+) -> None:
+    arbiter.offer("cmd_vel", FORWARD, 0)
+    stand(arbiter, 2 * S)
+    results = [arbiter.offer("cmd_vel", FORWARD, 5 * S + n * 20_000) for n in range(200)]
+    assert [reason(result) for result in results[5:]] == ["backlog"] * 195
+    # The five before the sixth looked like any others. The sixth takes them back, 0.1 ms later.
+    revoking = results[5]
+    assert isinstance(revoking, Refused)
+    assert revoking.revoked
+    for now_ns in range(5 * S + 100_000, 6 * S, 10 * MS):
+        decision = arbiter.current(now_ns)
+        assert (decision.twist, decision.ramp, decision.why) == (STANDSTILL, False, "revoked")
+    assert arbiter.current(5 * S + MS).driver is None
+    assert arbiter.moving_sources(5 * S + 4 * MS) == ()
+
+
+def test_a_backlog_handed_over_in_one_piece_is_never_in_effect(arbiter: Arbiter) -> None:
+    result = arbiter.offer("cmd_vel", FORWARD, 5 * S, arrivals=200)
+    assert reason(result) == "backlog"
+    assert arbiter.current(5 * S).twist == STANDSTILL
+
+
+def test_a_backlog_stamped_on_arrival_is_a_backlog_all_the_same(arbiter: Arbiter) -> None:
+    results = [
+        arbiter.offer("cmd_vel", FORWARD, now_ns, EPOCH_NS + now_ns)
+        for now_ns in range(5 * S, 5 * S + 4 * MS, 20_000)
+    ]
+    assert reason(results[-1]) == "backlog"
+    assert arbiter.current(5 * S + 4 * MS).twist == STANDSTILL
+
+
+@pytest.mark.parametrize("seen_before", [True, False])
+def test_a_backlog_that_its_sender_stamped_moves_nothing(
+    arbiter: Arbiter, seen_before: bool
+) -> None:
+    if seen_before:
+        for now_ns in range(0, S, 20 * MS):
+            arbiter.offer("cmd_vel", SLOWER, now_ns, EPOCH_NS + now_ns, stamp_is_message=True)
+        stand(arbiter, 2 * S)
+    # Given at 50 Hz from second 1 to 5, delivered at second 6.
+    for n in range(200):
+        now_ns, given_ns = 6 * S + n * 20_000, S + n * 20 * MS
+        arbiter.offer("cmd_vel", FORWARD, now_ns, EPOCH_NS + given_ns, stamp_is_message=True)
+        if seen_before:
+            assert arbiter.current(now_ns).twist == STANDSTILL
+    assert arbiter.current(6 * S + 4 * MS).twist == STANDSTILL
+    live = 6 * S + 60 * MS
+    fresh = arbiter.offer("cmd_vel", FORWARD, live, EPOCH_NS + live, stamp_is_message=True)
+    assert isinstance(fresh, Accepted)
+
+
+def test_whoever_drove_before_a_backlog_drives_on_after_it(arbiter: Arbiter) -> None:
+    arbiter.offer("cmd_vel", SLOWER, 0)
+    for n in range(20):
+        arbiter.offer("cmd_vel/teleop", FORWARD, 10 * MS + n * 1000)
+    decision = arbiter.current(11 * MS)
+    assert (decision.driver, decision.twist, decision.since_ns) == ("cmd_vel", SLOWER, 0)
+
+
+def test_live_commands_after_a_backlog_drive(arbiter: Arbiter) -> None:
+    for n in range(200):
+        arbiter.offer("cmd_vel", FORWARD, n * 20_000)
+    assert isinstance(arbiter.offer("cmd_vel", SLOWER, 30 * MS), Accepted)
+    assert arbiter.current(30 * MS).twist == SLOWER
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("field", ["vx", "vy", "wz"])
+def test_a_velocity_that_is_not_finite_is_refused(
+    arbiter: Arbiter, value: float, field: str
+) -> None:
+    arbiter.offer("cmd_vel", FORWARD, 0)
+    assert reason(arbiter.offer("cmd_vel", Twist2d(**{field: value}), MS)) == "not_finite"
+    assert arbiter.current(MS).twist == FORWARD
+    assert arbiter.counters["not_finite"] == 1
+
+
+def test_a_source_that_nobody_configured_is_refused(arbiter: Arbiter) -> None:
+    assert reason(arbiter.offer("stranger", FORWARD, 0)) == "unknown_source"
+    assert arbiter.current(0).driver is None
+
+
+def test_a_stale_command_neither_drives_nor_keeps_alive(arbiter: Arbiter) -> None:
+    for now_ns in range(0, S, 20 * MS):
+        arbiter.offer("cmd_vel", FORWARD, now_ns, EPOCH_NS + now_ns, stamp_is_message=True)
+    late = arbiter.offer("cmd_vel", FORWARD, 1600 * MS, EPOCH_NS + S, stamp_is_message=True)
+    assert reason(late) == "stale"
+    assert arbiter.current(1600 * MS).timed_out
+
+
+def test_a_command_that_was_under_way_is_good_for_the_rest_of_its_time(arbiter: Arbiter) -> None:
+    for now_ns in range(0, S, 20 * MS):
+        arbiter.offer("cmd_vel", FORWARD, now_ns, EPOCH_NS + now_ns, stamp_is_message=True)
+    arbiter.offer("cmd_vel", FORWARD, 1300 * MS, EPOCH_NS + S, stamp_is_message=True)
+    assert arbiter.deadline_ns == 1500 * MS
+
+
+def test_refusals_are_counted_by_reason_and_remembered_for_a_while(arbiter: Arbiter) -> None:
+    arbiter.offer("cmd_vel/teleop", FORWARD, 0)
+    for n in range(3):
+        arbiter.offer("cmd_vel", FORWARD, n * 10 * MS)
+    assert arbiter.counters["lower_priority"] == 3
+    assert arbiter.recent_refusals(S) == {"lower_priority": 3}
+    assert arbiter.recent_refusals(5 * S) == {}
+
+
+def test_who_commands_motion_is_known_even_where_it_has_no_effect(arbiter: Arbiter) -> None:
+    arbiter.offer("cmd_vel/teleop", STANDSTILL, 0)
+    arbiter.offer("cmd_vel", FORWARD, 0)
+    assert arbiter.moving_sources(MS) == ("cmd_vel",)
+    assert arbiter.moving_sources(S) == ()
+
+
+def test_forgotten_commands_move_nothing_and_anybody_may_take_over(arbiter: Arbiter) -> None:
+    arbiter.offer("cmd_vel/teleop", FORWARD, 0)
+    arbiter.forget_commands(MS)
+    assert arbiter.current(MS).twist == STANDSTILL
+    assert isinstance(arbiter.offer("cmd_vel", SLOWER, 2 * MS), Accepted)
+
+
+def test_two_sources_of_one_name_are_refused() -> None:
+    with pytest.raises(ConfigError, match="twice"):
+        Arbiter([Source(name="a", priority=1), Source(name="a", priority=2)])
+
+
+STEP = st.tuples(
+    st.sampled_from(["offer", "offer", "offer", "stand", "look"]),
+    st.sampled_from(["cmd_vel", "planner", "cmd_vel/teleop"]),
+    st.integers(0, 400 * MS) | st.integers(0, 100_000),
+    st.sampled_from([FORWARD, SLOWER, STANDSTILL]),
+    st.none() | st.integers(-S, S),
+    st.booleans(),
+)
+
+
+@given(st.lists(STEP, max_size=60), st.sampled_from(["relative", "absolute", "ignore"]))
+def test_motion_always_has_a_driver_whose_accepted_command_is_fresh(
+    steps: list[tuple[str, str, int, Twist2d, int | None, bool]], stamps: str
+) -> None:
+    timeouts = {"cmd_vel": 500 * MS, "planner": 500 * MS, "cmd_vel/teleop": 300 * MS}
+    ranks = {"cmd_vel": 10, "planner": 10, "cmd_vel/teleop": 100}
+    arbiter = Arbiter(
+        [
+            Source(name=name, priority=ranks[name], timeout_s=timeout / S)
+            for name, timeout in timeouts.items()
+        ],
+        stamps="relative"
+        if stamps == "relative"
+        else "absolute"
+        if stamps == "absolute"
+        else "ignore",
+    )
+    accepted: dict[str, tuple[int, Twist2d]] = {}
+    now_ns = 10 * S
+    driver: str | None = None
+    stood = True
+    for what, source, step_ns, twist, offset_ns, by_sender in steps:
+        now_ns += step_ns
+        live = arbiter.current(now_ns)
+        if what == "offer":
+            stamp_ns = None if offset_ns is None else now_ns + offset_ns
+            result = arbiter.offer(source, twist, now_ns, stamp_ns, by_sender)
+            if isinstance(result, Accepted):
+                accepted[source] = (now_ns - result.age_ns, twist)
+        elif what == "stand":
+            stand(arbiter, now_ns)
+            stood = True
+        decision = arbiter.current(now_ns)
+        if not decision.twist.is_zero:
+            assert decision.driver is not None
+            given_ns, wish = accepted[decision.driver]
+            assert decision.twist == wish
+            assert now_ns - given_ns < timeouts[decision.driver]
+            assert not decision.timed_out
+        revoked = what == "offer" and isinstance(result, Refused) and result.revoked
+        if decision.driver != driver and driver and decision.driver and not revoked:
+            # Without standing first, control only ever went up.
+            assert stood or ranks[decision.driver] > ranks[driver]
+        if decision.driver is not None:
+            driver = decision.driver
+            if not decision.twist.is_zero or not live.twist.is_zero:
+                stood = False

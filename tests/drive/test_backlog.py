@@ -1,0 +1,72 @@
+from __future__ import annotations
+
+import itertools
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from yahboomd.drive.backlog import MOST, BacklogGate
+
+MS = 1_000_000
+S = 1000 * MS
+
+
+def test_a_single_command_after_a_silence_passes_at_once() -> None:
+    gate = BacklogGate(500 * MS)
+    assert gate.arrive(0) == "pass"
+    assert gate.arrive(10 * S) == "pass"
+
+
+def test_the_sixth_within_20_ms_revokes_and_the_rest_is_refused() -> None:
+    gate = BacklogGate(500 * MS)
+    verdicts = [gate.arrive(n * 20_000) for n in range(200)]
+    assert verdicts == ["pass"] * MOST + ["revoke"] + ["refuse"] * 194
+
+
+def test_a_backlog_handed_over_in_one_piece_never_passes() -> None:
+    gate = BacklogGate(500 * MS)
+    assert gate.arrive(0, arrivals=200) == "revoke"
+
+
+def test_commands_pass_again_once_the_backlog_has_ended() -> None:
+    gate = BacklogGate(500 * MS)
+    for n in range(200):
+        gate.arrive(n * 20_000)
+    assert [gate.arrive(n * 20 * MS) for n in range(2, 12)] == ["pass"] * 10
+    assert not gate.within_backlog
+
+
+def test_a_backlog_in_two_pieces_is_refused_twice() -> None:
+    gate = BacklogGate(500 * MS)
+    first = [gate.arrive(n * 1000) for n in range(20)]
+    second = [gate.arrive(100 * MS + n * 1000) for n in range(20)]
+    assert first.count("revoke") == second.count("revoke") == 1
+    assert first[-1] == second[-1] == "refuse"
+
+
+def test_a_burst_in_a_running_stream_is_no_backlog() -> None:
+    gate = BacklogGate(500 * MS)
+    times = itertools.chain(range(0, S, 20 * MS), range(S, S + 10 * MS, MS))
+    assert {gate.arrive(now_ns) for now_ns in times} == {"pass"}
+
+
+def test_commands_proven_fresh_pass_at_any_rate() -> None:
+    gate = BacklogGate(500 * MS)
+    assert {gate.arrive(n * 50_000, proven=True) for n in range(1000)} == {"pass"}
+
+
+@given(st.integers(1, 240))
+def test_a_sender_below_250_a_second_is_never_taken_for_a_backlog(rate_hz: int) -> None:
+    gate = BacklogGate(500 * MS)
+    assert {gate.arrive(n * S // rate_hz) for n in range(300)} == {"pass"}
+
+
+@given(st.lists(st.integers(0, 3 * MS), min_size=6, max_size=100), st.integers(0, S))
+def test_whatever_passes_of_a_dense_burst_is_revoked(gaps: list[int], start_ns: int) -> None:
+    gate = BacklogGate(500 * MS)
+    now_ns = start_ns
+    verdicts = []
+    for gap_ns in gaps:
+        now_ns += gap_ns
+        verdicts.append(gate.arrive(now_ns))
+    assert verdicts[MOST:] == ["revoke"] + ["refuse"] * (len(gaps) - MOST - 1)

@@ -1,0 +1,108 @@
+from __future__ import annotations
+
+import pytest
+
+from yahboomd.drive.arbiter import Decision, Why
+from yahboomd.drive.estop import Latched
+from yahboomd.drive.holds import BOARD_RESET, FAULT, WAITING_FOR_BOARD, Hold
+from yahboomd.drive.limiter import AxisLimits
+from yahboomd.drive.standing import reasons, state_of
+from yahboomd.model import Twist2d
+
+S = 1_000_000_000
+LATCHED = Latched(reason="button pressed", by="yahboomd/estop", since_ns=S)
+DRIVING = Decision(twist=Twist2d(vx=0.5), driver="cmd_vel", why="driving", source="cmd_vel")
+
+
+def held(kind: str, until_ns: int | None = None) -> Hold:
+    return Hold(kind=kind, message=f"{kind} it is.", since_ns=2 * S, until_ns=until_ns)
+
+
+def test_a_robot_that_may_drive_has_no_reason_to_stand() -> None:
+    assert reasons(S, decision=DRIVING, refused={"stale": 2}) == ()
+
+
+@pytest.mark.parametrize(
+    ("why", "words"),
+    [
+        ("no_command", "Nobody has commanded anything yet"),
+        ("timed_out", "cmd_vel fell silent: its last command was given 1.5 s ago"),
+        ("revoked", "Held-up commands of cmd_vel"),
+        ("zero_command", "cmd_vel commands zero"),
+    ],
+)
+def test_every_way_of_having_no_motion_commanded_is_put_in_words(why: Why, words: str) -> None:
+    decision = Decision(driver="cmd_vel", source="cmd_vel", age_ns=3 * S // 2, why=why)
+    (found,) = reasons(5 * S, decision=decision)
+    assert found.kind == why
+    assert words in found.message
+
+
+def test_the_emergency_stop_names_who_engaged_it_and_when() -> None:
+    (found,) = reasons(4 * S, decision=DRIVING, latched=LATCHED)
+    assert found.kind == "estop"
+    assert "yahboomd/estop 3.0 s ago: button pressed" in found.message
+
+
+def test_all_reasons_are_given_those_for_a_person_first() -> None:
+    found = reasons(
+        4 * S,
+        decision=Decision(),
+        latched=LATCHED,
+        holds=(held(WAITING_FOR_BOARD), held(FAULT)),
+        refused={"stale": 3, "backlog": 190},
+    )
+    kinds = [reason.kind for reason in found]
+    assert kinds == ["estop", FAULT, WAITING_FOR_BOARD, "no_command", "refused"]
+    assert "190 backlog, 3 stale" in found[-1].message
+
+
+def test_a_hold_that_ends_by_itself_says_when() -> None:
+    (found,) = reasons(5 * S // 2, decision=DRIVING, holds=(held(BOARD_RESET, 3 * S),))
+    assert "since 0.5 s, for another 0.5 s" in found.message
+
+
+def test_a_velocity_limit_of_zero_is_named() -> None:
+    (found,) = reasons(S, decision=DRIVING, linear=AxisLimits(velocity=0.0))
+    assert found.kind == "limit_zero"
+    assert "limits.linear.velocity = 0" in found.message
+
+
+def test_a_limit_of_zero_on_another_axis_is_no_reason() -> None:
+    assert reasons(S, decision=DRIVING, angular=AxisLimits(velocity=0.0)) == ()
+
+
+def test_sideways_motion_on_a_base_that_cannot_is_named() -> None:
+    decision = Decision(twist=Twist2d(vy=0.5), driver="cmd_vel", why="driving")
+    (found,) = reasons(S, decision=decision, holonomic=False)
+    assert found.kind == "sideways"
+    assert reasons(S, decision=decision, holonomic=True) == ()
+
+
+@pytest.mark.parametrize(
+    ("expected", "decision", "latched", "holds", "zero", "measured"),
+    [
+        ("standing", Decision(), None, (), True, (0.0, 0.0)),
+        ("standing", Decision(), None, (), True, None),
+        ("driving", DRIVING, None, (), True, (0.0, 0.0)),
+        ("stopping", Decision(), None, (), True, (0.3, 0.3)),
+        ("stopping", Decision(), None, (), False, (0.0, 0.0)),
+        ("standing", DRIVING, None, (held(BOARD_RESET),), True, (0.0, 0.0)),
+        ("stopping", DRIVING, None, (held(BOARD_RESET),), True, (0.0, -0.5)),
+        ("waiting", DRIVING, None, (held(WAITING_FOR_BOARD),), True, None),
+        ("fault", DRIVING, None, (held(WAITING_FOR_BOARD), held(FAULT)), True, (0.5, 0.5)),
+        ("estopped", DRIVING, LATCHED, (held(FAULT),), True, (0.5, 0.5)),
+    ],
+)
+def test_the_state_is_the_one_that_most_needs_a_person(
+    expected: str,
+    decision: Decision,
+    latched: Latched | None,
+    holds: tuple[Hold, ...],
+    zero: bool,
+    measured: tuple[float, ...] | None,
+) -> None:
+    found = state_of(
+        decision=decision, latched=latched, holds=holds, commanded_zero=zero, measured_m_s=measured
+    )
+    assert found == expected

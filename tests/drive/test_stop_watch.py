@@ -1,0 +1,103 @@
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from yahboomd.drive.stop_watch import StopWatch
+
+MS = 1_000_000
+T0 = 7_000 * MS
+
+
+@pytest.fixture
+def watch() -> StopWatch:
+    watch = StopWatch(("left", "right"))
+    watch.begin(T0)
+    return watch
+
+
+def test_wheels_that_obey_are_proven_to_stand(watch: StopWatch) -> None:
+    for n in range(1, 6):
+        assert watch.measure(T0 + n * 20 * MS, (0.5 - 0.08 * n, 0.5 - 0.08 * n)) == "stopping"
+    assert watch.measure(T0 + 120 * MS, (0.0, 0.029)) == "stopping"
+    assert watch.measure(T0 + 140 * MS, (0.0, 0.0)) == "stopping"
+    assert watch.measure(T0 + 160 * MS, (0.0, 0.0)) == "stopped"
+    assert watch.check(T0 + 10_000 * MS) is None
+
+
+def test_a_wheel_that_turns_on_is_named_and_cut_after_0_6_s(watch: StopWatch) -> None:
+    for n in range(1, 30):
+        watch.measure(T0 + n * 20 * MS, (0.0, -0.8))
+        assert watch.check(T0 + n * 20 * MS) is None
+    assert watch.deadline_ns == T0 + 600 * MS
+    fault = watch.check(T0 + 600 * MS)
+    assert fault is not None
+    assert (fault.kind, fault.motor, fault.action) == ("stop_not_obeyed", "right", "cut")
+    assert fault.measured_m_s == -0.8
+    assert watch.state == "overdue"
+    assert watch.check(T0 + 620 * MS) is None
+
+
+def test_a_stop_that_nobody_can_see_is_overdue_too(watch: StopWatch) -> None:
+    fault = watch.check(T0 + 600 * MS)
+    assert fault is not None
+    assert fault.motor is None
+    assert "No reading" in fault.message
+
+
+def test_a_single_slow_reading_is_no_standstill(watch: StopWatch) -> None:
+    for n in range(1, 31):
+        watch.measure(T0 + n * 20 * MS, (0.0, 0.0) if n % 2 else (0.2, -0.2))
+    assert watch.state == "stopping"
+
+
+def test_readings_from_before_the_stop_prove_nothing(watch: StopWatch) -> None:
+    for n in range(1, 20):
+        watch.measure(T0 - n * 20 * MS, (0.0, 0.0))
+    assert watch.state == "stopping"
+
+
+def test_a_stop_commanded_again_keeps_its_deadline(watch: StopWatch) -> None:
+    watch.measure(T0 + 300 * MS, (0.5, 0.5))
+    watch.begin(T0 + 500 * MS)
+    assert watch.check(T0 + 600 * MS) is not None
+
+
+def test_wheels_that_stand_just_before_the_deadline_are_given_the_proof(watch: StopWatch) -> None:
+    watch.measure(T0 + 590 * MS, (0.0, 0.0))
+    assert watch.check(T0 + 600 * MS) is None
+    assert watch.measure(T0 + 630 * MS, (0.0, 0.0)) == "stopped"
+
+
+def test_readings_that_cease_in_standstill_are_no_proof(watch: StopWatch) -> None:
+    watch.measure(T0 + 300 * MS, (0.0, 0.0))
+    fault = watch.check(T0 + 600 * MS)
+    assert fault is not None
+    assert fault.motor is None
+
+
+def test_wheels_that_stand_at_last_are_stopped_however_late(watch: StopWatch) -> None:
+    watch.measure(T0 + 590 * MS, (0.5, 0.5))
+    assert watch.check(T0 + 600 * MS) is not None
+    watch.measure(T0 + 2000 * MS, (0.0, 0.0))
+    assert watch.measure(T0 + 2040 * MS, (0.0, 0.0)) == "stopped"
+
+
+def test_a_stop_called_off_is_none(watch: StopWatch) -> None:
+    watch.cancel()
+    assert watch.check(T0 + 10_000 * MS) is None
+    assert watch.state == "idle"
+
+
+@given(st.lists(st.tuples(st.integers(0, 100 * MS), st.floats(-1.0, 1.0)), max_size=60))
+def test_no_stop_stays_undecided_beyond_its_deadline(readings: list[tuple[int, float]]) -> None:
+    watch = StopWatch(("left", "right"))
+    watch.begin(T0)
+    now_ns = T0
+    for step_ns, speed in readings:
+        now_ns += step_ns
+        watch.measure(now_ns, (speed, 0.0))
+        watch.check(now_ns)
+        if now_ns - T0 >= 660 * MS:
+            assert watch.state in {"stopped", "overdue"}

@@ -1,0 +1,375 @@
+"""Who drives: one source at a time, by priority, for as long as its commands are fresh.
+
+- The larger priority takes control at once. Among equals whoever holds it keeps it, and a zero
+  command holds it too.
+- Otherwise control changes hands only from standstill: the holder's last command ran out, the
+  wheels were commanded to zero and measured standing, and a command given after that arrives.
+- A command is good for its source's timeout, counted from when it was given. What is older, out of
+  order or part of a backlog is refused (:mod:`~yahboomd.drive.age`,
+  :mod:`~yahboomd.drive.backlog`).
+
+Commands that are refused for want of priority are remembered as what their source wishes, because
+an emergency stop may not be released while anyone commands motion.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+import msgspec
+
+from yahboomd.drive.age import Age, AgeJudge, StampPolicy
+from yahboomd.drive.backlog import BacklogGate
+from yahboomd.drive.deadman import Deadman, OnTimeout
+from yahboomd.drive.windows import SlidingCounts
+from yahboomd.errors import ConfigError
+from yahboomd.model import STANDSTILL, Twist2d
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+Reason: TypeAlias = Literal[
+    "unknown_source",
+    "not_finite",
+    "stale",
+    "out_of_order",
+    "from_the_future",
+    "backlog",
+    "lower_priority",
+    "not_standing",
+]
+Why: TypeAlias = Literal["driving", "zero_command", "timed_out", "revoked", "no_command"]
+
+STANDING_M_S = 0.03
+"""Wheels measured slower than this stand."""
+RECENT_NS = 2_000_000_000
+"""What :meth:`Arbiter.recent_refusals` looks back on."""
+
+
+class Source(msgspec.Struct, frozen=True, kw_only=True):
+    """Somebody who may drive.
+
+    Attributes:
+        name: The key below the namespace, such as ``cmd_vel``.
+        priority: The larger number wins.
+        timeout_s: How long one of its commands is good for.
+    """
+
+    name: str
+    priority: int
+    timeout_s: float = 0.5
+
+
+class Accepted(msgspec.Struct, frozen=True, kw_only=True):
+    """The command is in effect.
+
+    Attributes:
+        source: Whose it is.
+        age_ns: How long it was under way, as far as can be known.
+        took_over: Whether control changed hands with it.
+    """
+
+    source: str
+    age_ns: int = 0
+    took_over: bool = False
+
+
+class Refused(msgspec.Struct, frozen=True, kw_only=True):
+    """The command has no effect.
+
+    Attributes:
+        source: Whose it is.
+        reason: A stable word, also the key in the counters.
+        detail: A sentence for a person.
+        revoked: Commands of this source that had been accepted turned out to be part of a backlog
+            and were taken back: run a control step at once.
+    """
+
+    source: str
+    reason: Reason
+    detail: str
+    revoked: bool = False
+
+
+class Decision(msgspec.Struct, frozen=True, kw_only=True):
+    """What the wheels should do now, and on whose account.
+
+    Attributes:
+        twist: The wish, not limited yet.
+        driver: Who holds control; ``None`` where nobody does.
+        since_ns: Since when; where nobody does, since when nobody does (``None``: ever).
+        timed_out: The last command ran out.
+        ramp: Whether the way to ``twist`` may be a ramp; else the wheels stand at once.
+        why: In one word, what the wish follows from.
+        source: Whose command is, or was, the last in effect.
+        age_ns: How long ago that one was given.
+    """
+
+    twist: Twist2d = STANDSTILL
+    driver: str | None = None
+    since_ns: int | None = None
+    timed_out: bool = False
+    ramp: bool = True
+    why: Why = "no_command"
+    source: str | None = None
+    age_ns: int | None = None
+
+
+class _Line(msgspec.Struct, kw_only=True):
+    source: Source
+    judge: AgeJudge
+    gate: BacklogGate
+    deadman: Deadman
+    wish: Twist2d | None = None
+
+
+class _Handover(msgspec.Struct, frozen=True, kw_only=True):
+    at_ns: int
+    previous: str | None
+    previous_since_ns: int | None
+    previous_last: str | None
+
+
+class Arbiter:
+    """Decides who drives.
+
+    Args:
+        sources: Everybody who may.
+        on_timeout: Whether silence ends in a ramp or a halt.
+        stamps: How the age of a command is told.
+
+    Raises:
+        ConfigError: Two sources of one name, or a timeout that is not positive.
+
+    Attributes:
+        counters: How many commands were ``accepted``, ``took_over``, refused for each reason, how
+            many backlogs were ``revoked``, and how often a driver ``timed_out``.
+    """
+
+    def __init__(
+        self,
+        sources: Sequence[Source],
+        *,
+        on_timeout: OnTimeout = "ramp",
+        stamps: StampPolicy = "relative",
+    ) -> None:
+        self.counters: Counter[str] = Counter()
+        self._recent = SlidingCounts(RECENT_NS)
+        self._on_timeout = on_timeout
+        self._lines: dict[str, _Line] = {}
+        for source in sources:
+            if source.name in self._lines:
+                raise ConfigError(f"command.sources: {source.name} is there twice.")
+            deadman = Deadman(source.timeout_s)
+            self._lines[source.name] = _Line(
+                source=source,
+                judge=AgeJudge(stamps, deadman.timeout_ns),
+                gate=BacklogGate(deadman.timeout_ns),
+                deadman=deadman,
+            )
+        self._holder: _Line | None = None
+        self._since_ns: int | None = None
+        self._last: _Line | None = None
+        self._free_ns: int | None = None
+        self._handover: _Handover | None = None
+        self._revoked = False
+        self._timeout_counted = False
+
+    def offer(
+        self,
+        source: str,
+        twist: Twist2d,
+        now_ns: int,
+        stamp_ns: int | None = None,
+        stamp_is_message: bool = False,
+        *,
+        wall_ns: int | None = None,
+        arrivals: int = 1,
+    ) -> Accepted | Refused:
+        """Take a command in.
+
+        Several commands that were handed over in one piece are offered one after the other before
+        the next control step runs, or only the newest of them with their number: that way a backlog
+        is seen before it had any effect.
+
+        Args:
+            source: Who sent it.
+            twist: The wish.
+            now_ns: When it arrived; monotonic nanoseconds.
+            stamp_ns: When it was given, on the giver's clock, where that is known.
+            stamp_is_message: The stamp is the sender's own, not the transport's.
+            wall_ns: Now on the clock that stamps are compared with, for ``absolute``.
+            arrivals: How many commands of this source arrived since the last one offered.
+
+        Returns:
+            What became of it; nothing is raised, whatever it is.
+        """
+        line = self._lines.get(source)
+        if line is None:
+            return self._refuse(now_ns, source, "unknown_source", "Nobody of that name may drive.")
+        if not all(map(math.isfinite, (twist.vx, twist.vy, twist.wz))):
+            return self._refuse(now_ns, source, "not_finite", f"{twist} is not a finite velocity.")
+        age = line.judge.judge(now_ns, stamp_ns, by_sender=stamp_is_message, wall_ns=wall_ns)
+        verdict = line.gate.arrive(
+            now_ns, arrivals=arrivals, proven=isinstance(age, Age) and age.proven
+        )
+        if verdict != "pass":
+            revoked = verdict == "revoke" and self._revoke(line, now_ns)
+            detail = "It came in a burst after a silence: old commands that had been held up."
+            return self._refuse(now_ns, source, "backlog", detail, revoked=revoked)
+        if not isinstance(age, Age):
+            return self._refuse(now_ns, source, age, _AGE_DETAILS[age])
+        given_ns = now_ns - age.age_ns
+        refusal = self._may_drive(line, now_ns, given_ns)
+        line.wish = twist
+        line.deadman.feed(given_ns)
+        if refusal is not None:
+            return refusal
+        took_over = self._holder is not line
+        if took_over:
+            self._hand_over(line, now_ns)
+        self._last = line
+        self._revoked = False
+        self._timeout_counted = False
+        self.counters["accepted"] += 1
+        return Accepted(source=source, age_ns=age.age_ns, took_over=took_over)
+
+    def observe_wheels(
+        self, now_ns: int, *, commanded_zero: bool, measured_m_s: Sequence[float] | None
+    ) -> None:
+        """Tell what the wheels do: control passes down only from standstill.
+
+        Args:
+            now_ns: Monotonic nanoseconds.
+            commanded_zero: The latest frame to the board commands standstill.
+            measured_m_s: Rim speeds from a reading later than that frame; ``None`` where unknown.
+        """
+        holder = self._holder
+        if holder is None or not holder.deadman.expired(now_ns) or not commanded_zero:
+            return
+        if measured_m_s is None or any(abs(speed) >= STANDING_M_S for speed in measured_m_s):
+            return
+        self._count_timeout()
+        self._holder = None
+        self._since_ns = now_ns
+        self._free_ns = now_ns
+
+    def current(self, now_ns: int) -> Decision:
+        """What the wheels should do at ``now_ns``.
+
+        Never motion on the account of a command that ran out or was taken back.
+        """
+        holder, last = self._holder, self._last
+        driver = None if holder is None else holder.source.name
+        source = None if last is None else last.source.name
+        age_ns = None if last is None else last.deadman.age_ns(now_ns)
+        standing = Decision(driver=driver, since_ns=self._since_ns, source=source, age_ns=age_ns)
+        if self._revoked:
+            return msgspec.structs.replace(standing, why="revoked", ramp=False)
+        if last is None or age_ns is None:
+            return standing
+        if holder is None or holder.wish is None or holder.deadman.expired(now_ns):
+            self._count_timeout()
+            return msgspec.structs.replace(
+                standing, why="timed_out", timed_out=True, ramp=self._on_timeout == "ramp"
+            )
+        if holder.wish.is_zero:
+            return msgspec.structs.replace(standing, why="zero_command")
+        return msgspec.structs.replace(standing, why="driving", twist=holder.wish)
+
+    @property
+    def deadline_ns(self) -> int | None:
+        """When the command in effect runs out: a control step is due then. ``None``: none is."""
+        return None if self._holder is None else self._holder.deadman.deadline_ns
+
+    def moving_sources(self, now_ns: int) -> tuple[str, ...]:
+        """Who commands motion at present, whether it has an effect or not."""
+        return tuple(
+            name
+            for name, line in self._lines.items()
+            if line.wish is not None and not line.wish.is_zero and not line.deadman.expired(now_ns)
+        )
+
+    def recent_refusals(self, now_ns: int) -> dict[str, int]:
+        """How many commands were refused in the last two seconds, by reason."""
+        return self._recent.counts(now_ns)
+
+    def forget_commands(self, now_ns: int) -> None:
+        """Drop every command and whoever holds control, as if nobody had commanded anything yet.
+
+        For when the bus is lost, or the board was away: what was commanded before is over.
+        """
+        for line in self._lines.values():
+            line.wish = None
+            line.deadman.clear()
+        self._holder = self._last = self._handover = None
+        self._revoked = False
+        self._since_ns = self._free_ns = now_ns
+
+    def _may_drive(self, line: _Line, now_ns: int, given_ns: int) -> Refused | None:
+        name, holder = line.source.name, self._holder
+        if holder is line:
+            return None
+        if holder is None:
+            if self._free_ns is not None and given_ns < self._free_ns:
+                detail = "It was given before the wheels stood."
+                return self._refuse(now_ns, name, "not_standing", detail)
+            return None
+        if line.source.priority > holder.source.priority:
+            return None
+        if holder.deadman.expired(now_ns):
+            detail = f"{holder.source.name} fell silent, and the wheels do not stand yet."
+            return self._refuse(now_ns, name, "not_standing", detail)
+        detail = f"{holder.source.name} drives, with priority {holder.source.priority}."
+        return self._refuse(now_ns, name, "lower_priority", detail)
+
+    def _hand_over(self, line: _Line, now_ns: int) -> None:
+        self._handover = _Handover(
+            at_ns=now_ns,
+            previous=None if self._holder is None else self._holder.source.name,
+            previous_since_ns=self._since_ns,
+            previous_last=None if self._last is None else self._last.source.name,
+        )
+        self._holder = line
+        self._since_ns = now_ns
+        self.counters["took_over"] += 1
+
+    def _revoke(self, line: _Line, now_ns: int) -> bool:
+        """Take back what ``line`` was believed since its silence; whether there was anything."""
+        had_a_command = line.wish is not None and not line.deadman.expired(now_ns)
+        line.wish = None
+        line.deadman.clear()
+        if self._holder is not line or not had_a_command:
+            return False
+        self.counters["revoked"] += 1
+        before, since_ns = self._handover, line.gate.watching_since_ns
+        if before is not None and since_ns is not None and before.at_ns >= since_ns:
+            # It took control with the backlog: whoever had it has it still.
+            self._holder = self._lines[before.previous] if before.previous else None
+            self._since_ns = before.previous_since_ns
+            self._last = self._lines[before.previous_last] if before.previous_last else None
+        self._handover = None
+        holder = self._holder
+        self._revoked = holder is None or holder.wish is None or holder.deadman.expired(now_ns)
+        return True
+
+    def _count_timeout(self) -> None:
+        if not self._timeout_counted:
+            self._timeout_counted = True
+            self.counters["timed_out"] += 1
+
+    def _refuse(
+        self, now_ns: int, source: str, reason: Reason, detail: str, *, revoked: bool = False
+    ) -> Refused:
+        self.counters[reason] += 1
+        self._recent.add(now_ns, reason)
+        return Refused(source=source, reason=reason, detail=detail, revoked=revoked)
+
+
+_AGE_DETAILS = {
+    "stale": "It is older than its source's commands are good for.",
+    "out_of_order": "A command with a later stamp was here before.",
+    "from_the_future": "Its stamp is ahead of the clock by more than the timeout.",
+}

@@ -1,0 +1,80 @@
+"""Commands that were held up and arrive all at once, where no stamp tells their age.
+
+A link that stalls and recovers delivers what it held back within milliseconds. More than five
+commands within 20 ms, after the source was silent for its timeout (so that what is held back may be
+older than that), are a backlog: nothing of it is obeyed.
+
+The trouble is that its first five look like five ordinary commands, and a single command after a
+silence has to act at once; to wait and see would cost every first command 20 ms. So the first is
+obeyed, and at the sixth the gate says ``revoke``: whoever obeyed takes everything back that came
+since the silence, and stands, at once and not by a ramp. Where commands that arrived in one piece
+are all offered before a control step runs, nothing is obeyed in the first place; otherwise the
+wheels were told the first step of a ramp for some milliseconds, too short for a motor to start.
+Watching goes on for one timeout after the silence, since a backlog may come in pieces.
+
+While commands keep coming that fast, they stay refused: a sender without stamps of its own has to
+stay below 250 commands a second.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Literal, TypeAlias
+
+Verdict: TypeAlias = Literal["pass", "revoke", "refuse"]
+
+MOST = 5
+"""So many within the window are ordinary."""
+WINDOW_NS = 20_000_000
+
+
+class BacklogGate:
+    """Watches the arrivals of one source.
+
+    Args:
+        silence_ns: How long nothing arrived for when what arrives next is suspect.
+    """
+
+    def __init__(self, silence_ns: int) -> None:
+        self._silence_ns = silence_ns
+        self._recent: deque[int] = deque(maxlen=MOST + 1)
+        self._watch_until_ns = 0
+        self._within = False
+        self.watching_since_ns: int | None = None
+
+    @property
+    def within_backlog(self) -> bool:
+        """Whether the latest arrival was part of one."""
+        return self._within
+
+    def arrive(self, now_ns: int, *, arrivals: int = 1, proven: bool = False) -> Verdict:
+        """Judge what arrived at ``now_ns``.
+
+        Args:
+            now_ns: Monotonic nanoseconds.
+            arrivals: How many commands arrived since the last call, where only the newest is
+                looked at.
+            proven: The command's stamp shows that it is fresh.
+
+        Returns:
+            ``pass``; or ``revoke`` for the first that is known to be of a backlog: take back what
+            passed since :attr:`watching_since_ns`; or ``refuse`` for each one after that.
+        """
+        silent = not self._recent or now_ns - self._recent[-1] >= self._silence_ns
+        if silent:
+            self._recent.clear()
+            self._watch_until_ns = now_ns + self._silence_ns
+            self.watching_since_ns = now_ns
+        self._recent.extend([now_ns] * min(arrivals, MOST + 1))
+        if proven:
+            self._within = False
+            return "pass"
+        dense = len(self._recent) > MOST and self._recent[-1] - self._recent[0] <= WINDOW_NS
+        if not dense or now_ns > self._watch_until_ns:
+            self._within = False
+            return "pass"
+        self._watch_until_ns = now_ns + self._silence_ns
+        if self._within:
+            return "refuse"
+        self._within = True
+        return "revoke"

@@ -1,0 +1,84 @@
+"""The emergency stop: a latch that anybody may close and only one deliberate act opens.
+
+It knows no file and no bus: the caller keeps :attr:`EmergencyStop.latched` where it survives a
+restart, and hands it back on the next start.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import msgspec
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+
+class Latched(msgspec.Struct, frozen=True, kw_only=True):
+    """An emergency stop in force.
+
+    Attributes:
+        reason: Why, in the words of whoever engaged it.
+        by: Who did, such as the key or the command.
+        since_ns: Since when; monotonic nanoseconds (which outlive a restart of the service, as the
+            runtime directory does).
+    """
+
+    reason: str
+    by: str
+    since_ns: int
+
+
+class Release(msgspec.Struct, frozen=True, kw_only=True):
+    """What became of the wish to release it.
+
+    Attributes:
+        released: Whether the robot may move again.
+        message: One sentence: what was done, or why not.
+    """
+
+    released: bool
+    message: str
+
+
+class EmergencyStop:
+    """The latch.
+
+    Args:
+        latched: What was in force when the service last ran.
+    """
+
+    def __init__(self, latched: Latched | None = None) -> None:
+        self.latched = latched
+
+    @property
+    def engaged(self) -> bool:
+        """Whether the wheels must stand."""
+        return self.latched is not None
+
+    def engage(self, reason: str, by: str, now_ns: int) -> bool:
+        """Stop. Returns whether that is news; the first reason stays, however often it is asked."""
+        if self.latched is not None:
+            return False
+        self.latched = Latched(reason=reason, by=by, since_ns=now_ns)
+        return True
+
+    def release(self, moving: Sequence[str]) -> Release:
+        """Let the robot move again, unless it would start at once.
+
+        Args:
+            moving: The sources that command motion now (``Arbiter.moving_sources``).
+        """
+        if self.latched is None:
+            return Release(released=True, message="The emergency stop was not engaged.")
+        if moving:
+            return Release(
+                released=False,
+                message=(
+                    f"Still engaged: {', '.join(moving)} commands motion, and the robot would "
+                    "start at once. Let go of the controls first."
+                ),
+            )
+        by = self.latched.by
+        self.latched = None
+        return Release(released=True, message=f"Released the emergency stop that {by} engaged.")

@@ -1,0 +1,109 @@
+"""Reasons for which the robot stands although somebody may command it: each with its own end.
+
+A hold is data: put on by whoever knows the reason, taken off by the same or by time. While any is
+active the wheels stand.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+import msgspec
+
+NS_PER_S = 1_000_000_000
+
+WAITING_FOR_BOARD = "waiting_for_board"
+"""No board, or not recognised yet."""
+BOARD_RESET = "board_reset"
+"""The board reset itself a moment ago."""
+FAULT = "fault"
+"""Something is broken; only a person ends this one."""
+
+
+class Hold(msgspec.Struct, frozen=True, kw_only=True):
+    """One reason to stand.
+
+    Attributes:
+        kind: A stable word; one hold of each kind exists at a time.
+        message: A sentence for a person.
+        since_ns: Since when; monotonic nanoseconds.
+        until_ns: When it ends by itself; ``None``: not by itself.
+    """
+
+    kind: str
+    message: str
+    since_ns: int
+    until_ns: int | None = None
+
+
+class Holds:
+    """The holds in force."""
+
+    def __init__(self) -> None:
+        self._holds: dict[str, Hold] = {}
+
+    def put(self, hold: Hold) -> None:
+        """Stand for this reason; it replaces one of the same kind, but keeps its beginning."""
+        before = self._holds.get(hold.kind)
+        if before is not None and (before.until_ns is None or before.until_ns > hold.since_ns):
+            hold = msgspec.structs.replace(hold, since_ns=before.since_ns)
+        self._holds[hold.kind] = hold
+
+    def drop(self, kind: str) -> bool:
+        """This reason is gone. Returns whether it was there."""
+        return self._holds.pop(kind, None) is not None
+
+    def active(self, now_ns: int) -> tuple[Hold, ...]:
+        """The reasons to stand at ``now_ns``, the oldest first; those that ended are forgotten."""
+        over = [
+            kind
+            for kind, hold in self._holds.items()
+            if hold.until_ns is not None and hold.until_ns <= now_ns
+        ]
+        for kind in over:
+            del self._holds[kind]
+        return tuple(sorted(self._holds.values(), key=lambda hold: hold.since_ns))
+
+
+class ResetWatch:
+    """What resets of the board lead to: a pause after one in motion, a fault after too many.
+
+    A board that resets itself under load (a weak battery, a loose plug) would otherwise be driven
+    into the next brown-out at once, for ever.
+
+    Args:
+        stand_s: How long to stand after a reset while the wheels turned.
+        most: So many resets within ``within_s`` are a fault.
+        within_s: See there.
+    """
+
+    def __init__(self, *, stand_s: float = 1.0, most: int = 3, within_s: float = 10.0) -> None:
+        self._stand_ns = round(stand_s * NS_PER_S)
+        self._within_ns = round(within_s * NS_PER_S)
+        self._within_s = within_s
+        self._resets: deque[int] = deque(maxlen=most)
+
+    def reset(self, now_ns: int, *, in_motion: bool) -> Hold | None:
+        """The board reset itself. Returns the hold that follows from it, to be put on."""
+        self._resets.append(now_ns)
+        if len(self._resets) == self._resets.maxlen and now_ns - self._resets[0] <= self._within_ns:
+            return Hold(
+                kind=FAULT,
+                message=(
+                    f"The board reset itself {len(self._resets)} times within "
+                    f"{self._within_s:g} s: check the battery, the plugs and the motor currents."
+                ),
+                since_ns=now_ns,
+            )
+        if not in_motion:
+            return None
+        return Hold(
+            kind=BOARD_RESET,
+            message="The board reset itself in motion; standing before anything moves again.",
+            since_ns=now_ns,
+            until_ns=now_ns + self._stand_ns,
+        )
+
+    def clear(self) -> None:
+        """Forget past resets, after a person looked into them."""
+        self._resets.clear()

@@ -1,0 +1,212 @@
+"""Between the motion of the body and the rim speeds of the wheels, for every drive geometry.
+
+One law: each geometry is two constant matrices. ``inverse`` takes (vx, vy, wz) to rim speeds,
+``forward`` takes rim speeds back, and ``forward`` after ``inverse`` is the identity (on what the
+geometry can do). Another geometry is one builder and one row of :data:`KINEMATICS`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Protocol
+
+from yahboomd.errors import ConfigError
+from yahboomd.model import Kinematics, Twist2d
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+
+class Builder(Protocol):
+    """What a row of the registry does."""
+
+    def __call__(self, *, separation_m: float, base_m: float | None = None) -> Kinematics:
+        """Return the geometry for these two distances."""
+        ...
+
+
+def differential(*, separation_m: float, base_m: float | None = None) -> Kinematics:
+    """Two driven sides on one axle.
+
+    ``v_left = vx - wz b/2``, ``v_right = vx + wz b/2`` with b the distance of the wheels; the
+    base cannot move sideways.
+
+    Args:
+        separation_m: From the left wheel's contact point to the right one's.
+        base_m: Front to rear; means nothing here.
+
+    Raises:
+        ConfigError: ``separation_m`` is not a positive number.
+    """
+    del base_m
+    return _two_sides("differential", separation_m)
+
+
+def skid_steer(*, separation_m: float, base_m: float | None = None) -> Kinematics:
+    """Two sides of several wheels each, which slip sideways in a turn.
+
+    The same maps as :func:`differential`, with the *effective* separation: published bases turn as
+    if they were 1.3 to 1.9 times as wide as they are, so it has to be calibrated.
+
+    Args:
+        separation_m: The effective distance of the sides.
+        base_m: Front to rear; it is contained in the effective separation.
+
+    Raises:
+        ConfigError: ``separation_m`` is not a positive number.
+    """
+    del base_m
+    return _two_sides("skid_steer", separation_m)
+
+
+def mecanum(*, separation_m: float, base_m: float | None = None) -> Kinematics:
+    """Four wheels with rollers at 45 degrees, which can also move sideways.
+
+    With k = (separation + base) / 2 the rim speeds are front left ``vx - vy - k wz``, rear left
+    ``vx + vy - k wz``, front right ``vx + vy + k wz``, rear right ``vx - vy + k wz``. Four wheels
+    for three unknowns: ``forward`` is the least-squares solution (the columns of ``inverse`` are
+    orthogonal, so it is the scaled transpose) and what it leaves over is slip (:func:`slip_m_s`).
+    The order of the wheels is that of the vendor's M1 to M4.
+
+    Args:
+        separation_m: Left to right, between the wheels' middles.
+        base_m: Front to rear, between the axles.
+
+    Raises:
+        ConfigError: A distance is missing, or not a positive number.
+    """
+    _positive("wheel_separation_m", separation_m)
+    if base_m is None:
+        raise ConfigError(
+            "A mecanum base needs the distance of its axles.",
+            remedy="Set chassis.wheel_base_m, front to rear, in metres.",
+        )
+    _positive("wheel_base_m", base_m)
+    k = (separation_m + base_m) / 2.0
+    q = 0.25
+    return Kinematics(
+        name="mecanum",
+        wheels=("front_left", "rear_left", "front_right", "rear_right"),
+        inverse=((1.0, -1.0, -k), (1.0, 1.0, -k), (1.0, 1.0, k), (1.0, -1.0, k)),
+        forward=(
+            (q, q, q, q),
+            (-q, q, q, -q),
+            (-q / k, -q / k, q / k, q / k),
+        ),
+        holonomic=True,
+    )
+
+
+KINEMATICS: Mapping[str, Builder] = {
+    "differential": differential,
+    "skid_steer": skid_steer,
+    "mecanum": mecanum,
+}
+"""The drive geometries, by the name that ``chassis.kinematics`` gives."""
+
+
+def wheel_speeds(kinematics: Kinematics, twist: Twist2d) -> tuple[float, ...]:
+    """The rim speed of each wheel in m/s, in the order of ``kinematics.wheels``.
+
+    A geometry that cannot move sideways leaves ``vy`` out: see :func:`without_lateral`.
+    """
+    return tuple(fx * twist.vx + fy * twist.vy + fw * twist.wz for fx, fy, fw in kinematics.inverse)
+
+
+def body_twist(kinematics: Kinematics, speeds: Sequence[float]) -> Twist2d:
+    """The motion of the body that these rim speeds (m/s, order of the wheels) make, without slip.
+
+    Raises:
+        ValueError: Not one speed for each wheel.
+    """
+    vx, vy, wz = (
+        sum(factor * speed for factor, speed in zip(row, speeds, strict=True))
+        for row in kinematics.forward
+    )
+    return Twist2d(vx=vx, vy=vy, wz=wz)
+
+
+def slip_m_s(kinematics: Kinematics, speeds: Sequence[float]) -> float:
+    """How far these rim speeds are from any motion of a rigid base: the RMS residual, m/s.
+
+    Zero for two sides, which fit every pair of speeds; for mecanum it tells of slipping rollers.
+    """
+    explained = wheel_speeds(kinematics, body_twist(kinematics, speeds))
+    squares = sum((a - b) ** 2 for a, b in zip(speeds, explained, strict=True))
+    return math.sqrt(squares / len(speeds))
+
+
+def without_lateral(kinematics: Kinematics, twist: Twist2d) -> Twist2d:
+    """The part of ``twist`` that this base can follow: ``vy`` is 0 where it cannot go sideways.
+
+    Returns the same object where nothing was taken off, so that the caller can count by ``is``.
+    """
+    if kinematics.holonomic or twist.vy == 0.0:
+        return twist
+    return Twist2d(vx=twist.vx, wz=twist.wz)
+
+
+def desaturate(speeds: Sequence[float], limits: Sequence[float]) -> tuple[tuple[float, ...], float]:
+    """Slow all wheels by one factor until the fastest fits, so that the path keeps its curvature.
+
+    Clipping each wheel by itself would bend the path. Speeds that are no finite numbers (a wish so
+    large that it overflowed) become standstill.
+
+    Args:
+        speeds: Wanted rim speeds, m/s.
+        limits: The fastest that each wheel can turn, m/s, not negative; ``math.inf`` for no limit.
+
+    Returns:
+        The speeds, and the factor in 0..1 by which they were scaled.
+
+    Raises:
+        ValueError: Not one limit for each speed.
+    """
+    scale = 1.0
+    for speed, limit in zip(speeds, limits, strict=True):
+        if not math.isfinite(speed):
+            return (0.0,) * len(speeds), 0.0
+        if abs(speed) > limit:
+            scale = min(scale, limit / abs(speed))
+    if scale == 1.0:
+        return tuple(speeds), 1.0
+    # The product can exceed the limit by the last bit of rounding: the limit is a promise.
+    return (
+        tuple(
+            max(-limit, min(limit, speed * scale))
+            for speed, limit in zip(speeds, limits, strict=True)
+        ),
+        scale,
+    )
+
+
+def desaturate_twist(
+    kinematics: Kinematics, twist: Twist2d, limits: Sequence[float]
+) -> tuple[Twist2d, float]:
+    """The same for a wish: the fastest twist of the same curvature that the wheels can follow.
+
+    Limiting the wish before it is ramped keeps the ramp from ending beyond what the wheels can do,
+    where a later slow-down would first do nothing.
+    """
+    _, scale = desaturate(wheel_speeds(kinematics, twist), limits)
+    if scale == 1.0:
+        return twist, 1.0
+    if scale == 0.0:
+        return Twist2d(), 0.0
+    return Twist2d(vx=twist.vx * scale, vy=twist.vy * scale, wz=twist.wz * scale), scale
+
+
+def _two_sides(name: str, separation_m: float) -> Kinematics:
+    _positive("wheel_separation_m", separation_m)
+    half = separation_m / 2.0
+    return Kinematics(
+        name=name,
+        wheels=("left", "right"),
+        inverse=((1.0, 0.0, -half), (1.0, 0.0, half)),
+        forward=((0.5, 0.5), (0.0, 0.0), (-1.0 / separation_m, 1.0 / separation_m)),
+    )
+
+
+def _positive(name: str, value: float) -> None:
+    if not (math.isfinite(value) and value > 0.0):
+        raise ConfigError(f"chassis.{name} is {value}, which is no distance.")

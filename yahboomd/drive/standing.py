@@ -1,0 +1,169 @@
+"""Why the robot does not move, in words: the first question of whoever stands in front of it.
+
+All reasons are given, not only the first, in the order in which they have to be dealt with.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+import msgspec
+
+from yahboomd.drive.arbiter import STANDING_M_S, Decision
+from yahboomd.drive.holds import FAULT, WAITING_FOR_BOARD, Hold
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from yahboomd.drive.estop import Latched
+    from yahboomd.drive.limiter import AxisLimits
+
+State: TypeAlias = Literal["waiting", "standing", "driving", "stopping", "estopped", "fault"]
+
+
+class Reason(msgspec.Struct, frozen=True, kw_only=True):
+    """One reason to stand.
+
+    Attributes:
+        kind: A stable word.
+        message: A sentence for a person, with how long it has been so.
+    """
+
+    kind: str
+    message: str
+
+
+def reasons(
+    now_ns: int,
+    *,
+    decision: Decision,
+    latched: Latched | None = None,
+    holds: Sequence[Hold] = (),
+    refused: Mapping[str, int] | None = None,
+    linear: AxisLimits | None = None,
+    angular: AxisLimits | None = None,
+    holonomic: bool = True,
+) -> tuple[Reason, ...]:
+    """Everything that keeps the robot where it is; empty while it may drive.
+
+    Args:
+        now_ns: Monotonic nanoseconds.
+        decision: What the arbiter says.
+        latched: The emergency stop, where it is in force.
+        holds: The active holds.
+        refused: How many commands were refused lately, by reason.
+        linear: Limits of ``vx`` and ``vy``.
+        angular: Limits of ``wz``.
+        holonomic: Whether the base can move sideways.
+    """
+    found: list[Reason] = []
+    if latched is not None:
+        found.append(
+            Reason(
+                kind="estop",
+                message=(
+                    f"Emergency stop, engaged by {latched.by} {_ago(now_ns, latched.since_ns)}: "
+                    f"{latched.reason}."
+                ),
+            )
+        )
+    found += [_held(now_ns, hold) for hold in sorted(holds, key=lambda hold: hold.kind != FAULT)]
+    found += _not_commanded(decision)
+    if decision.why == "driving":
+        found += _impossible(decision, linear, angular, holonomic=holonomic)
+    # Refusals explain a robot that stands; one that drives drives by other commands.
+    if refused and found:
+        listed = ", ".join(f"{count} {reason}" for reason, count in sorted(refused.items()))
+        found.append(Reason(kind="refused", message=f"Commands refused lately: {listed}."))
+    return tuple(found)
+
+
+def state_of(
+    *,
+    decision: Decision,
+    latched: Latched | None = None,
+    holds: Sequence[Hold] = (),
+    commanded_zero: bool,
+    measured_m_s: Sequence[float] | None = None,
+) -> State:
+    """The one word of ``status``; where several apply, the one that needs a person first.
+
+    Args:
+        decision: What the arbiter says.
+        latched: The emergency stop, where it is in force.
+        holds: The active holds.
+        commanded_zero: The latest frame to the board commands standstill.
+        measured_m_s: Rim speeds, where known.
+    """
+    if latched is not None:
+        return "estopped"
+    kinds = {hold.kind for hold in holds}
+    if FAULT in kinds:
+        return "fault"
+    if WAITING_FOR_BOARD in kinds:
+        return "waiting"
+    if decision.why == "driving" and not kinds:
+        return "driving"
+    turning = any(abs(speed) >= STANDING_M_S for speed in measured_m_s or ())
+    return "stopping" if turning or not commanded_zero else "standing"
+
+
+def _held(now_ns: int, hold: Hold) -> Reason:
+    message = f"{hold.message} (since {_seconds(now_ns - hold.since_ns)}"
+    if hold.until_ns is not None:
+        message += f", for another {_seconds(hold.until_ns - now_ns)}"
+    return Reason(kind=hold.kind, message=f"{message})")
+
+
+def _not_commanded(decision: Decision) -> list[Reason]:
+    age = "" if decision.age_ns is None else f" {_seconds(decision.age_ns)} ago"
+    match decision.why:
+        case "no_command":
+            message = "Nobody has commanded anything yet."
+        case "timed_out":
+            message = f"{decision.source} fell silent: its last command was given{age}."
+        case "revoked":
+            message = f"Held-up commands of {decision.source or 'a source'} were dropped."
+        case "zero_command":
+            message = f"{decision.driver} commands zero and keeps control."
+        case _:
+            return []
+    return [Reason(kind=decision.why, message=message)]
+
+
+def _impossible(
+    decision: Decision,
+    linear: AxisLimits | None,
+    angular: AxisLimits | None,
+    *,
+    holonomic: bool,
+) -> list[Reason]:
+    """A wish of which nothing is left once the limits and the geometry are through with it."""
+    twist = decision.twist
+    straight = linear is None or linear.velocity != 0.0
+    turning = angular is None or angular.velocity != 0.0
+    left = (
+        twist.vx if straight else 0.0,
+        twist.vy if straight and holonomic else 0.0,
+        twist.wz if turning else 0.0,
+    )
+    if any(left):
+        return []
+    if not holonomic and twist.vx == 0.0 and twist.wz == 0.0:
+        message = f"{decision.driver} commands sideways motion, which this base cannot do."
+        return [Reason(kind="sideways", message=message)]
+    zeros = [
+        name
+        for name, allowed in (("limits.linear", straight), ("limits.angular", turning))
+        if not allowed
+    ]
+    message = f"{decision.driver} commands motion that {' and '.join(zeros)}.velocity = 0 forbids."
+    return [Reason(kind="limit_zero", message=message)]
+
+
+def _ago(now_ns: int, since_ns: int) -> str:
+    return f"{_seconds(now_ns - since_ns)} ago"
+
+
+def _seconds(duration_ns: int) -> str:
+    return f"{max(0, duration_ns) / 1e9:.1f} s"
