@@ -103,6 +103,9 @@ class EncoderReading(msgspec.Struct, frozen=True, kw_only=True):
             earlier than the request's arrival on the board. Monotonic nanoseconds.
         after_reset: The first reading since the board reset itself: counters started from zero.
         after_gap: The first reading since the port was (re)opened.
+        requested_ns: When the request that this answers was on the board, as far as the wire tells
+            (written, plus its transfer time); None for a board that streams, or where not known.
+            Takes the receiving side's jitter off the stamp. Monotonic nanoseconds.
     """
 
     ticks: Counts
@@ -110,6 +113,7 @@ class EncoderReading(msgspec.Struct, frozen=True, kw_only=True):
     sent_ns: int
     after_reset: bool = False
     after_gap: bool = False
+    requested_ns: int | None = None
 
 
 class OdometryEstimate(msgspec.Struct, frozen=True, kw_only=True):

@@ -1,1 +1,1 @@
-"""odometry."""
+"""Counts to pose, twist and covariance: see :mod:`yahboomd.odometry.odometer`."""

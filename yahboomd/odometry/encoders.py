@@ -1,0 +1,163 @@
+"""Raw counters to signed travel of each motor.
+
+Law: counts become travel only when they can be travel. A reading that cannot (the board was reset,
+the port was away, a digit was lost) is held until a second reading agrees with it, and only then
+decided upon; meanwhile and afterwards the totals do not jump.
+
+The limit is a step of ``speed_max · time + one tick`` on any motor.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, TypeAlias
+
+import msgspec
+
+from yahboomd.model import Counts, Motor
+
+WRAP = 1 << 32
+"""The board counts in int32: 2147483627 is followed by -2147483636."""
+
+HALF = WRAP >> 1
+
+AGREE_SLACK_NS = 20_000_000
+"""How much longer two readings may lie apart than their arrival says: the worst USB latency."""
+
+UNMISTAKABLE_TICKS = 64
+"""Counters that come back unchanged to the tick, at least so far from zero, were not reset."""
+
+Outcome: TypeAlias = Literal[
+    "baseline",  # the first reading of all: counting starts here
+    "travel",  # an ordinary step
+    "held",  # cannot be travel, or was announced as special: wait for the next
+    "reset",  # the board said that it was reset: counted from zero
+    "reset_unseen",  # the counters fell to near zero without a word: counted from zero
+    "gap_kept",  # the port was away, and the board went on counting
+    "gap_lost",  # the port was away, and it may have been reset: nothing is counted
+    "rebased",  # the counters are elsewhere for no known reason: nothing is counted
+]
+
+Notice: TypeAlias = Literal["none", "gap", "reset"]
+
+
+class Verdict(msgspec.Struct, frozen=True, kw_only=True):
+    """What one reading means.
+
+    Attributes:
+        outcome: What happened.
+        ticks: The raw counters of the reading.
+        deltas: Signed counts per motor that are travel since the last accepted reading.
+    """
+
+    outcome: Outcome
+    ticks: Counts
+    deltas: tuple[int, ...]
+
+
+class Encoders:
+    """The counters of the board, as signed totals of each motor that never wrap.
+
+    :meth:`judge` says what a reading means and :meth:`accept` takes it on, so that a caller can
+    leave a reading that tells nothing new.
+
+    Args:
+        motors: The motors on the board, in the order of every tuple here.
+        speed_max_m_s: A rim speed that no wheel of this robot reaches.
+    """
+
+    def __init__(self, motors: tuple[Motor, ...], *, speed_max_m_s: float) -> None:
+        self._channels = tuple((motor.position - 1, motor.encoder_sign) for motor in motors)
+        self._ns_per_tick = tuple(motor.metres_per_tick / speed_max_m_s * 1e9 for motor in motors)
+        self._zero = (0,) * len(motors)
+        self._last: Counts | None = None
+        self._suspect: tuple[Counts, int] | None = None
+        self._notice: Notice = "none"
+        self.totals: tuple[int, ...] = self._zero
+
+    @property
+    def started(self) -> bool:
+        """Whether there is a baseline."""
+        return self._last is not None
+
+    @property
+    def notice(self) -> Notice:
+        """What was announced and is not settled yet."""
+        return self._notice
+
+    def announce(self, notice: Notice) -> None:
+        """Remember a reset or a gap until two readings settle it; a reset outweighs a gap."""
+        if self._last is not None and self._notice != "reset" and notice != "none":
+            self._notice = notice
+            self._suspect = None
+
+    def least_ns(self, deltas: tuple[int, ...]) -> float:
+        """The least time in which the wheels can travel so far, one tick of grace included."""
+        least = 0.0
+        for delta, ns_per_tick in zip(deltas, self._ns_per_tick, strict=True):
+            need = (abs(delta) - 1) * ns_per_tick
+            least = max(least, need)
+        return least
+
+    def since(self, then: Counts, now: Counts) -> tuple[int, ...]:
+        """Signed counts per motor from one reading to another, modulo 2^32, the short way round."""
+        deltas = []
+        for channel, sign in self._channels:
+            delta = (now[channel] - then[channel] + HALF) % WRAP - HALF
+            deltas.append(delta if sign > 0 else -delta)
+        return tuple(deltas)
+
+    def judge(self, ticks: Counts, sent_ns: int, elapsed_ns: float) -> Verdict:
+        """What a reading means; nothing is counted yet.
+
+        Args:
+            ticks: The raw counters.
+            sent_ns: When the line left the board, as far as known.
+            elapsed_ns: The longest time that may have passed on the board since the last accepted
+                reading.
+
+        Returns:
+            The verdict; hand it to :meth:`accept` unless it is ``held``.
+        """
+        last = self._last
+        if last is None:
+            return Verdict(outcome="baseline", ticks=ticks, deltas=self._zero)
+        if self._notice == "none":
+            deltas = self._zero if ticks == last else self.since(last, ticks)
+            if self.least_ns(deltas) <= elapsed_ns:
+                self._suspect = None
+                return Verdict(outcome="travel", ticks=ticks, deltas=deltas)
+        suspect = self._suspect
+        self._suspect = (ticks, sent_ns)
+        if suspect is None or not self._agree(suspect, ticks, sent_ns):
+            return Verdict(outcome="held", ticks=ticks, deltas=self._zero)
+        return self._settle(last, ticks, elapsed_ns)
+
+    def accept(self, verdict: Verdict) -> None:
+        """Count the travel of a verdict and go on from its reading."""
+        self._last = verdict.ticks
+        if verdict.outcome != "travel":
+            self._suspect = None
+            self._notice = "none"
+        self.totals = tuple(
+            total + delta for total, delta in zip(self.totals, verdict.deltas, strict=True)
+        )
+
+    def _agree(self, suspect: tuple[Counts, int], ticks: Counts, sent_ns: int) -> bool:
+        then, then_ns = suspect
+        return self.least_ns(self.since(then, ticks)) <= sent_ns - then_ns + AGREE_SLACK_NS
+
+    def _settle(self, last: Counts, ticks: Counts, elapsed_ns: float) -> Verdict:
+        travel = self.since(last, ticks)
+        from_zero = self.since((0, 0, 0, 0), ticks)
+        near_zero = self.least_ns(from_zero) <= elapsed_ns
+        if self._notice == "gap":
+            untouched = not any(travel) and max(map(abs, from_zero)) >= UNMISTAKABLE_TICKS
+            # Beyond half the range the counters may have gone round more than once.
+            fits = self.least_ns(travel) <= elapsed_ns < HALF * min(self._ns_per_tick)
+            if untouched or (fits and not near_zero):
+                return Verdict(outcome="gap_kept", ticks=ticks, deltas=travel)
+            return Verdict(outcome="gap_lost", ticks=ticks, deltas=self._zero)
+        if near_zero:
+            outcome: Outcome = "reset" if self._notice == "reset" else "reset_unseen"
+            return Verdict(outcome=outcome, ticks=ticks, deltas=from_zero)
+        return Verdict(outcome="rebased", ticks=ticks, deltas=self._zero)

@@ -1,0 +1,322 @@
+"""Readings in, estimates out: the rooms' one door.
+
+Law: a pose goes out for a new reading only, with the moment at which the board sampled it, and
+nothing that happens on the wire makes it jump. What is lost is said, as an event and in the
+covariance.
+
+An estimate needs two readings, because a velocity does: none is made of the first one of all, nor
+of the one that ends a discontinuity. At rest a streaming board repeats its totals; each tick of its
+clock is a new reading all the same, with a new stamp.
+"""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+
+from yahboomd.model import (
+    EncoderReading,
+    Event,
+    Kinematics,
+    Matrix3,
+    Motor,
+    OdometryEstimate,
+    Pose2d,
+)
+from yahboomd.odometry.board_clock import Instant, PolledClock, StreamedClock
+from yahboomd.odometry.covariance import NOISE_M, Covariance
+from yahboomd.odometry.encoders import Encoders, Verdict
+from yahboomd.odometry.integrator import Integrator
+from yahboomd.odometry.velocity import (
+    ENOUGH_TICKS,
+    LONGEST_NS,
+    SHORTEST_NS,
+    Velocity,
+    Window,
+)
+
+RESET_SPEED_M_S = 0.1
+"""How much faster than last measured a wheel may have been when the board reset itself."""
+
+
+class OdometerOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """What can be tuned, with values that fit the boards and motors in the tables.
+
+    Attributes:
+        sample_period_ns: How often the board renews its totals; None for a board that is asked.
+        speed_max_m_s: A rim speed that no wheel reaches; a larger step is no travel. The fastest of
+            the vendor's motors with its wheel runs 1.93 m/s.
+        silence_ns: A longer pause between readings counts as a gap: the board may have been reset.
+        noise_m: Variance of a wheel's travel per metre rolled.
+        window_shortest_ns: Speeds are taken over at least so long.
+        window_longest_ns: And at most so long.
+        window_ticks: And over no more than gives so many counts.
+    """
+
+    sample_period_ns: int | None = None
+    speed_max_m_s: float = 2.0
+    silence_ns: int = 300_000_000
+    noise_m: float = NOISE_M
+    window_shortest_ns: int = SHORTEST_NS
+    window_longest_ns: int = LONGEST_NS
+    window_ticks: int = ENOUGH_TICKS
+
+
+class Update(msgspec.Struct, frozen=True, kw_only=True):
+    """What one reading brought.
+
+    Attributes:
+        estimate: The new estimate; None where the reading tells nothing new.
+        events: What happened with it.
+    """
+
+    estimate: OdometryEstimate | None = None
+    events: tuple[Event, ...] = ()
+
+
+NOTHING = Update()
+
+
+class Odometer:
+    """Where the robot is, from what the board counts.
+
+    Args:
+        kinematics: The geometry of the base.
+        motors: The motors on the board; estimates list them in this order.
+        options: What can be tuned.
+
+    Raises:
+        ConfigError: The motors do not fit the geometry.
+    """
+
+    def __init__(
+        self,
+        kinematics: Kinematics,
+        motors: tuple[Motor, ...],
+        options: OdometerOptions | None = None,
+    ) -> None:
+        self._options = options = options or OdometerOptions()
+        self._motors = motors
+        self._encoders = Encoders(motors, speed_max_m_s=options.speed_max_m_s)
+        self._integrator = Integrator(kinematics, motors)
+        self._velocity = Velocity(
+            kinematics,
+            motors,
+            shortest_ns=options.window_shortest_ns,
+            longest_ns=options.window_longest_ns,
+            enough_ticks=options.window_ticks,
+        )
+        self._covariance = Covariance(kinematics, motors, noise_m=options.noise_m)
+        self._clock: PolledClock | StreamedClock = PolledClock()
+        self._period_ns: int | None = None
+        self._radians = tuple(2.0 * math.pi / motor.ticks_per_revolution for motor in motors)
+        self._stamp_ns = 0
+        self._heard_ns = 0
+        self._speeds: tuple[float, ...] = (0.0,) * len(motors)
+        self.estimate: OdometryEstimate | None = None
+        self.counters: dict[str, int] = dict.fromkeys(
+            (
+                "odometry_readings",
+                "odometry_estimates",
+                "odometry_repeated",
+                "odometry_held",
+                "odometry_rejected",
+                "odometry_resets",
+                "odometry_gaps",
+                "odometry_rebased",
+            ),
+            0,
+        )
+        self.set_sample_period(options.sample_period_ns)
+
+    @property
+    def locked(self) -> bool:
+        """Whether stamps follow the board's own clock."""
+        return self._clock.locked
+
+    @property
+    def drift_ppm(self) -> float:
+        """How much slower the board's clock runs than the host's; 0 while unknown."""
+        return self._clock.drift_ppm
+
+    def set_sample_period(self, period_ns: int | None) -> None:
+        """Tell how often the board renews its totals; None for a board that is asked."""
+        if period_ns == self._period_ns:
+            return
+        self._period_ns = period_ns
+        if period_ns is None:
+            self._clock = PolledClock(self._stamp_ns)
+        else:
+            self._clock = StreamedClock(period_ns, self._stamp_ns)
+
+    def reset(self) -> None:
+        """Declare that the base stands at the origin. Totals go on."""
+        self.set_pose(Pose2d())
+
+    def set_pose(self, pose: Pose2d, covariance: Matrix3 | None = None) -> None:
+        """Declare where the base is.
+
+        Args:
+            pose: Its pose in the odometry frame.
+            covariance: How sure that is, over (x, y, theta), row by row; None for sure.
+        """
+        self._integrator.set_pose(pose, self._encoders.totals)
+        self._covariance.set_pose(pose.theta, covariance)
+        if self.estimate is not None:
+            self.estimate = msgspec.structs.replace(
+                self.estimate, pose=pose, pose_covariance=self._covariance.pose
+            )
+
+    def update(self, reading: EncoderReading) -> Update:
+        """Take in a reading.
+
+        Args:
+            reading: The counters, as they came. Readings come in the order of their sending.
+
+        Returns:
+            A new estimate where the reading tells something new, and what happened.
+        """
+        counters = self.counters
+        counters["odometry_readings"] += 1
+        sent_ns = reading.sent_ns
+        encoders = self._encoders
+        clock = self._clock
+        if reading.after_reset:
+            encoders.announce("reset")
+        elif reading.after_gap or sent_ns - self._heard_ns > self._options.silence_ns:
+            encoders.announce("gap")
+        self._heard_ns = sent_ns
+        if encoders.notice == "none":
+            elapsed_ns = clock.elapsed_at_most_ns(sent_ns, reading.requested_ns)
+        else:
+            elapsed_ns = clock.guess_ns(sent_ns, reading.requested_ns) - self._stamp_ns
+        verdict = encoders.judge(reading.ticks, sent_ns, elapsed_ns)
+        if verdict.outcome == "travel":
+            deltas = verdict.deltas
+            instant = clock.observe(
+                sent_ns,
+                reading.requested_ns,
+                ticks=max(*deltas, -min(deltas)),
+                least_ns=encoders.least_ns(deltas),
+            )
+            if not instant.step_ns:
+                counters["odometry_repeated"] += 1
+                return NOTHING
+            return self._travel(verdict, instant)
+        if verdict.outcome == "held":
+            counters["odometry_held"] += 1
+            if encoders.notice == "none":
+                counters["odometry_rejected"] += 1
+            return NOTHING
+        return self._discontinuity(verdict, clock.restart(sent_ns, reading.requested_ns))
+
+    def _travel(self, verdict: Verdict, instant: Instant) -> Update:
+        encoders = self._encoders
+        encoders.accept(verdict)
+        totals = encoders.totals
+        deltas = verdict.deltas
+        # Standing still is a step as well: the correction has to know that there was no motion.
+        arc = self._integrator.step(deltas, totals, instant.step_ns)
+        self._covariance.step(deltas, arc)
+        window = self._velocity.step(totals, instant.step_ns)
+        self._stamp_ns = instant.stamp_ns
+        self.counters["odometry_estimates"] += 1
+        estimate = self._estimate(window)
+        return Update(estimate=estimate)
+
+    def _estimate(self, window: Window) -> OdometryEstimate:
+        totals = self._encoders.totals
+        self._speeds = self._velocity.motor_speeds(window)
+        self.estimate = OdometryEstimate(
+            stamp_ns=self._stamp_ns,
+            pose=self._integrator.pose,
+            twist=self._velocity.twist(window),
+            pose_covariance=self._covariance.pose,
+            twist_covariance=self._covariance.twist(window),
+            motor_ticks=totals,
+            motor_position_rad=tuple(
+                [total * each for total, each in zip(totals, self._radians, strict=True)]
+            ),
+            motor_speed_m_s=self._speeds,
+        )
+        return self.estimate
+
+    def _discontinuity(self, verdict: Verdict, instant: Instant) -> Update:
+        gap_ns = instant.step_ns
+        self._stamp_ns = instant.stamp_ns
+        self._encoders.accept(verdict)
+        totals = self._encoders.totals
+        self._integrator.interrupt()
+        self._velocity.interrupt(totals)
+        if verdict.outcome == "baseline":
+            return NOTHING
+        if any(verdict.deltas):
+            arc = self._integrator.step(verdict.deltas, totals, gap_ns)
+            self._covariance.step(verdict.deltas, arc)
+            self._covariance.bridge(arc)
+            self._integrator.interrupt()
+        gap_s = gap_ns * 1e-9
+        speed_max = self._options.speed_max_m_s
+        if verdict.outcome == "gap_kept":
+            lost_m = 0.0
+        elif verdict.outcome == "reset":
+            # A reset lets the motors go: what rolled before it was no faster than last seen.
+            fastest = max(map(abs, self._speeds))
+            lost_m = min(speed_max, fastest + RESET_SPEED_M_S) * gap_s
+        else:
+            lost_m = speed_max * gap_s
+        if lost_m:
+            self._covariance.lose(lost_m)
+        return Update(events=(self._tell(verdict, gap_s, lost_m),))
+
+    def _tell(self, verdict: Verdict, gap_s: float, lost_m: float) -> Event:
+        outcome = verdict.outcome
+        counter, happened, done = _WORDS[outcome]
+        self.counters[counter] += 1
+        lost = "" if not lost_m else f" Up to {lost_m:.2f} m of each wheel's travel are unknown."
+        counted_m = max(
+            abs(delta) * motor.metres_per_tick
+            for delta, motor in zip(verdict.deltas, self._motors, strict=True)
+        )
+        return Event(
+            kind="odometry_discontinuity" if lost_m else "odometry_bridged",
+            severity="warning" if lost_m else "info",
+            message=f"{happened} {done}{lost}",
+            data={
+                "cause": outcome,
+                "gap_s": round(gap_s, 6),
+                "unknown_m": round(lost_m, 6),
+                "counted_m": round(counted_m, 6),
+            },
+        )
+
+
+_WORDS = {
+    "reset": (
+        "odometry_resets",
+        "The board reset itself and counts from zero.",
+        "The pose goes on from where it was, with what was counted since.",
+    ),
+    "reset_unseen": (
+        "odometry_resets",
+        "The counters fell to near zero: the board must have reset itself.",
+        "The pose goes on from where it was, with what was counted since.",
+    ),
+    "gap_kept": (
+        "odometry_gaps",
+        "Counts were missing for a while, and the board went on counting.",
+        "The pose includes what it counted.",
+    ),
+    "gap_lost": (
+        "odometry_gaps",
+        "Counts were missing for a while, and the board may have been reset meanwhile.",
+        "The pose holds; set it anew if the robot was moved.",
+    ),
+    "rebased": (
+        "odometry_rebased",
+        "The counters jumped farther than the wheels can roll, and stayed there.",
+        "The pose holds and counting goes on from there.",
+    ),
+}
+"""For each outcome: its counter, what happened, and what was done about it."""

@@ -1,0 +1,111 @@
+"""Counts to speeds.
+
+Law: a speed is counts over whole time on the board, taken over as short a window as tells it. One
+count in 10 ms is already 16 mm/s, so slow motion needs a longer look than fast motion: the window
+grows backwards until the busiest motor has ``enough_ticks`` counts in it, or it is ``longest_ns``
+long. The speed belongs to the middle of the window.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+from yahboomd.model import Kinematics, Motor, Twist2d
+from yahboomd.odometry.factors import motor_factors
+
+SHORTEST_NS = 20_000_000
+LONGEST_NS = 100_000_000
+ENOUGH_TICKS = 32
+
+
+class Window(NamedTuple):
+    """The stretch of time that speeds were taken over.
+
+    Attributes:
+        span_ns: Its length; 0 before there are two readings.
+        deltas: Signed counts of each motor in it.
+    """
+
+    span_ns: int
+    deltas: tuple[int, ...]
+
+
+class Velocity:
+    """Speeds of the motors and of the body.
+
+    Args:
+        kinematics: The geometry of the base.
+        motors: The motors, in the order in which counts are handed in.
+        shortest_ns: The window is at least so long, where readings allow.
+        longest_ns: It grows no longer than this, unless readings lie farther apart.
+        enough_ticks: It need not grow once the busiest motor has so many counts in it.
+    """
+
+    def __init__(
+        self,
+        kinematics: Kinematics,
+        motors: tuple[Motor, ...],
+        *,
+        shortest_ns: int = SHORTEST_NS,
+        longest_ns: int = LONGEST_NS,
+        enough_ticks: int = ENOUGH_TICKS,
+    ) -> None:
+        self._factors = motor_factors(kinematics, motors)
+        self._metres = tuple(motor.metres_per_tick for motor in motors)
+        self._zero = (0,) * len(motors)
+        self._shortest_ns = shortest_ns
+        self._longest_ns = longest_ns
+        self._enough_ticks = enough_ticks
+        self._readings: deque[tuple[int, tuple[int, ...]]] = deque()
+        self._time_ns = 0
+
+    def interrupt(self, totals: tuple[int, ...]) -> None:
+        """Start anew from a reading that does not continue the one before."""
+        self._readings.clear()
+        self._readings.append((self._time_ns, totals))
+
+    def step(self, totals: tuple[int, ...], step_ns: int) -> Window:
+        """Take in the totals after a step of ``step_ns`` on the board's clock."""
+        now_ns = self._time_ns = self._time_ns + step_ns
+        readings = self._readings
+        # The one reading that reaches back over the longest window stays.
+        while len(readings) > 1 and now_ns - readings[1][0] >= self._longest_ns:
+            readings.popleft()
+        window = Window(0, self._zero)
+        for then_ns, then in reversed(readings):
+            span_ns = now_ns - then_ns
+            if span_ns > self._longest_ns and window.span_ns:
+                break
+            deltas = tuple([now - past for now, past in zip(totals, then, strict=True)])
+            window = Window(span_ns, deltas)
+            if span_ns >= self._shortest_ns and (
+                max(deltas) >= self._enough_ticks or -min(deltas) >= self._enough_ticks
+            ):
+                break
+        readings.append((now_ns, totals))
+        return window
+
+    def motor_speeds(self, window: Window) -> tuple[float, ...]:
+        """Rim speed of each motor in m/s, positive forward."""
+        if not window.span_ns:
+            return (0.0,) * len(self._metres)
+        per_second = 1e9 / window.span_ns
+        return tuple(
+            [
+                metres * delta * per_second
+                for metres, delta in zip(self._metres, window.deltas, strict=True)
+            ]
+        )
+
+    def twist(self, window: Window) -> Twist2d:
+        """Velocity of the body in its own frame."""
+        if not window.span_ns:
+            return Twist2d()
+        per_second = 1e9 / window.span_ns
+        x = y = turn = 0.0
+        for (along, across, turning), delta in zip(self._factors, window.deltas, strict=True):
+            x += along * delta
+            y += across * delta
+            turn += turning * delta
+        return Twist2d(vx=x * per_second, vy=y * per_second, wz=turn * per_second)
