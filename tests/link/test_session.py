@@ -275,7 +275,7 @@ async def test_streamed_reads_every_frame_that_the_wire_carries() -> None:
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
 async def test_frames_keep_the_spacing_that_the_dialect_asks_for(dialect: str) -> None:
-    async with bench(dialect) as board:
+    async with bench(dialect, battery_period_s=0.0) as board:
         await board.connected()
         assert board.port is not None
         begin = len(board.port.written)

@@ -95,6 +95,7 @@ async def test_after_an_answer_the_line_is_free_without_waiting_for_the_spacing(
     writer.heard(Battery(volts=7.4))
     await waiting
     writer.velocity(b"$a#")
+    await advance(clock, 3)
     assert port.frames[-1] == b"$a#"
 
 

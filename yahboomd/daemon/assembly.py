@@ -71,17 +71,22 @@ def control_options(config: Config) -> ControlOptions:
     )
 
 
-def controller(
-    config: Config, clock: Clock, arbiter: Arbiter, outputs: Outputs, environ: Mapping[str, str]
-) -> Controller:
-    """The control path, its e-stop as it was left."""
+def latch(config: Config, clock: Clock, environ: Mapping[str, str]) -> EstopLatch:
+    """The e-stop as it was left."""
     file = LatchFile(config.latch_path(environ, user_id=os.getuid()))
+    return EstopLatch(file, clock.now_ns())
+
+
+def controller(
+    config: Config, clock: Clock, *, arbiter: Arbiter, latch: EstopLatch, outputs: Outputs
+) -> Controller:
+    """The control path."""
     return Controller(
         clock,
         control_options(config),
         arbiter=arbiter,
         odometer=odometer(config),
-        latch=EstopLatch(file, clock.now_ns()),
+        latch=latch,
         outputs=outputs,
     )
 

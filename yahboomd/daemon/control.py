@@ -14,16 +14,25 @@ from typing import Literal, Protocol
 import msgspec
 
 from yahboomd.clock import Clock, nanoseconds, seconds
+from yahboomd.daemon.fit import fit, no_board
 from yahboomd.daemon.latch import EstopLatch
 from yahboomd.drive import standing
 from yahboomd.drive.arbiter import Arbiter, Decision
-from yahboomd.drive.channels import channel_commands, motor_speeds, wheel_limits
-from yahboomd.drive.holds import BOARD_RESET, FAULT, WAITING_FOR_BOARD, Hold, Holds, ResetWatch
+from yahboomd.drive.channels import channel_commands, motor_speeds
+from yahboomd.drive.holds import (
+    BOARD_RESET,
+    BOARD_UNFIT,
+    FAULT,
+    WAITING_FOR_BOARD,
+    Hold,
+    Holds,
+    ResetWatch,
+)
 from yahboomd.drive.kinematics import desaturate, desaturate_twist, wheel_speeds
 from yahboomd.drive.limiter import AxisLimits, Limiter
 from yahboomd.drive.stop_watch import StopWatch
 from yahboomd.drive.wheels_check import Fault, WheelsCheck
-from yahboomd.errors import BoardError, YahboomdError
+from yahboomd.errors import YahboomdError
 from yahboomd.link.handshake import Identity
 from yahboomd.link.session import Session
 from yahboomd.model import (
@@ -36,7 +45,7 @@ from yahboomd.model import (
     Pose2d,
 )
 from yahboomd.odometry.odometer import Odometer
-from yahboomd.protocol.settings import MotorProfile, problems, units_per_m_s
+from yahboomd.protocol.settings import MotorProfile
 
 log = logging.getLogger(__name__)
 
@@ -131,8 +140,7 @@ class Controller:
         self._resets = ResetWatch()
         self._holds = Holds()
         self._session: Session | None = None
-        self._units: tuple[float, ...] = ()
-        self._wheel_limits: tuple[float, ...] = ()
+        self._fit = no_board(options.kinematics)
         self._zeros = (0.0,) * len(options.motors)
         self._command_m_s = self._zeros
         self._measured_m_s: tuple[float, ...] | None = None
@@ -187,11 +195,11 @@ class Controller:
         if not decision.ramp and decision.twist.is_zero:
             self._stand(now_ns, at_once=True)
             return
-        wish, scale = desaturate_twist(options.kinematics, decision.twist, self._wheel_limits)
+        wish, scale = desaturate_twist(options.kinematics, decision.twist, self._fit.wheel_limits)
         if scale < 1.0:
             self.counters["desaturated"] += 1
         limited = self._limiter.step(wish, dt_s)
-        speeds, _ = desaturate(wheel_speeds(options.kinematics, limited), self._wheel_limits)
+        speeds, _ = desaturate(wheel_speeds(options.kinematics, limited), self._fit.wheel_limits)
         if not any(speeds):
             self._stand(now_ns, at_once=False)
             return
@@ -233,8 +241,8 @@ class Controller:
         options = self._options
         self._command_m_s = motor_speeds(options.motors, wheels)
         self._check.command(now_ns, self._command_m_s)
-        if self._session is not None and self._units:
-            self._session.drive(channel_commands(options.motors, wheels, self._units))
+        if self._session is not None and self._fit.units:
+            self._session.drive(channel_commands(options.motors, wheels, self._fit.units))
 
     def _release(self) -> None:
         """Let the motors go, and keep saying so until somebody may drive again."""
@@ -279,12 +287,19 @@ class Controller:
         self._check.reset()
         self._arbiter.forget_commands(now_ns)
         self._odometer.set_sample_period(identity.dialect.sample_period_ns)
-        wrong = self._learn_units(identity)
-        if wrong:
-            self._holds.put(Hold(kind=UNFIT, message=" ".join(wrong), since_ns=now_ns))
-            self.event(Event(kind="board_unfit", severity="error", message=" ".join(wrong)))
+        self._fit = fit(
+            identity,
+            kinematics=self._options.kinematics,
+            motors=self._options.motors,
+            profile=self._options.profile,
+            scale=self._options.command_scale,
+        )
+        if self._fit.wrong:
+            words = " ".join(self._fit.wrong)
+            self._holds.put(Hold(kind=BOARD_UNFIT, message=words, since_ns=now_ns))
+            self.event(Event(kind="board_unfit", severity="error", message=words))
         else:
-            self._holds.drop(UNFIT)
+            self._holds.drop(BOARD_UNFIT)
         self._wait("The board is connected; waiting for its first counts.")
         version = identity.settings.version if identity.settings else None
         words = f"Connected: dialect {identity.dialect.name}" + (
@@ -357,32 +372,6 @@ class Controller:
             self.event(Event(kind="disconnected", severity="error", message=str(error)))
         self._outputs.changed()
 
-    def _learn_units(self, identity: Identity) -> tuple[str, ...]:
-        """How this board counts speed; or why it must not be moved."""
-        options = self._options
-        settings = identity.settings
-        self._units = ()
-        self._wheel_limits = (0.0,) * len(options.kinematics.wheels)
-        wrong = problems(settings, options.profile) if settings is not None else ()
-        if wrong:
-            return wrong
-        try:
-            self._units = tuple(
-                units_per_m_s(
-                    settings,
-                    radius_m=motor.radius_m,
-                    ticks_per_revolution=motor.ticks_per_revolution,
-                    scale=options.command_scale,
-                )
-                for motor in options.motors
-            )
-        except BoardError as error:
-            return (str(error),)
-        self._wheel_limits = wheel_limits(
-            options.kinematics, options.motors, self._units, identity.dialect.max_command
-        )
-        return ()
-
     def _wait(self, words: str) -> None:
         now_ns = self._clock.now_ns()
         self._holds.put(Hold(kind=WAITING_FOR_BOARD, message=words, since_ns=now_ns))
@@ -395,65 +384,33 @@ class Controller:
         self._limiter.halt()
         self.step()
 
-    # What people ask for.
+    # What people ask for (daemon.operator).
 
-    def engage_estop(self, by: str) -> str:
-        """Stop at once and stay so. Returns what was done, in words."""
-        now_ns = self._clock.now_ns()
-        news = self._latch.engage(by, now_ns)
-        self._stop_due_ns = now_ns
+    def stop_now(self) -> None:
+        """Say a stop before everything else, whatever is under way."""
+        self._stop_due_ns = self._clock.now_ns()
         if self._stop_watch.state != "stopping":
             self._stop_watch.cancel()
         self.step()
-        # The wheels first, then the disk.
-        self._latch.remember()
-        self.counters["estops"] += 1
-        if news:
-            words = f"Emergency stop engaged by {by}."
-            self.event(Event(kind="estop", severity="warning", message=words))
-            self._outputs.changed()
-            return words
-        return "The emergency stop was engaged already."
 
-    def refuse_release(self, by: str) -> str:
-        """Somebody tried to release the e-stop where it cannot be. Returns what they hear."""
-        self.counters["release_refused"] += 1
-        words = f"{by} cannot release the emergency stop: the service yahboomd/estop/reset does."
-        self.event(Event(kind="estop_release_refused", severity="warning", message=words))
-        return words
+    @property
+    def faulty(self) -> bool:
+        """Whether a fault keeps the robot where it is until a person clears it."""
+        return any(hold.kind == FAULT for hold in self._holds.active(self._clock.now_ns()))
 
-    def release_estop(self) -> tuple[bool, str]:
-        """Release the e-stop, and clear a latched fault with it, unless somebody commands motion.
-
-        Returns:
-            Whether the robot may move again, and what was done in words.
-        """
-        now_ns = self._clock.now_ns()
-        was_engaged = self._latch.engaged
-        moving = self._arbiter.moving_sources(now_ns)
-        faults = [hold for hold in self._holds.active(now_ns) if hold.kind == FAULT]
-        if faults and moving and not was_engaged:
-            return False, f"The fault stays: {', '.join(moving)} commands motion. Let go first."
-        release = self._latch.release(moving)
-        if not release.released:
-            self.counters["release_refused"] += 1
-            return False, release.message
-        words = [release.message] if was_engaged or not faults else []
-        if faults:
-            self._holds.drop(FAULT)
-            self._resets.clear()
-            self._check.reset()
-            words.append(f"Cleared the fault: {faults[0].message}")
-        if was_engaged or faults:
-            self.event(Event(kind="estop_released", severity="info", message=" ".join(words)))
-        self._outputs.changed()
-        return True, " ".join(words)
+    def clear_fault(self) -> str | None:
+        """Forget a latched fault. Returns its words; ``None`` where there was none."""
+        found = [hold for hold in self._holds.active(self._clock.now_ns()) if hold.kind == FAULT]
+        if not found:
+            return None
+        self._holds.drop(FAULT)
+        self._resets.clear()
+        self._check.reset()
+        return found[0].message
 
     def set_pose(self, pose: Pose2d, covariance: Matrix3 | None) -> None:
         """Declare where the robot is."""
         self._odometer.set_pose(pose, covariance)
-        words = f"The pose was set to x {pose.x:g} m, y {pose.y:g} m, theta {pose.theta:g} rad."
-        self.event(Event(kind="pose_set", severity="info", message=words))
 
     def event(self, event: Event) -> None:
         """Log and publish."""
@@ -461,6 +418,7 @@ class Controller:
         log.log(level[event.severity], "%s", event.message)
         self.counters["events"] += 1
         self._outputs.event(event)
+        self._outputs.changed()
 
     # What status tells.
 
@@ -497,7 +455,3 @@ class Controller:
         if not found:
             return state, f"{self._decision.driver} drives."
         return state, " ".join(reason.message for reason in found)
-
-
-UNFIT = "board_unfit"
-"""The hold of a board whose settings would make wheels run away."""

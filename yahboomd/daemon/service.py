@@ -22,6 +22,7 @@ from yahboomd.daemon import assembly
 from yahboomd.daemon.commands import CommandIntake
 from yahboomd.daemon.control import Controller
 from yahboomd.daemon.notify import Notifier
+from yahboomd.daemon.operator import Operator
 from yahboomd.daemon.publisher import Publisher
 from yahboomd.daemon.services import Services
 from yahboomd.daemon.stamps import WallStamps
@@ -103,7 +104,8 @@ class Daemon:
             child_frame_id=config.odometry.child_frame_id,
             motor_names=tuple(motor.name for motor in config.motors()),
         )
-        controller = assembly.controller(config, clock, arbiter, self, self._environ)
+        latch = assembly.latch(config, clock, self._environ)
+        controller = assembly.controller(config, clock, arbiter=arbiter, latch=latch, outputs=self)
         self._controller = controller
         intake = CommandIntake(
             arbiter,
@@ -123,7 +125,7 @@ class Daemon:
             more_bus_facts=self._bus_facts,
         )
         services = Services(
-            controller,
+            Operator(clock, controller=controller, arbiter=arbiter, latch=latch),
             encoding=config.zenoh.encoding,
             config=lambda: config.model_dump(mode="json", exclude_none=True),
             board=status.board,

@@ -9,7 +9,7 @@ from yahboomd.bus import keys
 from yahboomd.bus.services import Request, Response
 from yahboomd.bus.session import Bus
 from yahboomd.bus.subscriptions import Arrival
-from yahboomd.daemon.control import Controller
+from yahboomd.daemon.operator import Operator
 from yahboomd.messages.codecs import (
     Encoding,
     NativeEncoding,
@@ -30,16 +30,16 @@ class Services:
     """Answers queries, and hears the e-stop.
 
     Args:
-        controller: What the services act on.
+        operator: Carries out what is asked.
         encoding: How a request without a recognisable payload is answered.
         config: The effective configuration, for ``yahboomd/config``.
         board: What is known of the board, for ``yahboomd/board``.
     """
 
     def __init__(
-        self, controller: Controller, *, encoding: NativeEncoding, config: Facts, board: Facts
+        self, operator: Operator, *, encoding: NativeEncoding, config: Facts, board: Facts
     ) -> None:
-        self._controller = controller
+        self._operator = operator
         self._encoding: NativeEncoding = encoding
         self._config = config
         self._board = board
@@ -66,24 +66,24 @@ class Services:
     def _estop_samples(self, arrivals: list[Arrival]) -> None:
         for arrival in arrivals:
             if not arrival.oversize and is_release_attempt(arrival.payload):
-                self._controller.refuse_release("a sample on yahboomd/estop")
+                self._operator.refuse_release("a sample on yahboomd/estop")
             else:
-                self._controller.engage_estop("a sample on yahboomd/estop")
+                self._operator.engage_estop("a sample on yahboomd/estop")
 
     def _estop_query(self, request: Request) -> Response:
         if not request.oversize and is_release_attempt(request.payload, query=True):
-            words = self._controller.refuse_release("a query on yahboomd/estop")
+            words = self._operator.refuse_release("a query on yahboomd/estop")
             return self._reply(request, ServiceReply(success=False, message=words))
-        words = self._controller.engage_estop("a query on yahboomd/estop")
+        words = self._operator.engage_estop("a query on yahboomd/estop")
         return self._reply(request, ServiceReply(success=True, message=words))
 
     def _estop_reset(self, request: Request) -> Response:
-        released, words = self._controller.release_estop()
+        released, words = self._operator.release_estop()
         return self._reply(request, ServiceReply(success=released, message=words))
 
     def _odometry_reset(self, request: Request) -> Response:
-        self._controller.set_pose(Pose2d(), None)
-        return self._reply(request, ServiceReply(success=True, message="The pose is zero."))
+        words = self._operator.set_pose(Pose2d(), None)
+        return self._reply(request, ServiceReply(success=True, message=words))
 
     def _set_pose(self, request: Request) -> Response:
         wanted = decode_set_pose(request.payload)
@@ -91,8 +91,7 @@ class Services:
             words = f"The pose stays as it is: {wanted.reason}: {wanted.detail}"
             return self._reply(request, ServiceReply(success=False, message=words))
         pose = Pose2d(x=wanted.x, y=wanted.y, theta=wanted.theta)
-        self._controller.set_pose(pose, wanted.covariance)
-        words = f"The pose is x {pose.x:g} m, y {pose.y:g} m, theta {pose.theta:g} rad."
+        words = self._operator.set_pose(pose, wanted.covariance)
         return self._reply(request, ServiceReply(success=True, message=words))
 
     def _tell_config(self, request: Request) -> Response:

@@ -90,7 +90,10 @@ class Supervisor:
 
     def _tell(self, error: YahboomdError, *, was_connected: bool) -> None:
         words = str(error)
-        if was_connected or words != self._said:
+        if was_connected:
+            # The watcher told that a session ended; from here on only what is new is told.
+            self._said = None
+        elif words != self._said:
             self._said = words
             log.warning("%s yahboomd keeps trying.", words)
         else:

@@ -16,6 +16,8 @@ WAITING_FOR_BOARD = "waiting_for_board"
 """No board, or not recognised yet."""
 BOARD_RESET = "board_reset"
 """The board reset itself a moment ago."""
+BOARD_UNFIT = "board_unfit"
+"""The board's settings would make wheels run away; ends when it is connected with better ones."""
 FAULT = "fault"
 """Something is broken; only a person ends this one."""
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import msgspec
 
 from yahboomd.drive.arbiter import STANDING_M_S, Decision
-from yahboomd.drive.holds import FAULT, WAITING_FOR_BOARD, Hold
+from yahboomd.drive.holds import BOARD_UNFIT, FAULT, WAITING_FOR_BOARD, Hold
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -98,7 +98,7 @@ def state_of(
     if latched is not None:
         return "estopped"
     kinds = {hold.kind for hold in holds}
-    if FAULT in kinds:
+    if FAULT in kinds or BOARD_UNFIT in kinds:
         return "fault"
     if WAITING_FOR_BOARD in kinds:
         return "waiting"

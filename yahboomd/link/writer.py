@@ -17,6 +17,10 @@ from yahboomd.link.port import Port
 from yahboomd.protocol.dialect import CommandLost, Decoded, Deltas, Speeds, Totals
 
 
+AFTER_ANSWER_NS = 2_000_000
+"""The board wipes its mailbox when it is through with answering, a moment after the last byte."""
+
+
 class Writer:
     """Owns the outgoing half of a port.
 
@@ -121,7 +125,7 @@ class Writer:
         flight = self._flight
         if flight is not None and flight.answered(decoded):
             self._land(answered=True)
-            self._free_ns = self._clock.now_ns()
+            self._free_ns = self._clock.now_ns() + AFTER_ANSWER_NS
         self._wake.set()
 
     # The coroutine.

@@ -1,0 +1,300 @@
+"""The control path with a simulated robot, on virtual time."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+from pathlib import Path
+
+import pytest
+from robot_bench import RobotBench
+
+from yahboomd.model import Pose2d
+from yahboomd.simulation.motors import MotorFaults
+from yahboomd.simulation.options import FlashContent, SimulationOptions
+from yahboomd.simulation.virtual_time import on_virtual_time
+
+DIALECTS = ["streamed", "polled"]
+
+
+def robot(tmp_path: Path, *overrides: str, **simulation: object) -> RobotBench:
+    return RobotBench(tmp_path, overrides, SimulationOptions(**simulation))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_a_command_turns_the_wheels_and_silence_stops_them(
+    tmp_path: Path, dialect: str
+) -> None:
+    async with robot(tmp_path, dialect=dialect) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.3)
+        assert min(bench.rim_speeds) == pytest.approx(0.3, abs=0.03)
+        assert bench.controller.state() == ("driving", "cmd_vel drives.")
+        await asyncio.sleep(1.2)
+        assert bench.standing
+        state, why = bench.controller.state()
+        assert state == "standing"
+        assert "cmd_vel fell silent" in why
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_the_pose_follows_the_ground_truth(tmp_path: Path, dialect: str) -> None:
+    simulation = {"dialect": dialect, "wheel_separation_m": 0.15}
+    async with robot(tmp_path, **simulation) as bench:
+        await bench.ready()
+        await bench.drive(2.0, 0.3, 0.6)
+        await bench.drive(2.0, 0.2, -0.9)
+        await asyncio.sleep(1.5)
+        estimate = bench.heard.estimates[-1]
+        truth = bench.robot.plant.chassis.pose
+        assert math.hypot(estimate.pose.x - truth.x, estimate.pose.y - truth.y) < 0.008
+        assert abs(estimate.pose.theta - truth.theta) < 2 * 0.00016 / 0.15
+        assert math.hypot(truth.x, truth.y) > 0.5
+
+
+@on_virtual_time
+async def test_a_new_command_is_on_the_wire_at_once_when_the_line_is_free(tmp_path: Path) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        await asyncio.sleep(0.305)
+        assert bench.port is not None
+        before = len(bench.port.written)
+        now_ns = bench.clock.now_ns()
+        bench.command(0.3)
+        # Not at the next control step: now.
+        assert len(bench.port.written) == before + 1
+        assert bench.port.written[-1][0] == now_ns
+
+
+@on_virtual_time
+async def test_nothing_moves_before_the_first_counts(tmp_path: Path) -> None:
+    async with robot(tmp_path) as bench:
+        bench.command(0.3)
+        state, why = bench.controller.state()
+        assert state == "waiting"
+        assert "No board yet." in why
+        await bench.ready()
+        await asyncio.sleep(0.1)
+        # What was commanded while there was no board is over.
+        assert bench.standing
+
+
+@on_virtual_time
+async def test_the_estop_stops_at_once_and_holds_against_commands(tmp_path: Path) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.3)
+        await asyncio.sleep(0.03)
+        bench.operator.engage_estop("a test")
+        await bench.drive(1.0, 0.3)
+        assert bench.standing
+        state, why = bench.controller.state()
+        assert state == "estopped"
+        assert "engaged by a test" in why
+        assert (tmp_path / "estop").exists()
+
+
+@on_virtual_time
+async def test_the_estop_is_released_only_while_nobody_commands_motion(tmp_path: Path) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        bench.operator.engage_estop("a test")
+        await bench.drive(0.2, 0.3)
+        released, why = bench.operator.release_estop()
+        assert not released
+        assert "cmd_vel commands motion" in why
+        await asyncio.sleep(1.0)
+        released, why = bench.operator.release_estop()
+        assert released
+        assert not (tmp_path / "estop").exists()
+        await bench.drive(0.5, 0.3)
+        assert min(bench.rim_speeds) > 0.2
+
+
+@on_virtual_time
+async def test_the_latch_survives_a_restart(tmp_path: Path) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        bench.operator.engage_estop("a test")
+    async with robot(tmp_path) as again:
+        await again.until(lambda: again.controller.state()[0] == "estopped")
+        await again.drive(0.5, 0.3)
+        assert again.standing
+
+
+@pytest.mark.parametrize(
+    "fault", [MotorFaults(encoder_dead=True), MotorFaults(encoder_reversed=True)]
+)
+@on_virtual_time
+async def test_a_wheel_that_runs_away_is_cut_and_named(tmp_path: Path, fault: MotorFaults) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        bench.robot.set_faults("left", fault, now_ns=bench.clock.now_ns())
+        await bench.drive(2.0, 0.3)
+        await asyncio.sleep(1.0)
+        assert bench.standing
+        state, why = bench.controller.state()
+        assert state == "fault"
+        assert "left" in why
+        assert any(event.wheel == "left" for event in bench.heard.events)
+        released, _ = bench.operator.release_estop()
+        assert released
+        assert bench.controller.state()[0] == "standing"
+
+
+@on_virtual_time
+async def test_a_board_whose_type_differs_is_not_moved_and_the_remedy_is_named(
+    tmp_path: Path,
+) -> None:
+    async with robot(tmp_path, flash=FlashContent(motor_type=2)) as bench:
+        await bench.until(lambda: bench.heard.estimates)
+        await bench.drive(0.5, 0.3)
+        assert bench.standing
+        state, why = bench.controller.state()
+        assert state == "fault"
+        assert "yahboomd probe --write" in why
+
+
+@on_virtual_time
+async def test_a_reset_in_motion_is_followed_by_a_second_of_rest(tmp_path: Path) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.3)
+        bench.robot.reset(bench.clock.now_ns())
+        await bench.drive(0.9, 0.3)
+        assert bench.standing
+        assert "board_reset" in bench.heard.kinds
+        await bench.drive(1.0, 0.3)
+        assert min(bench.rim_speeds) > 0.2
+
+
+@on_virtual_time
+async def test_three_resets_in_ten_seconds_are_a_fault_that_latches(tmp_path: Path) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        for _ in range(3):
+            await bench.drive(1.5, 0.3)
+            bench.robot.reset(bench.clock.now_ns())
+        await bench.drive(12.0, 0.3)
+        assert bench.standing
+        state, why = bench.controller.state()
+        assert state == "fault"
+        assert "reset itself 3 times" in why
+
+
+@on_virtual_time
+async def test_the_pose_goes_on_after_an_unplug_and_counts_what_was_travelled(
+    tmp_path: Path,
+) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.3)
+        bench.robot.unplug(bench.clock.now_ns(), 0.5)
+        await bench.until(lambda: bench.controller.state()[0] == "waiting")
+        await bench.ready()
+        await asyncio.sleep(1.5)
+        assert bench.standing
+        truth = bench.robot.plant.chassis.pose
+        assert bench.heard.estimates[-1].pose.x == pytest.approx(truth.x, abs=0.002)
+        assert truth.x > 0.4
+
+
+@on_virtual_time
+async def test_setting_the_pose_moves_the_estimate_there(tmp_path: Path) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        bench.operator.set_pose(Pose2d(x=1.0, y=2.0, theta=0.5), None)
+        count = len(bench.heard.estimates)
+        await bench.until(lambda: len(bench.heard.estimates) > count + 5)
+        pose = bench.heard.estimates[-1].pose
+        assert (pose.x, pose.y, pose.theta) == pytest.approx((1.0, 2.0, 0.5))
+
+
+@pytest.mark.parametrize(
+    ("payload", "reason"),
+    [
+        (b"", "malformed"),
+        (b"garbage", "unknown_encoding"),
+        (b'{"vx": NaN}', "not_finite"),
+        (b'{"vx": 1e999}', "not_finite"),
+        (b'{"hello": 1}', "no_velocity"),
+        (b'{"vx": "fast"}', "wrong_type"),
+        (b"{" + b" " * 5000 + b"}", "oversize"),
+    ],
+)
+@on_virtual_time
+async def test_a_bad_command_is_refused_counted_and_explained(
+    tmp_path: Path, payload: bytes, reason: str
+) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        bench.payload(payload)
+        await asyncio.sleep(0.2)
+        assert bench.standing
+        facts = bench.intake.facts()
+        assert facts["refused"] == 1
+        assert facts[reason] == 1
+        assert reason in str(facts["last_refusal"])
+
+
+@on_virtual_time
+async def test_a_stale_command_is_refused(tmp_path: Path) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        stamp_ns = bench.clock.wall_ns()
+        bench.payload(json.dumps({"vx": 0.0, "stamp_ns": stamp_ns}).encode())
+        await asyncio.sleep(1.0)
+        bench.payload(json.dumps({"vx": 0.3, "stamp_ns": stamp_ns + 1}).encode())
+        await asyncio.sleep(0.2)
+        assert bench.standing
+        assert bench.intake.facts()["stale"] == 1
+
+
+@on_virtual_time
+async def test_a_sideways_wish_on_a_differential_drive_is_ignored_and_counted(
+    tmp_path: Path,
+) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        bench.payload(b'{"vx": 0.3, "vy": 0.3}')
+        await asyncio.sleep(0.3)
+        assert bench.intake.facts()["vy_ignored"] == 1
+        assert min(bench.rim_speeds) > 0.1
+
+
+@on_virtual_time
+async def test_the_wheels_are_let_go_at_rest_where_the_configuration_says_so(
+    tmp_path: Path,
+) -> None:
+    async with robot(tmp_path, "command.at_rest=release") as bench:
+        await bench.ready()
+        await bench.drive(0.5, 0.3)
+        await asyncio.sleep(2.0)
+        assert bench.frames[-1] == b"$pwm:0,0,0,0#"
+
+
+@on_virtual_time
+async def test_a_flood_of_commands_runs_a_bounded_number_of_steps(tmp_path: Path) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        before = bench.controller.progress
+        for number in range(20_000):
+            bench.command(0.3 + (number % 2) * 0.01)
+            if number % 20 == 0:
+                await asyncio.sleep(0.001)
+        # 50 a second by schedule, 500 a second for commands.
+        assert bench.controller.progress - before < 600
+
+
+@on_virtual_time
+async def test_when_nobody_is_connected_any_more_the_wheels_stop_at_once(tmp_path: Path) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.3)
+        bench.controller.bus_lost()
+        assert bench.heard.commands is not None
+        await asyncio.sleep(0.4)
+        assert bench.standing

@@ -1,0 +1,119 @@
+"""Samples: paced, numbered, and only for those who listen."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from yahboomd.clock import LoopClock
+from yahboomd.daemon.publisher import Pace, Publisher
+from yahboomd.daemon.stamps import WallStamps
+from yahboomd.model import Event, OdometryEstimate, Pose2d, Twist2d
+
+ZERO = (0.0,) * 9
+MS = 1_000_000
+
+
+class Outlet:
+    def __init__(self) -> None:
+        self.has_subscribers = True
+        self.payloads: list[dict[str, Any]] = []
+
+    def put(self, payload: bytes) -> bool:
+        self.payloads.append(msgspec.json.decode(payload))
+        return True
+
+
+@pytest.fixture
+def outlets() -> dict[str, Outlet]:
+    return {}
+
+
+@pytest.fixture
+async def publisher(outlets: dict[str, Outlet]) -> Publisher:
+    return Publisher(
+        lambda key, _message: outlets.setdefault(key, Outlet()),
+        encoding="json",
+        stamps=WallStamps(LoopClock()),
+        period_ns=20 * MS,
+        frame_id="odom",
+        child_frame_id="base_link",
+        motor_names=("left", "right"),
+    )
+
+
+def estimate(stamp_ns: int) -> OdometryEstimate:
+    return OdometryEstimate(
+        stamp_ns=stamp_ns,
+        pose=Pose2d(x=1.0, y=2.0, theta=3.0),
+        twist=Twist2d(vx=0.1),
+        pose_covariance=ZERO,
+        twist_covariance=ZERO,
+        motor_ticks=(10, 20),
+        motor_position_rad=(0.1, 0.2),
+        motor_speed_m_s=(0.3, 0.4),
+    )
+
+
+async def test_pose_and_twist_of_one_reading_share_stamp_and_number(
+    publisher: Publisher, outlets: dict[str, Outlet]
+) -> None:
+    publisher.estimate(estimate(0), (0.3, 0.4))
+    pose, twist, wheels = (
+        outlets[key].payloads[0] for key in ("yahboomd/pose", "yahboomd/twist", "yahboomd/wheels")
+    )
+    assert pose["stamp_ns"] == twist["stamp_ns"] == wheels["stamp_ns"]
+    assert pose["seq"] == twist["seq"] == wheels["seq"] == 1
+    assert (pose["frame_id"], pose["child_frame_id"], twist["frame_id"]) == (
+        "odom",
+        "base_link",
+        "base_link",
+    )
+    assert wheels["names"] == ["left", "right"]
+    assert wheels["command_m_s"] == [0.3, 0.4]
+
+
+async def test_more_readings_than_wanted_are_left_out(
+    publisher: Publisher, outlets: dict[str, Outlet]
+) -> None:
+    for number in range(100):
+        publisher.estimate(estimate(number * 10 * MS), (0.0, 0.0))
+    assert len(outlets["yahboomd/pose"].payloads) == 50
+
+
+async def test_nothing_is_encoded_for_nobody(
+    publisher: Publisher, outlets: dict[str, Outlet]
+) -> None:
+    outlets["yahboomd/pose"].has_subscribers = False
+    publisher.estimate(estimate(0), (0.0, 0.0))
+    assert outlets["yahboomd/pose"].payloads == []
+    assert len(outlets["yahboomd/twist"].payloads) == 1
+
+
+async def test_battery_and_events_go_out_as_they_happen(
+    publisher: Publisher, outlets: dict[str, Outlet]
+) -> None:
+    publisher.battery(7.4)
+    publisher.event(Event(kind="board_reset", severity="warning", message="It reset itself."))
+    assert outlets["yahboomd/battery"].payloads[0]["volts"] == 7.4
+    assert outlets["yahboomd/events"].payloads[0]["kind"] == "board_reset"
+
+
+@given(st.lists(st.integers(min_value=1, max_value=40), min_size=50, max_size=200))
+def test_the_pace_is_never_exceeded_in_the_long_run(steps: list[int]) -> None:
+    pace = Pace(20 * MS)
+    now_ns = passed = 0
+    for step in steps:
+        now_ns += step * MS
+        passed += pace.due(now_ns)
+    assert passed <= now_ns // (20 * MS) + 2
+
+
+def test_readings_that_jitter_around_the_beat_all_pass() -> None:
+    pace = Pace(20 * MS)
+    jitter = (0, 3, -3, 2, -2)
+    assert all(pace.due((n * 20 + jitter[n % 5]) * MS) for n in range(100))

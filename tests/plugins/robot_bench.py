@@ -1,0 +1,185 @@
+"""Control path, link and simulated robot together, on virtual time, without a bus."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Self
+
+from board_bench import BoardPort
+
+from yahboomd.bus.subscriptions import Arrival
+from yahboomd.clock import LoopClock, Schedule
+from yahboomd.config import Config, load
+from yahboomd.daemon import assembly
+from yahboomd.daemon.commands import CommandIntake
+from yahboomd.daemon.control import Controller
+from yahboomd.daemon.operator import Operator
+from yahboomd.daemon.supervisor import Supervisor
+from yahboomd.errors import PortMissing
+from yahboomd.messages.codecs import encode
+from yahboomd.messages.native import VelocityCommand
+from yahboomd.model import Event, OdometryEstimate
+from yahboomd.simulation.options import SimulationOptions
+from yahboomd.simulation.robot import SimulatedRobot
+
+
+class Heard:
+    """What the control path told."""
+
+    def __init__(self) -> None:
+        self.estimates: list[OdometryEstimate] = []
+        self.commands: list[tuple[float, ...]] = []
+        self.volts: list[float] = []
+        self.events: list[Event] = []
+        self.changes = 0
+
+    def estimate(self, estimate: OdometryEstimate, command_m_s: tuple[float, ...]) -> None:
+        self.estimates.append(estimate)
+        self.commands.append(command_m_s)
+
+    def battery(self, volts: float) -> None:
+        self.volts.append(volts)
+
+    def event(self, event: Event) -> None:
+        self.events.append(event)
+
+    def changed(self) -> None:
+        self.changes += 1
+
+    @property
+    def kinds(self) -> list[str]:
+        return [event.kind for event in self.events]
+
+
+class RobotBench:
+    """A daemon without its bus, driving a simulated robot.
+
+    Args:
+        folder: Where the e-stop's file lies.
+        overrides: As for ``--set``.
+        simulation: The robot.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        overrides: Sequence[str] = (),
+        simulation: SimulationOptions | None = None,
+    ) -> None:
+        latch = f"estop.latch_file={folder / 'estop'}"
+        self.config: Config = load(None, environ={}, overrides=[latch, *overrides])
+        self.clock = LoopClock()
+        self.robot = SimulatedRobot(simulation or SimulationOptions())
+        self.port: BoardPort | None = None
+        self.heard = Heard()
+        self.arbiter = assembly.arbiter(self.config)
+        self.latch = assembly.latch(self.config, self.clock, {})
+        self.controller: Controller = assembly.controller(
+            self.config,
+            self.clock,
+            arbiter=self.arbiter,
+            latch=self.latch,
+            outputs=self.heard,
+        )
+        self.operator = Operator(
+            self.clock, controller=self.controller, arbiter=self.arbiter, latch=self.latch
+        )
+        self.intake = CommandIntake(
+            self.arbiter,
+            self.clock,
+            holonomic=self.config.kinematics().holonomic,
+            step=self.controller.step_soon,
+        )
+        self.supervisor = Supervisor(
+            lambda: assembly.session(self.config, self.clock, self.controller, self._open),
+            self.clock,
+            self.controller,
+        )
+        self.tasks: list[asyncio.Task[None]] = []
+
+    async def _open(self) -> BoardPort:
+        if self.robot.started:
+            self.robot.advance(self.clock.now_ns())
+        if not self.robot.plugged:
+            raise PortMissing("/dev/simulated: there is no such port.")
+        self.port = BoardPort(self.robot)
+        return self.port
+
+    async def __aenter__(self) -> Self:
+        self.tasks = [
+            asyncio.create_task(self.supervisor.run()),
+            asyncio.create_task(self._control()),
+        ]
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        for task in self.tasks:
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
+        self.controller.close()
+
+    async def _control(self) -> None:
+        schedule = Schedule(self.clock, assembly.command_period_ns(self.config))
+        try:
+            while True:
+                await schedule.beat()
+                self.controller.step()
+        finally:
+            schedule.close()
+
+    # What a test does.
+
+    async def ready(self) -> None:
+        """Until the wheels may turn."""
+        await self.until(lambda: self.controller.state()[0] != "waiting")
+
+    async def until(self, condition: Callable[[], object], within_s: float = 20.0) -> None:
+        """Wait, in virtual time, until a condition holds; a task that fails is the test's end."""
+        async with asyncio.timeout(within_s):
+            while not condition():
+                for task in self.tasks:
+                    if task.done():
+                        task.result()
+                await asyncio.sleep(0.001)
+
+    def command(self, vx: float = 0.0, wz: float = 0.0, *, source: str = "cmd_vel") -> None:
+        """One command, now."""
+        self.payload(encode(VelocityCommand(vx=vx, wz=wz), "json"), source=source)
+
+    def payload(self, payload: bytes, *, source: str = "cmd_vel", dropped: int = 0) -> None:
+        """Any bytes on a command key, now."""
+        arrival = Arrival(
+            key=source,
+            payload=payload,
+            encoding="",
+            stamp_ns=None,
+            arrived_ns=self.clock.now_ns(),
+            dropped=dropped,
+        )
+        self.intake.handler(source)([arrival])
+
+    async def drive(
+        self, for_s: float, vx: float = 0.0, wz: float = 0.0, *, source: str = "cmd_vel"
+    ) -> None:
+        """Command a velocity at 20 Hz for a while."""
+        for _ in range(round(for_s / 0.05)):
+            self.command(vx, wz, source=source)
+            await asyncio.sleep(0.05)
+
+    @property
+    def rim_speeds(self) -> list[float]:
+        """The true speeds of the wheels, now."""
+        self.robot.advance(self.clock.now_ns())
+        return [motor.speed_m_s for motor in self.robot.plant.motors]
+
+    @property
+    def standing(self) -> bool:
+        return max(map(abs, self.rim_speeds)) < 0.03
+
+    @property
+    def frames(self) -> list[bytes]:
+        """What was written to the port, in order."""
+        assert self.port is not None
+        return self.port.frames
