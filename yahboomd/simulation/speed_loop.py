@@ -95,7 +95,8 @@ class MotorControl:
         self._plant = plant
         self.totals: Counts = totals
         self.deltas: Counts = (0, 0, 0, 0)
-        self._seen: Counts = plant.ticks
+        # None: the encoders' timers start at the next interrupt.
+        self._seen: Counts | None = plant.ticks
         self._loops = [SpeedLoop() for _ in range(CHANNELS)]
         self._regulates = False
 
@@ -104,7 +105,7 @@ class MotorControl:
         self.release()
         self.totals = (0, 0, 0, 0)
         self.deltas = (0, 0, 0, 0)
-        self._seen = self._plant.ticks
+        self._seen = None
 
     def release(self) -> None:
         """Outputs off, no regulation."""
@@ -128,7 +129,8 @@ class MotorControl:
         """One interrupt: read the encoders, then regulate."""
         self._plant.advance(now_ns)
         ticks = self._plant.ticks
-        a, b, c, d = (new - old for new, old in zip(ticks, self._seen, strict=True))
+        seen = ticks if self._seen is None else self._seen
+        a, b, c, d = (new - old for new, old in zip(ticks, seen, strict=True))
         self._seen = ticks
         self.deltas = (a, b, c, d)
         if a or b or c or d:

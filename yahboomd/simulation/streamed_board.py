@@ -39,7 +39,7 @@ STORE_NS = (65_000_000, 116_000_000)
 STORE_GAINS_NS = (250_000_000, 350_000_000)
 ERASE_NS = (600_000_000, 1_000_000_000)
 DEAF_SHARE = 0.9
-"""Share of a flash operation during which bytes are lost and the interrupt does not run."""
+"""Share of a flash operation during which received bytes are lost."""
 
 SPEED_LINE_NS = 60_000_000
 LONG_LINE = 50
@@ -171,8 +171,7 @@ class StreamedBoard:
                 if (at_ns := self._tick_ns) > now_ns:
                     return
                 self._tick_ns += TICK_NS
-                if at_ns >= self._listens_ns:
-                    self._control.tick(at_ns, self._tuning)
+                self._control.tick(at_ns, self._tuning)
             else:
                 if (at_ns := self._main_ns) > now_ns:
                     return

@@ -1,0 +1,91 @@
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from yahboomd.cli.main import main
+from yahboomd.simulation.control import COMMANDS
+
+
+@pytest.fixture
+def start() -> Iterator[object]:
+    processes: list[subprocess.Popen[str]] = []
+
+    def go(*options: str) -> subprocess.Popen[str]:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "yahboomd", "simulate", *options],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        processes.append(process)
+        return process
+
+    yield go
+    for process in processes:
+        process.kill()
+        process.communicate()
+
+
+@pytest.mark.realtime
+@pytest.mark.parametrize(
+    ("number", "dialect"), [(signal.SIGTERM, "streamed"), (signal.SIGINT, "polled")]
+)
+def test_it_names_its_port_and_ends_cleanly(
+    start: object, tmp_path: Path, number: signal.Signals, dialect: str
+) -> None:
+    link = tmp_path / "board"
+    process = start("--dialect", dialect, "--link", str(link), "--truth", str(tmp_path / "t"))
+    line = process.stdout.readline()
+    assert f"simulated {dialect} board" in line
+    assert f"yahboomd run --port {link}" in line
+    assert str(link.readlink()) in line
+    process.send_signal(number)
+    assert process.wait(10) == 0
+    assert process.stderr.read() == ""
+    assert not os.path.lexists(link)
+    assert (tmp_path / "t").exists()
+
+
+@pytest.mark.realtime
+def test_without_a_link_it_names_the_systems_own_port(start: object) -> None:
+    process = start()
+    assert "yahboomd run --port /dev/pts/" in process.stdout.readline()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--wheel-radius", "0"], "wheel_radius_m must be positive"),
+        (["--loss", "2"], "loss is a share"),
+        (["--ticks", "1,2"], "four whole numbers"),
+        (["--ticks", "1,2,3,99999999999"], "32 bits"),
+        (["--flash", "colour=1"], "knows no colour"),
+        (["--flash", "lines=many"], "--flash"),
+        (["--do", "explode"], "unknown command 'explode'"),
+        (["--truth", "/nowhere/truth"], "ground truth cannot be written"),
+    ],
+)
+def test_options_that_cannot_be_used_are_named_with_status_78(
+    capsys: pytest.CaptureFixture[str], options: list[str], words: str
+) -> None:
+    assert main(["simulate", *options]) == 78
+    assert words in capsys.readouterr().err
+
+
+def test_the_help_shows_a_first_drive_and_every_control_command(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with pytest.raises(SystemExit) as left:
+        main(["simulate", "--help"])
+    assert left.value.code == 0
+    text = capsys.readouterr().out
+    assert "yahboomd run --port /tmp/board" in text
+    for command in COMMANDS:
+        assert f"  {command}" in text

@@ -1,0 +1,132 @@
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from yahboomd.errors import ConfigError
+from yahboomd.simulation.control import COMMANDS, HELP, execute, serve_control
+from yahboomd.simulation.motors import FAULTS
+from yahboomd.simulation.truth import TruthSample
+
+MakeBench = Callable[..., Any]
+
+
+def tell(desk: Any, line: str) -> str:
+    return execute(desk.robot, line, desk.now_ns)
+
+
+def test_every_command_is_in_the_help() -> None:
+    listed = {line.split()[0] for line in HELP.splitlines()[:-1]}
+    assert listed == set(COMMANDS)
+
+
+@pytest.mark.parametrize("fault", sorted(set(FAULTS) - {"turning"}))
+def test_faults_of_motors_are_set_and_repaired(bench: MakeBench, fault: str) -> None:
+    desk = bench()
+    assert tell(desk, f"{fault} left") == "ok"
+    assert desk.robot.plant.motors[0].faults == FAULTS[fault]
+    assert tell(desk, "repair all") == "ok"
+    assert desk.robot.plant.motors[0].faults != FAULTS[fault]
+
+
+def test_a_wheel_is_told_how_fast_to_turn_by_itself(bench: MakeBench) -> None:
+    desk = bench()
+    assert tell(desk, "turning right -0.5") == "ok"
+    assert desk.robot.plant.motors[1].faults.turning_m_s == -0.5
+
+
+def test_the_line_is_impaired_and_cleared(bench: MakeBench) -> None:
+    desk = bench()
+    for line in ("loss 0.2", "corruption 0.1", "delay 0.01 0.002", "chunk 0"):
+        assert tell(desk, line) == "ok"
+    settings = desk.robot.impairments.settings
+    assert (settings.loss, settings.corruption, settings.chunk_s) == (0.2, 0.1, 0.0)
+    assert (settings.delay_s, settings.jitter_s) == (0.01, 0.002)
+    assert tell(desk, "clear") == "ok"
+    assert desk.robot.impairments.settings.loss == 0.0
+
+
+def test_the_board_is_reset_hung_and_browned_out(bench: MakeBench) -> None:
+    desk = bench()
+    assert tell(desk, "reset") == "ok"
+    assert b"Reset MCU" in desk.run(0.2)
+    assert tell(desk, "hang") == "ok"
+    assert desk.send(b"$read_vol#") == b""
+    assert tell(desk, "brown-out 0.1") == "ok"
+    assert desk.run(0.3) == b"Motor_Version:1.7.3\r\n"
+
+
+def test_the_plug_is_pulled_and_put_back(bench: MakeBench) -> None:
+    desk = bench()
+    assert tell(desk, "unplug") == "ok"
+    assert not desk.robot.plugged
+    assert tell(desk, "replug") == "ok"
+    assert desk.robot.plugged
+    tell(desk, "unplug 0.5")
+    desk.run(0.6)
+    assert desk.robot.plugged
+
+
+def test_the_board_is_muted_and_made_to_babble(bench: MakeBench) -> None:
+    desk = bench()
+    assert tell(desk, "mute 0.1") == "ok"
+    assert desk.send(b"$read_vol#", 0.1) == b""
+    assert tell(desk, "babble 0.1") == "ok"
+    assert len(desk.run(0.1)) > 1000
+
+
+def test_the_pose_is_told_as_json(bench: MakeBench) -> None:
+    desk = bench()
+    answer = tell(desk, "pose")
+    assert answer.startswith("ok {")
+    assert msgspec.json.decode(answer[3:], type=TruthSample).t_ns == desk.now_ns
+
+
+def test_the_battery_is_set(bench: MakeBench) -> None:
+    desk = bench()
+    tell(desk, "battery 6.5")
+    assert desk.send(b"$read_vol#") == b"$Battery:6.5V#\r\n"
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        *("", "explode", "loss", "loss x", "loss 2", "loss -1", "mute", "delay -1", "stalled"),
+        *("stalled middle", "battery nan", "unplug 1e99", "chunk inf"),
+    ],
+)
+def test_wrong_lines_are_answered_with_an_error(bench: MakeBench, line: str) -> None:
+    assert tell(bench(), line).startswith("error ")
+
+
+@pytest.mark.realtime
+async def test_the_socket_answers_line_by_line(tmp_path: Path) -> None:
+    path = tmp_path / "control"
+    server = await serve_control(path, lambda line: f"ok {line}")
+    async with server:
+        reader, writer = await asyncio.open_unix_connection(path)
+        writer.write(b"one\ntwo\n\xff\n")
+        assert await reader.readline() == b"ok one\n"
+        assert await reader.readline() == b"ok two\n"
+        assert (await reader.readline()).startswith(b"ok ")
+        writer.close()
+        await writer.wait_closed()
+
+
+@pytest.mark.realtime
+async def test_a_socket_that_was_left_behind_is_replaced_and_a_file_is_not(tmp_path: Path) -> None:
+    path = tmp_path / "control"
+    first = await serve_control(path, lambda _: "ok")
+    second = await serve_control(path, lambda _: "ok")
+    first.close()
+    second.close()
+    taken = tmp_path / "file"
+    taken.write_text("precious")
+    with pytest.raises(ConfigError, match="cannot be made"):
+        await serve_control(taken, lambda _: "ok")
+    assert taken.read_text() == "precious"

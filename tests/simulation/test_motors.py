@@ -1,0 +1,126 @@
+from __future__ import annotations
+
+import math
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from yahboomd.simulation.motors import FAULTS, PWM_MAX, Motor, MotorFaults, MotorLaw
+
+LAW = MotorLaw(max_speed_m_s=1.15, dead_zone=1950, time_constant_s=0.06, ticks_per_metre=6000.0)
+
+
+def turn(motor: Motor, seconds: float) -> float:
+    return sum(motor.advance(0.001) for _ in range(round(seconds * 1000)))
+
+
+def driven(pwm: int = PWM_MAX, seconds: float = 1.0, faults: MotorFaults | None = None) -> Motor:
+    motor = Motor(LAW)
+    motor.pwm = pwm
+    if faults is not None:
+        motor.faults = faults
+    turn(motor, seconds)
+    return motor
+
+
+def test_full_output_reaches_full_speed_and_the_sign_follows() -> None:
+    assert driven(PWM_MAX).speed_m_s == pytest.approx(1.15, rel=1e-6)
+    assert driven(-PWM_MAX).speed_m_s == pytest.approx(-1.15, rel=1e-6)
+
+
+def test_output_inside_the_dead_zone_moves_nothing() -> None:
+    assert driven(LAW.dead_zone).travel_m == 0.0
+    assert driven(LAW.dead_zone + 100).speed_m_s > 0.0
+
+
+def test_the_lag_is_of_first_order() -> None:
+    motor = driven(PWM_MAX, LAW.time_constant_s)
+    assert motor.speed_m_s == pytest.approx(1.15 * (1.0 - math.exp(-1.0)), rel=1e-9)
+
+
+def test_the_travel_does_not_depend_on_the_steps() -> None:
+    fine, coarse = Motor(LAW), Motor(LAW)
+    fine.pwm = coarse.pwm = 3000
+    turn(fine, 0.2)
+    coarse.advance(0.2)
+    assert fine.travel_m == pytest.approx(coarse.travel_m, rel=1e-12)
+
+
+def test_a_motor_without_output_coasts_and_comes_to_rest() -> None:
+    motor = driven()
+    motor.pwm = 0
+    turn(motor, 0.05)
+    assert 0.5 < motor.speed_m_s < 1.15
+    turn(motor, 2.0)
+    assert motor.speed_m_s == 0.0
+    assert motor.at_rest
+
+
+def test_counts_follow_the_travel() -> None:
+    motor = driven(3000)
+    assert motor.ticks == math.floor(motor.travel_m * 6000.0)
+
+
+def test_signs_say_how_it_is_mounted() -> None:
+    mirrored = Motor(msgspec.structs.replace(LAW, command_sign=-1, encoder_sign=-1))
+    mirrored.pwm = PWM_MAX
+    turn(mirrored, 0.5)
+    assert mirrored.speed_m_s < 0
+    assert mirrored.ticks > 0
+
+
+def test_a_dead_encoder_counts_nothing_while_the_wheel_turns() -> None:
+    motor = driven(faults=FAULTS["encoder-dead"])
+    assert motor.travel_m > 0.5
+    assert motor.ticks == 0
+
+
+def test_a_reversed_encoder_counts_backward() -> None:
+    motor = driven(faults=FAULTS["encoder-reversed"])
+    assert motor.travel_m > 0.5
+    assert motor.ticks < -3000
+
+
+def test_swapped_phases_turn_the_wheel_the_other_way() -> None:
+    motor = driven(faults=FAULTS["phases-swapped"])
+    assert motor.travel_m < -0.5
+    assert motor.ticks < -3000
+
+
+def test_a_stalled_wheel_stands_at_full_output() -> None:
+    motor = driven(faults=FAULTS["stalled"])
+    assert motor.travel_m == 0.0
+    assert motor.at_rest
+
+
+def test_an_unplugged_motor_neither_turns_nor_counts() -> None:
+    motor = driven(faults=FAULTS["unplugged"])
+    assert motor.travel_m == 0.0
+    rolling = driven()
+    before = rolling.ticks
+    rolling.faults = FAULTS["unplugged"]
+    turn(rolling, 0.1)
+    assert rolling.speed_m_s > 0.0
+    assert rolling.ticks == before
+
+
+def test_a_wheel_can_turn_without_command() -> None:
+    motor = driven(0, faults=MotorFaults(turning_m_s=0.3))
+    assert motor.speed_m_s == pytest.approx(0.3, rel=1e-6)
+    assert motor.ticks > 1000
+    assert not motor.at_rest
+
+
+@given(
+    st.lists(st.integers(-PWM_MAX, PWM_MAX), min_size=1, max_size=10),
+    st.sampled_from(sorted(FAULTS)),
+)
+def test_no_wheel_is_faster_than_full_output_makes_it(outputs: list[int], fault: str) -> None:
+    motor = Motor(LAW)
+    motor.faults = FAULTS[fault]
+    for pwm in outputs:
+        motor.pwm = pwm
+        assert abs(motor.advance(0.05)) <= 1.15 * 0.05 + 1e-9
+        assert abs(motor.speed_m_s) <= 1.15 + 1e-9

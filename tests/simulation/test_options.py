@@ -1,0 +1,54 @@
+from __future__ import annotations
+
+import pytest
+
+from yahboomd.errors import ConfigError
+from yahboomd.simulation.options import (
+    FOUR_WHEELS,
+    ImpairmentOptions,
+    SimulationOptions,
+    Wiring,
+    check,
+)
+
+
+def test_the_default_robot_is_the_articles_with_two_wheels() -> None:
+    options = SimulationOptions()
+    check(options)
+    assert [(wire.name, wire.position) for wire in options.motors] == [("left", 1), ("right", 3)]
+    assert options.ticks_per_revolution == 1320
+
+
+def test_every_drive_has_a_wiring_that_is_possible() -> None:
+    check(SimulationOptions(drive="skid_steer"))
+    check(SimulationOptions(drive="mecanum"))
+
+
+def test_every_mistake_is_named_at_once() -> None:
+    options = SimulationOptions(
+        wheel_radius_m=0.0,
+        ratio=float("nan"),
+        wiring=(
+            Wiring(name="a", position=1, corner="left", command_sign=0),
+            Wiring(name="b", position=1, corner="left"),
+        ),
+        impairments=ImpairmentOptions(loss=1.5, delay_s=-1.0),
+    )
+    with pytest.raises(ConfigError) as refused:
+        check(options)
+    for word in ("wheel_radius_m", "ratio", "share a position", "signs", "each side", "loss"):
+        assert word in str(refused.value)
+
+
+def test_mecanum_needs_all_four_corners() -> None:
+    with pytest.raises(ConfigError, match="each corner"):
+        check(SimulationOptions(drive="mecanum", wiring=FOUR_WHEELS[:3]))
+
+
+def test_a_position_that_the_board_has_not_is_refused() -> None:
+    wiring = (
+        Wiring(name="left", position=0, corner="left"),
+        Wiring(name="right", position=5, corner="right"),
+    )
+    with pytest.raises(ConfigError, match="positions go from 1 to 4"):
+        check(SimulationOptions(wiring=wiring))

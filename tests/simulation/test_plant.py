@@ -1,0 +1,68 @@
+from __future__ import annotations
+
+from random import Random
+
+import pytest
+
+from yahboomd.simulation.motors import PWM_MAX
+from yahboomd.simulation.options import SimulationOptions, Wiring
+from yahboomd.simulation.plant import Plant
+
+
+def plant(**options: object) -> Plant:
+    made = Plant(SimulationOptions(**options), Random(1))
+    made.start(0)
+    return made
+
+
+def test_outputs_reach_the_motors_by_their_position() -> None:
+    base = plant()
+    base.set_outputs((0, PWM_MAX, PWM_MAX, PWM_MAX))
+    base.advance(500_000_000)
+    left, right = base.motors
+    assert left.travel_m == 0.0
+    assert right.travel_m > 0.3
+    a, b, c, d = base.ticks
+    assert (a, b, d) == (0, 0, 0)
+    assert c > 1000
+
+
+def test_counts_per_metre_follow_from_lines_ratio_and_wheel() -> None:
+    base = plant()
+    base.set_outputs((3000, 0, 3000, 0))
+    base.advance(2_000_000_000)
+    revolutions = base.motors[0].travel_m / (2 * 3.141592653589793 * 0.0335)
+    assert base.ticks[0] == pytest.approx(revolutions * 1320, abs=1.0)
+
+
+def test_the_result_does_not_depend_on_how_often_it_is_asked() -> None:
+    seldom, often = plant(), plant()
+    for base in (seldom, often):
+        base.set_outputs((3000, 0, 2500, 0))
+    seldom.advance(1_000_000_000)
+    for now_ns in range(0, 1_000_000_001, 1_700_000):
+        often.advance(now_ns)
+    often.advance(1_000_000_000)
+    assert often.chassis.pose.x == pytest.approx(seldom.chassis.pose.x, abs=1e-7)
+    assert often.chassis.pose.theta == pytest.approx(seldom.chassis.pose.theta, abs=1e-6)
+
+
+def test_a_larger_wheel_bends_the_way_of_equal_turns() -> None:
+    wiring = (
+        Wiring(name="left", position=1, corner="left"),
+        Wiring(name="right", position=3, corner="right", radius_scale=1.01),
+    )
+    base = plant(wiring=wiring)
+    base.set_outputs((3000, 0, 3000, 0))
+    base.advance(3_000_000_000)
+    assert base.ticks[0] == pytest.approx(base.ticks[2], abs=1)
+    left, right = (motor.travel_m for motor in base.motors)
+    assert right / left == pytest.approx(1.01)
+    assert base.chassis.pose.theta == pytest.approx((right - left) / 0.15)
+
+
+def test_the_battery_sags_under_load() -> None:
+    base = plant()
+    assert base.volts == 7.4
+    base.set_outputs((PWM_MAX, 0, PWM_MAX, 0))
+    assert base.volts < 7.2

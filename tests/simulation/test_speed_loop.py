@@ -1,0 +1,146 @@
+from __future__ import annotations
+
+from random import Random
+
+import pytest
+
+from yahboomd.simulation.flash import tuning
+from yahboomd.simulation.motors import FAULTS, HEALTHY, PWM_MAX
+from yahboomd.simulation.options import FlashContent, SimulationOptions
+from yahboomd.simulation.plant import Plant
+from yahboomd.simulation.speed_loop import TICK_NS, MotorControl, SpeedLoop
+
+
+class Rig:
+    def __init__(self, flash: FlashContent | None = None, totals: int = 0) -> None:
+        self.plant = Plant(SimulationOptions(), Random(0))
+        self.plant.start(0)
+        self.control = MotorControl(self.plant, (totals,) * 4)
+        self.tuning = tuning(flash or FlashContent(), 1)
+        self.now_ns = 0
+
+    def run(self, seconds: float) -> list[float]:
+        """Speeds of the left wheel in m/s, one per tick."""
+        speeds = []
+        for _ in range(round(seconds * 100)):
+            self.now_ns += TICK_NS
+            self.control.tick(self.now_ns, self.tuning)
+            speeds.append(self.plant.motors[0].speed_m_s)
+        return speeds
+
+    def go(self, speed: int) -> None:
+        self.control.regulate((speed, 0, speed, 0))
+
+
+@pytest.mark.parametrize("target", [200, 500, 800, -500])
+def test_a_healthy_wheel_reaches_its_speed_soon_and_keeps_it(target: int) -> None:
+    rig = Rig()
+    rig.go(target)
+    speeds = [speed * 1000 / target for speed in rig.run(3.0)]
+    assert min(speeds[35:]) > 0.85
+    assert max(speeds) < 1.1
+    assert sum(speeds[100:]) / len(speeds[100:]) == pytest.approx(1.0, abs=0.005)
+
+
+@pytest.mark.parametrize("dead_zone", [1600, 1900])
+@pytest.mark.parametrize("speed", [200, 1000])
+def test_target_zero_brakes_a_healthy_wheel_and_holds_it(speed: int, dead_zone: int) -> None:
+    rig = Rig(FlashContent(dead_zone=dead_zone))
+    rig.go(speed)
+    rig.run(1.5)
+    rig.go(0)
+    speeds = rig.run(2.0)
+    assert all(abs(v) < 0.03 for v in speeds[55:])
+    assert all(v == 0.0 for v in speeds[150:])
+
+
+def test_a_dead_encoder_runs_away_and_target_zero_does_not_end_it() -> None:
+    rig = Rig()
+    rig.plant.motors[0].faults = FAULTS["encoder-dead"]
+    rig.go(100)
+    assert rig.run(3.0)[-1] > 1.1
+    rig.go(0)
+    assert rig.run(3.0)[-1] > 1.1
+
+
+def test_a_reversed_encoder_runs_away() -> None:
+    rig = Rig()
+    rig.plant.motors[0].faults = FAULTS["encoder-reversed"]
+    rig.go(100)
+    assert rig.run(3.0)[-1] > 1.1
+    rig.go(0)
+    assert rig.run(1.0)[-1] > 1.1
+
+
+@pytest.mark.parametrize("fault", ["encoder-dead", "encoder-reversed", "phases-swapped"])
+def test_outputs_at_zero_stop_every_runaway(fault: str) -> None:
+    rig = Rig()
+    rig.plant.motors[0].faults = FAULTS[fault]
+    rig.go(100)
+    rig.run(3.0)
+    rig.control.drive((0, 0, 0, 0))
+    assert rig.run(2.0)[-1] == 0.0
+
+
+@pytest.mark.parametrize("zero", ["lines", "ratio", "wheel_diameter_mm"])
+def test_a_stored_zero_runs_away(zero: str) -> None:
+    rig = Rig(FlashContent(**{zero: 0}))
+    rig.go(100)
+    rig.run(3.0)
+    rig.go(0)
+    assert rig.run(1.0)[-1] > 1.1
+
+
+@pytest.mark.parametrize("motor_type", [2, 3])
+def test_a_type_that_does_not_fit_the_wiring_runs_away(motor_type: int) -> None:
+    rig = Rig(FlashContent(motor_type=motor_type))
+    rig.go(100)
+    assert rig.run(3.0)[-1] < -1.1
+
+
+def test_a_held_wheel_winds_up_and_leaps_when_freed() -> None:
+    rig = Rig()
+    rig.plant.motors[0].faults = FAULTS["stalled"]
+    rig.go(200)
+    rig.run(3.0)
+    rig.plant.motors[0].faults = HEALTHY
+    assert max(rig.run(1.0)) > 0.5
+
+
+def test_the_output_stays_while_the_error_stays_zero() -> None:
+    loop, law = SpeedLoop(), tuning(FlashContent(), 1)
+    loop.target_mm_s = 100
+    for _ in range(50):
+        output = loop.step(0.0, law)
+    loop.target_mm_s = 0
+    # Two ticks until the differences are gone.
+    outputs = [loop.step(0.0, law) for _ in range(50)]
+    assert 0 < outputs[2] <= output
+    assert len(set(outputs[2:])) == 1
+
+
+def test_outputs_never_leave_the_range() -> None:
+    loop, law = SpeedLoop(), tuning(FlashContent(p=1e12, i=1e12), 1)
+    for measured in (0.0, 1e9, -1e9, 0.0):
+        assert abs(loop.step(measured, law)) <= PWM_MAX
+
+
+def test_totals_wrap_at_32_bits() -> None:
+    rig = Rig(totals=2**31 - 100)
+    rig.go(500)
+    rig.run(1.0)
+    assert rig.control.totals[0] < -(2**31) + 10_000
+    travelled = (rig.control.totals[0] - (2**31 - 100)) % 2**32
+    assert travelled == rig.plant.ticks[0]
+
+
+def test_a_restart_zeroes_the_counters_while_the_wheels_still_roll() -> None:
+    rig = Rig()
+    rig.go(500)
+    rig.run(1.0)
+    rig.control.restart()
+    assert rig.control.totals == (0, 0, 0, 0)
+    speeds = rig.run(2.0)
+    assert speeds[0] > 0.3
+    assert speeds[-1] == 0.0
+    assert rig.control.totals[0] > 50
