@@ -196,6 +196,16 @@ def test_whoever_drove_before_a_backlog_drives_on_after_it(arbiter: Arbiter) -> 
     assert (decision.driver, decision.twist, decision.since_ns) == ("cmd_vel", SLOWER, 0)
 
 
+def test_a_driver_interrupted_by_a_backlog_goes_on_with_its_newest_wish(arbiter: Arbiter) -> None:
+    arbiter.offer("cmd_vel", FORWARD, 0)
+    for n in range(5):
+        arbiter.offer("cmd_vel/teleop", FORWARD, 10 * MS + n * 1000)
+    assert reason(arbiter.offer("cmd_vel", STANDSTILL, 11 * MS)) == "lower_priority"
+    arbiter.offer("cmd_vel/teleop", FORWARD, 12 * MS)
+    decision = arbiter.current(12 * MS)
+    assert (decision.driver, decision.why) == ("cmd_vel", "zero_command")
+
+
 def test_live_commands_after_a_backlog_drive(arbiter: Arbiter) -> None:
     for n in range(200):
         arbiter.offer("cmd_vel", FORWARD, n * 20_000)
@@ -301,6 +311,9 @@ def test_motion_always_has_a_driver_whose_accepted_command_is_fresh(
             result = arbiter.offer(source, twist, now_ns, stamp_ns, by_sender)
             if isinstance(result, Accepted):
                 accepted[source] = (now_ns - result.age_ns, twist)
+            elif result.reason == "lower_priority":
+                # In effect after all, should whoever holds control lose it as a backlog.
+                accepted[source] = (now_ns, twist)
         elif what == "stand":
             stand(arbiter, now_ns)
             stood = True
@@ -312,7 +325,10 @@ def test_motion_always_has_a_driver_whose_accepted_command_is_fresh(
             assert now_ns - given_ns < timeouts[decision.driver]
             assert not decision.timed_out
         revoked = what == "offer" and isinstance(result, Refused) and result.revoked
-        if decision.driver != driver and driver and decision.driver and not revoked:
+        if revoked:
+            # Whoever drove before the backlog, which may be nobody.
+            driver = decision.driver
+        if decision.driver != driver and driver and decision.driver:
             # Without standing first, control only ever went up.
             assert stood or ranks[decision.driver] > ranks[driver]
         if decision.driver is not None:

@@ -346,7 +346,8 @@ class Arbiter:
         self.counters["revoked"] += 1
         before, since_ns = self._handover, line.gate.watching_since_ns
         if before is not None and since_ns is not None and before.at_ns >= since_ns:
-            # It took control with the backlog: whoever had it has it still.
+            # It took control with the backlog: whoever had it has it still, with its newest wish,
+            # which may be one that was refused meanwhile.
             self._holder = self._lines[before.previous] if before.previous else None
             self._since_ns = before.previous_since_ns
             self._last = self._lines[before.previous_last] if before.previous_last else None
