@@ -26,6 +26,7 @@ DEEPEST = 20
 """Levels of tables and lists that are looked at."""
 
 _SYNTAX = re.compile(r"(?P<why>.*) \(at (?:line (?P<line>\d+), column (?P<column>\d+)|.*)\)")
+_TUPLE = re.compile(r"\((?:'[^']*'(?:, |,)?)+\)")
 _KEY_PART = re.compile(r"""\s*(?:"([^"]*)"|'([^']*)'|([^."'=]+?))\s*(?:\.|$)""")
 
 
@@ -238,4 +239,6 @@ def _syntax(name: str, message: str, text: str) -> tuple[Origin, str]:
     line = int(at["line"] or text.rstrip().count("\n") + 1)
     column = f", column {at['column']}" if at["column"] else ""
     why = at["why"][:1].lower() + at["why"][1:]
+    # tomllib shows a key as Python does: ('chassis', 'motors').
+    why = _TUPLE.sub(lambda found: ".".join(re.findall(r"'([^']*)'", found[0])), why)
     return Origin(0, line, f"{name}:{line}"), f"not valid TOML at line {line}{column}: {why}"

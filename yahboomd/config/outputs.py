@@ -39,12 +39,18 @@ class Odometry(Section):
         default="base_link", description="Frame of the twist: the base itself."
     )
     travel_noise_m: float = Field(
-        default=0.01,
+        default=0.0032,
         gt=0.0,
         le=1.0,
         description="Standard deviation, in metres, of a wheel's measured travel after one metre "
-        "rolled; its square grows with the distance, and with it the covariance.",
+        "rolled; its square grows with the distance, and with it the covariance. A hard floor "
+        "without slip: 0.0032.",
     )
+
+    @property
+    def noise_m(self) -> float:
+        """Variance of a wheel's travel per metre rolled, in m^2 per m."""
+        return self.travel_noise_m**2
 
 
 class Zenoh(Section):

@@ -92,7 +92,10 @@ class _Reader:
             self._skip(_BLANK)
             if quoted := _STRING.match(self._text, self._at):
                 # The file's own parser knows the escapes.
-                parts.append(tomllib.loads(f"key = {quoted[0]}")["key"])
+                try:
+                    parts.append(tomllib.loads(f"key = {quoted[0]}")["key"])
+                except tomllib.TOMLDecodeError as error:
+                    raise _Stop from error
                 self._at = quoted.end()
             elif bare := _BARE.match(self._text, self._at):
                 parts.append(bare[0])

@@ -52,8 +52,9 @@ class Choice:
 
     def reason(self, value: object) -> str:
         """Why exactly this value is refused, where there is more to say than what is expected."""
-        reasons = (why for start, why in self.refusals if str(value).startswith(start))
-        return next(reasons, "")
+        if not isinstance(value, str):
+            return ""
+        return next((why for start, why in self.refusals if value.startswith(start)), "")
 
 
 @dataclass(frozen=True)

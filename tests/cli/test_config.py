@@ -1,0 +1,94 @@
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from yahboomd.cli.main import main
+from yahboomd.config import reference
+
+
+@pytest.fixture
+def empty(tmp_path):
+    path = tmp_path / "config.toml"
+    path.touch()
+    return str(path)
+
+
+@pytest.fixture(autouse=True)
+def _no_environment(monkeypatch):
+    monkeypatch.setattr("os.environ", {})
+
+
+def test_check_says_ok_and_which_robot_this_is(empty, capsys):
+    assert main(["config", "check", "--config", empty]) == 0
+    shown = capsys.readouterr()
+    assert shown.out.startswith(f"ok: {empty}. A differential base, 150 mm between the wheels")
+    assert shown.err == ""
+
+
+def test_check_names_every_mistake_and_ends_with_78(tmp_path, capsys):
+    path = tmp_path / "config.toml"
+    path.write_text("[serial]\nbaudrate = 'fast'\n[nonsense]\n")
+    assert main(["config", "check", "--config", str(path), "--set", "log.level=loud"]) == 78
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    head, *lines = shown.err.strip().split("\n")
+    assert head == "yahboomd: The configuration has 3 mistakes:"
+    assert [line.split(": ")[0] for line in lines] == [
+        f"{path}:2",
+        f"{path}:3",
+        "--set log.level=loud",
+    ]
+
+
+def test_check_warns_of_what_works_and_may_surprise(empty, capsys):
+    listen = 'zenoh.listen=["tcp/0.0.0.0:7448"]'
+    assert main(["config", "check", "--config", empty, "--set", listen]) == 0
+    shown = capsys.readouterr()
+    assert shown.out.startswith("ok: ")
+    assert shown.err.startswith("warning: ")
+    assert "whoever reaches it can drive" in shown.err
+
+
+def test_show_prints_what_can_be_used_as_a_file(empty, tmp_path, capsys):
+    assert main(["config", "show", "--config", empty, "--set", "zenoh.namespace=bot1"]) == 0
+    shown = capsys.readouterr().out
+    again = tmp_path / "again.toml"
+    again.write_text(shown)
+    assert main(["config", "show", "--config", str(again)]) == 0
+    assert capsys.readouterr().out == shown
+    assert 'namespace = "bot1"\n' in shown
+
+
+def test_show_says_where_values_come_from(empty, capsys):
+    main(["config", "show", "--origin", "--config", empty, "--set", "zenoh.namespace=bot1"])
+    shown = capsys.readouterr().out
+    assert 'namespace = "bot1"  # --set zenoh.namespace=bot1\n' in shown
+    assert 'mode = "router"  # default\n' in shown
+
+
+def test_schema_is_json(capsys):
+    assert main(["config", "schema"]) == 0
+    assert json.loads(capsys.readouterr().out)["title"] == "yahboomd"
+
+
+def test_reference_is_the_page_or_the_default_file(capsys):
+    assert main(["config", "reference"]) == 0
+    assert capsys.readouterr().out == reference.markdown()
+    assert main(["config", "reference", "--toml"]) == 0
+    assert capsys.readouterr().out == reference.default_toml()
+
+
+def test_a_verb_is_needed(capsys):
+    with pytest.raises(SystemExit) as left:
+        main(["config"])
+    assert left.value.code == 2
+    assert "VERB" in capsys.readouterr().err
+
+
+def test_each_verb_has_a_help_of_its_own(capsys):
+    for verb in ("check", "show", "schema", "reference"):
+        with pytest.raises(SystemExit):
+            main(["config", verb, "--help"])
+        assert f"usage: yahboomd config {verb}" in capsys.readouterr().out

@@ -1,0 +1,175 @@
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import types
+
+import pytest
+
+from yahboomd import __version__
+from yahboomd.cli import main as cli
+from yahboomd.errors import ConfigError, PortDenied, PortMissing
+
+
+@pytest.fixture
+def command(monkeypatch):
+    """Put a command in the place of ``drive`` that does what the test says."""
+
+    def install(body, options=()):
+        module = types.ModuleType("yahboomd.cli.drive")
+
+        def add_parser(subparsers):
+            parser = subparsers.add_parser("drive", description="The keys are W A S D.")
+            for option in options:
+                parser.add_argument(option)
+
+        module.add_parser = add_parser
+        module.run = body
+        monkeypatch.setitem(sys.modules, "yahboomd.cli.drive", module)
+
+    return install
+
+
+def raising(error):
+    def body(args: argparse.Namespace) -> int:
+        raise error
+
+    return body
+
+
+def test_help_lists_every_command_in_one_line_each(capsys):
+    with pytest.raises(SystemExit) as left:
+        cli.main(["--help"])
+    assert left.value.code == 0
+    shown = capsys.readouterr().out
+    assert all(f"    {name} " in shown for name in cli.COMMANDS)
+
+
+def test_help_imports_none_of_the_heavy_libraries():
+    script = (
+        "import sys; from yahboomd.cli.main import main\n"
+        "try: main(['--help'])\n"
+        "except SystemExit: pass\n"
+        "print(sorted({'zenoh', 'pydantic', 'msgspec', 'serial', 'rich', 'asyncio'}"
+        " & set(sys.modules)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert done.stdout.strip().split("\n")[-1] == "[]"
+
+
+def test_a_command_shows_its_own_help(command, capsys):
+    command(lambda args: 0, options=["--speed"])
+    with pytest.raises(SystemExit):
+        cli.main(["drive", "--help"])
+    shown = capsys.readouterr().out
+    assert "The keys are W A S D." in shown
+    assert "--speed" in shown
+
+
+def test_a_command_gets_its_options_and_gives_the_exit_status(command):
+    seen = []
+    command(lambda args: seen.append(args.speed) or 7, options=["--speed"])
+    assert cli.main(["drive", "--speed", "2"]) == 7
+    assert seen == ["2"]
+
+
+def test_the_version_is_that_of_the_package(capsys):
+    with pytest.raises(SystemExit) as left:
+        cli.main(["--version"])
+    assert left.value.code == 0
+    assert capsys.readouterr().out == f"yahboomd {__version__}\n"
+
+
+def test_no_command_shows_the_help_and_fails(capsys):
+    assert cli.main([]) == 2
+    assert "usage: yahboomd" in capsys.readouterr().out
+
+
+def test_an_unknown_command_names_the_known_ones(capsys):
+    with pytest.raises(SystemExit) as left:
+        cli.main(["fly"])
+    assert left.value.code == 2
+    assert "simulate" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("error", "status"),
+    [
+        (ConfigError("Two mistakes."), 78),
+        (PortMissing("No port."), 69),
+        (PortDenied("No permission."), 77),
+    ],
+)
+def test_an_error_is_one_message_with_its_remedy_and_exit_status(command, capsys, error, status):
+    error.remedy = "Do this."
+    command(raising(error))
+    assert cli.main(["drive"]) == status
+    assert capsys.readouterr() == ("", f"yahboomd: {error.message} Do this.\n")
+
+
+def test_control_c_ends_with_130_and_no_traceback(command, capsys):
+    command(raising(KeyboardInterrupt()))
+    assert cli.main(["drive"]) == 130
+    assert capsys.readouterr() == ("", "")
+
+
+def test_a_bug_keeps_its_traceback(command):
+    command(raising(ZeroDivisionError()))
+    with pytest.raises(ZeroDivisionError):
+        cli.main(["drive"])
+
+
+def test_a_missing_extra_is_named_with_the_way_to_install_it(command, capsys):
+    command(raising(ModuleNotFoundError("No module named 'rich.live'", name="rich.live")))
+    assert cli.main(["drive"]) == 69
+    assert "needs rich: pip install 'yahboomd[monitor]'" in capsys.readouterr().err
+
+
+def test_a_missing_module_that_is_no_extra_is_a_bug(command):
+    command(raising(ModuleNotFoundError("No module named 'numpi'", name="numpi")))
+    with pytest.raises(ModuleNotFoundError):
+        cli.main(["drive"])
+
+
+@pytest.mark.parametrize(
+    ("missing", "words"),
+    [
+        ("rich", "pip install 'yahboomd[monitor]'"),
+        ("zenoh", "needs the Python package zenoh"),
+        ("yahboomd.cli.drive", "is not part of this installation"),
+    ],
+)
+def test_a_command_that_cannot_be_imported_is_a_sentence(monkeypatch, capsys, missing, words):
+    def refuse(name):
+        raise ModuleNotFoundError(f"No module named {missing!r}", name=missing)
+
+    monkeypatch.setattr(cli.importlib, "import_module", refuse)
+    assert cli.main(["drive"]) == 69
+    assert words in capsys.readouterr().err
+
+
+def test_a_reader_that_leaves_is_no_error(tmp_path):
+    # More than a pipe holds, so that writing meets the closed end in any case.
+    script = (
+        "import sys, types; from yahboomd.cli import main as cli\n"
+        "module = types.ModuleType('yahboomd.cli.drive')\n"
+        "module.add_parser = lambda subparsers: subparsers.add_parser('drive') and None\n"
+        "module.run = lambda args: print('x' * 10_000_000) or 0\n"
+        "sys.modules['yahboomd.cli.drive'] = module\n"
+        "sys.exit(cli.main(['drive']))"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        process.stdout.read(1)
+        process.stdout.close()
+        complaint = process.stderr.read()
+        assert process.wait(60) == 141
+    assert complaint == b""
+
+
+def test_the_package_itself_can_be_run(yahboomd):
+    assert yahboomd("--version").stdout == f"yahboomd {__version__}\n"

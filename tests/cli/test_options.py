@@ -1,0 +1,86 @@
+from __future__ import annotations
+
+import argparse
+import tomllib
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from yahboomd.cli import options
+from yahboomd.errors import ConfigError
+
+
+@pytest.fixture
+def parse(tmp_path):
+    """Parse arguments of a command that has all shared options, with an empty configuration."""
+    empty = tmp_path / "config.toml"
+    empty.touch()
+    parser = argparse.ArgumentParser()
+    options.add_config_options(parser)
+    options.add_port_option(parser)
+    options.add_bus_options(parser)
+
+    def parsed(*arguments: str) -> argparse.Namespace:
+        return parser.parse_args(["--config", str(empty), *arguments])
+
+    return parsed
+
+
+def test_a_port_and_a_namespace_win_over_set_and_environment(parse):
+    args = parse("--port", "/dev/ttyUSB1", "--set", "serial.port=/dev/a", "--namespace", "1.0")
+    config = options.read_config(args, {"YAHBOOMD_ZENOH__NAMESPACE": "other"}).config
+    assert config.serial.port == "/dev/ttyUSB1"
+    assert config.zenoh.namespace == "1.0"
+
+
+def test_set_may_be_repeated(parse):
+    args = parse("--set", "log.level=debug", "--set", "command.rate_hz=20")
+    config = options.read_config(args, {}).config
+    assert (config.log.level, config.command.rate_hz) == ("debug", 20.0)
+
+
+def test_the_environment_of_the_process_is_read(parse, monkeypatch):
+    monkeypatch.setenv("YAHBOOMD_LOG__LEVEL", "error")
+    assert options.read_config(parse()).config.log.level == "error"
+
+
+def test_a_file_that_is_missing_is_an_error(parse, tmp_path):
+    with pytest.raises(ConfigError, match="no such file"):
+        options.read_config(parse("--config", str(tmp_path / "missing.toml")), {})
+
+
+def test_a_command_without_these_options_reads_the_rest(parse):
+    args = parse()
+    del args.port, args.namespace
+    assert options.read_config(args, {}).config.serial.port == ""
+
+
+def test_a_daemon_is_reached_where_it_listens_then_at_its_routers(parse):
+    args = parse("--set", 'zenoh.listen=["tcp/0.0.0.0:7448", "tcp/[::]:7448"]')
+    config = options.read_config(args, {}).config
+    assert options.daemon_endpoints(args, config) == (
+        "tcp/127.0.0.1:7448",
+        "tcp/[::1]:7448",
+        "tcp/127.0.0.1:7447",
+    )
+
+
+def test_a_daemon_that_is_a_client_is_reached_at_its_router(parse):
+    args = parse("--set", "zenoh.mode=client")
+    config = options.read_config(args, {}).config
+    assert options.daemon_endpoints(args, config) == ("tcp/127.0.0.1:7447",)
+
+
+def test_endpoints_that_are_told_are_used_alone(parse):
+    args = parse("--connect", "tcp/10.0.0.1:1", "--connect", "tcp/10.0.0.2:1")
+    config = options.read_config(args, {}).config
+    assert options.daemon_endpoints(args, config) == ("tcp/10.0.0.1:1", "tcp/10.0.0.2:1")
+
+
+@settings(deadline=None)
+@given(
+    st.text(st.characters(min_codepoint=32, exclude_characters="\x7f", exclude_categories=["Cs"]))
+)
+def test_any_text_is_quoted_as_toml(text):
+    assert tomllib.loads(f"text = {options.quoted(text)}")["text"] == text

@@ -1,0 +1,92 @@
+from __future__ import annotations
+
+import pytest
+from pydantic import ValidationError
+
+from yahboomd.config.hardware import PRESETS, Board, Chassis, MotorEntry, Serial
+from yahboomd.config.models import WHEELS
+from yahboomd.protocol.registry import DIALECTS
+from yahboomd.protocol.settings import PROFILES
+
+
+def test_the_defaults_are_the_articles_robot():
+    chassis = Chassis()
+    assert chassis.wheel_separation_m == 0.150
+    assert chassis.kinematics == "differential"
+    assert {wheel: motors[0].position for wheel, motors in chassis.motors.items()} == {
+        "left": 1,
+        "right": 3,
+    }
+    assert (Serial().baudrate, Serial().dtr, Serial().rts) == (115200, True, False)
+    assert not Board().write_settings
+
+
+@pytest.mark.parametrize("profile", [*PROFILES, "custom"])
+def test_every_profile_of_the_protocol_can_be_chosen(profile):
+    assert Board(profile=profile).profile == profile
+
+
+@pytest.mark.parametrize("dialect", ["auto", *DIALECTS])
+def test_every_dialect_of_the_registry_can_be_chosen(dialect):
+    assert Serial(dialect=dialect).dialect == dialect
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_a_preset_gives_every_wheel_motors_of_its_own(preset):
+    kinematics, motors = PRESETS[preset]
+    positions = [entry.position for entries in motors.values() for entry in entries]
+    assert set(motors) == set(WHEELS[kinematics])
+    assert len(set(positions)) == len(positions)
+
+
+def test_every_preset_of_the_table_is_a_word_of_the_configuration():
+    for preset in PRESETS:
+        assert Chassis(preset=preset).preset == preset
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"wheel_separation_m": 0.0},
+        {"wheel_separation_m": -0.1},
+        {"wheel_separation_m": 150},
+        {"wheel_separation_m": float("nan")},
+        {"wheel_separation_m": "0.15"},
+        {"wheel_radius_m": 0},
+        {"wheel_radius_m": 32.5},
+        {"ticks_per_revolution": 0},
+        {"ticks_per_revolution": 1e9},
+        {"wheel_radius_multiplier": {"left": 0.0}},
+        {"motors": {"left": []}},
+        {"kinematics": "hover"},
+    ],
+)
+def test_impossible_geometry_is_refused(values):
+    with pytest.raises(ValidationError):
+        Chassis.model_validate(values)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {},
+        {"position": 0},
+        {"position": 5},
+        {"position": 1, "command_sign": 0},
+        {"position": 1, "encoder_sign": 2},
+        {"position": 1, "encoder_sign": True},
+        {"position": 1, "name": "front left"},
+    ],
+)
+def test_a_motor_that_the_board_has_not_is_refused(values):
+    with pytest.raises(ValidationError):
+        MotorEntry.model_validate(values)
+
+
+def test_whole_numbers_will_do_where_numbers_are_expected():
+    assert Chassis.model_validate({"wheel_separation_m": 1}).wheel_separation_m == 1.0
+
+
+def test_a_configuration_does_not_change():
+    with pytest.raises(ValidationError, match="frozen"):
+        Board().profile = "310"  # type: ignore[misc]

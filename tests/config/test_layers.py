@@ -1,0 +1,153 @@
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from yahboomd.config.layers import LARGEST_FILE_BYTES, NOWHERE, Layers, toml_value
+
+
+def words(layers: Layers) -> list[str]:
+    return [words for _, words in layers.mistakes]
+
+
+@pytest.fixture
+def layers() -> Layers:
+    return Layers({"limits": {"linear": {"velocity": 1.0, "jerk": 2.0}}, "zenoh": {}, "log": {}})
+
+
+def test_a_byte_order_mark_and_windows_line_ends_are_no_mistake(layers, tmp_path):
+    path = tmp_path / "config.toml"
+    path.write_bytes(b'\xef\xbb\xbf[zenoh]\r\nnamespace = "bot"\r\n')
+    layers.read_file(path)
+    assert layers.data == {"zenoh": {"namespace": "bot"}}
+    assert layers.origin(("zenoh", "namespace")).words == f"{path}:2"
+
+
+@pytest.mark.parametrize(
+    ("content", "line", "expected"),
+    [
+        (b"[log]\nlevel = \n", 2, "not valid TOML at line 2, column 9: invalid value"),
+        (b"[log]\n[log]\n", 2, "not valid TOML at line 2, column 5: cannot declare log twice"),
+        (b'[log]\nlevel = """\n', 2, "not valid TOML at line 2: unterminated string"),
+        (b"[log]\nlevel = '\xff'\n", 2, "not UTF-8 (byte 0xff); save the file as UTF-8"),
+        (b"a = " + b"[" * 5000, 0, "not valid TOML: nested too deeply"),
+        (b"a = " + b"[" * 50 + b"]" * 50, 0, "tables or lists are nested too deeply"),
+        (b"a = " + b"9" * 5000, 0, "not valid TOML: "),
+        (b"#" * (LARGEST_FILE_BYTES + 1), 0, "larger than 1000000 bytes, so not a configuration"),
+    ],
+)
+def test_a_file_that_is_no_toml_is_explained_with_its_line(
+    layers, tmp_path, content, line, expected
+):
+    path = tmp_path / "config.toml"
+    path.write_bytes(content)
+    layers.read_file(path)
+    ((origin, why),) = layers.mistakes
+    assert why.startswith(expected)
+    assert origin.words == (f"{path}:{line}" if line else str(path))
+    assert layers.data == {}
+
+
+def test_a_directory_instead_of_a_file_is_named_as_such(layers, tmp_path):
+    layers.read_file(tmp_path)
+    assert words(layers) == ["a directory, where a file is expected"]
+
+
+def test_a_file_that_may_not_be_read_is_named_as_such(layers, tmp_path):
+    path = tmp_path / "config.toml"
+    path.touch(mode=0)
+    user = os.geteuid()
+    if user == 0:
+        os.seteuid(65534)  # root may read everything; nobody may not
+    try:
+        layers.read_file(path)
+    finally:
+        if user == 0:
+            os.seteuid(0)
+    assert words(layers) == ["this user may not read it"]
+
+
+def test_the_environment_names_sections_and_keys_with_two_underscores(layers):
+    layers.read_environment({"YAHBOOMD_LIMITS__LINEAR__VELOCITY": " 0.5 ", "HOME": "/", "LOG": "x"})
+    assert layers.data == {"limits": {"linear": {"velocity": 0.5, "jerk": 2.0}}}
+    assert layers.mistakes == []
+
+
+@pytest.mark.parametrize("name", ["YAHBOOMD_ZENOH_NAMESPACE", "YAHBOOMD_LOG"])
+def test_a_variable_with_one_underscore_is_a_mistake_not_ignored(layers, name):
+    layers.read_environment({name: "x"})
+    assert words(layers)[0].startswith("expected two underscores")
+
+
+def test_variables_of_others_are_let_alone(layers):
+    layers.read_environment({"YAHBOOMD_SERVICE_HOST": "10.0.0.1", "YAHBOOMD": "1"})
+    assert (layers.data, layers.mistakes) == ({}, [])
+
+
+@pytest.mark.parametrize(
+    "override",
+    [
+        'sources."cmd_vel/teleop".priority=5',
+        "sources.'cmd_vel/teleop'.priority = 5",
+        # What is left when a shell has eaten the quotes.
+        "sources.cmd_vel/teleop.priority=5",
+    ],
+)
+def test_names_with_slashes_may_be_quoted_or_not(layers, override):
+    layers.read_overrides([override])
+    assert layers.data == {"sources": {"cmd_vel/teleop": {"priority": 5}}}
+
+
+def test_an_equals_sign_in_quotes_belongs_to_the_name(layers):
+    layers.read_overrides(['a."b=c"=1=2'])
+    assert layers.data == {"a": {"b=c": "1=2"}}
+
+
+@pytest.mark.parametrize("override", ["", "zenoh", "=1", "zenoh=1", "zenoh.=1", ".a=1", "a..b=1"])
+def test_an_override_without_section_key_and_value_is_a_mistake(layers, override):
+    layers.read_overrides([override])
+    assert words(layers)[0].startswith("expected section.key=value")
+    assert layers.data == {}
+
+
+def test_an_override_takes_the_place_of_what_is_no_table(layers, tmp_path):
+    path = tmp_path / "config.toml"
+    path.write_text("limits = 3\n")
+    layers.read_file(path)
+    layers.read_overrides(["limits.linear.velocity=2"])
+    assert layers.data == {"limits": {"linear": {"velocity": 2, "jerk": 2.0}}}
+
+
+def test_an_origin_is_that_of_the_nearest_table_else_of_what_is_in_it(layers):
+    layers.read_overrides(["limits.linear.velocity=2"])
+    assert layers.origin(("limits", "linear", "velocity", "x")).words.startswith("--set")
+    assert layers.origin(("limits",)).words.startswith("--set")
+    assert layers.origin(("log", "level")) == NOWHERE
+
+
+def test_an_origin_stays_on_one_line(layers):
+    layers.read_overrides(["a.b=1\n2"])
+    assert layers.origin(("a", "b")).words == "--set a.b=1?2"
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1", 1),
+        ("1.0", 1.0),
+        (" true ", True),
+        ("False", False),
+        ('"1"', "1"),
+        ("[1, 'a']", [1, "a"]),
+        ("{ a = 1 }", {"a": 1}),
+        ("/dev/ttyUSB0", "/dev/ttyUSB0"),
+        ("", ""),
+        ("1\nother = 2", "1\nother = 2"),
+        ("[" * 5000, "[" * 5000),
+        ("[" * 50 + "]" * 50, "[" * 50 + "]" * 50),
+    ],
+)
+def test_a_value_is_toml_where_it_can_be_else_text(text, value):
+    assert toml_value(text) == value
+    assert type(toml_value(text)) is type(value)

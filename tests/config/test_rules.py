@@ -1,0 +1,224 @@
+from __future__ import annotations
+
+import pytest
+
+from yahboomd.config.models import Config
+from yahboomd.config.rules import RULES, findings
+from yahboomd.config.values import dotted
+
+MECANUM = {
+    "front_left": [{"position": 1}],
+    "rear_left": [{"position": 2}],
+    "front_right": [{"position": 3}],
+    "rear_right": [{"position": 4}],
+}
+
+
+def found(**sections) -> dict[str, str]:
+    given = findings(Config.model_validate(sections))
+    return {dotted(finding.place): finding.words for finding in given if not finding.is_warning}
+
+
+def warned(**sections) -> dict[str, str]:
+    given = findings(Config.model_validate(sections))
+    return {dotted(finding.place): finding.words for finding in given if finding.is_warning}
+
+
+def test_the_defaults_agree_with_each_other():
+    assert findings(Config()) == []
+
+
+def test_every_rule_says_what_it_is_about():
+    assert all((rule.__doc__ or "").startswith(("A ", "Every ", "No ", "The ")) for rule in RULES)
+
+
+@pytest.mark.parametrize("preset", ["2wd", "4wd"])
+def test_presets_need_nothing_else(preset):
+    assert findings(Config.model_validate({"chassis": {"preset": preset}})) == []
+
+
+def test_a_preset_contradicts_other_motors_and_kinematics():
+    chassis = {"preset": "4wd", "kinematics": "mecanum", "motors": MECANUM}
+    assert set(found(chassis=chassis)) == {"chassis.kinematics", "chassis.motors"}
+
+
+def test_a_preset_may_stand_beside_its_own_motors():
+    chassis = {"preset": "mecanum", "motors": MECANUM, "wheel_base_m": 0.2}
+    assert found(chassis=chassis) == {}
+
+
+def test_a_wheel_that_the_base_has_not_is_named_with_the_one_that_was_meant():
+    motors = {"leftt": [{"position": 1}], "right": [{"position": 3}]}
+    lines = found(chassis={"motors": motors})
+    assert lines["chassis.motors.leftt"].endswith('did you mean "left"?')
+    assert lines["chassis.motors.left"].startswith("missing")
+
+
+def test_mecanum_needs_four_wheels_and_their_base():
+    lines = found(chassis={"kinematics": "mecanum"})
+    assert {
+        "chassis.motors.front_left",
+        "chassis.motors.rear_left",
+        "chassis.motors.front_right",
+        "chassis.motors.rear_right",
+        "chassis.wheel_base_m",
+    } <= set(lines)
+
+
+def test_mecanum_keys_do_not_belong_on_two_sides():
+    lines = found(chassis={"wheel_base_m": 0.2, "wheel_radius_multiplier": {"front_left": 1.1}})
+    assert set(lines) == {
+        "chassis.wheel_base_m",
+        "chassis.wheel_radius_multiplier.front_left",
+    }
+
+
+def test_only_skid_steer_has_several_motors_on_a_side():
+    motors = {"left": [{"position": 1}, {"position": 2}], "right": [{"position": 3}]}
+    assert "skid_steer" in found(chassis={"motors": motors})["chassis.motors.left"]
+    assert found(chassis={"motors": motors, "kinematics": "skid_steer"}) == {}
+
+
+def test_two_motors_cannot_share_a_place_or_a_name():
+    motors = {
+        "left": [{"position": 1, "name": "a"}, {"position": 1, "name": "b"}],
+        "right": [{"position": 3, "name": "a"}],
+    }
+    lines = found(chassis={"kinematics": "skid_steer", "motors": motors})
+    assert set(lines) == {"chassis.motors.left[1].position", "chassis.motors.right[0].name"}
+    assert "chassis.motors.left[0]" in lines["chassis.motors.left[1].position"]
+
+
+def test_a_joint_is_that_of_a_motor():
+    assert set(found(ros2={"joint_names": {"lefd": "x"}})) == {"ros2.joint_names.lefd"}
+
+
+def test_motors_without_encoder_are_refused_with_the_reason():
+    board = {
+        "profile": "custom",
+        "lines": 13,
+        "ratio": 45,
+        "wheel_diameter_mm": 68,
+        "motor_type": 4,
+    }
+    assert "no odometry" in found(board=board)["board.motor_type"]
+
+
+def test_a_custom_profile_names_what_it_lacks():
+    assert set(found(board={"profile": "custom"})) == {"board.ratio", "board.wheel_diameter_mm"}
+    chassis = {"ticks_per_revolution": 1320, "wheel_radius_m": 0.03}
+    assert found(board={"profile": "custom"}, chassis=chassis) == {}
+
+
+def test_a_custom_profile_turns_its_motor_once_per_turn_at_least():
+    chassis = {"ticks_per_revolution": 20, "wheel_radius_m": 0.03}
+    lines = found(board={"profile": "custom"}, chassis=chassis)
+    assert lines["chassis.ticks_per_revolution"].startswith("expected at least 44")
+
+
+def test_figures_of_a_custom_profile_contradict_a_named_one():
+    lines = found(board={"profile": "310", "ratio": 20, "lines": 13})
+    assert set(lines) == {"board.ratio", "board.lines"}
+
+
+def test_a_timeout_lasts_two_control_periods():
+    lines = found(command={"timeout_s": 0.3, "rate_hz": 5, "sources": {"joy": {"timeout_s": 0.39}}})
+    assert set(lines) == {"command.timeout_s", "command.sources.joy.timeout_s"}
+    assert found(command={"timeout_s": 0.4, "rate_hz": 5, "sources": {"joy": {}}}) == {}
+
+
+def test_a_speed_is_repeated_before_the_shortest_timeout():
+    assert "cmd_vel/teleop" in found(command={"resend_s": 0.3})["command.resend_s"]
+    assert found(command={"resend_s": 0.29}) == {}
+
+
+def test_200_polls_a_second_fit_the_line_and_210_do_not():
+    serial = {"dialect": "polled"}
+    assert found(serial=serial, odometry={"poll_rate_hz": 200}) == {}
+    lines = found(serial=serial, odometry={"poll_rate_hz": 210})
+    assert lines["odometry.poll_rate_hz"].startswith("expected at most 202")
+    assert "odometry.poll_rate_hz" in found(
+        serial={"dialect": "polled", "baudrate": 9600}, odometry={"publish_rate_hz": 10}
+    )
+
+
+def test_too_many_polls_are_a_warning_while_the_dialect_is_open():
+    assert set(warned(odometry={"poll_rate_hz": 210})) == {"odometry.poll_rate_hz"}
+    assert warned(serial={"dialect": "streamed"}, odometry={"poll_rate_hz": 210}) == {}
+
+
+def test_no_more_samples_are_published_than_taken():
+    assert set(found(odometry={"publish_rate_hz": 60})) == {"odometry.publish_rate_hz"}
+    streamed = {"dialect": "streamed"}
+    assert found(serial=streamed, odometry={"publish_rate_hz": 100}) == {}
+    assert set(found(serial=streamed, odometry={"publish_rate_hz": 101})) == {
+        "odometry.publish_rate_hz"
+    }
+
+
+def test_a_client_needs_a_router_and_does_not_listen():
+    assert found(zenoh={"mode": "client"}) == {}
+    assert set(found(zenoh={"mode": "client", "connect": [], "listen": ["tcp/[::1]:1"]})) == {
+        "zenoh.connect",
+        "zenoh.listen",
+    }
+
+
+def test_a_bus_that_nobody_can_reach_is_refused():
+    assert set(found(zenoh={"connect": [], "listen": []})) == {"zenoh.listen"}
+
+
+def test_an_endpoint_is_listened_on_or_joined():
+    both = ["tcp/127.0.0.1:7447"]
+    assert set(found(zenoh={"listen": both})) == {"zenoh.connect"}
+
+
+def test_a_zenoh_file_must_exist(tmp_path):
+    missing = str(tmp_path / "zenoh.json5")
+    assert set(found(zenoh={"config": missing})) == {"zenoh.config"}
+    (tmp_path / "zenoh.json5").write_text("{}")
+    assert found(zenoh={"config": missing}) == {}
+
+
+@pytest.mark.parametrize(
+    ("endpoint", "is_open"),
+    [
+        ("tcp/0.0.0.0:7448", True),
+        ("tcp/[::]:7448", True),
+        ("tcp/192.168.1.5:7448", True),
+        ("tcp/127.0.0.2:7448", False),
+        ("tcp/[::1]:7448", False),
+        ("tcp/localhost:7448", False),
+        ("unixsock-stream//run/z.sock", False),
+    ],
+)
+def test_listening_beyond_this_machine_is_a_warning(endpoint, is_open):
+    assert bool(warned(zenoh={"listen": [endpoint]})) is is_open
+
+
+def test_frames_topics_and_sources_have_names_of_their_own():
+    lines = found(
+        odometry={"frame_id": "base_link"},
+        ros2={"odom_topic": "tf", "diagnostics_topic": "battery_state"},
+        command={"sources": {"joint_states": {}}},
+    )
+    assert set(lines) == {
+        "odometry.child_frame_id",
+        "ros2.odom_topic",
+        "ros2.diagnostics_topic",
+        "command.sources.joint_states",
+    }
+
+
+def test_a_source_may_be_called_as_a_topic_without_the_bridge():
+    ros2 = {"bridge": False}
+    assert found(ros2=ros2, command={"sources": {"joint_states": {}}}) == {}
+
+
+def test_more_than_the_board_can_do_and_a_stall_that_is_never_seen_are_warnings():
+    assert set(warned(limits={"linear": {"velocity": 1.1}})) == {"limits.linear.velocity"}
+    assert set(warned(limits={"linear": {"velocity": 0.05}})) == {"faults.min_speed_m_s"}
+
+
+def test_nobody_who_may_drive_is_a_warning():
+    assert set(warned(command={"sources": {}})) == {"command.sources"}
