@@ -149,8 +149,9 @@ class Controller:
         self._released = False
         self._stop_due_ns: int | None = None
         self._stepped_ns = clock.now_ns()
+        self._extra_ns = 0
         self._step_pending = False
-        self._alarm = clock.alarm(self.step)
+        self._alarm = clock.alarm(self._extra_step)
         self.progress = 0
         self.volts: float | None = None
         self.counters: Counter[str] = Counter()
@@ -179,12 +180,18 @@ class Controller:
 
     def step_soon(self) -> None:
         """A command arrived: step at once, but not more often than the board could be told."""
-        soonest_ns = self._stepped_ns + nanoseconds(SOONEST_S)
-        if self._clock.now_ns() >= soonest_ns:
+        now_ns = self._clock.now_ns()
+        soonest_ns = self._extra_ns + nanoseconds(SOONEST_S)
+        if now_ns >= soonest_ns:
+            self._extra_ns = now_ns
             self.step()
         elif not self._step_pending:
             self._step_pending = True
             self._alarm.set(soonest_ns)
+
+    def _extra_step(self) -> None:
+        self._extra_ns = self._clock.now_ns()
+        self.step()
 
     def close(self) -> None:
         """Let go of the timer."""
