@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from yahboomd.config import WHEELS, Config
+from yahboomd.drive.arbiter import Source
 from yahboomd.drive.kinematics import KINEMATICS
 from yahboomd.model import Motor
 from yahboomd.protocol.settings import PROFILES
@@ -100,6 +101,10 @@ def test_a_custom_profile_may_follow_from_the_chassis():
 def test_a_source_without_a_timeout_has_the_common_one():
     assert Config().source_timeout_s("cmd_vel") == 0.5
     assert Config().source_timeout_s("cmd_vel/teleop") == 0.3
+    assert Config().sources() == (
+        Source(name="cmd_vel", priority=10, timeout_s=0.5),
+        Source(name="cmd_vel/teleop", priority=100, timeout_s=0.3),
+    )
 
 
 def test_keys_and_joints_are_named_once():

@@ -220,5 +220,11 @@ def test_more_than_the_board_can_do_and_a_stall_that_is_never_seen_are_warnings(
     assert set(warned(limits={"linear": {"velocity": 0.05}})) == {"faults.min_speed_m_s"}
 
 
+def test_the_odometry_believes_the_speeds_that_are_allowed():
+    lines = found(odometry={"max_wheel_speed_m_s": 1.0})
+    assert set(lines) == {"odometry.max_wheel_speed_m_s"}
+    assert found(odometry={"max_wheel_speed_m_s": 1.1}) == {}
+
+
 def test_nobody_who_may_drive_is_a_warning():
     assert set(warned(command={"sources": {}})) == {"command.sources"}

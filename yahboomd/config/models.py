@@ -12,6 +12,7 @@ from yahboomd.config.driving import Command, Estop, Faults, Limits
 from yahboomd.config.hardware import CUSTOM, PRESETS, Board, Chassis, MotorEntry, Serial
 from yahboomd.config.outputs import Log, Odometry, Ros2, Zenoh
 from yahboomd.config.values import Section
+from yahboomd.drive.arbiter import Source
 from yahboomd.drive.kinematics import KINEMATICS
 from yahboomd.model import Kinematics, Motor
 from yahboomd.protocol.settings import EDGES_PER_LINE, PROFILES, MotorProfile, custom_profile
@@ -117,6 +118,13 @@ class Config(Section):
             )
             for wheel, entries in self.motor_entries().items()
         }
+
+    def sources(self) -> tuple[Source, ...]:
+        """Who may drive, as the arbiter knows them."""
+        return tuple(
+            Source(name=name, priority=source.priority, timeout_s=self.source_timeout_s(name))
+            for name, source in self.command.sources.items()
+        )
 
     def source_timeout_s(self, source: str) -> float:
         """Seconds until the silence of a source stops the wheels."""

@@ -38,6 +38,13 @@ class Odometry(Section):
     child_frame_id: Frame = Field(
         default="base_link", description="Frame of the twist: the base itself."
     )
+    max_wheel_speed_m_s: float = Field(
+        default=2.0,
+        gt=0.0,
+        le=50.0,
+        description="Rim speed in m/s that no wheel reaches, downhill included; counts that would "
+        "need more are no travel.",
+    )
     travel_noise_m: float = Field(
         default=0.0032,
         gt=0.0,

@@ -162,7 +162,11 @@ def speeds(config: Config) -> Iterator[Finding]:
     if velocity is not None and velocity > BOARD_MAX_M_S:
         words = f"{number(velocity)} m/s is more than the board takes ({BOARD_MAX_M_S:g} m/s)"
         yield Finding(place, words, is_warning=True)
-    least = ("faults", "min_speed_m_s")
+    fastest: Place = ("odometry", "max_wheel_speed_m_s")
+    if velocity is not None and velocity >= config.odometry.max_wheel_speed_m_s:
+        words = f"expected more than limits.linear.velocity ({number(velocity)}), got "
+        yield Finding(fastest, f"{words}{number(config.odometry.max_wheel_speed_m_s)}", (place,))
+    least: Place = ("faults", "min_speed_m_s")
     if velocity is not None and velocity < config.faults.min_speed_m_s:
         words = f"above limits.linear.velocity ({number(velocity)}): a stall is never noticed"
         yield Finding(least, words, (place,), is_warning=True)
