@@ -44,7 +44,9 @@ def test_every_key_is_a_name():
 
 
 def test_holder_of_a_token_is_read_back():
-    assert keys.holder_of("bot1/yahboomd/alive", keys.holder_key("bot1/yahboomd/alive", "ab")) == "ab"
+    assert (
+        keys.holder_of("bot1/yahboomd/alive", keys.holder_key("bot1/yahboomd/alive", "ab")) == "ab"
+    )
     assert keys.holder_of("bot1/yahboomd/alive", "bot1/yahboomd/alive") is None
     assert keys.holder_of("bot1/yahboomd/alive", "bot2/yahboomd/alive/ab") is None
     assert keys.holder_of("bot1/yahboomd/alive", "bot1/yahboomd/alive/ab/cd") is None

@@ -13,7 +13,7 @@ def main() -> None:
     config.insert_json5("scouting/multicast/enabled", "false")
     config.insert_json5("scouting/delay", "0")
     with zenoh.open(config):
-        print("ready", flush=True)  # noqa: T201
+        print("ready", flush=True)
         sys.stdin.read()
 
 

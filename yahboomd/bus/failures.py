@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -66,10 +67,13 @@ def port_holder(port: int) -> str | None:
                 inodes.add(f"socket:[{fields[9]}]")
     if not inodes:
         return None
-    for folder in Path("/proc").glob("[0-9]*"):
+    for name in os.listdir("/proc"):
+        folder = Path("/proc", name)
         try:
-            if any(str(fd.readlink()) in inodes for fd in (folder / "fd").iterdir()):
-                return f"{(folder / 'comm').read_text(encoding='utf-8').strip()} ({folder.name})"
+            if name.isdigit() and any(
+                str(fd.readlink()) in inodes for fd in (folder / "fd").iterdir()
+            ):
+                return f"{(folder / 'comm').read_text(encoding='utf-8').strip()} ({name})"
         except OSError:  # it ended meanwhile, or is another user's
             continue
     return None

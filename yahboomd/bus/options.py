@@ -57,7 +57,7 @@ class BusOptions(msgspec.Struct, frozen=True, kw_only=True):
     unix_socket: Path | None = None
     lease_s: float = 2.0
     open_timeout_s: float = 5.0
-    close_timeout_s: float = 2.0
+    close_timeout_s: float = 3.0
 
     @property
     def listening(self) -> tuple[str, ...]:
@@ -159,6 +159,9 @@ def _unless_set(options: BusOptions) -> dict[str, Any]:
         "timestamping/enabled": True,
         "transport/shared_memory/enabled": False,
         "transport/link/tx/lease": max(1, round(options.lease_s * 1000)),
+        # A connection that takes nothing for so long is given up by what waits for it (5 s by
+        # default): meanwhile neither an event nor the closing of the session gets past it.
+        "transport/link/tx/queue/congestion_control/block/wait_before_close": 1_000_000,
         # Zenoh would put together a message of one gigabyte for anyone who begins to send one.
         "transport/link/rx/max_message_size": 16 * 1024 * 1024,
     }

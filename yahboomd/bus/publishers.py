@@ -57,7 +57,9 @@ class BusPublisher:
         encoding: What the samples are, such as ``application/json;pose``.
         reliable: Puts the samples and may wait for it, rather than drop them where a connection
             is full; None for telemetry.
-        priority: Which samples go first when they queue.
+        priority: Which samples go first when they queue. Samples that are dropped and samples that
+            are waited for must differ in it: they share a queue for each priority and connection,
+            and who waits in it holds up all others.
         express: Send each sample by itself at once, instead of in a batch with its neighbours.
         cache: Samples kept for subscribers that come later (``tf_static``: 1); none for 0.
     """

@@ -15,6 +15,7 @@ from zenoh.handlers import Callback
 
 from yahboomd.bus.bounded import bounded
 from yahboomd.bus.failures import open_failure
+from yahboomd.bus.hangup import hang_up_stuck
 from yahboomd.bus.inbox import DEPTH, Inbox, Lane
 from yahboomd.bus.keys import full_key
 from yahboomd.bus.options import BusOptions, zenoh_config
@@ -52,10 +53,13 @@ class Bus:
         self._clock = clock or SystemClock()
         self._session: zenoh.Session | None = None
         self._inbox: Inbox | None = None
+        self._closed = True
         # Two: an e-stop's acknowledgement is not to wait behind an event for somebody who froze.
         self._answers = Sender("bus-answers")
         self._reliable = Sender("bus-reliable")
         self._services: list[Service] = []
+        # A token that nobody holds on to is undeclared when it is collected.
+        self._tokens: list[zenoh.LivelinessToken] = []
         self._subscriptions: list[Subscription] = []
         self._neighbours = Neighbours()
         self._watchers: list[Callable[[list[NeighbourChange]], None]] = []
@@ -91,29 +95,29 @@ class Bus:
             Callback(lane.offer, indirect=False), history=True
         )
 
-    async def close(self) -> None:
+    async def close(self) -> bool:
         """Answer what is pending and close the session, within bounds; safe to call twice.
 
-        A process whose session is not closed hangs at its end.
+        Returns:
+            Whether it is closed. Where not, a thread is left inside Zenoh, and Python's ordinary
+            exit would hang or abort: end the process by ``os._exit``.
         """
         session, self._session = self._session, None
         inbox, self._inbox = self._inbox, None
         if session is None or inbox is None:
-            return
+            return self._closed
+        self._closed = False
         for subscription in self._subscriptions:
             subscription.close()
         tasks = [task for service in self._services for task in service.close()]
-        closed = False
         try:
             await asyncio.gather(*tasks, return_exceptions=True)
-
-            def close() -> None:
-                for sender in (self._answers, self._reliable):
-                    sender.close(self.options.close_timeout_s / 4)
-                session.close()
-
-            await bounded(close, timeout_s=self.options.close_timeout_s, name="bus-close")
-            closed = True
+            await bounded(
+                lambda: self._close(session),
+                timeout_s=self.options.close_timeout_s,
+                name="bus-close",
+            )
+            self._closed = True
         except TimeoutError:
             log.warning(
                 "The Zenoh session did not close within %g s; it is left behind",
@@ -122,7 +126,14 @@ class Bus:
         except zenoh.ZError as error:
             log.warning("The Zenoh session did not close well: %s", error)
         finally:
-            inbox.close(leak=not closed)
+            inbox.close(leak=not self._closed)
+        return self._closed
+
+    def _close(self, session: zenoh.Session) -> None:
+        hang_up_stuck(lambda: [(link.src, link.dst) for link in session.info.links()])
+        for sender in (self._answers, self._reliable):
+            sender.close(self.options.close_timeout_s / 4)
+        session.close()
 
     async def __aenter__(self) -> Self:
         await self.open()
@@ -151,17 +162,21 @@ class Bus:
         *,
         encoding: str = "",
         reliable: bool = False,
-        priority: PriorityName = "data",
+        priority: PriorityName | None = None,
         express: bool = False,
         cache: int = 0,
     ) -> BusPublisher:
-        """Declare a publisher; see :class:`BusPublisher`."""
+        """Declare a publisher; see :class:`BusPublisher`.
+
+        Telemetry goes as ``data_high`` by default, reliable samples as ``data`` (as answers to
+        queries do), because the two must not share a priority.
+        """
         return BusPublisher(
             self._opened(),
             self.key(key),
             encoding=encoding or "zenoh/bytes",
             reliable=self._reliable if reliable else None,
-            priority=priority,
+            priority=priority or ("data" if reliable else "data_high"),
             express=express,
             cache=cache,
         )
@@ -262,7 +277,9 @@ class Bus:
 
         For several holders of one key see :func:`yahboomd.bus.keys.holder_key`.
         """
-        return self._opened().liveliness().declare_token(self.key(key))
+        token = self._opened().liveliness().declare_token(self.key(key))
+        self._tokens.append(token)
+        return token
 
     def watch_tokens(self, pattern: str, handler: Callable[[list[TokenChange]], None]) -> None:
         """Have tokens that match ``pattern`` reported, those that exist already first.

@@ -1,0 +1,66 @@
+import os
+import socket
+from contextlib import suppress
+
+import pytest
+
+from yahboomd.bus.hangup import hang_up_stuck
+
+
+@pytest.fixture
+def connection():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        near = socket.create_connection(server.getsockname())
+        far, _ = server.accept()
+        with near, far:
+            yield near, far
+
+
+def ends(near):
+    return tuple("tcp/{}:{}".format(*end) for end in (near.getsockname(), near.getpeername()))
+
+
+def fill(near):
+    near.setblocking(False)
+    with suppress(BlockingIOError):
+        while True:
+            near.send(b"x" * 65536)
+
+
+def is_shut(near):
+    near.settimeout(0)
+    try:
+        return near.recv(1) == b""
+    except BlockingIOError:
+        return False
+
+
+def test_a_connection_that_takes_nothing_is_hung_up_on(connection):
+    near, _ = connection
+    fill(near)
+    link = ends(near)
+    assert hang_up_stuck(lambda: [] if is_shut(near) else [link]) == [link[1]]
+    assert is_shut(near)
+
+
+def test_a_connection_with_nothing_waiting_is_left_alone(connection):
+    near, far = connection
+    near.send(b"read and acknowledged")
+    far.recv(100)
+    assert hang_up_stuck(lambda: [ends(near)]) == []
+    assert not is_shut(near)
+
+
+def test_sockets_that_are_not_named_are_left_alone(connection):
+    near, _ = connection
+    fill(near)
+    assert hang_up_stuck(lambda: [("tcp/127.0.0.1:1", "tcp/127.0.0.1:2")]) == []
+    assert not is_shut(near)
+
+
+def test_no_descriptor_is_lost_by_looking(connection):
+    near, _ = connection
+    fill(near)
+    before = len(os.listdir("/proc/self/fd"))
+    hang_up_stuck(lambda: [] if is_shut(near) else [ends(near)])
+    assert len(os.listdir("/proc/self/fd")) == before

@@ -1,0 +1,140 @@
+import json
+from pathlib import Path
+
+import pytest
+
+from yahboomd.bus.options import BusOptions, endpoint_problem, is_local, zenoh_config
+from yahboomd.errors import BusError
+
+
+def read(config, key):
+    return json.loads(config.get_json(key))
+
+
+def test_nobody_beyond_this_machine_is_reached_by_default():
+    config = zenoh_config(BusOptions())
+    assert read(config, "mode") == "router"
+    assert read(config, "listen/endpoints") == ["tcp/127.0.0.1:7448"]
+    assert read(config, "connect/endpoints") == ["tcp/127.0.0.1:7447"]
+    assert read(config, "scouting/multicast/enabled") is False
+    assert read(config, "scouting/gossip/enabled") is False
+    assert BusOptions().exposed == ()
+
+
+def test_a_missing_router_is_tried_for_ever_and_never_waited_for():
+    config = zenoh_config(BusOptions())
+    assert read(config, "connect/timeout_ms") == -1
+    assert read(config, "connect/exit_on_failure") is False
+    assert read(config, "open/return_conditions/connect_scouted") is False
+
+
+def test_a_client_gives_up_in_time_because_it_cannot_open_without_its_router():
+    config = zenoh_config(BusOptions(mode="client"))
+    assert read(config, "connect/timeout_ms") > 0
+    assert read(config, "connect/exit_on_failure") is True
+    assert read(config, "listen/endpoints") == []
+
+
+def test_messages_are_stamped_and_no_memory_is_shared():
+    config = zenoh_config(BusOptions(lease_s=1.5))
+    assert read(config, "timestamping/enabled") is True
+    assert read(config, "transport/shared_memory/enabled") is False
+    assert read(config, "transport/link/tx/lease") == 1500
+
+
+def test_endpoints_beyond_loopback_are_named_as_exposed(tmp_path):
+    options = BusOptions(
+        listen=("tcp/127.0.0.1:1", "tcp/0.0.0.0:2", "tls/[::1]:3", "tcp/robot.local:4"),
+        unix_socket=tmp_path / "bus.sock",
+    )
+    assert options.exposed == ("tcp/0.0.0.0:2", "tcp/robot.local:4")
+    assert options.listening[-1] == f"unixsock-stream/{tmp_path}/bus.sock"
+
+
+@pytest.mark.parametrize(
+    ("endpoint", "local"),
+    [
+        ("tcp/127.0.0.1:7447", True),
+        ("tcp/127.8.0.1:7447?rel=1#iface=lo", True),
+        ("tcp/localhost:7447", True),
+        ("udp/[::1]:7447", True),
+        ("unixsock-stream//run/bus.sock", True),
+        ("tcp/[::]:7447", False),
+        ("tcp/192.168.1.5:7447", False),
+        ("tls/robot:7447", False),
+    ],
+)
+def test_local_endpoints_are_told_from_reachable_ones(endpoint, local):
+    assert is_local(endpoint) is local
+    assert endpoint_problem(endpoint) is None
+
+
+@pytest.mark.parametrize(
+    "endpoint",
+    ["127.0.0.1:7447", "tcp", "tcp/", "tcp/127.0.0.1", "tcp/:7447", "tcp/host:99999", "tcp/host:x",
+     "foo/127.0.0.1:1", "unixsock-stream/relative.sock", "/127.0.0.1:7447"],
+)  # fmt: skip
+def test_wrong_endpoints_are_named_in_listen_and_in_connect(endpoint):
+    for setting in ("listen", "connect"):
+        with pytest.raises(BusError) as caught:
+            zenoh_config(BusOptions(**{setting: (endpoint,)}))
+        assert repr(endpoint) in str(caught.value)
+        assert f"zenoh.{setting}" in str(caught.value)
+
+
+def test_a_namespace_that_is_no_key_is_refused():
+    with pytest.raises(BusError, match=r"'bot/\*'"):
+        zenoh_config(BusOptions(namespace="bot/*"))
+
+
+def test_a_client_without_a_router_to_connect_to_is_refused():
+    with pytest.raises(BusError, match=r"zenoh.connect is empty"):
+        zenoh_config(BusOptions(mode="client", connect=()))
+
+
+def test_what_the_users_file_sets_wins(tmp_path):
+    path = tmp_path / "zenoh.json5"
+    path.write_text("{ scouting: { gossip: { enabled: true } }, transport: { link: { tx: "
+                    "{ lease: 7000 } } }, /* a comment */ }")  # fmt: skip
+    config = zenoh_config(BusOptions(config_file=path))
+    assert read(config, "scouting/gossip/enabled") is True
+    assert read(config, "transport/link/tx/lease") == 7000
+    assert read(config, "scouting/multicast/enabled") is False
+    assert read(config, "listen/endpoints") == ["tcp/127.0.0.1:7448"]
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [
+        ('{ mode: "peer" }', "zenoh.mode"),
+        ('{ listen: { endpoints: ["tcp/0.0.0.0:7447"] } }', "zenoh.listen"),
+        ('{ connect: { endpoints: ["tcp/1.2.3.4:7447"] } }', "zenoh.connect"),
+        ('{ namespace: "bot1" }', "zenoh.namespace"),
+    ],
+)
+def test_a_setting_with_a_name_of_ours_is_refused_in_the_users_file(tmp_path, text, name):
+    path = tmp_path / "zenoh.json5"
+    path.write_text(text)
+    with pytest.raises(BusError) as caught:
+        zenoh_config(BusOptions(config_file=path))
+    assert str(path) in str(caught.value)
+    assert name in caught.value.remedy
+
+
+@pytest.mark.parametrize("text", ["{ mode:", "{ nonsense: 1 }", "{ mode: 'foo' }", ""])
+def test_a_file_that_is_no_configuration_is_named(tmp_path, text):
+    path = tmp_path / "zenoh.json5"
+    path.write_text(text)
+    with pytest.raises(BusError) as caught:
+        zenoh_config(BusOptions(config_file=path))
+    assert str(path) in caught.value.message
+    assert "\n" not in caught.value.message
+
+
+def test_a_file_that_cannot_be_read_is_named(tmp_path):
+    binary = tmp_path / "binary.json5"
+    binary.write_bytes(b"\xff\xfe\x00")
+    for path in (Path("/nonexistent.json5"), tmp_path, binary):
+        with pytest.raises(BusError, match="cannot be read") as caught:
+            zenoh_config(BusOptions(config_file=path))
+        assert str(path) in caught.value.message

@@ -1,0 +1,113 @@
+import asyncio
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import zenoh
+import zenoh.ext
+from zenoh_fixtures import eventually
+
+from yahboomd.bus import keys
+from yahboomd.bus.publishers import PRIORITIES
+
+pytestmark = pytest.mark.realtime
+
+
+async def test_samples_carry_payload_encoding_attachment_and_priority(bus, zenoh_app):
+    publisher = bus.publisher(
+        keys.POSE, encoding="application/msgpack;pose", priority="data_high", express=True
+    )
+    samples = zenoh_app("client", bus.options.listen[0]).collect("bot1/yahboomd/pose")
+    await eventually(lambda: publisher.has_subscribers)
+    assert publisher.put(b"\x81\x00", attachment=b"gid")
+    (sample,) = await eventually(lambda: samples)
+    assert sample.payload.to_bytes() == b"\x81\x00"
+    assert str(sample.encoding) == "application/msgpack;pose"
+    assert sample.attachment.to_bytes() == b"gid"
+    assert sample.priority == zenoh.Priority.DATA_HIGH
+    assert sample.congestion_control == zenoh.CongestionControl.DROP
+    assert sample.express
+    assert publisher.counters.puts == 1
+
+
+async def test_whether_anybody_listens_follows_the_subscribers(bus, zenoh_app):
+    app = zenoh_app("client", bus.options.listen[0])
+    subscriber = app.session.declare_subscriber("bot1/yahboomd/pose")
+    await eventually(lambda: bus.neighbours)
+    early = bus.publisher(keys.POSE)
+    await eventually(lambda: early.has_subscribers)
+    late = bus.publisher(keys.POSE)
+    assert late.has_subscribers
+    assert not bus.publisher(keys.TWIST).has_subscribers
+    subscriber.undeclare()
+    await eventually(lambda: not early.has_subscribers and not late.has_subscribers)
+
+
+async def test_a_cached_sample_reaches_who_comes_later(bus, zenoh_app):
+    publisher = bus.publisher(keys.ROS_TF_STATIC, encoding="application/cdr", cache=1)
+    assert publisher.has_subscribers
+    for payload in (b"old", b"static frames"):
+        assert publisher.put(payload)
+    app = zenoh_app("client", bus.options.listen[0])
+    late = zenoh.ext.declare_advanced_subscriber(
+        app.session,
+        "bot1/tf_static",
+        history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
+    )
+    sample = await eventually(late.try_recv)
+    assert sample.payload.to_bytes() == b"static frames"
+
+
+async def test_reliable_samples_arrive_in_order(bus, zenoh_app):
+    publisher = bus.publisher(keys.EVENTS, reliable=True, priority="interactive_low")
+    samples = zenoh_app("client", bus.options.listen[0]).collect("bot1/yahboomd/events")
+    await eventually(lambda: publisher.has_subscribers)
+    for number in range(100):
+        assert publisher.put(b"%d" % number)
+    await eventually(lambda: len(samples) == 100)
+    assert [int(sample.payload.to_bytes()) for sample in samples] == list(range(100))
+    assert samples[0].congestion_control == zenoh.CongestionControl.BLOCK
+
+
+async def test_put_after_the_end_is_counted_and_not_raised(bus):
+    publisher = bus.publisher(keys.POSE)
+    await bus.close()
+    assert not publisher.put(b"x")
+    assert not publisher.put(b"x")
+    assert publisher.counters.errors == 2
+
+
+async def test_a_frozen_subscriber_holds_up_neither_put_nor_the_others(bus, zenoh_app):
+    publisher = bus.publisher(keys.POSE)
+    reliable = bus.publisher(keys.EVENTS, reliable=True)
+    script = Path(__file__).parents[1] / "plugins" / "zenoh_listener_process.py"
+    frozen = await asyncio.to_thread(
+        subprocess.Popen,
+        [sys.executable, str(script), bus.options.listen[0], "bot1/**"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+    )
+    try:
+        assert await asyncio.to_thread(frozen.stdout.readline) == b"ready\n"
+        samples = zenoh_app("client", bus.options.listen[0]).collect("bot1/yahboomd/pose")
+        await eventually(lambda: publisher.has_subscribers and len(bus.neighbours) == 2)
+        frozen.send_signal(signal.SIGSTOP)
+        # Far more than the buffers on the way to the frozen one hold: were it waited for, the
+        # loop would stand still until the connection is given up.
+        for number in range(3_000):
+            assert publisher.put(b"%6d" % number * 1_000)
+            reliable.put(b"x" * 60_000)
+            await asyncio.sleep(0)
+        assert publisher.counters.puts == 3_000
+        assert len(bus.neighbours) == 2
+        await eventually(lambda: publisher.put(b"last") and samples[-1].payload == b"last")
+    finally:
+        frozen.kill()
+        frozen.communicate()
+
+
+def test_no_two_names_of_priorities_mean_the_same():
+    assert len(PRIORITIES) == 7
+    assert len({str(priority) for priority in PRIORITIES.values()}) == 7

@@ -1,0 +1,232 @@
+"""A simulated board and the daemon, each a real process on a real pty, and what they print.
+
+Whatever is started here is ended by its handle.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zenoh
+
+from yahboomd.simulation.truth import TruthSample, read_truth
+
+PATIENCE_S = 60.0
+
+
+def wait_for(condition: Callable[[], Any], what: str, patience_s: float = PATIENCE_S) -> Any:
+    """What ``condition`` returns once that is true."""
+    deadline = time.monotonic() + patience_s
+    while not (result := condition()):
+        if time.monotonic() > deadline:
+            pytest.fail(f"never came true: {what}")
+        time.sleep(0.01)
+    return result
+
+
+class Process:
+    """A command of ours; its output is kept."""
+
+    def __init__(self, *arguments: str, environ: dict[str, str] | None = None) -> None:
+        self.lines: list[str] = []
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "yahboomd", *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env={**os.environ, "PYTHONUNBUFFERED": "1", **(environ or {})},
+        )
+        self._reader = threading.Thread(target=self._read)
+        self._reader.start()
+
+    def _read(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self.lines.append(line.rstrip("\n"))
+
+    @property
+    def output(self) -> str:
+        return "\n".join(self.lines)
+
+    def says(self, words: str) -> None:
+        """Wait until it has printed something."""
+        wait_for(lambda: words in self.output or self.process.poll() is not None, words)
+        assert words in self.output, self.output
+
+    def end(self, number: int = signal.SIGTERM) -> int:
+        """Ask it to end; returns its status."""
+        if self.process.poll() is None:
+            self.process.send_signal(number)
+        try:
+            status = self.process.wait(PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            status = self.process.wait()
+        self._reader.join()
+        if self.process.stdout is not None:
+            self.process.stdout.close()
+        return status
+
+
+class RealRobot:
+    """A board and a daemon that drives it.
+
+    Args:
+        folder: For the port's name, the truth, the control socket and the e-stop's file.
+        simulate: More arguments of ``yahboomd simulate``.
+        run: More arguments of ``yahboomd run``.
+    """
+
+    def __init__(
+        self, folder: Path, *, simulate: Sequence[str] = (), run: Sequence[str] = ()
+    ) -> None:
+        self.folder = folder
+        self.port = folder / "board"
+        self.truth_path = folder / "truth"
+        self.control_path = folder / "control"
+        self.endpoint = free_endpoint()
+        self._run_arguments = tuple(run)
+        self.simulation = Process(
+            "simulate",
+            *("--link", str(self.port), "--truth", str(self.truth_path)),
+            *("--control", str(self.control_path), *simulate),
+        )
+        self.simulation.says("is at")
+        self.daemon = self.start_daemon()
+
+    def start_daemon(self) -> Process:
+        """Start (another) daemon on the port."""
+        self.daemon = Process(
+            "run",
+            *("--port", str(self.port)),
+            *("--set", f'zenoh.listen=["{self.endpoint}"]', "--set", "zenoh.connect=[]"),
+            *("--set", f"estop.latch_file={self.folder / 'estop'}", *self._run_arguments),
+        )
+        return self.daemon
+
+    def do(self, command: str) -> str:
+        """A command to the simulation, such as ``reset`` or ``unplug 2``; its answer."""
+        with socket.socket(socket.AF_UNIX) as control:
+            control.connect(str(self.control_path))
+            control.sendall(f"{command}\n".encode())
+            return control.makefile().readline().strip()
+
+    def truth(self) -> list[TruthSample]:
+        """Where the robot truly was, so far."""
+        return read_truth(self.truth_path)
+
+    def settled_truth(self) -> TruthSample:
+        """Where it truly is, once it stands."""
+
+        def standing() -> TruthSample | None:
+            samples = self.truth()[-30:]
+            if len(samples) == 30 and all(max(map(abs, s.speed_m_s)) < 0.002 for s in samples):
+                return samples[-1]
+            return None
+
+        found: TruthSample = wait_for(standing, "the robot stands")
+        return found
+
+    def close(self) -> None:
+        """End both."""
+        self.daemon.end()
+        self.simulation.end()
+
+
+class Client:
+    """An application that speaks Zenoh and knows nothing of yahboomd."""
+
+    def __init__(self, mode: str, endpoint: str, prefix: str = "yahboomd") -> None:
+        config = zenoh.Config()
+        config.insert_json5("mode", json.dumps(mode))
+        config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+        config.insert_json5("listen/endpoints", "[]")
+        config.insert_json5("scouting/multicast/enabled", "false")
+        self.session = zenoh.open(config)
+        self.samples: dict[str, list[dict[str, Any]]] = {}
+        self.session.declare_subscriber(f"{prefix}/**", self._hear)
+
+    def _hear(self, sample: zenoh.Sample) -> None:
+        name = str(sample.key_expr).rsplit("/", 1)[-1]
+        self.samples.setdefault(name, []).append(json.loads(bytes(sample.payload)))
+
+    def latest(self, name: str) -> dict[str, Any]:
+        """The newest sample of a kind."""
+        wait_for(lambda: self.samples.get(name), f"a sample of {name}")
+        return self.samples[name][-1]
+
+    def in_state(self, state: str) -> dict[str, Any]:
+        """Wait for a state; the status that tells it."""
+
+        def found() -> dict[str, Any] | None:
+            statuses = self.samples.get("status")
+            return statuses[-1] if statuses and statuses[-1]["state"] == state else None
+
+        status: dict[str, Any] = wait_for(found, f"state {state}")
+        return status
+
+    def drive(self, payload: bytes, for_s: float, key: str = "cmd_vel") -> None:
+        """Say one command 20 times a second."""
+        for _ in range(round(for_s / 0.05)):
+            self.session.put(key, payload)
+            time.sleep(0.05)
+
+    def ask(self, key: str, payload: bytes | None = None) -> dict[str, Any]:
+        """Ask a service."""
+        for reply in self.session.get(key, payload=payload, timeout=20.0):
+            assert reply.ok is not None
+            answer: dict[str, Any] = json.loads(bytes(reply.ok.payload))
+            return answer
+        pytest.fail(f"{key} did not answer")
+
+    def close(self) -> None:
+        """End the session."""
+        self.session.close()
+
+
+def free_endpoint() -> str:
+    """A loopback endpoint that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+@pytest.fixture
+def real_robot(tmp_path: Path) -> Iterator[Callable[..., RealRobot]]:
+    """Makes robots: ``real_robot(simulate=[...], run=[...])``."""
+    robots: list[RealRobot] = []
+
+    def make(**arguments: Any) -> RealRobot:
+        folder = tmp_path / f"robot{len(robots)}"
+        folder.mkdir()
+        robots.append(RealRobot(folder, **arguments))
+        return robots[-1]
+
+    yield make
+    for robot in robots:
+        robot.close()
+
+
+@pytest.fixture
+def client() -> Iterator[Callable[..., Client]]:
+    """Makes applications: ``client(mode, endpoint)``."""
+    clients: list[Client] = []
+
+    def make(mode: str, endpoint: str, prefix: str = "yahboomd") -> Client:
+        clients.append(Client(mode, endpoint, prefix))
+        return clients[-1]
+
+    yield make
+    for each in clients:
+        each.close()
