@@ -6,8 +6,12 @@ from collections.abc import Callable, Coroutine
 from typing import Any
 
 import pytest
+from real_robot import client, real_robot
+from zenoh_fixtures import zenoh_router
 
 from yahboomd.simulation import virtual_time
+
+__all__ = ["client", "real_robot", "virtual_time_run", "zenoh_router"]
 
 
 @pytest.fixture

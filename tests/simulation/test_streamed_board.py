@@ -211,7 +211,7 @@ def test_a_changed_setting_is_stored_and_confirmed_after_65_to_116_ms(bench: Mak
 def test_the_board_is_deaf_while_it_writes_flash(bench: MakeBench) -> None:
     desk = bench()
     desk.send(b"$mline:13#", 0.01)
-    desk.send(b"$mphase:20#", 0.3)
+    assert desk.send(b"$mphase:20#", 0.3) == b"Set mline:OK!\r\n"
     assert board_of(desk).flash == FlashContent(lines=13)
 
 

@@ -8,6 +8,8 @@ import contextlib
 import signal
 from pathlib import Path
 
+import msgspec
+
 from yahboomd.errors import ConfigError
 from yahboomd.simulation.control import HELP
 from yahboomd.simulation.options import FlashContent, ImpairmentOptions, SimulationOptions
@@ -194,8 +196,6 @@ def _options(args: argparse.Namespace) -> SimulationOptions:
 
 
 def _flash(settings: list[str]) -> FlashContent:
-    import msgspec
-
     values = dict(setting.partition("=")[::2] for setting in settings)
     unknown = set(values) - set(FlashContent.__struct_fields__)
     if unknown:

@@ -72,11 +72,11 @@ class MemoryPort:
         now_ns = self._now_ns()
         if not self.robot.started:
             self.robot.start(now_ns)
+        # What was said while nobody listened is lost.
         self.robot.advance(now_ns)
         if not self.robot.plugged:
             self._loop = None
             raise PortMissing("The simulated robot is unplugged.")
-        self.robot.forget_output()
         self.robot.on_plug = self._plug
         self._schedule()
 

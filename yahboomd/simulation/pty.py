@@ -144,10 +144,7 @@ class PtyPort:
             self._stop_reading()
 
     def _host_is_there(self) -> None:
-        if not self._host:
-            self._host = True
-            # What was said to nobody is gone.
-            self.robot.forget_output()
+        self._host = True
         if not self._reading:
             self._reading = True
             self._loop.add_reader(self._master, self._readable)

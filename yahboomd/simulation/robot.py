@@ -126,11 +126,6 @@ class SimulatedRobot:
             wake_ns = min(wake_ns, self._now_ns + BUSY_WAKE_NS)
         return max(self._now_ns + 1, min(wake_ns, self.board.speaks_ns))
 
-    def forget_output(self) -> None:
-        """Lose what no host has read, as a port does that nobody has open."""
-        self._to_host.clear()
-        self._late.clear()
-
     # What can happen to it.
 
     def reset(self, now_ns: int) -> None:
@@ -169,7 +164,8 @@ class SimulatedRobot:
         if self._plugged:
             self._plugged = False
             self._to_board.clear()
-            self.forget_output()
+            self._to_host.clear()
+            self._late.clear()
             if self.on_plug is not None:
                 self.on_plug(False)
 
@@ -286,9 +282,8 @@ class SimulatedRobot:
         while not self._to_host.empty and (at_ns := self._chunk_ns()) <= now_ns:
             data = self.impairments.spoil_all(self._to_host.take(at_ns))
             due_ns = at_ns + self.impairments.latency_ns()
-            if self._late:
-                due_ns = max(due_ns, self._late[-1][0])
             if data:
+                # Handed over in this order, whatever the jitter.
                 self._late.append((due_ns, data))
 
 
