@@ -112,6 +112,7 @@ def zenoh_app() -> Iterator[Callable[..., ZenohApp]]:
         config.insert_json5("connect/endpoints", json.dumps([connect]))
         config.insert_json5("listen/endpoints", json.dumps([]))
         config.insert_json5("scouting/multicast/enabled", "false")
+        config.insert_json5("transport/shared_memory/enabled", "false")
         for key, value in (settings or {}).items():
             config.insert_json5(key, json.dumps(value))
         sessions.append(zenoh.open(config))

@@ -1,6 +1,10 @@
 """The Zenoh session: opened and closed within bounds, and all that is declared in it.
 
 The loop owns everything here. Zenoh's threads touch nothing but the inbox.
+
+As a router on loopback that tries to join the machine's usual router, it is reached by clients and
+peers, directly and through that router, whichever came first, and stays reachable when the router
+goes. One thing to know: a peer that connects to both of them gets and gives most samples twice.
 """
 
 from __future__ import annotations
