@@ -10,7 +10,7 @@ from yahboomd.bus.services import Response
 pytestmark = pytest.mark.realtime
 
 
-def refusal(reason):
+def refusal(reason, _request):
     return Response(payload=reason.encode(), encoding="text/plain")
 
 
@@ -88,6 +88,19 @@ async def test_a_failing_handler_answers_by_the_fallback(bus, app, caplog):
     assert [service.counters.failed for service in services] == [1, 1]
     assert "broken later" in caplog.text
     assert "broken at once" in caplog.text
+
+
+async def test_the_fallback_sees_what_it_answers(bus, app):
+    def broken(_request):
+        raise ValueError("broken")
+
+    def echo(_reason, request):
+        return Response(payload=request.payload, attachment=request.attachment)
+
+    bus.serve(keys.ODOMETRY_RESET, broken, fallback=echo)
+    (reply,) = await app.ask("bot1/yahboomd/odometry/reset", payload=b"\0", attachment=b"gid")
+    assert reply.ok.payload.to_bytes() == b"\0"
+    assert reply.ok.attachment.to_bytes() == b"gid"
 
 
 async def test_a_query_for_everything_reaches_no_handler(bus, app):

@@ -20,7 +20,7 @@ from yahboomd.errors import BusError
 pytestmark = pytest.mark.realtime
 
 
-def refusal(reason):
+def refusal(reason, _request):
     return Response(payload=reason.encode())
 
 

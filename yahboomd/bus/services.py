@@ -56,8 +56,8 @@ class Response(msgspec.Struct, frozen=True, kw_only=True):
 Handler: TypeAlias = Callable[[Request], Response | Awaitable[Response]]
 """Answers on the loop, at once or later."""
 
-Fallback: TypeAlias = Callable[[str], Response]
-"""Makes the answer for a request that got none, from the reason, a sentence."""
+Fallback: TypeAlias = Callable[[str, Request], Response]
+"""Makes the answer for a request that got none, from the reason, a sentence; from any thread."""
 
 
 class ServiceCounters(msgspec.Struct, kw_only=True):
@@ -129,7 +129,7 @@ class Service:
     def refuse(self, pending: Pending, reason: str = "Too many requests at once.") -> None:
         """Answer by the fallback; from any thread."""
         self.counters.refused += 1
-        self._answer(pending.query, self._fallback(reason))
+        self._answer(pending.query, self._instead(pending, reason))
 
     def close(self) -> tuple[asyncio.Task[None], ...]:
         """Cancel what is under way; each is answered. Returns the tasks, to be waited for."""
@@ -150,31 +150,37 @@ class Service:
         try:
             answer = self._handler(_request(self.name, selector, pending))
         except Exception:
-            self._fail(query)
+            self._fail(pending)
             log.exception("The service %s failed", self.key)
             return
         if isinstance(answer, Response):
             self._answer(query, answer)
             return
-        task = asyncio.ensure_future(self._later(query, answer))
+        task = asyncio.ensure_future(self._later(pending, answer))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
-    async def _later(self, query: zenoh.Query, answer: Awaitable[Response]) -> None:
+    async def _later(self, pending: Pending, answer: Awaitable[Response]) -> None:
         try:
             response = await answer
         except asyncio.CancelledError:
-            self._fail(query, "The service is being shut down.")
+            self._fail(pending, "The service is being shut down.")
             raise
         except Exception:
-            self._fail(query)
+            self._fail(pending)
             log.exception("The service %s failed", self.key)
             return
-        self._answer(query, response)
+        self._answer(pending.query, response)
 
-    def _fail(self, query: zenoh.Query, reason: str = "The service failed; see its log.") -> None:
+    def _fail(self, pending: Pending, reason: str = "The service failed; see its log.") -> None:
         self.counters.failed += 1
-        self._answer(query, self._fallback(reason))
+        self._answer(pending.query, self._instead(pending, reason))
+
+    def _instead(self, pending: Pending, reason: str) -> Response:
+        # What asked is told the reason in its own encoding: a ROS 2 client that is sent anything
+        # else waits for ever.
+        selector = str(pending.query.key_expr)
+        return self._fallback(reason, _request(self.name, selector, pending))
 
     def _answer(self, query: zenoh.Query, response: Response) -> None:
         if not self._answers.send(lambda: self._send(query, response)):

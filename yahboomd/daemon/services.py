@@ -115,12 +115,8 @@ class Services:
             payload=encode_reply(reply, encoding), encoding=encoding_name(ServiceReply, encoding)
         )
 
-    def _fallback(self, reason: str) -> Response:
-        reply = ServiceReply(success=False, message=reason)
-        return Response(
-            payload=encode_reply(reply, self._encoding),
-            encoding=encoding_name(ServiceReply, self._encoding),
-        )
+    def _fallback(self, reason: str, request: Request) -> Response:
+        return self._reply(request, ServiceReply(success=False, message=reason))
 
 
 _READ_ONLY = frozenset({keys.CONFIG, keys.BOARD})
