@@ -228,3 +228,29 @@ def test_the_odometry_believes_the_speeds_that_are_allowed():
 
 def test_nobody_who_may_drive_is_a_warning():
     assert set(warned(command={"sources": {}})) == {"command.sources"}
+
+
+def test_a_namespace_is_a_name_of_ros_where_it_goes_into_a_graph():
+    zenoh = {"namespace": "my-bot"}
+    assert found(zenoh=zenoh) == {}
+    assert set(found(zenoh=zenoh, ros2={"rmw_zenoh": True})) == {"zenoh.namespace"}
+
+
+def test_only_sources_can_be_stamped():
+    assert found(ros2={"stamped_commands": ["cmd_vel"]}) == {}
+    lines = found(ros2={"stamped_commands": ["cmd_vel", "nav"]})
+    assert set(lines) == {"ros2.stamped_commands[1]"}
+    assert "cmd_vel" in lines["ros2.stamped_commands[1]"]
+
+
+def test_a_frame_has_one_parent():
+    transforms = [
+        {"parent": "base_link", "child": "laser"},
+        {"parent": "base_link", "child": "laser"},
+        {"parent": "map", "child": "base_link"},
+        {"parent": "imu", "child": "imu"},
+    ]
+    lines = found(ros2={"static_transforms": transforms})
+    assert set(lines) == {f"ros2.static_transforms[{index}].child" for index in (1, 2, 3)}
+    assert "static_transforms[0]" in lines["ros2.static_transforms[1].child"]
+    assert "odometry.child_frame_id" in lines["ros2.static_transforms[2].child"]

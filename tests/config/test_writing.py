@@ -23,7 +23,10 @@ UNUSUAL = {
     "command": {"sources": {}},
     "zenoh": {"listen": [], "namespace": "größe"},
     "serial": {"port": 'a "quoted" \\ port\n'},
-    "ros2": {"joint_names": {"a": "joint"}},
+    "ros2": {
+        "joint_names": {"a": "joint"},
+        "static_transforms": [{"parent": "base_link", "child": "laser", "yaw": -1.5}],
+    },
 }
 
 

@@ -14,6 +14,7 @@ from yahboomd.config.values import (
     Joint,
     Key,
     Section,
+    SourceKey,
     Topic,
 )
 
@@ -91,6 +92,19 @@ class Zenoh(Section):
     )
 
 
+class StaticTransform(Section):
+    """A frame that does not move against another, such as a laser's against the base."""
+
+    parent: Frame = Field(description="The frame that it is fixed to.")
+    child: Frame = Field(description="The frame that is placed.")
+    x: float = Field(default=0.0, description="Metres forward from the parent.")
+    y: float = Field(default=0.0, description="Metres to the left.")
+    z: float = Field(default=0.0, description="Metres up.")
+    roll: float = Field(default=0.0, description="Radians about x, the parent's; applied first.")
+    pitch: float = Field(default=0.0, description="Radians about y, the parent's.")
+    yaw: float = Field(default=0.0, description="Radians about z, the parent's; applied last.")
+
+
 class Ros2(Section):
     """The ROS 2 plane: topics for zenoh-bridge-ros2dds, or for rmw_zenoh's own graphs."""
 
@@ -100,11 +114,17 @@ class Ros2(Section):
     rmw_zenoh: bool = Field(
         default=False, description="Appear as a node of rmw_zenoh, without a bridge."
     )
-    distro: Literal["iron", "jazzy", "kilted", "rolling"] = Field(
-        default="jazzy", description="The distribution of the rmw_zenoh graph."
+    distro: Literal["humble", "iron", "jazzy", "kilted", "rolling"] = Field(
+        default="jazzy", description="The distribution of the ROS 2 graph."
     )
     domain_id: int = Field(
         default=0, ge=0, le=232, description="ROS_DOMAIN_ID of the rmw_zenoh graph."
+    )
+    stamped_commands: tuple[SourceKey, ...] = Field(
+        default=(),
+        strict=False,
+        description="Command keys that are TwistStamped in ROS 2, such as cmd_vel for Nav2 of "
+        "Kilted; all others are Twist. A topic carries one type.",
     )
     odom: bool = Field(default=True, description="Publish nav_msgs/Odometry.")
     publish_tf: bool = Field(
@@ -134,6 +154,11 @@ class Ros2(Section):
         default={},
         description="Joint of each motor, by the motor's name; one that is missing is "
         "<motor>_wheel_joint.",
+    )
+    static_transforms: tuple[StaticTransform, ...] = Field(
+        default=(),
+        strict=False,
+        description="Frames for /tf_static, where no robot_state_publisher tells them.",
     )
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from yahboomd.config.hardware import CUSTOM, PRESETS, Chassis
 from yahboomd.config.models import WHEELS, Config
-from yahboomd.config.values import ENDPOINT, HOST_AND_PORT, Place, dotted, number
+from yahboomd.config.values import ENDPOINT, HOST_AND_PORT, Place, dotted, is_topic, number
 from yahboomd.protocol.settings import NO_ENCODER_TYPE
 
 POLL_BYTES = 57
@@ -265,6 +265,29 @@ def names(config: Config) -> Iterator[Finding]:
             yield Finding(place, words, (topics.get(source, place),))
 
 
+def ros(config: Config) -> Iterator[Finding]:
+    """The names that go into a ROS 2 graph are names there, and every frame has one parent."""
+    ros2 = config.ros2
+    namespace: Place = ("zenoh", "namespace")
+    if ros2.rmw_zenoh and config.zenoh.namespace and not is_topic(config.zenoh.namespace):
+        words = "expected a name of ROS 2, of letters, digits and _, because of ros2.rmw_zenoh"
+        yield Finding(namespace, words, (("ros2", "rmw_zenoh"),))
+    for index, source in enumerate(ros2.stamped_commands):
+        if source not in config.command.sources:
+            words = f"no source of commands; there are {', '.join(config.command.sources)}"
+            yield Finding(("ros2", "stamped_commands", index), words, (("command", "sources"),))
+    parents: dict[str, Place] = {config.odometry.child_frame_id: ("odometry", "child_frame_id")}
+    for index, transform in enumerate(ros2.static_transforms):
+        place: Place = ("ros2", "static_transforms", index, "child")
+        if transform.child == transform.parent:
+            yield Finding(place, f'"{transform.child}" is its own parent')
+            continue
+        first = parents.setdefault(transform.child, place)
+        if first != place:
+            words = f'"{transform.child}" has a parent already, by {dotted(first)}'
+            yield Finding(place, words, (first,))
+
+
 def _is_local(endpoint: str) -> bool:
     parts = ENDPOINT.fullmatch(endpoint)
     if parts is None or parts["protocol"] == "unixsock-stream":
@@ -285,6 +308,7 @@ RULES: tuple[Rule, ...] = (
     rates,
     bus,
     names,
+    ros,
 )
 
 

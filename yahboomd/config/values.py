@@ -94,7 +94,8 @@ def _is_frame(text: str) -> bool:
     return re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9_/.-]*", text) is not None
 
 
-def _is_topic(text: str) -> bool:
+def is_topic(text: str) -> bool:
+    """Whether ROS 2 takes this for a relative name of a topic or a namespace."""
     return re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*", text) is not None
 
 
@@ -157,7 +158,7 @@ Topic: TypeAlias = Annotated[
     str,
     Checked(
         'a ROS topic without a slash in front, such as "odom" or "wheel/odom"',
-        _is_topic,
+        is_topic,
     ),
 ]
 MotorName: TypeAlias = Annotated[
