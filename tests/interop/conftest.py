@@ -88,7 +88,7 @@ class Peer:
     news: threading.Condition = field(default_factory=threading.Condition)
 
     def __post_init__(self) -> None:
-        self.reader = threading.Thread(target=self._read)
+        self.reader = threading.Thread(target=self._read, daemon=True)
         self.reader.start()
 
     def _read(self) -> None:
