@@ -9,32 +9,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from yahboomd.messages import planar
-from yahboomd.messages.native import PoseSample, TwistSample
+from yahboomd.model import OdometryEstimate, Pose2d, Twist2d
 
 COVARIANCE = (1.0, 2.0, 3.0, 2.0, 4.0, 5.0, 3.0, 5.0, 6.0)
 
 
-def samples(theta=0.5):
-    pose = PoseSample(
-        stamp_ns=1_700_000_000_000_000_005,
-        seq=7,
-        frame_id="odom",
-        child_frame_id="base_link",
-        x=1.5,
-        y=-2.5,
-        theta=theta,
-        covariance=COVARIANCE,
-    )
-    twist = TwistSample(
-        stamp_ns=pose.stamp_ns,
-        seq=7,
-        frame_id="base_link",
-        vx=0.25,
-        vy=-0.125,
-        wz=2.0,
-        covariance=COVARIANCE,
-    )
-    return pose, twist
+STAMP_NS = 1_700_000_000_000_000_005
+ESTIMATE = OdometryEstimate(
+    stamp_ns=0,
+    pose=Pose2d(x=1.5, y=-2.5, theta=0.5),
+    twist=Twist2d(vx=0.25, vy=-0.125, wz=2.0),
+    pose_covariance=COVARIANCE,
+    twist_covariance=COVARIANCE,
+    motor_ticks=(),
+    motor_position_rad=(),
+    motor_speed_m_s=(),
+)
 
 
 @given(st.floats(-1e4, 1e4))
@@ -46,6 +36,27 @@ def test_the_quaternion_turns_by_the_heading(theta):
     assert math.cos(yaw - theta) == pytest.approx(1.0)
 
 
+@given(st.floats(-3.0, 3.0), st.floats(-1.5, 1.5), st.floats(-3.0, 3.0))
+def test_a_rotation_turns_about_x_then_y_then_z(roll, pitch, yaw):
+    def about(axis, angle):
+        out = [0.0, 0.0, 0.0, math.cos(angle / 2)]
+        out[axis] = math.sin(angle / 2)
+        return out
+
+    def product(a, b):
+        ax, ay, az, aw = a
+        bx, by, bz, bw = b
+        return (
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+            aw * bw - ax * bx - ay * by - az * bz,
+        )
+
+    wanted = product(product(about(2, yaw), about(1, pitch)), about(0, roll))
+    assert planar.rotation(roll, pitch, yaw) == pytest.approx(wanted, abs=1e-12)
+
+
 def test_covariances_keep_their_place_and_the_rest_is_unmeasured():
     full = planar.covariance(COVARIANCE)
     rows = [full[6 * i : 6 * i + 6] for i in range(6)]
@@ -55,9 +66,9 @@ def test_covariances_keep_their_place_and_the_rest_is_unmeasured():
     assert all(v == (planar.UNMEASURED if i == j else 0.0) for (i, j), v in others.items())
 
 
-def test_odometry_says_what_the_samples_say(oracle):
-    pose, twist = samples()
-    message = oracle.decode("nav_msgs/msg/Odometry", planar.odometry("odom", "base")(pose, twist))
+def test_odometry_says_what_the_estimate_says(oracle):
+    payload = planar.odometry("odom", "base")(STAMP_NS, ESTIMATE)
+    message = oracle.decode("nav_msgs/msg/Odometry", payload)
     assert message["header"] == {
         "stamp": {"sec": 1_700_000_000, "nanosec": 5},
         "frame_id": "odom",
@@ -76,8 +87,7 @@ def test_odometry_says_what_the_samples_say(oracle):
 
 
 def test_the_transform_says_the_same_as_the_pose(oracle):
-    pose, _ = samples(theta=math.pi)
-    payload = planar.transform("odom", "base_link")(pose)
+    payload = planar.transform("odom", "base_link")(STAMP_NS, Pose2d(x=1.5, y=-2.5, theta=math.pi))
     (transform,) = oracle.decode("tf2_msgs/msg/TFMessage", payload)["transforms"]
     assert transform["header"]["frame_id"] == "odom"
     assert transform["child_frame_id"] == "base_link"

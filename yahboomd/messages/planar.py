@@ -6,8 +6,7 @@ import math
 from collections.abc import Callable
 
 from yahboomd.messages import cdr
-from yahboomd.messages.native import PoseSample, TwistSample
-from yahboomd.model import Matrix3
+from yahboomd.model import Matrix3, OdometryEstimate, Pose2d, Twist2d
 
 UNMEASURED = 1e6
 """The variance of what wheels cannot tell (z, roll, pitch): so large that filters give it no
@@ -22,14 +21,30 @@ def quaternion(theta: float) -> tuple[float, float, float, float]:
     return (0.0, 0.0, math.sin(half), math.cos(half))
 
 
-def pose(sample: PoseSample) -> Numbers:
+def rotation(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
+    """Turns about the fixed axes x, y, z, in this order, as a quaternion (x, y, z, w).
+
+    The angles of a URDF's ``rpy``: the product of the quaternions about z, y and x.
+    """
+    sr, cr = math.sin(0.5 * roll), math.cos(0.5 * roll)
+    sp, cp = math.sin(0.5 * pitch), math.cos(0.5 * pitch)
+    sy, cy = math.sin(0.5 * yaw), math.cos(0.5 * yaw)
+    return (
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+        cr * cp * cy + sr * sp * sy,
+    )
+
+
+def pose(pose: Pose2d) -> Numbers:
     """Position and quaternion, 7 numbers; a transform's translation and rotation are the same."""
-    return (sample.x, sample.y, 0.0, *quaternion(sample.theta))
+    return (pose.x, pose.y, 0.0, *quaternion(pose.theta))
 
 
-def twist(sample: TwistSample) -> Numbers:
+def twist(twist: Twist2d) -> Numbers:
     """Linear and angular velocity, 6 numbers."""
-    return (sample.vx, sample.vy, 0.0, 0.0, 0.0, sample.wz)
+    return (twist.vx, twist.vy, 0.0, 0.0, 0.0, twist.wz)
 
 
 def covariance(planar: Matrix3) -> Numbers:
@@ -46,27 +61,27 @@ def covariance(planar: Matrix3) -> Numbers:
     )
 
 
-def odometry(frame_id: str, child_frame_id: str) -> Callable[[PoseSample, TwistSample], bytes]:
-    """An encoder of nav_msgs/msg/Odometry from the pose and the twist of one reading."""
+def odometry(frame_id: str, child_frame_id: str) -> Callable[[int, OdometryEstimate], bytes]:
+    """An encoder of nav_msgs/msg/Odometry from a stamp (Unix ns) and an estimate."""
     encoder = cdr.odometry(frame_id, child_frame_id)
 
-    def encode(pose_sample: PoseSample, twist_sample: TwistSample) -> bytes:
+    def encode(stamp_ns: int, estimate: OdometryEstimate) -> bytes:
         return encoder(
-            pose_sample.stamp_ns,
-            pose(pose_sample),
-            covariance(pose_sample.covariance),
-            twist(twist_sample),
-            covariance(twist_sample.covariance),
+            stamp_ns,
+            pose(estimate.pose),
+            covariance(estimate.pose_covariance),
+            twist(estimate.twist),
+            covariance(estimate.twist_covariance),
         )
 
     return encode
 
 
-def transform(frame_id: str, child_frame_id: str) -> Callable[[PoseSample], bytes]:
+def transform(frame_id: str, child_frame_id: str) -> Callable[[int, Pose2d], bytes]:
     """An encoder of tf2_msgs/msg/TFMessage with the one transform that odometry gives."""
     encoder = cdr.transforms([(frame_id, child_frame_id)])
 
-    def encode(sample: PoseSample) -> bytes:
-        return encoder(sample.stamp_ns, (pose(sample),))
+    def encode(stamp_ns: int, where: Pose2d) -> bytes:
+        return encoder(stamp_ns, (pose(where),))
 
     return encode

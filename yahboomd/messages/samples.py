@@ -24,6 +24,7 @@ from yahboomd.messages.native import (
     VelocityCommand,
     WheelsSample,
 )
+from yahboomd.model import OdometryEstimate, Pose2d, Twist2d
 
 STAMP_NS = 1_700_000_000_123_456_789
 _STAMP = {"sec": 1_700_000_000, "nanosec": 123_456_789}
@@ -46,6 +47,16 @@ _TWIST = TwistSample(
     vy=0.0,
     wz=-0.25,
     covariance=(1e-4, 0.0, 0.0, 0.0, 1e-6, 0.0, 0.0, 0.0, 4e-4),
+)
+_ESTIMATE = OdometryEstimate(
+    stamp_ns=0,
+    pose=Pose2d(x=_POSE.x, y=_POSE.y, theta=_POSE.theta),
+    twist=Twist2d(vx=_TWIST.vx, vy=_TWIST.vy, wz=_TWIST.wz),
+    pose_covariance=_POSE.covariance,
+    twist_covariance=_TWIST.covariance,
+    motor_ticks=(),
+    motor_position_rad=(),
+    motor_speed_m_s=(),
 )
 _WHEELS = WheelsSample(
     stamp_ns=STAMP_NS,
@@ -158,7 +169,7 @@ def _samples() -> dict[str, CdrSample]:
                     "covariance": list(planar.covariance(twist.covariance)),
                 },
             },
-            planar.odometry("odom", "base_link")(pose, twist),
+            planar.odometry("odom", "base_link")(STAMP_NS, _ESTIMATE),
         ),
         "TFMessage": CdrSample(
             ros2.TF_MESSAGE,
@@ -174,7 +185,7 @@ def _samples() -> dict[str, CdrSample]:
                     }
                 ]
             },
-            planar.transform("odom", "base_link")(pose),
+            planar.transform("odom", "base_link")(STAMP_NS, _ESTIMATE.pose),
         ),
         "JointState": CdrSample(
             ros2.JOINT_STATE,
