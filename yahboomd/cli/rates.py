@@ -1,0 +1,70 @@
+"""Rates and rises of counters, over the latest seconds. Pure; monotonic nanoseconds handed in."""
+
+from __future__ import annotations
+
+from collections import deque
+
+NS_PER_S = 1_000_000_000
+
+
+class Rate:
+    """How often something happens, from the state of a counter.
+
+    Args:
+        window_ns: What the average is taken over.
+    """
+
+    def __init__(self, window_ns: int = 2 * NS_PER_S) -> None:
+        self._window_ns = window_ns
+        self._points: deque[tuple[int, int]] = deque()
+        self._total = 0
+
+    def total(self, total: int | None, now_ns: int) -> None:
+        """It has happened so often by now; None where nobody knows.
+
+        A counter that fell was started anew: the average begins again with it.
+        """
+        if total is None or total < self._total:
+            self._points.clear()
+        if total is None:
+            return
+        self._total = total
+        self._points.append((now_ns, total))
+        # One point from before the window stays, so that the average spans it whole.
+        while len(self._points) > 2 and self._points[1][0] <= now_ns - self._window_ns:
+            self._points.popleft()
+
+    def per_s(self, now_ns: int) -> float | None:
+        """The average; None while there is too little to tell, 0 once nothing comes."""
+        if not self._points:
+            return None
+        if now_ns - self._points[-1][0] > self._window_ns:
+            return 0.0
+        (first_ns, first), (last_ns, last) = self._points[0], self._points[-1]
+        if last_ns == first_ns:
+            return None
+        return (last - first) * NS_PER_S / (last_ns - first_ns)
+
+
+class Rise:
+    """Whether a counter rose lately.
+
+    Args:
+        value: What it showed at first; that is no rise.
+        lately_ns: How long a rise is news.
+    """
+
+    def __init__(self, value: int, lately_ns: int = 10 * NS_PER_S) -> None:
+        self._value = value
+        self._lately_ns = lately_ns
+        self._rose_ns: int | None = None
+
+    def see(self, value: int, now_ns: int) -> None:
+        """It shows this now."""
+        if value > self._value:
+            self._rose_ns = now_ns
+        self._value = value
+
+    def rising(self, now_ns: int) -> bool:
+        """Whether it rose within the latest while."""
+        return self._rose_ns is not None and now_ns - self._rose_ns <= self._lately_ns
