@@ -39,6 +39,11 @@ class Arrivals:
         self._rough = 0.0  # how far from whole gaps lines come, on the average
 
     @property
+    def gap(self) -> float:
+        """From line to line, on the average."""
+        return self._gap or 0.0
+
+    @property
     def spread(self) -> float:
         """How long after its tick a line may come: the gap between lines, and their delays."""
         return (self._gap or 0.0) - 2.0 * self._edge

@@ -31,8 +31,11 @@ EARLY_NS = 3_000_000
 STEADY_NS = 500_000_000
 """Lines that are late for so long, all of them, have been numbered too low."""
 
-FOLLOW = 0.1
-"""How much of the distance to the middle of a tick is made up with each line at rest."""
+QUIET_TICKS = 1.5
+"""Lines without a change are repeats, unless they go on for longer than this."""
+
+STALL_NS = 500_000_000
+"""So late is no backlog of the host: the lines of that time are lost."""
 
 TURN_ROUNDS = 64
 
@@ -134,6 +137,7 @@ class StreamedClock:
         self._tick = 0  # its number in this run of fast motion
         self._pace = 0.0  # counts a tick, of late; 0 where ticks do not all show
         self._run_start = 0.0  # arrival of the run's tick 0
+        self._quiet = 0  # lines since the last change
         self._late_since = 0.0
         self._late_least = math.inf
         self._late_count = 0
@@ -160,7 +164,7 @@ class StreamedClock:
         self._pace = 0.0
         self._time = self._arrivals.add(float(sent_ns - self._base_ns)) - 0.5 * self._period
         before_ns = self._stamp_ns
-        stamp_ns = self._stamp(self._time)
+        stamp_ns = self._stamp(self._time, 0.0)
         return Instant(stamp_ns, stamp_ns - before_ns if before_ns else 0)
 
     def elapsed_at_most_ns(self, sent_ns: int, requested_ns: int | None = None) -> float:  # noqa: ARG002
@@ -200,30 +204,37 @@ class StreamedClock:
             passed = max(passed, 0 if self._pace else 1, math.ceil(least_ns / period))
         if passed <= 0:
             return Instant(self._stamp_ns, 0)
+        least = max(0.5 * passed * period, least_ns)
         if ticks >= FAST_TICKS * passed:
-            stamp_ns = self._run(arrival, left, ticks / passed, passed, period)
+            self._run(arrival, left, ticks / passed, passed, period)
+            stamp_ns = self._stamp(self._time, least)
         else:
             # Ticks do not show one by one: time counts them, and none is told from the next.
             self._pace = 0.0
-            self._time += passed * period
-            self._time += FOLLOW * (left - self._time - 0.5 * period)
-            stamp_ns = self._stamp(left - 0.5 * period)
+            self._time = min(self._time + passed * period, left)
+            stamp_ns = self._stamp(left - 0.5 * period, least)
         return Instant(stamp_ns, round(passed * period))
 
-    def _stamp(self, time: float) -> int:
-        # Never backwards, and never twice the same: the phase is corrected by standing still.
+    def _stamp(self, time: float, least: float) -> int:
+        # Never backwards: where the phase turns out to be earlier, stamps go slower until they fit,
+        # but not so slow that a step would look like a jump.
         assert self._base_ns is not None
-        self._stamp_ns = max(self._stamp_ns + 1, self._base_ns + round(time))
+        slowest_ns = self._stamp_ns + 1 + math.ceil(least)
+        self._stamp_ns = max(slowest_ns, self._base_ns + round(time))
         return self._stamp_ns
 
     def _running(self, arrival: float, ticks: int, period: float) -> int:
         """How many ticks have passed while every tick shows."""
         late = arrival - self._time
         if not ticks:
-            # The line repeats a tick, unless even the latest line of a change would be there.
-            return (
-                0 if late <= 2.0 * period + self._arrivals.spread else math.floor(late / period) - 1
-            )
+            # The line repeats a tick, unless even the latest line of a change would be there. One
+            # that was held back with many others may be very late and no more than a repeat.
+            self._quiet += 1
+            still = self._quiet * self._arrivals.gap > QUIET_TICKS * period or late > STALL_NS
+            if not still or late <= 2.0 * period + self._arrivals.spread:
+                return 0
+            return math.floor(late / period) - 1
+        self._quiet = 0
         # A skipped tick shows in the counts, and no more can have passed than time allows.
         settled = self._envelope.settled
         early = EARLY_NS if settled else self._arrivals.spread
@@ -237,8 +248,8 @@ class StreamedClock:
             passed -= 1
         return passed
 
-    def _run(self, arrival: float, left: float, rate: float, passed: int, period: float) -> int:
-        """Go on in fast motion, where the ticks can be told apart; say the stamp."""
+    def _run(self, arrival: float, left: float, rate: float, passed: int, period: float) -> None:
+        """Go on in fast motion, where the ticks can be told apart."""
         envelope = self._envelope
         if self._pace:
             self._pace += 0.5 * (rate - self._pace)
@@ -252,7 +263,6 @@ class StreamedClock:
         self._time = envelope.at(self._tick)
         if not envelope.settled:
             self._time = min(self._time, left)
-        return self._stamp(self._time)
 
     def _start_run(self, arrival: float) -> None:
         self._tick = 0

@@ -15,7 +15,7 @@ from itertools import pairwise
 BLOCK = 16
 """Points that are reduced to their lowest one."""
 
-BLOCKS_MAX = 128
+BLOCKS_MAX = 256
 SETTLED_BLOCKS = 4
 SETTLED_ANYHOW = 16
 SETTLED_NS = 1_000_000
@@ -93,7 +93,9 @@ class Envelope:
             del blocks[:-SETTLED_BLOCKS]
             self.settled = True
         # The longer the stretch behind it, the better the slope, and the farther it carries back.
-        reach = max(SLOPE_TICKS, (last - blocks[0][0]) // 2) if self._drift_known else FRESH_TICKS
+        reach = (
+            max(SLOPE_TICKS, (last - blocks[0][0]) * 3 // 4) if self._drift_known else FRESH_TICKS
+        )
         rests = [rest - self.drift * tick for tick, rest in blocks if last - tick <= reach]
         lowest = min(rests)
         if len(rests) >= SETTLED_BLOCKS:

@@ -193,12 +193,11 @@ class Odometer:
             elapsed_ns = clock.guess_ns(sent_ns, reading.requested_ns) - self._stamp_ns
         verdict = encoders.judge(reading.ticks, sent_ns, elapsed_ns)
         if verdict.outcome == "travel":
-            deltas = verdict.deltas
             instant = clock.observe(
                 sent_ns,
                 reading.requested_ns,
-                ticks=max(*deltas, -min(deltas)),
-                least_ns=encoders.least_ns(deltas),
+                ticks=verdict.farthest,
+                least_ns=verdict.least_ns,
             )
             if not instant.step_ns:
                 counters["odometry_repeated"] += 1
@@ -222,8 +221,7 @@ class Odometer:
         window = self._velocity.step(totals, instant.step_ns)
         self._stamp_ns = instant.stamp_ns
         self.counters["odometry_estimates"] += 1
-        estimate = self._estimate(window)
-        return Update(estimate=estimate)
+        return Update(estimate=self._estimate(window))
 
     def _estimate(self, window: Window) -> OdometryEstimate:
         totals = self._encoders.totals

@@ -72,19 +72,32 @@ class Velocity:
         # The one reading that reaches back over the longest window stays.
         while len(readings) > 1 and now_ns - readings[1][0] >= self._longest_ns:
             readings.popleft()
-        window = Window(0, self._zero)
-        for then_ns, then in reversed(readings):
-            span_ns = now_ns - then_ns
-            if span_ns > self._longest_ns and window.span_ns:
-                break
-            deltas = tuple([now - past for now, past in zip(totals, then, strict=True)])
-            window = Window(span_ns, deltas)
-            if span_ns >= self._shortest_ns and (
-                max(deltas) >= self._enough_ticks or -min(deltas) >= self._enough_ticks
-            ):
-                break
+        chosen = readings[-1] if readings else None
+        # The newest one and the oldest alike: at rest, where there is nothing to look for.
+        if chosen is not None and totals == chosen[1] == readings[0][1]:
+            chosen = readings[0]
+        else:
+            for reading in reversed(readings):
+                span_ns = now_ns - reading[0]
+                if span_ns > self._longest_ns and reading is not chosen:
+                    break
+                chosen = reading
+                if span_ns >= self._shortest_ns and self._enough(totals, reading[1]):
+                    break
         readings.append((now_ns, totals))
-        return window
+        if chosen is None:
+            return Window(0, self._zero)
+        then_ns, then = chosen
+        return Window(
+            now_ns - then_ns, tuple([now - past for now, past in zip(totals, then, strict=True)])
+        )
+
+    def _enough(self, now: tuple[int, ...], then: tuple[int, ...]) -> bool:
+        enough = self._enough_ticks
+        for one, other in zip(now, then, strict=True):
+            if one - other >= enough or other - one >= enough:
+                return True
+        return False
 
     def motor_speeds(self, window: Window) -> tuple[float, ...]:
         """Rim speed of each motor in m/s, positive forward."""

@@ -1,0 +1,55 @@
+from __future__ import annotations
+
+import random
+
+from yahboomd.odometry.arrivals import BREAK_NS, Arrivals
+
+MS = 1e6
+
+
+def test_lines_without_delay_left_when_they_came():
+    arrivals = Arrivals()
+    assert all(abs(arrivals.add(n * 5.9 * MS) - n * 5.9 * MS) < 1.0 for n in range(200))
+
+
+def test_no_line_left_after_it_came():
+    arrivals, chance, came = Arrivals(), random.Random(1), 0.0
+    for n in range(500):
+        came = max(came, n * 3.0 * MS + chance.uniform(0.0, 16.0) * MS)
+        assert arrivals.add(came) <= came
+
+
+def test_a_timer_of_sixteen_milliseconds_is_seen_through():
+    arrivals, errors = Arrivals(), []
+    for n in range(1000):
+        left = n * 2.46 * MS
+        came = (left // (16 * MS) + 1) * 16 * MS
+        errors.append(arrivals.add(came) - left)
+    settled = errors[200:]
+    assert max(settled) < 8 * MS
+    assert min(settled) > -3 * MS
+
+
+def test_lost_lines_do_not_pull_the_clock():
+    arrivals, chance = Arrivals(), random.Random(2)
+    for n in range(500):
+        if chance.random() > 0.1:
+            left = arrivals.add(n * 8.3 * MS)
+            assert n < 20 or abs(left - n * 8.3 * MS) < 0.5 * MS
+
+
+def test_a_pause_starts_anew():
+    arrivals = Arrivals()
+    for n in range(100):
+        arrivals.add(n * 5.0 * MS)
+    later = 99 * 5.0 * MS + 2 * BREAK_NS
+    assert arrivals.add(later) == later
+
+
+def test_the_spread_tells_jitter_from_a_steady_line():
+    steady, held = Arrivals(), Arrivals()
+    for n in range(500):
+        steady.add(n * 5.0 * MS)
+        held.add((n * 5.0 * MS // (16 * MS) + 1) * 16 * MS)
+    assert 4.9 * MS < steady.spread < 5.1 * MS
+    assert held.spread > 12 * MS

@@ -1,0 +1,222 @@
+from __future__ import annotations
+
+import random
+from itertools import pairwise
+
+import pytest
+
+from yahboomd.odometry.board_clock import PolledClock, StreamedClock
+
+MS = 1_000_000
+TICK_NS = 10 * MS
+START_NS = 1_000_000_000_000
+
+
+def steady(_):
+    return 3000.0, 2800.0
+
+
+def rest(_):
+    return 0.0, 0.0
+
+
+def crawl(_):
+    return 160.0, 130.0
+
+
+def stop_and_go(t):
+    t %= 6.0
+    part = min(1.0, 2.0 * t) if t < 4.0 else max(0.0, 1.0 - 3.0 * (t - 4.0))
+    return 3000.0 * part, 2500.0 * part
+
+
+class Heard:
+    """What a clock made of a stream: stamp errors, and whole ticks against the true ones."""
+
+    def __init__(self, lines, *, after_s=0.5):
+        self.clock = StreamedClock(TICK_NS)
+        self.locked_ms, self.other_ms, self.stamps, self.wrong_steps = [], [], [], 0
+        self.steps_ns = self.truth_ns = 0
+        last = None
+        for reading, sampled_ns in lines:
+            moved = (
+                0
+                if last is None
+                else max(abs(a - b) for a, b in zip(reading.ticks, last[0], strict=True))
+            )
+            instant = self.clock.observe(reading.sent_ns, ticks=moved)
+            if last is None:
+                last = reading.ticks, sampled_ns
+                first_ns = sampled_ns
+                continue
+            if instant.step_ns == 0:
+                continue
+            error_ms = (instant.stamp_ns - sampled_ns) * 1e-6
+            if sampled_ns > first_ns + after_s * 1e9:
+                (self.locked_ms if self.clock.locked else self.other_ms).append(error_ms)
+                self.wrong_steps += abs(instant.step_ns - (sampled_ns - last[1])) > TICK_NS / 2
+                self.steps_ns += instant.step_ns
+                self.truth_ns += sampled_ns - last[1]
+            self.stamps.append(instant.stamp_ns)
+            last = reading.ticks, sampled_ns
+
+
+# The seventh proof: stamps
+
+
+@pytest.mark.parametrize("gap_ms", [2.4613, 5.917])
+@pytest.mark.parametrize(
+    ("ppm", "after_s"), [(-100.0, 3.0), (30.0, 3.0), (100.0, 3.0), (500.0, 18.0)]
+)
+def test_locked_stamps_are_within_a_millisecond_behind_a_usb_bridge(kit, gap_ms, ppm, after_s):
+    """USB hands over once a millisecond; 500 ppm is ten times what a crystal may be off."""
+    lines = kit.stream(steady, seconds=25.0, gap_ms=gap_ms, timer_ms=1.0007, ppm=ppm, seed=5)
+    heard = Heard(lines, after_s=after_s)
+    assert heard.wrong_steps == 0
+    assert len(heard.locked_ms) > 600
+    assert max(map(abs, heard.locked_ms)) < 1.0
+
+
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("gap_ms", [2.4613, 5.917])
+def test_a_timer_of_sixteen_milliseconds_is_taken_off(kit, gap_ms, seed):
+    """Some bridges hold bytes back for 16 ms: more than a tick of the board.
+
+    The phase of that timer against the board's wanders by 2 ms in some ten seconds, so it takes
+    some forty seconds of motion to see through it.
+    """
+    lines = kit.stream(steady, seconds=70.0, gap_ms=gap_ms, timer_ms=16.0041, ppm=60.0, seed=seed)
+    heard = Heard(lines, after_s=45.0)
+    assert heard.wrong_steps == 0
+    assert max(map(abs, heard.locked_ms)) < 1.0
+
+
+@pytest.mark.parametrize("profile", [rest, crawl, stop_and_go, steady])
+@pytest.mark.parametrize("timer_ms", [0.0, 1.0007, 16.0041])
+def test_stamps_are_within_a_tick_whatever_moves(kit, profile, timer_ms):
+    heard = Heard(kit.stream(profile, seconds=14.0, timer_ms=timer_ms, seed=2))
+    errors = sorted(map(abs, heard.locked_ms + heard.other_ms))
+    assert errors[int(0.99 * len(errors))] < 10.0
+    assert errors[-1] < 12.0
+
+
+@pytest.mark.parametrize("timer_ms", [0.0, 16.0041])
+def test_stamps_never_run_backwards_and_never_repeat(kit, timer_ms):
+    lines = kit.stream(
+        stop_and_go, seconds=20.0, timer_ms=timer_ms, ppm=-300.0, loss=0.2, gap_ms=5.917, seed=9
+    )
+    stamps = Heard(lines).stamps
+    assert len(stamps) > 500
+    assert all(b > a for a, b in pairwise(stamps))
+
+
+# Whole ticks
+
+
+@pytest.mark.parametrize("gap_ms", [2.4613, 5.917, 8.29, 10.87])
+def test_steps_are_the_ticks_of_the_board_whatever_the_rate_of_lines(kit, gap_ms):
+    heard = Heard(kit.stream(steady, seconds=20.0, gap_ms=gap_ms, seed=1), after_s=2.0)
+    assert heard.wrong_steps == 0
+    assert heard.steps_ns == pytest.approx(heard.truth_ns, rel=1e-4)
+
+
+def test_lost_lines_are_ticks_that_took_longer(kit):
+    heard = Heard(kit.stream(steady, seconds=20.0, loss=0.5, seed=4), after_s=2.0)
+    assert heard.wrong_steps <= 0.005 * 1800
+    assert heard.steps_ns == pytest.approx(heard.truth_ns, rel=2e-3)
+
+
+def test_time_at_rest_is_counted_in_full(kit):
+    heard = Heard(kit.stream(rest, seconds=20.0, gap_ms=10.87), after_s=1.0)
+    assert heard.steps_ns == pytest.approx(19.0e9, rel=5e-3)
+
+
+def test_at_rest_there_is_a_new_stamp_every_tick(kit):
+    assert len(Heard(kit.stream(rest, seconds=10.0)).stamps) == pytest.approx(1000, abs=20)
+
+
+def test_the_oscillator_of_the_board_is_measured(kit):
+    heard = Heard(kit.stream(steady, seconds=25.0, ppm=200.0, seed=3))
+    assert heard.clock.locked
+    assert heard.clock.drift_ppm == pytest.approx(200.0, abs=20.0)
+
+
+def test_a_backlog_after_a_stall_of_the_host_is_put_back_in_its_ticks(kit):
+    """Three hundred milliseconds of lines arrive at once, wire time apart."""
+    lines, late = [], []
+    for reading, sampled_ns in kit.stream(steady, seconds=10.0, seed=6):
+        if START_NS + 6e9 < reading.sent_ns < START_NS + 6.3e9:
+            late.append((reading, sampled_ns))
+        else:
+            lines.append((reading, sampled_ns))
+    at_ns = START_NS + 6_300_000_000
+    for behind, (reading, sampled_ns) in enumerate(reversed(late)):
+        sent_ns = at_ns - behind * 1_390_000
+        lines.append(
+            (type(reading)(ticks=reading.ticks, received_ns=sent_ns, sent_ns=sent_ns), sampled_ns)
+        )
+    lines.sort(key=lambda line: (line[1], line[0].sent_ns))
+    heard = Heard(lines, after_s=3.0)
+    assert heard.wrong_steps == 0
+    assert max(map(abs, heard.locked_ms)) < 1.0
+
+
+def test_a_step_takes_at_least_the_time_that_it_needs():
+    clock = StreamedClock(TICK_NS)
+    clock.observe(START_NS)
+    instant = clock.observe(START_NS + 45 * MS, ticks=200, least_ns=38.0 * MS)
+    assert instant.step_ns >= 40 * MS
+
+
+def test_after_a_break_the_step_is_the_time_since_the_last_stamp():
+    clock = StreamedClock(TICK_NS)
+    first = clock.observe(START_NS)
+    again = clock.restart(START_NS + 500 * MS)
+    assert first.step_ns == 0
+    assert again.step_ns == again.stamp_ns - first.stamp_ns == 500 * MS
+
+
+def test_a_clock_goes_on_after_the_stamps_of_another():
+    last_ns = START_NS + 3 * MS
+    assert StreamedClock(TICK_NS, last_ns).observe(START_NS).stamp_ns > last_ns
+    assert PolledClock(last_ns).observe(START_NS).step_ns == 0
+    assert PolledClock(last_ns).observe(START_NS + 5 * MS).stamp_ns > last_ns
+
+
+# The board that is asked
+
+
+def poll(clock, *, told, jitter_ms=16.0, count=500, seed=1):
+    """Stamp errors in ms: the board samples 0.4 ms after a request, the answer is held back."""
+    chance = random.Random(seed)
+    errors, last_ns = [], 0
+    for n in range(count):
+        requested_ns = START_NS + n * 20 * MS + round(chance.uniform(0.0, 0.3) * MS)
+        sampled_ns = requested_ns + 400_000
+        sent_ns = sampled_ns + round(chance.uniform(0.0, jitter_ms) * MS)
+        instant = clock.observe(sent_ns, requested_ns if told else None)
+        assert instant.stamp_ns > last_ns
+        last_ns = instant.stamp_ns
+        errors.append((instant.stamp_ns - sampled_ns) * 1e-6)
+    return errors
+
+
+def test_the_time_of_the_request_takes_the_jitter_off():
+    clock = PolledClock()
+    errors = poll(clock, told=True)
+    assert clock.locked
+    assert max(map(abs, errors[64:])) < 1.0
+
+
+def test_without_it_a_stamp_is_when_the_answer_left():
+    clock = PolledClock()
+    errors = poll(clock, told=False, jitter_ms=3.0)
+    assert not clock.locked
+    assert 0.0 <= min(errors) <= max(errors) <= 3.0
+
+
+def test_an_answer_that_comes_twice_is_one_reading():
+    clock = PolledClock()
+    clock.observe(START_NS)
+    assert clock.observe(START_NS + 20 * MS).step_ns == 20 * MS
+    assert clock.observe(START_NS + 20 * MS).step_ns == 0

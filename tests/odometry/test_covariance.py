@@ -1,0 +1,230 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from yahboomd.odometry.covariance import TURN_VARIANCE_MAX, Covariance
+from yahboomd.odometry.integrator import Integrator
+from yahboomd.odometry.velocity import Window
+
+STEP_NS = 20_000_000
+
+
+def matrix(nine):
+    return np.array(nine).reshape(3, 3)
+
+
+class Base:
+    def __init__(self, kinematics, motors, **options):
+        self.integrator = Integrator(kinematics, motors)
+        self.covariance = Covariance(kinematics, motors, **options)
+        self.totals = (0,) * len(motors)
+
+    def step(self, *deltas):
+        self.totals = tuple(a + b for a, b in zip(self.totals, deltas, strict=True))
+        arc = self.integrator.step(deltas, self.totals, STEP_NS)
+        self.covariance.step(deltas, arc)
+        return arc
+
+    @property
+    def pose(self):
+        return matrix(self.covariance.pose)
+
+
+@pytest.fixture
+def base(kit):
+    return Base(kit.differential(), kit.motors())
+
+
+def check_sound(covariance):
+    assert np.array_equal(covariance, covariance.T)
+    scale = max(1e-12, float(np.max(np.abs(covariance))))
+    assert np.min(np.linalg.eigvalsh(covariance)) >= -1e-12 * scale
+
+
+wheel = st.integers(-100, 100)
+
+
+@given(st.lists(st.tuples(wheel, wheel), min_size=1, max_size=60))
+def test_covariance_is_sound_and_its_volume_never_shrinks(kit, steps):
+    base = Base(kit.differential(), kit.motors())
+    volume, heading = np.linalg.det(base.pose), base.pose[2, 2]
+    for step in steps:
+        base.step(*step)
+        check_sound(base.pose)
+        assert base.pose[2, 2] >= heading
+        now = np.linalg.det(base.pose)
+        assert now >= volume * (1.0 - 1e-6)
+        volume, heading = now, base.pose[2, 2]
+
+
+@given(st.lists(st.tuples(wheel, wheel, wheel, wheel), min_size=1, max_size=40))
+def test_that_of_a_mecanum_base_is_sound_as_well(kit, steps):
+    base = Base(kit.mecanum(), kit.motors((0, 1, 2, 3)))
+    for step in steps:
+        base.step(*step)
+        check_sound(base.pose)
+
+
+def test_variance_grows_with_the_distance_a_wheel_rolled_not_with_the_time(kit):
+    variances = []
+    for count, ticks in ((100, 50), (1000, 5)):
+        base = Base(kit.differential(), kit.motors(), noise_m=1e-5)
+        before = base.pose
+        for _ in range(count):
+            base.step(ticks, ticks)
+        variances.append((base.pose - before)[2, 2])
+    rolled_m = 5000 * kit.tick_m
+    assert variances[0] == pytest.approx(2 * 1e-5 * rolled_m / kit.track_m**2)
+    assert variances[1] == pytest.approx(variances[0])
+
+
+def test_turning_on_the_spot_is_rolling_as_well(base):
+    before = base.pose
+    for _ in range(100):
+        base.step(-30, 30)
+    assert (base.pose - before)[2, 2] > 0.0
+
+
+def test_standing_adds_nothing(base):
+    before = base.covariance.pose
+    for _ in range(100):
+        base.step(0, 0)
+    assert base.covariance.pose == before
+
+
+def test_an_error_of_heading_becomes_one_of_place(base):
+    for _ in range(1000):
+        base.step(50, 50)
+    covariance = base.pose
+    assert covariance[1, 1] > 10 * covariance[0, 0]
+    assert covariance[1, 2] > 0.0
+
+
+def test_two_motors_of_a_side_are_one_wheel(kit):
+    two = Base(kit.differential(), kit.motors())
+    four = Base(kit.differential(), kit.motors((0, 0, 1, 1)))
+    before = two.pose, four.pose
+    for _ in range(100):
+        two.step(40, 50)
+        four.step(40, 40, 50, 50)
+    assert np.allclose(two.pose - before[0], four.pose - before[1], rtol=0.05)
+
+
+def test_the_jacobians_are_the_derivatives_of_the_arc(kit):
+    """Push one wheel a little and see where the pose goes; covariance from those by hand."""
+    motors = kit.motors()
+
+    def end(left, right):
+        integrator = Integrator(kit.differential(), motors, corrected=False)
+        integrator.step((left, right), (left, right), STEP_NS)
+        pose = integrator.pose
+        return np.array([pose.x, pose.y, pose.theta])
+
+    noise_m = 1e-5
+    base = Base(kit.differential(), motors, noise_m=noise_m)
+    floor = base.pose
+    left, right = 400, 700
+    arc = base.step(left, right)
+    columns = np.column_stack(
+        [
+            (end(left + 1, right) - end(left - 1, right)) / (2 * kit.tick_m),
+            (end(left, right + 1) - end(left, right - 1)) / (2 * kit.tick_m),
+        ]
+    )
+    process = (
+        columns @ np.diag([noise_m * left * kit.tick_m, noise_m * right * kit.tick_m]) @ columns.T
+    )
+    moved = np.array([[1.0, 0.0, -arc.dy], [0.0, 1.0, arc.dx], [0.0, 0.0, 1.0]])
+    assert np.allclose(base.pose, moved @ floor @ moved.T + process, rtol=2e-3, atol=1e-12)
+
+
+def test_a_start_is_known_to_a_tick(base, kit):
+    heading = math.sqrt(base.pose[2, 2])
+    assert 0.4 * kit.tick_m / kit.track_m < heading < 2.0 * kit.tick_m / kit.track_m
+
+
+@given(st.floats(-4, 4))
+def test_a_set_pose_takes_its_covariance_and_the_floor(kit, theta):
+    covariance = Covariance(kit.differential(), kit.motors())
+    given_nine = (4e-4, 1e-4, 0.0, 1e-4, 9e-4, 0.0, 0.0, 0.0, 1e-3)
+    covariance.set_pose(theta, given_nine)
+    rest = matrix(covariance.pose) - matrix(given_nine)
+    check_sound(matrix(covariance.pose))
+    assert np.all(np.abs(rest) < 1e-5)
+    assert np.min(np.linalg.eigvalsh(rest)) > -1e-15
+
+
+def test_what_was_not_counted_may_have_been_anything(base):
+    before = base.pose
+    base.covariance.lose(0.3)
+    growth = base.pose - before
+    assert growth[0, 0] == growth[1, 1] == pytest.approx(0.03)
+    assert growth[2, 2] > 0.0
+    base.covariance.lose(1e6)
+    assert base.pose[2, 2] < before[2, 2] + growth[2, 2] + 1.01 * TURN_VARIANCE_MAX
+
+
+def test_the_twist_is_known_to_a_tick_of_its_window(kit):
+    covariance = Covariance(kit.differential(), kit.motors())
+    short = matrix(covariance.twist(Window(20_000_000, (0, 0))))
+    long = matrix(covariance.twist(Window(100_000_000, (0, 0))))
+    assert math.sqrt(short[0, 0]) == pytest.approx(kit.tick_m / math.sqrt(12.0) / 0.020)
+    assert short[0, 0] == pytest.approx(25 * long[0, 0])
+    for each in (short, long):
+        check_sound(each)
+        assert np.all(np.diag(each) > 0.0)
+
+
+def test_a_twist_that_is_not_known_says_so(kit):
+    covariance = Covariance(kit.differential(), kit.motors())
+    assert covariance.twist(Window(0, (0, 0)))[0] == 1.0
+
+
+# Consistency
+
+
+def chi_squared_bounds(degrees):
+    """The middle 99 % of chi-squared over its degrees of freedom (Wilson and Hilferty)."""
+    spread = 2.0 / (9.0 * degrees)
+    return tuple((1.0 - spread + z * math.sqrt(spread)) ** 3 for z in (-2.576, 2.576))
+
+
+@pytest.mark.parametrize("path", ["straight", "curves", "spin"])
+def test_the_average_nees_of_many_runs_lies_in_its_chi_squared_bounds(kit, path):
+    """Wheels roll farther or less far than counted, as the model says; counts are whole."""
+    runs, steps, noise_m = 150, 120, 1e-5
+    chance = np.random.default_rng(7)
+    nees = []
+    for _ in range(runs):
+        base = Base(kit.differential(), kit.motors(), noise_m=noise_m)
+        truth = np.zeros(3)
+        exact = chance.uniform(0.0, 1.0, 2)
+        first = last = np.floor(exact)
+        for n in range(steps):
+            mean = {
+                "straight": (120.0, 120.0),
+                "curves": (120.0 + 60.0 * math.sin(n / 9), 120.0 - 60.0 * math.sin(n / 9)),
+                "spin": (-60.0, 61.0),
+            }[path]
+            turned = np.array(mean) + chance.normal(0.0, 2.0, 2)
+            exact = exact + turned
+            now = np.floor(exact)
+            base.step(*(now - last).astype(int).tolist())
+            last = now
+            rolled = turned * kit.tick_m
+            rolled = rolled + chance.normal(0.0, 1.0, 2) * np.sqrt(noise_m * np.abs(rolled))
+            ds, turn = rolled.mean(), (rolled[1] - rolled[0]) / kit.track_m
+            middle = truth[2] + turn / 2
+            scale = np.sinc(turn / 2 / np.pi) * ds
+            truth += (scale * math.cos(middle), scale * math.sin(middle), turn)
+        pose = base.integrator.pose
+        error = np.array([pose.x, pose.y, pose.theta]) - truth
+        nees.append(float(error @ np.linalg.solve(base.pose, error)))
+        assert (first >= 0).all()
+    low, high = chi_squared_bounds(3 * runs)
+    assert low < np.mean(nees) / 3.0 < high

@@ -1,0 +1,199 @@
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from yahboomd.odometry.encoders import HALF, WRAP, Encoders
+
+MS = 1_000_000
+int32 = st.integers(-HALF, HALF - 1)
+
+
+def wrapped(value):
+    return (value + HALF) % WRAP - HALF
+
+
+@pytest.fixture
+def encoders(kit):
+    return Encoders(kit.motors(), speed_max_m_s=2.0)
+
+
+def feed(encoders, ticks, sent_ms, elapsed_ms):
+    verdict = encoders.judge((*ticks, 0, 0), sent_ms * MS, elapsed_ms * MS)
+    if verdict.outcome != "held":
+        encoders.accept(verdict)
+    return verdict.outcome
+
+
+def test_the_first_reading_is_no_motion(encoders):
+    assert feed(encoders, (123456, -99), 0, 0) == "baseline"
+    assert encoders.totals == (0, 0)
+
+
+def test_the_wrap_of_the_board_is_a_small_step(encoders):
+    feed(encoders, (2147483627, -2147483640), 0, 0)
+    assert feed(encoders, (-2147483636, 2147483640), 10, 10) == "travel"
+    assert encoders.totals == (33, -16)
+
+
+@given(start=int32, steps=st.lists(st.integers(-120, 120), max_size=30))
+def test_totals_are_the_sum_of_the_steps_wherever_counting_starts(kit, start, steps):
+    encoders = Encoders(kit.motors(), speed_max_m_s=2.0)
+    feed(encoders, (start, start), 0, 0)
+    raw = start
+    for index, step in enumerate(steps):
+        raw += step
+        assert feed(encoders, (wrapped(raw), start), 10 * index, 10) == "travel"
+    assert encoders.totals == (sum(steps), 0)
+
+
+def test_a_reversed_encoder_counts_forward(kit):
+    encoders = Encoders(kit.motors(signs=(1, -1), positions=(1, 3)), speed_max_m_s=2.0)
+    encoders.accept(encoders.judge((0, 7, 0, 7), 0, 0.0))
+    encoders.accept(encoders.judge((10, 999, -10, 999), 10 * MS, 10 * MS))
+    assert encoders.totals == (10, 10)
+
+
+def test_the_limit_is_the_speed_times_the_time_and_one_tick(encoders, kit):
+    most = int(2.0 * 0.010 / kit.tick_m) + 1
+    feed(encoders, (0, 0), 0, 0)
+    assert feed(encoders, (most + 1, 0), 10, 10) == "held"
+    assert feed(encoders, (most, 0), 10, 10) == "travel"
+
+
+def test_one_garbled_reading_is_as_if_it_had_not_come(encoders):
+    feed(encoders, (5000, 5000), 0, 0)
+    assert feed(encoders, (50, 5010), 10, 10) == "held"
+    assert feed(encoders, (5020, 5020), 20, 20) == "travel"
+    assert encoders.totals == (20, 20)
+
+
+def test_the_same_digit_lost_four_times_in_a_row_is_not_believed(encoders):
+    feed(encoders, (51_234, 51_234), 0, 0)
+    for n in range(1, 5):
+        assert feed(encoders, (5_123 + n, 51_234 + 30 * n), 10 * n, 10 * n) == "held"
+    assert feed(encoders, (51_384, 51_384), 50, 50) == "travel"
+    assert encoders.totals == (150, 150)
+
+
+def test_garbage_that_differs_every_time_is_never_believed(encoders):
+    feed(encoders, (5000, 5000), 0, 0)
+    for n in range(1, 30):
+        assert feed(encoders, (10**6 * n, -(10**5) * n), 10 * n, 10 * n) == "held"
+    assert feed(encoders, (5300, 5300), 300, 300) == "travel"
+    assert encoders.totals == (300, 300)
+
+
+def test_a_jump_that_stays_rebases_and_counts_nothing(encoders):
+    feed(encoders, (5000, 5000), 0, 0)
+    for n in range(1, 5):
+        assert feed(encoders, (900_000 + n, 900_000), 10 * n, 10 * n) == "held"
+    assert feed(encoders, (900_010, 900_010), 50, 50) == "rebased"
+    assert encoders.totals == (0, 0)
+    assert feed(encoders, (900_020, 900_021), 60, 10) == "travel"
+    assert encoders.totals == (10, 11)
+
+
+def test_a_fall_to_near_zero_is_a_reset_that_nobody_announced(encoders):
+    feed(encoders, (50_000, 50_000), 0, 0)
+    assert feed(encoders, (9, 8), 10, 10) == "held"
+    assert feed(encoders, (18, 16), 20, 20) == "held"
+    assert feed(encoders, (27, 24), 30, 30) == "reset_unseen"
+    assert encoders.totals == (27, 24)
+
+
+def test_after_a_notice_coasting_counts_from_zero(encoders):
+    feed(encoders, (50_000, 50_000), 0, 0)
+    encoders.announce("reset")
+    assert feed(encoders, (300, 280), 500, 500) == "held"
+    assert feed(encoders, (310, 290), 510, 510) == "reset"
+    assert encoders.totals == (310, 290)
+
+
+def test_a_notice_outlives_a_garbled_reading(encoders):
+    feed(encoders, (50_000, 50_000), 0, 0)
+    encoders.announce("reset")
+    assert feed(encoders, (300, 9_999_999), 500, 500) == "held"
+    assert feed(encoders, (310, 290), 510, 510) == "held"
+    assert feed(encoders, (320, 300), 520, 520) == "reset"
+    assert encoders.totals == (320, 300)
+
+
+def test_a_gap_does_not_hide_a_reset(encoders):
+    feed(encoders, (50_000, 50_000), 0, 0)
+    encoders.announce("reset")
+    encoders.announce("gap")
+    assert encoders.notice == "reset"
+
+
+def test_travel_that_fits_a_gap_is_kept(encoders):
+    feed(encoders, (500_000, 400_000), 0, 0)
+    encoders.announce("gap")
+    assert feed(encoders, (504_000, 404_100), 2000, 2000) == "held"
+    assert feed(encoders, (504_020, 404_120), 2010, 2010) == "gap_kept"
+    assert encoders.totals == (4020, 4120)
+
+
+def test_counters_that_zero_could_have_reached_are_not_travel(encoders):
+    feed(encoders, (5_000, 5_000), 0, 0)
+    encoders.announce("gap")
+    feed(encoders, (9_000, 9_000), 2000, 2000)
+    assert feed(encoders, (9_020, 9_020), 2010, 2010) == "gap_lost"
+    assert encoders.totals == (0, 0)
+    assert feed(encoders, (9_040, 9_040), 2020, 10) == "travel"
+    assert encoders.totals == (20, 20)
+
+
+def test_travel_that_does_not_fit_a_gap_is_lost(encoders):
+    feed(encoders, (500_000, 500_000), 0, 0)
+    encoders.announce("gap")
+    feed(encoders, (700_000, 500_000), 500, 500)
+    assert feed(encoders, (700_000, 500_000), 510, 510) == "gap_lost"
+    assert encoders.totals == (0, 0)
+
+
+def test_counters_that_did_not_move_at_all_were_not_reset(encoders):
+    feed(encoders, (5_000, -70), 0, 0)
+    encoders.announce("gap")
+    feed(encoders, (5_000, -70), 60_000, 60_000)
+    assert feed(encoders, (5_000, -70), 60_010, 60_010) == "gap_kept"
+
+
+def test_standing_at_zero_after_a_gap_proves_nothing(encoders):
+    feed(encoders, (3, 0), 0, 0)
+    encoders.announce("gap")
+    feed(encoders, (3, 0), 60_000, 60_000)
+    assert feed(encoders, (3, 0), 60_010, 60_010) == "gap_lost"
+
+
+def test_a_gap_of_days_is_never_bridged(encoders):
+    days_ms = 5 * 24 * 3600 * 1000
+    feed(encoders, (500_000, 500_000), 0, 0)
+    encoders.announce("gap")
+    feed(encoders, (500_100, 500_100), days_ms, days_ms)
+    assert feed(encoders, (500_110, 500_110), days_ms + 10, days_ms + 10) == "gap_lost"
+
+
+def test_a_notice_before_the_first_reading_means_nothing(encoders):
+    encoders.announce("gap")
+    assert encoders.notice == "none"
+    assert not encoders.started
+    assert feed(encoders, (5, 5), 0, 0) == "baseline"
+    assert encoders.started
+
+
+@given(st.lists(st.tuples(int32, int32, st.sampled_from(("none", "gap", "reset"))), max_size=40))
+def test_no_counts_whatever_make_the_totals_jump(kit, readings):
+    encoders = Encoders(kit.motors(), speed_max_m_s=2.0)
+    accepted_ms, now_ms, last = 0, 0, (0, 0)
+    for left, right, notice in readings:
+        now_ms += 10
+        encoders.announce(notice)
+        outcome = feed(encoders, (left, right), now_ms, now_ms - accepted_ms)
+        room = 2.0 * (now_ms - accepted_ms) * 1e-3 / kit.tick_m + 1.0
+        for old, new in zip(last, encoders.totals, strict=True):
+            assert abs(new - old) <= room
+        if outcome != "held":
+            accepted_ms = now_ms
+        last = encoders.totals

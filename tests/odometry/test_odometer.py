@@ -1,0 +1,405 @@
+from __future__ import annotations
+
+import math
+import random
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from yahboomd.errors import ConfigError
+from yahboomd.model import EncoderReading, Pose2d
+from yahboomd.odometry.encoders import HALF, WRAP
+from yahboomd.odometry.odometer import Odometer, OdometerOptions
+
+MS = 1_000_000
+START_NS = 1_000_000_000_000
+SPEED_MAX = 2.0
+
+
+def wrapped(value):
+    return (value + HALF) % WRAP - HALF
+
+
+class Rig:
+    """An odometer, and everything that came out of it."""
+
+    def __init__(self, kit, **options):
+        self.kit = kit
+        options.setdefault("speed_max_m_s", SPEED_MAX)
+        self.odometer = Odometer(kit.differential(), kit.motors(), OdometerOptions(**options))
+        self.estimates, self.events = [], []
+        self.now_ms = 0.0
+
+    def feed(self, left, right, *, after_ms=10.0, **flags):
+        self.now_ms += after_ms
+        sent_ns = START_NS + round(self.now_ms * MS)
+        return self.take(
+            EncoderReading(
+                ticks=(left, right, 0, 0), received_ns=sent_ns + MS, sent_ns=sent_ns, **flags
+            )
+        )
+
+    def take(self, reading):
+        update = self.odometer.update(reading)
+        self.events.extend(update.events)
+        if update.estimate is not None:
+            self.estimates.append(update.estimate)
+        return update
+
+    @property
+    def causes(self):
+        return [event.data["cause"] for event in self.events]
+
+    def check_no_jump(self):
+        tick = self.kit.tick_m
+        for a, b in zip(self.estimates, self.estimates[1:], strict=False):
+            assert b.stamp_ns > a.stamp_ns
+            room = SPEED_MAX * (b.stamp_ns - a.stamp_ns) * 1e-9 + tick
+            for old, new in zip(a.motor_ticks, b.motor_ticks, strict=True):
+                assert abs(new - old) * tick <= room * (1.0 + 1e-9)
+            # A correction adds a little sideways to what the wheels rolled.
+            assert math.dist((a.pose.x, a.pose.y), (b.pose.x, b.pose.y)) <= 1.05 * room
+
+    def check_covariance_grew(self):
+        for a, b in zip(self.estimates, self.estimates[1:], strict=False):
+            before = np.array(a.pose_covariance).reshape(3, 3)
+            after = np.array(b.pose_covariance).reshape(3, 3)
+            assert after[2, 2] >= before[2, 2]
+            assert np.linalg.det(after) >= np.linalg.det(before) * (1.0 - 1e-6)
+
+
+@pytest.fixture
+def rig(kit):
+    return Rig(kit)
+
+
+def straight(rig, count=50, start=1_000_000, ticks=30):
+    for n in range(count):
+        rig.feed(start + ticks * n, start + ticks * n)
+    return start + ticks * (count - 1)
+
+
+# Ordinary life
+
+
+def test_the_first_reading_is_where_the_robot_starts(rig):
+    assert rig.feed(77_777, -5).estimate is None
+    estimate = rig.feed(77_777, -5).estimate
+    assert (estimate.pose.x, estimate.pose.y, estimate.pose.theta) == (0.0, 0.0, 0.0)
+    assert estimate.motor_ticks == (0, 0)
+    assert rig.events == []
+
+
+def test_an_estimate_says_what_the_wheels_did(rig, kit):
+    straight(rig, 101)
+    estimate = rig.estimates[-1]
+    assert estimate.pose.x == pytest.approx(3000 * kit.tick_m)
+    assert estimate.twist.vx == pytest.approx(30 * kit.tick_m / 0.010)
+    assert estimate.motor_ticks == (3000, 3000)
+    assert estimate.motor_position_rad == pytest.approx([2 * math.pi * 3000 / 1320] * 2)
+    assert estimate.motor_speed_m_s == pytest.approx([30 * kit.tick_m / 0.010] * 2)
+    assert estimate.stamp_ns == START_NS + round(rig.now_ms * MS)
+    assert rig.odometer.estimate is estimate
+
+
+def test_the_time_of_the_request_makes_the_stamp_steady(kit):
+    rig, chance = Rig(kit), random.Random(1)
+    requested_ns = START_NS
+    for n in range(200):
+        requested_ns = START_NS + n * 20 * MS
+        sent_ns = requested_ns + round((1.0 + chance.uniform(0.0, 8.0)) * MS)
+        rig.take(
+            EncoderReading(
+                ticks=(n, n, 0, 0), received_ns=sent_ns, sent_ns=sent_ns, requested_ns=requested_ns
+            )
+        )
+    late = [each.stamp_ns - START_NS - 20 * MS * n for n, each in enumerate(rig.estimates, 1)]
+    assert max(late[64:]) - min(late[64:]) < MS
+
+
+def test_a_motor_too_few_is_refused(kit):
+    with pytest.raises(ConfigError):
+        Odometer(kit.differential(), kit.motors((0,)))
+
+
+def test_setting_the_pose_moves_the_frame_and_keeps_the_totals(rig):
+    straight(rig)
+    ticks = rig.estimates[-1].motor_ticks
+    covariance = (0.01, 0.0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.0, 0.04)
+    rig.odometer.set_pose(Pose2d(x=3.0, y=4.0, theta=1.0), covariance)
+    assert rig.odometer.estimate.pose == Pose2d(x=3.0, y=4.0, theta=1.0)
+    estimate = rig.feed(1_001_470, 1_001_470).estimate
+    assert estimate.pose == Pose2d(x=3.0, y=4.0, theta=1.0)
+    assert estimate.motor_ticks == ticks
+    assert estimate.pose_covariance[8] == pytest.approx(0.04, rel=0.01)
+
+
+def test_a_reset_is_the_origin_and_sure_of_it(rig):
+    straight(rig, 500)
+    grown = rig.estimates[-1].pose_covariance[8]
+    rig.odometer.reset()
+    assert rig.odometer.estimate.pose == Pose2d()
+    assert rig.odometer.estimate.pose_covariance[8] < grown
+
+
+def test_before_the_first_reading_the_pose_can_be_set(rig):
+    rig.odometer.set_pose(Pose2d(x=1.0))
+    assert rig.odometer.estimate is None
+    rig.feed(5, 5)
+    assert rig.feed(5, 5).estimate.pose == Pose2d(x=1.0)
+
+
+# The fifth proof: what the wire does to counts
+
+
+def test_the_wrap_is_no_jump(rig, kit):
+    for n in range(100):
+        raw = wrapped(HALF - 1000 + 30 * n)
+        rig.feed(raw, raw)
+    rig.check_no_jump()
+    assert rig.estimates[-1].pose.x == pytest.approx(99 * 30 * kit.tick_m)
+    assert rig.events == []
+
+
+def test_dropped_doubled_and_garbled_frames_lose_nothing(rig, kit):
+    chance = random.Random(4)
+    for n in range(2000):
+        raw = 100_000 + 30 * n
+        fate = chance.random() if 5 < n < 1990 else 1.0
+        if fate < 0.15:
+            rig.now_ms += 10.0
+        elif fate < 0.30:
+            rig.feed(raw, raw)
+            rig.feed(raw, raw, after_ms=0.0)
+        elif fate < 0.45:
+            digits = list(str(raw))
+            digits[chance.randrange(6)] = chance.choice("0123456789")
+            rig.feed(int("".join(digits)), raw)
+        elif fate < 0.55:
+            rig.feed(raw, int(str(raw)[: chance.randrange(1, 6)]))
+        else:
+            rig.feed(raw, raw)
+    rig.check_no_jump()
+    rig.check_covariance_grew()
+    assert rig.estimates[-1].motor_ticks == (1999 * 30, 1999 * 30)
+    assert rig.odometer.counters["odometry_rejected"] > 100
+    assert rig.events == []
+
+
+def test_an_announced_reset_counts_what_coasted(rig, kit):
+    straight(rig)
+    before = rig.estimates[-1]
+    rig.feed(200, 200, after_ms=400.0, after_reset=True)
+    update = rig.feed(210, 210)
+    rig.feed(220, 220)
+    rig.check_no_jump()
+    rig.check_covariance_grew()
+    assert rig.causes == ["reset"]
+    assert rig.estimates[-1].motor_ticks[0] - before.motor_ticks[0] == 220
+    (event,) = update.events
+    assert event.kind == "odometry_discontinuity"
+    assert event.data["counted_m"] == pytest.approx(210 * kit.tick_m, abs=1e-6)
+    # It ran 0.48 m/s for at most 0.41 s before it reset.
+    assert 0.48 * 0.4 < event.data["unknown_m"] < 0.3
+    grown = rig.estimates[-1].pose_covariance[0] - before.pose_covariance[0]
+    assert grown == pytest.approx(event.data["unknown_m"] ** 2 / 3, rel=0.2)
+
+
+def test_a_reset_that_nobody_announced_holds_the_pose(rig):
+    last = straight(rig)
+    before = rig.estimates[-1]
+    rig.feed(3, 3)
+    rig.feed(20, 20)
+    rig.feed(40, 40)
+    rig.feed(60, 60)
+    rig.check_no_jump()
+    assert last > 1_000_000
+    assert rig.causes == ["reset_unseen"]
+    assert rig.estimates[-1].motor_ticks[0] - before.motor_ticks[0] == 60
+    assert rig.estimates[-1].pose_covariance[0] > before.pose_covariance[0]
+
+
+def test_unplugged_and_plugged_in_the_travel_of_a_board_that_went_on_is_kept(rig, kit):
+    last = straight(rig)
+    rig.feed(last + 9_000, last + 9_100, after_ms=3000.0, after_gap=True)
+    rig.feed(last + 9_030, last + 9_130)
+    rig.feed(last + 9_060, last + 9_160)
+    rig.check_no_jump()
+    rig.check_covariance_grew()
+    assert rig.causes == ["gap_kept"]
+    assert rig.events[0].severity == "info"
+    assert rig.estimates[-1].motor_ticks == (49 * 30 + 9_060, 49 * 30 + 9_160)
+    assert rig.estimates[-1].pose.theta == pytest.approx(100 * kit.tick_m / kit.track_m)
+
+
+def test_unplugged_and_plugged_in_what_may_be_a_reset_is_not_counted(rig):
+    last = straight(rig, start=2_000)
+    before = rig.estimates[-1]
+    rig.feed(last + 900, last + 910, after_ms=3000.0, after_gap=True)
+    update = rig.feed(last + 930, last + 940)
+    rig.feed(last + 930, last + 940)
+    assert rig.causes == ["gap_lost"]
+    assert rig.estimates[-1].pose == before.pose
+    assert update.events[0].data["unknown_m"] == pytest.approx(SPEED_MAX * 3.01, rel=0.01)
+    deviation = math.sqrt(rig.estimates[-1].pose_covariance[0])
+    assert deviation == pytest.approx(SPEED_MAX * 3.01 / math.sqrt(3.0), rel=0.02)
+
+
+def test_silence_is_a_gap_without_being_told(rig):
+    last = straight(rig)
+    rig.feed(last + 500, last + 500, after_ms=600.0)
+    rig.feed(last + 530, last + 530)
+    assert rig.causes == ["gap_kept"]
+
+
+def test_counters_that_jump_and_stay_hold_the_pose(rig):
+    straight(rig)
+    before = rig.estimates[-1]
+    for n in range(10):
+        rig.feed(-40_000_000 + 30 * n, 1_001_500 + 30 * n)
+    rig.check_no_jump()
+    assert rig.causes == ["rebased"]
+    assert rig.estimates[-1].motor_ticks == tuple(each + 5 * 30 for each in before.motor_ticks)
+
+
+def test_a_speed_is_not_taken_across_a_discontinuity(rig, kit):
+    last = straight(rig)
+    rig.feed(last + 500, last + 500, after_ms=3000.0, after_gap=True)
+    rig.feed(last + 530, last + 530)
+    estimate = rig.feed(last + 560, last + 560).estimate
+    assert estimate.twist.vx == pytest.approx(30 * kit.tick_m / 0.010)
+
+
+faults = st.sampled_from(
+    ("fine", "fine", "fine", "drop", "double", "garble", "reset", "told", "gap")
+)
+
+
+@settings(max_examples=60)
+@given(seed=st.integers(0, 2**32), kinds=st.lists(faults, min_size=5, max_size=60))
+@pytest.mark.parametrize("period_ns", [None, 10 * MS])
+def test_no_fault_makes_the_pose_jump_or_the_covariance_shrink(kit, period_ns, seed, kinds):
+    chance = random.Random(seed)
+    rig = Rig(kit, sample_period_ns=period_ns)
+    left, right = chance.randrange(-HALF, HALF), chance.randrange(-5000, 5000)
+    flags = {}
+    for kind in kinds:
+        wait_ms = 10.0
+        if kind in ("gap", "told"):
+            wait_ms = chance.uniform(50.0, 5000.0)
+        speed = chance.uniform(-80.0, 80.0)
+        if kind in ("reset", "told"):
+            left = right = 0
+        left, right = (wrapped(each + round(speed * wait_ms / 10.0)) for each in (left, right))
+        if kind == "told":
+            flags["after_reset"] = True
+        if kind == "gap":
+            flags["after_gap"] = True
+        if kind == "drop":
+            rig.now_ms += wait_ms
+            continue
+        shown = chance.randrange(-HALF, HALF) if kind == "garble" else left
+        rig.feed(shown, right, after_ms=wait_ms, **flags)
+        flags = {}
+        if kind == "double":
+            rig.feed(shown, right, after_ms=0.0)
+    rig.check_no_jump()
+    rig.check_covariance_grew()
+
+
+# The board that streams
+
+
+def stream(kit, rate, *, noise_m=1e-5, **options):
+    rig = Rig(kit, sample_period_ns=10 * MS, noise_m=noise_m)
+    truth = {}
+    for reading, sampled_ns in kit.stream(rate, **options):
+        update = rig.take(reading)
+        if update.estimate is not None:
+            truth[update.estimate.stamp_ns] = sampled_ns
+    return rig, truth
+
+
+def test_counts_over_arrival_would_read_wrong_and_counts_over_ticks_do_not(kit):
+    speed = 0.5 / kit.tick_m
+    rig, _ = stream(kit, lambda _: (speed, speed), seconds=10.0, gap_ms=5.917, seed=1)
+    read = [each.twist.vx for each in rig.estimates[100:]]
+    assert min(read) > 0.49
+    assert max(read) < 0.51
+
+
+def test_repeats_make_no_estimate_and_no_standstill(kit):
+    rig, _ = stream(kit, lambda _: (3000.0, 3000.0), seconds=5.0, seed=2)
+    assert len(rig.estimates) == pytest.approx(500, abs=5)
+    assert min(each.twist.vx for each in rig.estimates[10:]) > 0.4
+    assert rig.odometer.counters["odometry_repeated"] > 1000
+
+
+def test_at_rest_the_pose_stays_fresh(kit):
+    rig, truth = stream(kit, lambda _: (0.0, 0.0), seconds=5.0, seed=3)
+    assert len(rig.estimates) == pytest.approx(500, abs=10)
+    assert all(each.pose == Pose2d() for each in rig.estimates)
+    assert max(abs(stamp - sampled) for stamp, sampled in truth.items()) <= 10 * MS
+
+
+def test_twists_of_a_stream_are_as_sure_as_they_say(kit):
+    """No slip here, so that only the ticks are left, with any phase of the counts."""
+    squares = []
+    for seed in range(40):
+        chance = random.Random(seed)
+        left, right = chance.uniform(300.0, 3000.0), chance.uniform(300.0, 3000.0)
+        pair = (left, right)
+        rig, _ = stream(kit, lambda _, pair=pair: pair, seconds=1.0, seed=seed, noise_m=0.0)
+        estimate = rig.estimates[-1]
+        true_v = (left + right) / 2 * kit.tick_m
+        true_w = (right - left) / kit.track_m * kit.tick_m
+        squares.append((estimate.twist.vx - true_v) ** 2 / estimate.twist_covariance[0])
+        squares.append((estimate.twist.wz - true_w) ** 2 / estimate.twist_covariance[8])
+    assert 0.5 < np.mean(squares) < 1.5
+
+
+def test_faults_on_a_stream_make_no_jump(kit):
+    chance = random.Random(5)
+
+    def rate(t):
+        return 3000.0 * math.sin(t), 2500.0 * math.sin(0.7 * t)
+
+    rig = Rig(kit, sample_period_ns=10 * MS)
+    for reading, _ in kit.stream(rate, seconds=30.0, loss=0.2, timer_ms=16.0041, seed=7):
+        shown = reading
+        if chance.random() < 0.05:
+            ticks = tuple(chance.randrange(-HALF, HALF) for _ in range(4))
+            shown = EncoderReading(
+                ticks=ticks, received_ns=reading.received_ns, sent_ns=reading.sent_ns
+            )
+        rig.take(shown)
+    rig.check_no_jump()
+    rig.check_covariance_grew()
+    assert len(rig.estimates) > 1500
+    assert rig.odometer.counters["odometry_rejected"] > 100
+    turned = rig.estimates[-1].motor_ticks[0]
+    assert turned == pytest.approx(3000.0 * (1.0 - math.cos(30.0)), abs=120)
+
+
+def test_the_dialect_may_become_known_later(kit):
+    rig = Rig(kit)
+    straight(rig, 20)
+    last_ns = rig.estimates[-1].stamp_ns
+    rig.odometer.set_sample_period(10 * MS)
+    last = 1_000_000 + 19 * 30
+    rig.feed(last, last, after_ms=50.0, after_gap=True)
+    rig.feed(last, last)
+    for _ in range(10):
+        rig.feed(last, last)
+    assert rig.estimates[-1].stamp_ns > last_ns
+    rig.check_no_jump()
+
+
+def test_the_same_dialect_again_keeps_what_the_clock_learned(kit):
+    rig, _ = stream(kit, lambda _: (3000.0, 3000.0), seconds=8.0, ppm=100.0, seed=8)
+    drift = rig.odometer.drift_ppm
+    assert rig.odometer.locked
+    rig.odometer.set_sample_period(10 * MS)
+    assert rig.odometer.drift_ppm == drift != 0.0

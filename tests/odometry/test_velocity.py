@@ -1,0 +1,93 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from yahboomd.odometry.velocity import Velocity
+
+MS = 1_000_000
+
+
+@pytest.fixture
+def velocity(kit):
+    made = Velocity(kit.differential(), kit.motors())
+    made.interrupt((0, 0))
+    return made
+
+
+def run(velocity, path, step_ms=10):
+    """Speeds of the left wheel after each step; ``path`` gives its travel in ticks."""
+    speeds = []
+    for travel in path:
+        now = math.floor(travel)
+        window = velocity.step((now, now), step_ms * MS)
+        speeds.append(velocity.motor_speeds(window)[0])
+    return speeds
+
+
+def test_a_steady_speed_reads_true_within_one_tick_of_its_window(velocity, kit):
+    for speed in (0.01, 0.05, 0.2, 0.5, 1.0):
+        fresh = Velocity(kit.differential(), kit.motors())
+        fresh.interrupt((0, 0))
+        ticks = speed * 0.010 / kit.tick_m
+        read = run(fresh, [ticks * n for n in range(1, 200)])[20:]
+        longest_s = 0.1 if ticks * 10 < 32 else 0.02
+        assert all(abs(each - speed) <= kit.tick_m / longest_s for each in read)
+
+
+def test_a_slow_wheel_does_not_read_as_standing_and_darting(velocity, kit):
+    # One tick every 30 ms: 5.3 mm/s, where one sample says 0 or 16.
+    read = run(velocity, [n / 3 for n in range(1, 300)])[20:]
+    assert min(read) > 0.0
+    assert max(read) - min(read) <= 1.01 * kit.tick_m / 0.1
+
+
+def test_fast_motion_is_told_from_twenty_milliseconds(velocity, kit):
+    run(velocity, [40 * n for n in range(1, 50)])
+    stopped = [40 * 49] * 2
+    assert run(velocity, stopped)[-1] < 0.5 * 40 * kit.tick_m / 0.010
+
+
+def test_a_wheel_that_stopped_reads_zero_within_the_longest_window(velocity):
+    read = run(velocity, [40 * n for n in range(1, 50)] + [40 * 49] * 10)
+    assert read[-1] == 0.0
+
+
+def test_unequal_steps_are_divided_by_their_own_time(velocity, kit):
+    ticks, total = 30, 0
+    read = []
+    for step_ms in [10, 30, 20, 10, 10, 40] * 10:
+        total += ticks * step_ms // 10
+        read.append(velocity.motor_speeds(velocity.step((total, total), step_ms * MS))[0])
+    assert read == pytest.approx([ticks * kit.tick_m / 0.010] * len(read))
+
+
+def test_readings_farther_apart_than_the_window_still_give_a_speed(velocity, kit):
+    read = run(velocity, [1000 * n for n in range(1, 5)], step_ms=500)
+    assert read == pytest.approx([1000 * kit.tick_m / 0.5] * 4)
+
+
+def test_an_interruption_is_not_looked_across(velocity):
+    run(velocity, [40 * n for n in range(1, 50)])
+    velocity.interrupt((5000, 5000))
+    window = velocity.step((5000, 5000), 10 * MS)
+    assert velocity.motor_speeds(window) == (0.0, 0.0)
+
+
+def test_without_two_readings_there_is_no_speed(kit):
+    velocity = Velocity(kit.differential(), kit.motors())
+    window = velocity.step((7, 7), 10 * MS)
+    assert window.span_ns == 0
+    assert velocity.motor_speeds(window) == (0.0, 0.0)
+    assert velocity.twist(window).is_zero
+
+
+def test_the_twist_is_that_of_the_wheels(velocity, kit):
+    for n in range(1, 10):
+        window = velocity.step((30 * n, 40 * n), 10 * MS)
+    twist = velocity.twist(window)
+    left, right = velocity.motor_speeds(window)
+    assert twist.vx == pytest.approx((left + right) / 2)
+    assert twist.vy == 0.0
+    assert twist.wz == pytest.approx((right - left) / kit.track_m)
