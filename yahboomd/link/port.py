@@ -261,12 +261,12 @@ async def open_port(options: PortOptions, clock: Clock) -> SerialPort:
     try:
         device.open()
     except (OSError, termios.error) as error:
-        raise _explained(options.path, error) from error
+        raise explained(options.path, error) from error
     try:
         _claim(device, hangup_on_close=options.hangup_on_close)
     except (OSError, termios.error) as error:
         device.close()
-        raise _explained(options.path, error) from error
+        raise explained(options.path, error) from error
     port = SerialPort(device, options, clock)
     await serial_asyncio.connection_for_serial(asyncio.get_running_loop(), lambda: port, device)
     # The transport introduces itself at the loop's next turn.
@@ -282,7 +282,8 @@ def _claim(device: _Serial, *, hangup_on_close: bool) -> None:
     termios.tcsetattr(device.fileno(), termios.TCSANOW, attributes)
 
 
-def _explained(path: str, error: Exception) -> LinkError:
+def explained(path: str, error: Exception) -> LinkError:
+    """Why a port cannot be opened, as the error to raise."""
     code = getattr(error, "errno", None)
     words = str(error)
     if code in {errno.ENOENT, errno.ENODEV, errno.ENXIO, errno.EIO}:

@@ -20,6 +20,9 @@ STAND_WITHIN_S = 0.6
 REPEAT_S = 0.1
 """How often the brake is said again meanwhile."""
 
+RUNAWAY_TICKS_PER_S = 200.0
+"""A wheel that gains so much while it is braked, and a quarter more than it had, is cut at once."""
+
 DRAIN_S = 0.2
 
 
@@ -74,8 +77,12 @@ async def bring_to_rest(
             for frame in dialect.arm:
                 port.write(frame)
         brake_due_ns = start_ns + nanoseconds(REPEAT_S)
+        first: float | None = None
         while not watch.standing and clock.now_ns() < deadline_ns:
             await _pause(clock, CONNECT_SPACING_NS)
+            first = watch.speed if first is None else first
+            if dialect.cut is not None and _runs_away(first, watch.speed):
+                break
             if clock.now_ns() >= brake_due_ns:
                 port.write(dialect.brake)
                 brakes += 1
@@ -100,6 +107,11 @@ async def bring_to_rest(
         took_s=seconds(took_ns),
         brakes=brakes,
     )
+
+
+def _runs_away(first: float | None, now: float | None) -> bool:
+    """Braking makes it faster: a wheel whose encoder runs backward. Only the cut ends that."""
+    return first is not None and now is not None and now > 1.25 * first + RUNAWAY_TICKS_PER_S
 
 
 async def _pause(clock: Clock, ns: int) -> None:

@@ -1,0 +1,337 @@
+"""``yahboomd probe``: find the port, name the board, explain what is wrong, store its settings."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import os
+import re
+import shutil
+import sys
+from collections.abc import Sequence
+
+import msgspec
+
+from yahboomd.cli import probe_report, probe_text
+from yahboomd.cli.options import (
+    add_bus_options,
+    add_config_options,
+    add_port_option,
+    daemon_endpoints,
+    read_config,
+)
+from yahboomd.cli.probe_report import Report, StoredValue
+from yahboomd.clock import SystemClock
+from yahboomd.config import Config
+from yahboomd.errors import BoardSilent, LinkError, PortBusy, YahboomdError
+from yahboomd.link import diagnosis, discovery, flash, probing
+from yahboomd.link.port import Port, PortOptions, holders, open_port
+from yahboomd.link.session import Opener
+from yahboomd.protocol.dialect import SettingWrite
+from yahboomd.protocol.settings import BoardSettings, check_storable
+
+FOUND_WANTING = 1
+"""The exit status of a board that must not be driven as it is, or does not store what it should."""
+
+DESCRIPTION = """\
+Find the board's port, stop its wheels, ask it everything it can tell, and explain what is wrong.
+Nothing moves, and nothing is written to the board unless --write is given.
+"""
+
+EPILOG = """\
+examples:
+  yahboomd probe                          the only board on USB
+  yahboomd probe --list                   the serial ports of this machine
+  yahboomd probe --write                  store the configured profile's settings on the board
+  yahboomd probe --write --set board.profile=310
+
+exit status: 0 the board may be driven; 1 it must not, as it is; 69 no port, a held one, or no
+board; 77 no permission; 78 a mistake in the configuration, or several boards to choose from.
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the command."""
+    parser = subparsers.add_parser(
+        "probe",
+        description=DESCRIPTION,
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--list", action="store_true", help="list the serial ports, open none")
+    parser.add_argument("--json", action="store_true", help="one JSON object, for programs")
+    parser.add_argument(
+        "--write",
+        action="store_true",
+        help="store the profile's settings in the board's flash: only what differs, one value at "
+        "a time, each read back, the wheels at rest",
+    )
+    parser.add_argument(
+        "--pid",
+        metavar="P,I,D",
+        type=_gains,
+        help="with --write: the gains of the board's speed loop, too (the vendor's: 0.8,0.06,0.5); "
+        "the board restarts",
+    )
+    parser.add_argument(
+        "--yes", action="store_true", help="with --write: do not ask before storing"
+    )
+    add_port_option(parser)
+    add_config_options(parser)
+    add_bus_options(parser)
+
+
+def _gains(text: str) -> tuple[float, float, float]:
+    try:
+        p, i, d = (float(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"three numbers, as 0.8,0.06,0.5, not {text!r}") from None
+    return p, i, d
+
+
+def run(args: argparse.Namespace) -> int:
+    """Probe.
+
+    Returns:
+        0 for a board that may be driven, 1 for one that must not.
+
+    Raises:
+        LinkError: The port or the board is not to be had; with what is wrong.
+        ConfigError: The configuration has mistakes, or several ports could be the board's.
+    """
+    if args.list:
+        return _list(as_json=args.json)
+    try:
+        return _probe(args)
+    except YahboomdError as error:
+        if not args.json:
+            raise
+        print(_json(Report(error=str(error), ports=discovery.candidates())))
+        return error.exit_code
+
+
+def _list(*, as_json: bool) -> int:
+    found = discovery.candidates()
+    if as_json:
+        print(_json(Report(ports=found)))
+    else:
+        name = discovery.UDEV_NAME
+        target = os.path.realpath(name) if os.path.exists(name) else ""
+        print("\n".join(probe_text.listing(found, name, target)))
+        if hint := discovery.without_driver():
+            print(hint)
+    return os.EX_OK if found else os.EX_UNAVAILABLE
+
+
+def _probe(args: argparse.Namespace) -> int:
+    config = read_config(args).config
+    want = config.profile().settings
+    if args.pid is not None:
+        want = msgspec.structs.replace(want, pid=args.pid)
+    check_storable(want)
+    port = discovery.choose(config.serial.port, discovery.candidates())
+    try:
+        report = _examine(port, config, want, reopening=not args.write)
+    except PortBusy as error:
+        told = None if args.write else _ask_daemon(args, config, port, want)
+        if told is None:
+            raise _with_hints(error, port) from error
+        report = told
+    except LinkError as error:
+        raise _with_hints(error, port) from error
+    if not args.json:
+        print("\n".join(_painted(probe_text.text(report))))
+    if args.write:
+        return _write(args, port, config, want, report)
+    if args.json:
+        print(_json(report))
+    else:
+        print("\n".join(("", *_painted(probe_text.verdict(report, _width())))))
+    return FOUND_WANTING if report.problems else os.EX_OK
+
+
+def _examine(port: str, config: Config, want: BoardSettings, *, reopening: bool) -> Report:
+    clock = SystemClock()
+    opener = _opener(port, config, clock)
+
+    async def both() -> tuple[probing.Examination, probing.Reopening | None]:
+        found = await probing.examine(opener, clock, want)
+        if found.dialect is None or not reopening:
+            return found, None
+        return found, await probing.reopen(opener, clock, found)
+
+    found, reopened = asyncio.run(both())
+    if found.dialect is None:
+        serial = config.serial
+        lines = ", ".join(
+            f"{name} {'on' if on else 'off'}"
+            for name, on in (("DTR", serial.dtr), ("RTS", serial.rts))
+        )
+        raise BoardSilent(
+            f"{port}: no board answers (opened at {serial.baudrate} baud, {lines}).",
+            remedy=diagnosis.what_was_heard(found.heard),
+        )
+    return _report(port, config, found, reopened, want)
+
+
+def _report(
+    port: str,
+    config: Config,
+    found: probing.Examination,
+    reopened: probing.Reopening | None,
+    want: BoardSettings,
+) -> Report:
+    return probe_report.report(
+        found,
+        reopened,
+        port=port,
+        device=os.path.realpath(port),
+        profile=config.profile(),
+        want=want,
+        wanted_dialect=config.serial.dialect,
+    )
+
+
+def _opener(port: str, config: Config, clock: SystemClock) -> Opener:
+    serial = config.serial
+    options = PortOptions(
+        path=port,
+        baudrate=serial.baudrate,
+        dtr=serial.dtr,
+        rts=serial.rts,
+        hangup_on_close=serial.hangup_on_close,
+    )
+
+    async def open_it() -> Port:
+        return await open_port(options, clock)
+
+    return open_it
+
+
+def _with_hints(error: LinkError, port: str) -> LinkError:
+    """The same error, with what this machine's state adds to it."""
+    hints = diagnosis.hints(error, port, found=discovery.candidates())
+    return type(error)(error.message, remedy=" ".join(hints) or error.remedy)
+
+
+def _ask_daemon(
+    args: argparse.Namespace, config: Config, port: str, want: BoardSettings
+) -> Report | None:
+    """What the daemon that holds the port knows of the board; None where none answers."""
+    from yahboomd.cli.probe_client import ask_board
+
+    found = asyncio.run(ask_board(daemon_endpoints(args, config), config))
+    if found is None:
+        return None
+    who = ", ".join(holders(port)) or "another process"
+    held = (
+        f"The port is held by {who}, and this is what the daemon knows over the bus. With the "
+        "daemon ended, probe also tells whether the counters survive a reopening."
+    )
+    return msgspec.structs.replace(_report(port, config, found, None, want), advice=(held,))
+
+
+# Storing.
+
+
+def _write(
+    args: argparse.Namespace, port: str, config: Config, want: BoardSettings, report: Report
+) -> int:
+    stored: tuple[StoredValue, ...] = ()
+    after = report
+    if report.differing:
+        if not _agreed(args, len(report.differing)):
+            _say(args, "Nothing was stored.")
+            return FOUND_WANTING if report.problems else os.EX_OK
+        clock = SystemClock()
+        opener = _opener(port, config, clock)
+        _say(args, "")
+        storing = asyncio.run(flash.store(opener, clock, want, None if args.json else _Printed()))
+        stored = tuple(_value(step) for step in storing.steps)
+        after = _examine(port, config, want, reopening=False)
+    complete = all(value.outcome == "stored" for value in stored) and not after.differing
+    if args.json:
+        print(_json(msgspec.structs.replace(after, stored=stored)))
+    elif report.settings:
+        done = f"The board stores the profile {after.profile}."
+        _say(args, f"\n{done if complete else 'The board does not store all of it.'}")
+        print("\n".join(_painted(probe_text.verdict(after, _width()))))
+    else:
+        _say(args, "\nThere is nothing to store.")
+    return os.EX_OK if complete and not after.problems else FOUND_WANTING
+
+
+def _agreed(args: argparse.Namespace, count: int) -> bool:
+    if args.yes or not sys.stdin.isatty():
+        return True
+    values = "this value" if count == 1 else f"these {count} values"
+    print(f"\nStore {values} in the board's flash? [y/N] ", end="", file=sys.stderr, flush=True)
+    return sys.stdin.readline().strip().lower() in {"y", "yes"}
+
+
+class _Printed(flash.Progress):
+    """Says what is stored, as it happens."""
+
+    def __init__(self) -> None:
+        self._had = BoardSettings()
+
+    def begins(self, writes: tuple[SettingWrite, ...], had: BoardSettings) -> None:
+        self._had = had
+        print(f"storing {len(writes)} of the board's values, one at a time, the wheels at rest:")
+
+    def step(self, step: flash.Step, has: BoardSettings) -> None:
+        name = step.write.reply_to
+        rows = probe_report.setting_rows(self._had, has, ())
+        row = next(each for each in rows if each.command == name)
+        before, now = probe_text.shown(row)
+        notes: list[str] = [step.outcome]
+        if step.outcome == "refused":
+            notes.append(f"the board says {step.answer!r}")
+        elif not step.answer:
+            notes.append("no answer heard, but read back")
+        if step.attempts > 1:
+            notes.append(f"{step.attempts} attempts")
+        print(f"  {row.name:<16}{before} -> {now}   {', '.join(notes)}", flush=True)
+
+
+def _value(step: flash.Step) -> StoredValue:
+    return StoredValue(
+        command=step.write.reply_to,
+        outcome=step.outcome,
+        answer=step.answer,
+        attempts=step.attempts,
+        took_s=round(step.took_s, 3),
+    )
+
+
+def _say(args: argparse.Namespace, words: str) -> None:
+    if not args.json:
+        print(words)
+
+
+def _json(report: Report) -> str:
+    return msgspec.json.format(msgspec.json.encode(report), indent=2).decode()
+
+
+def _width() -> int:
+    return min(100, shutil.get_terminal_size((100, 24)).columns)
+
+
+# Colours, on a terminal that wants them.
+
+_COLOURS = {
+    re.escape(probe_text.READY): "1;32",
+    re.escape(probe_text.NOT_READY): "1;31",
+    rf"{probe_text.DIFFERS}$": "33",
+    r"^stored value .*": "1",
+    r"^(?:port|board|supply|counters|wheels|reopening|settings)\b(?=  )": "1",
+}
+
+
+def _painted(lines: Sequence[str]) -> list[str]:
+    if not sys.stdout.isatty() or os.environ.get("NO_COLOR"):
+        return list(lines)
+    painted = list(lines)
+    for pattern, code in _COLOURS.items():
+        painted = [re.sub(pattern, f"\x1b[{code}m\\g<0>\x1b[0m", line) for line in painted]
+    return painted

@@ -1,0 +1,67 @@
+"""The bus half of ``yahboomd probe``: what the daemon that holds the port knows of its board."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import msgspec
+
+from yahboomd.bus import keys
+from yahboomd.cli.bus_client import BusClient, client_options
+from yahboomd.cli.incoming import read_sample
+from yahboomd.config import Config
+from yahboomd.errors import BusError
+from yahboomd.link.conversation import Heard
+from yahboomd.link.probing import Examination
+from yahboomd.messages.native import ServiceReply
+from yahboomd.protocol.framing import FramerCounters
+from yahboomd.protocol.registry import DIALECTS
+from yahboomd.protocol.settings import BoardSettings
+
+
+async def ask_board(endpoints: tuple[str, ...], config: Config) -> Examination | None:
+    """Ask for the board's facts; None where no daemon answers, or its board is not there.
+
+    Args:
+        endpoints: Where the daemon is reached.
+        config: Names the namespace, and Zenoh's own file.
+    """
+    client = BusClient(client_options(endpoints, config))
+    try:
+        await client.open()
+    except BusError:
+        return None
+    try:
+        payloads = await client.ask(keys.BOARD)
+    finally:
+        await client.close()
+    replies = (read_sample(payload, ServiceReply) for payload in payloads)
+    known = (examination(reply.data) for reply in replies if reply is not None and reply.success)
+    return next((each for each in known if each is not None), None)
+
+
+def examination(facts: Mapping[str, Any]) -> Examination | None:
+    """What a daemon told of its board, as if it had been asked on the port.
+
+    Args:
+        facts: The data of ``yahboomd/board``.
+    """
+    dialect = DIALECTS.get(str(facts.get("dialect")))
+    if dialect is None:
+        return None
+    gains = tuple(facts.get(name) for name in ("p", "i", "d"))
+    named = {name: facts[name] for name in BoardSettings.__struct_fields__ if name in facts}
+    try:
+        settings = msgspec.convert(
+            {**named, "pid": None if None in gains else gains}, BoardSettings
+        )
+        volts = msgspec.convert(facts.get("volts"), float | None)
+    except msgspec.ValidationError:
+        return None
+    return Examination(
+        dialect=dialect,
+        settings=settings if dialect.read_settings is not None else None,
+        volts=volts,
+        heard=Heard(counters=FramerCounters()),
+    )

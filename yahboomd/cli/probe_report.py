@@ -1,0 +1,235 @@
+"""What ``yahboomd probe`` has found and what it means, as one value. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+
+import msgspec
+
+from yahboomd.link.discovery import Candidate
+from yahboomd.link.flash import Outcome
+from yahboomd.link.probing import Examination, Reopening, Survival
+from yahboomd.model import Counts
+from yahboomd.protocol.dialect import SettingValue
+from yahboomd.protocol.settings import (
+    PROFILES,
+    BoardSettings,
+    MotorProfile,
+    problems,
+)
+
+LOW_VOLTS = 5.5
+"""Below it the board lives on its USB plug: the motors have no supply of their own."""
+
+
+class SettingRow(msgspec.Struct, frozen=True, kw_only=True):
+    """One stored value beside the wanted one, in the board's units.
+
+    Attributes:
+        name: What it is, in words.
+        command: The command that stores it.
+        have: What the board stores; None where it did not tell.
+        want: What it should store; None leaves the value alone.
+        differs: Whether `probe --write` would store it.
+    """
+
+    name: str
+    command: str
+    have: SettingValue | None
+    want: SettingValue | None
+    differs: bool
+
+
+class StoredValue(msgspec.Struct, frozen=True, kw_only=True):
+    """One value that `probe --write` tried to store.
+
+    Attributes:
+        command: The command that stores it.
+        outcome: ``stored`` (and read back), ``refused`` by the board, or ``failed``.
+        answer: What the board said; empty where its answer was not heard.
+        attempts: How often it was sent.
+        took_s: Until it was read back.
+    """
+
+    command: str
+    outcome: Outcome
+    answer: str
+    attempts: int
+    took_s: float
+
+
+class Report(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """One probe.
+
+    Attributes:
+        port: The port that was probed; empty where none was found.
+        device: The device behind it, where the port is a link.
+        dialect: How the board is spoken to; None where none answered.
+        firmware: Its version, where it tells.
+        volts: The supply of its motors.
+        ticks: Its counters.
+        standing: Whether the wheels were seen to stand.
+        reopen: Whether the counters survive closing and opening the port; None: not tried.
+        profile: The motors that the configuration names.
+        settings: The stored values; empty where the board stores none.
+        problems: Why the board must not be driven like this; each with its remedy.
+        advice: What else is worth knowing.
+        error: What went wrong.
+        ports: The ports of this machine.
+        stored: What `--write` did, value by value.
+    """
+
+    port: str = ""
+    device: str = ""
+    dialect: str | None = None
+    firmware: str | None = None
+    volts: float | None = None
+    ticks: Counts | None = None
+    standing: bool | None = None
+    reopen: Survival | None = None
+    profile: str = ""
+    settings: tuple[SettingRow, ...] = ()
+    problems: tuple[str, ...] = ()
+    advice: tuple[str, ...] = ()
+    error: str | None = None
+    ports: tuple[Candidate, ...] = ()
+    stored: tuple[StoredValue, ...] = ()
+
+    @property
+    def differing(self) -> tuple[SettingRow, ...]:
+        """The values that differ from the profile."""
+        return tuple(row for row in self.settings if row.differs)
+
+
+def report(
+    found: Examination,
+    reopening: Reopening | None,
+    *,
+    port: str,
+    device: str,
+    profile: MotorProfile,
+    want: BoardSettings,
+    wanted_dialect: str,
+) -> Report:
+    """Put together what a board told and what it means.
+
+    Args:
+        found: What the board told; it has answered.
+        reopening: What opening the port once more did.
+        port: The port, as it was named.
+        device: The device behind it.
+        profile: The motors that the configuration names.
+        want: What the board should store for them.
+        wanted_dialect: ``serial.dialect``.
+    """
+    dialect, settings = found.dialect, found.settings
+    assert dialect is not None
+    rows: tuple[SettingRow, ...] = ()
+    wrong: list[str] = []
+    if wanted_dialect not in {"auto", dialect.name}:
+        wrong.append(
+            f"The configuration wants the {wanted_dialect} dialect, the board speaks "
+            f'{dialect.name}. Set serial.dialect = "auto".'
+        )
+    if settings is not None:
+        writes = dialect.write_settings(settings, want)
+        rows = setting_rows(settings, want, {write.reply_to for write in writes})
+        wrong += problems(settings, profile)
+        if settings.pid is not None and not any(settings.pid):
+            wrong.append(
+                "The gains P, I and D are all stored as 0: no wheel would ever turn. Store the "
+                "vendor's with `yahboomd probe --write --pid 0.8,0.06,0.5`."
+            )
+    elif dialect.read_settings is not None:
+        wrong.append(
+            "The board does not tell its settings whole, and without them no wheel may turn: a "
+            "bad cable, or noise from the motors."
+        )
+    return Report(
+        port=port,
+        device=device,
+        dialect=dialect.name,
+        firmware=None if settings is None else settings.version,
+        volts=found.volts,
+        ticks=found.ticks,
+        standing=found.standing,
+        reopen=None if reopening is None else reopening.survival,
+        profile=profile.name,
+        settings=rows,
+        problems=tuple(wrong),
+        advice=(*_other_profiles(settings, profile), *_advice(found, reopening)),
+    )
+
+
+def _other_profiles(settings: BoardSettings | None, profile: MotorProfile) -> tuple[str, ...]:
+    """Where the board is set up for other motors than the configuration names."""
+    if settings is None or settings.motor_type == profile.motor_type:
+        return ()
+    fitting = [
+        name
+        for name, other in PROFILES.items()
+        if (settings.motor_type, settings.lines, settings.ratio)
+        == (other.motor_type, other.lines, round(other.ratio))
+    ]
+    return tuple(
+        f"What the board stores fits the profile {name}: if those are the motors, do not store "
+        f'anything, but set board.profile = "{name}".'
+        for name in fitting
+    )
+
+
+def _advice(found: Examination, reopening: Reopening | None) -> Iterable[str]:
+    if found.standing is False:
+        yield (
+            "A wheel turns though its motor is let go: somebody moves it, or it is no motor of "
+            "this board's."
+        )
+    if found.ticks is None:
+        yield "No counters came: without them there is no odometry."
+    if found.volts is not None and found.volts < LOW_VOLTS:
+        yield (
+            f"The motors' supply has {found.volts:.1f} V: is the battery connected, charged and "
+            "switched on? USB alone does not turn motors."
+        )
+    if reopening is None:
+        return
+    if reopening.survival == "reset":
+        yield (
+            "Opening the port resets the board, so a restart of the daemon loses what the wheels "
+            "travelled meanwhile. The port's DTR line does that: try --set serial.dtr=false, and "
+            "see that serial.hangup_on_close is false; then probe again."
+        )
+    elif reopening.survival == "unknown" and reopening.after is not None:
+        yield (
+            "The counters are near zero, so it cannot be told whether opening the port resets "
+            "the board: turn a wheel by hand, half a turn, and probe again."
+        )
+
+
+def setting_rows(
+    have: BoardSettings, want: BoardSettings, differing: Collection[str]
+) -> tuple[SettingRow, ...]:
+    """The stored values beside the wanted ones.
+
+    Args:
+        have: What the board stores.
+        want: What it should store.
+        differing: The commands of the values that differ, as the dialect compares them.
+    """
+    return tuple(
+        SettingRow(
+            name=name,
+            command=command,
+            have=getattr(have, field),
+            want=getattr(want, field),
+            differs=command in differing,
+        )
+        for name, command, field in (
+            ("motor type", "mtype", "motor_type"),
+            ("dead zone", "deadzone", "deadzone"),
+            ("encoder lines", "mline", "lines"),
+            ("gear ratio", "mphase", "ratio"),
+            ("wheel diameter", "wdiameter", "wheel_diameter_mm"),
+            ("gains P, I, D", "MPID", "pid"),
+        )
+    )

@@ -1,0 +1,141 @@
+"""The port half of ``yahboomd stop``: taking the port, and saying how the stop went.
+
+What takes long to import is imported where it is used: see :mod:`yahboomd.link.seize`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from yahboomd.cli.options import read_config
+from yahboomd.errors import ConfigError, LinkError, PortBusy
+from yahboomd.link.seize import PATIENCE_S, Seized, seize
+
+if TYPE_CHECKING:
+    from yahboomd.config import Config
+    from yahboomd.link.takeover import TakeoverReport
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+@contextlib.contextmanager
+def undisturbed() -> Iterator[None]:
+    """Go on to the end whoever is impatient: it takes some seconds at most."""
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in _SIGNALS}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def needs_no_configuration(args: argparse.Namespace) -> bool:
+    """Whether the port was named, and nobody asked for another way to open it."""
+    told = args.config or args.overrides or any(name.startswith(_SERIAL) for name in os.environ)
+    return bool(args.port) and not told
+
+
+def configuration(args: argparse.Namespace) -> Config:
+    """The configuration; a broken one must not keep the wheels turning."""
+    try:
+        return read_config(args).config
+    except ConfigError as error:
+        from yahboomd.config import Config
+
+        warn(f"{error}\nStopping with the defaults instead.")
+        return Config()
+
+
+def take(
+    args: argparse.Namespace, config: Config | None, *, patience_s: float = PATIENCE_S
+) -> Seized:
+    """Take the port and say the first stop.
+
+    Args:
+        args: Names the port, perhaps.
+        config: How it is opened; None for the defaults, with the port that ``args`` names.
+        patience_s: How long to try again while somebody else holds it.
+
+    Raises:
+        LinkError: It cannot be had.
+        ConfigError: Several ports could be the board's.
+    """
+    path: str = args.port or (config.serial.port if config is not None else "")
+    if not path:
+        from yahboomd.link.discovery import candidates, choose
+
+        path = choose("", candidates())
+    try:
+        if config is None:
+            return seize(path, patience_s=patience_s)
+        return seize(
+            path,
+            baudrate=config.serial.baudrate,
+            dtr=config.serial.dtr,
+            rts=config.serial.rts,
+            hangup_on_close=config.serial.hangup_on_close,
+            patience_s=patience_s,
+        )
+    except OSError as error:
+        raise _explained(path, error) from error
+
+
+def _explained(path: str, error: OSError) -> LinkError:
+    from yahboomd.link.diagnosis import busy
+    from yahboomd.link.port import explained, holders
+
+    why = explained(path, error)
+    if not isinstance(why, PortBusy):
+        return why
+    hints = " ".join(busy(holders(path)))
+    return PortBusy(
+        why.message,
+        remedy="Only its owner can stop the wheels: end it (a daemon stops them as it ends), then "
+        f"stop again. {hints}".rstrip(),
+    )
+
+
+def tell(report: TakeoverReport) -> bool:
+    """Say how a stop on the port went; whether the wheels were seen to stand."""
+    words = describe(report)
+    if report.stood:
+        print(words)
+    else:
+        warn(words)
+    return report.stood is True
+
+
+def describe(report: TakeoverReport) -> str:
+    """How a stop on the port went, in words."""
+    if report.dialect is None:
+        from yahboomd.link.diagnosis import what_was_heard
+
+        return (
+            f"{report.port}: both dialects' stop was said, but no board answers, so nobody can "
+            f"tell whether the wheels stand. {what_was_heard(report.heard)}"
+        )
+    where = f"{report.port} ({report.dialect} board)"
+    if report.stood is None:
+        return f"{where}: stopped, but no counters came: look at the wheels."
+    after = f"{report.within_s:.2f} s after the first stop frame"
+    if not report.stood:
+        return (
+            f"{where}: the wheels still turn, {after}, and nothing more can be commanded. Unless a "
+            "hand or a slope turns them, switch off the supply of the motors."
+        )
+    released = "; they did not obey the brake and were let go" if report.cut else ""
+    return f"{where}: the wheels stand, {after}{released}."
+
+
+def warn(words: str) -> None:
+    """Say it where errors are said."""
+    print(f"yahboomd: {words}", file=sys.stderr)
+
+
+_SERIAL = "YAHBOOMD_SERIAL_"

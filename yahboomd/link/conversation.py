@@ -1,0 +1,315 @@
+"""A board and somebody who asks it questions: nothing drives it. For `stop` and `probe`.
+
+The daemon's session keeps a connection alive; a conversation has a beginning and an end. It stops
+the wheels before it asks anything, and leaves with the motors let go, whatever happens in between.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from typing import Any, Self, TypeVar
+
+import msgspec
+
+from yahboomd.clock import Clock, nanoseconds, seconds, sleep_until
+from yahboomd.errors import PortLost
+from yahboomd.link import handshake
+from yahboomd.link.handshake import Ears
+from yahboomd.link.port import Port, lost
+from yahboomd.link.standstill import StandstillWatch
+from yahboomd.link.stopping import DRAIN_S, StopReport, bring_to_rest, stop_unidentified
+from yahboomd.link.writer import Writer
+from yahboomd.model import Counts
+from yahboomd.protocol.dialect import (
+    Battery,
+    Decoded,
+    Dialect,
+    Reply,
+    Setting,
+    Totals,
+    VersionLine,
+)
+from yahboomd.protocol.framing import Framer, FramerCounters
+from yahboomd.protocol.registry import CONNECT_SPACING_NS
+from yahboomd.protocol.settings import BoardSettings
+from yahboomd.protocol.texts import decode_text
+
+T = TypeVar("T")
+
+STILL_TICKS_PER_S = 100.0
+"""Below it a wheel counts as standing where nobody knows the wheels: six counts in the watch's
+window, at most 25 mm/s at the rim with any of the vendor's gears that has an encoder."""
+
+ASK_ATTEMPTS = 3
+COUNTERS_WITHIN_S = 0.1
+BATTERY_WITHIN_S = 0.15
+POLL_PERIOD_S = 0.02
+SPACING_S = seconds(CONNECT_SPACING_NS)
+
+ANSWER_ENDS_S = 0.02
+COAST_WITHIN_S = 1.0
+
+KEPT_BYTES = 512
+
+
+class Heard(msgspec.Struct, kw_only=True):
+    """What came from the port, to explain a board that is none.
+
+    Attributes:
+        start: The first bytes, half a kilobyte at most.
+        counters: What the framer made of everything.
+        resets: How often the board announced that it has started anew.
+    """
+
+    start: bytes = b""
+    counters: FramerCounters
+    resets: int = 0
+
+
+class Conversation:
+    """One connection without motion. Enter it to listen; leaving it stops the wheels and closes.
+
+    Args:
+        port: The open port.
+        clock: What tells the time.
+        still_ticks_per_s: Below it a wheel counts as standing.
+    """
+
+    def __init__(
+        self, port: Port, clock: Clock, *, still_ticks_per_s: float = STILL_TICKS_PER_S
+    ) -> None:
+        self._port = port
+        self._clock = clock
+        self._framer = Framer()
+        self._ears: Ears | None = None
+        self._writer: Writer | None = None
+        self._writing: asyncio.Task[None] | None = None
+        self._answering = False
+        self._at_rest = False
+        self._gone: asyncio.Future[PortLost]
+        self.watch = StandstillWatch(still_ticks_per_s)
+        self.dialect: Dialect | None = None
+        self.ticks: Counts | None = None
+        self.heard = Heard(counters=self._framer.counters)
+        self.report: StopReport | None = None
+
+    async def __aenter__(self) -> Self:
+        self._gone = asyncio.get_running_loop().create_future()
+        self._port.listen(self._data, self._lost)
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        try:
+            if not self._gone.done() and not self._at_rest:
+                await self._say_goodbye()
+        finally:
+            if self._writing is not None:
+                self._writing.cancel()
+                await asyncio.gather(self._writing, return_exceptions=True)
+            self._port.close()
+            self._gone.cancel()
+            # pyserial-asyncio lets go of the device at the loop's next turn: whoever opens it
+            # again must not find it held by us.
+            await asyncio.sleep(0)
+            await asyncio.sleep(0)
+
+    @property
+    def port_name(self) -> str:
+        """The port, by name."""
+        return self._port.name
+
+    async def identify(self, wanted: str = "auto", *, stop_first: bool = True) -> Dialect:
+        """Stop the wheels, and find out who is there.
+
+        Args:
+            wanted: ``auto``, or the only dialect to accept.
+            stop_first: The stop of an unknown board has not been said on this port yet.
+
+        Raises:
+            BoardSilent: Nothing answered like a board.
+            BoardError: It answered in the other dialect than the wanted one.
+            PortLost: The port went away.
+        """
+        if stop_first:
+            await self._unless_lost(stop_unidentified(self._port, self._clock))
+        dialect = await self._unless_lost(
+            handshake.identify(self._port, self._clock, wanted, self._hear)
+        )
+        self._writer = Writer(
+            self._port,
+            self._clock,
+            resend_ns=nanoseconds(1.0),
+            spacing_ns=dialect.spacing_ns,
+        )
+        self._writing = asyncio.create_task(self._writer.run(), name="conversation-writer")
+        self.dialect = dialect
+        # The first line of an answer tells; a board that still answers loses what it is sent.
+        await self._unless_lost(self._pause(ANSWER_ENDS_S))
+        return dialect
+
+    async def request(
+        self, frame: bytes, answered: Callable[[Decoded], bool], timeout_s: float
+    ) -> bool:
+        """Send one frame and wait for its answer; whether it came.
+
+        Raises:
+            PortLost: The port went away.
+        """
+        assert self._writer is not None, "identify comes first"
+        self._at_rest = False
+        return await self._unless_lost(self._writer.request(frame, answered, timeout_s))
+
+    async def read_settings(self, expected: BoardSettings) -> BoardSettings | None:
+        """What the board stores; None for a dialect that stores nothing.
+
+        Args:
+            expected: A value that differs from it is believed when it was said twice.
+
+        Raises:
+            BoardSilent: The board does not tell.
+            PortLost: The port went away.
+        """
+        assert self._writer is not None, "identify comes first"
+        assert self.dialect is not None
+        return await self._unless_lost(
+            handshake.read_settings(self._writer, self.dialect, expected, self.port_name)
+        )
+
+    async def read_battery(self) -> float | None:
+        """The voltage of the motors' supply; None where the board does not tell."""
+        assert self.dialect is not None, "identify comes first"
+        volts: list[float] = []
+
+        def answered(said: Decoded) -> bool:
+            if isinstance(said, Battery):
+                volts.append(said.volts)
+            return bool(volts)
+
+        if self.dialect.battery is not None:
+            for _ in range(ASK_ATTEMPTS):
+                if await self.request(self.dialect.battery, answered, BATTERY_WITHIN_S):
+                    return volts[-1]
+        return None
+
+    async def read_counters(self) -> Counts | None:
+        """The counters now; None where they do not come. A stream is left switched on."""
+        assert self.dialect is not None, "identify comes first"
+        frames = self.dialect.arm if self.dialect.poll is None else (self.dialect.poll,)
+        for _ in range(ASK_ATTEMPTS):
+            for frame in frames:
+                if await self.request(frame, _is_totals, COUNTERS_WITHIN_S):
+                    return self.ticks
+        return None
+
+    async def rest(self) -> StopReport:
+        """Bring the wheels to rest and let the motors go; streams are off afterwards.
+
+        Where the brake is not obeyed the motors are cut, and watched while they coast.
+
+        Raises:
+            PortLost: The port went away.
+        """
+        assert self.dialect is not None, "identify comes first"
+        self.report = await self._unless_lost(self._rest(self.dialect))
+        self._at_rest = True
+        return self.report
+
+    async def watch_wheels(self, within_s: float) -> bool | None:
+        """Whether the wheels come to stand in time; None where the counters do not come.
+
+        Raises:
+            PortLost: The port went away.
+        """
+        assert self.dialect is not None, "identify comes first"
+        self.watch.forget()
+        deadline_ns = self._clock.now_ns() + nanoseconds(within_s)
+        while not self.watch.standing and self._clock.now_ns() < deadline_ns:
+            if self.dialect.poll is not None or self.watch.speed is None:
+                await self.read_counters()
+            await self._unless_lost(self._pause(POLL_PERIOD_S))
+        return None if self.watch.speed is None else self.watch.standing
+
+    # Leaving.
+
+    async def _rest(self, dialect: Dialect) -> StopReport:
+        report = await bring_to_rest(self._port, self._clock, dialect, self.watch)
+        if report.stood is True or dialect.cut is None:
+            return report
+        # Let go but not seen to stand: they coast, or the cut was lost.
+        start_ns = self._clock.now_ns()
+        stood = await self.watch_wheels(COAST_WITHIN_S)
+        took_s = report.took_s + seconds(self._clock.now_ns() - start_ns)
+        for frame in (dialect.cut, dialect.cut, *dialect.disarm):
+            self._port.write(frame)
+            await self._pause(len(frame) * seconds(self._port.byte_ns) + SPACING_S)
+        flushed = await self._port.drain(DRAIN_S)
+        return msgspec.structs.replace(report, stood=stood, took_s=took_s, flushed=flushed)
+
+    async def _say_goodbye(self) -> None:
+        if self.dialect is None:
+            await stop_unidentified(self._port, self._clock)
+            await self._port.drain(DRAIN_S)
+        else:
+            self.report = await self._rest(self.dialect)
+
+    # What comes in.
+
+    def _data(self, data: bytes) -> None:
+        now_ns = self._clock.now_ns()
+        if len(self.heard.start) < KEPT_BYTES:
+            self.heard.start = (self.heard.start + data)[:KEPT_BYTES]
+        for item in self._framer.feed(data):
+            if self._ears is not None:
+                self._ears(item)
+            dialect = self.dialect
+            if dialect is not None:
+                decoded = dialect.decode(item)
+                if isinstance(decoded, Totals):
+                    self.ticks = decoded.ticks
+                    self.watch.see(decoded.ticks, now_ns - item.trailing * self._port.byte_ns)
+            else:
+                decoded = decode_text(getattr(item, "text", ""))
+            self._notice_reset(decoded)
+            if self._writer is not None:
+                self._writer.heard(decoded)
+
+    def _notice_reset(self, decoded: Decoded) -> None:
+        """The version is a part of the settings, and the banner of a board that starts."""
+        if isinstance(decoded, Reply):
+            self._answering = decoded.command == "read_flash"
+        elif isinstance(decoded, Setting) and decoded.name == "pid":
+            self._answering = False
+        elif isinstance(decoded, VersionLine) and (decoded.after_reset or not self._answering):
+            self.heard.resets += 1
+            self.watch.forget()
+
+    def _hear(self, ears: Ears | None) -> None:
+        self._ears = ears
+
+    def _lost(self, error: Exception | None) -> None:
+        if not self._gone.done():
+            self._gone.set_result(lost(self._port.name, error))
+
+    async def _pause(self, s: float) -> None:
+        await sleep_until(self._clock, self._clock.now_ns() + nanoseconds(s))
+
+    async def _unless_lost(self, work: Coroutine[Any, Any, T]) -> T:
+        """Do it, but do not wait for answers of a port that is gone."""
+        task = asyncio.ensure_future(work)
+        try:
+            both: set[asyncio.Future[Any]] = {task, self._gone}
+            await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            if not task.done():
+                task.cancel()
+                await asyncio.gather(task, return_exceptions=True)
+        if self._gone.done():
+            if not task.cancelled():
+                task.exception()  # what the work made of it is an echo
+            raise self._gone.result()
+        return task.result()
+
+
+def _is_totals(said: Decoded) -> bool:
+    return isinstance(said, Totals)

@@ -1,0 +1,136 @@
+"""What can be found out about a board, and whether opening the port resets it. Nothing moves."""
+
+from __future__ import annotations
+
+from typing import Literal, TypeAlias
+
+import msgspec
+
+from yahboomd.clock import Clock
+from yahboomd.errors import BoardSilent
+from yahboomd.link.conversation import Conversation, Heard
+from yahboomd.link.session import Opener
+from yahboomd.model import Counts
+from yahboomd.protocol.dialect import Dialect
+from yahboomd.protocol.settings import BoardSettings
+
+Survival: TypeAlias = Literal["kept", "reset", "unknown"]
+
+DRIFT_TICKS = 400
+"""Wheels that are pushed meanwhile count too: a third of a turn of the vendor's usual gear."""
+
+_WRAP = 1 << 32
+
+
+class Examination(msgspec.Struct, frozen=True, kw_only=True):
+    """What a board told.
+
+    Attributes:
+        dialect: How it is spoken to; None where nothing answered like a board.
+        settings: What it stores; None where it stores nothing, or did not tell.
+        volts: The supply of its motors; None where it does not tell.
+        ticks: Its counters; None where they did not come.
+        standing: Whether the wheels were seen to stand; None where nobody could see it.
+        heard: What came from the port.
+    """
+
+    dialect: Dialect | None
+    settings: BoardSettings | None = None
+    volts: float | None = None
+    ticks: Counts | None = None
+    standing: bool | None = None
+    heard: Heard
+
+
+async def examine(
+    opener: Opener, clock: Clock, expected: BoardSettings, *, counters_only: bool = False
+) -> Examination:
+    """Open the port, stop, ask everything that can be asked, and close.
+
+    Args:
+        opener: Opens the port.
+        clock: What tells the time.
+        expected: What the board should store.
+        counters_only: Ask for nothing but the counters.
+
+    Raises:
+        LinkError: The port cannot be had, or went away.
+    """
+    talk = Conversation(await opener(), clock)
+    async with talk:
+        try:
+            dialect = await talk.identify()
+        except BoardSilent:
+            return Examination(dialect=None, heard=talk.heard)
+        settings, volts = None, None
+        if not counters_only:
+            try:
+                settings = await talk.read_settings(expected)
+            except BoardSilent:
+                settings = None
+            volts = await talk.read_battery()
+        ticks = await talk.read_counters()
+        report = await talk.rest()
+        return Examination(
+            dialect=dialect,
+            settings=settings,
+            volts=volts,
+            # The wheels may have rolled out meanwhile.
+            ticks=talk.ticks if ticks is not None else None,
+            standing=report.stood,
+            heard=talk.heard,
+        )
+
+
+class Reopening(msgspec.Struct, frozen=True, kw_only=True):
+    """What closing and opening the port did to the counters.
+
+    Attributes:
+        survival: Whether they were kept, or the board started anew; unknown where they were near
+            zero already, or did not come.
+        before: The counters before.
+        after: The counters after.
+        banner: The board announced that it has started.
+    """
+
+    survival: Survival
+    before: Counts | None
+    after: Counts | None
+    banner: bool
+
+
+def compare(before: Counts | None, after: Counts | None, *, banner: bool) -> Reopening:
+    """Tell from the counters whether a board was reset between two readings.
+
+    Args:
+        before: The counters before the port was closed.
+        after: The counters after it was opened again.
+        banner: Whether the board announced that it has started.
+    """
+    # A line that loses bytes can make a banner of the settings: counters know better, if they know.
+    survival: Survival = "reset" if banner else "unknown"
+    if before is not None and after is not None:
+        kept = all(_near(a, b) for a, b in zip(before, after, strict=True))
+        zero = all(_near(0, b) for b in after)
+        if kept != zero:
+            survival = "kept" if kept else "reset"
+    return Reopening(survival=survival, before=before, after=after, banner=banner)
+
+
+async def reopen(opener: Opener, clock: Clock, before: Examination) -> Reopening:
+    """Open the port once more, after it was closed, and look at the counters.
+
+    Args:
+        opener: Opens the port.
+        clock: What tells the time.
+        before: What was found before it was closed.
+
+    Raises:
+        LinkError: The port cannot be had, or went away.
+    """
+    again = await examine(opener, clock, BoardSettings(), counters_only=True)
+    return compare(before.ticks, again.ticks, banner=again.heard.resets > 0)
+
+
+def _near(a: int, b: int) -> bool:
+    return abs((b - a + (_WRAP >> 1)) % _WRAP - (_WRAP >> 1)) <= DRIFT_TICKS

@@ -1,0 +1,148 @@
+"""A port taken, and the first stop said on it, with nothing but the operating system.
+
+After a daemon was killed its board drives on, and every millisecond until the first stop is
+distance. asyncio and pyserial take several times as long to import as Python itself takes to start,
+so the first words are said before either is there: this file imports what Python has loaded
+anyway, or nearly so. (That is also why it asks the time itself, and repeats two constants of the
+protocol, which a test compares.)
+
+:class:`~yahboomd.link.seized.SeizedPort` takes the descriptor over: the port is opened once,
+since opening it toggles lines that the board wires to its reset.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import struct
+import termios
+import time
+from typing import NamedTuple
+
+FIRST_WORDS = (b"\n" * 64 + b"$pwm:0,0,0,0#", b"$speed:0,0,0,0#")
+"""A resync and the surest stop of each dialect; what either board does not know does no harm."""
+
+SPACING_S = 0.020
+"""Between the two: the board may refuse what comes sooner."""
+
+PATIENCE_S = 1.0
+"""How long a held port is tried again: a process that is being killed still holds it for a moment.
+"""
+
+RETRY_S = 0.02
+WRITE_WITHIN_S = 0.1
+
+_HELD = (errno.EBUSY, errno.EAGAIN)
+
+
+class Seized(NamedTuple):
+    """A port that is ours, with the stop on its way.
+
+    Attributes:
+        fd: The descriptor: exclusive, raw, not blocking.
+        path: The device.
+        baudrate: Bits per second.
+        spoken_ns: When the first stop was handed to the kernel; monotonic nanoseconds.
+    """
+
+    fd: int
+    path: str
+    baudrate: int
+    spoken_ns: int
+
+
+def seize(
+    path: str,
+    *,
+    baudrate: int = 115200,
+    dtr: bool = True,
+    rts: bool = False,
+    hangup_on_close: bool = False,
+    patience_s: float = PATIENCE_S,
+) -> Seized:
+    """Take the port for this process alone, and stop whatever board is there.
+
+    Args:
+        path: The device.
+        baudrate: Bits per second.
+        dtr: State of DTR.
+        rts: State of RTS.
+        hangup_on_close: Whether closing drops DTR.
+        patience_s: How long to try again while somebody else holds it.
+
+    Raises:
+        OSError: It cannot be had; ``errno`` says why.
+    """
+    deadline = time.monotonic() + patience_s
+    while True:
+        try:
+            fd = _take(path, dtr=dtr, rts=rts)
+            break
+        except OSError as error:
+            if error.errno not in _HELD or time.monotonic() >= deadline:
+                raise
+        time.sleep(RETRY_S)
+    try:
+        _make_raw(fd, baudrate, hangup_on_close=hangup_on_close)
+        spoken_ns = time.monotonic_ns()
+        for words in FIRST_WORDS:
+            _send(fd, words)
+            time.sleep(len(words) * 10 / baudrate + SPACING_S)
+    except BaseException:
+        os.close(fd)
+        raise
+    return Seized(fd, path, baudrate, spoken_ns)
+
+
+def _take(path: str, *, dtr: bool, rts: bool) -> int:
+    fd = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
+    try:
+        # The kernel raises both lines at every open: back to what they shall be, at once.
+        for line, raised in ((termios.TIOCM_DTR, dtr), (termios.TIOCM_RTS, rts)):
+            _set_line(fd, line, raised=raised)
+        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.ioctl(fd, termios.TIOCEXCL)
+    except BaseException:
+        os.close(fd)
+        raise
+    return fd
+
+
+def _set_line(fd: int, line: int, *, raised: bool) -> None:
+    request = termios.TIOCMBIS if raised else termios.TIOCMBIC
+    try:
+        fcntl.ioctl(fd, request, struct.pack("I", line))
+    except OSError as error:
+        # A pseudo-terminal has no such lines.
+        if error.errno not in {errno.EINVAL, errno.ENOTTY}:
+            raise
+
+
+def _make_raw(fd: int, baudrate: int, *, hangup_on_close: bool) -> None:
+    speed = getattr(termios, f"B{baudrate}", None)
+    if speed is None:
+        raise OSError(errno.EINVAL, f"{baudrate} is no baud rate of this system")
+    control = termios.CS8 | termios.CREAD | termios.CLOCAL
+    if hangup_on_close:
+        control |= termios.HUPCL
+    characters: list[bytes | int] = [b"\0"] * termios.NCCS
+    # A read that brings nothing must differ from a port that hung up.
+    characters[termios.VMIN], characters[termios.VTIME] = 1, 0
+    try:
+        termios.tcsetattr(fd, termios.TCSANOW, [0, 0, control, 0, speed, speed, characters])
+        # What was left by others is neither ours to send nor news.
+        termios.tcflush(fd, termios.TCIOFLUSH)
+    except termios.error as error:
+        raise OSError(*error.args) from error
+
+
+def _send(fd: int, data: bytes) -> None:
+    deadline = time.monotonic() + WRITE_WITHIN_S
+    while data:
+        try:
+            data = data[os.write(fd, data) :]
+        except BlockingIOError:
+            if time.monotonic() >= deadline:
+                raise OSError(errno.ETIMEDOUT, "the port takes no output") from None
+            time.sleep(RETRY_S / 10)

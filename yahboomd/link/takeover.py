@@ -1,0 +1,82 @@
+"""Bring the wheels to rest on a port whose owner is gone.
+
+The board holds the last command for ever, so whoever drove it may be long dead. This does not
+depend on anything that was known before: it stops whatever board is there, finds out which one it
+is, and looks at the counters until the wheels stand.
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+from yahboomd.clock import Clock, seconds
+from yahboomd.errors import BoardSilent
+from yahboomd.link.conversation import STILL_TICKS_PER_S, Conversation, Heard
+from yahboomd.link.port import Port
+from yahboomd.link.stopping import stop_unidentified
+
+
+class TakeoverReport(msgspec.Struct, frozen=True, kw_only=True):
+    """How a stop on a port went.
+
+    Attributes:
+        port: The port, by name.
+        dialect: What the board speaks; None where none answered.
+        stood: The counters showed standstill; None where nobody could see them.
+        cut: The motors did not obey the brake, and were let go in full motion.
+        within_s: From the first stop frame until standstill was seen, or it was given up.
+        heard: What came from the port.
+    """
+
+    port: str
+    dialect: str | None
+    stood: bool | None
+    cut: bool
+    within_s: float
+    heard: Heard
+
+
+async def take_over(
+    port: Port,
+    clock: Clock,
+    *,
+    still_ticks_per_s: float = STILL_TICKS_PER_S,
+    spoken_ns: int | None = None,
+) -> TakeoverReport:
+    """Stop, identify, brake, watch, cut, and let go of the port. Bounded: four seconds at most.
+
+    Args:
+        port: The open port; it is closed in the end.
+        clock: What tells the time.
+        still_ticks_per_s: Below it a wheel counts as standing.
+        spoken_ns: When the stop of an unknown board was said on this port; None: not yet.
+
+    Raises:
+        PortLost: The port went away.
+    """
+    began_ns = clock.now_ns() if spoken_ns is None else spoken_ns
+    talk = Conversation(port, clock, still_ticks_per_s=still_ticks_per_s)
+    async with talk:
+        try:
+            dialect = await talk.identify(stop_first=spoken_ns is None)
+        except BoardSilent:
+            # It may listen and not be heard: once more, besides the one at leaving.
+            await stop_unidentified(port, clock)
+            return TakeoverReport(
+                port=port.name,
+                dialect=None,
+                stood=None,
+                cut=False,
+                within_s=seconds(clock.now_ns() - began_ns),
+                heard=talk.heard,
+            )
+        rest_ns = clock.now_ns()
+        report = await talk.rest()
+        return TakeoverReport(
+            port=port.name,
+            dialect=dialect.name,
+            stood=report.stood,
+            cut=report.cut,
+            within_s=seconds(rest_ns - began_ns) + report.took_s,
+            heard=talk.heard,
+        )
