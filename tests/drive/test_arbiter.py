@@ -335,3 +335,63 @@ def test_motion_always_has_a_driver_whose_accepted_command_is_fresh(
             driver = decision.driver
             if not decision.twist.is_zero or not live.twist.is_zero:
                 stood = False
+
+
+def drive_with_a_clock_off(arbiter: Arbiter, ahead_ns: int) -> list[Accepted | Refused]:
+    """A second of stamped commands at 20 Hz; each arrives after 5 ms."""
+    return [
+        arbiter.offer(
+            "cmd_vel",
+            FORWARD,
+            now_ns,
+            EPOCH_NS + now_ns - 5 * MS + ahead_ns,
+            stamp_is_message=True,
+            wall_ns=EPOCH_NS + now_ns,
+        )
+        for now_ns in range(S, 2 * S + 1, 50 * MS)
+    ]
+
+
+@pytest.mark.parametrize("ahead_ns", [3 * S, -3 * S, -EPOCH_NS + 60 * S])
+def test_a_clock_that_is_off_drives_and_is_named(
+    sources: tuple[Source, ...], ahead_ns: int
+) -> None:
+    arbiter = Arbiter(sources, stamps="relative")
+    verdicts = drive_with_a_clock_off(arbiter, ahead_ns)
+    assert all(isinstance(verdict, Accepted) for verdict in verdicts)
+    assert set(arbiter.clock_warnings(2 * S)) == {"cmd_vel"}
+    assert arbiter.clock_offsets_s(2 * S)["cmd_vel"] == pytest.approx(ahead_ns / 1e9 - 0.005)
+
+
+@pytest.mark.parametrize("ahead_ns", [3 * S, -3 * S])
+def test_a_clock_that_is_off_is_named_where_it_is_refused(
+    sources: tuple[Source, ...], ahead_ns: int
+) -> None:
+    arbiter = Arbiter(sources, stamps="absolute")
+    verdicts = drive_with_a_clock_off(arbiter, ahead_ns)
+    assert all(isinstance(verdict, Refused) for verdict in verdicts)
+    assert "3.0" in arbiter.clock_warnings(2 * S)["cmd_vel"]
+
+
+@pytest.mark.parametrize("stamps", ["relative", "absolute"])
+def test_clocks_that_agree_are_not_warned_of(sources: tuple[Source, ...], stamps: str) -> None:
+    arbiter = Arbiter(sources, stamps="relative" if stamps == "relative" else "absolute")
+    verdicts = drive_with_a_clock_off(arbiter, 0)
+    assert all(isinstance(verdict, Accepted) for verdict in verdicts)
+    assert arbiter.clock_warnings(2 * S) == {}
+
+
+def test_a_backlog_of_a_clock_that_is_off_is_refused_all_the_same(
+    sources: tuple[Source, ...],
+) -> None:
+    arbiter = Arbiter(sources, stamps="relative")
+    drive_with_a_clock_off(arbiter, -3 * S)
+    late = arbiter.offer(
+        "cmd_vel",
+        FORWARD,
+        4 * S,
+        EPOCH_NS + 2 * S + 50 * MS - 3 * S,
+        stamp_is_message=True,
+        wall_ns=EPOCH_NS + 4 * S,
+    )
+    assert reason(late) == "stale"

@@ -22,6 +22,7 @@ import msgspec
 
 from yahboomd.drive.age import Age, AgeJudge, StampPolicy
 from yahboomd.drive.backlog import BacklogGate
+from yahboomd.drive.clock_offset import ClockOffset
 from yahboomd.drive.deadman import Deadman, OnTimeout
 from yahboomd.drive.windows import SlidingCounts
 from yahboomd.errors import ConfigError
@@ -120,6 +121,7 @@ class Decision(msgspec.Struct, frozen=True, kw_only=True):
 class _Line(msgspec.Struct, kw_only=True):
     source: Source
     judge: AgeJudge
+    offset: ClockOffset
     gate: BacklogGate
     deadman: Deadman
     wish: Twist2d | None = None
@@ -158,6 +160,7 @@ class Arbiter:
         self.counters: Counter[str] = Counter()
         self._recent = SlidingCounts(RECENT_NS)
         self._on_timeout = on_timeout
+        self._stamps = stamps
         self._lines: dict[str, _Line] = {}
         for source in sources:
             if source.name in self._lines:
@@ -166,6 +169,7 @@ class Arbiter:
             self._lines[source.name] = _Line(
                 source=source,
                 judge=AgeJudge(stamps, deadman.timeout_ns),
+                offset=ClockOffset(stamps, deadman.timeout_ns),
                 gate=BacklogGate(deadman.timeout_ns),
                 deadman=deadman,
             )
@@ -200,7 +204,8 @@ class Arbiter:
             now_ns: When it arrived; monotonic nanoseconds.
             stamp_ns: When it was given, on the giver's clock, where that is known.
             stamp_is_message: The stamp is the sender's own, not the transport's.
-            wall_ns: Now on the clock that stamps are compared with, for ``absolute``.
+            wall_ns: When it arrived on the clock that stamps are compared with, for ``absolute``
+                and for what :meth:`clock_offsets_s` tells.
             arrivals: How many commands of this source arrived since the last one offered.
 
         Returns:
@@ -211,6 +216,9 @@ class Arbiter:
             return self._refuse(now_ns, source, "unknown_source", "Nobody of that name may drive.")
         if not all(map(math.isfinite, (twist.vx, twist.vy, twist.wz))):
             return self._refuse(now_ns, source, "not_finite", f"{twist} is not a finite velocity.")
+        if stamp_is_message or self._stamps == "absolute":
+            # Stamps of the transport may run ahead of their sender's clock by half a second.
+            line.offset.saw(now_ns, stamp_ns, wall_ns)
         age = line.judge.judge(now_ns, stamp_ns, by_sender=stamp_is_message, wall_ns=wall_ns)
         verdict = line.gate.arrive(
             now_ns, arrivals=arrivals, proven=isinstance(age, Age) and age.proven
@@ -295,6 +303,16 @@ class Arbiter:
     def recent_refusals(self, now_ns: int) -> dict[str, int]:
         """How many commands were refused in the last two seconds, by reason."""
         return self._recent.counts(now_ns)
+
+    def clock_offsets_s(self, now_ns: int) -> dict[str, float]:
+        """The clock of each source that stamped commands lately, less ours; seconds."""
+        told = {name: line.offset.ahead_s(now_ns) for name, line in self._lines.items()}
+        return {name: ahead_s for name, ahead_s in told.items() if ahead_s is not None}
+
+    def clock_warnings(self, now_ns: int) -> dict[str, str]:
+        """For each source whose clock does not agree with ours: how far it is off, what it does."""
+        told = {name: line.offset.warning(now_ns) for name, line in self._lines.items()}
+        return {name: words for name, words in told.items() if words is not None}
 
     def forget_commands(self, now_ns: int) -> None:
         """Drop every command and whoever holds control, as if nobody had commanded anything yet.
