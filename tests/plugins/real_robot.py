@@ -47,7 +47,7 @@ class Process:
             text=True,
             env={**os.environ, "PYTHONUNBUFFERED": "1", **(environ or {})},
         )
-        self._reader = threading.Thread(target=self._read)
+        self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
     def _read(self) -> None:
@@ -97,6 +97,7 @@ class RealRobot:
         self.control_path = folder / "control"
         self.endpoint = free_endpoint()
         self._run_arguments = tuple(run)
+        self._daemons: list[Process] = []
         self.simulation = Process(
             "simulate",
             *("--link", str(self.port), "--truth", str(self.truth_path)),
@@ -113,6 +114,7 @@ class RealRobot:
             *("--set", f'zenoh.listen=["{self.endpoint}"]', "--set", "zenoh.connect=[]"),
             *("--set", f"estop.latch_file={self.folder / 'estop'}", *self._run_arguments),
         )
+        self._daemons.append(self.daemon)
         return self.daemon
 
     def do(self, command: str) -> str:
@@ -140,7 +142,8 @@ class RealRobot:
 
     def close(self) -> None:
         """End both."""
-        self.daemon.end()
+        for daemon in self._daemons:
+            daemon.end()
         self.simulation.end()
 
 

@@ -6,26 +6,17 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
-import msgspec
-
 from yahboomd.bus.options import BusOptions
-from yahboomd.bus.publishers import BusPublisher
-from yahboomd.bus.session import Bus
 from yahboomd.clock import Clock, nanoseconds
 from yahboomd.config import Config
 from yahboomd.daemon.control import Controller, ControlOptions, Outputs
 from yahboomd.daemon.latch import EstopLatch
 from yahboomd.daemon.latch_file import LatchFile
-from yahboomd.daemon.publisher import OpenOutlet
-from yahboomd.drive.arbiter import STANDING_M_S, Arbiter, Source
+from yahboomd.drive.arbiter import STANDING_M_S, Arbiter
 from yahboomd.link.discovery import candidates, choose
 from yahboomd.link.port import Port, PortOptions, open_port
 from yahboomd.link.session import Listener, Opener, Session, SessionOptions
-from yahboomd.messages.codecs import encoding_name
 from yahboomd.odometry.odometer import Odometer, OdometerOptions
-
-SPEED_MARGIN = 1.6
-"""No wheel turns faster than its board can be told, times this: 1000 units, and an overshoot."""
 
 
 def bus_options(config: Config) -> BusOptions:
@@ -42,17 +33,16 @@ def bus_options(config: Config) -> BusOptions:
 
 def arbiter(config: Config) -> Arbiter:
     """Who may drive."""
-    sources = [
-        Source(name=name, priority=source.priority, timeout_s=config.source_timeout_s(name))
-        for name, source in config.command.sources.items()
-    ]
-    return Arbiter(sources, on_timeout=config.command.on_timeout, stamps=config.command.stamps)
+    command = config.command
+    return Arbiter(config.sources(), on_timeout=command.on_timeout, stamps=command.stamps)
 
 
 def odometer(config: Config) -> Odometer:
     """What makes estimates of readings."""
-    motors = config.motors()
-    return Odometer(config.kinematics(), motors, OdometerOptions())
+    options = OdometerOptions(
+        speed_max_m_s=config.odometry.max_wheel_speed_m_s, noise_m=config.odometry.noise_m
+    )
+    return Odometer(config.kinematics(), config.motors(), options)
 
 
 def control_options(config: Config) -> ControlOptions:
@@ -68,6 +58,7 @@ def control_options(config: Config) -> ControlOptions:
         stall=config.faults.stall,
         turns_without_command=config.faults.turns_without_command,
         min_speed_m_s=config.faults.min_speed_m_s,
+        period_s=1.0 / config.command.rate_hz,
     )
 
 
@@ -125,16 +116,6 @@ def session_options(config: Config) -> SessionOptions:
 def session(config: Config, clock: Clock, listener: Listener, open_it: Opener) -> Session:
     """One connection to the board."""
     return Session(open_it, clock, listener, session_options(config))
-
-
-def outlet(config: Config, bus: Bus) -> OpenOutlet:
-    """Opens the publishers of the native plane."""
-    encoding = config.zenoh.encoding
-
-    def open_outlet(key: str, message: type[msgspec.Struct]) -> BusPublisher:
-        return bus.publisher(key, encoding=encoding_name(message, encoding))
-
-    return open_outlet
 
 
 def command_period_ns(config: Config) -> int:

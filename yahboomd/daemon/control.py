@@ -71,6 +71,7 @@ class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
         stall: What follows from a wheel that stands against its command.
         turns_without_command: What follows from a wheel that turns by itself.
         min_speed_m_s: Commands below it prove nothing about counts that stay away.
+        period_s: From one control step to the next.
     """
 
     kinematics: Kinematics
@@ -83,6 +84,7 @@ class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
     stall: Literal["stop", "report"] = "stop"
     turns_without_command: Literal["stop", "report"] = "report"
     min_speed_m_s: float = 0.08
+    period_s: float = 0.02
 
 
 class Outputs(Protocol):
@@ -134,7 +136,9 @@ class Controller:
         self._latch = latch
         self._outputs = outputs
         names = tuple(motor.name for motor in options.motors)
-        self._limiter = Limiter(options.linear, options.angular)
+        self._limiter = Limiter(
+            options.linear, options.angular, longest_step_s=max(0.1, 2 * options.period_s)
+        )
         self._check = WheelsCheck(names, min_speed_m_s=options.min_speed_m_s)
         self._stop_watch = StopWatch(names)
         self._resets = ResetWatch()
@@ -172,8 +176,12 @@ class Controller:
             self._stand(now_ns, at_once=True)
         else:
             self._drive(decision, now_ns, dt_s)
+        # Only what was measured after the wheels were told to stand shows that they do.
+        stopped = self._stop_watch.state == "stopped"
         self._arbiter.observe_wheels(
-            now_ns, commanded_zero=not any(self._command_m_s), measured_m_s=self._measured_m_s
+            now_ns,
+            commanded_zero=not any(self._command_m_s),
+            measured_m_s=self._measured_m_s if stopped else None,
         )
         if (before.why, before.driver) != (decision.why, decision.driver):
             self._outputs.changed()

@@ -24,6 +24,10 @@ from yahboomd.messages.native import ServiceReply
 from yahboomd.model import Pose2d
 
 Facts = Callable[[], dict[str, Any]]
+Action = Callable[[Request], ServiceReply]
+"""Does what is asked, and says what became of it."""
+Answer = Callable[[Request, ServiceReply], Response]
+"""Encodes what became of a request."""
 
 
 class Services:
@@ -43,25 +47,46 @@ class Services:
         self._encoding: NativeEncoding = encoding
         self._config = config
         self._board = board
-
-    def serve(self, bus: Bus) -> None:
-        """Declare everything on an open session; the e-stop first."""
-        bus.subscribe(keys.ESTOP, self._estop_samples, urgent=True, keep_oversize=True)
-        bus.serve(
-            keys.ESTOP,
-            self._estop_query,
-            fallback=self._fallback,
-            urgent=True,
-            keep_oversize=True,
-        )
-        for key, handler in {
+        self.actions: dict[str, Action] = {
+            keys.ESTOP: self._estop_query,
             keys.ESTOP_RESET: self._estop_reset,
             keys.ODOMETRY_RESET: self._odometry_reset,
             keys.ODOMETRY_SET_POSE: self._set_pose,
             keys.CONFIG: self._tell_config,
             keys.BOARD: self._tell_board,
-        }.items():
-            bus.serve(key, handler, fallback=self._fallback, wildcards=key in _READ_ONLY)
+        }
+        """What each service does, by its key; the e-stop first."""
+
+    def serve(self, bus: Bus) -> None:
+        """Declare everything on an open session; the e-stop first."""
+        bus.subscribe(keys.ESTOP, self._estop_samples, urgent=True, keep_oversize=True)
+        for key, action in self.actions.items():
+            self.offer(bus, key, action)
+
+    def offer(
+        self, bus: Bus, key: str, action: Action, answer: Answer | None = None, *, at: str = ""
+    ) -> None:
+        """Serve one action.
+
+        Args:
+            bus: An open session.
+            key: The service's own key.
+            action: What it does.
+            answer: Encodes the reply; unless given, in the encoding of the request.
+            at: Where it is offered, if that is another key.
+        """
+        encode = answer or self._answer
+        estop = key == keys.ESTOP
+        bus.serve(
+            at or key,
+            lambda request: encode(request, action(request)),
+            fallback=lambda reason, request: encode(
+                request, ServiceReply(success=False, message=reason)
+            ),
+            urgent=estop,
+            keep_oversize=estop,
+            wildcards=key in _READ_ONLY,
+        )
 
     def _estop_samples(self, arrivals: list[Arrival]) -> None:
         for arrival in arrivals:
@@ -70,43 +95,42 @@ class Services:
             else:
                 self._operator.engage_estop("a sample on yahboomd/estop")
 
-    def _estop_query(self, request: Request) -> Response:
+    def _estop_query(self, request: Request) -> ServiceReply:
         if not request.oversize and is_release_attempt(request.payload, query=True):
             words = self._operator.refuse_release("a query on yahboomd/estop")
-            return self._reply(request, ServiceReply(success=False, message=words))
+            return ServiceReply(success=False, message=words)
         words = self._operator.engage_estop("a query on yahboomd/estop")
-        return self._reply(request, ServiceReply(success=True, message=words))
+        return ServiceReply(success=True, message=words)
 
-    def _estop_reset(self, request: Request) -> Response:
+    def _estop_reset(self, _request: Request) -> ServiceReply:
         released, words = self._operator.release_estop()
-        return self._reply(request, ServiceReply(success=released, message=words))
+        return ServiceReply(success=released, message=words)
 
-    def _odometry_reset(self, request: Request) -> Response:
+    def _odometry_reset(self, _request: Request) -> ServiceReply:
         words = self._operator.set_pose(Pose2d(), None)
-        return self._reply(request, ServiceReply(success=True, message=words))
+        return ServiceReply(success=True, message=words)
 
-    def _set_pose(self, request: Request) -> Response:
+    def _set_pose(self, request: Request) -> ServiceReply:
         wanted = decode_set_pose(request.payload)
         if isinstance(wanted, Refusal):
             words = f"The pose stays as it is: {wanted.reason}: {wanted.detail}"
-            return self._reply(request, ServiceReply(success=False, message=words))
+            return ServiceReply(success=False, message=words)
         pose = Pose2d(x=wanted.x, y=wanted.y, theta=wanted.theta)
         words = self._operator.set_pose(pose, wanted.covariance)
-        return self._reply(request, ServiceReply(success=True, message=words))
+        return ServiceReply(success=True, message=words)
 
-    def _tell_config(self, request: Request) -> Response:
-        reply = ServiceReply(
+    def _tell_config(self, _request: Request) -> ServiceReply:
+        return ServiceReply(
             success=True, message="The configuration in effect.", data=self._config()
         )
-        return self._reply(request, reply)
 
-    def _tell_board(self, request: Request) -> Response:
+    def _tell_board(self, _request: Request) -> ServiceReply:
         data = self._board()
         known = bool(data.get("dialect"))
         words = "What the board told at connecting." if known else "No board is connected."
-        return self._reply(request, ServiceReply(success=known, message=words, data=data))
+        return ServiceReply(success=known, message=words, data=data)
 
-    def _reply(self, request: Request, reply: ServiceReply) -> Response:
+    def _answer(self, request: Request, reply: ServiceReply) -> Response:
         """The answer in the encoding of the question."""
         encoding: Encoding = self._encoding
         if request.payload:
@@ -114,9 +138,6 @@ class Services:
         return Response(
             payload=encode_reply(reply, encoding), encoding=encoding_name(ServiceReply, encoding)
         )
-
-    def _fallback(self, reason: str, request: Request) -> Response:
-        return self._reply(request, ServiceReply(success=False, message=reason))
 
 
 _READ_ONLY = frozenset({keys.CONFIG, keys.BOARD})

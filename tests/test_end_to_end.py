@@ -1,0 +1,237 @@
+"""A simulated board, the daemon and an application, each a process of its own."""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+from real_robot import Client, RealRobot, wait_for
+
+from yahboomd.simulation.truth import TruthSample
+
+pytestmark = pytest.mark.realtime
+
+SEPARATION_M = 0.15
+TICK_M = math.pi * 0.067 / 1320
+
+CDR_TWIST = b"\x00\x01\x00\x00" + struct.pack("<6d", 0.25, 0.0, 0.0, 0.0, 0.0, 0.6)
+COMMANDS = {
+    "json": json.dumps({"vx": 0.25, "wz": 0.6}).encode(),
+    "msgpack": msgspec.msgpack.encode({"vx": 0.25, "wz": 0.6}),
+    "cdr": CDR_TWIST,
+}
+
+
+def settled_pose(app: Client, truth: TruthSample) -> dict[str, Any]:
+    """A pose that was sampled after the robot stood."""
+    count = len(app.samples["pose"])
+    wait_for(lambda: len(app.samples["pose"]) > count + 10, "fresh poses")
+    return app.latest("pose")
+
+
+def assert_at(pose: dict[str, Any], truth: TruthSample) -> None:
+    """The pose is the truth, but for what the encoders cannot see."""
+    assert math.hypot(pose["x"] - truth.x, pose["y"] - truth.y) < 0.008
+    assert abs(pose["theta"] - truth.theta) <= 2 * TICK_M / SEPARATION_M
+
+
+def farthest_from_path(app: Client, path: list[TruthSample]) -> float:
+    """The largest distance of any published pose from the path that was truly driven, in metres."""
+    return max(
+        min(math.hypot(pose["x"] - t.x, pose["y"] - t.y) for t in path)
+        for pose in app.samples["pose"]
+    )
+
+
+@pytest.mark.parametrize("dialect", ["streamed", "polled"])
+def test_each_encoding_moves_the_robot_and_the_pose_follows_the_truth(
+    real_robot: Callable[..., RealRobot], client: Callable[..., Client], dialect: str
+) -> None:
+    robot = real_robot(
+        simulate=["--dialect", dialect, "--wheel-separation", str(SEPARATION_M)],
+        run=["--set", "command.timeout_s=2.0"],
+    )
+    app = client("client", robot.endpoint)
+    app.in_state("standing")
+    travelled = 0.0
+    for payload in COMMANDS.values():
+        app.drive(payload, 1.0)
+        truth = robot.settled_truth()
+        assert sum(truth.travel_m) > travelled + 0.3
+        travelled = sum(truth.travel_m)
+        assert_at(settled_pose(app, truth), truth)
+    assert farthest_from_path(app, robot.truth()) < 0.008
+    status = app.latest("status")
+    assert status["board"]["dialect"] == dialect
+    assert status["command"]["accepted"] >= 30
+    assert robot.daemon.end() == 0
+    assert robot.settled_truth().ticks == truth.ticks
+
+
+@pytest.mark.parametrize("mode", ["client", "peer"])
+def test_applications_on_the_same_machine_drive_and_listen(
+    real_robot: Callable[..., RealRobot], client: Callable[..., Client], mode: str
+) -> None:
+    robot = real_robot()
+    app = client(mode, robot.endpoint)
+    app.in_state("standing")
+    app.drive(COMMANDS["json"], 0.5)
+    truth = robot.settled_truth()
+    assert sum(truth.travel_m) > 0.1
+    assert_at(settled_pose(app, truth), truth)
+    answer = app.ask("yahboomd/estop")
+    assert answer["success"]
+    assert app.in_state("estopped")["why"].startswith("Emergency stop")
+
+
+@pytest.mark.parametrize("mode", ["client", "peer"])
+def test_applications_reach_it_through_a_router_that_comes_later(
+    real_robot: Callable[..., RealRobot],
+    client: Callable[..., Client],
+    zenoh_router: Any,
+    mode: str,
+) -> None:
+    robot = real_robot(run=["--set", f'zenoh.connect=["{zenoh_router.endpoint}"]'])
+    direct = client("client", robot.endpoint)
+    direct.in_state("standing")
+    zenoh_router.start()
+    app = client(mode, zenoh_router.endpoint)
+    app.in_state("standing")
+    wait_for(lambda: direct.latest("status")["bus"]["routers"], "the router in status")
+    app.drive(COMMANDS["json"], 0.5)
+    truth = robot.settled_truth()
+    assert sum(truth.travel_m) > 0.1
+    assert_at(settled_pose(app, truth), truth)
+    assert any(event["kind"] == "router_joined" for event in direct.samples["events"])
+
+
+def test_the_example_drives_the_robot_and_reads_its_pose(
+    real_robot: Callable[..., RealRobot], client: Callable[..., Client]
+) -> None:
+    robot = real_robot()
+    app = client("client", robot.endpoint)
+    app.in_state("standing")
+    example = Path(__file__).parent.parent / "examples" / "drive_in_a_circle.py"
+    done = subprocess.run(
+        [sys.executable, str(example), robot.endpoint],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    truth = robot.settled_truth()
+    last = done.stdout.rstrip().splitlines()[-1].split("\r")[-1].split()
+    x, y, theta = float(last[1]), float(last[4]), float(last[7])
+    assert math.hypot(x - truth.x, y - truth.y) < 0.01
+    assert abs(theta - truth.theta) < 0.01
+    assert theta > 3.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "words"),
+    [
+        (["--set", "chassis.wheel_separation_m=-1"], 78, "chassis.wheel_separation_m"),
+        (["--set", 'zenoh.listen=["tcp/nowhere"]'], 78, "zenoh.listen"),
+        (["--config", "/nonexistent.toml"], 78, "/nonexistent.toml"),
+    ],
+)
+def test_a_mistake_of_the_user_ends_in_a_sentence_and_a_status(
+    arguments: list[str], status: int, words: str
+) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "yahboomd", "run", *arguments],
+        capture_output=True,
+        check=False,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == status
+    assert words in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_listening_port_that_is_taken_is_named(
+    real_robot: Callable[..., RealRobot],
+) -> None:
+    robot = real_robot()
+    robot.daemon.says("Connected")
+    second = robot.start_daemon()
+    status = second.process.wait(60)
+    assert status == 69
+    second.end()
+    assert robot.endpoint.rsplit(":", 1)[-1] in second.output
+    assert "Traceback" not in second.output
+
+
+def test_a_port_that_is_missing_is_waited_for_and_named(
+    real_robot: Callable[..., RealRobot], client: Callable[..., Client]
+) -> None:
+    robot = real_robot(run=["--set", "serial.port=/dev/not-there"])
+    app = client("client", robot.endpoint)
+    status = app.in_state("waiting")
+    wait_for(lambda: "/dev/not-there" in app.latest("status")["why"], "the port in the reason")
+    assert status["driver"] is None
+    robot.daemon.says("/dev/not-there: there is no such port.")
+    assert robot.daemon.output.count("/dev/not-there") == 1
+
+
+def test_a_port_that_is_busy_names_its_holder(
+    real_robot: Callable[..., RealRobot], client: Callable[..., Client]
+) -> None:
+    robot = real_robot()
+    robot.daemon.says("Connected")
+    first = robot.daemon
+    robot.endpoint = "tcp/127.0.0.1:0"
+    try:
+        second = robot.start_daemon()
+        second.says(f"(pid {first.process.pid})")
+        second.end()
+    finally:
+        first.end()
+
+
+def test_garbage_on_the_port_is_counted_and_raises_nothing(
+    real_robot: Callable[..., RealRobot], client: Callable[..., Client]
+) -> None:
+    robot = real_robot()
+    app = client("client", robot.endpoint)
+    app.in_state("standing")
+    assert robot.do("babble 0.3").startswith("ok")
+
+    def seen() -> bool:
+        link = app.latest("status")["link"]
+        return bool(link["discarded_bytes"] + link["bad_bytes"] > 100)
+
+    wait_for(seen, "garbage counted")
+    app.in_state("standing")
+    app.drive(COMMANDS["json"], 0.5)
+    truth = robot.settled_truth()
+    assert_at(settled_pose(app, truth), truth)
+    assert "Traceback" not in robot.daemon.output
+
+
+def test_refused_commands_are_visible_in_status(
+    real_robot: Callable[..., RealRobot], client: Callable[..., Client]
+) -> None:
+    robot = real_robot()
+    app = client("client", robot.endpoint)
+    app.in_state("standing")
+    for payload in (b"garbage", b'{"vx": 1e999}', b'{"hello": 1}', b"{" * 100_000):
+        app.session.put("cmd_vel", payload)
+
+    def counted() -> bool:
+        command = app.latest("status")["command"]
+        wanted = ("unknown_encoding", "not_finite", "no_velocity", "oversize")
+        return all(command.get(reason, 0) >= 1 for reason in wanted)
+
+    wait_for(counted, "every refusal counted")
+    assert sum(robot.truth()[-1].travel_m) == pytest.approx(0.0, abs=1e-6)
