@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from typing import Any
 
 from yahboomd.bus.subscriptions import Arrival
 from yahboomd.clock import Clock
 from yahboomd.drive.arbiter import Accepted, Arbiter
 from yahboomd.messages.codecs import Refusal, decode_command
+from yahboomd.messages.ros2 import parse_attachment
 from yahboomd.model import Twist2d
 
 
@@ -32,24 +34,35 @@ class CommandIntake:
         self.counters: Counter[str] = Counter()
         self.last_refusal = ""
 
-    def handler(self, source: str) -> Callable[[list[Arrival]], None]:
-        """What to subscribe with for a source's key. The key is the authority, not the payload."""
+    def handler(self, source: str, *, attached: bool = False) -> Callable[[list[Arrival]], None]:
+        """What to subscribe with for a source's key. The key is the authority, not the payload.
+
+        Args:
+            source: The source.
+            attached: rmw_zenoh's nodes send on this key: what they attach to each sample says when
+                it was sent, where the message does not.
+        """
 
         def take(arrivals: list[Arrival]) -> None:
             for arrival in arrivals:
-                self._take(source, arrival)
+                self._take(source, arrival, _attached_ns(arrival) if attached else None)
             self._step()
 
         return take
 
-    def facts(self) -> dict[str, int | str]:
-        """Counters of everything that came, and why the latest refused command was."""
-        facts: dict[str, int | str] = dict(self.counters)
+    def facts(self) -> dict[str, Any]:
+        """Counters of everything that came, why the latest refused command was, and clocks."""
+        now_ns = self._clock.now_ns()
+        facts: dict[str, Any] = dict(self.counters)
         facts.update(self._arbiter.counters)
         facts["last_refusal"] = self.last_refusal
+        if offsets_s := self._arbiter.clock_offsets_s(now_ns):
+            facts["clock_offset_s"] = offsets_s
+        if warnings := self._arbiter.clock_warnings(now_ns):
+            facts["clock_warnings"] = warnings
         return facts
 
-    def _take(self, source: str, arrival: Arrival) -> None:
+    def _take(self, source: str, arrival: Arrival, attached_ns: int | None) -> None:
         self.counters["received"] += 1 + arrival.dropped
         if arrival.dropped:
             self.counters["overrun"] += arrival.dropped
@@ -64,13 +77,13 @@ class CommandIntake:
         if vy != 0.0 and not self._holonomic:
             self.counters["vy_ignored"] += 1
             vy = 0.0
-        by_sender = command.stamp_ns is not None
+        sent_ns = command.stamp_ns or attached_ns
         verdict = self._arbiter.offer(
             source,
             Twist2d(vx=command.vx, vy=vy, wz=command.wz),
             arrival.arrived_ns,
-            command.stamp_ns if by_sender else arrival.stamp_ns,
-            by_sender,
+            sent_ns or arrival.stamp_ns,
+            sent_ns is not None,
             wall_ns=self._clock.wall_ns() - (self._clock.now_ns() - arrival.arrived_ns),
             arrivals=1 + arrival.dropped,
         )
@@ -82,3 +95,8 @@ class CommandIntake:
         self.counters["refused"] += 1
         self.counters[reason] += 1
         self.last_refusal = f"{source}: {reason}: {detail}"
+
+
+def _attached_ns(arrival: Arrival) -> int | None:
+    attachment = parse_attachment(arrival.attachment or b"")
+    return attachment.stamp_ns if attachment is not None and attachment.stamp_ns > 0 else None

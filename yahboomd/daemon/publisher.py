@@ -138,10 +138,13 @@ class Publisher:
             self._wheels.put(encode(wheels, self._encoding))
         return stamp_ns
 
-    def battery(self, volts: float) -> None:
-        """Publish the voltage."""
-        sample = BatterySample(stamp_ns=self._stamps.now(), volts=volts)
-        self._battery.put(encode(sample, self._encoding))
+    def battery(self, volts: float) -> int:
+        """Publish the voltage; returns the stamp that it went out with."""
+        stamp_ns = self._stamps.now()
+        if self._battery.has_subscribers:
+            sample = BatterySample(stamp_ns=stamp_ns, volts=volts)
+            self._battery.put(encode(sample, self._encoding))
+        return stamp_ns
 
     def status(self, sample: StatusSample) -> None:
         """Publish how things stand."""

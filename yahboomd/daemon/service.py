@@ -18,7 +18,7 @@ from yahboomd.bus.publishers import BusPublisher
 from yahboomd.bus.session import Bus
 from yahboomd.clock import Clock, Schedule, SystemClock, nanoseconds
 from yahboomd.config import Config
-from yahboomd.daemon import assembly
+from yahboomd.daemon import assembly, ros2
 from yahboomd.daemon.commands import CommandIntake
 from yahboomd.daemon.control import Controller
 from yahboomd.daemon.notify import Notifier
@@ -134,6 +134,13 @@ class Daemon:
         services.serve(bus)
         for source in config.command.sources:
             bus.subscribe(source, intake.handler(source))
+        self._ros2 = ros2.start(
+            bus,
+            config,
+            clock,
+            services=services,
+            commands=lambda source: intake.handler(source, attached=True),
+        )
         self._announce(bus)
         notifier.ready()
         gc.freeze()
@@ -180,6 +187,7 @@ class Daemon:
             while True:
                 sample = status.sample()
                 self._publisher.status(sample)
+                self._ros2.status(sample)
                 notifier.status(f"{sample.state}: {sample.why}")
                 alarm.set(self._clock.now_ns() + nanoseconds(STATUS_EVERY_S))
                 self._status_due.clear()
@@ -191,11 +199,13 @@ class Daemon:
 
     def estimate(self, estimate: OdometryEstimate, command_m_s: tuple[float, ...]) -> None:
         """A new reading."""
-        self._publisher.estimate(estimate, command_m_s)
+        stamp_ns = self._publisher.estimate(estimate, command_m_s)
+        if stamp_ns is not None:
+            self._ros2.estimate(estimate, stamp_ns)
 
     def battery(self, volts: float) -> None:
         """The voltage."""
-        self._publisher.battery(volts)
+        self._ros2.battery(volts, self._publisher.battery(volts))
 
     def event(self, event: Event) -> None:
         """Something happened."""

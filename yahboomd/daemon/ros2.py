@@ -1,0 +1,123 @@
+"""The ROS 2 plane as configured: which ways it takes, what it publishes, hears and answers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from yahboomd.bus import keys
+from yahboomd.bus.session import Bus
+from yahboomd.bus.subscriptions import Arrival
+from yahboomd.clock import Clock
+from yahboomd.config import Config
+from yahboomd.config.outputs import StaticTransform
+from yahboomd.config.values import is_topic
+from yahboomd.daemon.publisher import Outlet
+from yahboomd.daemon.ros2_bridge import BridgeWay
+from yahboomd.daemon.ros2_native import NativeWay
+from yahboomd.daemon.ros2_topics import Placed, RosPublisher, Topics
+from yahboomd.daemon.services import Services
+from yahboomd.messages import planar, ros2
+from yahboomd.messages.ros2 import Qos
+
+COMMANDS = Qos(reliable=False, depth=1)
+"""Only the newest counts; and it becomes the QoS of the bridge's DDS reader, which so takes the
+commands of any writer, reliable or not."""
+
+SERVICES = {
+    keys.ESTOP: ros2.SET_BOOL,
+    keys.ESTOP_RESET: ros2.TRIGGER,
+    keys.ODOMETRY_RESET: ros2.TRIGGER,
+}
+"""The services whose requests ROS 2 has types for."""
+
+Handler = Callable[[list[Arrival]], None]
+
+
+def start(
+    bus: Bus,
+    config: Config,
+    clock: Clock,
+    *,
+    services: Services,
+    commands: Callable[[str], Handler],
+) -> RosPublisher:
+    """Enter ROS 2's graphs, as far as configured.
+
+    Args:
+        bus: An open session, on which the services and the plain command keys are there already.
+        config: Which ways, and all names.
+        clock: What tells the time.
+        services: Carry out what is asked natively.
+        commands: What to hand a source's commands to that arrive natively.
+
+    Returns:
+        What is to be told of readings and status. Without any way it publishes nothing.
+    """
+    bridge = BridgeWay(bus, config.ros2.distro) if config.ros2.bridge else None
+    native = None
+    if config.ros2.rmw_zenoh:
+        native = NativeWay(
+            bus,
+            domain_id=config.ros2.domain_id,
+            distro=config.ros2.distro,
+            wall_ns=clock.wall_ns,
+        )
+    ways = [way for way in (bridge, native) if way is not None]
+
+    def open_topic(topic: str, ros_type: str, qos: Qos) -> tuple[Outlet, ...]:
+        return tuple(way.publisher(topic, ros_type, qos) for way in ways)
+
+    # What is asked and commanded comes before what is told: the e-stop first.
+    for key, ros_type in SERVICES.items():
+        if bridge is not None:
+            bridge.service(key, ros_type)
+        if native is not None:
+            _serve(bus, native, services, key)
+    for source in filter(is_topic, config.command.sources):
+        stamped = source in config.ros2.stamped_commands
+        ros_type = ros2.TWIST_STAMPED if stamped else ros2.TWIST
+        if bridge is not None:
+            bridge.subscriber(source, ros_type, COMMANDS)
+        if native is not None:
+            other = ros2.TWIST if stamped else ros2.TWIST_STAMPED
+            native.subscriber(source, ros_type, COMMANDS, commands(source), also=other)
+    publisher = RosPublisher(open_topic, topics(config), clock)
+    publisher.place(clock.wall_ns())
+    return publisher
+
+
+def topics(config: Config) -> Topics:
+    """What is published, as configured; the prefix in front of every frame."""
+    chosen, odometry = config.ros2, config.odometry
+    prefix = chosen.frame_prefix
+    motors = config.motors()
+    return Topics(
+        odom=chosen.odom_topic if chosen.odom else "",
+        transform=chosen.publish_tf,
+        joint_states=chosen.joint_states_topic if chosen.joint_states else "",
+        battery_state=chosen.battery_state_topic if chosen.battery_state else "",
+        diagnostics=chosen.diagnostics_topic if chosen.diagnostics else "",
+        frame_id=prefix + odometry.frame_id,
+        child_frame_id=prefix + odometry.child_frame_id,
+        static=tuple(_placed(prefix, each) for each in chosen.static_transforms),
+        joints=tuple(config.joint_name(motor.name) for motor in motors),
+        radii_m=tuple(motor.radius_m for motor in motors),
+        hardware_id=config.zenoh.namespace or "yahboomd",
+    )
+
+
+def _placed(prefix: str, transform: StaticTransform) -> Placed:
+    return Placed(
+        parent=prefix + transform.parent,
+        child=prefix + transform.child,
+        position_m=(transform.x, transform.y, transform.z),
+        rotation=planar.rotation(transform.roll, transform.pitch, transform.yaw),
+    )
+
+
+def _serve(bus: Bus, native: NativeWay, services: Services, key: str) -> None:
+    native.service(
+        key,
+        SERVICES[key],
+        lambda at, answer: services.offer(bus, key, services.actions[key], answer, at=at),
+    )
