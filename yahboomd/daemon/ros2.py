@@ -82,7 +82,7 @@ def start(
             other = ros2.TWIST if stamped else ros2.TWIST_STAMPED
             native.subscriber(source, ros_type, COMMANDS, commands(source), also=other)
     publisher = RosPublisher(open_topic, topics(config), clock)
-    publisher.place(clock.wall_ns())
+    publisher.place()
     return publisher
 
 

@@ -115,7 +115,7 @@ class RosPublisher:
         self._battery = opened(topics.battery_state, ros2.BATTERY_STATE)
         self._diagnostics = opened(topics.diagnostics, ros2.DIAGNOSTIC_ARRAY)
         self._static = opened(TF_STATIC if topics.static else "", ros2.TF_MESSAGE, LATCHED)
-        self._placed = topics.static
+        self._fixed = _fixed(topics.static, clock.wall_ns()) if topics.static else b""
         self._encode_odom = planar.odometry(*frames)
         self._encode_tf = planar.transform(*frames)
         self._encode_joints = cdr.joint_state("", topics.joints)
@@ -124,13 +124,14 @@ class RosPublisher:
         self._pace = Pace(nanoseconds(DIAGNOSTICS_EVERY_S))
         self._levels: tuple[int, ...] = ()
 
-    def place(self, stamp_ns: int) -> None:
-        """Publish the frames that do not move, once: whoever comes later gets them too."""
-        if not self._placed:
-            return
-        encode = cdr.transforms([(each.parent, each.child) for each in self._placed])
-        transforms = [(*each.position_m, *each.rotation) for each in self._placed]
-        self._static.put(encode(stamp_ns, transforms))
+    def place(self) -> None:
+        """Publish the frames that do not move. Whoever comes later is given them from a cache.
+
+        They are said again with the diagnostics all the same: a bridge that is a router and starts
+        anew may not ask the cache.
+        """
+        if self._fixed:
+            self._static.put(self._fixed)
 
     def estimate(self, estimate: OdometryEstimate, stamp_ns: int) -> None:
         """Publish one reading. Its stamp is new: tf2 takes a repeated transform for a mistake."""
@@ -150,10 +151,17 @@ class RosPublisher:
 
     def status(self, sample: StatusSample) -> None:
         """Publish the diagnostics: once a second, and at once when a level changes."""
+        is_due = self._pace.due(self._clock.now_ns())
+        if is_due:
+            self.place()
         if not self._diagnostics.has_subscribers:
             return
         entries = self._entries.of(sample)
-        is_due = self._pace.due(self._clock.now_ns())
         if is_due or levels(entries) != self._levels:
             self._levels = levels(entries)
             self._diagnostics.put(cdr.diagnostics(sample.stamp_ns, "", entries))
+
+
+def _fixed(frames: tuple[Placed, ...], stamp_ns: int) -> bytes:
+    encode = cdr.transforms([(each.parent, each.child) for each in frames])
+    return encode(stamp_ns, [(*each.position_m, *each.rotation) for each in frames])

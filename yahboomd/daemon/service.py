@@ -133,7 +133,7 @@ class Daemon:
         # The e-stop is there before anything can be commanded.
         services.serve(bus)
         for source in config.command.sources:
-            bus.subscribe(source, intake.handler(source))
+            bus.subscribe(source, intake.handler(source), keep_oversize=True)
         self._ros2 = ros2.start(
             bus,
             config,

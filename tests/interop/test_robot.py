@@ -1,0 +1,159 @@
+"""A simulated robot and the daemon, each a process, driven and watched by real ROS 2 peers."""
+
+import math
+
+import pytest
+from real_robot import RealRobot
+
+from yahboomd.messages import ros2
+
+pytestmark = pytest.mark.realtime
+
+LASER = 'ros2.static_transforms=[{parent="base_link",child="laser",x=0.1,yaw=1.5707963267948966}]'
+OUT = {
+    "/odom": ros2.ODOMETRY,
+    "/tf": ros2.TF_MESSAGE,
+    "/tf_static": ros2.TF_MESSAGE,
+    "/joint_states": ros2.JOINT_STATE,
+    "/battery_state": ros2.BATTERY_STATE,
+    "/diagnostics": ros2.DIAGNOSTIC_ARRAY,
+}
+IN = ("/cmd_vel", "/cmd_vel/teleop")
+TRIGGERS = ("/yahboomd/estop/reset", "/yahboomd/odometry/reset")
+
+
+@pytest.fixture
+def robot(tmp_path):
+    """Starts a robot that joins a router, with settings such as ``ros2.rmw_zenoh=true``."""
+    robots = []
+
+    def start(endpoint, *settings):
+        run = [f'zenoh.connect=["{endpoint}"]', LASER, *settings]
+        folder = tmp_path / f"robot{len(robots)}"
+        folder.mkdir()
+        robots.append(RealRobot(folder, run=[part for each in run for part in ("--set", each)]))
+        robots[-1].daemon.says("Connected")
+        return robots[-1]
+
+    yield start
+    for each in robots:
+        each.close()
+
+
+def distance(message, x, y):
+    position = message["pose"]["pose"]["position"]
+    return math.hypot(position["x"] - x, position["y"] - y)
+
+
+def level_of(message, what):
+    return {entry["name"]: entry["level"] for entry in message["status"]}[f"yahboomd: {what}"]
+
+
+def sees_the_robot_move(node, robot):
+    """Drives by the node's /cmd_vel, and reads what it hears of that."""
+    node.order("drive", vx=0.25, wz=0.3, hz=20)
+    odom = node.message("/odom", lambda m: distance(m, 0.0, 0.0) > 0.2, "the robot to move")
+    assert (odom["header"]["frame_id"], odom["child_frame_id"]) == ("odom", "base_link")
+    stamp = odom["header"]["stamp"]
+    (transform,) = node.message(
+        "/tf",
+        lambda m: m["transforms"][0]["header"]["stamp"] == stamp,
+        "the transform of the same reading",
+    )["transforms"]
+    assert transform["child_frame_id"] == "base_link"
+    where = odom["pose"]["pose"]
+    assert transform["transform"]["translation"] == where["position"]
+    assert transform["transform"]["rotation"] == where["orientation"]
+    joints = node.message("/joint_states", lambda m: m["position"][0] > 1.0)
+    assert joints["name"] == ["left_wheel_joint", "right_wheel_joint"]
+    assert node.message("/battery_state")["present"]
+    node.message("/diagnostics", lambda m: level_of(m, "base") == 0, "a base that is well")
+    node.order("rest")
+    truth = robot.settled_truth()
+    node.message(
+        "/odom", lambda m: distance(m, truth.x, truth.y) < 0.01, "the pose to be the truth"
+    )
+
+
+def is_stopped_and_released(node):
+    assert node.call("/yahboomd/estop", data=True)["reply"]["success"]
+    node.message("/diagnostics", lambda m: level_of(m, "base") == 1, "the e-stop to show")
+    refused = node.call("/yahboomd/estop", data=False)["reply"]
+    assert not refused["success"]
+    assert "yahboomd/estop/reset" in refused["message"]
+    for service in TRIGGERS:
+        assert node.call(service)["reply"]["success"]
+
+
+def laser_of(node):
+    (laser,) = node.message("/tf_static")["transforms"]
+    assert laser["header"]["frame_id"] == "base_link"
+    assert laser["transform"]["rotation"]["z"] == pytest.approx(math.sqrt(0.5))
+    return laser["child_frame_id"]
+
+
+@pytest.mark.parametrize("stamped", [False, True])
+def test_a_dds_node_drives_through_the_bridge_and_sees_it(bridge, dds_node, robot, stamped):
+    settings = ['ros2.stamped_commands=["cmd_vel"]'] if stamped else []
+    driven = robot(bridge.endpoint, *settings)
+    assert laser_of(dds_node) == "laser"
+    order = dds_node.order
+    dds_node.order = lambda do, **what: order(do, **what, stamped=stamped)
+    sees_the_robot_move(dds_node, driven)
+    is_stopped_and_released(dds_node)
+
+
+def test_all_topics_show_behind_the_bridge_before_anybody_uses_them(
+    bridge, start_dds_node, robot, eventually
+):
+    onlooker = start_dds_node("-")
+    robot(bridge.endpoint)
+
+    def shown():
+        graph = onlooker.graph()
+        mine = {t.removeprefix("rt"): k for t, k in graph["publishers"].items() if t[:3] == "rt/"}
+        heard = {t for t in graph["subscribers"] if t.startswith(("rt/", "rq/"))}
+        return (mine, heard) if len(mine) >= len(OUT) and "rt/cmd_vel" in heard else None
+
+    mine, heard = eventually(shown, "every topic")
+    assert mine == {topic: ros2.dds_type(ros_type) for topic, ros_type in OUT.items()}
+    requests = {f"rq{service}Request" for service in ("/yahboomd/estop", *TRIGGERS)}
+    assert {f"rt{topic}" for topic in IN} | requests <= heard
+
+
+def test_a_dds_node_that_starts_late_gets_the_static_frames(bridge, start_dds_node, robot):
+    robot(bridge.endpoint)
+    for _ in range(2):
+        assert laser_of(start_dds_node("/tf_static")) == "laser"
+
+
+def test_a_native_node_drives_without_a_bridge_and_sees_it(router, native_node, robot):
+    driven = robot(router.endpoint, "ros2.bridge=false", "ros2.rmw_zenoh=true")
+    sees_the_robot_move(native_node, driven)
+    is_stopped_and_released(native_node)
+    assert laser_of(native_node) == "laser"
+
+
+def test_the_node_shows_in_a_native_graph_with_all_that_it_has(
+    router, native_node, robot, eventually
+):
+    robot(router.endpoint, "ros2.rmw_zenoh=true", "zenoh.namespace=bot1")
+
+    def seen():
+        graph = native_node.graph()
+        services = {service["name"] for service in graph["services"]}
+        return graph if f"/bot1{TRIGGERS[-1]}" in services else None
+
+    graph = eventually(seen, "our services")
+    assert {"name": "yahboomd", "namespace": "/bot1"} in graph["nodes"]
+    topics = {topic["name"]: topic for topic in graph["topics"]}
+    for topic, ros_type in OUT.items():
+        assert topics[f"/bot1{topic}"]["type"] == ros2.dds_type(ros_type)
+        assert topics[f"/bot1{topic}"]["publishers"] == 1
+    assert all(topics[f"/bot1{topic}"]["subscribers"] == 1 for topic in IN)
+
+
+def test_a_native_node_that_starts_late_gets_the_static_frames(router, start_native_node, robot):
+    robot(router.endpoint, "ros2.rmw_zenoh=true")
+    for _ in range(2):
+        assert laser_of(start_native_node()) == "laser"
