@@ -175,7 +175,7 @@ def test_a_listening_port_that_is_taken_is_named(
 def test_a_port_that_is_missing_is_waited_for_and_named(
     real_robot: Callable[..., RealRobot], client: Callable[..., Client]
 ) -> None:
-    robot = real_robot(run=["--set", "serial.port=/dev/not-there"])
+    robot = real_robot(port="/dev/not-there")
     app = client("client", robot.endpoint)
     status = app.in_state("waiting")
     wait_for(lambda: "/dev/not-there" in app.latest("status")["why"], "the port in the reason")

@@ -132,3 +132,63 @@ class Bench:
     def rim_speeds(self) -> list[float]:
         """The true speeds of the wheels."""
         return [motor.speed_m_s for motor in self.robot.plant.motors]
+
+
+class LinkBench:
+    """A simulated robot behind a port that is opened and closed again, on virtual time.
+
+    Attributes:
+        on_open: Called at each opening, with how many there were before.
+        on_write: May change what the host writes (None loses it).
+    """
+
+    def __init__(self, **options: Any) -> None:
+        self.robot = SimulatedRobot(SimulationOptions(**options))
+        self.clock = LoopClock()
+        self.ports: list[BoardPort] = []
+        self.on_open: Callable[[int], None] = lambda _times: None
+        self.on_write: Callable[[bytes], bytes | None] = lambda data: data
+
+    async def open(self) -> BoardPort:
+        if not self.robot.started:
+            self.robot.start(self.clock.now_ns())
+        self.on_open(len(self.ports))
+        self.ports.append(_TappedPort(self))
+        return self.ports[-1]
+
+    async def drive(self, units: int = 300, for_s: float = 0.5) -> None:
+        """Turn the wheels, as a daemon that is then killed: nobody says goodbye."""
+        port = await self.open()
+        for frame in (b"$mtype:1#", b"$spd:%d,0,%d,0#" % (units, units)):
+            port.write(frame)
+            port.write(frame.replace(b"spd", b"speed"))
+            await asyncio.sleep(0.03)
+        port.write(b"$upload:1,0,0#")
+        await asyncio.sleep(for_s)
+        port.close()
+
+    @property
+    def now_ns(self) -> int:
+        return self.clock.now_ns()
+
+    @property
+    def frames(self) -> list[bytes]:
+        """What was written to the port that was opened last."""
+        return [frame for frame in self.ports[-1].frames if frame]
+
+    @property
+    def rim_speeds(self) -> list[float]:
+        """The true speeds of the wheels, now."""
+        self.robot.advance(self.now_ns)
+        return [motor.speed_m_s for motor in self.robot.plant.motors]
+
+
+class _TappedPort(BoardPort):
+    def __init__(self, bench: LinkBench) -> None:
+        super().__init__(bench.robot)
+        self._bench = bench
+
+    def write(self, data: bytes) -> None:
+        passed = self._bench.on_write(data)
+        if passed is not None:
+            super().write(passed)

@@ -86,16 +86,23 @@ class RealRobot:
         folder: For the port's name, the truth, the control socket and the e-stop's file.
         simulate: More arguments of ``yahboomd simulate``.
         run: More arguments of ``yahboomd run``.
+        port: Where the daemon looks for the board, if not where it is.
     """
 
     def __init__(
-        self, folder: Path, *, simulate: Sequence[str] = (), run: Sequence[str] = ()
+        self,
+        folder: Path,
+        *,
+        simulate: Sequence[str] = (),
+        run: Sequence[str] = (),
+        port: str | None = None,
     ) -> None:
         self.folder = folder
         self.port = folder / "board"
         self.truth_path = folder / "truth"
         self.control_path = folder / "control"
         self.endpoint = free_endpoint()
+        self._daemon_port = port or str(self.port)
         self._run_arguments = tuple(run)
         self._daemons: list[Process] = []
         self.simulation = Process(
@@ -110,7 +117,7 @@ class RealRobot:
         """Start (another) daemon on the port."""
         self.daemon = Process(
             "run",
-            *("--port", str(self.port)),
+            *("--port", self._daemon_port),
             *("--set", f'zenoh.listen=["{self.endpoint}"]', "--set", "zenoh.connect=[]"),
             *("--set", f"estop.latch_file={self.folder / 'estop'}", *self._run_arguments),
         )
@@ -156,7 +163,8 @@ class Client:
         config.insert_json5("connect/endpoints", json.dumps([endpoint]))
         config.insert_json5("listen/endpoints", "[]")
         config.insert_json5("scouting/multicast/enabled", "false")
-        self.session = zenoh.open(config)
+        # The daemon may be about to start; a client does not wait for it by itself.
+        self.session: zenoh.Session = wait_for(lambda: _opened(config), f"{endpoint} is served")
         self.samples: dict[str, list[dict[str, Any]]] = {}
         self.session.declare_subscriber(f"{prefix}/**", self._hear)
 
@@ -196,6 +204,13 @@ class Client:
     def close(self) -> None:
         """End the session."""
         self.session.close()
+
+
+def _opened(config: zenoh.Config) -> zenoh.Session | None:
+    try:
+        return zenoh.open(config)
+    except zenoh.ZError:
+        return None
 
 
 def free_endpoint() -> str:

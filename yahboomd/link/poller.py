@@ -13,7 +13,7 @@ from collections.abc import Callable
 from yahboomd.clock import Clock, Schedule, seconds
 from yahboomd.errors import BoardSilent
 from yahboomd.link.writer import Writer
-from yahboomd.model import EncoderReading
+from yahboomd.model import Counts, EncoderReading
 from yahboomd.protocol.dialect import Dialect
 
 REARM_AFTER_S = 0.25
@@ -63,7 +63,14 @@ class Poller:
         self._heard_ns = self._clock.now_ns()
         self._arm()
 
-    def reading(self, ticks: tuple[int, int, int, int], *, received_ns: int, sent_ns: int) -> None:
+    def reading(
+        self,
+        ticks: Counts,
+        *,
+        received_ns: int,
+        sent_ns: int,
+        requested_ns: int | None = None,
+    ) -> None:
         """Counts arrived."""
         self._heard_ns = received_ns
         self.counters["readings"] += 1
@@ -71,6 +78,7 @@ class Poller:
             ticks=ticks,
             received_ns=received_ns,
             sent_ns=sent_ns,
+            requested_ns=requested_ns,
             after_reset=self._after_reset,
             after_gap=self._after_gap,
         )

@@ -98,6 +98,11 @@ class Reopening(msgspec.Struct, frozen=True, kw_only=True):
     after: Counts | None
     banner: bool
 
+    @property
+    def near_zero(self) -> bool:
+        """Whether a reset could not show: there was nothing to lose."""
+        return self.after is not None and _near_zero(self.after)
+
 
 def compare(before: Counts | None, after: Counts | None, *, banner: bool) -> Reopening:
     """Tell from the counters whether a board was reset between two readings.
@@ -111,7 +116,7 @@ def compare(before: Counts | None, after: Counts | None, *, banner: bool) -> Reo
     survival: Survival = "reset" if banner else "unknown"
     if before is not None and after is not None:
         kept = all(_near(a, b) for a, b in zip(before, after, strict=True))
-        zero = all(_near(0, b) for b in after)
+        zero = _near_zero(after)
         if kept != zero:
             survival = "kept" if kept else "reset"
     return Reopening(survival=survival, before=before, after=after, banner=banner)
@@ -130,6 +135,10 @@ async def reopen(opener: Opener, clock: Clock, before: Examination) -> Reopening
     """
     again = await examine(opener, clock, BoardSettings(), counters_only=True)
     return compare(before.ticks, again.ticks, banner=again.heard.resets > 0)
+
+
+def _near_zero(ticks: Counts) -> bool:
+    return all(_near(0, each) for each in ticks)
 
 
 def _near(a: int, b: int) -> bool:

@@ -269,12 +269,19 @@ class Session:
             byte_ns = self._port.byte_ns
             received_ns = now_ns - item.trailing * byte_ns
             sent_ns = received_ns - item.size * byte_ns
-            self._watch.see(decoded.ticks, received_ns)
-            if self._writer is not None:
+            requested_ns = None
+            if self._writer is not None and self._writer.poll_heard_ns:
                 # An answer cannot have left before the question was all there.
-                sent_ns = max(sent_ns, min(self._writer.poll_heard_ns, received_ns))
+                requested_ns = min(self._writer.poll_heard_ns, received_ns)
+                sent_ns = max(sent_ns, requested_ns)
+            self._watch.see(decoded.ticks, received_ns)
             if self._poller is not None:
-                self._poller.reading(decoded.ticks, received_ns=received_ns, sent_ns=sent_ns)
+                self._poller.reading(
+                    decoded.ticks,
+                    received_ns=received_ns,
+                    sent_ns=sent_ns,
+                    requested_ns=requested_ns,
+                )
         elif isinstance(decoded, Battery):
             self._listener.battery(decoded.volts)
         elif isinstance(decoded, VersionLine):

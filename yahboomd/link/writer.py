@@ -16,7 +16,6 @@ from yahboomd.link.outbox import Answers, Lane, Outbox, Request
 from yahboomd.link.port import Port
 from yahboomd.protocol.dialect import CommandLost, Decoded, Deltas, Speeds, Totals
 
-
 AFTER_ANSWER_NS = 2_000_000
 """The board wipes its mailbox when it is through with answering, a moment after the last byte."""
 

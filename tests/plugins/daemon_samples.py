@@ -1,0 +1,124 @@
+"""Samples as a daemon publishes them, for what shows them: a robot with two wheels that drives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from yahboomd.bus import keys
+from yahboomd.cli.dashboard import Dashboard
+from yahboomd.messages.codecs import NativeEncoding, encode
+from yahboomd.messages.native import (
+    BatterySample,
+    EventSample,
+    PoseSample,
+    StatusSample,
+    TwistSample,
+    WheelsSample,
+)
+
+STAMP_NS = 1_700_000_000_000_000_000
+NS_PER_S = 1_000_000_000
+
+
+def status(
+    state: str = "driving",
+    *,
+    driver: str | None = "cmd_vel",
+    why: str = "cmd_vel drives.",
+    since_s: float = 2.0,
+    link: Mapping[str, Any] | None = None,
+    command: Mapping[str, Any] | None = None,
+    bus: Mapping[str, Any] | None = None,
+) -> StatusSample:
+    """A status; every group as given."""
+    return StatusSample(
+        stamp_ns=STAMP_NS,
+        state=state,  # type: ignore[arg-type]
+        driver=driver,
+        since_ns=STAMP_NS - round(since_s * NS_PER_S),
+        why=why,
+        board={"port": "/dev/ttyUSB0", "dialect": "streamed", "version": "1.7.3"},
+        link=link or {"readings": 100},
+        command=command or {"received": 40, "accepted": 40},
+        bus=bus or {"routers": "", "neighbours": 2},
+    )
+
+
+def pose(x: float = 1.5, y: float = -0.25, theta: float = 0.5, *, seq: int = 7) -> PoseSample:
+    """A pose."""
+    return PoseSample(
+        stamp_ns=STAMP_NS,
+        seq=seq,
+        frame_id="odom",
+        child_frame_id="base_link",
+        x=x,
+        y=y,
+        theta=theta,
+        covariance=(4e-4, 0.0, 0.0, 0.0, 9e-4, 0.0, 0.0, 0.0, 1.6e-3),
+    )
+
+
+def twist(vx: float = 0.3, wz: float = -0.25) -> TwistSample:
+    """A twist."""
+    return TwistSample(
+        stamp_ns=STAMP_NS,
+        seq=7,
+        frame_id="base_link",
+        vx=vx,
+        vy=0.0,
+        wz=wz,
+        covariance=(0.0,) * 9,
+    )
+
+
+def wheels(
+    speeds: tuple[float, ...] = (0.29, 0.31),
+    commands: tuple[float, ...] = (0.3, 0.3),
+    names: tuple[str, ...] = ("left", "right"),
+) -> WheelsSample:
+    """The wheels."""
+    return WheelsSample(
+        stamp_ns=STAMP_NS,
+        seq=7,
+        names=names,
+        ticks=tuple(1000 * (index + 1) for index in range(len(names))),
+        position_rad=(1.0,) * len(names),
+        speed_m_s=speeds,
+        command_m_s=commands,
+    )
+
+
+def event(message: str = "The board reset itself.", severity: str = "warning") -> EventSample:
+    """Something that happened."""
+    return EventSample(
+        stamp_ns=STAMP_NS,
+        kind="board_reset",
+        severity=severity,  # type: ignore[arg-type]
+        message=message,
+    )
+
+
+def battery(volts: float = 7.4) -> BatterySample:
+    """The battery."""
+    return BatterySample(stamp_ns=STAMP_NS, volts=volts)
+
+
+def all_samples(encoding: NativeEncoding = "json") -> dict[str, bytes]:
+    """A sample of each key, as bytes."""
+    return {
+        keys.STATUS: encode(status(), encoding),
+        keys.POSE: encode(pose(), encoding),
+        keys.TWIST: encode(twist(), encoding),
+        keys.WHEELS: encode(wheels(), encoding),
+        keys.BATTERY: encode(battery(), encoding),
+        keys.EVENTS: encode(event(), encoding),
+    }
+
+
+def driving(now_ns: int = 0) -> Dashboard:
+    """A dashboard that has seen one of each."""
+    dashboard = Dashboard()
+    for key, payload in all_samples().items():
+        dashboard.take(key, payload, now_ns)
+    return dashboard

@@ -1,0 +1,122 @@
+"""Something on a real bus that looks like a daemon to a client, and remembers what it was told.
+
+Import the fixture by name in a conftest.py to have it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import suppress
+from typing import Self
+
+import daemon_samples
+import msgspec
+import pytest
+from zenoh_fixtures import free_endpoint
+
+from yahboomd.bus import keys
+from yahboomd.bus.options import BusOptions
+from yahboomd.bus.services import Request, Response
+from yahboomd.bus.session import Bus
+from yahboomd.bus.subscriptions import Arrival
+from yahboomd.messages.codecs import encode
+from yahboomd.messages.native import ServiceReply, StatusSample
+
+
+class FakeDaemon:
+    """A router that publishes samples ten times a second and answers the e-stop's services.
+
+    Args:
+        endpoint: Where it is reached.
+        namespace: Its robot's name.
+    """
+
+    def __init__(self, endpoint: str, namespace: str = "") -> None:
+        self.endpoint = endpoint
+        self.namespace = namespace
+        self.status: StatusSample = daemon_samples.status("standing", driver=None, why="At rest.")
+        self.commands: list[dict[str, object]] = []
+        self.asked: list[str] = []
+        self.releases = True
+        self._bus: Bus | None = None
+        self._task: asyncio.Task[None] | None = None
+        self._seq = 0
+
+    async def start(self) -> Self:
+        """Begin, or begin anew."""
+        self._bus = Bus(BusOptions(listen=(self.endpoint,), connect=(), namespace=self.namespace))
+        await self._bus.open()
+        self._bus.subscribe(keys.CMD_VEL_TELEOP, self._take)
+        self._bus.serve(keys.ESTOP, self._estop, fallback=_refuse)
+        self._bus.serve(keys.ESTOP_RESET, self._reset, fallback=_refuse)
+        self._task = asyncio.create_task(self._publish(self._bus))
+        return self
+
+    async def stop(self) -> None:
+        """End as a daemon that is stopped; nothing to do when it has."""
+        if self._task is not None and self._bus is not None:
+            self._task.cancel()
+            with suppress(asyncio.CancelledError):
+                await self._task
+            await self._bus.close()
+        self._task = self._bus = None
+
+    def tell(self, message: str) -> None:
+        """An event."""
+        assert self._bus is not None
+        event = daemon_samples.event(message)
+        self._bus.publisher(keys.EVENTS, reliable=True).put(encode(event, "json"))
+
+    @property
+    def velocities(self) -> list[tuple[object, object]]:
+        """The commands, as (vx, wz)."""
+        return [(command["vx"], command["wz"]) for command in self.commands]
+
+    async def _publish(self, bus: Bus) -> None:
+        publishers = {key: bus.publisher(key) for key in daemon_samples.all_samples()}
+        while True:
+            self._seq += 1
+            samples = {
+                **daemon_samples.all_samples(),
+                keys.STATUS: encode(self.status, "json"),
+                keys.POSE: encode(daemon_samples.pose(seq=self._seq), "json"),
+            }
+            del samples[keys.EVENTS]
+            for key, payload in samples.items():
+                publishers[key].put(payload)
+            await asyncio.sleep(0.1)
+
+    def _take(self, arrivals: list[Arrival]) -> None:
+        self.commands += [msgspec.json.decode(arrival.payload) for arrival in arrivals]
+
+    def _estop(self, request: Request) -> Response:
+        self.asked.append(request.key)
+        return _answer(True, "The emergency stop is engaged.")
+
+    def _reset(self, request: Request) -> Response:
+        self.asked.append(request.key)
+        words = "Released." if self.releases else "Not released: cmd_vel commands motion."
+        return _answer(self.releases, words)
+
+
+def _answer(success: bool, message: str) -> Response:
+    return Response(payload=encode(ServiceReply(success=success, message=message), "json"))
+
+
+def _refuse(*_: object) -> Response:
+    return _answer(False, "Refused.")
+
+
+@pytest.fixture
+async def fake_daemon() -> Iterator[Callable[..., Awaitable[FakeDaemon]]]:
+    """Starts daemons: ``await fake_daemon(endpoint=..., namespace=...)``."""
+    daemons: list[FakeDaemon] = []
+
+    async def start(endpoint: str = "", namespace: str = "") -> FakeDaemon:
+        daemons.append(FakeDaemon(endpoint or free_endpoint(), namespace))
+        return await daemons[-1].start()
+
+    yield start
+    for each in daemons:
+        await each.stop()
