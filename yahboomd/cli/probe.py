@@ -21,13 +21,13 @@ from yahboomd.cli.options import (
     read_config,
 )
 from yahboomd.cli.probe_report import Report, StoredValue
+from yahboomd.cli.probe_write import Printed, agreed, stored_value
 from yahboomd.clock import SystemClock
 from yahboomd.config import Config
 from yahboomd.errors import BoardSilent, LinkError, PortBusy, YahboomdError
 from yahboomd.link import diagnosis, discovery, flash, probing
 from yahboomd.link.port import Port, PortOptions, holders, open_port
 from yahboomd.link.session import Opener
-from yahboomd.protocol.dialect import SettingWrite
 from yahboomd.protocol.settings import BoardSettings, check_storable
 
 FOUND_WANTING = 1
@@ -240,68 +240,27 @@ def _write(
     stored: tuple[StoredValue, ...] = ()
     after = report
     if report.differing:
-        if not _agreed(args, len(report.differing)):
+        if not (args.yes or agreed(len(report.differing))):
             _say(args, "Nothing was stored.")
             return FOUND_WANTING if report.problems else os.EX_OK
         clock = SystemClock()
         opener = _opener(port, config, clock)
         _say(args, "")
-        storing = asyncio.run(flash.store(opener, clock, want, None if args.json else _Printed()))
-        stored = tuple(_value(step) for step in storing.steps)
+        storing = asyncio.run(flash.store(opener, clock, want, None if args.json else Printed()))
+        stored = tuple(stored_value(step) for step in storing.steps)
         after = _examine(port, config, want, reopening=False)
     complete = all(value.outcome == "stored" for value in stored) and not after.differing
     if args.json:
         print(_json(msgspec.structs.replace(after, stored=stored)))
-    elif report.settings:
-        done = f"The board stores the profile {after.profile}."
-        _say(args, f"\n{done if complete else 'The board does not store all of it.'}")
-        print("\n".join(_painted(probe_text.verdict(after, _width()))))
     else:
-        _say(args, "\nThere is nothing to store.")
+        if not report.settings:
+            done = "Nothing was stored: the board shows no settings."
+        elif complete:
+            done = f"The board stores the profile {after.profile}."
+        else:
+            done = "The board does not store all of it."
+        print("\n".join(("", done, *_painted(probe_text.verdict(after, _width())))))
     return os.EX_OK if complete and not after.problems else FOUND_WANTING
-
-
-def _agreed(args: argparse.Namespace, count: int) -> bool:
-    if args.yes or not sys.stdin.isatty():
-        return True
-    values = "this value" if count == 1 else f"these {count} values"
-    print(f"\nStore {values} in the board's flash? [y/N] ", end="", file=sys.stderr, flush=True)
-    return sys.stdin.readline().strip().lower() in {"y", "yes"}
-
-
-class _Printed(flash.Progress):
-    """Says what is stored, as it happens."""
-
-    def __init__(self) -> None:
-        self._had = BoardSettings()
-
-    def begins(self, writes: tuple[SettingWrite, ...], had: BoardSettings) -> None:
-        self._had = had
-        print(f"storing {len(writes)} of the board's values, one at a time, the wheels at rest:")
-
-    def step(self, step: flash.Step, has: BoardSettings) -> None:
-        name = step.write.reply_to
-        rows = probe_report.setting_rows(self._had, has, ())
-        row = next(each for each in rows if each.command == name)
-        before, now = probe_text.shown(row)
-        notes: list[str] = [step.outcome]
-        if step.outcome == "refused":
-            notes.append(f"the board says {step.answer!r}")
-        elif not step.answer:
-            notes.append("no answer heard, but read back")
-        if step.attempts > 1:
-            notes.append(f"{step.attempts} attempts")
-        print(f"  {row.name:<16}{before} -> {now}   {', '.join(notes)}", flush=True)
-
-
-def _value(step: flash.Step) -> StoredValue:
-    return StoredValue(
-        command=step.write.reply_to,
-        outcome=step.outcome,
-        answer=step.answer,
-        attempts=step.attempts,
-        took_s=round(step.took_s, 3),
-    )
 
 
 def _say(args: argparse.Namespace, words: str) -> None:

@@ -131,6 +131,11 @@ def report(
             f"The configuration wants the {wanted_dialect} dialect, the board speaks "
             f'{dialect.name}. Set serial.dialect = "auto".'
         )
+    if found.standing is False:
+        wrong.append(
+            "A wheel turns though every motor is let go: a hand, a slope, or a driver that is "
+            "broken. Find out which before anything drives."
+        )
     if settings is not None:
         writes = dialect.write_settings(settings, want)
         rows = setting_rows(settings, want, {write.reply_to for write in writes})
@@ -179,11 +184,6 @@ def _other_profiles(settings: BoardSettings | None, profile: MotorProfile) -> tu
 
 
 def _advice(found: Examination, reopening: Reopening | None) -> Iterable[str]:
-    if found.standing is False:
-        yield (
-            "A wheel turns though its motor is let go: somebody moves it, or it is no motor of "
-            "this board's."
-        )
     if found.ticks is None:
         yield "No counters came: without them there is no odometry."
     if found.volts is not None and found.volts < LOW_VOLTS:
@@ -199,7 +199,7 @@ def _advice(found: Examination, reopening: Reopening | None) -> Iterable[str]:
             "travelled meanwhile. The port's DTR line does that: try --set serial.dtr=false, and "
             "see that serial.hangup_on_close is false; then probe again."
         )
-    elif reopening.survival == "unknown" and reopening.after is not None:
+    elif reopening.survival == "unknown" and reopening.near_zero:
         yield (
             "The counters are near zero, so it cannot be told whether opening the port resets "
             "the board: turn a wheel by hand, half a turn, and probe again."

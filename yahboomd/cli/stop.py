@@ -140,7 +140,7 @@ def _everywhere(args: argparse.Namespace) -> bool:
                 remedy=trouble.remedy,
             ) from trouble
         # Nobody on the bus: whoever held the port may have been about to end.
-        report = _on_port(take(args, config))
+        report = _on_port(take(args, config, asked=endpoints))
     return tell(report)
 
 

@@ -53,7 +53,11 @@ def configuration(args: argparse.Namespace) -> Config:
 
 
 def take(
-    args: argparse.Namespace, config: Config | None, *, patience_s: float = PATIENCE_S
+    args: argparse.Namespace,
+    config: Config | None,
+    *,
+    patience_s: float = PATIENCE_S,
+    asked: tuple[str, ...] = (),
 ) -> Seized:
     """Take the port and say the first stop.
 
@@ -61,6 +65,7 @@ def take(
         args: Names the port, perhaps.
         config: How it is opened; None for the defaults, with the port that ``args`` names.
         patience_s: How long to try again while somebody else holds it.
+        asked: Where a daemon was asked on the bus, and did not answer.
 
     Raises:
         LinkError: It cannot be had.
@@ -83,22 +88,38 @@ def take(
             patience_s=patience_s,
         )
     except OSError as error:
-        raise _explained(path, error) from error
+        raise _explained(path, error, asked) from error
 
 
-def _explained(path: str, error: OSError) -> LinkError:
+def _explained(path: str, error: OSError, asked: tuple[str, ...]) -> LinkError:
     from yahboomd.link.diagnosis import busy
     from yahboomd.link.port import explained, holders
 
     why = explained(path, error)
     if not isinstance(why, PortBusy):
         return why
-    hints = " ".join(busy(holders(path)))
+    who = holders(path)
+    if not any(each.startswith("yahboomd ") for each in who):
+        hints = " ".join(busy(who))
+        return PortBusy(
+            why.message, remedy=f"End it ({end(who)}), then stop again. {hints}".rstrip()
+        )
+    if asked:
+        return PortBusy(
+            f"{why.message} It does not answer at {' or '.join(asked)}.",
+            remedy=f"Only it can stop the wheels, and does so as it ends: {end(who)}",
+        )
     return PortBusy(
         why.message,
-        remedy="Only its owner can stop the wheels: end it (a daemon stops them as it ends), then "
-        f"stop again. {hints}".rstrip(),
+        remedy="Only it can stop the wheels: `yahboomd stop`, without --direct, asks it over the "
+        f"bus; ending it ({end(who)}) stops them too.",
     )
+
+
+def end(who: tuple[str, ...]) -> str:
+    """The command that ends the holders of a port, named as ``name (pid N)``."""
+    pids = " ".join(each.rpartition("pid ")[2].rstrip(")") for each in who)
+    return f"kill {pids}" if pids else "kill PID"
 
 
 def tell(report: TakeoverReport) -> bool:

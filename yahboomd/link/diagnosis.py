@@ -86,7 +86,7 @@ def _denied(path: str) -> tuple[str, ...]:
     if not status.st_mode & stat.S_IWGRP:
         return (f"{words}, which may not write to it either: a udev rule may set its mode.",)
     user = getpass.getuser()
-    if status.st_gid in os.getgroups():
+    if status.st_gid in {os.getegid(), *os.getgroups()}:
         return (f"{words}, and {user} is in it: something else forbids it (a container?).",)
     if user in group.gr_mem:
         return (f"{words}; {user} is in it, but not since this login: log out and in again.",)

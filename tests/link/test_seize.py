@@ -1,0 +1,140 @@
+"""The port taken by the operating system alone, and the first stop on it."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import pty
+import subprocess
+import sys
+import termios
+import threading
+import time
+import tty
+from collections.abc import Iterator
+
+import pytest
+
+from yahboomd.link.seize import FIRST_WORDS, SPACING_S, seize
+from yahboomd.protocol.framing import RESYNC
+from yahboomd.protocol.registry import CONNECT_SPACING_NS, CONNECT_STOP
+
+
+class Device:
+    """The far side of a pty."""
+
+    def __init__(self) -> None:
+        self.master, slave = pty.openpty()
+        tty.setraw(slave)
+        self.path = os.ttyname(slave)
+        os.close(slave)
+
+
+@pytest.fixture
+def device() -> Iterator[Device]:
+    device = Device()
+    yield device
+    os.close(device.master)
+
+
+def test_the_first_words_are_those_of_the_protocol() -> None:
+    assert (RESYNC + CONNECT_STOP[0], *CONNECT_STOP[1:]) == FIRST_WORDS
+    assert SPACING_S * 1e9 == CONNECT_SPACING_NS
+
+
+def test_nothing_that_takes_long_is_imported_before_the_first_stop() -> None:
+    script = (
+        "import sys, yahboomd.cli.main, yahboomd.cli.stop\n"
+        "slow = {'asyncio', 'serial', 'msgspec', 'pydantic', 'zenoh', 'ctypes', 'tomllib'}\n"
+        "print(sorted(slow & set(sys.modules)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "[]\n"
+
+
+@pytest.mark.realtime
+def test_both_stops_are_on_the_line_when_it_returns(device: Device) -> None:
+    before_ns = time.monotonic_ns()
+    seized = seize(device.path)
+    assert os.read(device.master, 4096) == b"".join(FIRST_WORDS)
+    assert before_ns <= seized.spoken_ns <= time.monotonic_ns() - 20_000_000
+    os.close(seized.fd)
+
+
+@pytest.mark.realtime
+def test_the_port_is_raw_so_that_bytes_pass_as_they_are(device: Device) -> None:
+    slave = os.open(device.path, os.O_RDWR | os.O_NOCTTY)
+    termios.tcsetattr(slave, termios.TCSANOW, _cooked(slave))
+    seized = seize(device.path)
+    assert os.read(device.master, 4096) == b"".join(FIRST_WORDS)
+    os.write(device.master, b"\r\n\x03\x11\x13\x00")
+    assert os.read(seized.fd, 100) == b"\r\n\x03\x11\x13\x00"
+    with pytest.raises(BlockingIOError):
+        os.read(seized.fd, 100)
+    for fd in (seized.fd, slave):
+        os.close(fd)
+
+
+def _cooked(fd: int) -> list[object]:
+    attributes = termios.tcgetattr(fd)
+    attributes[0] |= termios.ICRNL | termios.IXON
+    attributes[1] |= termios.OPOST | termios.ONLCR
+    attributes[3] |= termios.ICANON | termios.ECHO | termios.ISIG
+    return attributes
+
+
+@pytest.mark.realtime
+def test_closing_drops_dtr_only_where_it_is_wanted(device: Device) -> None:
+    for wanted in (False, True):
+        seized = seize(device.path, hangup_on_close=wanted)
+        assert bool(termios.tcgetattr(seized.fd)[2] & termios.HUPCL) == wanted
+        fcntl.ioctl(seized.fd, termios.TIOCNXCL)
+        os.close(seized.fd)
+
+
+@pytest.mark.realtime
+def test_a_port_that_is_held_is_refused_when_the_patience_ends(device: Device) -> None:
+    seized = seize(device.path)
+    with pytest.raises(OSError, match=r"busy|unavailable"):
+        seize(device.path, patience_s=0.05)
+    os.close(seized.fd)
+
+
+@pytest.mark.realtime
+def test_a_port_that_its_holder_lets_go_of_is_taken(device: Device) -> None:
+    holder = os.open(device.path, os.O_RDWR | os.O_NOCTTY)
+    fcntl.flock(holder, fcntl.LOCK_EX)
+    dying = threading.Timer(0.1, os.close, [holder])
+    dying.start()
+    seized = seize(device.path, patience_s=30.0)
+    dying.join()
+    os.close(seized.fd)
+
+
+@pytest.mark.realtime
+@pytest.mark.parametrize(
+    ("path", "code"), [("/dev/null", errno.ENOTTY), ("/nonexistent/port", errno.ENOENT)]
+)
+def test_what_is_no_port_is_refused_at_once(path: str, code: int) -> None:
+    with pytest.raises(OSError, match=os.strerror(code)):
+        seize(path, patience_s=30.0)
+
+
+@pytest.mark.realtime
+def test_a_baud_rate_that_the_system_does_not_have_leaves_the_port_free(device: Device) -> None:
+    with pytest.raises(OSError, match="12345 is no baud rate"):
+        seize(device.path, baudrate=12345)
+    seized = seize(device.path, patience_s=0.0)
+    os.close(seized.fd)
+
+
+@pytest.mark.realtime
+def test_a_port_that_takes_no_output_does_not_hold_us_for_ever(device: Device) -> None:
+    stuffed = os.open(device.path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    termios.tcflow(stuffed, termios.TCOOFF)
+    with pytest.raises(OSError, match="takes no output"):
+        seize(device.path)
+    os.close(stuffed)
