@@ -40,6 +40,7 @@ class TerminalProcess:
         fcntl.ioctl(self._slave, termios.TIOCSWINSZ, size)
         self.before = termios.tcgetattr(self._slave)
         self._written = bytearray()
+        self._open = True
         environ = {key: value for key, value in os.environ.items() if "YAHBOOMD_" not in key}
         self.process = subprocess.Popen(
             [sys.executable, "-S", "-E", "-c", _ADOPT, *arguments],
@@ -91,13 +92,19 @@ class TerminalProcess:
             and written.rfind("\x1b[?25h") > written.rfind("\x1b[?25l")
         )
 
+    def hang_up(self) -> None:
+        """Close the window."""
+        asyncio.get_running_loop().remove_reader(self._master)
+        os.close(self._slave)
+        os.close(self._master)
+        self._open = False
+
     def close(self) -> None:
         """End it, if it has not, and let go of the terminal."""
         self.process.kill()
         self.process.wait()
-        asyncio.get_running_loop().remove_reader(self._master)
-        os.close(self._master)
-        os.close(self._slave)
+        if self._open:
+            self.hang_up()
 
 
 @pytest.fixture

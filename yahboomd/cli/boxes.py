@@ -85,5 +85,6 @@ def stacked(lines: Sequence[Text]) -> Text:
 
 
 def _cut(words: str, width: int) -> str:
-    shown = plain(words)
-    return shown if len(shown) <= width else shown[: max(0, width - 1)] + "…"
+    shown = line(words)
+    shown.truncate(max(0, width), overflow="ellipsis")
+    return shown.plain

@@ -79,12 +79,16 @@ class Dashboard:
                 self._events.append((event, now_ns))
                 self._new_events.append((event, now_ns))
         elif key == keys.POSE:
-            if (pose := self._read(payload, PoseSample)) is not None:
+            pose = self._read(payload, PoseSample)
+            if pose is not None and self._finite(pose.x, pose.y, pose.theta, *pose.covariance):
                 self._take_pose(pose, now_ns)
         elif key == keys.TWIST:
-            self._twist = self._read(payload, TwistSample) or self._twist
+            twist = self._read(payload, TwistSample)
+            if twist is not None and self._finite(twist.vx, twist.vy, twist.wz):
+                self._twist = twist
         elif key == keys.WHEELS:
-            if (wheels := self._read(payload, WheelsSample)) is not None:
+            wheels = self._read(payload, WheelsSample)
+            if wheels is not None and self._finite(*wheels.speed_m_s, *wheels.command_m_s):
                 self._wheels = wheels
                 speeds = (*wheels.speed_m_s, *wheels.command_m_s)
                 fastest = max((abs(each) for each in speeds), default=0.0)
@@ -206,6 +210,13 @@ class Dashboard:
         if sample is None:
             self._unreadable += 1
         return sample
+
+    def _finite(self, *numbers: float) -> bool:
+        """Whether these can be drawn: MessagePack carries infinities and what is no number."""
+        finite = all(map(math.isfinite, numbers))
+        if not finite:
+            self._unreadable += 1
+        return finite
 
 
 def _event_views(events: Iterable[tuple[EventSample, int]], now_ns: int) -> tuple[EventView, ...]:

@@ -191,9 +191,11 @@ class Driver:
 
 
 def _write(text: str) -> None:
+    # Past Python's buffer: what a terminal that hung up did not take would fail again at the end.
+    data = text.encode()
     try:
-        sys.stdout.write(text)
-        sys.stdout.flush()
+        while data:
+            data = data[os.write(sys.stdout.fileno(), data) :]
     except OSError:
         # The terminal is gone; its reader says so, and ends the command.
         return

@@ -27,12 +27,9 @@ if TYPE_CHECKING:
 
 REDRAW_S = 0.1
 CALM_S = 0.5
-"""Between two screens while nothing moves and nothing is told."""
+"""Between two looks while nothing moves and nothing is told."""
 
 LINE_S = 1.0
-ONCE_S = 5.0
-"""How long ``--once`` waits for a daemon."""
-
 COMPLETE_S = 1.0
 """How long it waits, once one is there, for a pose and for two statuses to tell rates from."""
 
@@ -67,7 +64,15 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     form.add_argument(
         "--plain",
         action="store_true",
-        help="print a line each second and each event, instead of a screen (as without a terminal)",
+        help="print lines instead of a screen, as without a terminal: each second, for each change "
+        "of state, and for each event",
+    )
+    parser.add_argument(
+        "--timeout",
+        metavar="S",
+        type=float,
+        default=5.0,
+        help="how long --once waits for a daemon, in seconds (default: %(default)s)",
     )
     add_bus_options(parser)
     add_config_options(parser)
@@ -94,10 +99,11 @@ def run(args: argparse.Namespace) -> int:
     from yahboomd.cli.bus_client import client_options
 
     options = client_options(daemon_endpoints(args, config), config)
-    return asyncio.run(_run(options, once=args.once, on_screen=on_screen))
+    once_s = args.timeout if args.once else None
+    return asyncio.run(_run(options, once_s=once_s, on_screen=on_screen))
 
 
-async def _run(options: BusOptions, *, once: bool, on_screen: bool) -> int:
+async def _run(options: BusOptions, *, once_s: float | None, on_screen: bool) -> int:
     from yahboomd.cli.feed import Feed
     from yahboomd.clock import SystemClock
 
@@ -108,8 +114,8 @@ async def _run(options: BusOptions, *, once: bool, on_screen: bool) -> int:
         loop.add_signal_handler(number, ended.set)
     try:
         async with Feed(options, clock) as feed:
-            if once:
-                return await _once(feed, clock, ended)
+            if once_s is not None:
+                return await _once(feed, clock, ended, once_s)
             await (_on_screen if on_screen else _lines)(feed, clock, ended)
     finally:
         for number in SIGNALS:
@@ -126,11 +132,11 @@ async def _pause(ended: asyncio.Event, s: float) -> None:
         return
 
 
-async def _once(feed: Feed, clock: Clock, ended: asyncio.Event) -> int:
+async def _once(feed: Feed, clock: Clock, ended: asyncio.Event, within_s: float) -> int:
     from yahboomd.cli import monitor_lines
     from yahboomd.clock import nanoseconds
 
-    until_ns = clock.now_ns() + nanoseconds(ONCE_S)
+    until_ns = clock.now_ns() + nanoseconds(within_s)
     seen_ns: int | None = None
     while not ended.is_set():
         feed.check()
@@ -143,7 +149,7 @@ async def _once(feed: Feed, clock: Clock, ended: asyncio.Event) -> int:
                 return os.EX_OK
         elif now_ns > until_ns:
             raise BusError(
-                f"No daemon was heard at {feed.wanted} within {ONCE_S:g} s.",
+                f"No daemon was heard at {feed.wanted} within {within_s:g} s.",
                 remedy=f"{feed.why} `yahboomd run` starts one.",
             )
         await _pause(ended, 0.05)
@@ -158,21 +164,28 @@ def _complete(view: View) -> bool:
 
 async def _lines(feed: Feed, clock: Clock, ended: asyncio.Event) -> None:
     from yahboomd.cli import monitor_lines
+    from yahboomd.clock import nanoseconds
 
-    said_waiting = ""
+    said: object = None
+    due_ns = clock.now_ns()
     while not ended.is_set():
         feed.check()
-        view = feed.view(clock.now_ns())
-        for event in feed.dashboard.new_events(clock.now_ns()):
+        feed.news.clear()
+        now_ns = clock.now_ns()
+        view = feed.view(now_ns)
+        for event in feed.dashboard.new_events(now_ns):
             print(monitor_lines.event_line(event), flush=True)
-        if view.status is None:
+        status = view.status
+        if status is None:
             words = f"waiting for a daemon at {feed.wanted} … {feed.why}".rstrip()
-            if words != said_waiting:
+            if words != said:
                 print(words, flush=True)
-            said_waiting = words
-        else:
+            said = words
+        elif now_ns >= due_ns or said != (view.phase, status.state, status.driver):
             print(monitor_lines.line(view), flush=True)
-        await _pause(ended, LINE_S)
+            said = (view.phase, status.state, status.driver)
+            due_ns = now_ns + nanoseconds(LINE_S)
+        await _calm(ended, feed)
 
 
 async def _on_screen(feed: Feed, clock: Clock, ended: asyncio.Event) -> None:

@@ -69,14 +69,18 @@ def bar(speed: float, command: float, *, full_scale: float, width: int) -> list[
     half = width // 2
     cells: list[tuple[str, str]] = [("·", "empty")] * width
     cells[half] = ("┼", "axis")
+
+    def share(value: float) -> float:
+        return min(1.0, abs(value) / full_scale) if full_scale > 0.0 else 0.0
+
     # Twice the resolution, by half blocks.
-    filled = min(2 * half, round(abs(speed) / full_scale * half * 2)) if full_scale > 0.0 else 0
+    filled = round(share(speed) * half * 2)
     step = 1 if speed > 0.0 else -1
     for index in range(1, filled // 2 + 1):
         cells[half + step * index] = ("█", "speed")
     if filled % 2:
         cells[half + step * (filled // 2 + 1)] = ("▌" if speed > 0.0 else "▐", "speed")
-    if command != 0.0 and full_scale > 0.0:
-        place = max(1, min(half, round(abs(command) / full_scale * half)))
+    if command != 0.0:
+        place = max(1, round(share(command) * half))
         cells[half + (place if command > 0.0 else -place)] = ("┃", "command")
     return cells

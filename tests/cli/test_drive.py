@@ -1,0 +1,39 @@
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Callable
+
+import pytest
+
+from yahboomd.cli.main import main
+
+
+@pytest.mark.realtime
+def test_without_a_terminal_it_refuses_in_a_sentence(
+    yahboomd: Callable[..., subprocess.CompletedProcess[str]],
+) -> None:
+    done = yahboomd("drive")
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.startswith("yahboomd: drive needs a terminal")
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("speed", ["0", "-1", "nan", "inf", "fast"])
+def test_a_speed_must_be_a_number_above_zero(
+    capsys: pytest.CaptureFixture[str], speed: str
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["drive", f"--linear={speed}"])
+    assert ended.value.code == 2
+    assert "--linear" in capsys.readouterr().err
+
+
+def test_its_help_names_every_key_that_does_something(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with pytest.raises(SystemExit):
+        main(["drive", "--help"])
+    text = capsys.readouterr().out
+    for words in ("w s a d", "space", "emergency stop", "release", "quit", "--linear", "--source"):
+        assert words in text

@@ -1,0 +1,19 @@
+from __future__ import annotations
+
+from yahboomd.cli.view import LINK_COUNTS, REFUSALS, View, WheelView
+from yahboomd.messages.samples import REFUSED
+
+
+def test_every_reason_to_refuse_a_payload_has_words() -> None:
+    assert {sample.reason for sample in REFUSED.values()} <= set(REFUSALS)
+
+
+def test_no_counter_is_told_twice() -> None:
+    names = [name for group in LINK_COUNTS.values() for name in group]
+    assert len(names) == len(set(names))
+
+
+def test_old_wheels_do_not_move() -> None:
+    wheel = WheelView(name="left", ticks=0, position_rad=0.0, speed_m_s=0.5, command_m_s=0.5)
+    assert View(phase="live", wheels=(wheel,)).moving
+    assert not View(phase="live", wheels=(wheel,), late=True).moving

@@ -1,0 +1,78 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from yahboomd.cli import words
+
+
+@pytest.mark.parametrize(
+    ("s", "said"),
+    [
+        (0.0, "0.0 s"),
+        (59.96, "59.9 s"),
+        (60.0, "1 min 00 s"),
+        (185.9, "3 min 05 s"),
+        (7620.0, "2 h 07 min"),
+        (200_000.0, "2 days"),
+    ],
+)
+def test_durations_are_said_as_people_say_them(s: float, said: str) -> None:
+    assert words.duration(s) == said
+
+
+@pytest.mark.parametrize("value", [-0.0, -0.0004])
+def test_there_is_no_negative_zero(value: float) -> None:
+    assert words.signed(value) == "   0.000"
+
+
+@given(st.floats(-1e4, 1e4))
+def test_a_heading_in_degrees_is_wrapped_and_never_a_negative_zero(theta: float) -> None:
+    said = words.degrees(theta)
+    assert -180.0 <= float(said.rstrip("°")) <= 180.0
+    assert said != "-0.0°"
+
+
+def test_a_heading_keeps_its_sign_within_half_a_turn() -> None:
+    assert words.degrees(math.pi / 2 - 4 * math.pi) == "90.0°"
+    assert words.degrees(-math.pi / 2) == "-90.0°"
+
+
+def test_a_rate_that_nobody_can_tell_is_a_dash() -> None:
+    assert words.rate(None, "poses") == "- poses/s"
+    assert words.rate(49.7, "poses") == "50 poses/s"
+
+
+def drawn(speed: float, command: float, width: int = 11) -> str:
+    return "".join(each for each, _ in words.bar(speed, command, full_scale=1.0, width=width))
+
+
+@pytest.mark.parametrize(
+    ("speed", "command", "picture"),
+    [
+        (0.0, 0.0, "·····┼·····"),
+        (1.0, 0.0, "·····┼█████"),
+        (-0.4, 0.0, "···██┼·····"),
+        (0.5, 0.0, "·····┼██▌··"),
+        (-0.5, 0.0, "··▐██┼·····"),
+        (0.6, 1.0, "·····┼███·┃"),
+        (0.0, -0.6, "··┃··┼·····"),
+        (9.0, -9.0, "┃····┼█████"),
+        # A command that is too small to be seen is shown all the same.
+        (0.0, 0.001, "·····┼┃····"),
+    ],
+)
+def test_bars_show_speed_and_command_around_zero(
+    speed: float, command: float, picture: str
+) -> None:
+    assert drawn(speed, command) == picture
+
+
+@given(st.floats(-1e9, 1e9), st.floats(-1e9, 1e9), st.floats(0.0, 1e9), st.integers(1, 40))
+def test_bars_keep_their_width(speed: float, command: float, scale: float, half: int) -> None:
+    cells = words.bar(speed, command, full_scale=scale, width=2 * half + 1)
+    assert len(cells) == 2 * half + 1
+    assert all(len(each) == 1 for each, _ in cells)
