@@ -320,41 +320,56 @@ def eventually() -> Callable[..., Any]:
     return until
 
 
-@dataclass(frozen=True)
+@dataclass
 class Bridge:
-    endpoint: str
-    domain: int
+    """The real bridge with the example's configuration, but for the port; DDS on loopback."""
+
+    program: Path
     log: Path
+    port: int = field(default_factory=free_port)
+    domain: int = field(default_factory=free_domain)
+    process: subprocess.Popen[bytes] | None = None
+
+    @property
+    def endpoint(self) -> str:
+        return f"tcp/127.0.0.1:{self.port}"
+
+    def start(self) -> None:
+        environment = {
+            **os.environ,
+            "ROS_DISTRO": "jazzy",
+            "ROS_DOMAIN_ID": str(self.domain),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "CYCLONEDDS_URI": "<CycloneDDS><Domain><General><Interfaces>"
+            '<NetworkInterface name="lo"/></Interfaces></General></Domain></CycloneDDS>',
+        }
+        with self.log.open("a") as log:
+            self.process = subprocess.Popen(
+                [self.program, EXAMPLE, self.endpoint], env=environment, stdout=log, stderr=log
+            )
+        until(self.listens, "the bridge to listen")
+
+    def listens(self) -> bool:
+        assert self.process is not None
+        assert self.process.poll() is None, f"the bridge ended: {self.log.read_text()[-2000:]}"
+        with closing(socket.socket()) as probe:
+            return probe.connect_ex(("127.0.0.1", self.port)) == 0
+
+    def stop(self) -> None:
+        if self.process is not None:
+            self.process.terminate()
+            self.process.wait(10)
 
 
 @pytest.fixture
 def bridge(tmp_path: Path) -> Iterator[Bridge]:
-    """The real bridge with the example's configuration, but for the port; DDS on loopback."""
-    program = built("bridge")
-    port, domain, log = free_port(), free_domain(), tmp_path / "bridge.log"
-    endpoint = f"tcp/127.0.0.1:{port}"
-    environment = {
-        **os.environ,
-        "ROS_DISTRO": "jazzy",
-        "ROS_DOMAIN_ID": str(domain),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        "CYCLONEDDS_URI": '<CycloneDDS><Domain><General><Interfaces><NetworkInterface name="lo"/>'
-        "</Interfaces></General></Domain></CycloneDDS>",
-    }
-    with log.open("w") as stderr:
-        process = subprocess.Popen([program, EXAMPLE, endpoint], env=environment, stderr=stderr)
-
-    def listens() -> bool:
-        assert process.poll() is None, f"the bridge ended: {log.read_text()[-2000:]}"
-        with closing(socket.socket()) as probe:
-            return probe.connect_ex(("127.0.0.1", port)) == 0
-
+    """The bridge, running; it may be stopped and started."""
+    bridge = Bridge(built("bridge"), tmp_path / "bridge.log")
     try:
-        until(listens, "the bridge to listen")
-        yield Bridge(endpoint, domain, log)
+        bridge.start()
+        yield bridge
     finally:
-        process.terminate()
-        process.wait(10)
+        bridge.stop()
 
 
 @pytest.fixture

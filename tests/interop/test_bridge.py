@@ -159,3 +159,22 @@ def live_once(bridge, dds_node, join, eventually, spoken):
 def test_a_new_session_takes_over_from_the_last(live_once):
     live_once("first")
     live_once("second")
+
+
+def test_a_restarted_bridge_finds_everything_again(bridge, dds_node, join, eventually, spoken):
+    with join(bridge.endpoint) as session:
+        got = []
+        _announced = tokens(session, spoken)
+        _frames = publisher(session, "/tf_static", spoken["/tf_static"])
+        _frames.put(spoken["/tf_static"].payload)
+        _commands = session.declare_subscriber("cmd_vel", got.append)
+        _services = serve(session, [])
+        assert dds_node.message("/tf_static") == spoken["/tf_static"].read
+        dds_node.order("drive", vx=0.1, hz=50)
+        eventually(lambda: got, "a command")
+        bridge.stop()
+        got.clear()
+        bridge.start()
+        assert dds_node.message("/tf_static") == spoken["/tf_static"].read
+        eventually(lambda: got, "a command after the restart")
+        assert dds_node.call("/yahboomd/estop", data=True)["event"] == "reply"
