@@ -14,11 +14,11 @@ from typing import Literal, Protocol
 import msgspec
 
 from yahboomd.clock import Clock, nanoseconds, seconds
-from yahboomd.daemon.fit import fit, no_board
+from yahboomd.daemon.fit import fit
 from yahboomd.daemon.latch import EstopLatch
+from yahboomd.daemon.wheels import Wheels
 from yahboomd.drive import standing
 from yahboomd.drive.arbiter import Arbiter, Decision
-from yahboomd.drive.channels import channel_commands, motor_speeds
 from yahboomd.drive.holds import (
     BOARD_RESET,
     BOARD_UNFIT,
@@ -30,8 +30,7 @@ from yahboomd.drive.holds import (
 )
 from yahboomd.drive.kinematics import desaturate, desaturate_twist, wheel_speeds
 from yahboomd.drive.limiter import AxisLimits, Limiter
-from yahboomd.drive.stop_watch import StopWatch
-from yahboomd.drive.wheels_check import Fault, WheelsCheck
+from yahboomd.drive.wheels_check import Fault
 from yahboomd.errors import YahboomdError
 from yahboomd.link.handshake import Identity
 from yahboomd.link.session import Session
@@ -52,9 +51,6 @@ log = logging.getLogger(__name__)
 SOONEST_S = 0.002
 """Extra control steps, for commands that arrive, are at least so far apart: more than the board
 can be told, and a bound on what a flood of commands can cost."""
-
-STOP_REPEAT_S = 0.1
-"""How often an immediate stop is said before everything else until the counters obey."""
 
 
 class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
@@ -135,30 +131,26 @@ class Controller:
         self._odometer = odometer
         self._latch = latch
         self._outputs = outputs
-        names = tuple(motor.name for motor in options.motors)
+        self.counters: Counter[str] = Counter()
+        self._wheels = Wheels(
+            options.kinematics,
+            options.motors,
+            at_rest=options.at_rest,
+            min_speed_m_s=options.min_speed_m_s,
+            counters=self.counters,
+        )
         self._limiter = Limiter(
             options.linear, options.angular, longest_step_s=max(0.1, 2 * options.period_s)
         )
-        self._check = WheelsCheck(names, min_speed_m_s=options.min_speed_m_s)
-        self._stop_watch = StopWatch(names)
         self._resets = ResetWatch()
         self._holds = Holds()
-        self._session: Session | None = None
-        self._fit = no_board(options.kinematics)
-        self._zeros = (0.0,) * len(options.motors)
-        self._command_m_s = self._zeros
-        self._measured_m_s: tuple[float, ...] | None = None
-        self._motor_ticks: tuple[int, ...] | None = None
         self._decision = Decision()
-        self._released = False
-        self._stop_due_ns: int | None = None
         self._stepped_ns = clock.now_ns()
         self._extra_ns = 0
         self._step_pending = False
         self._alarm = clock.alarm(self._extra_step)
         self.progress = 0
         self.volts: float | None = None
-        self.counters: Counter[str] = Counter()
         self._wait("No board yet.")
 
     # The control step.
@@ -177,11 +169,11 @@ class Controller:
         else:
             self._drive(decision, now_ns, dt_s)
         # Only what was measured after the wheels were told to stand shows that they do.
-        stopped = self._stop_watch.state == "stopped"
+        wheels = self._wheels
         self._arbiter.observe_wheels(
             now_ns,
-            commanded_zero=not any(self._command_m_s),
-            measured_m_s=self._measured_m_s if stopped else None,
+            commanded_zero=not any(wheels.command_m_s),
+            measured_m_s=wheels.measured_m_s if wheels.stopped else None,
         )
         if (before.why, before.driver) != (decision.why, decision.driver):
             self._outputs.changed()
@@ -206,85 +198,37 @@ class Controller:
         self._alarm.close()
 
     def _drive(self, decision: Decision, now_ns: int, dt_s: float) -> None:
-        options = self._options
+        kinematics, limits = self._options.kinematics, self._wheels.fit.wheel_limits
         if not decision.ramp and decision.twist.is_zero:
             self._stand(now_ns, at_once=True)
             return
-        wish, scale = desaturate_twist(options.kinematics, decision.twist, self._fit.wheel_limits)
+        wish, scale = desaturate_twist(kinematics, decision.twist, limits)
         if scale < 1.0:
             self.counters["desaturated"] += 1
         limited = self._limiter.step(wish, dt_s)
-        speeds, _ = desaturate(wheel_speeds(options.kinematics, limited), self._fit.wheel_limits)
-        if not any(speeds):
+        speeds, _ = desaturate(wheel_speeds(kinematics, limited), limits)
+        if any(speeds):
+            self._wheels.turn(speeds, now_ns)
+        else:
             self._stand(now_ns, at_once=False)
-            return
-        self._stop_watch.cancel()
-        self._stop_due_ns = None
-        self._released = False
-        self._say(speeds, now_ns)
 
     def _stand(self, now_ns: int, *, at_once: bool) -> None:
-        """Command standstill, see that it is obeyed, and cut the motors where it is not."""
         self._limiter.halt()
-        session = self._session
-        moved = any(self._command_m_s)
-        if session is None:
-            self._command_m_s = self._zeros
-            return
-        if moved or self._stop_watch.state == "idle":
-            self._stop_watch.begin(now_ns)
-            self._stop_due_ns = now_ns if at_once else None
-        elif at_once and self._stop_due_ns is None and self._stop_watch.state == "stopping":
-            self._stop_due_ns = now_ns
-        if self._stop_due_ns is not None and self._stop_watch.state == "stopped":
-            self._stop_due_ns = None
-        if self._stop_due_ns is not None and now_ns >= self._stop_due_ns and not self._released:
-            # Before everything that waits, and again until the counters obey.
-            session.brake()
-            self.counters["stops_said"] += 1
-            self._stop_due_ns = now_ns + nanoseconds(STOP_REPEAT_S)
-        if (fault := self._stop_watch.check(now_ns)) is not None:
-            self._trouble(fault, now_ns)
-        if self._released:
-            return
-        if self._options.at_rest == "release" and self._stop_watch.state == "stopped":
-            self._release()
-            return
-        self._say((0.0,) * len(self._options.kinematics.wheels), now_ns)
-
-    def _say(self, wheels: tuple[float, ...], now_ns: int) -> None:
-        options = self._options
-        self._command_m_s = motor_speeds(options.motors, wheels)
-        self._check.command(now_ns, self._command_m_s)
-        if self._session is not None and self._fit.units:
-            self._session.drive(channel_commands(options.motors, wheels, self._fit.units))
-
-    def _release(self) -> None:
-        """Let the motors go, and keep saying so until somebody may drive again."""
-        self._released = True
-        self._command_m_s = self._zeros
-        self._check.command(self._clock.now_ns(), None)
-        if self._session is not None:
-            self._session.release()
-
-    def _cut(self) -> None:
-        self._limiter.halt()
-        if self._session is not None:
-            self._session.cut()
-        self.counters["cuts"] += 1
-        self._release()
+        if (fault := self._wheels.stand(now_ns, at_once=at_once)) is not None:
+            self._tell(fault)
 
     def _trouble(self, fault: Fault, now_ns: int) -> None:
         """What follows from a wheel that lies."""
+        self._tell(fault)
+        if fault.action == "cut" or (fault.action == "policy" and self._policy(fault) == "stop"):
+            self._limiter.halt()
+            self._wheels.cut(now_ns)
+            self._holds.put(Hold(kind=FAULT, message=fault.message, since_ns=now_ns))
+            self._outputs.changed()
+
+    def _tell(self, fault: Fault) -> None:
         self.counters[fault.kind] += 1
         self.event(fault.event())
-        stop = fault.action == "cut" or (fault.action == "policy" and self._policy(fault) == "stop")
-        if not stop:
-            return
-        self._cut()
-        if fault.kind != "stop_not_obeyed":
-            self._holds.put(Hold(kind=FAULT, message=fault.message, since_ns=now_ns))
-        self._outputs.changed()
 
     def _policy(self, fault: Fault) -> Literal["stop", "report"]:
         if fault.kind == "turns_without_command":
@@ -296,21 +240,18 @@ class Controller:
     def connected(self, session: Session, identity: Identity) -> None:
         """A board is there: may its wheels turn, and in which units are they told to?"""
         now_ns = self._clock.now_ns()
-        self._session = session
-        self._released = False
-        self._stop_watch.cancel()
-        self._check.reset()
         self._arbiter.forget_commands(now_ns)
         self._odometer.set_sample_period(identity.dialect.sample_period_ns)
-        self._fit = fit(
+        found = fit(
             identity,
             kinematics=self._options.kinematics,
             motors=self._options.motors,
             profile=self._options.profile,
             scale=self._options.command_scale,
         )
-        if self._fit.wrong:
-            words = " ".join(self._fit.wrong)
+        self._wheels.attach(session, found)
+        if found.wrong:
+            words = " ".join(found.wrong)
             self._holds.put(Hold(kind=BOARD_UNFIT, message=words, since_ns=now_ns))
             self.event(Event(kind="board_unfit", severity="error", message=words))
         else:
@@ -331,17 +272,15 @@ class Controller:
         estimate = update.estimate
         if estimate is None:
             return
-        self._measured_m_s = estimate.motor_speed_m_s
-        ticks = estimate.motor_ticks
-        deltas = tuple(b - a for a, b in zip(self._motor_ticks or ticks, ticks, strict=True))
-        self._motor_ticks = ticks
         now_ns = self._clock.now_ns()
-        for fault in self._check.measure(estimate.stamp_ns, estimate.motor_speed_m_s, deltas):
+        faults = self._wheels.measure(
+            estimate.stamp_ns, estimate.motor_speed_m_s, estimate.motor_ticks
+        )
+        for fault in faults:
             self._trouble(fault, now_ns)
-        self._stop_watch.measure(estimate.stamp_ns, estimate.motor_speed_m_s)
         if self._holds.drop(WAITING_FOR_BOARD):
             self._outputs.changed()
-        self._outputs.estimate(estimate, self._command_m_s)
+        self._outputs.estimate(estimate, self._wheels.command_m_s)
 
     def battery(self, volts: float) -> None:
         """The voltage of the motors' supply."""
@@ -351,11 +290,10 @@ class Controller:
     def board_reset(self, version: str) -> None:
         """The board started anew: its motors are free, and what it was told is forgotten."""
         now_ns = self._clock.now_ns()
-        measured = self._measured_m_s or ()
-        in_motion = any(self._command_m_s) or any(abs(each) > 0.03 for each in measured)
+        in_motion = self._wheels.in_motion
         self._limiter.halt()
-        self._release()
-        self._check.reset()
+        self._wheels.release(now_ns)
+        self._wheels.forget()
         words = f"The board reset itself (firmware {version})" + (
             " in motion: its motors are free, and it stands a second before it may drive again."
             if in_motion
@@ -374,12 +312,9 @@ class Controller:
 
     def unavailable(self, error: YahboomdError) -> None:
         """There is no board, or no longer."""
-        was_connected = self._session is not None
-        self._session = None
+        was_connected = self._wheels.attached
+        self._wheels.detach()
         self._limiter.halt()
-        self._command_m_s = self._zeros
-        self._measured_m_s = None
-        self._stop_watch.cancel()
         self._holds.drop(BOARD_RESET)
         self._wait(str(error))
         if was_connected:
@@ -394,7 +329,7 @@ class Controller:
     def bus_lost(self) -> None:
         """Nobody is connected any more: what was commanded is over, at once."""
         self._arbiter.forget_commands(self._clock.now_ns())
-        if any(self._command_m_s):
+        if any(self._wheels.command_m_s):
             self.counters["bus_lost"] += 1
         self._limiter.halt()
         self.step()
@@ -403,9 +338,7 @@ class Controller:
 
     def stop_now(self) -> None:
         """Say a stop before everything else, whatever is under way."""
-        self._stop_due_ns = self._clock.now_ns()
-        if self._stop_watch.state != "stopping":
-            self._stop_watch.cancel()
+        self._wheels.stop_anew(self._clock.now_ns())
         self.step()
 
     @property
@@ -420,7 +353,7 @@ class Controller:
             return None
         self._holds.drop(FAULT)
         self._resets.clear()
-        self._check.reset()
+        self._wheels.forget()
         return found[0].message
 
     def set_pose(self, pose: Pose2d, covariance: Matrix3 | None) -> None:
@@ -454,8 +387,8 @@ class Controller:
             decision=self._decision,
             latched=self._latch.latched,
             holds=holds,
-            commanded_zero=not any(self._command_m_s),
-            measured_m_s=self._measured_m_s,
+            commanded_zero=not any(self._wheels.command_m_s),
+            measured_m_s=self._wheels.measured_m_s,
         )
         found = standing.reasons(
             now_ns,

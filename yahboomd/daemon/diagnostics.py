@@ -43,7 +43,7 @@ class Diagnostics:
         return [
             self._entry("base", *_base(sample), _base_facts(sample)),
             self._entry("board", *self._board(sample), {**sample.board, **sample.link}),
-            self._entry("commands", *_commands(sample), sample.command),
+            self._entry("commands", *_commands(sample), _command_facts(sample)),
             self._entry("bus", *self._bus(sample), sample.bus),
         ]
 
@@ -103,11 +103,16 @@ def _commands(sample: StatusSample) -> tuple[int, str]:
     return OK, f"{accepted} commands were obeyed so far."
 
 
-def _values(facts: Group, prefix: str = "") -> Iterator[tuple[str, str]]:
+def _command_facts(sample: StatusSample) -> dict[str, Any]:
+    return {name: fact for name, fact in sample.command.items() if name != "clock_warnings"}
+
+
+def _values(facts: Group, group: str = "") -> Iterator[tuple[str, str]]:
     for name, value in facts.items():
-        key = f"{prefix}{_words(name)}"
+        # What a group holds goes by the names of sources and the like, not of fields.
+        key = f"{group}: {name}" if group else _words(name)
         if isinstance(value, Mapping):
-            yield from _values(value, f"{key}: ")
+            yield from _values(value, key)
         else:
             yield key, _text(value)
 

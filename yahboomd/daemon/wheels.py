@@ -1,0 +1,215 @@
+"""What the board is told: speeds, standstill and its proof, and the cut.
+
+It decides nothing about who may drive. It sees to it that a stop is obeyed: said before everything
+else where it must not wait, said again until the counters show it, and ended by letting the motors
+go where they do not obey.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Literal, Protocol
+
+from yahboomd.clock import nanoseconds
+from yahboomd.daemon.fit import Fit, no_board
+from yahboomd.drive.channels import channel_commands, motor_speeds
+from yahboomd.drive.stop_watch import StopWatch
+from yahboomd.drive.wheels_check import Fault, WheelsCheck
+from yahboomd.model import Counts, Kinematics, Motor
+
+STOP_REPEAT_S = 0.1
+"""How often an immediate stop is said before everything else until the counters obey."""
+
+AtRest = Literal["hold", "release"]
+
+
+class Board(Protocol):
+    """What a session with the board does for its wheels."""
+
+    def drive(self, units: Counts) -> None:
+        """Say these speeds until others replace them."""
+        ...
+
+    def brake(self) -> None:
+        """Command zero before everything that waits."""
+        ...
+
+    def cut(self) -> None:
+        """Let the motors go before everything that waits."""
+        ...
+
+    def release(self) -> None:
+        """Say until replaced that the motors are let go."""
+        ...
+
+
+class Wheels:
+    """The wheels, with or without a board to turn them.
+
+    Args:
+        kinematics: The drive geometry.
+        motors: The motors, in the order of its wheels.
+        at_rest: Hold the wheels once they stand, or let them go.
+        min_speed_m_s: Commands below it prove nothing about counts that stay away.
+        counters: Where stops and cuts are counted.
+    """
+
+    def __init__(
+        self,
+        kinematics: Kinematics,
+        motors: tuple[Motor, ...],
+        *,
+        at_rest: AtRest,
+        min_speed_m_s: float,
+        counters: Counter[str],
+    ) -> None:
+        names = tuple(motor.name for motor in motors)
+        self._kinematics = kinematics
+        self._motors = motors
+        self._at_rest = at_rest
+        self._counters = counters
+        self._check = WheelsCheck(names, min_speed_m_s=min_speed_m_s)
+        self._stop_watch = StopWatch(names)
+        self._board: Board | None = None
+        self._released = False
+        self._stop_due_ns: int | None = None
+        self._ticks: tuple[int, ...] | None = None
+        self.fit: Fit = no_board(kinematics)
+        self.zeros = (0.0,) * len(motors)
+        self.command_m_s = self.zeros
+        self.measured_m_s: tuple[float, ...] | None = None
+
+    # The board comes and goes.
+
+    def attach(self, board: Board, fit: Fit) -> None:
+        """A board is there; it was told to stop while it was connected."""
+        self._board = board
+        self.fit = fit
+        self._released = False
+        self._stop_watch.cancel()
+        self._check.reset()
+
+    def detach(self) -> None:
+        """There is no board any more, and nobody knows what the wheels do."""
+        self._board = None
+        self.command_m_s = self.zeros
+        self.measured_m_s = None
+        self._stop_watch.cancel()
+
+    @property
+    def attached(self) -> bool:
+        """Whether a board is there."""
+        return self._board is not None
+
+    # What they are told.
+
+    def turn(self, speeds: tuple[float, ...], now_ns: int) -> None:
+        """Turn: rim speed of each wheel of the geometry, m/s."""
+        self._stop_watch.cancel()
+        self._stop_due_ns = None
+        self._released = False
+        self._say(speeds, now_ns)
+
+    def stand(self, now_ns: int, *, at_once: bool) -> Fault | None:
+        """Stand, and see that it is obeyed; called in every step while the wheels are to stand.
+
+        Args:
+            now_ns: Now.
+            at_once: Say it before everything that waits, and again until it is obeyed.
+
+        Returns:
+            The fault of a stop that is not obeyed in time, once; the motors are cut with it.
+        """
+        moved = any(self.command_m_s)
+        board = self._board
+        if board is None:
+            self.command_m_s = self.zeros
+            return None
+        watch = self._stop_watch
+        if moved or watch.state == "idle":
+            watch.begin(now_ns)
+            self._stop_due_ns = now_ns if at_once else None
+        elif at_once and self._stop_due_ns is None and watch.state == "stopping":
+            self._stop_due_ns = now_ns
+        if watch.state == "stopped":
+            self._stop_due_ns = None
+        if self._stop_due_ns is not None and now_ns >= self._stop_due_ns and not self._released:
+            board.brake()
+            self._counters["stops_said"] += 1
+            self._stop_due_ns = now_ns + nanoseconds(STOP_REPEAT_S)
+        fault = watch.check(now_ns)
+        if fault is not None:
+            self.cut(now_ns)
+        elif not self._released:
+            if self._at_rest == "release" and watch.state == "stopped":
+                self.release(now_ns)
+            else:
+                self._say((0.0,) * len(self._kinematics.wheels), now_ns)
+        return fault
+
+    def stop_anew(self, now_ns: int) -> None:
+        """Say the next stop at once, and look for its proof from the beginning."""
+        self._stop_due_ns = now_ns
+        if self._stop_watch.state != "stopping":
+            self._stop_watch.cancel()
+
+    def release(self, now_ns: int) -> None:
+        """Let the motors go, and keep saying so until the wheels are to turn."""
+        self._released = True
+        self.command_m_s = self.zeros
+        self._check.command(now_ns, None)
+        if self._board is not None:
+            self._board.release()
+
+    def cut(self, now_ns: int) -> None:
+        """Let the motors go before everything else."""
+        if self._board is not None:
+            self._board.cut()
+        self._counters["cuts"] += 1
+        self.release(now_ns)
+
+    def forget(self) -> None:
+        """What was seen of the wheels so far proves nothing about what comes."""
+        self._check.reset()
+
+    # What they do.
+
+    def measure(
+        self, stamp_ns: int, speeds_m_s: tuple[float, ...], ticks: tuple[int, ...]
+    ) -> tuple[Fault, ...]:
+        """Take in what was measured.
+
+        Args:
+            stamp_ns: When.
+            speeds_m_s: Rim speed of each motor.
+            ticks: Travelled counts of each motor since the start.
+
+        Returns:
+            The troubles that began with it.
+        """
+        self.measured_m_s = speeds_m_s
+        before, self._ticks = self._ticks or ticks, ticks
+        deltas = tuple(b - a for a, b in zip(before, ticks, strict=True))
+        self._stop_watch.measure(stamp_ns, speeds_m_s)
+        return self._check.measure(stamp_ns, speeds_m_s, deltas)
+
+    @property
+    def stopped(self) -> bool:
+        """Whether readings from after the stop show that the wheels obeyed it."""
+        return self._stop_watch.state == "stopped"
+
+    @property
+    def in_motion(self) -> bool:
+        """Whether they are commanded to turn, or seen to."""
+        measured = self.measured_m_s or ()
+        return any(self.command_m_s) or any(abs(speed) > MOVING_M_S for speed in measured)
+
+    def _say(self, speeds: tuple[float, ...], now_ns: int) -> None:
+        self.command_m_s = motor_speeds(self._motors, speeds)
+        self._check.command(now_ns, self.command_m_s)
+        if self._board is not None and self.fit.units:
+            self._board.drive(channel_commands(self._motors, speeds, self.fit.units))
+
+
+MOVING_M_S = 0.03
+"""From here on a wheel counts as turning."""
