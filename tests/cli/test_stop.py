@@ -1,0 +1,134 @@
+"""`yahboomd stop` on a real pty, beside real processes."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from real_robot import free_endpoint, wait_for
+
+from yahboomd.cli.main import main
+
+pytestmark = pytest.mark.realtime
+
+IMPATIENT = """
+import os, signal, sys
+from yahboomd.cli import stop_port
+from yahboomd.cli.main import main
+seize = stop_port.seize
+def impatient(*arguments, **options):
+    seized = seize(*arguments, **options)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        os.kill(os.getpid(), number)
+    return seized
+stop_port.seize = impatient
+sys.exit(main(["stop", "--direct", "--port", sys.argv[1]]))
+"""
+
+
+def alone(endpoint: str = "") -> tuple[str, ...]:
+    """A bus on which nobody is, unless a daemon's endpoint is named."""
+    endpoint = endpoint or free_endpoint()
+    return ("--set", f'zenoh.listen=["{endpoint}"]', "--set", "zenoh.connect=[]")
+
+
+@pytest.mark.parametrize("dialect", ["streamed", "polled"])
+def test_after_sigkill_of_the_process_that_drove_a_direct_stop_brings_the_true_wheels_to_rest(
+    simulated_board, yahboomd, dialect
+) -> None:
+    board = simulated_board("--dialect", dialect)
+    board.drive()
+    board.kill_owner()
+    # The board has no timeout: nobody has stopped it.
+    assert not board.stands
+    done = yahboomd("stop", "--direct", "--port", board.port)
+    assert board.stands
+    assert done.returncode == 0, done.stderr
+    assert f"({dialect} board): the wheels stand, " in done.stdout
+    assert done.stderr == ""
+
+
+def test_a_held_port_names_its_holder_and_how_to_end_it(simulated_board, capsys) -> None:
+    board = simulated_board()
+    board.drive()
+    assert main(["stop", "--direct", "--port", board.port]) == 69
+    words = capsys.readouterr().err
+    assert f"(pid {board.owner.pid})" in words
+    assert f"kill {board.owner.pid}" in words
+    assert not board.stands
+
+
+def test_without_a_daemon_the_port_itself_is_stopped(simulated_board, capsys) -> None:
+    board = simulated_board()
+    board.drive()
+    board.kill_owner()
+    assert main(["stop", "--port", board.port, *alone()]) == 0
+    assert board.stands
+    assert "the wheels stand" in capsys.readouterr().out
+
+
+def test_a_broken_configuration_does_not_keep_the_wheels_turning(
+    simulated_board, tmp_path: Path, capsys
+) -> None:
+    board = simulated_board()
+    board.drive()
+    board.kill_owner()
+    config = tmp_path / "config.toml"
+    config.write_text("[serial]\nbaud = 9600\n")
+    assert main(["stop", "--direct", "--port", board.port, "--config", str(config)]) == 0
+    assert board.stands
+    words = capsys.readouterr().err
+    assert "serial.baud" in words
+    assert "Stopping with the defaults" in words
+
+
+def test_the_port_of_the_configuration_is_taken(simulated_board) -> None:
+    board = simulated_board()
+    board.drive()
+    board.kill_owner()
+    assert main(["stop", "--direct", "--set", f"serial.port={board.port}"]) == 0
+    assert board.stands
+
+
+def test_wheels_that_something_else_turns_end_with_1(simulated_board, capsys) -> None:
+    board = simulated_board("--do", "turning left")
+    assert main(["stop", "--direct", "--port", board.port]) == 1
+    assert "the wheels still turn" in capsys.readouterr().err
+
+
+def test_a_port_that_is_missing_is_said_so_and_so_is_the_daemon(capsys) -> None:
+    endpoint = free_endpoint()
+    assert main(["stop", "--port", "/nonexistent/port", *alone(endpoint)]) == 69
+    words = capsys.readouterr().err
+    assert f"No daemon answers at {endpoint}, and /nonexistent/port: there is no" in words
+
+
+def test_impatience_does_not_interrupt_a_stop(simulated_board) -> None:
+    board = simulated_board()
+    board.drive()
+    board.kill_owner()
+    done = subprocess.run([sys.executable, "-c", IMPATIENT, board.port], check=False, timeout=60)
+    assert done.returncode == 0
+    assert board.stands
+
+
+def test_a_running_daemon_is_told_and_lets_go_when_it_is_released(real_robot, capsys) -> None:
+    robot = real_robot()
+    options = ["--port", str(robot.port), *alone(robot.endpoint)]
+    robot.daemon.says("Connected")
+    wait_for(lambda: main(["stop", *options]) == 0, "the daemon reports standing wheels")
+    assert "The wheels stand. To drive again: yahboomd stop --release" in capsys.readouterr().out
+    assert main(["stop", "--release", *options]) == 0
+    assert "Released the emergency stop" in capsys.readouterr().out
+
+
+def test_asked_for_elsewhere_the_port_here_is_left_alone(simulated_board, capsys) -> None:
+    board = simulated_board()
+    board.drive()
+    board.kill_owner()
+    endpoint = free_endpoint()
+    assert main(["stop", "--connect", endpoint, "--port", board.port]) == 69
+    assert f"No daemon answers at {endpoint}." in capsys.readouterr().err
+    assert not board.stands
