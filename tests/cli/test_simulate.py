@@ -70,6 +70,7 @@ def test_without_a_link_it_names_the_systems_own_port(start: object) -> None:
         (["--flash", "lines=many"], "--flash"),
         (["--do", "explode"], "unknown command 'explode'"),
         (["--truth", "/nowhere/truth"], "ground truth cannot be written"),
+        (["--heard", "/nowhere/heard"], "What the host says cannot be written"),
     ],
 )
 def test_options_that_cannot_be_used_are_named_with_status_78(

@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 from yahboomd.errors import ConfigError
+from yahboomd.simulation.heard import read_heard
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.pty import BACKLOG_NS, READ_BYTES, PtyPort, serve
 from yahboomd.simulation.robot import SimulatedRobot
@@ -257,3 +258,16 @@ async def test_an_error_inside_ends_the_service(tmp_path: Path) -> None:
     with pytest.raises(ZeroDivisionError):
         await serve(robot, link=tmp_path / "board")
     assert not os.path.lexists(tmp_path / "board")
+
+
+async def test_what_the_host_says_is_written_with_the_time_it_was_taken(tmp_path: Path) -> None:
+    heard = tmp_path / "heard"
+    before_ns = time.monotonic_ns()
+    async with served(tmp_path / "board", heard=heard) as port:
+        host = Host(port.name)
+        host.write(b"$read_flash#")
+        await host.until(b"Motor_Version")
+        host.close()
+    lines = read_heard(heard)
+    assert "".join(line.data for line in lines) == "$read_flash#"
+    assert before_ns < lines[0].t_ns < time.monotonic_ns()

@@ -58,6 +58,12 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="write where the robot truly is, 100 times a second, as JSON lines",
     )
     where.add_argument(
+        "--heard",
+        metavar="FILE",
+        type=Path,
+        help="write what the host sends, and when, as JSON lines",
+    )
+    where.add_argument(
         "--control", metavar="PATH", type=Path, help="a unix socket that takes control commands"
     )
     where.add_argument(
@@ -158,6 +164,7 @@ async def _serve(robot: SimulatedRobot, args: argparse.Namespace) -> int:
             robot,
             link=args.link,
             truth=args.truth,
+            heard=args.heard,
             control=args.control,
             at_start=args.do,
             ready=ready,

@@ -23,6 +23,7 @@ from pathlib import Path
 from yahboomd.clock import Alarm, SystemClock
 from yahboomd.errors import ConfigError
 from yahboomd.simulation.control import execute, serve_control
+from yahboomd.simulation.heard import HeardWriter
 from yahboomd.simulation.robot import SimulatedRobot
 from yahboomd.simulation.truth import TruthWriter
 
@@ -37,6 +38,7 @@ class PtyPort:
     Attributes:
         name: The device, such as ``/dev/pts/5``; empty while unplugged.
         dropped_bytes: What no host took.
+        on_heard: Takes what the host wrote, and when.
         ended: Done with the error if something went wrong inside.
 
     Args:
@@ -49,6 +51,7 @@ class PtyPort:
         self.link = link
         self.name = ""
         self.dropped_bytes = 0
+        self.on_heard: Callable[[bytes, int], None] | None = None
         self.ended: asyncio.Future[None]
         self._clock = SystemClock()
         self._loop: asyncio.AbstractEventLoop
@@ -138,8 +141,11 @@ class PtyPort:
         if not data:
             self._host_is_gone()
             return
+        now_ns = self._clock.now_ns()
         self._host_is_there()
-        self.robot.host_wrote(data, self._clock.now_ns())
+        if self.on_heard is not None:
+            self.on_heard(data, now_ns)
+        self.robot.host_wrote(data, now_ns)
         if self._stuffed():
             self._stop_reading()
 
@@ -215,6 +221,7 @@ async def serve(
     *,
     link: Path | None = None,
     truth: Path | None = None,
+    heard: Path | None = None,
     control: Path | None = None,
     at_start: Sequence[str] = (),
     ready: Callable[[PtyPort], None] = lambda _port: None,
@@ -225,6 +232,7 @@ async def serve(
         robot: The robot; its time starts now.
         link: A symbolic link to the device.
         truth: Where to write the ground truth.
+        heard: Where to write what the host says.
         control: A unix socket that takes control commands.
         at_start: Control commands to carry out first.
         ready: Called once the port can be opened.
@@ -237,6 +245,8 @@ async def serve(
     async with contextlib.AsyncExitStack() as stack:
         if truth is not None:
             stack.callback(_follow(robot, truth).close)
+        if heard is not None:
+            stack.callback(_listen(port, heard).close)
         port.open()
         stack.callback(port.close)
         for line in at_start:
@@ -258,6 +268,16 @@ def _follow(robot: SimulatedRobot, path: Path) -> TruthWriter:
     except OSError as why:
         raise ConfigError(f"The ground truth cannot be written: {why}.") from why
     robot.on_truth = writer.write
+    return writer
+
+
+def _listen(port: PtyPort, path: Path) -> HeardWriter:
+    writer = HeardWriter(path)
+    try:
+        writer.open()
+    except OSError as why:
+        raise ConfigError(f"What the host says cannot be written: {why}.") from why
+    port.on_heard = writer.write
     return writer
 
 
