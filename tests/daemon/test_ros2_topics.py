@@ -1,0 +1,215 @@
+"""Each message once, for those who listen, with the stamp of its reading."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from typing import Any
+
+import msgspec
+import pytest
+from ros_oracle import Oracle
+
+from yahboomd.clock import LoopClock
+from yahboomd.daemon.ros2_topics import Placed, RosPublisher, Spread, Topics
+from yahboomd.messages import ros2
+from yahboomd.messages.native import StatusSample
+from yahboomd.messages.ros2 import Qos
+from yahboomd.model import OdometryEstimate, Pose2d, Twist2d
+from yahboomd.simulation.virtual_time import on_virtual_time
+
+STAMP_NS = 1_700_000_000_123_456_789
+STAMP = {"sec": 1_700_000_000, "nanosec": 123_456_789}
+ESTIMATE = OdometryEstimate(
+    stamp_ns=5,
+    pose=Pose2d(x=1.0, y=2.0, theta=3.0),
+    twist=Twist2d(vx=0.1, wz=0.2),
+    pose_covariance=(1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 3.0),
+    twist_covariance=(4.0, 0.0, 0.0, 0.0, 5.0, 0.0, 0.0, 0.0, 6.0),
+    motor_ticks=(10, 20),
+    motor_position_rad=(0.5, 1.5),
+    motor_speed_m_s=(0.25, 0.5),
+)
+STATUS = StatusSample(
+    stamp_ns=STAMP_NS,
+    state="standing",
+    driver=None,
+    since_ns=STAMP_NS,
+    why="Because.",
+    board={"dialect": "polled"},
+    link={},
+    command={},
+    bus={},
+)
+TOPICS = Topics(
+    frame_id="bot1/odom",
+    child_frame_id="bot1/base_link",
+    joints=("left_wheel_joint", "right_wheel_joint"),
+    radii_m=(0.05, 0.1),
+)
+LASER = Placed(parent="base_link", child="laser", position_m=(0.1, 0.0, 0.2))
+
+
+class Outlet:
+    def __init__(self) -> None:
+        self.has_subscribers = True
+        self.payloads: list[bytes] = []
+
+    def put(self, payload: bytes) -> bool:
+        self.payloads.append(payload)
+        return True
+
+
+class Graph:
+    """Two ways into ROS 2 that keep what they get."""
+
+    def __init__(self) -> None:
+        self.types: dict[str, str] = {}
+        self.qos: dict[str, Qos] = {}
+        self.outlets: dict[str, tuple[Outlet, Outlet]] = {}
+        self.oracle = Oracle()
+
+    def open(self, topic: str, ros_type: str, qos: Qos) -> tuple[Outlet, Outlet]:
+        self.types[topic], self.qos[topic] = ros_type, qos
+        return self.outlets.setdefault(topic, (Outlet(), Outlet()))
+
+    def payloads(self, topic: str) -> list[bytes]:
+        one, other = self.outlets[topic]
+        assert one.payloads == other.payloads
+        return one.payloads
+
+    def latest(self, topic: str) -> Any:
+        """What ROS 2 reads, after a look that it would write the same bytes."""
+        payload, ros_type = self.payloads(topic)[-1], self.types[topic]
+        message = self.oracle.store.deserialize_cdr(payload, ros_type)
+        assert bytes(self.oracle.store.serialize_cdr(message, ros_type)) == payload
+        return self.oracle.decode(ros_type, payload)
+
+
+@pytest.fixture(scope="module")
+def oracle() -> Oracle:
+    return Oracle()
+
+
+@pytest.fixture
+def graph(oracle: Oracle) -> Graph:
+    graph = Graph()
+    graph.oracle = oracle
+    return graph
+
+
+async def test_all_of_one_reading_has_its_stamp_and_its_frames(graph: Graph) -> None:
+    RosPublisher(graph.open, TOPICS, LoopClock()).estimate(ESTIMATE, STAMP_NS)
+    odom, joints = graph.latest("odom"), graph.latest("joint_states")
+    (transform,) = graph.latest("tf")["transforms"]
+    assert odom["header"] == {"stamp": STAMP, "frame_id": "bot1/odom"} == transform["header"]
+    assert odom["child_frame_id"] == "bot1/base_link" == transform["child_frame_id"]
+    assert odom["pose"]["pose"]["position"] == transform["transform"]["translation"]
+    assert odom["pose"]["pose"]["orientation"] == transform["transform"]["rotation"]
+    assert odom["twist"]["twist"]["angular"]["z"] == 0.2
+    assert joints["header"]["stamp"] == STAMP
+
+
+async def test_joints_turn_at_the_speed_of_the_rims_by_their_radii(graph: Graph) -> None:
+    RosPublisher(graph.open, TOPICS, LoopClock()).estimate(ESTIMATE, STAMP_NS)
+    joints = graph.latest("joint_states")
+    assert joints["name"] == ["left_wheel_joint", "right_wheel_joint"]
+    assert joints["position"] == [0.5, 1.5]
+    assert joints["velocity"] == [5.0, 5.0]
+    assert joints["effort"] == []
+
+
+async def test_the_battery_tells_what_is_measured_and_nothing_else(graph: Graph) -> None:
+    RosPublisher(graph.open, TOPICS, LoopClock()).battery(7.5, STAMP_NS)
+    battery = graph.latest("battery_state")
+    assert (battery["voltage"], battery["present"]) == (7.5, True)
+    assert math.isnan(battery["percentage"])
+    assert battery["header"]["stamp"] == STAMP
+
+
+async def test_nothing_is_encoded_for_nobody(graph: Graph) -> None:
+    publisher = RosPublisher(graph.open, TOPICS, LoopClock())
+    for outlets in graph.outlets.values():
+        for outlet in outlets:
+            outlet.has_subscribers = False
+    # Whoever looked at it would fail.
+    nothing: Any = None
+    publisher.estimate(nothing, nothing)
+    publisher.battery(nothing, nothing)
+    publisher.status(nothing)
+    assert all(not o.payloads for outlets in graph.outlets.values() for o in outlets)
+
+
+def test_a_sample_goes_where_somebody_listens() -> None:
+    heard, unheard = Outlet(), Outlet()
+    unheard.has_subscribers = False
+    both = Spread((unheard, heard))
+    assert both.has_subscribers
+    both.put(b"sample")
+    assert (heard.payloads, unheard.payloads) == ([b"sample"], [])
+
+
+async def test_what_is_switched_off_has_no_topic(graph: Graph) -> None:
+    none = Topics(
+        odom="",
+        transform=False,
+        joint_states="",
+        battery_state="",
+        diagnostics="",
+        joints=("a", "b"),
+        radii_m=(1.0, 1.0),
+    )
+    publisher = RosPublisher(graph.open, none, LoopClock())
+    publisher.place()
+    publisher.estimate(ESTIMATE, STAMP_NS)
+    publisher.battery(7.5, STAMP_NS)
+    publisher.status(STATUS)
+    assert graph.types == {}
+
+
+async def test_static_frames_are_latched_and_stand_as_configured(graph: Graph) -> None:
+    topics = Topics(joints=("a",), radii_m=(1.0,), static=(LASER,))
+    RosPublisher(graph.open, topics, LoopClock()).place()
+    assert graph.qos["tf_static"] == Qos(reliable=True, latched=True, depth=1)
+    assert not graph.qos["tf"].latched
+    (transform,) = graph.latest("tf_static")["transforms"]
+    assert transform["header"]["frame_id"] == "base_link"
+    assert transform["child_frame_id"] == "laser"
+    assert transform["transform"] == {
+        "translation": {"x": 0.1, "y": 0.0, "z": 0.2},
+        "rotation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
+    }
+
+
+@on_virtual_time
+async def test_diagnostics_come_once_a_second_and_at_once_when_a_level_changes(
+    graph: Graph,
+) -> None:
+    publisher = RosPublisher(graph.open, TOPICS, LoopClock())
+    for _ in range(20):
+        publisher.status(STATUS)
+        await asyncio.sleep(0.5)
+    assert len(graph.payloads("diagnostics")) == 10
+    publisher.status(msgspec.structs.replace(STATUS, state="estopped"))
+    publisher.status(msgspec.structs.replace(STATUS, state="estopped"))
+    before = len(graph.payloads("diagnostics"))
+    publisher.status(STATUS)
+    assert len(graph.payloads("diagnostics")) == before + 1
+    message = graph.latest("diagnostics")
+    assert message["header"]["stamp"] == STAMP
+    names = [entry["name"] for entry in message["status"]]
+    assert names == [f"yahboomd: {what}" for what in ("base", "board", "commands", "bus")]
+
+
+@on_virtual_time
+async def test_static_frames_are_said_again_though_nobody_reads_diagnostics(graph: Graph) -> None:
+    topics = Topics(joints=("a",), radii_m=(1.0,), static=(LASER,))
+    publisher = RosPublisher(graph.open, topics, LoopClock())
+    for outlet in graph.outlets["diagnostics"]:
+        outlet.has_subscribers = False
+    for _ in range(6):
+        publisher.status(STATUS)
+        await asyncio.sleep(0.5)
+    assert len(graph.payloads("tf_static")) == 3
+    assert len(set(graph.payloads("tf_static"))) == 1
+    assert graph.types["tf_static"] == ros2.TF_MESSAGE
