@@ -1,0 +1,233 @@
+"""What the daemon, a process with a simulated robot, puts on the keys of ROS 2."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+import zenoh
+import zenoh.ext
+from real_robot import Client, RealRobot, wait_for
+from ros_oracle import Oracle
+
+from yahboomd.config import load
+from yahboomd.daemon.ros2 import topics
+from yahboomd.messages import cdr, ros2
+
+pytestmark = pytest.mark.realtime
+
+TYPES = {
+    "odom": ros2.ODOMETRY,
+    "tf": ros2.TF_MESSAGE,
+    "joint_states": ros2.JOINT_STATE,
+    "battery_state": ros2.BATTERY_STATE,
+    "diagnostics": ros2.DIAGNOSTIC_ARRAY,
+}
+LASER = 'ros2.static_transforms=[{parent="base_link",child="laser",z=0.1}]'
+
+
+def native_key(topic: str, ros_type: str) -> str:
+    return f"0/{topic}/{ros2.dds_type(ros_type)}/{ros2.TYPE_HASHES[ros_type]}"
+
+
+class Graph:
+    """Everything that comes on the keys of ROS 2, as it came."""
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self.session = session
+        self.samples: dict[str, list[zenoh.Sample]] = {}
+        for topic, ros_type in TYPES.items():
+            self.hear(topic)
+            self.hear(native_key(topic, ros_type))
+
+    def hear(self, key: str) -> None:
+        self.session.declare_subscriber(key, self.samples.setdefault(key, []).append)
+
+    def payloads(self, topic: str) -> list[bytes]:
+        return [sample.payload.to_bytes() for sample in list(self.samples[topic])]
+
+    def ask(self, key: str, payload: bytes, attachment: bytes | None = None) -> zenoh.Sample:
+        for reply in self.session.get(key, payload=payload, attachment=attachment, timeout=20.0):
+            assert reply.ok is not None
+            return reply.ok
+        pytest.fail(f"{key} did not answer")
+
+
+@pytest.fixture
+def run(real_robot: Callable[..., RealRobot]) -> Callable[..., RealRobot]:
+    """Starts a robot with settings such as ``ros2.rmw_zenoh=true``."""
+
+    def start(*settings: str) -> RealRobot:
+        return real_robot(run=[part for each in settings for part in ("--set", each)])
+
+    return start
+
+
+def stamp_ns(header: dict[str, Any]) -> int:
+    return int(header["stamp"]["sec"]) * 1_000_000_000 + int(header["stamp"]["nanosec"])
+
+
+def test_ros_reads_every_byte_and_the_same_readings_as_the_native_plane(
+    run: Callable[..., RealRobot], client: Callable[..., Client], oracle: Oracle
+) -> None:
+    robot = run("ros2.rmw_zenoh=true", "ros2.frame_prefix=bot1/")
+    app = client("client", robot.endpoint)
+    graph = Graph(app.session)
+    app.in_state("standing")
+    app.drive(cdr.twist((0.25, 0.0, 0.0, 0.0, 0.0, 0.6)), 1.0)
+    robot.settled_truth()
+    wait_for(lambda: all(graph.samples[topic] for topic in TYPES), "every topic")
+    for topic, ros_type in TYPES.items():
+        for payload in graph.payloads(topic):
+            # A message that ROS writes in the very bytes that it was read from.
+            message = oracle.store.deserialize_cdr(payload, ros_type)
+            assert bytes(oracle.store.serialize_cdr(message, ros_type)) == payload
+
+    odometry = [oracle.decode(ros2.ODOMETRY, payload) for payload in graph.payloads("odom")]
+    transforms = [
+        oracle.decode(ros2.TF_MESSAGE, payload)["transforms"] for payload in graph.payloads("tf")
+    ]
+    stamps = [stamp_ns(transform["header"]) for (transform,) in transforms]
+    assert stamps == sorted(set(stamps)), "tf2 takes a repeated transform for a mistake"
+    poses = {pose["stamp_ns"]: pose for pose in app.samples["pose"]}
+    same = [each for each in odometry if stamp_ns(each["header"]) in poses]
+    assert len(same) > 50
+    for each in same:
+        native, there = poses[stamp_ns(each["header"])], each["pose"]["pose"]["position"]
+        assert (there["x"], there["y"]) == (native["x"], native["y"])
+        assert each["pose"]["covariance"][35] == native["covariance"][8]
+        assert each["header"]["frame_id"] == "bot1/odom"
+        assert each["child_frame_id"] == "bot1/base_link"
+    assert any(each["twist"]["twist"]["linear"]["x"] > 0.2 for each in same)
+
+
+def test_natively_the_same_bytes_go_out_with_an_attachment(
+    run: Callable[..., RealRobot], client: Callable[..., Client]
+) -> None:
+    robot = run("ros2.rmw_zenoh=true", LASER)
+    graph = Graph(client("client", robot.endpoint).session)
+    wait_for(lambda: len(graph.samples["odom"]) > 20, "odometry")
+    for topic, ros_type in TYPES.items():
+        key = native_key(topic, ros_type)
+        wait_for(lambda key=key: graph.samples[key], topic)
+        attached = [
+            ros2.parse_attachment(sample.attachment.to_bytes())
+            for sample in list(graph.samples[key])
+            if sample.attachment is not None
+        ]
+        assert None not in attached
+        first = attached[0].sequence
+        numbers = [each.sequence for each in attached]
+        assert numbers == list(range(first, first + len(numbers)))
+        assert len({each.gid for each in attached}) == 1
+    odom = native_key("odom", ros2.ODOMETRY)
+    wait_for(
+        lambda: len(set(graph.payloads("odom")) & set(graph.payloads(odom))) > 20, "the same bytes"
+    )
+
+
+def test_whoever_comes_late_gets_the_static_frames(
+    run: Callable[..., RealRobot], client: Callable[..., Client], oracle: Oracle
+) -> None:
+    robot = run("ros2.rmw_zenoh=true", LASER)
+    app = client("client", robot.endpoint)
+    app.in_state("standing")
+    for key in ("tf_static", native_key("tf_static", ros2.TF_MESSAGE)):
+        heard: list[bytes] = []
+        subscriber = zenoh.ext.declare_advanced_subscriber(
+            app.session,
+            key,
+            lambda sample, heard=heard: heard.append(sample.payload.to_bytes()),
+            history=zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1),
+        )
+        wait_for(lambda heard=heard: heard, key)
+        (laser,) = oracle.decode(ros2.TF_MESSAGE, heard[0])["transforms"]
+        assert (laser["header"]["frame_id"], laser["child_frame_id"]) == ("base_link", "laser")
+        assert laser["transform"]["translation"] == {"x": 0.0, "y": 0.0, "z": 0.1}
+        subscriber.undeclare()
+    # A subscriber that knows nothing of caches waits a second at most.
+    plain: list[zenoh.Sample] = []
+    app.session.declare_subscriber("tf_static", plain.append)
+    wait_for(lambda: plain, "frames for a plain subscriber")
+
+
+def test_what_ros_asks_is_answered_in_cdr(
+    run: Callable[..., RealRobot], client: Callable[..., Client], oracle: Oracle
+) -> None:
+    robot = run("ros2.rmw_zenoh=true")
+    app = client("client", robot.endpoint)
+    app.in_state("standing")
+    graph = Graph(app.session)
+    gid = bytes(range(16))
+    asked = ros2.attachment(5, 1, gid)
+    for key, ros_type, payload, success, state in (
+        ("yahboomd/estop", ros2.SET_BOOL, cdr.set_bool_request(True), True, "estopped"),
+        ("yahboomd/estop", ros2.SET_BOOL, cdr.set_bool_request(False), False, "estopped"),
+        ("yahboomd/estop/reset", ros2.TRIGGER, cdr.trigger_request(), True, "standing"),
+        ("yahboomd/odometry/reset", ros2.TRIGGER, cdr.trigger_request(), True, "standing"),
+        # The least that the bridge leaves of a request: the header of its encoding.
+        ("yahboomd/odometry/reset", ros2.TRIGGER, cdr.HEADER_LE, True, "standing"),
+    ):
+        through_bridge = graph.ask(key, payload)
+        native = graph.ask(native_key(key, ros_type), payload, asked)
+        for answer in (through_bridge, native):
+            reply = oracle.decode(f"{ros_type}_Response", answer.payload.to_bytes())
+            assert reply["success"] is success
+            assert reply["message"]
+        assert native.attachment is not None
+        returned = ros2.parse_attachment(native.attachment.to_bytes())
+        assert (returned.sequence, returned.gid) == (5, gid)
+        app.in_state(state)
+
+
+def test_a_node_with_another_clock_drives_and_is_named_in_the_diagnostics(
+    run: Callable[..., RealRobot], client: Callable[..., Client], oracle: Oracle
+) -> None:
+    robot = run()
+    app = client("client", robot.endpoint)
+    graph = Graph(app.session)
+    app.in_state("standing")
+
+    def warned() -> list[dict[str, Any]]:
+        command = cdr.twist_stamped(time.time_ns() - 3_200_000_000, "", (0.2, 0, 0, 0, 0, 0))
+        app.session.put("cmd_vel", command)
+        entries = [
+            entry
+            for payload in graph.payloads("diagnostics")[-1:]
+            for entry in oracle.decode(ros2.DIAGNOSTIC_ARRAY, payload)["status"]
+        ]
+        return [each for each in entries if each["name"] == "yahboomd: commands" and each["level"]]
+
+    (entry,) = wait_for(warned, "a warning")
+    assert entry["level"] == 1
+    assert entry["message"].startswith("cmd_vel: Its clock is 3.2")
+    assert "behind" in entry["message"]
+    app.in_state("driving")
+    assert app.latest("status")["command"]["clock_offset_s"]["cmd_vel"] == pytest.approx(
+        -3.2, abs=0.1
+    )
+
+
+def test_names_follow_the_configuration() -> None:
+    given = [
+        "ros2.odom=false",
+        "ros2.publish_tf=false",
+        "ros2.joint_states_topic=wheels/joints",
+        "ros2.frame_prefix=bot1_",
+        "odometry.child_frame_id=base_footprint",
+        'ros2.joint_names={left="left_drive"}',
+        "zenoh.namespace=bot1",
+        LASER,
+    ]
+    chosen = topics(load(None, environ={}, overrides=given))
+    assert (chosen.odom, chosen.transform) == ("", False)
+    assert chosen.joint_states == "wheels/joints"
+    assert (chosen.frame_id, chosen.child_frame_id) == ("bot1_odom", "bot1_base_footprint")
+    assert chosen.joints == ("left_drive", "right_wheel_joint")
+    assert [(each.parent, each.child) for each in chosen.static] == [
+        ("bot1_base_link", "bot1_laser")
+    ]
+    assert chosen.static[0].rotation == (0.0, 0.0, 0.0, 1.0)
+    assert chosen.hardware_id == "bot1"
