@@ -1,0 +1,110 @@
+"""From bytes on a command key to the arbiter."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from yahboomd.bus.subscriptions import Arrival
+from yahboomd.daemon.commands import CommandIntake
+from yahboomd.drive.arbiter import Arbiter, Source
+
+MS = 1_000_000
+
+
+class Hand:
+    """A clock that stands."""
+
+    now = 1_000_000_000
+
+    def now_ns(self) -> int:
+        return self.now
+
+    def wall_ns(self) -> int:
+        return self.now + 1_700_000_000_000_000_000
+
+    def alarm(self, callback: object) -> object:
+        raise NotImplementedError
+
+
+class Scene:
+    def __init__(self, *, holonomic: bool = False) -> None:
+        self.clock = Hand()
+        self.steps = 0
+        self.arbiter = Arbiter([Source(name="cmd_vel", priority=10)])
+        self.intake = CommandIntake(
+            self.arbiter,
+            self.clock,  # type: ignore[arg-type]
+            holonomic=holonomic,
+            step=self.step,
+        )
+        self.take = self.intake.handler("cmd_vel")
+
+    def step(self) -> None:
+        self.steps += 1
+
+    def arrival(self, payload: bytes, **more: object) -> Arrival:
+        return Arrival(
+            key="cmd_vel",
+            payload=payload,
+            encoding="",
+            stamp_ns=None,
+            arrived_ns=self.clock.now,
+            **more,  # type: ignore[arg-type]
+        )
+
+
+def test_a_batch_is_offered_whole_before_one_step() -> None:
+    scene = Scene()
+    scene.take([scene.arrival(b'{"vx": 0.1}'), scene.arrival(b'{"vx": 0.2}')])
+    assert scene.steps == 1
+    assert scene.arbiter.current(scene.clock.now).twist.vx == 0.2
+    assert scene.intake.facts()["received"] == 2
+
+
+def test_what_was_overrun_is_counted() -> None:
+    scene = Scene()
+    scene.take([scene.arrival(b'{"vx": 0.1}', dropped=3)])
+    facts = scene.intake.facts()
+    assert facts["received"] == 4
+    assert facts["overrun"] == 3
+
+
+def test_two_hundred_old_commands_at_once_move_nothing() -> None:
+    scene = Scene()
+    scene.take([scene.arrival(b'{"vx": 0.5}') for _ in range(64)])
+    scene.take([scene.arrival(b'{"vx": 0.5}', dropped=72) for _ in range(64)])
+    assert scene.arbiter.current(scene.clock.now).twist.is_zero
+    assert scene.intake.facts()["backlog"] > 0
+
+
+def test_an_oversize_payload_is_refused_and_named() -> None:
+    scene = Scene()
+    scene.take([scene.arrival(b"", oversize=True)])
+    assert scene.intake.facts()["oversize"] == 1
+    assert scene.intake.last_refusal.startswith("cmd_vel: oversize")
+
+
+@pytest.mark.parametrize(("holonomic", "vy"), [(True, 0.2), (False, 0.0)])
+def test_a_sideways_wish_counts_only_where_the_base_can(holonomic: bool, vy: float) -> None:
+    scene = Scene(holonomic=holonomic)
+    scene.take([scene.arrival(b'{"vx": 0.1, "vy": 0.2}')])
+    assert scene.arbiter.current(scene.clock.now).twist.vy == vy
+    assert scene.intake.facts().get("vy_ignored", 0) == (0 if holonomic else 1)
+
+
+def test_the_label_in_a_payload_is_no_authority() -> None:
+    scene = Scene()
+    scene.take([scene.arrival(json.dumps({"vx": 0.1, "source": "cmd_vel/teleop"}).encode())])
+    assert scene.arbiter.current(scene.clock.now).driver == "cmd_vel"
+
+
+def test_a_refusal_of_the_arbiter_is_told_in_words() -> None:
+    scene = Scene()
+    stamp_ns = scene.clock.wall_ns()
+    scene.take([scene.arrival(json.dumps({"vx": 0.1, "stamp_ns": stamp_ns}).encode())])
+    scene.clock.now += 900 * MS
+    scene.take([scene.arrival(json.dumps({"vx": 0.2, "stamp_ns": stamp_ns + 1}).encode())])
+    assert "stale" in scene.intake.last_refusal
+    assert scene.intake.facts()["stale"] == 1

@@ -1,0 +1,67 @@
+"""Does the board fit the robot?"""
+
+from __future__ import annotations
+
+import pytest
+
+from yahboomd.daemon.fit import Fit, fit, no_board
+from yahboomd.drive.kinematics import differential
+from yahboomd.link.handshake import Identity
+from yahboomd.model import Motor
+from yahboomd.protocol.registry import DIALECTS
+from yahboomd.protocol.settings import PROFILES, BoardSettings
+
+KINEMATICS = differential(separation_m=0.15)
+MOTORS = tuple(
+    Motor(name=name, wheel=index, position=position, radius_m=0.0335, ticks_per_revolution=1320.0)
+    for index, (name, position) in enumerate((("left", 1), ("right", 3)))
+)
+SETTINGS = BoardSettings(
+    version="1.7.3",
+    motor_type=1,
+    deadzone=1600,
+    lines=11,
+    ratio=30,
+    wheel_diameter_mm=67.0,
+    pid=(0.8, 0.06, 0.5),
+)
+
+
+def held_against(settings: BoardSettings | None, dialect: str = "streamed") -> Fit:
+    return fit(
+        Identity(dialect=DIALECTS[dialect], settings=settings),
+        kinematics=KINEMATICS,
+        motors=MOTORS,
+        profile=PROFILES["520"],
+        scale=1.0,
+    )
+
+
+def test_a_board_set_up_as_built_takes_millimetres_per_second() -> None:
+    found = held_against(SETTINGS)
+    assert found.wrong == ()
+    assert found.units == pytest.approx((1000.0, 1000.0))
+    assert found.wheel_limits == pytest.approx((1.0, 1.0))
+
+
+def test_settings_that_differ_are_made_up_for_in_the_units() -> None:
+    smaller = SETTINGS.with_value("wheel_diameter_mm", 33.5)
+    assert held_against(smaller).units == pytest.approx((500.0, 500.0))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("lines", 0), ("ratio", 0), ("wheel_diameter_mm", 0.0), ("motor_type", 2)]
+)
+def test_settings_that_would_run_away_forbid_motion(name: str, value: int) -> None:
+    found = held_against(SETTINGS.with_value(name, value))
+    assert found.units == ()
+    assert found.wheel_limits == (0.0, 0.0)
+    assert "yahboomd probe --write" in " ".join(found.wrong)
+
+
+def test_a_board_without_settings_takes_the_articles_factor() -> None:
+    assert held_against(None, "polled").units == (1000.0, 1000.0)
+
+
+def test_without_a_board_no_wheel_can_turn() -> None:
+    assert no_board(KINEMATICS).wheel_limits == (0.0, 0.0)

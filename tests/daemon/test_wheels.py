@@ -1,0 +1,157 @@
+"""What the board is told, and whether it obeys."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import pytest
+
+from yahboomd.daemon.fit import Fit
+from yahboomd.daemon.wheels import Wheels
+from yahboomd.drive.kinematics import differential
+from yahboomd.model import Counts, Motor
+
+MS = 1_000_000
+MOTORS = (
+    Motor(name="left", wheel=0, position=1, radius_m=0.0335, ticks_per_revolution=1320.0),
+    Motor(name="right", wheel=1, position=3, radius_m=0.0335, ticks_per_revolution=1320.0),
+)
+FIT = Fit(units=(1000.0, 1000.0), wheel_limits=(1.0, 1.0))
+
+
+class Told:
+    """A board that writes down what it is told."""
+
+    def __init__(self) -> None:
+        self.words: list[object] = []
+
+    def drive(self, units: Counts) -> None:
+        self.words.append(units)
+
+    def brake(self) -> None:
+        self.words.append("brake")
+
+    def cut(self) -> None:
+        self.words.append("cut")
+
+    def release(self) -> None:
+        self.words.append("release")
+
+
+@pytest.fixture
+def board() -> Told:
+    return Told()
+
+
+def make(board: Told, at_rest: str = "hold") -> Wheels:
+    wheels = Wheels(
+        differential(separation_m=0.15),
+        MOTORS,
+        at_rest=at_rest,  # type: ignore[arg-type]
+        min_speed_m_s=0.08,
+        counters=Counter(),
+    )
+    wheels.attach(board, FIT)
+    return wheels
+
+
+def standing(wheels: Wheels, from_ms: int, to_ms: int) -> None:
+    for ms in range(from_ms, to_ms, 10):
+        wheels.measure(ms * MS, (0.0, 0.0), (0, 0))
+
+
+def test_speeds_become_units_at_the_positions_of_the_motors(board: Told) -> None:
+    wheels = make(board)
+    wheels.turn((0.3, -0.2), 0)
+    assert board.words == [(300, 0, -200, 0)]
+    assert wheels.command_m_s == (0.3, -0.2)
+    assert wheels.in_motion
+
+
+def test_an_immediate_stop_goes_before_everything_and_is_said_again(board: Told) -> None:
+    wheels = make(board)
+    wheels.turn((0.3, 0.3), 0)
+    board.words.clear()
+    for ms in range(0, 250, 20):
+        assert wheels.stand(ms * MS, at_once=True) is None
+    assert board.words[0] == "brake"
+    assert board.words.count("brake") == 3
+
+
+def test_a_ramp_that_ends_at_zero_needs_no_stop_before_everything(board: Told) -> None:
+    wheels = make(board)
+    wheels.turn((0.01, 0.01), 0)
+    wheels.stand(20 * MS, at_once=False)
+    assert "brake" not in board.words
+    assert board.words[-1] == (0, 0, 0, 0)
+
+
+def test_a_stop_that_is_obeyed_is_not_said_again(board: Told) -> None:
+    wheels = make(board)
+    wheels.turn((0.3, 0.3), 0)
+    wheels.stand(0, at_once=True)
+    standing(wheels, 10, 100)
+    assert wheels.stopped
+    board.words.clear()
+    wheels.stand(500 * MS, at_once=True)
+    assert "brake" not in board.words
+    assert not wheels.in_motion
+
+
+def test_a_stop_that_is_not_obeyed_cuts_the_motors_after_600_ms(board: Told) -> None:
+    wheels = make(board)
+    wheels.turn((0.3, 0.3), 0)
+    faults = []
+    for ms in range(0, 1000, 10):
+        wheels.measure(ms * MS, (0.3, 0.3), (ms, ms))
+        fault = wheels.stand(ms * MS, at_once=True)
+        faults += [(ms, fault.kind)] if fault else []
+    assert faults == [(600, "stop_not_obeyed")]
+    assert "cut" in board.words
+    # And it is not taken back by a zero speed, which would close the loop again.
+    assert board.words[board.words.index("cut") :] == ["cut", "release"]
+
+
+def test_motors_are_let_go_once_they_stand_where_that_is_wanted(board: Told) -> None:
+    wheels = make(board, "release")
+    wheels.turn((0.3, 0.3), 0)
+    wheels.stand(0, at_once=False)
+    assert board.words[-1] == (0, 0, 0, 0)
+    standing(wheels, 10, 100)
+    wheels.stand(100 * MS, at_once=False)
+    assert board.words[-1] == "release"
+
+
+def test_a_new_motion_ends_the_cut(board: Told) -> None:
+    wheels = make(board)
+    wheels.cut(0)
+    wheels.turn((0.1, 0.1), 10 * MS)
+    assert board.words == ["cut", "release", (100, 0, 100, 0)]
+
+
+def test_without_a_board_nothing_is_commanded(board: Told) -> None:
+    wheels = make(board)
+    wheels.turn((0.3, 0.3), 0)
+    wheels.detach()
+    assert wheels.command_m_s == (0.0, 0.0)
+    assert wheels.measured_m_s is None
+    assert wheels.stand(0, at_once=True) is None
+    assert len(board.words) == 1
+
+
+def test_a_board_that_does_not_fit_is_told_no_speed(board: Told) -> None:
+    wheels = make(board)
+    wheels.attach(board, Fit(units=(), wheel_limits=(0.0, 0.0), wrong=("It stores zeros.",)))
+    wheels.stand(0, at_once=False)
+    assert board.words == []
+
+
+def test_a_wheel_that_turns_against_its_command_is_a_fault(board: Told) -> None:
+    wheels = make(board)
+    kinds: set[str] = set()
+    for ms in range(0, 1500, 10):
+        wheels.turn((0.3, 0.3), ms * MS)
+        for fault in wheels.measure(ms * MS, (-0.4, 0.3), (-ms, ms)):
+            kinds.add(fault.kind)
+            assert fault.motor == "left"
+    assert "runaway_against" in kinds
