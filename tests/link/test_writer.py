@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from yahboomd.errors import PortLost
 from yahboomd.link.writer import Writer
 from yahboomd.protocol.dialect import Battery, CommandLost, Totals
 
@@ -167,3 +168,38 @@ async def test_quiet_ends_the_repetition(writer: Any, port: Any, clock: Any) -> 
     writer.quiet()
     await advance(clock, 300)
     assert port.frames == [b"$a#"]
+
+
+async def test_a_writer_that_is_closed_says_nothing_that_waited(
+    writer: Any, port: Any, clock: Any
+) -> None:
+    writer.poll(b"$read#", 20 * MS)
+    writer.velocity(b"$fast#")
+    writer.close()
+    writer.heard(COUNTS)
+    await advance(clock, 300)
+    assert port.frames == [b"$read#"]
+
+
+async def test_a_port_that_takes_nothing_for_300_ms_is_given_up(port: Any, clock: Any) -> None:
+    writer = Writer(port, clock, resend_ns=100 * MS, spacing_ns=20 * MS)
+    task = asyncio.create_task(writer.run())
+    port.pending = 15
+    writer.velocity(b"$a#")
+    await advance(clock, 290)
+    assert not task.done()
+    await advance(clock, 20)
+    with pytest.raises(PortLost, match="takes no output"):
+        await task
+
+
+async def test_a_port_that_is_full_for_a_moment_is_not_given_up(
+    writer: Any, port: Any, clock: Any
+) -> None:
+    for _ in range(5):
+        port.pending = 15
+        writer.velocity(b"$a#")
+        await advance(clock, 200)
+        port.pending = 0
+        await advance(clock, 200)
+    assert len(port.frames) >= 5

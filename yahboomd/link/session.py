@@ -21,7 +21,13 @@ from yahboomd.link.handshake import Identity
 from yahboomd.link.poller import Poller
 from yahboomd.link.port import Port, lost
 from yahboomd.link.standstill import StandstillWatch
-from yahboomd.link.stopping import StopReport, bring_to_rest, stop_unidentified
+from yahboomd.link.stopping import (
+    DRAIN_S,
+    StopReport,
+    bring_to_rest,
+    stop_unidentified,
+    undisturbed,
+)
 from yahboomd.link.writer import Writer
 from yahboomd.model import EncoderReading, Event
 from yahboomd.protocol.dialect import (
@@ -116,6 +122,7 @@ class Session:
         self._ears: Callable[[Frame | TextLine], None] | None = None
         self._asking_settings = False
         self._leaving = False
+        self._let_go = False
         self.counters: Counter[str] = Counter()
         self.report: StopReport | None = None
 
@@ -124,23 +131,27 @@ class Session:
     def drive(self, units: tuple[int, int, int, int]) -> None:
         """Say these wheel speeds, in the board's units, until others replace them."""
         if self._writer is not None and self._identity is not None and not self._leaving:
+            self._let_go = False
             self._writer.velocity(self._identity.dialect.speeds(units))
 
     def brake(self) -> None:
         """Command zero, before anything else that waits."""
         if self._writer is not None and self._identity is not None and not self._leaving:
+            self._let_go = False
             self._writer.stop((self._identity.dialect.brake,))
 
     def cut(self) -> None:
         """Let the motors go, before anything else; a dialect that cannot brakes instead."""
         if self._writer is not None and self._identity is not None and not self._leaving:
             dialect = self._identity.dialect
+            self._let_go = True
             self._writer.stop((dialect.cut or dialect.brake,))
 
     def release(self) -> None:
         """Say again and again that the motors are let go, until a speed replaces it."""
         if self._writer is not None and self._identity is not None and not self._leaving:
             dialect = self._identity.dialect
+            self._let_go = True
             self._writer.velocity(dialect.cut or dialect.brake)
 
     @property
@@ -182,7 +193,7 @@ class Session:
         port.listen(self._data, self._lost)
         try:
             async with asyncio.TaskGroup() as tasks:
-                tasks.create_task(self._watch_port(), name="port-watch")
+                self._vital.append(tasks.create_task(self._watch_port(), name="port-watch"))
                 await self._connect(port, tasks)
                 await self._watch_tasks()
         except BaseExceptionGroup as group:
@@ -191,7 +202,7 @@ class Session:
                 raise
             raise _first(known) from None
         finally:
-            await self._leave(port)
+            await undisturbed(self._leave(port))
 
     async def _connect(self, port: Port, tasks: asyncio.TaskGroup) -> None:
         await stop_unidentified(port, self._clock)
@@ -321,13 +332,23 @@ class Session:
     async def _leave(self, port: Port) -> None:
         """Stop the wheels and close. Bounded in time, whatever brought us here."""
         identity, self._leaving = self._identity, True
+        if self._writer is not None:
+            # A speed that waited for an answer would follow the stop.
+            self._writer.close()
         try:
             if self._port_lost:
                 return
             if identity is None:
                 await stop_unidentified(port, self._clock)
+                await port.drain(DRAIN_S)
             else:
-                self.report = await bring_to_rest(port, self._clock, identity.dialect, self._watch)
+                self.report = await bring_to_rest(
+                    port, self._clock, identity.dialect, self._watch, let_go=self._let_go
+                )
+                if (doubt := self.report.doubt) is not None:
+                    words = f"{port.name}: told the wheels to stop, and {doubt}. Look at them."
+                    event = Event(kind="stop_not_seen", severity="error", message=words)
+                    self._listener.event(event)
         finally:
             port.close()
             if self._gone is not None and not self._gone.done():

@@ -5,6 +5,10 @@ It writes on the port itself, past every queue: whoever was to do it regularly m
 
 from __future__ import annotations
 
+import asyncio
+from collections.abc import Coroutine
+from typing import Any
+
 import msgspec
 
 from yahboomd.clock import Clock, nanoseconds, seconds, sleep_until
@@ -43,6 +47,29 @@ class StopReport(msgspec.Struct, frozen=True, kw_only=True):
     took_s: float
     brakes: int
 
+    @property
+    def doubt(self) -> str | None:
+        """What keeps one from believing that the wheels stand; ``None`` where nothing does."""
+        if not self.flushed:
+            return "the port did not take all of it"
+        if self.stood is None:
+            return "no counts showed whether they stand"
+        return None if self.stood else "they still turned when the motors were let go"
+
+
+async def undisturbed(work: Coroutine[Any, Any, None]) -> None:
+    """Finish ``work``, which is bounded in time, however often whoever waits is cancelled."""
+    task = asyncio.ensure_future(work)
+    disturbance: asyncio.CancelledError | None = None
+    while not task.done():
+        try:
+            await asyncio.shield(task)
+        except asyncio.CancelledError as error:
+            disturbance = error
+    task.result()
+    if disturbance is not None:
+        raise disturbance
+
 
 async def stop_unidentified(port: Port, clock: Clock) -> None:
     """Stop a board whose dialect is not known: what either would obey, after a resync."""
@@ -53,7 +80,13 @@ async def stop_unidentified(port: Port, clock: Clock) -> None:
 
 
 async def bring_to_rest(
-    port: Port, clock: Clock, dialect: Dialect, watch: StandstillWatch, *, verify: bool = True
+    port: Port,
+    clock: Clock,
+    dialect: Dialect,
+    watch: StandstillWatch,
+    *,
+    verify: bool = True,
+    let_go: bool = False,
 ) -> StopReport:
     """Brake until the counters stand, let the motors go, end the streams, and drain.
 
@@ -63,12 +96,15 @@ async def bring_to_rest(
         dialect: How the board is spoken to.
         watch: Sees the counters.
         verify: Wait for standstill (0.6 s at most); else brake once and let go at once.
+        let_go: The motors are without power already: a brake would start the board's speed loop
+            again, and whoever let them go may have had a reason.
     """
+    brake = (dialect.cut or dialect.brake) if let_go else dialect.brake
     start_ns = clock.now_ns()
     deadline_ns = start_ns + nanoseconds(STAND_WITHIN_S)
     watch.forget()
     # Half a frame may be in the board's ear: inside a frame `$` is data. Newlines clear it.
-    port.write(RESYNC + dialect.brake)
+    port.write(RESYNC + brake)
     brakes = 1
     stood: bool | None = None
     if verify:
@@ -84,7 +120,7 @@ async def bring_to_rest(
             if dialect.cut is not None and _runs_away(first, watch.speed):
                 break
             if clock.now_ns() >= brake_due_ns:
-                port.write(dialect.brake)
+                port.write(brake)
                 brakes += 1
                 brake_due_ns += nanoseconds(REPEAT_S)
             elif dialect.poll is not None:

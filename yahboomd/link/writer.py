@@ -12,12 +12,16 @@ import asyncio
 from collections import Counter
 
 from yahboomd.clock import Clock, nanoseconds
+from yahboomd.errors import PortLost
 from yahboomd.link.outbox import Answers, Lane, Outbox, Request
 from yahboomd.link.port import Port
 from yahboomd.protocol.dialect import CommandLost, Decoded, Deltas, Speeds, Totals
 
 AFTER_ANSWER_NS = 2_000_000
 """The board wipes its mailbox when it is through with answering, a moment after the last byte."""
+
+STUCK_NS = 300_000_000
+"""A port that took nothing for so long takes nothing any more: only opening it anew helps."""
 
 
 class Writer:
@@ -42,6 +46,8 @@ class Writer:
         self._wake = asyncio.Event()
         self._alarm = clock.alarm(self._wake.set)
         self._poll_timeout_ns = 0
+        self._full_since_ns: int | None = None
+        self._closed = False
         self.poll_heard_ns = 0
         self.counters: Counter[str] = Counter()
 
@@ -127,14 +133,27 @@ class Writer:
             self._free_ns = self._clock.now_ns() + AFTER_ANSWER_NS
         self._wake.set()
 
+    def close(self) -> None:
+        """Write nothing any more: whatever waits, the last words are somebody else's."""
+        self._closed = True
+
     # The coroutine.
 
     async def run(self) -> None:
-        """Send what waits, when the line allows it. Ends by being cancelled."""
+        """Send what waits, when the line allows it. Ends by being cancelled.
+
+        Raises:
+            PortLost: The port takes no output any more.
+        """
         try:
             while True:
                 self._wake.clear()
                 self._pump()
+                if self._stuck:
+                    raise PortLost(
+                        f"{self._port.name}: the port takes no output.",
+                        remedy="It is opened anew, which forgets what it holds back.",
+                    )
                 await self._wake.wait()
         finally:
             self._alarm.close()
@@ -148,7 +167,14 @@ class Writer:
                 self.counters["answers_missed"] += 1
             flight.done(answered)
 
+    @property
+    def _stuck(self) -> bool:
+        full_ns = self._full_since_ns
+        return full_ns is not None and self._clock.now_ns() - full_ns >= STUCK_NS
+
     def _pump(self) -> None:
+        if self._closed:
+            return
         now_ns = self._clock.now_ns()
         self._expire(now_ns)
         while now_ns >= self._free_ns:
@@ -156,8 +182,10 @@ class Writer:
                 # The kernel is full: nothing more until it took what it has; a stop, too, could
                 # only queue behind it.
                 self.counters["port_full"] += 1
+                self._full_since_ns = self._full_since_ns or now_ns
                 self._free_ns = now_ns + 16 * self._port.byte_ns
                 break
+            self._full_since_ns = None
             busy = self._flight is not None or self._polled_until_ns is not None
             outgoing = self._outbox.take(now_ns, busy=busy)
             if outgoing is None:
