@@ -210,6 +210,31 @@ def test_a_node_with_another_clock_drives_and_is_named_in_the_diagnostics(
     )
 
 
+def test_native_commands_drive_and_one_that_was_held_up_does_not(
+    run: Callable[..., RealRobot], client: Callable[..., Client]
+) -> None:
+    robot = run("ros2.rmw_zenoh=true", "ros2.bridge=false")
+    app = client("client", robot.endpoint)
+    app.in_state("standing")
+    key = native_key("cmd_vel", ros2.TWIST)
+    sequence = 0
+
+    def say(stamp_ns: int) -> None:
+        nonlocal sequence
+        sequence += 1
+        attached = ros2.attachment(sequence, stamp_ns, bytes(16))
+        app.session.put(key, cdr.twist((0.2, 0, 0, 0, 0, 0)), attachment=attached)
+
+    def driving() -> bool:
+        say(time.time_ns())
+        return bool(app.latest("status")["command"].get("accepted", 0) > 20)
+
+    wait_for(driving, "commands to be obeyed")
+    assert app.latest("status")["driver"] == "cmd_vel"
+    say(time.time_ns() - 5_000_000_000)
+    wait_for(lambda: app.latest("status")["command"].get("out_of_order"), "a refusal")
+
+
 def test_names_follow_the_configuration() -> None:
     given = [
         "ros2.odom=false",

@@ -1,0 +1,235 @@
+"""The daemon as a whole in one process: real bus, simulated board in memory."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import json
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zenoh
+from zenoh_fixtures import eventually, free_endpoint
+
+from yahboomd.clock import SystemClock
+from yahboomd.config import load
+from yahboomd.daemon.service import Daemon
+from yahboomd.errors import BusError
+from yahboomd.simulation.memory import MemoryPort
+from yahboomd.simulation.robot import SimulatedRobot
+
+pytestmark = pytest.mark.realtime
+
+
+class Running:
+    """A daemon on the test's own loop, and what it publishes."""
+
+    def __init__(self, folder: Path) -> None:
+        self.endpoint = free_endpoint()
+        self.robot = SimulatedRobot()
+        overrides = [
+            f'zenoh.listen=["{self.endpoint}"]',
+            "zenoh.connect=[]",
+            "zenoh.namespace=bot1",
+            f"estop.latch_file={folder / 'estop'}",
+        ]
+        self.config = load(None, environ={}, overrides=overrides)
+        self.daemon = Daemon(self.config, environ={}, clock=SystemClock(), opener=self.open)
+        self.task = asyncio.create_task(self.daemon.run())
+        self.samples: dict[str, list[zenoh.Sample]] = {}
+
+    async def open(self) -> MemoryPort:
+        port = MemoryPort(self.robot)
+        port.open()
+        return port
+
+    async def listen(self) -> zenoh.Session:
+        config = zenoh.Config()
+        config.insert_json5("mode", '"client"')
+        config.insert_json5("connect/endpoints", json.dumps([self.endpoint]))
+
+        def opened() -> zenoh.Session | None:
+            try:
+                return zenoh.open(config)
+            except zenoh.ZError:
+                return None
+
+        self.session: zenoh.Session = await eventually(opened)
+        self.session.declare_subscriber("bot1/yahboomd/**", self._hear)
+        return self.session
+
+    def _hear(self, sample: zenoh.Sample) -> None:
+        name = str(sample.key_expr).rsplit("/", 1)[-1]
+        self.samples.setdefault(name, []).append(sample)
+
+    def decoded(self, name: str) -> list[dict[str, Any]]:
+        return [json.loads(bytes(sample.payload)) for sample in self.samples.get(name, [])]
+
+    async def state(self, wanted: str) -> dict[str, Any]:
+        await eventually(
+            lambda: self.decoded("status") and self.decoded("status")[-1]["state"] == wanted
+        )
+        return self.decoded("status")[-1]
+
+    async def ask(self, key: str, payload: bytes | None = None) -> dict[str, Any]:
+        def asked() -> dict[str, Any]:
+            for reply in self.session.get(f"bot1/{key}", payload=payload, timeout=20.0):
+                assert reply.ok is not None
+                answer: dict[str, Any] = json.loads(bytes(reply.ok.payload))
+                return answer
+            pytest.fail(f"{key} did not answer")
+
+        return await asyncio.to_thread(asked)
+
+    async def end(self) -> None:
+        if not self.task.done():
+            self.daemon.stop("the test's end")
+        await asyncio.gather(self.task, return_exceptions=True)
+        if hasattr(self, "session"):
+            await asyncio.to_thread(self.session.close)
+
+
+@pytest.fixture
+async def running(tmp_path: Path) -> AsyncIterator[Running]:
+    running = Running(tmp_path)
+    await running.listen()
+    yield running
+    await running.end()
+
+
+async def test_every_native_key_carries_its_one_type_and_encoding(running: Running) -> None:
+    await running.state("standing")
+    wanted = {
+        "pose": "application/json;PoseSample",
+        "twist": "application/json;TwistSample",
+        "wheels": "application/json;WheelsSample",
+        "battery": "application/json;BatterySample",
+        "status": "application/json;StatusSample",
+    }
+    await eventually(lambda: set(wanted) <= set(running.samples))
+    for name, encoding in wanted.items():
+        assert {str(sample.encoding) for sample in running.samples[name]} == {encoding}
+
+
+async def test_pose_stamps_and_numbers_rise(running: Running) -> None:
+    await running.state("standing")
+    await eventually(lambda: len(running.samples.get("pose", [])) > 30)
+    poses = running.decoded("pose")
+    assert all(b["stamp_ns"] > a["stamp_ns"] for a, b in itertools.pairwise(poses))
+    assert all(b["seq"] > a["seq"] for a, b in itertools.pairwise(poses))
+
+
+async def test_a_command_below_the_namespace_moves_the_wheels(running: Running) -> None:
+    await running.state("standing")
+    for _ in range(10):
+        running.session.put("bot1/cmd_vel", b'{"vx": 0.3}')
+        await asyncio.sleep(0.05)
+    await running.state("standing")
+    assert running.decoded("pose")[-1]["x"] > 0.05
+
+
+async def test_a_command_outside_the_namespace_moves_nothing(running: Running) -> None:
+    await running.state("standing")
+    running.session.put("cmd_vel", b'{"vx": 0.3}')
+    answer = await running.ask("yahboomd/board")
+    assert answer["success"]
+    assert running.decoded("status")[-1]["command"].get("received", 0) == 0
+
+
+@pytest.mark.parametrize("payload", [b"", b"anything", b'{"engaged": true}', b"\x00" * 9000])
+async def test_any_payload_on_the_estop_key_engages_it(running: Running, payload: bytes) -> None:
+    await running.state("standing")
+    running.session.put("bot1/yahboomd/estop", payload)
+    status = await running.state("estopped")
+    assert "Emergency stop" in status["why"]
+
+
+async def test_a_release_on_the_estop_key_is_refused_and_counted(running: Running) -> None:
+    await running.state("standing")
+    running.session.put("bot1/yahboomd/estop", b'{"engaged": false}')
+    await eventually(
+        lambda: any(each["kind"] == "estop_release_refused" for each in running.decoded("events"))
+    )
+    answer = await running.ask("yahboomd/estop", b'{"engaged": false}')
+    assert not answer["success"]
+    assert (await running.state("standing"))["command"]["release_refused"] == 2
+
+
+async def test_the_services_do_what_they_say(running: Running) -> None:
+    await running.state("standing")
+    assert (await running.ask("yahboomd/estop"))["success"]
+    await running.state("estopped")
+    assert (await running.ask("yahboomd/estop/reset"))["success"]
+    await running.state("standing")
+    answer = await running.ask("yahboomd/odometry/set_pose", b'{"x": 1, "y": 2, "theta": 0.5}')
+    assert answer["success"]
+    await eventually(lambda: running.decoded("pose")[-1]["x"] == pytest.approx(1.0))
+    assert (await running.ask("yahboomd/odometry/reset"))["success"]
+    await eventually(lambda: running.decoded("pose")[-1]["x"] == pytest.approx(0.0))
+    refused = await running.ask("yahboomd/odometry/set_pose", b'{"x": "here"}')
+    assert not refused["success"]
+    assert "wrong_type" in refused["message"]
+    config = await running.ask("yahboomd/config")
+    assert config["data"]["zenoh"]["namespace"] == "bot1"
+    board = await running.ask("yahboomd/board")
+    assert board["data"]["version"] == "1.7.3"
+
+
+async def test_a_second_daemon_in_the_namespace_is_an_event(running: Running) -> None:
+    await running.state("standing")
+    token = running.session.liveliness().declare_token("bot1/yahboomd/alive/abc")
+    await eventually(
+        lambda: any(each["kind"] == "second_daemon" for each in running.decoded("events"))
+    )
+    token.undeclare()
+
+
+async def test_the_alive_token_is_there_while_it_runs(running: Running) -> None:
+    await running.state("standing")
+
+    def alive() -> list[str]:
+        replies = running.session.liveliness().get("bot1/yahboomd/alive", timeout=5.0)
+        return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
+
+    assert await asyncio.to_thread(alive) == ["bot1/yahboomd/alive"]
+
+
+async def test_the_end_leaves_the_wheels_at_rest_and_no_task(running: Running) -> None:
+    await running.state("standing")
+    for _ in range(10):
+        running.session.put("bot1/cmd_vel", b'{"vx": 0.3}')
+        await asyncio.sleep(0.05)
+    running.daemon.stop("a test")
+    await running.task
+    assert max(abs(motor.speed_m_s) for motor in running.robot.plant.motors) < 0.03
+    left = {task.get_name() for task in asyncio.all_tasks()} & {"supervisor", "control", "status"}
+    assert left == set()
+
+
+async def test_an_error_in_a_task_stops_the_wheels_and_ends_the_daemon(
+    running: Running, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    await running.state("standing")
+    for _ in range(10):
+        running.session.put("bot1/cmd_vel", b'{"vx": 0.3}')
+        await asyncio.sleep(0.05)
+
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(type(running.daemon._controller), "step", broken)
+    with pytest.raises(BaseExceptionGroup):
+        await running.task
+    assert max(abs(motor.speed_m_s) for motor in running.robot.plant.motors) < 0.03
+
+
+async def test_a_bus_that_cannot_be_opened_is_told_bare(tmp_path: Path) -> None:
+    config = load(
+        None,
+        environ={},
+        overrides=["zenoh.mode=client", f'zenoh.connect=["{free_endpoint()}"]'],
+    )
+    with pytest.raises(BusError):
+        await Daemon(config, environ={}).run()
