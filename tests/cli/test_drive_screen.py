@@ -64,6 +64,7 @@ def test_a_daemon_that_went_is_told() -> None:
     text = drawn(daemon.driving(0).view(5 * S), why="The connection is lost.")
     assert "no word from the daemon for 5 s. The connection is lost." in text
     assert "DRIVING" not in text
+    assert "run `yahboomd stop`" in text
 
 
 def test_a_key_that_nobody_listens_on_is_told_while_a_daemon_is_there() -> None:
@@ -75,8 +76,9 @@ def test_a_key_that_nobody_listens_on_is_told_while_a_daemon_is_there() -> None:
 
 
 def test_an_answer_is_shown_in_full() -> None:
-    said = ("Not released: cmd_vel commands motion.", "yellow")
-    assert said[0] in drawn(daemon.driving(0).view(0), said=said)
+    words = "Not released: cmd_vel commands motion, and so do many others. " * 2
+    text = drawn(daemon.driving(0).view(0), said=(words, "yellow"))
+    assert " ".join(words.split()) in " ".join(text.split())
 
 
 @pytest.mark.parametrize(("width", "height"), [(80, 24), (40, 12), (20, 6), (10, 1)])

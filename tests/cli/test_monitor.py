@@ -9,6 +9,8 @@ import daemon_samples
 import pytest
 from zenoh_fixtures import eventually, free_endpoint
 
+from yahboomd.cli.main import main
+
 pytestmark = pytest.mark.realtime
 
 
@@ -41,6 +43,16 @@ async def test_one_look_where_no_daemon_is_fails_and_says_where_it_looked() -> N
     assert f"No daemon was heard at {endpoint}" in err
     assert "yahboomd run" in err
     assert "Traceback" not in err
+
+
+@pytest.mark.parametrize("seconds", ["-1", "nan", "inf", "soon"])
+def test_a_timeout_must_be_a_number_of_seconds(
+    capsys: pytest.CaptureFixture[str], seconds: str
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["monitor", "--once", f"--timeout={seconds}"])
+    assert ended.value.code == 2
+    assert "--timeout" in capsys.readouterr().err
 
 
 async def test_without_a_terminal_it_prints_lines_until_it_is_told_to_end(

@@ -44,3 +44,12 @@ def test_rates_and_counts_in_words() -> None:
     assert facts.traffic(view) == "20 commands/s · - poses/s"
     assert facts.counts((), "nothing") == "nothing"
     assert facts.counts((Count(name="lost", total=2, rising=True),), "nothing") == "lost 2"
+
+
+def test_a_daemon_that_vanished_while_it_drove_is_a_warning() -> None:
+    for state in ("driving", "stopping"):
+        words = facts.lost_sight(View(phase="silent", status=daemon.status(state)))
+        assert f"It was {state}" in words
+        assert "supply off" in words
+    assert facts.lost_sight(View(phase="silent", status=daemon.status("standing"))) == ""
+    assert facts.lost_sight(View(phase="waiting")) == ""

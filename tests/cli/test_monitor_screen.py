@@ -77,10 +77,18 @@ def test_a_long_reason_is_told_over_several_lines() -> None:
     assert len(lines) == 24
 
 
+@pytest.mark.parametrize("height", [21, 22, 23, 24, 30])
+def test_the_newest_event_is_shown_however_long_it_is(height: int) -> None:
+    dashboard = daemon.driving(0)
+    dashboard.take(keys.EVENTS, encode(daemon.event("The wheel is blocked. " * 20), "json"), 0)
+    assert "The wheel is blocked." in "\n".join(drawn(dashboard.view(0), 80, height))
+
+
 def test_a_silent_daemon_is_told_and_its_numbers_are_marked_old() -> None:
     text = "\n".join(drawn(daemon.driving(0).view(5 * S)))
     assert "NO WORD  from the daemon for 5.0 s" in text
     assert "it was driving" in text
+    assert "run `yahboomd stop`" in text
     assert "pose in odom (old)" in text
     assert "DRIVING" not in text
 

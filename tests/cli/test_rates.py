@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from yahboomd.cli.rates import NS_PER_S, Rate, Rise
+from yahboomd.cli.rates import NS_PER_S, Rate, Rise, Scale
 
 MS = 1_000_000
 
@@ -63,3 +63,28 @@ def test_only_a_rise_that_was_seen_is_news_and_only_for_a_while() -> None:
     assert rise.rising(NS_PER_S)
     assert rise.rising(2 * NS_PER_S)
     assert not rise.rising(2 * NS_PER_S + 1)
+
+
+def test_a_pause_is_no_part_of_the_rate_after_it() -> None:
+    rate = Rate(window_ns=NS_PER_S)
+    for beat in range(10):
+        rate.total(beat, beat * 20 * MS)
+    resumed_ns = 60 * NS_PER_S
+    rate.total(10, resumed_ns)
+    assert rate.per_s(resumed_ns) is None
+    rate.total(11, resumed_ns + 20 * MS)
+    assert rate.per_s(resumed_ns + 20 * MS) == pytest.approx(50.0)
+
+
+def test_a_scale_holds_what_was_seen_lately_and_forgets_the_rest() -> None:
+    scale = Scale(smallest=0.1, lately_ns=NS_PER_S)
+    assert scale.full == 0.1
+    scale.see(0.3, -1.6, now_ns=0)
+    assert scale.full == 1.6
+    scale.see(0.3, now_ns=NS_PER_S + 1)
+    assert scale.full == 1.6
+    scale.see(0.2, now_ns=2 * NS_PER_S + 2)
+    assert scale.full == 0.3
+    scale.see(now_ns=10 * NS_PER_S)
+    scale.see(now_ns=20 * NS_PER_S)
+    assert scale.full == 0.1

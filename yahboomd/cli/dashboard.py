@@ -15,7 +15,7 @@ import msgspec
 
 from yahboomd.bus import keys
 from yahboomd.cli.incoming import read_sample
-from yahboomd.cli.rates import Rate, Rise
+from yahboomd.cli.rates import Rate, Rise, Scale
 from yahboomd.cli.view import LINK_COUNTS, REFUSALS, Count, EventView, View, WheelView
 from yahboomd.messages.native import (
     BatterySample,
@@ -60,7 +60,7 @@ class Dashboard:
         self._events: deque[tuple[EventSample, int]] = deque(maxlen=MAX_EVENTS)
         self._new_events: deque[tuple[EventSample, int]] = deque(maxlen=MAX_EVENTS)
         self._trail: deque[tuple[float, float]] = deque(maxlen=MAX_TRAIL)
-        self._full_scale_m_s = 0.1
+        self._scale = Scale(smallest=0.1)
         self._poses = Rate()
         self._readings = Rate()
         self._commands = Rate()
@@ -90,9 +90,7 @@ class Dashboard:
             wheels = self._read(payload, WheelsSample)
             if wheels is not None and self._finite(*wheels.speed_m_s, *wheels.command_m_s):
                 self._wheels = wheels
-                speeds = (*wheels.speed_m_s, *wheels.command_m_s)
-                fastest = max((abs(each) for each in speeds), default=0.0)
-                self._full_scale_m_s = max(self._full_scale_m_s, fastest)
+                self._scale.see(*wheels.speed_m_s, *wheels.command_m_s, now_ns=now_ns)
         elif key == keys.BATTERY and (battery := self._read(payload, BatterySample)) is not None:
             self._volts = battery.volts
 
@@ -124,7 +122,7 @@ class Dashboard:
             wheels=self._wheel_views(),
             late=pose is not None and now_ns - self._pose_ns > LATE_NS,
             poses_per_s=self._poses.per_s(now_ns),
-            full_scale_m_s=self._full_scale_m_s,
+            full_scale_m_s=self._scale.full,
             volts=self._volts,
             readings_per_s=self._readings.per_s(now_ns),
             commands_per_s=self._commands.per_s(now_ns),

@@ -70,7 +70,7 @@ def screen(
         *_robot(view, why, width),
         *_trouble(view, key, heard=heard),
         [],
-        [("   ", ""), said],
+        *_wrapped(("   ", ""), [], said[0], said[1], width),
     ]
     if len(lines) > height:
         # In a low window the legend goes: who made it low knows the keys.
@@ -105,7 +105,10 @@ def _robot(view: View, why: str, width: int) -> list[list[Part]]:
         return _wrapped((label, "dim"), [], sentence, "yellow", width)
     if view.phase == "silent":
         sentence = f"no word from the daemon for {view.silent_s or 0.0:.0f} s. {why}"
-        return _wrapped((label, "dim"), [("● ", "red")], sentence, "red", width)
+        rows = _wrapped((label, "dim"), [("● ", "red")], sentence, "red", width)
+        if remedy := facts.lost_sight(view):
+            rows += _wrapped((" " * len(label), ""), [], remedy, "bold red", width)
+        return rows
     colour = STATES.get(status.state, "default")
     state: Part = (f"● {status.state.upper()} ", f"bold {colour}")
     rows = _wrapped((label, "dim"), [state], status.why, "", width)

@@ -15,6 +15,9 @@ from yahboomd.cli.view import View
 from yahboomd.cli.words import listed
 from yahboomd.clock import Clock
 
+PATIENCE_NS = 2_000_000_000
+"""A daemon tells its status twice a second: after so long without one, none is there."""
+
 
 class Feed:
     """Reaches for the bus in the background, and fills a dashboard once it is there.
@@ -39,6 +42,7 @@ class Feed:
         self._clock = clock
         self._newest: dict[str, Callable[[], bytes | None]] = {}
         self._why = ""
+        self._opened_ns = 0
         self._reaching: asyncio.Task[None] | None = None
 
     async def __aenter__(self) -> Self:
@@ -89,6 +93,8 @@ class Feed:
             return self._why
         if not self.client.neighbours:
             return f"The connection to {self.wanted} is lost; it is made again by itself."
+        if self._clock.now_ns() - self._opened_ns < PATIENCE_NS:
+            return "The connection is there; listening …"
         below = f" below the namespace {self.options.namespace!r}" if self.options.namespace else ""
         return (
             f"A Zenoh router answers, but no yahboomd speaks there{below}. "
@@ -97,7 +103,7 @@ class Feed:
 
     async def _reach(self) -> None:
         client = await reach(self.options, waiting=self._waiting)
-        self.client = client
+        self.client, self._opened_ns = client, self._clock.now_ns()
         for key in (keys.STATUS, keys.EVENTS, keys.BATTERY):
             client.subscribe(key, self._take, max_bytes=MAX_BYTES)
         self._newest = {key: client.newest(key) for key in (keys.POSE, keys.TWIST, keys.WHEELS)}

@@ -70,7 +70,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--timeout",
         metavar="S",
-        type=float,
+        type=_seconds,
         default=5.0,
         help="how long --once waits for a daemon, in seconds (default: %(default)s)",
     )
@@ -101,6 +101,13 @@ def run(args: argparse.Namespace) -> int:
     options = client_options(daemon_endpoints(args, config), config)
     once_s = args.timeout if args.once else None
     return asyncio.run(_run(options, once_s=once_s, on_screen=on_screen))
+
+
+def _seconds(text: str) -> float:
+    value = float(text)
+    if not 0.0 <= value <= 3600.0:
+        raise argparse.ArgumentTypeError(f"{text} is no number of seconds from 0 to 3600")
+    return value
 
 
 async def _run(options: BusOptions, *, once_s: float | None, on_screen: bool) -> int:

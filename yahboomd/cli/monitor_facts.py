@@ -18,6 +18,16 @@ def driver(view: View) -> str:
     return f"{status.driver} has control for {over}{duration(view.driver_s)}"
 
 
+def lost_sight(view: View) -> str:
+    """What a person may have to do when the daemon falls silent; empty where nothing moved."""
+    if view.status is None or view.status.state not in {"driving", "stopping"}:
+        return ""
+    return (
+        f"It was {view.status.state}: if the wheels still turn, run `yahboomd stop` on the robot, "
+        "or switch the motors' supply off."
+    )
+
+
 def board(view: View) -> str:
     """Which board is connected, and where."""
     facts: Mapping[str, Any] = {} if view.status is None else view.status.board

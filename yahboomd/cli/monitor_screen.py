@@ -90,7 +90,9 @@ def _state(view: View, where: str, width: int) -> list[Text]:
     status = view.status
     assert status is not None
     if view.phase == "silent":
-        colour, why = "red", "All this is as it was then. Waiting for the daemon to come back …"
+        colour = "red"
+        why = "All this is as it was then. Waiting for the daemon to come back … "
+        why += facts.lost_sight(view)
         head = line(
             (" NO WORD ", "bold white on red"),
             (f" from the daemon for {duration(view.silent_s or 0.0)}", "bold red"),
@@ -199,12 +201,12 @@ def _troubles(counts: Sequence[Count], nothing: str, before: str = "") -> Text:
 
 def _events(view: View, width: int, height: int) -> list[Text]:
     lines: list[Text] = []
+    room = height - 2
     for event in reversed(view.events):
-        # The newest is told in full, the older ones in a line each.
-        wrapped = _event(event, width - 4, 1 if lines else 3)
-        if len(lines) + len(wrapped) > height - 2:
+        if len(lines) == room:
             break
-        lines += wrapped
+        # The newest is told in full, the older ones in a line each.
+        lines += _event(event, width - 4, 1 if lines else min(3, room))
     lines = lines or [line(("nothing since this monitor was started", QUIET))]
     return framed(lines, width=width, height=height, title="events")
 

@@ -1,4 +1,4 @@
-"""Rates and rises of counters, over the latest seconds. Pure; monotonic nanoseconds handed in."""
+"""Rates, rises and scales over the latest seconds. Pure; monotonic nanoseconds handed in."""
 
 from __future__ import annotations
 
@@ -22,9 +22,11 @@ class Rate:
     def total(self, total: int | None, now_ns: int) -> None:
         """It has happened so often by now; None where nobody knows.
 
-        A counter that fell was started anew: the average begins again with it.
+        A counter that fell was started anew, and one that was not told for longer than the window
+        stood still or was away: the average begins again with it.
         """
-        if total is None or total < self._total:
+        silent = bool(self._points) and now_ns - self._points[-1][0] > self._window_ns
+        if total is None or total < self._total or silent:
             self._points.clear()
         if total is None:
             return
@@ -68,3 +70,29 @@ class Rise:
     def rising(self, now_ns: int) -> bool:
         """Whether it rose within the latest while."""
         return self._rose_ns is not None and now_ns - self._rose_ns <= self._lately_ns
+
+
+class Scale:
+    """The largest magnitude of late, for bars that are neither clipped nor dwarfed for ever.
+
+    Args:
+        smallest: What the scale never falls below.
+        lately_ns: A value counts for so long, and for up to twice as long.
+    """
+
+    def __init__(self, smallest: float, lately_ns: int = 10 * NS_PER_S) -> None:
+        self._smallest = smallest
+        self._lately_ns = lately_ns
+        self._began_ns = 0
+        self._before = self._now = smallest
+
+    def see(self, *values: float, now_ns: int) -> None:
+        """These are there now."""
+        if now_ns - self._began_ns > self._lately_ns:
+            self._before, self._now, self._began_ns = self._now, self._smallest, now_ns
+        self._now = max((self._now, *map(abs, values)))
+
+    @property
+    def full(self) -> float:
+        """What a full bar is."""
+        return max(self._before, self._now)

@@ -85,7 +85,7 @@ class View(msgspec.Struct, frozen=True, kw_only=True):
         sigma: Standard deviations of x, y (m) and theta (rad), from the covariance.
         late: Pose, twist and wheels are old: they tell the past.
         poses_per_s: As their numbers tell, all of them, whether they arrive here or not.
-        full_scale_m_s: The fastest that any wheel was, or was to be, so far.
+        full_scale_m_s: The fastest that any wheel was, or was to be, lately.
         volts: Of the battery, where known.
         readings_per_s: Of the board's counters, as the daemon counts them.
         commands_per_s: Commands that the daemon received from anybody.
