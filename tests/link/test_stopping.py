@@ -9,74 +9,126 @@ from board_bench import BoardPort
 
 from yahboomd.clock import LoopClock
 from yahboomd.link.standstill import StandstillWatch
-from yahboomd.link.stopping import StopReport, bring_to_rest, stop_unidentified, undisturbed
+from yahboomd.link.stopping import STAND_WITHIN_S, StopReport, bring_to_rest, stop_unidentified
+from yahboomd.protocol.dialect import Totals
+from yahboomd.protocol.framing import RESYNC, Framer
 from yahboomd.protocol.registry import DIALECTS
+from yahboomd.simulation.motors import MotorFaults
+from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
 from yahboomd.simulation.virtual_time import on_virtual_time
 
-CUT = b"$pwm:0,0,0,0#"
-BRAKE = b"$spd:0,0,0,0#"
 
+class Scene:
+    """A robot that somebody left driving."""
 
-@on_virtual_time
-async def test_a_board_that_nobody_knows_is_told_both_stops_after_a_resync() -> None:
-    port = BoardPort(SimulatedRobot())
-    await stop_unidentified(port, LoopClock())
-    assert [data for _, data in port.written] == [b"\n" * 64, CUT, b"$speed:0,0,0,0#"]
-    port.close()
+    def __init__(self, dialect: str) -> None:
+        self.robot = SimulatedRobot(SimulationOptions(dialect=dialect))  # type: ignore[arg-type]
+        self.port = BoardPort(self.robot)
+        self.dialect = DIALECTS[dialect]
+        self.watch = StandstillWatch(190.0)
+        self.framer = Framer()
+        self.deaf = False
+        self.port.listen(self.data, lambda _: None)
 
+    def data(self, data: bytes) -> None:
+        for item in self.framer.feed(data):
+            decoded = self.dialect.decode(item)
+            if isinstance(decoded, Totals) and not self.deaf:
+                self.watch.see(decoded.ticks, LoopClock().now_ns())
 
-@pytest.mark.parametrize(("let_go", "first"), [(False, BRAKE), (True, CUT)])
-@on_virtual_time
-async def test_motors_that_were_let_go_are_not_braked_again(let_go: bool, first: bytes) -> None:
-    port = BoardPort(SimulatedRobot())
-    report = await bring_to_rest(
-        port, LoopClock(), DIALECTS["streamed"], StandstillWatch(190.0), let_go=let_go
-    )
-    assert port.frames[0] == first
-    assert (BRAKE in port.frames) is not let_go
-    assert port.frames[-3:] == [CUT, CUT, b"$upload:0,0,0#"]
-    # Nobody passed the counters on.
-    assert report.stood is None
-    assert report.doubt == "no counts showed whether they stand"
-    port.close()
-
-
-@pytest.mark.parametrize(
-    ("stood", "flushed", "doubt"),
-    [
-        (True, True, None),
-        (True, False, "the port did not take all of it"),
-        (None, True, "no counts showed whether they stand"),
-        (False, True, "they still turned when the motors were let go"),
-    ],
-)
-def test_what_was_not_seen_is_doubted(stood: bool | None, flushed: bool, doubt: str | None) -> None:
-    report = StopReport(stood=stood, cut=False, flushed=flushed, took_s=0.1, brakes=1)
-    assert report.doubt == doubt
-
-
-@on_virtual_time
-async def test_a_stop_is_finished_however_often_whoever_waits_is_cancelled() -> None:
-    done = asyncio.Event()
-
-    async def stop() -> None:
+    async def drive(self, fault: MotorFaults | None = None) -> None:
+        for frame in self.dialect.arm:
+            self.port.write(frame)
+            await asyncio.sleep(0.05)
+        if fault is not None:
+            self.robot.set_faults("left", fault, now_ns=LoopClock().now_ns())
+        self.port.write(self.dialect.speeds((300, 0, 300, 0)))
         await asyncio.sleep(1.0)
-        done.set()
+        assert min(self.speeds) > 0.2
 
-    waiting = asyncio.create_task(undisturbed(stop()))
-    for _ in range(5):
-        await asyncio.sleep(0.1)
-        waiting.cancel()
-    with pytest.raises(asyncio.CancelledError):
-        await waiting
-    assert done.is_set()
+    async def rest(self) -> StopReport:
+        return await bring_to_rest(self.port, LoopClock(), self.dialect, self.watch)
+
+    @property
+    def speeds(self) -> list[float]:
+        self.robot.advance(LoopClock().now_ns())
+        return [abs(motor.speed_m_s) for motor in self.robot.plant.motors]
+
+
+@pytest.mark.parametrize("dialect", ["streamed", "polled"])
+@on_virtual_time
+async def test_turning_wheels_are_brought_to_rest_and_seen_to_stand(dialect: str) -> None:
+    scene = Scene(dialect)
+    await scene.drive()
+    report = await scene.rest()
+    assert report.stood is True
+    assert report.flushed
+    assert report.took_s <= STAND_WITHIN_S + 0.03
+    assert max(scene.speeds) < 0.03
+
+
+@pytest.mark.parametrize("dialect", ["streamed", "polled"])
+@on_virtual_time
+async def test_the_first_byte_of_the_stop_goes_out_at_once(dialect: str) -> None:
+    scene = Scene(dialect)
+    await scene.drive()
+    before, now_ns = len(scene.port.written), LoopClock().now_ns()
+    await scene.rest()
+    at_ns, data = scene.port.written[before]
+    assert at_ns == now_ns
+    assert data == RESYNC + scene.dialect.brake
 
 
 @on_virtual_time
-async def test_a_stop_that_fails_says_so() -> None:
-    async def stop() -> None:
-        raise OSError("gone")
+async def test_a_wheel_that_does_not_obey_the_brake_is_cut() -> None:
+    scene = Scene("streamed")
+    await scene.drive(MotorFaults(encoder_reversed=True))
+    report = await scene.rest()
+    assert report.stood is False
+    assert report.cut
+    await asyncio.sleep(1.0)
+    assert max(scene.speeds) < 0.05
 
-    with pytest.raises(OSError, match="gone"):
-        await undisturbed(stop())
+
+@on_virtual_time
+async def test_without_counts_nothing_is_claimed_and_the_motors_are_let_go() -> None:
+    scene = Scene("streamed")
+    await scene.drive()
+    scene.deaf = True
+    report = await scene.rest()
+    assert report.stood is None
+    assert report.cut
+    assert report.brakes >= 5
+
+
+@on_virtual_time
+async def test_half_a_frame_before_does_not_swallow_the_stop() -> None:
+    scene = Scene("streamed")
+    await scene.drive()
+    scene.port.write(b"$spd:500,0,5")
+    await asyncio.sleep(0.05)
+    report = await scene.rest()
+    assert report.stood is True
+    assert max(scene.speeds) < 0.03
+
+
+@pytest.mark.parametrize("dialect", ["streamed", "polled"])
+@on_virtual_time
+async def test_a_board_whose_dialect_is_unknown_is_stopped(dialect: str) -> None:
+    scene = Scene(dialect)
+    await scene.drive()
+    await stop_unidentified(scene.port, LoopClock())
+    await asyncio.sleep(1.0)
+    assert max(scene.speeds) < 0.03
+
+
+@on_virtual_time
+async def test_it_ends_in_bounded_time_whatever_the_board_does() -> None:
+    scene = Scene("streamed")
+    await scene.drive()
+    scene.robot.hang(LoopClock().now_ns())
+    start_ns = LoopClock().now_ns()
+    report = await scene.rest()
+    assert report.stood is not True
+    assert LoopClock().now_ns() - start_ns < 1_200_000_000

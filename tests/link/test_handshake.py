@@ -1,0 +1,143 @@
+"""Getting to know a board, whatever it says."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+from board_bench import Bench
+
+from yahboomd.clock import LoopClock
+from yahboomd.errors import BoardError, BoardSilent
+from yahboomd.link import handshake
+from yahboomd.link.port import byte_time_ns
+from yahboomd.link.session import SessionOptions
+from yahboomd.link.writer import Writer
+from yahboomd.protocol.framing import Framer
+from yahboomd.protocol.registry import DIALECTS
+from yahboomd.protocol.settings import PROFILES
+from yahboomd.simulation.options import FlashContent, ImpairmentOptions, SimulationOptions
+from yahboomd.simulation.virtual_time import on_virtual_time
+
+
+class Script:
+    """A port whose far side answers as it is told to, line after line."""
+
+    name = "/dev/script"
+    byte_ns = byte_time_ns(115200)
+    pending = 0
+
+    def __init__(self, *answers: bytes) -> None:
+        self.answers = list(answers)
+        self.ears: handshake.Ears | None = None
+        self.framer = Framer()
+        self.writer: Writer | None = None
+        self.asked = 0
+
+    def hear(self, ears: handshake.Ears | None) -> None:
+        self.ears = ears
+
+    def write(self, data: bytes) -> None:
+        self.asked += 1
+        if self.answers:
+            answer = self.answers.pop(0)
+            asyncio.get_running_loop().call_later(0.02, self._say, answer)
+
+    def _say(self, answer: bytes) -> None:
+        for item in self.framer.feed(answer):
+            if self.ears is not None:
+                self.ears(item)
+            if self.writer is not None:
+                self.writer.heard(DIALECTS["streamed"].decode(item))
+
+
+FLASH = (
+    b"read_flash:OK!\r\nMotor_Version:1.7.3\r\nMotor_type:1\r\nDead_Zone:1600\r\n"
+    b"Pulse_Line:%d\r\nPulse_Phase:30\r\nwheel_diameter:67.000\r\n"
+    b"P:0.800\t I:0.060\t D:0.500\t \r\n"
+)
+
+
+async def settings_from(*answers: bytes) -> object:
+    script = Script(*answers)
+    writer = Writer(script, LoopClock(), resend_ns=10**9, spacing_ns=0)  # type: ignore[arg-type]
+    script.writer = writer
+    task = asyncio.create_task(writer.run())
+    try:
+        return await handshake.read_settings(
+            writer, DIALECTS["streamed"], PROFILES["520"].settings, "/dev/script"
+        )
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+
+@pytest.mark.parametrize(
+    ("answers", "name"),
+    [
+        ((b"read_flash:OK!\r\n",), "streamed"),
+        ((b"", b"$data:1,2,3,4#"), "polled"),
+        ((b"$MAll:1,2,3,4#\r\n",), "streamed"),
+        ((b"", b"", b"read_flash:OK!\r\n"), "streamed"),
+    ],
+)
+@on_virtual_time
+async def test_what_answers_tells_the_dialect(answers: tuple[bytes, ...], name: str) -> None:
+    script = Script(*answers)
+    dialect = await handshake.identify(script, LoopClock(), "auto", script.hear)  # type: ignore[arg-type]
+    assert dialect.name == name
+
+
+@on_virtual_time
+async def test_another_device_is_no_board_and_is_asked_no_more_than_needed() -> None:
+    script = Script(*[b"$GPGGA,123519,4807.038,N*47\r\n"] * 6)
+    with pytest.raises(BoardSilent, match="lines that are none of a board's"):
+        await handshake.identify(script, LoopClock(), "auto", script.hear)  # type: ignore[arg-type]
+    assert script.asked == 6
+
+
+@on_virtual_time
+async def test_the_wrong_dialect_is_named_with_the_remedy() -> None:
+    script = Script(b"read_flash:OK!\r\n")
+    with pytest.raises(BoardError, match=r'serial\.dialect = "auto" or "streamed"'):
+        await handshake.identify(script, LoopClock(), "polled", script.hear)  # type: ignore[arg-type]
+
+
+@on_virtual_time
+async def test_settings_as_expected_are_believed_at_once() -> None:
+    settings = await settings_from(FLASH % 11)
+    assert settings is not None
+    assert settings.lines == 11  # type: ignore[attr-defined]
+
+
+@on_virtual_time
+async def test_a_lost_digit_is_not_believed() -> None:
+    settings = await settings_from(FLASH % 1, FLASH % 11)
+    assert settings.lines == 11  # type: ignore[attr-defined]
+
+
+@on_virtual_time
+async def test_another_setting_than_expected_is_believed_when_said_twice() -> None:
+    settings = await settings_from(FLASH % 13, FLASH % 13)
+    assert settings.lines == 13  # type: ignore[attr-defined]
+
+
+@on_virtual_time
+async def test_a_board_that_never_tells_everything_is_not_moved() -> None:
+    with pytest.raises(BoardSilent, match="does not tell its settings"):
+        await settings_from(*[b"read_flash:OK!\r\nMotor_type:1\r\n"] * 20)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@on_virtual_time
+async def test_a_noisy_line_never_leads_to_wrong_settings(seed: int) -> None:
+    simulation = SimulationOptions(
+        seed=seed,
+        flash=FlashContent(lines=13, ratio=20),
+        impairments=ImpairmentOptions(loss=0.01, corruption=0.002),
+    )
+    async with Bench(simulation, SessionOptions()) as board:
+        await board.connected()
+        settings = board.recorder.identities[0].settings
+        assert settings is not None
+        assert (settings.lines, settings.ratio) == (13, 20)
