@@ -106,7 +106,7 @@ async def test_the_stop_is_engaged_and_the_wheels_are_watched_until_they_stand(r
 
 async def test_one_slow_sample_among_fast_ones_is_no_standstill(robot) -> None:
     robot([0.0] * (SAMPLES - 1) + [0.5])
-    done = await engage((robot.endpoint,), CONFIG)
+    done = await engage((robot.endpoint,), CONFIG, within_s=1.0)
     assert done is not None
     assert not done.stood
     assert "still turn, at 0.50 m/s" in done.words
@@ -115,7 +115,7 @@ async def test_one_slow_sample_among_fast_ones_is_no_standstill(robot) -> None:
 async def test_a_daemon_without_a_board_is_not_said_to_have_standing_wheels(robot) -> None:
     daemon = robot([])
     daemon._wheels = type("Nobody", (), {"put": staticmethod(lambda _payload: None)})()
-    done = await engage((robot.endpoint,), CONFIG)
+    done = await engage((robot.endpoint,), CONFIG, within_s=1.0)
     assert done is not None
     assert not done.stood
     assert "tells nothing of the wheels (No board yet.): look at them" in done.words

@@ -41,7 +41,8 @@ class Printed(flash.Progress):
         if step.outcome == "refused":
             notes.append(f"the board says {step.answer!r}")
         elif not step.answer:
-            notes.append("no answer heard, but read back")
+            read_back = ", but read back" if step.outcome == "stored" else ""
+            notes.append(f"no answer heard{read_back}")
         if step.attempts > 1:
             notes.append(f"{step.attempts} attempts")
         print(f"  {row.name:<16}{before} -> {now}   {', '.join(notes)}", flush=True)

@@ -62,12 +62,15 @@ class _Wheels:
             self.status = read_sample(arrival.payload, StatusSample) or self.status
 
 
-async def engage(endpoints: tuple[str, ...], config: Config) -> BusStop | None:
+async def engage(
+    endpoints: tuple[str, ...], config: Config, *, within_s: float = STAND_WITHIN_S
+) -> BusStop | None:
     """Engage the emergency stop of every daemon there, and watch the wheels.
 
     Args:
         endpoints: Where the daemon is reached.
         config: Names the namespace, and Zenoh's own file.
+        within_s: How long to watch for standing wheels.
 
     Returns:
         What came of it; None where no daemon answers.
@@ -88,7 +91,7 @@ async def engage(endpoints: tuple[str, ...], config: Config) -> BusStop | None:
         stood = False
         if answer.success:
             try:
-                async with asyncio.timeout(STAND_WITHIN_S):
+                async with asyncio.timeout(within_s):
                     stood = await watch.standing.wait()
             except TimeoutError:
                 stood = False
