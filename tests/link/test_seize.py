@@ -138,3 +138,33 @@ def test_a_port_that_takes_no_output_does_not_hold_us_for_ever(device: Device) -
     with pytest.raises(OSError, match="takes no output"):
         seize(device.path)
     os.close(stuffed)
+
+
+@pytest.mark.realtime
+def test_a_pseudo_terminal_whose_owner_was_killed_can_be_taken_without_being_root() -> None:
+    script = (
+        "import asyncio, os, signal, sys\n"
+        "from yahboomd.clock import SystemClock\n"
+        "from yahboomd.link.port import PortOptions, open_port\n"
+        "from yahboomd.link.seize import seize\n"
+        "if os.geteuid() == 0:\n"
+        "    os.setgid(65534)\n"
+        "    os.setuid(65534)\n"
+        "master, slave = os.openpty()\n"
+        "path = os.ttyname(slave)\n"
+        "os.close(slave)\n"
+        "for own in (seize, lambda path: open_port(PortOptions(path=path), SystemClock())):\n"
+        "    child = os.fork()\n"
+        "    if child == 0:\n"
+        "        owned = own(path)\n"
+        "        if asyncio.iscoroutine(owned):\n"
+        "            asyncio.run(owned)\n"
+        "        os.kill(os.getpid(), signal.SIGKILL)\n"
+        "    os.waitpid(child, 0)\n"
+        "    os.close(seize(path, patience_s=0.0).fd)\n"
+        "    print('taken')\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=False
+    )
+    assert done.stdout == "taken\ntaken\n", done.stderr

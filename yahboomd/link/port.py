@@ -30,6 +30,7 @@ import serial_asyncio
 
 from yahboomd.clock import NS_PER_S, Clock, nanoseconds, sleep_until
 from yahboomd.errors import LinkError, PortBusy, PortDenied, PortLost, PortMissing
+from yahboomd.link.seize import keep_out
 
 BITS_PER_BYTE = 10  # 8N1: a start bit, eight of data, a stop bit
 
@@ -276,7 +277,7 @@ async def open_port(options: PortOptions, clock: Clock) -> SerialPort:
 
 def _claim(device: _Serial, *, hangup_on_close: bool) -> None:
     """Keep those out who ask for no lock, and say what becomes of DTR when we leave."""
-    fcntl.ioctl(device.fileno(), termios.TIOCEXCL)
+    keep_out(device.fileno())
     attributes = termios.tcgetattr(device.fileno())
     attributes[2] = (attributes[2] & ~termios.HUPCL) | (termios.HUPCL if hangup_on_close else 0)
     termios.tcsetattr(device.fileno(), termios.TCSANOW, attributes)

@@ -33,6 +33,9 @@ PATIENCE_S = 1.0
 RETRY_S = 0.02
 WRITE_WITHIN_S = 0.1
 
+_PSEUDO_TERMINALS = range(136, 144)
+"""The major device numbers that Linux gives them."""
+
 _HELD = (errno.EBUSY, errno.EAGAIN)
 
 
@@ -102,11 +105,21 @@ def _take(path: str, *, dtr: bool, rts: bool) -> int:
         for line, raised in ((termios.TIOCM_DTR, dtr), (termios.TIOCM_RTS, rts)):
             _set_line(fd, line, raised=raised)
         fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        fcntl.ioctl(fd, termios.TIOCEXCL)
+        keep_out(fd)
     except BaseException:
         os.close(fd)
         raise
     return fd
+
+
+def keep_out(fd: int) -> None:
+    """Keep those out who ask for no lock, until the port is closed.
+
+    Not on a pseudo-terminal: there it lasts as long as the far end, so that an owner who was killed
+    would lock out all who are not root, and nobody could stop the (simulated) wheels.
+    """
+    if os.major(os.fstat(fd).st_rdev) not in _PSEUDO_TERMINALS:
+        fcntl.ioctl(fd, termios.TIOCEXCL)
 
 
 def _set_line(fd: int, line: int, *, raised: bool) -> None:
