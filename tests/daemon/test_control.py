@@ -299,3 +299,15 @@ async def test_when_nobody_is_connected_any_more_the_wheels_stop_at_once(tmp_pat
         assert bench.heard.commands is not None
         await asyncio.sleep(0.4)
         assert bench.standing
+
+
+@on_virtual_time
+async def test_a_flood_of_one_kind_of_event_is_bounded_and_counted(tmp_path: Path) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        for _ in range(1000):
+            bench.operator.refuse_release("a flood")
+        await asyncio.sleep(1.1)
+        bench.operator.refuse_release("a flood")
+        assert bench.heard.kinds.count("estop_release_refused") == 6
+        assert bench.controller.counters["events_suppressed"] == 995

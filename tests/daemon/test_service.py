@@ -233,3 +233,17 @@ async def test_a_bus_that_cannot_be_opened_is_told_bare(tmp_path: Path) -> None:
     )
     with pytest.raises(BusError):
         await Daemon(config, environ={}).run()
+
+
+@pytest.mark.parametrize("name", ["supervisor", "control", "status"])
+async def test_a_task_that_is_cancelled_alone_ends_the_daemon_with_the_wheels_at_rest(
+    running: Running, name: str
+) -> None:
+    await running.state("standing")
+    for _ in range(10):
+        running.session.put("bot1/cmd_vel", b'{"vx": 0.3}')
+        await asyncio.sleep(0.05)
+    next(task for task in asyncio.all_tasks() if task.get_name() == name).cancel()
+    with pytest.raises(BaseExceptionGroup):
+        await running.task
+    assert max(abs(motor.speed_m_s) for motor in running.robot.plant.motors) < 0.03

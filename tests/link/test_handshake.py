@@ -111,6 +111,15 @@ async def test_settings_as_expected_are_believed_at_once() -> None:
 
 
 @on_virtual_time
+async def test_on_a_clean_line_the_board_is_asked_once_and_no_command_is_lost() -> None:
+    async with Bench() as board:
+        await board.connected()
+        assert board.port is not None
+        assert sum(b"$read_flash#" in data for _, data in board.port.written) == 1
+        assert board.session.facts().get("commands_lost", 0) == 0
+
+
+@on_virtual_time
 async def test_a_lost_digit_is_not_believed() -> None:
     settings = await settings_from(FLASH % 1, FLASH % 11)
     assert settings.lines == 11  # type: ignore[attr-defined]

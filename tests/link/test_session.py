@@ -11,6 +11,7 @@ from board_bench import Bench
 
 from yahboomd.errors import BoardError, BoardSilent, PortLost
 from yahboomd.link.session import SessionOptions
+from yahboomd.protocol.settings import PROFILES
 from yahboomd.simulation.motors import MotorFaults
 from yahboomd.simulation.options import FlashContent, ImpairmentOptions, SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
@@ -316,3 +317,12 @@ async def test_a_reading_is_stamped_with_the_moment_its_last_byte_arrived(dialec
         for reading in board.recorder.readings:
             assert reading.sent_ns <= reading.received_ns
             assert reading.received_ns - reading.sent_ns < 6_000_000
+
+
+@on_virtual_time
+async def test_a_polled_board_is_told_the_type_of_the_configured_motors() -> None:
+    async with bench("polled", profile=PROFILES["310"]) as board:
+        await board.connected()
+        assert board.port is not None
+        await board.until(lambda: board.port is not None and b"$mtype:2#" in board.port.frames)
+        assert b"$mtype:1#" not in board.port.frames

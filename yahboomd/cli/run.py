@@ -60,5 +60,10 @@ def run(args: argparse.Namespace) -> int:
     async def main() -> None:
         await Daemon(loaded.config, environ=os.environ).run()
 
-    asyncio.run(main())
+    try:
+        asyncio.run(main())
+    except BaseExceptionGroup:
+        # A mistake of ours, not of the user: the whole of it belongs into the log.
+        log.critical("yahboomd failed; the wheels were told to stop", exc_info=True)
+        return os.EX_SOFTWARE
     return os.EX_OK

@@ -53,6 +53,10 @@ SOONEST_S = 0.002
 can be told, and a bound on what a flood of commands can cost."""
 
 
+EVENTS_A_SECOND = 5
+"""Of one kind; a fault that repeats, or a flood on purpose, must drown neither log nor bus."""
+
+
 class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
     """What the control path is told about this robot.
 
@@ -144,6 +148,7 @@ class Controller:
         )
         self._resets = ResetWatch()
         self._holds = Holds()
+        self._told: dict[str, tuple[int, int]] = {}
         self._decision = Decision()
         self._stepped_ns = clock.now_ns()
         self._extra_ns = 0
@@ -361,7 +366,15 @@ class Controller:
         self._odometer.set_pose(pose, covariance)
 
     def event(self, event: Event) -> None:
-        """Log and publish."""
+        """Log and publish; of one kind not more than a few in a second, the rest is counted."""
+        now_ns = self._clock.now_ns()
+        since_ns, count = self._told.get(event.kind, (now_ns, 0))
+        if now_ns - since_ns >= nanoseconds(1.0):
+            since_ns, count = now_ns, 0
+        self._told[event.kind] = (since_ns, count + 1)
+        if count >= EVENTS_A_SECOND:
+            self.counters["events_suppressed"] += 1
+            return
         level = {"info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
         log.log(level[event.severity], "%s", event.message)
         self.counters["events"] += 1

@@ -158,7 +158,13 @@ class Daemon:
                 tasks.create_task(self._control(controller, notifier), name="control"),
                 tasks.create_task(self._tell_status(status, notifier), name="status"),
             ]
-            await self._stop.wait()
+            asked = tasks.create_task(self._stop.wait(), name="stop")
+            done, _ = await asyncio.wait(
+                [asked, board, *others], return_when=asyncio.FIRST_COMPLETED
+            )
+            if asked not in done:
+                # A task group goes on without a task that was cancelled alone. Not this one.
+                raise RuntimeError(f"the task {done.pop().get_name()} ended by itself")
             # The session's end stops the wheels and looks whether they stand; meanwhile counts
             # still become poses, and the watchdog is fed.
             board.cancel()
@@ -221,8 +227,7 @@ class Daemon:
         publisher = bus.publisher(
             key,
             encoding=encoding_name(message, self._config.zenoh.encoding),
-            # Poses are many and the next one is better; what happens once must arrive.
-            reliable=key == keys.EVENTS,
+            # Nothing here may wait for a subscriber: the wheels hang on the same thread.
             priority="data_high" if key in {keys.STATUS, keys.EVENTS} else "data",
             express=key in {keys.POSE, keys.TWIST},
         )

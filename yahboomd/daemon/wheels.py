@@ -125,6 +125,12 @@ class Wheels:
         if board is None:
             self.command_m_s = self.zeros
             return None
+        if not self.fit.units:
+            # Whoever leans on a wheel wakes the speed loop of a board with such settings, even at
+            # a commanded zero: it is told no speed at all.
+            if not self._released:
+                self.release(now_ns)
+            return None
         watch = self._stop_watch
         if moved or watch.state == "idle":
             watch.begin(now_ns)
@@ -141,7 +147,10 @@ class Wheels:
         if fault is not None:
             self.cut(now_ns)
         elif not self._released:
-            if self._at_rest == "release" and watch.state == "stopped":
+            # Of a wheel that never counted for its commands the counters prove no standstill, and
+            # the board's speed loop would keep it as fast as it is.
+            let_go = self._at_rest == "release" or self._check.owing
+            if let_go and watch.state == "stopped":
                 self.release(now_ns)
             else:
                 self._say((0.0,) * len(self._kinematics.wheels), now_ns)

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import msgspec
 
-from yahboomd.clock import Clock, nanoseconds
+from yahboomd.clock import Clock, nanoseconds, sleep_until
 from yahboomd.errors import BoardError, BoardSilent
 from yahboomd.link.port import Port
 from yahboomd.link.writer import Writer
@@ -27,6 +27,9 @@ ATTEMPTS = 3
 
 ANSWER_WITHIN_S = 0.25
 """The longest answer, ``$read_flash#``'s, is begun in under 20 ms and takes 15 ms more."""
+
+QUIET_S = 0.02
+QUIET_WITHIN_S = 0.1
 
 SETTINGS_WITHIN_S = 0.2
 
@@ -48,7 +51,11 @@ class Identity(msgspec.Struct, frozen=True, kw_only=True):
 
 
 async def identify(
-    port: Port, clock: Clock, wanted: str, hear: Callable[[Ears | None], None]
+    port: Port,
+    clock: Clock,
+    wanted: str,
+    hear: Callable[[Ears | None], None],
+    said: list[Decoded] | None = None,
 ) -> Dialect:
     """Find out which dialect the board speaks.
 
@@ -57,6 +64,7 @@ async def identify(
         clock: What tells the time.
         wanted: ``auto``, or the only dialect to accept.
         hear: Sets (or clears) who hears what comes.
+        said: Takes what the board said on being asked: its settings may be among it.
 
     Raises:
         BoardSilent: Nothing answered like a board.
@@ -85,6 +93,10 @@ async def identify(
                             f"configuration says {wanted}.",
                             remedy=f'Set serial.dialect = "auto" or "{name}".',
                         )
+                    # The board is deaf until it has said all of its answer.
+                    await _quiet(news, clock)
+                    if said is not None:
+                        said.extend(map(DIALECTS[name].decode, items))
                     return DIALECTS[name]
     finally:
         hear(None)
@@ -113,14 +125,35 @@ async def _recognised(
         alarm.close()
 
 
+async def _quiet(news: asyncio.Event, clock: Clock) -> None:
+    """Until nothing more comes; or not for ever, where a stream runs on."""
+    end_ns = clock.now_ns() + nanoseconds(QUIET_WITHIN_S)
+    while clock.now_ns() < end_ns:
+        news.clear()
+        await sleep_until(clock, clock.now_ns() + nanoseconds(QUIET_S))
+        if not news.is_set():
+            return
+
+
 async def read_settings(
-    writer: Writer, dialect: Dialect, expected: BoardSettings, port_name: str
+    writer: Writer,
+    dialect: Dialect,
+    expected: BoardSettings,
+    port_name: str,
+    heard: Iterable[Decoded] = (),
 ) -> BoardSettings | None:
     """What the board keeps in flash; ``None`` for a dialect that cannot tell.
 
     The answer has no check of any kind, and a lost digit makes ``Pulse_Line:1`` of 11: the wheels
     would turn eleven times too fast. So a value that speed depends on is believed when it is the
     expected one, or when it was said twice.
+
+    Args:
+        writer: Asks.
+        dialect: How the board is spoken to.
+        expected: What a board that was set up for these motors says.
+        port_name: For messages.
+        heard: What it has said already.
 
     Raises:
         BoardSilent: It was asked often enough and never told everything.
@@ -137,11 +170,13 @@ async def read_settings(
         # The gains are the answer's last line, whatever became of the others.
         return isinstance(decoded, Setting) and decoded.name == "pid"
 
+    for decoded in heard:
+        hear(decoded)
     for _ in range(SETTINGS_ATTEMPTS):
-        await writer.request(dialect.read_settings, hear, SETTINGS_WITHIN_S)
         settings = _believed(votes, expected)
         if settings.is_complete:
             return settings
+        await writer.request(dialect.read_settings, hear, SETTINGS_WITHIN_S)
     raise BoardSilent(
         f"{port_name}: the board does not tell its settings, and without them no wheel may turn.",
         remedy="Is the cable long or noisy? Try `yahboomd probe`.",

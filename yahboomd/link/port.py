@@ -228,13 +228,15 @@ class SerialPort(asyncio.Protocol):
 
     def _broken(self, error: Exception) -> None:
         self._report(error)
-        self._abort()
+        # Not at once: the transport may be in the middle of finding out for itself.
+        asyncio.get_running_loop().call_soon(self._abort)
 
     def _abort(self) -> None:
-        # A transport that is gone cannot be aborted again.
         transport, self._transport = self._transport, None
-        if transport is not None:
-            transport.abort()
+        if transport is None or (transport.is_closing() and not transport.get_write_buffer_size()):
+            # It ends by itself; aborted as well, it would end twice.
+            return
+        transport.abort()
 
     def _report(self, error: Exception | None) -> None:
         if not self._lost:

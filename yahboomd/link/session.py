@@ -206,7 +206,12 @@ class Session:
 
     async def _connect(self, port: Port, tasks: asyncio.TaskGroup) -> None:
         await stop_unidentified(port, self._clock)
-        dialect = await handshake.identify(port, self._clock, self._options.dialect, self._hear_raw)
+        profile = self._options.profile
+        heard: list[Decoded] = []
+        found = await handshake.identify(
+            port, self._clock, self._options.dialect, self._hear_raw, heard
+        )
+        dialect = found.for_profile(profile)
         writer = Writer(
             port,
             self._clock,
@@ -228,7 +233,7 @@ class Session:
         self._asking_settings = True
         try:
             settings = await handshake.read_settings(
-                writer, dialect, self._options.profile.settings, port.name
+                writer, dialect, profile.settings, port.name, heard
             )
         finally:
             self._asking_settings = False

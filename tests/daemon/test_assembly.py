@@ -1,0 +1,80 @@
+"""From the configuration to objects: nothing a person wrote gets lost on the way."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from yahboomd.clock import LoopClock
+from yahboomd.config import Config, load
+from yahboomd.daemon import assembly
+from yahboomd.errors import PortMissing
+from yahboomd.simulation.virtual_time import on_virtual_time
+
+
+def config(*overrides: str) -> Config:
+    return load(None, environ={}, overrides=overrides)
+
+
+def test_the_bus_listens_where_the_configuration_says() -> None:
+    options = assembly.bus_options(
+        config('zenoh.listen=["tcp/127.0.0.1:9"]', "zenoh.connect=[]", "zenoh.namespace=bot1")
+    )
+    assert options.listen == ("tcp/127.0.0.1:9",)
+    assert options.connect == ()
+    assert options.namespace == "bot1"
+    assert options.mode == "router"
+
+
+def test_a_zenoh_file_is_handed_on_as_a_path(tmp_path: Path) -> None:
+    path = tmp_path / "zenoh.json5"
+    path.write_text("{}")
+    assert assembly.bus_options(config(f"zenoh.config={path}")).config_file == path
+
+
+def test_a_session_is_told_about_the_port_and_the_wheels() -> None:
+    options = assembly.session_options(
+        config("serial.dialect=polled", "odometry.poll_rate_hz=100", "command.resend_s=0.2")
+    )
+    assert (options.dialect, options.poll_rate_hz, options.resend_s) == ("polled", 100.0, 0.2)
+    # 30 mm/s at a 67 mm wheel with 1320 counts.
+    assert options.still_ticks_per_s == pytest.approx(188.1, abs=0.5)
+    assert options.profile.name == "520"
+
+
+def test_the_control_path_is_told_limits_policies_and_the_period() -> None:
+    options = assembly.control_options(
+        config(
+            "limits.linear.velocity=0.5",
+            "faults.stall=report",
+            "command.at_rest=release",
+            "command.rate_hz=100",
+            "chassis.command_scale=0.9",
+        )
+    )
+    assert options.linear.velocity == 0.5
+    assert options.stall == "report"
+    assert options.at_rest == "release"
+    assert options.period_s == 0.01
+    assert options.command_scale == 0.9
+    assert [motor.position for motor in options.motors] == [1, 3]
+
+
+def test_the_control_period_follows_from_the_rate() -> None:
+    assert assembly.command_period_ns(config("command.rate_hz=100")) == 10_000_000
+
+
+@on_virtual_time
+async def test_a_missing_port_is_found_missing_at_each_attempt() -> None:
+    open_it = assembly.opener(config("serial.port=/dev/not-there"), LoopClock())
+    for _ in range(2):
+        with pytest.raises(PortMissing, match="/dev/not-there"):
+            await open_it()
+
+
+@on_virtual_time
+async def test_an_engaged_latch_is_found_where_the_configuration_says(tmp_path: Path) -> None:
+    (tmp_path / "estop").write_text('{"by": "somebody"}')
+    latch = assembly.latch(config(f"estop.latch_file={tmp_path / 'estop'}"), LoopClock(), {})
+    assert latch.engaged

@@ -1,0 +1,79 @@
+"""How things stand, from every stage."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+from robot_bench import RobotBench
+
+from yahboomd.bus.presence import Neighbour
+from yahboomd.daemon.status import Status
+from yahboomd.simulation.virtual_time import on_virtual_time
+
+
+class Bus:
+    zid = "abc"
+    neighbours = (
+        Neighbour(zid="r1", kind="router", address="tcp/127.0.0.1:7447"),
+        Neighbour(zid="c1", kind="client"),
+    )
+
+
+def status(bench: RobotBench) -> Status:
+    bus: Any = Bus()
+    return Status(
+        bench.clock,
+        controller=bench.controller,
+        intake=bench.intake,
+        supervisor=bench.supervisor,
+        bus=bus,
+        more_bus_facts=lambda: {"puts": 3},
+    )
+
+
+@on_virtual_time
+async def test_without_a_board_it_says_what_is_waited_for(tmp_path: Path) -> None:
+    async with RobotBench(tmp_path) as bench:
+        sample = status(bench).sample()
+        assert sample.state == "waiting"
+        assert sample.driver is None
+        assert sample.board == {}
+        assert "No board yet" in sample.why
+
+
+@on_virtual_time
+async def test_while_driving_it_names_the_driver_and_every_counter(tmp_path: Path) -> None:
+    async with RobotBench(tmp_path) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.3)
+        sample = status(bench).sample()
+        assert (sample.state, sample.driver) == ("driving", "cmd_vel")
+        assert sample.board["port"] == "/dev/simulated"
+        assert sample.board["version"] == "1.7.3"
+        assert sample.board["lines"] == 11
+        assert int(str(sample.link["readings"])) > 50
+        assert sample.command["accepted"] == 20
+        assert sample.bus == {
+            "zid": "abc",
+            "routers": "tcp/127.0.0.1:7447",
+            "neighbours": 2,
+            "puts": 3,
+        }
+
+
+@on_virtual_time
+async def test_since_is_when_the_state_began(tmp_path: Path) -> None:
+    async with RobotBench(tmp_path) as bench:
+        await bench.ready()
+        telling = status(bench)
+        first = telling.sample()
+        await asyncio.sleep(1.0)
+        second = telling.sample()
+        assert second.since_ns == first.since_ns
+        assert second.stamp_ns > first.stamp_ns
+        bench.operator.engage_estop("a test")
+        third = telling.sample()
+        assert third.state == "estopped"
+        assert third.since_ns > first.since_ns
