@@ -40,7 +40,8 @@ imports: $(VENV)/.dev
 
 schemas: $(VENV)/.dev ## write schemas/ and docs/configuration.md anew from the models
 	$(PY) -m yahboomd.messages.generate schemas
-	$(PY) -m yahboomd.cli.main config reference > docs/configuration.md
+	$(PY) -m yahboomd config reference > docs/configuration.md
+	$(PY) -m yahboomd config reference --toml > config.toml
 
 .PHONY: schemas-check
 schemas-check: $(VENV)/.dev

@@ -19,7 +19,7 @@ FIELDS = {
     "WheelsSample": "stamp_ns seq names ticks position_rad speed_m_s command_m_s",
     "BatterySample": "stamp_ns volts",
     "EventSample": "stamp_ns kind severity message wheel data",
-    "StatusSample": "stamp_ns state driver since_ns why board link command bus",
+    "StatusSample": "stamp_ns state driver since_ns why board link command bus driver_since_ns",
     "EstopRequest": "engaged",
     "SetPoseRequest": "x y theta covariance",
     "ServiceReply": "success message data",

@@ -46,7 +46,9 @@ class Status:
 
     def sample(self) -> StatusSample:
         """How things stand now."""
-        now_ns = self._clock.wall_ns()
+        now_ns, clock_ns = self._clock.wall_ns(), self._clock.now_ns()
+        decision = self._controller.decision
+        since_ns = decision.since_ns
         state, why = self._controller.state()
         if state != self._state:
             self._state = state
@@ -54,7 +56,8 @@ class Status:
         return StatusSample(
             stamp_ns=now_ns,
             state=state,
-            driver=self._controller.decision.driver,
+            driver=decision.driver,
+            driver_since_ns=None if since_ns is None else now_ns - (clock_ns - since_ns),
             since_ns=self._since_ns,
             why=why,
             board=self.board(),

@@ -166,6 +166,10 @@ class StatusSample(msgspec.Struct, frozen=True, kw_only=True):
     link: Annotated[Group, Meta(description="The serial port: frames, losses, latencies.")]
     command: Annotated[Group, Meta(description="Commands by source: accepted, refused and why.")]
     bus: Annotated[Group, Meta(description="The Zenoh session: routers, samples, drops.")]
+    driver_since_ns: Annotated[
+        int | None,
+        Meta(description="Since when the driver has control, or nobody has; none for ever."),
+    ] = None
 
 
 class EstopRequest(msgspec.Struct, frozen=True, kw_only=True):

@@ -89,6 +89,7 @@ NATIVE: dict[str, msgspec.Struct] = {
             stamp_ns=STAMP_NS,
             state="driving",
             driver="cmd_vel",
+            driver_since_ns=1_700_000_000_000_000_000,
             since_ns=STAMP_NS - 2_000_000_000,
             why="Commands arrive on cmd_vel.",
             board={"version": "V1.0", "profile": "520", "problems": []},
