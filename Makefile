@@ -26,7 +26,7 @@ run: $(VENV)/.run ## start the daemon: on a simulated board, or on a real one wi
 test: $(VENV)/.dev check ## set up, and pass every check
 
 check: lint types imports schemas-check ## every check in this environment
-	$(BIN)/python -m pytest $(ARGS)
+	$(PY) -m pytest $(ARGS)
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
@@ -46,6 +46,11 @@ schemas: $(VENV)/.dev ## write schemas/ and docs/configuration.md anew from the 
 .PHONY: schemas-check
 schemas-check: $(VENV)/.dev
 	$(PY) -m yahboomd.messages.generate --check schemas
+
+.PHONY: interop
+interop: $(VENV)/.dev ## build the real ROS 2 peers once (in a cache outside the tree), and drive through them
+	@tests/interop/build.sh
+	$(PY) -m pytest tests/interop $(ARGS)
 
 clean: ## remove the environment and every cache
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
