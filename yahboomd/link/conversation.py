@@ -47,7 +47,6 @@ BATTERY_WITHIN_S = 0.15
 POLL_PERIOD_S = 0.02
 SPACING_S = seconds(CONNECT_SPACING_NS)
 
-ANSWER_ENDS_S = 0.02
 COAST_WITHIN_S = 1.0
 
 KEPT_BYTES = 512
@@ -144,8 +143,6 @@ class Conversation:
         )
         self._writing = asyncio.create_task(self._writer.run(), name="conversation-writer")
         self.dialect = dialect
-        # The first line of an answer tells; a board that still answers loses what it is sent.
-        await self._unless_lost(self._pause(ANSWER_ENDS_S))
         return dialect
 
     async def request(
