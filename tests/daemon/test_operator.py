@@ -24,15 +24,18 @@ async def test_engaging_says_what_was_done_and_once_more_that_it_was_done_alread
 
 
 @on_virtual_time
-async def test_the_stop_is_on_the_wire_before_the_estop_is_acknowledged(tmp_path: Path) -> None:
+async def test_the_next_frame_on_the_wire_is_the_stop_within_the_spacing(tmp_path: Path) -> None:
     async with RobotBench(tmp_path) as bench:
         await bench.ready()
         await bench.drive(1.0, 0.3)
         await asyncio.sleep(0.03)
         assert bench.port is not None
         written = len(bench.port.written)
+        engaged_ns = bench.clock.now_ns()
         bench.operator.engage_estop("a test")
+        await bench.until(lambda: bench.port is not None and len(bench.port.written) > written)
         assert bench.port.frames[written] == b"$spd:0,0,0,0#"
+        assert bench.port.written[written][0] - engaged_ns < 13_000_000
 
 
 @on_virtual_time
