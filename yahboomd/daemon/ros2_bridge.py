@@ -34,7 +34,6 @@ class BridgeWay:
         outlet = self._bus.publisher(
             topic,
             encoding=encoding_name(ros_type, "cdr"),
-            express=not qos.latched,
             cache=qos.depth if qos.latched else 0,
         )
         self._announce("MP", topic, ros_type, qos)

@@ -91,7 +91,6 @@ class NativeWay:
         publisher = self._bus.publisher(
             self._key(topic, ros_type),
             encoding=encoding_name(ros_type, "cdr"),
-            express=not qos.latched,
             cache=qos.depth if qos.latched else 0,
         )
         gid = ros2.gid_of(self._announce("MP", topic, ros_type, qos))

@@ -229,7 +229,6 @@ class Daemon:
             encoding=encoding_name(message, self._config.zenoh.encoding),
             # Nothing here may wait for a subscriber: the wheels hang on the same thread.
             priority="data_high" if key in {keys.STATUS, keys.EVENTS} else "data",
-            express=key in {keys.POSE, keys.TWIST},
         )
         self._publishers.append(publisher)
         return publisher
