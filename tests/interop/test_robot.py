@@ -127,11 +127,19 @@ def test_a_dds_node_that_starts_late_gets_the_static_frames(bridge, start_dds_no
         assert laser_of(start_dds_node("/tf_static")) == "laser"
 
 
-def test_a_native_node_drives_without_a_bridge_and_sees_it(router, native_node, robot):
+def test_a_native_node_drives_without_a_bridge_and_sees_it(
+    router, native_node, start_native_node, robot
+):
+    onlooker = start_native_node()
     driven = robot(router.endpoint, "ros2.bridge=false", "ros2.rmw_zenoh=true")
     sees_the_robot_move(native_node, driven)
     is_stopped_and_released(native_node)
     assert laser_of(native_node) == "laser"
+    for topic in ("/odom", "/tf", "/joint_states"):
+        heard = [event for event in list(onlooker.events) if event.get("topic") == topic]
+        numbers = [event["attachment"]["sequence"] for event in heard]
+        assert len(numbers) > 50
+        assert numbers == list(range(numbers[0], numbers[-1] + 1)), "every sample arrives"
 
 
 def test_the_node_shows_in_a_native_graph_with_all_that_it_has(
