@@ -326,6 +326,7 @@ class Bridge:
 
     program: Path
     log: Path
+    config: Path = EXAMPLE
     port: int = field(default_factory=free_port)
     domain: int = field(default_factory=free_domain)
     process: subprocess.Popen[bytes] | None = None
@@ -345,7 +346,7 @@ class Bridge:
         }
         with self.log.open("a") as log:
             self.process = subprocess.Popen(
-                [self.program, EXAMPLE, self.endpoint], env=environment, stdout=log, stderr=log
+                [self.program, self.config, self.endpoint], env=environment, stdout=log, stderr=log
             )
         until(self.listens, "the bridge to listen")
 

@@ -127,6 +127,52 @@ def test_a_dds_node_that_starts_late_gets_the_static_frames(bridge, start_dds_no
         assert laser_of(start_dds_node("/tf_static")) == "laser"
 
 
+@pytest.fixture
+def reconfigure(bridge, tmp_path):
+    """Starts the bridge anew, with one thing in its configuration replaced."""
+
+    def again(old, new):
+        text = bridge.config.read_text()
+        assert old in text
+        bridge.stop()
+        bridge.config = tmp_path / "bridge.json5"
+        bridge.config.write_text(text.replace(old, new))
+        bridge.start()
+
+    return again
+
+
+def test_a_robot_with_a_bridge_of_its_own_has_plain_names_there(
+    bridge, reconfigure, dds_node, robot
+):
+    reconfigure('// namespace: "/bot1"', 'namespace: "/bot1"')
+    driven = robot(bridge.endpoint, "zenoh.namespace=bot1", "ros2.frame_prefix=bot1/")
+    dds_node.order("drive", vx=0.25, wz=0.3, hz=20)
+    odom = dds_node.message("/odom", lambda m: distance(m, 0.0, 0.0) > 0.2, "the robot to move")
+    assert odom["header"]["frame_id"] == "bot1/odom"
+    assert odom["child_frame_id"] == "bot1/base_link"
+    dds_node.order("rest")
+    driven.settled_truth()
+    is_stopped_and_released(dds_node)
+
+
+def test_robots_behind_one_bridge_are_told_apart_by_their_namespaces(
+    bridge, reconfigure, start_dds_node, robot, eventually
+):
+    reconfigure('"/cmd_vel", "/cmd_vel/teleop"', '"/bot./cmd_vel"')
+    reconfigure('"/odom"', '"/bot./odom"')
+    onlooker = start_dds_node("-")
+    for name in ("bot1", "bot2"):
+        robot(bridge.endpoint, f"zenoh.namespace={name}")
+    eventually(
+        lambda: (
+            {"rt/bot1/odom", "rt/bot2/odom"} <= onlooker.graph()["publishers"].keys()
+            and {"rt/bot1/cmd_vel", "rt/bot2/cmd_vel"} <= onlooker.graph()["subscribers"].keys()
+        ),
+        "both robots",
+    )
+
+
 def test_a_native_node_drives_without_a_bridge_and_sees_it(
     router, native_node, start_native_node, robot
 ):
