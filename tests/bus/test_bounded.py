@@ -58,3 +58,19 @@ def test_result_goes_to_late_when_the_loop_has_ended():
     release.set()
     assert done.wait(20)
     assert late == [1]
+
+
+async def test_a_cancellation_that_comes_with_the_result_is_kept_and_so_is_the_result():
+    loop = asyncio.get_running_loop()
+    ready, late = threading.Event(), []
+    task = asyncio.create_task(bounded(ready.wait, timeout_s=20, name="race", late=late.append))
+    await asyncio.sleep(0)
+    ready.set()
+    (thread,) = [thread for thread in threading.enumerate() if thread.name == "race"]
+    thread.join()
+    # The result waits in the loop's queue now; the cancellation comes right behind it.
+    loop.call_soon(task.cancel)
+    with pytest.raises(asyncio.CancelledError):
+        await task
+    await eventually(lambda: late)
+    assert late == [True]

@@ -15,14 +15,36 @@ def test_nobody_beyond_this_machine_is_reached_by_default():
     config = zenoh_config(BusOptions())
     assert read(config, "mode") == "router"
     assert read(config, "listen/endpoints") == ["tcp/127.0.0.1:7448"]
-    assert read(config, "connect/endpoints") == ["tcp/127.0.0.1:7447"]
     assert read(config, "scouting/multicast/enabled") is False
     assert read(config, "scouting/gossip/enabled") is False
     assert BusOptions().exposed == ()
 
 
-def test_a_missing_router_is_tried_for_ever_and_never_waited_for():
-    config = zenoh_config(BusOptions())
+def test_the_machines_router_is_joined_by_a_client_of_its_own():
+    options = BusOptions()
+    assert options.has_uplink
+    assert read(zenoh_config(options), "connect/endpoints") == []
+    uplink = zenoh_config(options, uplink=True)
+    assert read(uplink, "mode") == "client"
+    assert read(uplink, "listen/endpoints") == []
+    assert read(uplink, "connect/endpoints") == ["tcp/127.0.0.1:7447"]
+    assert read(uplink, "connect/timeout_ms") == 0
+    assert read(uplink, "scouting/multicast/enabled") is False
+    assert not BusOptions(connect=()).has_uplink
+    assert not BusOptions(mode="peer").has_uplink
+
+
+def test_two_sessions_never_have_one_id(tmp_path):
+    path = tmp_path / "zenoh.json5"
+    path.write_text('{ id: "abc" }')
+    options = BusOptions(config_file=path)
+    assert read(zenoh_config(options), "id") == "abc"
+    assert read(zenoh_config(options, uplink=True), "id") is None
+
+
+def test_a_peer_tries_a_missing_router_for_ever_and_never_waits_for_it():
+    config = zenoh_config(BusOptions(mode="peer"))
+    assert read(config, "connect/endpoints") == ["tcp/127.0.0.1:7447"]
     assert read(config, "connect/timeout_ms") == -1
     assert read(config, "connect/exit_on_failure") is False
     assert read(config, "open/return_conditions/connect_scouted") is False

@@ -12,7 +12,7 @@ async def test_applications_see_the_token_come_and_go(bus, zenoh_app):
     seen = app.session.liveliness().declare_subscriber("bot1/yahboomd/alive", history=True)
     token = bus.token(keys.ALIVE)
     assert str((await eventually(seen.try_recv)).kind).endswith("PUT")
-    token.undeclare()
+    token.close()
     assert str((await eventually(seen.try_recv)).kind).endswith("DELETE")
 
 

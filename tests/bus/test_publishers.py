@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 import zenoh
-import zenoh.ext
 from zenoh_fixtures import eventually
 
 from yahboomd.bus import keys
@@ -50,12 +49,7 @@ async def test_a_cached_sample_reaches_who_comes_later(bus, zenoh_app):
     assert publisher.has_subscribers
     for payload in (b"old", b"static frames"):
         assert publisher.put(payload)
-    app = zenoh_app("client", bus.options.listen[0])
-    late = zenoh.ext.declare_advanced_subscriber(
-        app.session,
-        "bot1/tf_static",
-        history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
-    )
+    late = zenoh_app("client", bus.options.listen[0]).late_subscriber("bot1/tf_static")
     sample = await eventually(late.try_recv)
     assert sample.payload.to_bytes() == b"static frames"
 

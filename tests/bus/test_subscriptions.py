@@ -2,7 +2,7 @@ import asyncio
 
 import pytest
 import zenoh
-from zenoh_fixtures import eventually
+from zenoh_fixtures import eventually, free_endpoint
 
 from yahboomd.bus import keys
 from yahboomd.bus.inbox import Inbox
@@ -43,7 +43,7 @@ async def test_a_stamp_made_on_arrival_is_none(bus, zenoh_app):
 async def test_a_stamp_made_by_the_router_on_the_way_is_none(zenoh_router, zenoh_app):
     zenoh_router.start()
     arrivals = []
-    options = BusOptions(listen=(), connect=(zenoh_router.endpoint,))
+    options = BusOptions(listen=(free_endpoint(),), connect=(zenoh_router.endpoint,))
     async with Bus(options) as bus:
         bus.subscribe(keys.CMD_VEL, arrivals.extend)
         await eventually(lambda: bus.neighbours)
@@ -183,24 +183,53 @@ async def test_a_backlog_of_a_stalled_link_is_no_flood(bus, zenoh_app):
 
 async def test_a_full_ring_tells_of_a_loss(bus):
     samples = []
-    bus._session.declare_subscriber("x", samples.append)
+    bus._sessions[0].declare_subscriber("x", samples.append)
     for _ in range(RING):
-        bus._session.put("x", b"x")
+        bus._sessions[0].put("x", b"x")
     await eventually(lambda: len(samples) == RING)
     inbox, batches = Inbox(), []
     subscription = Subscription(
         "x",
+        "bot1/x",
         batches.append,
-        inbox,
+        inbox=inbox,
+        now_ns=bus._clock.now_ns,
         stamp_ns=lambda timestamp: None,
         depth=64,
         max_bytes=10,
         urgent=False,
         keep_oversize=False,
     )
-    subscription.declare(bus._session, "y", bus._clock.now_ns)
     subscription._take(samples)
     subscription._take(samples[:-1])
     assert [(len(batch), batch[0].dropped) for batch in batches] == [(RING, 1), (RING - 1, 0)]
     subscription.close()
     inbox.close()
+
+
+async def test_a_flood_through_both_sessions_ends_in_both(zenoh_router, zenoh_app):
+    zenoh_router.start()
+    options = BusOptions(listen=(free_endpoint(),), connect=(zenoh_router.endpoint,))
+    async with Bus(options) as bus:
+        arrivals = []
+        subscription = bus.subscribe(keys.CMD_VEL, arrivals.extend)
+        await eventually(lambda: bus.neighbours)
+        apps = [
+            zenoh_app("client", endpoint) for endpoint in (zenoh_router.endpoint, options.listen[0])
+        ]
+        for app in apps:
+            await app.reach("cmd_vel")
+        while not subscription.flooded:
+            for _ in range(FLOOD):
+                for app in apps:
+                    app.session.put(
+                        "cmd_vel", b"x", congestion_control=zenoh.CongestionControl.BLOCK
+                    )
+            await asyncio.sleep(0)
+        await eventually(lambda: not subscription.flooded)
+        for number, app in enumerate(apps):
+            app.session.put("cmd_vel", b"after %d" % number)
+        await eventually(
+            lambda: {b"after 0", b"after 1"} <= {arrival.payload for arrival in arrivals}
+        )
+        assert subscription.counters.floods == 1

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 import zenoh
+import zenoh.ext
 from zenoh.handlers import Callback
 
 if TYPE_CHECKING:
@@ -77,6 +78,12 @@ class ZenohApp:
         samples: list[zenoh.Sample] = []
         self.session.declare_subscriber(key, Callback(samples.append, indirect=False))
         return samples
+
+    def late_subscriber(self, key: str) -> zenoh.ext.AdvancedSubscriber[Any]:
+        """A subscriber that asks for what was published before it came."""
+        return zenoh.ext.declare_advanced_subscriber(
+            self.session, key, history=zenoh.ext.HistoryConfig(detect_late_publishers=True)
+        )
 
     async def ask(self, selector: str, **arguments: Any) -> list[zenoh.Reply]:
         """All replies to a query, off the loop."""

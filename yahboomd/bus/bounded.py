@@ -58,4 +58,11 @@ async def bounded(
                 late(result)  # type: ignore[arg-type]
 
     threading.Thread(target=run, name=name, daemon=True).start()
-    return await asyncio.wait_for(future, timeout_s)
+    # Not wait_for: up to Python 3.11 it forgets a cancellation that comes with the result.
+    try:
+        async with asyncio.timeout(timeout_s):
+            return await future
+    except (asyncio.CancelledError, TimeoutError):
+        if future.done() and not future.cancelled() and future.exception() is None:
+            settle(future.result(), None)
+        raise

@@ -35,11 +35,12 @@ class BusOptions(msgspec.Struct, frozen=True, kw_only=True):
     """How the session is to be.
 
     Attributes:
-        mode: ``router`` serves clients and peers alike, and whatever it joins; two ``peer``
-            sessions that share a router but do not reach each other exchange nothing; a
-            ``client`` cannot be opened without its router.
+        mode: ``router`` serves clients and peers alike, and joins another router as a client does;
+            two ``peer`` sessions that share a router but do not reach each other exchange nothing;
+            a ``client`` alone cannot be opened without its router.
         listen: Endpoints to be reached at. A client listens nowhere.
-        connect: Endpoints to join: tried for ever, never waited for (except by a client).
+        connect: Routers to join: the first that answers, where there are several (a peer joins
+            all). Tried for ever, never waited for (except by a client).
         namespace: Put in front of every key; empty for none.
         config_file: A JSON5 file of Zenoh's for everything else; what it sets wins over what
             :func:`zenoh_config` would choose.
@@ -67,6 +68,11 @@ class BusOptions(msgspec.Struct, frozen=True, kw_only=True):
         if self.unix_socket is None:
             return self.listen
         return (*self.listen, f"unixsock-stream/{self.unix_socket}")
+
+    @property
+    def has_uplink(self) -> bool:
+        """Whether another router is joined by a session of its own; see :mod:`.uplink`."""
+        return self.mode == "router" and bool(self.connect)
 
     @property
     def exposed(self) -> tuple[str, ...]:
@@ -112,8 +118,12 @@ def endpoint_problem(endpoint: str) -> str | None:
     return None
 
 
-def zenoh_config(options: BusOptions) -> zenoh.Config:
+def zenoh_config(options: BusOptions, *, uplink: bool = False) -> zenoh.Config:
     """Zenoh's configuration for these options, with the user's own file in it.
+
+    Args:
+        options: How the bus is to be.
+        uplink: For the session that joins another router, instead of the one that is reached.
 
     Raises:
         BusError: The namespace or an endpoint is wrong, or the file cannot be read or used.
@@ -121,9 +131,9 @@ def zenoh_config(options: BusOptions) -> zenoh.Config:
     _check(options)
     plain = zenoh.Config()
     config = _from_file(options.config_file, plain)
-    for key, value in _always(options).items():
+    for key, value in (_uplink(options) if uplink else _always(options)).items():
         config.insert_json5(key, json.dumps(value))
-    for key, value in _unless_set(options).items():
+    for key, value in _unless_set(options, uplink=uplink).items():
         # What the file sets to Zenoh's own default cannot be told from what it does not set.
         if config.get_json(key) == plain.get_json(key):
             config.insert_json5(key, json.dumps(value))
@@ -134,12 +144,24 @@ def _always(options: BusOptions) -> dict[str, Any]:
     return {
         "mode": options.mode,
         "listen/endpoints": list(options.listening),
-        "connect/endpoints": list(options.connect),
+        "connect/endpoints": [] if options.has_uplink else list(options.connect),
     }
 
 
-def _unless_set(options: BusOptions) -> dict[str, Any]:
-    client = options.mode == "client"
+def _uplink(options: BusOptions) -> dict[str, Any]:
+    return {
+        "mode": "client",
+        "listen/endpoints": [],
+        "connect/endpoints": list(options.connect),
+        # One try: a client's open would otherwise keep its thread as long as no router is there.
+        "connect/timeout_ms": 0,
+        # Two sessions with one id would be one to the others.
+        "id": None,
+    }
+
+
+def _unless_set(options: BusOptions, *, uplink: bool) -> dict[str, Any]:
+    client = uplink or options.mode == "client"
     return {
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
@@ -148,7 +170,7 @@ def _unless_set(options: BusOptions) -> dict[str, Any]:
         "open/return_conditions/connect_scouted": False,
         # Never waited for, tried for ever. A client is refused by Zenoh when its router is not
         # there in time, and with no limit its open would never return.
-        "connect/timeout_ms": 1000 if client else -1,
+        "connect/timeout_ms": 0 if uplink else 1000 if client else -1,
         "connect/exit_on_failure": client,
         "connect/retry": {
             "period_init_ms": 250,

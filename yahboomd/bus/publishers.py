@@ -8,6 +8,7 @@ put by a thread that may wait.
 from __future__ import annotations
 
 import logging
+from collections import deque
 from collections.abc import Callable
 from typing import Literal, TypeAlias
 
@@ -40,6 +41,8 @@ PRIORITIES: dict[PriorityName, zenoh.Priority] = {
     "background": zenoh.Priority.BACKGROUND,
 }
 
+DROP = zenoh.CongestionControl.DROP
+
 
 class PublisherCounters(msgspec.Struct, kw_only=True):
     """Samples given to Zenoh, and those that were not taken."""
@@ -48,11 +51,36 @@ class PublisherCounters(msgspec.Struct, kw_only=True):
     errors: int = 0
 
 
+class _Outlet:
+    """The publisher in one session, and whether anybody listens there."""
+
+    def __init__(self, publisher: zenoh.Publisher | zenoh.ext.AdvancedPublisher) -> None:
+        self.put: Callable[..., None] = publisher.put
+        self.undeclare: Callable[[], None] = publisher.undeclare
+        # Who comes later gets what a cache holds: there is always somebody to put it for.
+        self.matching = True
+        if isinstance(publisher, zenoh.Publisher):
+            self._watch(publisher)
+
+    def _watch(self, publisher: zenoh.Publisher) -> None:
+        self.matching = False
+
+        def changed(status: zenoh.MatchingStatus) -> None:
+            self.matching = status.matching
+
+        # 2 us a look at the status, nothing for a listener; it tells changes only, so the state
+        # to begin with is asked for after it is there.
+        callback: Callable[[zenoh.MatchingStatus], None] = Callback(changed, indirect=False)
+        publisher.declare_matching_listener(callback)
+        # The stubs call this a bool, which is what it holds.
+        status: object = publisher.matching_status
+        self.matching = self.matching or bool(getattr(status, "matching", status))
+
+
 class BusPublisher:
     """A publisher on one key. Made by ``Bus.publisher``.
 
     Args:
-        session: The open session.
         key: The key in full.
         encoding: What the samples are, such as ``application/json;pose``.
         reliable: Puts the samples and may wait for it, rather than drop them where a connection
@@ -60,13 +88,15 @@ class BusPublisher:
         priority: Which samples go first when they queue. Samples that are dropped and samples that
             are waited for must differ in it: they share a queue for each priority and connection,
             and who waits in it holds up all others.
-        express: Send each sample by itself at once, instead of in a batch with its neighbours.
+        express: Send each sample by itself, instead of in a batch with its neighbours. Of several
+            put at once some are lost then: a connection's queue holds two batches, and what finds
+            it full for a millisecond is dropped. Six samples at 50 Hz lost 0.5 % on an idle
+            machine and 10 % on a busy one; in batches they lost none, and came no later.
         cache: Samples kept for subscribers that come later (``tf_static``: 1); none for 0.
     """
 
     def __init__(
         self,
-        session: zenoh.Session,
         key: str,
         *,
         encoding: str,
@@ -78,40 +108,51 @@ class BusPublisher:
         self.key = key
         self.counters = PublisherCounters()
         self._reliable = reliable
-        self._publisher: zenoh.Publisher | zenoh.ext.AdvancedPublisher
-        self._undeclare: Callable[[], None]
-        congestion = zenoh.CongestionControl.BLOCK if reliable else zenoh.CongestionControl.DROP
-        if cache:
-            self._publisher = zenoh.ext.declare_advanced_publisher(
-                session,
-                key,
-                encoding=encoding,
-                congestion_control=congestion,
-                priority=PRIORITIES[priority],
-                express=express,
-                cache=zenoh.ext.CacheConfig(cache),
-                # Subscribers that look for late publishers find this one by its token.
-                publisher_detection=True,
+        self._cache = cache
+        self._last: deque[tuple[bytes, bytes | None]] = deque(maxlen=cache)
+        self._open = True
+        self._outlets: list[_Outlet] = []
+        self._encoding = encoding
+        self._priority = PRIORITIES[priority]
+        self._express = express
+
+    def attach(self, session: zenoh.Session) -> None:
+        """Publish in this session too; what a cache holds is put there at once."""
+        if not self._open:
+            return
+        congestion = zenoh.CongestionControl.BLOCK if self._reliable else DROP
+        if not self._cache:
+            self._outlets.append(
+                _Outlet(
+                    session.declare_publisher(
+                        self.key,
+                        encoding=self._encoding,
+                        congestion_control=congestion,
+                        priority=self._priority,
+                        express=self._express,
+                    )
+                )
             )
-            self._undeclare = self._publisher.undeclare
-            # Who comes later gets what was put before: there is always somebody to put it for.
-            self._matching = True
-        else:
-            self._publisher = session.declare_publisher(
-                key,
-                encoding=encoding,
-                congestion_control=congestion,
-                priority=PRIORITIES[priority],
-                express=express,
-            )
-            self._undeclare = self._publisher.undeclare
-            self._matching = False
-            self._watch_matching(self._publisher)
+            return
+        advanced = zenoh.ext.declare_advanced_publisher(
+            session,
+            self.key,
+            encoding=self._encoding,
+            congestion_control=congestion,
+            priority=self._priority,
+            express=self._express,
+            cache=zenoh.ext.CacheConfig(self._cache),
+            # Subscribers that look for late publishers find this one by its token.
+            publisher_detection=True,
+        )
+        for payload, attachment in self._last:
+            advanced.put(payload, attachment=attachment)
+        self._outlets.append(_Outlet(advanced))
 
     @property
     def has_subscribers(self) -> bool:
         """Whether anybody listens: without one, encoding a sample is work for nothing."""
-        return self._matching
+        return any(outlet.matching for outlet in self._outlets)
 
     def put(self, payload: bytes, attachment: bytes | None = None) -> bool:
         """Publish.
@@ -119,6 +160,8 @@ class BusPublisher:
         Returns:
             Whether the sample was taken. Zenoh may still drop it where a connection is full.
         """
+        if self._cache:
+            self._last.append((payload, attachment))
         if self._reliable is None:
             return self._put(payload, attachment)
         if self._reliable.send(lambda: self._put(payload, attachment)):
@@ -128,31 +171,23 @@ class BusPublisher:
 
     def close(self) -> None:
         """Tell the others that nothing more comes."""
-        try:
-            self._undeclare()
-        except zenoh.ZError as error:
-            log.debug("Publisher %s: %s", self.key, error)
+        self._open = False
+        for outlet in self._outlets:
+            outlet.undeclare()
+        self._outlets.clear()
 
     def _put(self, payload: bytes, attachment: bytes | None) -> bool:
-        try:
-            self._publisher.put(payload, attachment=attachment)
-        except zenoh.ZError as error:
+        taken = False
+        for outlet in self._outlets:
+            try:
+                outlet.put(payload, attachment=attachment)
+                taken = True
+            except zenoh.ZError as error:
+                # A closed session fails 50 times a second, for ever: the first time tells it.
+                if self.counters.errors == 0:
+                    log.warning("Samples on %s are lost: %s", self.key, error)
+        if taken:
+            self.counters.puts += 1
+        else:
             self.counters.errors += 1
-            # A closed session fails 50 times a second, for ever: the first time tells it.
-            if self.counters.errors == 1:
-                log.warning("Samples on %s are lost: %s", self.key, error)
-            return False
-        self.counters.puts += 1
-        return True
-
-    def _watch_matching(self, publisher: zenoh.Publisher) -> None:
-        def changed(status: zenoh.MatchingStatus) -> None:
-            self._matching = status.matching
-
-        # 2 us a look at the status, nothing for a listener; it tells changes only, so the state
-        # to begin with is asked for after it is there.
-        callback: Callable[[zenoh.MatchingStatus], None] = Callback(changed, indirect=False)
-        publisher.declare_matching_listener(callback)
-        # The stubs call this a bool, which is what it holds.
-        status: object = publisher.matching_status
-        self._matching = self._matching or bool(getattr(status, "matching", status))
+        return taken

@@ -14,7 +14,9 @@ from typing import TypeAlias
 
 import msgspec
 import zenoh
+from zenoh.handlers import Callback
 
+from yahboomd.bus.inbox import Inbox, Lane
 from yahboomd.bus.sender import Sender
 
 log = logging.getLogger(__name__)
@@ -98,6 +100,12 @@ class Service:
             odometry by it.
         keep_oversize: Hand over requests that are too large, without their payload.
         answers: Sends them.
+        inbox: Brings the queries to the loop.
+        now_ns: Stamps what arrives.
+        pending: Queries that wait for the loop.
+        max_bytes: The largest payload taken.
+        urgent: Before all that is not.
+        complete: Declared as complete.
     """
 
     def __init__(
@@ -110,6 +118,12 @@ class Service:
         wildcards: bool,
         keep_oversize: bool,
         answers: Sender,
+        inbox: Inbox,
+        now_ns: Callable[[], int],
+        pending: int,
+        max_bytes: int,
+        urgent: bool,
+        complete: bool,
     ) -> None:
         self.name = name
         self.key = key
@@ -120,6 +134,27 @@ class Service:
         self._keep_oversize = keep_oversize
         self._answers = answers
         self._tasks = set[asyncio.Task[None]]()
+        self._now_ns = now_ns
+        self._max_bytes = max_bytes
+        self._complete = complete
+        self._lane: Lane[Pending] = inbox.lane(
+            self.handle, depth=pending, urgent=urgent, refuse=self.refuse
+        )
+
+    def attach(self, session: zenoh.Session) -> None:
+        """Answer in this session too."""
+        lane, now_ns, max_bytes = self._lane, self._now_ns, self._max_bytes
+
+        def arrived(query: zenoh.Query) -> None:
+            payload, attachment = query.payload, query.attachment
+            size = 0 if payload is None else len(payload)
+            if attachment is not None:
+                size = max(size, len(attachment))
+            lane.offer(Pending(query=query, arrived_ns=now_ns(), oversize=size > max_bytes))
+
+        session.declare_queryable(
+            self.key, Callback(arrived, indirect=False), complete=self._complete
+        )
 
     def handle(self, batch: list[Pending], _lost: int) -> None:
         """Answer a batch; on the loop."""

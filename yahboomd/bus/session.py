@@ -1,10 +1,11 @@
-"""The Zenoh session: opened and closed within bounds, and all that is declared in it.
+"""The bus: opened and closed within bounds, and all that is declared on it.
 
 The loop owns everything here. Zenoh's threads touch nothing but the inbox.
 
-As a router on loopback that tries to join the machine's usual router, it is reached by clients and
-peers, directly and through that router, whichever came first, and stays reachable when the router
-goes. One thing to know: a peer that connects to both of them gets and gives most samples twice.
+By default there are two sessions of Zenoh's under it, and whatever is declared is declared in both:
+a router on loopback, to which clients and peers on the machine connect, and a client of the
+machine's usual router, as soon as that is there (:mod:`yahboomd.bus.uplink`). An application that
+connects to both gets and gives every sample twice; it should connect to one.
 """
 
 from __future__ import annotations
@@ -12,29 +13,29 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable
-from typing import Self
+from typing import Protocol, Self, TypeVar
 
 import zenoh
-from zenoh.handlers import Callback
 
 from yahboomd.bus.bounded import bounded
 from yahboomd.bus.failures import open_failure
 from yahboomd.bus.hangup import hang_up_stuck
-from yahboomd.bus.inbox import DEPTH, Inbox, Lane
+from yahboomd.bus.inbox import DEPTH, Inbox
 from yahboomd.bus.keys import full_key
 from yahboomd.bus.options import BusOptions, zenoh_config
 from yahboomd.bus.presence import (
     Neighbour,
     NeighbourChange,
     Neighbours,
+    Token,
     TokenChange,
-    stamp_id,
-    stamper,
+    TokenWatch,
 )
 from yahboomd.bus.publishers import BusPublisher, PriorityName
 from yahboomd.bus.sender import Sender
-from yahboomd.bus.services import Fallback, Handler, Pending, Service
+from yahboomd.bus.services import Fallback, Handler, Service
 from yahboomd.bus.subscriptions import Arrival, Subscription
+from yahboomd.bus.uplink import open_uplink
 from yahboomd.clock import Clock, SystemClock
 from yahboomd.errors import BusError
 
@@ -44,31 +45,37 @@ MAX_BYTES = 4096
 """The largest payload that a subscription or service takes unless told otherwise."""
 
 
+class Declared(Protocol):
+    """What is declared in every session."""
+
+    def attach(self, session: zenoh.Session) -> None:
+        """Declare it in this session too."""
+        ...
+
+
+Declaration = TypeVar("Declaration", bound=Declared)
+
+
 class Bus:
-    """A Zenoh session on a running event loop.
+    """The robot's place on the bus, on a running event loop.
 
     Args:
-        options: How the session is to be.
+        options: How it is to be.
         clock: Stamps what arrives.
     """
 
     def __init__(self, options: BusOptions, *, clock: Clock | None = None) -> None:
         self.options = options
         self._clock = clock or SystemClock()
-        self._session: zenoh.Session | None = None
+        self._sessions: list[zenoh.Session] = []
         self._inbox: Inbox | None = None
+        self._uplink: asyncio.Task[None] | None = None
         self._closed = True
         # Two: an e-stop's acknowledgement is not to wait behind an event for somebody who froze.
         self._answers = Sender("bus-answers")
         self._reliable = Sender("bus-reliable")
-        self._services: list[Service] = []
-        # A token that nobody holds on to is undeclared when it is collected.
-        self._tokens: list[zenoh.LivelinessToken] = []
-        self._subscriptions: list[Subscription] = []
         self._neighbours = Neighbours()
-        self._watchers: list[Callable[[list[NeighbourChange]], None]] = []
-        # The stamps that tell nothing of the sending: our own, and the nearest routers'.
-        self._foreign_stampers = frozenset[int]()
+        self._declared: list[Declared] = [self._neighbours]
 
     async def open(self) -> None:
         """Open the session; it listens from then on, and joins what it is to join by itself.
@@ -91,33 +98,40 @@ class Bus:
             ) from error
         except zenoh.ZError as error:
             raise open_failure(error, self.options) from error
-        self._session = session
         self._inbox = Inbox()
-        self._foreign_stampers = frozenset({stamp_id(self.zid)})
-        lane = self._inbox.lane(self._neighbours_changed)
-        session.info.declare_transport_events_listener(
-            Callback(lane.offer, indirect=False), history=True
-        )
+        self._neighbours.begin(self._inbox)
+        self._attach(session)
+        if self.options.has_uplink:
+            self._uplink = asyncio.create_task(self._join(), name="bus-uplink")
 
     async def close(self) -> bool:
-        """Answer what is pending and close the session, within bounds; safe to call twice.
+        """Answer what is pending and close the sessions, within bounds; safe to call twice.
 
         Returns:
-            Whether it is closed. Where not, a thread is left inside Zenoh, and Python's ordinary
+            Whether they are closed. Where not, a thread is left inside Zenoh, and Python's ordinary
             exit would hang or abort: end the process by ``os._exit``.
         """
-        session, self._session = self._session, None
         inbox, self._inbox = self._inbox, None
-        if session is None or inbox is None:
+        if inbox is None:
             return self._closed
         self._closed = False
-        for subscription in self._subscriptions:
-            subscription.close()
-        tasks = [task for service in self._services for task in service.close()]
         try:
+            if self._uplink is not None:
+                self._uplink.cancel()
+                await asyncio.gather(self._uplink, return_exceptions=True)
+            for each in self._declared:
+                if isinstance(each, Subscription):
+                    each.close()
+            tasks = [
+                task
+                for each in self._declared
+                if isinstance(each, Service)
+                for task in each.close()
+            ]
             await asyncio.gather(*tasks, return_exceptions=True)
+            sessions, self._sessions = self._sessions, []
             await bounded(
-                lambda: self._close(session),
+                lambda: self._close(sessions),
                 timeout_s=self.options.close_timeout_s,
                 name="bus-close",
             )
@@ -133,11 +147,32 @@ class Bus:
             inbox.close(leak=not self._closed)
         return self._closed
 
-    def _close(self, session: zenoh.Session) -> None:
-        hang_up_stuck(lambda: [(link.src, link.dst) for link in session.info.links()])
+    def _close(self, sessions: list[zenoh.Session]) -> None:
+        hang_up_stuck(
+            lambda: [(link.src, link.dst) for session in sessions for link in session.info.links()]
+        )
         for sender in (self._answers, self._reliable):
             sender.close(self.options.close_timeout_s / 4)
-        session.close()
+        for session in sessions:
+            session.close()
+
+    async def _join(self) -> None:
+        session = await open_uplink(self.options)
+        try:
+            self._attach(session)
+        except zenoh.ZError:
+            log.exception("The router at %s cannot be used", ", ".join(self.options.connect))
+
+    def _attach(self, session: zenoh.Session) -> None:
+        self._sessions.append(session)
+        for each in self._declared:
+            each.attach(session)
+
+    def _declare(self, declaration: Declaration) -> Declaration:
+        for session in self._sessions:
+            declaration.attach(session)
+        self._declared.append(declaration)
+        return declaration
 
     async def __aenter__(self) -> Self:
         await self.open()
@@ -148,8 +183,9 @@ class Bus:
 
     @property
     def zid(self) -> str:
-        """The session's id."""
-        return str(self._opened().zid())
+        """The id of the session that listens."""
+        self._ready()
+        return str(self._sessions[0].zid())
 
     @property
     def neighbours(self) -> tuple[Neighbour, ...]:
@@ -175,14 +211,16 @@ class Bus:
         Telemetry goes as ``data_high`` by default, reliable samples as ``data`` (as answers to
         queries do), because the two must not share a priority.
         """
-        return BusPublisher(
-            self._opened(),
-            self.key(key),
-            encoding=encoding or "zenoh/bytes",
-            reliable=self._reliable if reliable else None,
-            priority=priority or ("data" if reliable else "data_high"),
-            express=express,
-            cache=cache,
+        self._ready()
+        return self._declare(
+            BusPublisher(
+                self.key(key),
+                encoding=encoding or "zenoh/bytes",
+                reliable=self._reliable if reliable else None,
+                priority=priority or ("data" if reliable else "data_high"),
+                express=express,
+                cache=cache,
+            )
         )
 
     def subscribe(
@@ -207,19 +245,20 @@ class Bus:
             keep_oversize: Deliver also those that are too large, without their payload, for
                 keys on which any payload counts.
         """
-        subscription = Subscription(
-            key,
-            handler,
-            self._ready(),
-            stamp_ns=self._stamp_ns,
-            depth=depth,
-            max_bytes=max_bytes,
-            urgent=urgent,
-            keep_oversize=keep_oversize,
+        return self._declare(
+            Subscription(
+                key,
+                self.key(key),
+                handler,
+                inbox=self._ready(),
+                now_ns=self._clock.now_ns,
+                stamp_ns=self._neighbours.sent_ns,
+                depth=depth,
+                max_bytes=max_bytes,
+                urgent=urgent,
+                keep_oversize=keep_oversize,
+            )
         )
-        subscription.declare(self._opened(), self.key(key), self._clock.now_ns)
-        self._subscriptions.append(subscription)
-        return subscription
 
     def serve(
         self,
@@ -248,97 +287,46 @@ class Bus:
             keep_oversize: Hand over requests that are too large, without their payload.
             complete: Declared as complete: it alone is asked where several could answer.
         """
-        inbox = self._ready()
-        service = Service(
-            key,
-            self.key(key),
-            handler,
-            fallback,
-            wildcards=wildcards,
-            keep_oversize=keep_oversize,
-            answers=self._answers,
-        )
-        lane: Lane[Pending] = inbox.lane(
-            service.handle, depth=pending, urgent=urgent, refuse=service.refuse
-        )
-        now_ns = self._clock.now_ns
-
-        def arrived(query: zenoh.Query) -> None:
-            payload, attachment = query.payload, query.attachment
-            size = max(
-                0 if payload is None else len(payload), 0 if attachment is None else len(attachment)
+        return self._declare(
+            Service(
+                key,
+                self.key(key),
+                handler,
+                fallback,
+                wildcards=wildcards,
+                keep_oversize=keep_oversize,
+                answers=self._answers,
+                inbox=self._ready(),
+                now_ns=self._clock.now_ns,
+                pending=pending,
+                max_bytes=max_bytes,
+                urgent=urgent,
+                complete=complete,
             )
-            lane.offer(Pending(query=query, arrived_ns=now_ns(), oversize=size > max_bytes))
-
-        self._opened().declare_queryable(
-            service.key, Callback(arrived, indirect=False), complete=complete
         )
-        self._services.append(service)
-        return service
 
-    def token(self, key: str) -> zenoh.LivelinessToken:
-        """Declare a liveliness token, alive as long as the session or until ``undeclare()``.
+    def token(self, key: str) -> Token:
+        """Declare a liveliness token, alive as long as the bus or until ``close()``.
 
         For several holders of one key see :func:`yahboomd.bus.keys.holder_key`.
         """
-        token = self._opened().liveliness().declare_token(self.key(key))
-        self._tokens.append(token)
-        return token
+        self._ready()
+        return self._declare(Token(self.key(key)))
 
-    def watch_tokens(self, pattern: str, handler: Callable[[list[TokenChange]], None]) -> None:
+    def watch_tokens(
+        self, pattern: str, handler: Callable[[list[TokenChange]], None]
+    ) -> TokenWatch:
         """Have tokens that match ``pattern`` reported, those that exist already first.
 
         The session's own tokens are among them.
         """
-
-        def deliver(batch: list[zenoh.Sample], _lost: int) -> None:
-            handler(
-                [
-                    TokenChange(
-                        key=str(sample.key_expr), present=sample.kind == zenoh.SampleKind.PUT
-                    )
-                    for sample in batch
-                ]
-            )
-
-        lane: Lane[zenoh.Sample] = self._ready().lane(deliver, depth=1024)
-        self._opened().liveliness().declare_subscriber(
-            self.key(pattern), Callback(lane.offer, indirect=False), history=True
-        )
+        return self._declare(TokenWatch(self.key(pattern), handler, self._ready()))
 
     def watch_neighbours(self, handler: Callable[[list[NeighbourChange]], None]) -> None:
         """Have connections reported that are made or lost from now on."""
-        self._watchers.append(handler)
-
-    def _opened(self) -> zenoh.Session:
-        if self._session is None:
-            raise BusError("The Zenoh session is not open.")
-        return self._session
+        self._neighbours.watch(handler)
 
     def _ready(self) -> Inbox:
         if self._inbox is None:
-            raise BusError("The Zenoh session is not open.")
+            raise BusError("The bus is not open.")
         return self._inbox
-
-    def _stamp_ns(self, timestamp: zenoh.Timestamp | None) -> int | None:
-        # Whatever comes without a stamp is stamped by the first session that stamps at all: by the
-        # nearest router, or by us. Such a stamp says when a sample arrived, not when it was sent:
-        # a backlog that a stalled link lets go would look fresh. (A stamp over 500 ms ahead of our
-        # clock is replaced by one of ours, too.)
-        if timestamp is None or stamper(timestamp) in self._foreign_stampers:
-            return None
-        return timestamp.get_time_as_ntp64().as_nanos()
-
-    def _neighbours_changed(self, batch: list[zenoh.TransportEvent], _lost: int) -> None:
-        if self._session is None:
-            return
-        changes = [
-            change
-            for event in batch
-            if (change := self._neighbours.change(self._session, event.transport, event.kind))
-        ]
-        routers = {stamp_id(each.zid) for each in self.neighbours if each.kind == "router"}
-        self._foreign_stampers = frozenset({stamp_id(self.zid), *routers})
-        if changes:
-            for watcher in self._watchers:
-                watcher(changes)

@@ -77,8 +77,10 @@ class Subscription:
 
     Args:
         name: The key as declared, below the namespace.
+        key: The key in full.
         handler: Takes what arrived, on the loop.
         inbox: Brings it there.
+        now_ns: Stamps what arrives.
         stamp_ns: When a sample was sent, as far as its timestamp tells.
         depth: Samples kept for the handler.
         max_bytes: The largest payload taken.
@@ -89,9 +91,11 @@ class Subscription:
     def __init__(
         self,
         name: str,
+        key: str,
         handler: Callable[[list[Arrival]], None],
-        inbox: Inbox,
         *,
+        inbox: Inbox,
+        now_ns: Callable[[], int],
         stamp_ns: Callable[[zenoh.Timestamp | None], int | None],
         depth: int,
         max_bytes: int,
@@ -99,26 +103,51 @@ class Subscription:
         keep_oversize: bool,
     ) -> None:
         self.name = name
+        self.key = key
         self._handler = handler
         self._inbox = inbox
+        self._now_ns = now_ns
         self._stamp_ns = stamp_ns
         self._max_bytes = max_bytes
         self._keep_oversize = keep_oversize
         self._lane: Lane[Received] = inbox.lane(self._deliver, depth=depth, urgent=urgent)
         self.counters = self._lane.counters
-        self._declare: Callable[[], zenoh.Subscriber[None]] | None = None
-        self._declare_ring: Callable[[], zenoh.Subscriber[Handler[zenoh.Sample]]] | None = None
-        self._now_ns: Callable[[], int]
-        self._direct: zenoh.Subscriber[None] | None = None
-        self._ring: zenoh.Subscriber[Handler[zenoh.Sample]] | None = None
+        self._open = True
+        self._sessions: list[zenoh.Session] = []
+        self._direct: list[zenoh.Subscriber[None]] = []
+        self._rings: list[zenoh.Subscriber[Handler[zenoh.Sample]]] = []
         self._look: asyncio.TimerHandle | None = None
         self._window_began_ns = 0
         self._in_window = 0
         self._quiet_looks = 0
 
-    def declare(self, session: zenoh.Session, key: str, now_ns: Callable[[], int]) -> None:
-        """Begin: ``key`` is in full, ``now_ns`` stamps what arrives."""
+    def attach(self, session: zenoh.Session) -> None:
+        """Listen in this session too."""
+        if not self._open:
+            return
+        self._sessions.append(session)
+        if self.flooded:
+            self._rings.append(session.declare_subscriber(self.key, RingChannel(RING)))
+        else:
+            self._direct.append(self._listen(session))
+
+    @property
+    def flooded(self) -> bool:
+        """Whether more comes than is taken sample by sample."""
+        return bool(self._rings)
+
+    def close(self) -> None:
+        """End it; what has not been delivered is forgotten."""
+        self._open = False
+        if self._look is not None:
+            self._look.cancel()
+        self._sessions.clear()
+        self._let_go()
+        self._inbox.remove(self._lane)
+
+    def _listen(self, session: zenoh.Session) -> zenoh.Subscriber[None]:
         lane, max_bytes, keep_oversize = self._lane, self._max_bytes, self._keep_oversize
+        now_ns = self._now_ns
 
         def arrived(sample: zenoh.Sample) -> None:
             # Payload and encoding are read on the loop: what a flood loses was never copied.
@@ -129,26 +158,14 @@ class Subscription:
             else:
                 lane.too_large()
 
-        self._now_ns = now_ns
-        self._declare = lambda: session.declare_subscriber(key, Callback(arrived, indirect=False))
-        self._declare_ring = lambda: session.declare_subscriber(key, RingChannel(RING))
-        self._direct = self._declare()
+        return session.declare_subscriber(self.key, Callback(arrived, indirect=False))
 
-    @property
-    def flooded(self) -> bool:
-        """Whether more comes than is taken sample by sample."""
-        return self._ring is not None
-
-    def close(self) -> None:
-        """End it; what has not been delivered is forgotten."""
-        if self._look is not None:
-            self._look.cancel()
-        if self._direct is not None:
-            self._direct.undeclare()
-        if self._ring is not None:
-            self._ring.undeclare()
-        self._direct = self._ring = None
-        self._inbox.remove(self._lane)
+    def _let_go(self) -> None:
+        for direct in self._direct:
+            direct.undeclare()
+        for ring in self._rings:
+            ring.undeclare()
+        self._direct, self._rings = [], []
 
     def _deliver(self, batch: list[Received], lost: int) -> None:
         now_ns = batch[-1][1]
@@ -164,7 +181,7 @@ class Subscription:
         self._handler([self._arrival(batch[0], lost), *arrivals])
 
     def _take_from_ring(self) -> None:
-        if self._direct is None or self._declare_ring is None:
+        if self.flooded or not self._sessions:
             return
         log.warning(
             "%s is flooded: the newest %d samples of every %g ms count until it ends",
@@ -172,35 +189,29 @@ class Subscription:
         )
         self.counters.floods += 1
         # In this order none is missed; one that comes both ways says the same twice.
-        self._ring = self._declare_ring()
-        self._direct.undeclare()
-        self._direct = None
+        rings = [
+            session.declare_subscriber(self.key, RingChannel(RING)) for session in self._sessions
+        ]
+        self._let_go()
+        self._rings = rings
         self._quiet_looks = 0
-        self._look = asyncio.get_running_loop().call_later(LOOK_S, self._look_into_ring)
+        self._look = asyncio.get_running_loop().call_later(LOOK_S, self._look_into_rings)
 
-    def _look_into_ring(self) -> None:
-        self._look = None
-        samples = self._drain_ring()
-        self._quiet_looks = self._quiet_looks + 1 if len(samples) < QUIET else 0
-        if self._quiet_looks >= QUIET_LOOKS and self._declare is not None:
+    def _look_into_rings(self) -> None:
+        batches = [_drain(ring) for ring in self._rings]
+        quiet = all(len(samples) < QUIET for samples in batches)
+        self._quiet_looks = self._quiet_looks + 1 if quiet else 0
+        if self._quiet_looks >= QUIET_LOOKS:
             log.info("%s is no longer flooded", self.name)
-            self._direct = self._declare()
-            samples += self._drain_ring()
-            if self._ring is not None:
-                self._ring.undeclare()
-            self._ring = None
+            self._look = None
+            direct = [self._listen(session) for session in self._sessions]
+            batches += [_drain(ring) for ring in self._rings]
+            self._let_go()
+            self._direct = direct
         else:
-            self._look = asyncio.get_running_loop().call_later(LOOK_S, self._look_into_ring)
-        self._take(samples)
-
-    def _drain_ring(self) -> list[zenoh.Sample]:
-        samples = list[zenoh.Sample]()
-        while self._ring is not None and len(samples) < RING:
-            sample = self._ring.try_recv()
-            if sample is None:
-                break
-            samples.append(sample)
-        return samples
+            self._look = asyncio.get_running_loop().call_later(LOOK_S, self._look_into_rings)
+        for samples in batches:
+            self._take(samples)
 
     def _take(self, samples: list[zenoh.Sample]) -> None:
         now_ns = self._now_ns()
@@ -245,3 +256,10 @@ class Subscription:
             dropped=dropped,
             attachment=None if attachment is None else attachment.to_bytes(),
         )
+
+
+def _drain(ring: zenoh.Subscriber[Handler[zenoh.Sample]]) -> list[zenoh.Sample]:
+    samples = list[zenoh.Sample]()
+    while len(samples) < RING and (sample := ring.try_recv()) is not None:
+        samples.append(sample)
+    return samples

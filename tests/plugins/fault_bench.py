@@ -1,0 +1,114 @@
+"""What the tests of faults share: a bench that keeps the truth, and what to read off a wire."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from board_bench import BoardPort
+from robot_bench import RobotBench
+
+from yahboomd.model import OdometryEstimate
+from yahboomd.simulation.control import execute
+from yahboomd.simulation.options import SimulationOptions
+from yahboomd.simulation.truth import TruthSample
+
+MS = 1_000_000
+DIALECTS = ["streamed", "polled"]
+CUT = b"$pwm:0,0,0,0#"
+SPEED_MAX_M_S = 2.0
+TICK_M = math.pi * 0.067 / 1320
+
+_ORDER = re.compile(rb"\$(spd|speed|pwm):(-?\d+),(-?\d+),(-?\d+),(-?\d+)#")
+
+
+class FaultBench(RobotBench):
+    """A robot bench that keeps every port that was opened, and where the robot truly was."""
+
+    def __init__(
+        self,
+        folder: Path,
+        overrides: Sequence[str] = (),
+        simulation: SimulationOptions | None = None,
+    ) -> None:
+        super().__init__(folder, overrides, simulation)
+        self.ports: list[BoardPort] = []
+        self.truth: list[TruthSample] = []
+        self.robot.on_truth = self.truth.append
+
+    async def _open(self) -> BoardPort:
+        port = await super()._open()
+        self.ports.append(port)
+        return port
+
+    def do(self, command: str) -> None:
+        """A fault, by the name that ``yahboomd simulate`` knows."""
+        answer = execute(self.robot, command, self.clock.now_ns())
+        assert answer.startswith("ok"), answer
+
+    @property
+    def orders(self) -> list[tuple[int, bytes]]:
+        """Every speed and every stop that was written so far, on whichever port, with its time."""
+        written = itertools.chain.from_iterable(port.written for port in self.ports)
+        return [(at_ns, match[0]) for at_ns, data in written for match in _ORDER.finditer(data)]
+
+    def orders_since(self, ns: int) -> list[tuple[int, bytes]]:
+        """Those that were written at or after a moment."""
+        return [order for order in self.orders if order[0] >= ns]
+
+    def fastest_since(self, ns: int) -> float:
+        """The fastest that any wheel truly turned since."""
+        self.robot.advance(self.clock.now_ns())
+        return max(max(map(abs, each.speed_m_s)) for each in self.truth if each.t_ns >= ns)
+
+    def stood_at(self, ns: int) -> int:
+        """When, from a moment on, all wheels truly stood for good."""
+        self.robot.advance(self.clock.now_ns())
+        turning = [
+            each.t_ns
+            for each in self.truth
+            if each.t_ns >= ns and max(map(abs, each.speed_m_s)) >= 0.03
+        ]
+        return turning[-1] if turning else ns
+
+    def events(self, kind: str) -> list[str]:
+        """The words of all events of a kind."""
+        return [event.message for event in self.heard.events if event.kind == kind]
+
+
+def is_stop(order: bytes) -> bool:
+    """Whether a speed frame moves nothing."""
+    match = _ORDER.fullmatch(order)
+    return match is not None and not any(map(int, match.groups()[1:]))
+
+
+def first_stop_ns(orders: Sequence[tuple[int, bytes]]) -> int:
+    """When the first of them that moves nothing was written."""
+    return next(at_ns for at_ns, order in orders if is_stop(order))
+
+
+def assert_no_jump(estimates: Sequence[OdometryEstimate]) -> None:
+    """No step is longer than a wheel can roll in its time, and one tick."""
+    for before, after in itertools.pairwise(estimates):
+        assert after.stamp_ns > before.stamp_ns
+        room_m = SPEED_MAX_M_S * (after.stamp_ns - before.stamp_ns) / 1e9 + TICK_M
+        for old, new in zip(before.motor_ticks, after.motor_ticks, strict=True):
+            assert abs(new - old) * TICK_M <= room_m * (1.0 + 1e-9)
+        # The correction for curvature adds a little sideways to what the wheels rolled.
+        moved = (after.pose.x - before.pose.x, after.pose.y - before.pose.y)
+        assert math.hypot(*moved) <= 1.05 * room_m
+
+
+def assert_covariance_grows(estimates: Sequence[OdometryEstimate]) -> None:
+    """What is not known of the pose never becomes less."""
+    for before, after in itertools.pairwise(estimates):
+        assert after.pose_covariance[8] >= before.pose_covariance[8]
+        assert _volume(after) >= _volume(before) * (1.0 - 1e-6)
+
+
+def _volume(estimate: OdometryEstimate) -> float:
+    a, b, c, d, e, f, g, h, i = estimate.pose_covariance
+    return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
