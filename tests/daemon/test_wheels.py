@@ -142,8 +142,25 @@ def test_without_a_board_nothing_is_commanded(board: Told) -> None:
 def test_a_board_that_does_not_fit_is_told_no_speed(board: Told) -> None:
     wheels = make(board)
     wheels.attach(board, Fit(units=(), wheel_limits=(0.0, 0.0), wrong=("It stores zeros.",)))
-    wheels.stand(0, at_once=False)
-    assert board.words == []
+    # Not even zero, which would wake its speed loop: its motors are let go.
+    for step in range(3):
+        wheels.stand(step * 20 * MS, at_once=True)
+    assert board.words == ["release"]
+
+
+def test_motors_that_never_counted_for_their_commands_are_let_go_rather_than_held(
+    board: Told,
+) -> None:
+    wheels = make(board)
+    wheels.turn((0.05, 0.05), 0)
+    for ms in range(0, 300, 10):
+        wheels.measure(ms * MS, (0.05, 0.0), (ms, 0))
+    wheels.stand(300 * MS, at_once=False)
+    for ms in range(310, 400, 10):
+        wheels.measure(ms * MS, (0.0, 0.0), (300, 0))
+    assert board.words[-1] == (0, 0, 0, 0)
+    wheels.stand(400 * MS, at_once=False)
+    assert board.words[-1] == "release"
 
 
 def test_a_wheel_that_turns_against_its_command_is_a_fault(board: Told) -> None:

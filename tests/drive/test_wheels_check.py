@@ -203,8 +203,25 @@ def test_an_encoder_that_dies_in_motion_is_noticed() -> None:
     assert found[0][0] <= 2 * S + 200 * MS
 
 
-def test_below_the_least_speed_missing_counts_prove_nothing() -> None:
-    assert drive([WheelModel(broken="blocked")], [(0, 0.07)], until_ns=5 * S) == []
+def test_below_the_least_speed_missing_counts_prove_nothing_for_100_mm() -> None:
+    assert drive([WheelModel(broken="blocked")], [(0, 0.07)], until_ns=1400 * MS) == []
+    found = drive([WheelModel(broken="blocked")], [(0, 0.07)], until_ns=5 * S)
+    assert [fault.kind for _, fault in found] == ["no_counts"]
+    assert found[0][0] * 0.07 / S == pytest.approx(0.1, abs=0.01)
+
+
+@pytest.mark.parametrize(("travel_ms", "owing"), [(50, False), (200, True)])
+def test_a_motor_owes_what_was_commanded_since_it_last_counted(travel_ms: int, owing: bool) -> None:
+    check = WheelsCheck(["left", "right"])
+    check.command(0, [0.05, 0.05])
+    for at_ms in range(0, travel_ms + 80, 10):
+        if at_ms == travel_ms:
+            check.command(at_ms * MS, [0.0, 0.0])
+        check.measure(at_ms * MS, [0.05, 0.0], [3, 0])
+    assert check.owing is owing
+    # A sign of motion settles it; so does a new beginning.
+    check.measure((travel_ms + 80) * MS, [0.0, 0.0], [0, 2])
+    assert not check.owing
 
 
 def test_an_encoder_that_flickers_on_an_edge_shows_no_motion() -> None:

@@ -47,6 +47,12 @@ SPEED_MARGIN_M_S = 0.1
 SURE_AFTER_NS = 40_000_000
 NO_COUNTS_NS = 150_000_000
 NO_COUNTS_M = 0.03
+# Below the least speed a healthy motor may take its time: the board's loop adds up the way that is
+# owed until the wheel breaks loose. With the default gains that is after some 15 mm, and full power
+# comes at 83 mm: what has not counted by then is blocked, or runs away unseen.
+CRAWL_NO_COUNTS_M = 0.1
+# From here on the loop's output no longer is the one of a wheel that follows.
+OWED_M = 0.005
 # An encoder that rests on an edge may flicker by one count for ever.
 COUNTS_OF_MOTION = 2
 CREEPING_NS = 600_000_000
@@ -155,6 +161,14 @@ class WheelsCheck:
         """Forget what was seen: after a stop for a fault, after the board was away."""
         self._measured_ns = None
 
+    @property
+    def owing(self) -> bool:
+        """Whether a motor shows no counts for its commands so far.
+
+        The board's loop has added them up, and a commanded zero would leave its output where it is.
+        """
+        return any(watch.owed_m >= OWED_M for watch in self._watches)
+
 
 class _Watch:
     """One motor."""
@@ -175,6 +189,8 @@ class _Watch:
         self._low = min(0.0, measured_m_s, commanded)
         self._measured = measured_m_s
         self._begin_silence()
+        self.owed_m = 0.0
+        self._owed_ticks = 0
         self._outside_ns: int | None = None
         self._creeping_ns: int | None = None
         self._slow_ns: int | None = None
@@ -264,16 +280,23 @@ class _Watch:
         self._counted = 0
 
     def _silence(self, step_ns: int, steady: float, ticks: int) -> Fault | None:
+        step_m = abs(steady) * step_ns / NS_PER_S
         self._counted += ticks
+        self._owed_ticks += ticks
+        self.owed_m += step_m
         # Motion either way is motion: a wheel that still rolls out after a change of direction is
         # not silent, and one that turns against its command is found by its speed.
+        if abs(self._owed_ticks) >= COUNTS_OF_MOTION:
+            self.owed_m = 0.0
+            self._owed_ticks = 0
+            self._known.discard("no_counts")
         if abs(steady) < self._min_speed_m_s or abs(self._counted) >= COUNTS_OF_MOTION:
             self._begin_silence()
-            self._known.discard("no_counts")
-            return None
-        self._silent_ns += step_ns
-        self._silent_m += abs(steady) * step_ns / NS_PER_S
-        if self._silent_ns < NO_COUNTS_NS or self._silent_m < NO_COUNTS_M:
+        else:
+            self._silent_ns += step_ns
+            self._silent_m += step_m
+        proven = self._silent_ns >= NO_COUNTS_NS and self._silent_m >= NO_COUNTS_M
+        if not proven and self.owed_m < CRAWL_NO_COUNTS_M:
             return None
         return self._new("no_counts", "policy", self._measured)
 
@@ -295,7 +318,7 @@ class _Watch:
         self._known.add(kind)
         commanded = self._commanded or 0.0
         text = _MESSAGES[kind].format(
-            name=self._name, commanded=commanded, measured=measured, least=self._silent_m * 1e3
+            name=self._name, commanded=commanded, measured=measured, least=self.owed_m * 1e3
         )
         return Fault(
             kind=kind,

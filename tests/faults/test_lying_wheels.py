@@ -1,0 +1,294 @@
+"""Wheels that do not do what they are told are cut, and named with what to check.
+
+On virtual time, with the incremental speed loop of the board: a lying encoder makes it run away.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import pytest
+from fault_bench import CUT, DIALECTS, MS, FaultBench, is_stop
+
+from yahboomd.simulation.motors import MotorFaults
+from yahboomd.simulation.options import FlashContent, SimulationOptions
+from yahboomd.simulation.virtual_time import on_virtual_time
+
+CUT_WITHIN_NS = 150 * MS
+RUNAWAYS = ["encoder-reversed", "phases-swapped"]
+SILENT = ["encoder-dead", "unplugged", "stalled"]
+MOTIONS = [(0.3, 0.0), (-0.3, 0.0), (0.1, 0.0), (0.6, 0.0), (0.0, 3.0), (0.2, 1.5)]
+
+
+def robot(tmp_path: Path, *overrides: str, **simulation: object) -> FaultBench:
+    return FaultBench(tmp_path, overrides, SimulationOptions(**simulation))  # type: ignore[arg-type]
+
+
+def cut_ns(bench: FaultBench, since_ns: int) -> int | None:
+    """When the motors were first let go."""
+    return next((at for at, order in bench.orders_since(since_ns) if order == CUT), None)
+
+
+def left_plausibility_ns(bench: FaultBench, since_ns: int, wheel: int, sign: int) -> int | None:
+    """When what the encoder shows of a wheel first could not follow from its commands."""
+    commands = [
+        (estimate.stamp_ns, command[wheel])
+        for estimate, command in zip(bench.heard.estimates, bench.heard.commands, strict=True)
+        if estimate.stamp_ns >= since_ns
+    ]
+    for truth in bench.truth:
+        shown = sign * truth.speed_m_s[wheel]
+        now = [each for at_ns, each in commands if at_ns <= truth.t_ns]
+        if truth.t_ns < since_ns or not now:
+            continue
+        fastest = max(map(abs, now))
+        against = now[-1] * shown < 0.0 and abs(shown) >= 0.03
+        if against or abs(shown) > 1.5 * fastest + 0.1:
+            return truth.t_ns
+    return None
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize("fault", RUNAWAYS)
+@on_virtual_time
+async def test_a_wheel_that_runs_away_is_cut_within_150_ms_of_showing_it(
+    tmp_path: Path, fault: str, motion: tuple[float, float]
+) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        bench.do(f"{fault} left")
+        began_ns = bench.clock.now_ns()
+        await bench.drive(2.0, *motion)
+        left_ns = left_plausibility_ns(bench, began_ns, 0, sign=-1 if "encoder" in fault else 1)
+        at_ns = cut_ns(bench, began_ns)
+        assert left_ns is not None
+        assert at_ns is not None
+        print(f"{fault} {motion}: cut {(at_ns - left_ns) / MS:.0f} ms after it showed")
+        assert at_ns - left_ns <= CUT_WITHIN_NS
+        # Nobody drives on after it, though somebody commands.
+        assert all(is_stop(order) for _, order in bench.orders_since(at_ns))
+        await asyncio.sleep(1.0)
+        assert bench.standing
+        state, why = bench.controller.state()
+        assert state == "fault"
+        assert "left" in why
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize("fault", SILENT)
+@on_virtual_time
+async def test_counts_that_stay_away_stop_the_wheels_after_150_ms_or_30_mm(
+    tmp_path: Path, fault: str, motion: tuple[float, float]
+) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        bench.do(f"{fault} left")
+        began_ns = bench.clock.now_ns()
+        await bench.drive(2.5, *motion)
+        at_ns = cut_ns(bench, began_ns)
+        assert at_ns is not None
+        due_ns = silence_due_ns(bench, began_ns, 0)
+        print(f"{fault} {motion}: cut {(at_ns - due_ns) / MS:.0f} ms after the proof was due")
+        assert 0 <= at_ns - due_ns <= CUT_WITHIN_NS
+        assert all(is_stop(order) for _, order in bench.orders_since(at_ns))
+        state, why = bench.controller.state()
+        assert state == "fault"
+        assert "left" in why
+        assert "no motion" in why
+
+
+def silence_due_ns(bench: FaultBench, since_ns: int, wheel: int) -> int:
+    """When 150 ms and 30 mm of commanded travel above the least speed are both over."""
+    least_m_s = bench.config.faults.min_speed_m_s
+    travel_m, silent_ns, before_ns = 0.0, 0, None
+    for estimate, command in zip(bench.heard.estimates, bench.heard.commands, strict=True):
+        if estimate.stamp_ns < since_ns:
+            continue
+        if before_ns is not None and abs(command[wheel]) >= least_m_s:
+            step_ns = estimate.stamp_ns - before_ns
+            silent_ns += step_ns
+            travel_m += abs(command[wheel]) * step_ns / 1e9
+            if silent_ns >= 150 * MS and travel_m >= 0.03:
+                return estimate.stamp_ns
+        before_ns = estimate.stamp_ns
+    raise AssertionError("never due")
+
+
+@pytest.mark.parametrize("fault", [*RUNAWAYS, "encoder-dead"])
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_a_fault_in_mid_motion_ends_in_standstill(
+    tmp_path: Path, dialect: str, fault: str
+) -> None:
+    async with robot(tmp_path, dialect=dialect) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.3)
+        bench.do(f"{fault} right")
+        await bench.drive(2.0, 0.3)
+        await asyncio.sleep(1.0)
+        assert bench.standing
+        state, why = bench.controller.state()
+        assert state == "fault"
+        assert "right" in why
+
+
+@pytest.mark.parametrize("speed", [0.02, 0.03, 0.05, 0.07])
+@on_virtual_time
+async def test_a_dead_encoder_at_a_crawl_is_cut_after_100_mm_of_commanded_travel(
+    tmp_path: Path, speed: float
+) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        bench.do("encoder-dead left")
+        began_ns = bench.clock.now_ns()
+        await bench.drive(8.0, speed)
+        at_ns = cut_ns(bench, began_ns)
+        assert at_ns is not None
+        print(f"{speed} m/s: cut after {(at_ns - began_ns) / 1e9:.1f} s")
+        assert (at_ns - began_ns) / 1e9 * speed < 0.12
+        assert bench.controller.state()[0] == "fault"
+        assert bench.standing
+
+
+@pytest.mark.parametrize("for_s", [0.4, 1.0, 2.0, 3.0])
+@on_virtual_time
+async def test_a_stop_does_not_leave_an_unseen_runaway_running(
+    tmp_path: Path, for_s: float
+) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        bench.do("encoder-dead left")
+        # Too short for a proof; the wheel has long broken loose in the longer ones.
+        await bench.drive(for_s, 0.03)
+        await asyncio.sleep(2.5)
+        assert bench.standing
+        assert bench.frames[-1] == CUT
+
+
+@pytest.mark.parametrize("fault", ["encoder-dead", "encoder-reversed", "phases-swapped"])
+@on_virtual_time
+async def test_after_a_cut_no_zero_speed_wakes_the_speed_loop_again(
+    tmp_path: Path, fault: str
+) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        bench.do(f"{fault} left")
+        began_ns = bench.clock.now_ns()
+        await bench.drive(2.0, 0.3)
+        at_ns = cut_ns(bench, began_ns)
+        assert at_ns is not None
+        bench.operator.engage_estop("a test")
+        await asyncio.sleep(0.3)
+        bench.tasks[0].cancel()
+        await asyncio.sleep(1.0)
+        assert {order for _, order in bench.orders_since(at_ns)} == {CUT}
+
+
+@pytest.mark.parametrize("faults", [*RUNAWAYS, *SILENT])
+@on_virtual_time
+async def test_a_repaired_wheel_drives_again_once_a_person_cleared_the_fault(
+    tmp_path: Path, faults: str
+) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        bench.do(f"{faults} left")
+        await bench.drive(2.0, 0.3)
+        assert bench.controller.state()[0] == "fault"
+        bench.do("repair left")
+        # Commands alone do not: neither those that go on, nor new ones after a silence.
+        await bench.drive(1.0, 0.3)
+        await asyncio.sleep(1.0)
+        await bench.drive(1.0, 0.3)
+        assert bench.standing
+        released, why = bench.operator.release_estop()
+        assert not released, why
+        await asyncio.sleep(1.0)
+        released, why = bench.operator.release_estop()
+        assert released, why
+        await bench.drive(1.0, 0.3)
+        assert min(bench.rim_speeds) > 0.2
+
+
+# Policies.
+
+
+@pytest.mark.parametrize("policy", ["stop", "report"])
+@on_virtual_time
+async def test_a_stalled_wheel_stops_the_base_or_is_only_told_as_configured(
+    tmp_path: Path, policy: str
+) -> None:
+    async with robot(tmp_path, f"faults.stall={policy}") as bench:
+        await bench.ready()
+        bench.do("stalled left")
+        await bench.drive(1.0, 0.3)
+        right_m_s = bench.rim_speeds[1]
+        assert (abs(right_m_s) < 0.1) == (policy == "stop")
+        assert bench.events("no_counts")
+        assert bench.heard.events[-1].wheel == "left"
+        assert "check whether the wheel is blocked" in bench.events("no_counts")[0]
+
+
+@pytest.mark.parametrize("policy", ["stop", "report"])
+@on_virtual_time
+async def test_a_wheel_that_turns_by_itself_is_told_and_stops_the_base_where_configured(
+    tmp_path: Path, policy: str
+) -> None:
+    async with robot(tmp_path, f"faults.turns_without_command={policy}") as bench:
+        await bench.ready()
+        await asyncio.sleep(0.5)
+        bench.do("turning right 0.08")
+        await asyncio.sleep(2.0)
+        assert len(bench.events("turns_without_command")) == 1
+        assert (bench.controller.state()[0] == "fault") == (policy == "stop")
+        assert (bench.frames[-1] == CUT) == (policy == "stop")
+
+
+# Settings that would run away.
+
+UNFIT = [
+    FlashContent(motor_type=2),
+    FlashContent(motor_type=3),
+    FlashContent(motor_type=4),
+    FlashContent(lines=0),
+    FlashContent(ratio=0),
+    FlashContent(wheel_diameter_mm=0.0),
+]
+
+
+@pytest.mark.parametrize("flash", UNFIT)
+@on_virtual_time
+async def test_a_board_whose_settings_would_run_away_is_told_no_speed_at_all(
+    tmp_path: Path, flash: FlashContent
+) -> None:
+    async with robot(tmp_path, flash=flash) as bench:
+        await bench.until(lambda: bench.heard.estimates)
+        await bench.drive(1.0, 0.3)
+        # Pushed by hand, such a board's own loop would go on pushing, even at a commanded zero.
+        bench.do("turning all 0.3")
+        await asyncio.sleep(0.3)
+        bench.do("repair all")
+        await bench.drive(2.0, 0.3)
+        assert bench.standing
+        bench.operator.engage_estop("a test")
+        await asyncio.sleep(0.3)
+        assert {order for _, order in bench.orders} <= {CUT, b"$speed:0,0,0,0#"}
+        assert bench.controller.state()[0] == "estopped"
+
+
+def test_every_runaway_of_this_page_would_happen_if_nobody_looked(tmp_path: Path) -> None:
+    """The simulated board's loop does run away: these tests would show nothing otherwise."""
+    from yahboomd.simulation.robot import SimulatedRobot
+
+    for fault in (MotorFaults(encoder_dead=True), MotorFaults(encoder_reversed=True)):
+        board = SimulatedRobot()
+        board.start(0)
+        board.set_faults("left", fault, now_ns=0)
+        board.host_wrote(b"$spd:100,0,100,0#", 0)
+        board.advance(2000 * MS)
+        board.host_wrote(b"$spd:0,0,0,0#", 2000 * MS)
+        board.advance(5000 * MS)
+        assert abs(board.plant.motors[0].speed_m_s) > 1.0
+        board.host_wrote(CUT, 5000 * MS)
+        board.advance(7000 * MS)
+        assert abs(board.plant.motors[0].speed_m_s) < 0.03
