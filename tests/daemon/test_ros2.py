@@ -204,6 +204,7 @@ def test_a_node_with_another_clock_drives_and_is_named_in_the_diagnostics(
     assert entry["level"] == 1
     assert entry["message"].startswith("cmd_vel: Its clock is 3.2")
     assert "behind" in entry["message"]
+    robot.daemon.says("behind this machine's")
     app.in_state("driving")
     assert app.latest("status")["command"]["clock_offset_s"]["cmd_vel"] == pytest.approx(
         -3.2, abs=0.1

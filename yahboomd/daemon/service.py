@@ -19,6 +19,7 @@ from yahboomd.bus.session import Bus
 from yahboomd.clock import Clock, Schedule, SystemClock, nanoseconds
 from yahboomd.config import Config
 from yahboomd.daemon import assembly, ros2
+from yahboomd.daemon.clocks import ClockWatch
 from yahboomd.daemon.commands import CommandIntake
 from yahboomd.daemon.control import Controller
 from yahboomd.daemon.notify import Notifier
@@ -107,6 +108,7 @@ class Daemon:
         latch = assembly.latch(config, clock, self._environ)
         controller = assembly.controller(config, clock, arbiter=arbiter, latch=latch, outputs=self)
         self._controller = controller
+        self._clocks = ClockWatch(arbiter.clock_warnings, controller.event)
         intake = CommandIntake(
             arbiter,
             clock,
@@ -194,6 +196,7 @@ class Daemon:
                 sample = status.sample()
                 self._publisher.status(sample)
                 self._ros2.status(sample)
+                self._clocks.look(self._clock.now_ns())
                 notifier.status(f"{sample.state}: {sample.why}")
                 alarm.set(self._clock.now_ns() + nanoseconds(STATUS_EVERY_S))
                 self._status_due.clear()
