@@ -131,6 +131,19 @@ async def test_a_poll_blocks_the_line_until_its_answer(writer: Any, port: Any, c
     assert port.frames == [b"$read#", b"$a#"]
 
 
+async def test_a_poll_that_came_early_goes_with_the_answer_to_the_one_before(
+    writer: Any, port: Any, clock: Any
+) -> None:
+    writer.set_spacing(0)
+    assert writer.poll(b"$read#", 100 * MS)
+    assert writer.poll(b"$read#", 100 * MS)
+    assert not writer.poll(b"$read#", 100 * MS)
+    await advance(clock, 3)
+    assert port.frames == [b"$read#"]
+    writer.heard(COUNTS)
+    assert port.frames == [b"$read#", b"$read#"]
+
+
 async def test_a_poll_that_is_never_answered_does_not_block_for_ever(
     writer: Any, port: Any, clock: Any
 ) -> None:

@@ -72,9 +72,12 @@ class Writer:
         self._outbox.quiet()
 
     def poll(self, frame: bytes, timeout_ns: int) -> bool:
-        """Ask for the counters; ``False`` where the previous question is still open."""
-        if self._polled_until_ns is not None and self._clock.now_ns() < self._polled_until_ns:
-            return False
+        """Ask for the counters, as soon as the previous question is answered or overdue.
+
+        Returns:
+            ``False`` where a question waits already: a line that is slower than the schedule is
+            kept busy by one that waits, and more would be stale when they go.
+        """
         if not self._outbox.poll(frame):
             return False
         self._poll_timeout_ns = timeout_ns
