@@ -274,6 +274,7 @@ class Controller:
         update = self._odometer.update(reading)
         for event in update.events:
             self.event(event)
+            self._interrupted(event)
         estimate = update.estimate
         if estimate is None:
             return
@@ -294,12 +295,26 @@ class Controller:
 
     def board_reset(self, version: str) -> None:
         """The board started anew: its motors are free, and what it was told is forgotten."""
+        self._started_anew(f"The board reset itself (firmware {version})")
+
+    def _interrupted(self, event: Event) -> None:
+        """Counts that do not go on may be all that is seen of a reset."""
+        cause = (event.data or {}).get("cause")
+        if cause == "reset_unseen":
+            self._started_anew("The board reset itself without a word")
+        if cause in {"reset_unseen", "gap_lost", "rebased"}:
+            # A polled board that is not told its motors' type turns no wheel; what the wheels did
+            # not do until now is no fault of theirs.
+            self._wheels.forget()
+            self._wheels.rearm()
+
+    def _started_anew(self, what: str) -> None:
         now_ns = self._clock.now_ns()
         in_motion = self._wheels.in_motion
         self._limiter.halt()
         self._wheels.release(now_ns)
         self._wheels.forget()
-        words = f"The board reset itself (firmware {version})" + (
+        words = what + (
             " in motion: its motors are free, and it stands a second before it may drive again."
             if in_motion
             else "."
@@ -359,6 +374,8 @@ class Controller:
         self._holds.drop(FAULT)
         self._resets.clear()
         self._wheels.forget()
+        # The fault may have been a board that forgot its motors.
+        self._wheels.rearm()
         return found[0].message
 
     def set_pose(self, pose: Pose2d, covariance: Matrix3 | None) -> None:

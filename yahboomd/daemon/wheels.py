@@ -42,6 +42,10 @@ class Board(Protocol):
         """Say until replaced that the motors are let go."""
         ...
 
+    def rearm(self) -> None:
+        """Tell it again what it forgets at a reset."""
+        ...
+
 
 class Wheels:
     """The wheels, with or without a board to turn them.
@@ -95,6 +99,11 @@ class Wheels:
         self.command_m_s = self.zeros
         self.measured_m_s = None
         self._stop_watch.cancel()
+
+    def rearm(self) -> None:
+        """The board may have been reset without a word: tell it again what it forgot."""
+        if self._board is not None:
+            self._board.rearm()
 
     @property
     def attached(self) -> bool:

@@ -61,7 +61,7 @@ class Poller:
         """The board said that it started anew: its counters did, and its stream is off."""
         self._after_reset = True
         self._heard_ns = self._clock.now_ns()
-        self._arm()
+        self.arm()
 
     def reading(
         self,
@@ -122,9 +122,10 @@ class Poller:
         if silent_s > REARM_AFTER_S < since_arm_s:
             self.counters["rearmed"] += 1
             self._after_gap = True
-            self._arm()
+            self.arm()
 
-    def _arm(self) -> None:
+    def arm(self) -> None:
+        """Tell the board how to count, and to send what it counts."""
         self._rearmed_ns = self._clock.now_ns()
         for frame in self._dialect.arm:
             self._writer.tell(frame)

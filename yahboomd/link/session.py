@@ -154,6 +154,12 @@ class Session:
             self._let_go = True
             self._writer.velocity(dialect.cut or dialect.brake)
 
+    def rearm(self) -> None:
+        """Tell the board again what it forgets at a reset, in case it was reset without a word."""
+        if self._poller is not None and not self._leaving:
+            self.counters["rearmed_unheard"] += 1
+            self._poller.arm()
+
     @property
     def identity(self) -> Identity | None:
         """What the board is, once known."""
