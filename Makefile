@@ -5,6 +5,8 @@ PY     := $(VENV)/bin/python
 BIN    := $(VENV)/bin
 PORT   ?=
 ARGS   ?=
+MINUTES ?= 2
+SEED   ?= 1
 
 .DEFAULT_GOAL := help
 .PHONY: help run test check lint types imports schemas docs clean
@@ -51,6 +53,10 @@ schemas-check: $(VENV)/.dev
 interop: $(VENV)/.dev ## build the real ROS 2 peers once (in a cache outside the tree), and drive through them
 	@tests/interop/build.sh
 	$(PY) -m pytest tests/interop $(ARGS)
+
+.PHONY: soak
+soak: $(VENV)/.run ## daemon and simulated board through all faults: MINUTES=60 SEED=1
+	@exec $(PY) -m benchmarks.soak --minutes $(MINUTES) --seed $(SEED) $(ARGS)
 
 clean: ## remove the environment and every cache
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

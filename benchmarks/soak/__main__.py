@@ -1,0 +1,229 @@
+"""``python -m benchmarks.soak``: see the package."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import math
+import platform
+import shutil
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from benchmarks.soak.course import Course
+from benchmarks.soak.faults import DIALECTS, ENDING, FAULTS, RESETS, Turn, segments
+from benchmarks.soak.ledger import Ledger, quantile, table
+
+RSS_GROWTH_MB = 30.0
+
+
+def main(arguments: list[str]) -> int:
+    """Run it.
+
+    Returns:
+        0 where everything held, 1 where something did not, 2 where it could not be run.
+    """
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.soak", description=__doc__)
+    parser.add_argument("--minutes", type=float, default=2.0)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--kinds", help="only these faults, separated by commas")
+    parser.add_argument("--dialect", choices=DIALECTS, help="only boards that speak it")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there too")
+    parser.add_argument("--keep", action="store_true", help="keep the folder with the daemon's log")
+    args = parser.parse_args(arguments)
+    known = {**FAULTS, **ENDING, **RESETS}
+    kinds = [kind.strip() for kind in args.kinds.split(",")] if args.kinds else []
+    if unknown := set(kinds) - set(known):
+        parser.error(f"no fault is called {', '.join(unknown)}; there are {', '.join(known)}")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    folder = Path(tempfile.mkdtemp(prefix="yahboomd-soak-"))
+    ledger = Ledger()
+    print(f"soak: {args.minutes:g} min, seed {args.seed}, in {folder}", flush=True)
+    facts: dict[str, Any] = {}
+    course = Course(folder, args.seed, ledger, args.dialect or DIALECTS[0])
+    try:
+        with contextlib.suppress(KeyboardInterrupt):
+            drive(course, args.minutes * 60.0, kinds, [args.dialect] if args.dialect else DIALECTS)
+    finally:
+        facts = finish(course)
+        if not args.keep and not ledger.failures:
+            shutil.rmtree(folder, ignore_errors=True)
+        else:
+            print(f"the daemon's log: {folder / 'daemon.log'}")
+    report(ledger, facts)
+    if args.json:
+        args.json.write_bytes(msgspec.json.encode(figures(ledger, facts)))
+    return 1 if ledger.failures else 0
+
+
+def drive(course: Course, for_s: float, kinds: list[str], dialects: Sequence[str]) -> None:
+    """Fault after fault, until the time is over; the boards' dialects in turn."""
+    began = time.monotonic()
+    course.kind = "start"
+    course.ready()
+    course.compare()
+    for number, segment in enumerate(segments(course.random, kinds, dialects)):
+        changed = time.monotonic()
+        if number:
+            another_board(course, segment.dialect)
+        for turn in segment.turns:
+            now = time.monotonic()
+            if now - began > for_s:
+                return
+            if now - changed > for_s / 2:
+                # A short run still sees both dialects.
+                break
+            one(course, turn)
+
+
+def another_board(course: Course, dialect: str) -> None:
+    """The board is replaced by one of the other dialect; the daemon goes on."""
+    course.kind = "another board"
+    course.ledger.faults[course.kind] += 1
+    since_ns = time.monotonic_ns()
+    course.change_board(dialect)
+    if course.ready():
+        course.drives_again(since_ns)
+        course.compare()
+
+
+def one(course: Course, turn: Turn) -> None:
+    """A fault, what must follow, and the robot as it was before."""
+    course.kind = turn.kind
+    ledger = course.ledger
+    lives, found = len(course.manager.lives), len(course.app.poses.found)
+    began = time.monotonic()
+    course.app.wander()
+    time.sleep(course.random.uniform(0.5, 1.5))
+    ledger.faults[turn.kind] += 1
+    turn.fault(course)
+    over_ns = time.monotonic_ns()
+    if course.ready():
+        course.drives_again(over_ns)
+        time.sleep(course.random.uniform(0.2, 0.8))
+        course.compare()
+    for jump in course.app.poses.found[found:]:
+        course.fail(f"{jump.kind}: a step of {jump.step:.6g} where {jump.most:.6g} is the most")
+    for life in course.manager.lives[lives - 1 : -1]:
+        if not life.asked:
+            course.fail(f"the daemon ended by itself, with {life.status}")
+    print(
+        f"{(time.monotonic_ns() - course.began_ns) / 1e9:7.1f} s  {course.board.dialect:<9}"
+        f"{turn.kind:<20}{time.monotonic() - began:6.1f} s",
+        flush=True,
+    )
+
+
+def finish(course: Course) -> dict[str, Any]:
+    """End everything; what is known then."""
+    lives = list(course.manager.lives)
+    course.kind = "end"
+    course.close()
+    ledger = course.ledger
+    weighed = [life for life in lives if life.rss_first_mb is not None]
+    oldest = max(weighed, key=lambda life: life.age_s, default=None)
+    facts = {
+        "minutes": (time.monotonic_ns() - course.began_ns) / 60e9,
+        "commands": course.app.commands,
+        "poses": course.app.poses.samples,
+        "jumps": len(course.app.poses.found),
+        "fastest_pose_m_s": course.app.poses.fastest_m_s,
+        "daemons": len(lives),
+        "rss_start_mb": rounded(weighed[0].rss_first_mb) if weighed else None,
+        "rss_end_mb": rounded(weighed[-1].rss_mb) if weighed else None,
+        "rss_most_mb": max((rounded(life.rss_most_mb) for life in weighed), default=None),
+        "oldest_s": round(oldest.age_s) if oldest else None,
+        "oldest_rss_mb": [rounded(oldest.rss_first_mb), rounded(oldest.rss_mb)] if oldest else None,
+        "stalls": course.stalls.count,
+        "stall_worst_ms": course.stalls.worst_s * 1e3,
+        "tracebacks": course.manager.tracebacks,
+        "watchdog_kills": course.manager.watchdog_kills,
+        "events": dict(course.app.events),
+    }
+    for life in weighed:
+        if life.rss_first_mb is not None and life.rss_mb > life.rss_first_mb + RSS_GROWTH_MB:
+            grew = f"from {life.rss_first_mb:.0f} to {life.rss_mb:.0f} MB in {life.age_s:.0f} s"
+            ledger.failures.append(f"memory grew {grew}")
+    if facts["tracebacks"]:
+        ledger.failures.append(f"{facts['tracebacks']} tracebacks in the daemon's log")
+    for kind in ledger.latencies:
+        if late := ledger.unexplained(kind):
+            words = ", ".join(f"{each.seconds * 1e3:.0f} ms" for each in late)
+            ledger.failures.append(f"{kind}: over its budget without a stall: {words}")
+    return facts
+
+
+def rounded(mb: float | None) -> float:
+    """For people."""
+    return round(mb or 0.0, 1)
+
+
+def figures(ledger: Ledger, facts: dict[str, Any]) -> dict[str, Any]:
+    """Everything, for a program."""
+    return {
+        **facts,
+        "faults": dict(ledger.faults),
+        "latencies": ledger.latencies,
+        "stood_s": ledger.stood_s,
+        "stops": ledger.stops,
+        "drives": ledger.drives,
+        "errors_m": ledger.errors_m,
+        "errors_rad": ledger.errors_rad,
+        "uncertain": ledger.uncertain,
+        "lying": ledger.lying,
+        "notes": dict(ledger.notes),
+        "failures": ledger.failures,
+    }
+
+
+def spread(values: list[float], unit: str, digits: int) -> str:
+    """Median and worst, in words."""
+    if not values:
+        return "not measured"
+    median, worst = quantile(values, 0.5), max(values)
+    return f"{median:.{digits}f} {unit} median, {worst:.{digits}f} {unit} at worst"
+
+
+def report(ledger: Ledger, facts: dict[str, Any]) -> None:
+    """The table."""
+    mm = [each * 1e3 for each in ledger.errors_m]
+    degrees = [math.degrees(each) for each in ledger.errors_rad]
+    oldest = facts["oldest_rss_mb"]
+    rows = {
+        "ran": f"{facts['minutes']:.1f} min; Python {platform.python_version()}",
+        "faults injected": f"{sum(ledger.faults.values())}",
+        "commands sent": f"{facts['commands']}",
+        "stops verified": f"{ledger.stops} (wheels below 30 mm/s, by the ground truth)",
+        "drove again": f"{ledger.drives} times, {spread(ledger.recovery_s, 's', 1)}",
+        "pose error": f"{spread(mm, 'mm', 2)}; {spread(degrees, 'deg', 3)}",
+        "": f"of {len(mm)} ways between two stands, {ledger.driven_m:.0f} m in all; apart: "
+        f"{ledger.uncertain} where travel was lost, which was said and is within what was said; "
+        f"{ledger.lying} where an encoder lied",
+        " ": f"worst: {ledger.worst_way}",
+        "pose jumps": f"{facts['jumps']} in {facts['poses']} samples, shrinking covariance and "
+        "stamps that run backwards included",
+        "daemon": f"{facts['daemons']} runs, {facts['watchdog_kills']} ended by the watchdog, "
+        f"{facts['tracebacks']} tracebacks",
+        "memory": f"{facts['rss_start_mb']} MB at the start, {facts['rss_end_mb']} at the end, "
+        f"{facts['rss_most_mb']} at most; longest run of {facts['oldest_s']} s: {oldest} MB",
+        "this machine": f"stood still {facts['stalls']} times for more than 3 ms, "
+        f"{facts['stall_worst_ms']:.0f} ms at worst",
+    }
+    print("\n".join(table(ledger)) + "\n")
+    for name, words in rows.items():
+        print(f"{name:<20} {words}")
+    print()
+    for words in ledger.failures:
+        print(f"FAILED {words}")
+    print("verdict: everything held" if not ledger.failures else "verdict: see above")
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,154 @@
+"""The application: drives as told, listens to everything, and asks services."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections import Counter, deque
+from random import Random
+
+import msgspec
+import zenoh
+
+from benchmarks.soak.children import session
+from benchmarks.soak.poses import PoseWatch
+from yahboomd.messages.native import EventSample, PoseSample, ServiceReply, StatusSample
+
+PERIOD_S = 0.05
+FORWARD_M_S = 0.5
+BACKWARD_M_S = -0.35
+TURN_RAD_S = 2.0
+
+
+class Application:
+    """A client of the daemon.
+
+    Attributes:
+        poses: Watches what is published.
+        commands: How many were sent.
+        last_ns: When the latest was.
+        events: How many of each kind came.
+
+    Args:
+        endpoint: Where the daemon is.
+        random: Decides where to drive.
+    """
+
+    def __init__(self, endpoint: str, random: Random) -> None:
+        self.poses = PoseWatch()
+        self.commands = 0
+        self.last_ns = 0
+        self.events: Counter[str] = Counter()
+        self._recent: deque[tuple[int, EventSample]] = deque(maxlen=2000)
+        self._random = random
+        self._lock = threading.Lock()
+        self._wish: tuple[float, float] | None = (0.0, 0.0)
+        self._wandering = False
+        self._pose: tuple[int, PoseSample] | None = None
+        self._status: tuple[int, StatusSample] | None = None
+        self._ending = threading.Event()
+        self.session = session(endpoint)
+        decode_pose = msgspec.json.Decoder(PoseSample).decode
+        decode_status = msgspec.json.Decoder(StatusSample).decode
+        decode_event = msgspec.json.Decoder(EventSample).decode
+
+        def pose(sample: zenoh.Sample) -> None:
+            found = decode_pose(sample.payload.to_bytes())
+            self.poses.see(found)
+            self._pose = (time.monotonic_ns(), found)
+
+        def status(sample: zenoh.Sample) -> None:
+            self._status = (time.monotonic_ns(), decode_status(sample.payload.to_bytes()))
+
+        def event(sample: zenoh.Sample) -> None:
+            found = decode_event(sample.payload.to_bytes())
+            self.events[found.kind] += 1
+            self._recent.append((time.monotonic_ns(), found))
+
+        self._subscribers = [
+            self.session.declare_subscriber("yahboomd/pose", pose),
+            self.session.declare_subscriber("yahboomd/status", status),
+            self.session.declare_subscriber("yahboomd/events", event),
+        ]
+        self._driver = threading.Thread(target=self._drive, daemon=True)
+        self._driver.start()
+
+    # Driving.
+
+    def steady(self, vx: float, wz: float = 0.0) -> None:
+        """Command one velocity from now on."""
+        with self._lock:
+            self._wandering = False
+            self._wish = (vx, wz)
+
+    def wander(self) -> None:
+        """Command velocities that change smoothly, at random."""
+        with self._lock:
+            self._wandering = True
+            self._wish = self._wish or (0.0, 0.0)
+
+    def silent(self) -> int:
+        """Command nothing more; returns when the last command was sent."""
+        with self._lock:
+            self._wandering = False
+            self._wish = None
+            return self.last_ns
+
+    def _drive(self) -> None:
+        random = self._random
+        goal, until = (0.0, 0.0), 0.0
+        due = time.monotonic()
+        while not self._ending.is_set():
+            with self._lock:
+                if self._wish is not None:
+                    if self._wandering:
+                        if time.monotonic() > until:
+                            goal = (
+                                random.uniform(BACKWARD_M_S, FORWARD_M_S),
+                                random.uniform(-TURN_RAD_S, TURN_RAD_S),
+                            )
+                            until = time.monotonic() + random.uniform(0.4, 2.0)
+                        vx, wz = self._wish
+                        self._wish = (vx + 0.25 * (goal[0] - vx), wz + 0.25 * (goal[1] - wz))
+                    payload = json.dumps({"vx": self._wish[0], "wz": self._wish[1]})
+                    self.last_ns = time.monotonic_ns()
+                    self.session.put("cmd_vel", payload)
+                    self.commands += 1
+            due = max(due + PERIOD_S, time.monotonic() - PERIOD_S)
+            self._ending.wait(max(0.0, due - time.monotonic()))
+
+    # Listening.
+
+    @property
+    def status(self) -> StatusSample | None:
+        """The latest status, unless it is stale."""
+        found = self._status
+        fresh = found is not None and time.monotonic_ns() - found[0] < 1_500_000_000
+        return found[1] if fresh and found is not None else None
+
+    def pose_since(self, t_ns: int) -> PoseSample | None:
+        """The latest pose, if it came after a moment."""
+        found = self._pose
+        return found[1] if found is not None and found[0] >= t_ns else None
+
+    def events_since(self, t_ns: int, *kinds: str) -> list[EventSample]:
+        """Events of some kinds that came after a moment."""
+        return [
+            event for at_ns, event in list(self._recent) if at_ns >= t_ns and event.kind in kinds
+        ]
+
+    # Asking.
+
+    def ask(self, key: str) -> ServiceReply | None:
+        """Ask a service; None where nobody answers."""
+        for reply in self.session.get(key, timeout=3.0):
+            if reply.ok is not None:
+                return msgspec.json.decode(reply.ok.payload.to_bytes(), type=ServiceReply)
+        return None
+
+    def close(self) -> None:
+        """End it."""
+        self._ending.set()
+        self._driver.join()
+        self.session.close()

@@ -1,0 +1,95 @@
+"""Processes that the soak starts beside the daemon: a driver, a flood, and a watch on the machine.
+
+python -m benchmarks.soak.children drive|flood|stalls …
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+
+import zenoh
+
+STALL_NS = 3_000_000
+"""A wait of one millisecond that lasted this much longer is told."""
+
+
+def session(endpoint: str) -> zenoh.Session:
+    """A client of the daemon that comes back by itself."""
+    config = zenoh.Config()
+    config.insert_json5("mode", '"client"')
+    config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+    config.insert_json5("connect/timeout_ms", "10000")
+    config.insert_json5(
+        "connect/retry",
+        '{"period_init_ms": 50, "period_max_ms": 400, "period_increase_factor": 2}',
+    )
+    config.insert_json5("scouting/multicast/enabled", "false")
+    config.insert_json5("transport/shared_memory/enabled", "false")
+    return zenoh.open(config)
+
+
+def drive(endpoint: str, key: str, vx: float, wz: float) -> None:
+    """Drive until killed, and tell when each command was said."""
+    payload = json.dumps({"vx": vx, "wz": wz})
+    with session(endpoint) as bus:
+        while True:
+            print(time.monotonic_ns(), flush=True)
+            bus.put(key, payload)
+            time.sleep(0.05)
+
+
+def flood(endpoint: str, key: str, kind: str) -> None:
+    """Say nonsense, far too much, or the same far too often, until killed."""
+    vx = kind.partition("=")[2]
+    payloads = {
+        "garbage": [os.urandom(size) for size in range(1, 400)],
+        "large": [os.urandom(1 << 20)],
+    }.get(kind) or [json.dumps({"vx": float(vx)}).encode()]
+    pause_s = 0.004 if kind == "large" else 0.0005
+    batch = 1 if kind == "large" else 10
+    sent = 0
+    with session(endpoint) as bus:
+        print("ready", flush=True)
+        due = time.monotonic()
+        while True:
+            for _ in range(batch):
+                bus.put(key, payloads[sent % len(payloads)])
+                sent += 1
+            # 20 kHz, as far as this machine can.
+            due = max(due + pause_s, time.monotonic() - 0.05)
+            time.sleep(max(0.0, due - time.monotonic()))
+
+
+def stalls() -> None:
+    """Tell every time that the machine did not let us run when it should have."""
+    print("ready", flush=True)
+    while True:
+        before_ns = time.monotonic_ns()
+        time.sleep(0.001)
+        late_ns = time.monotonic_ns() - before_ns - 1_000_000
+        if late_ns > STALL_NS:
+            print(before_ns, late_ns, flush=True)
+
+
+def main(arguments: list[str]) -> None:
+    """Be one of them."""
+    match arguments:
+        case ["drive", endpoint, key, vx, wz]:
+            drive(endpoint, key, float(vx), float(wz))
+        case ["flood", endpoint, key, kind]:
+            flood(endpoint, key, kind)
+        case ["stalls"]:
+            stalls()
+        case _:
+            sys.exit(f"unknown: {arguments}")
+
+
+if __name__ == "__main__":
+    try:
+        main(sys.argv[1:])
+    except (KeyboardInterrupt, BrokenPipeError):
+        # Whoever started us went away.
+        os._exit(0)

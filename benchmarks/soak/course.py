@@ -1,0 +1,247 @@
+"""What faults are tried on: robot, daemon and application, and how to tell what became of them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from random import Random
+
+from benchmarks.soak.application import Application
+from benchmarks.soak.ledger import Ledger
+from benchmarks.soak.poses import SEPARATION_M, error
+from benchmarks.soak.processes import Board, ServiceManager, Stalls, free_endpoint
+from benchmarks.soak.tail import Order, is_stop
+from yahboomd.simulation.truth import TruthSample
+
+LOOK_S = 0.01
+RECOVER_S = 25.0
+BRAKE_S = 0.8
+"""Wheels at the speeds of the soak stand so long after a stop frame, with room."""
+
+
+class Course:
+    """A robot that is driven, and disturbed.
+
+    Args:
+        folder: Where everything goes.
+        seed: Decides everything that is random.
+        ledger: Takes what is found.
+        dialect: What the first board speaks.
+    """
+
+    def __init__(self, folder: Path, seed: int, ledger: Ledger, dialect: str) -> None:
+        self.random = Random(seed)
+        self.ledger = ledger
+        self.folder = folder
+        self.endpoint = free_endpoint()
+        self.began_ns = time.monotonic_ns()
+        self._anchor: tuple[tuple[float, float, float], TruthSample, int] | None = None
+        self.lying = False
+        self.kind = ""
+        self.stalls = Stalls()
+        try:
+            self.board = Board(folder, dialect, seed)
+        except BaseException:
+            self.stalls.close()
+            raise
+        self.manager = ServiceManager(folder, self.board.port, self.endpoint)
+        try:
+            self.app = Application(self.endpoint, Random(seed + 1))
+        except BaseException:
+            self.manager.close()
+            self.board.close()
+            self.stalls.close()
+            raise
+
+    def close(self) -> None:
+        """End everything."""
+        self.app.close()
+        self.manager.close()
+        self.board.close()
+        self.stalls.close()
+
+    def change_board(self, dialect: str) -> None:
+        """Another board behind the same port name; the daemon goes on."""
+        self._anchor = None
+        self.board.close()
+        self.board = Board(self.folder, dialect, self.random.randrange(1 << 30))
+
+    @property
+    def streamed(self) -> bool:
+        """Whether the board streams."""
+        return self.board.dialect == "streamed"
+
+    # Waiting and telling.
+
+    def fail(self, words: str) -> None:
+        """Something that should not have happened."""
+        at_s = (time.monotonic_ns() - self.began_ns) / 1e9
+        status = self.app.status
+        state = f"{status.state}: {status.why}" if status is not None else "no status"
+        words = f"{at_s:8.1f} s  {self.board.dialect} {self.kind}: {words} [{state}]"
+        self.ledger.failures.append(words)
+        print(words, flush=True)
+
+    def wait(self, condition: Callable[[], object], within_s: float) -> bool:
+        """Whether it came true in time."""
+        deadline = time.monotonic() + within_s
+        while not condition():
+            if time.monotonic() > deadline:
+                return False
+            time.sleep(LOOK_S)
+        return True
+
+    def stalled_s(self, since_ns: int, until_ns: int) -> float:
+        """How long the machine stood still."""
+        return self.stalls.within_s(since_ns, until_ns)
+
+    # Stops.
+
+    def frame(
+        self, kind: str, since_ns: int, wanted: Callable[[Order], bool] = is_stop, *, wait_s: float
+    ) -> None:
+        """Measure from a fault to a frame."""
+        found: list[Order] = []
+
+        def come() -> bool:
+            order = self.board.wire.first(since_ns, wanted)
+            if order is not None:
+                found.append(order)
+            return order is not None
+
+        if not self.wait(come, wait_s):
+            self.fail(f"no stop frame within {wait_s} s")
+            return
+        until_ns = found[0].t_ns
+        stalled_s = self.stalled_s(since_ns, until_ns)
+        self.ledger.latency(kind, (until_ns - since_ns) / 1e9, stalled_s)
+
+    def stands(self, since_ns: int, within_s: float, kind: str | None = None) -> int | None:
+        """Verify that the wheels come to stand in time; returns when they did."""
+        found: list[int] = []
+
+        def stood() -> bool:
+            at_ns = self.board.truth.stood_at(since_ns)
+            if at_ns is not None:
+                found.append(at_ns)
+            return at_ns is not None
+
+        # Truth arrives in lumps of 0.2 s.
+        self.wait(stood, within_s + 1.0)
+        took_s = (found[0] - since_ns) / 1e9 if found else float("inf")
+        until_ns = found[0] if found else time.monotonic_ns()
+        if took_s > within_s + self.stalled_s(since_ns, until_ns):
+            speed = self.board.truth.fastest_m_s(until_ns - 100_000_000, until_ns)
+            self.fail(
+                f"the wheels stand after {took_s:.2f} s, not {within_s:.2f} ({speed:.2f} m/s)"
+            )
+            return found[0] if found else None
+        self.ledger.stopped(kind or self.kind, took_s)
+        return found[0]
+
+    def stays(self, since_ns: int, for_s: float) -> None:
+        """Verify that the wheels do not move for a while."""
+        until_ns = since_ns + round(for_s * 1e9)
+        self.wait(lambda: self.board.truth.since(until_ns), for_s + 2.0)
+        speed = self.board.truth.fastest_m_s(since_ns, until_ns)
+        if speed > 0.03:
+            self.fail(f"the wheels moved at {speed:.2f} m/s while they had to stand")
+
+    def move(self, vx: float = 0.35, wz: float = 0.3, for_s: float = 0.7) -> None:
+        """Have the wheels turn, at a steady speed."""
+        self.app.steady(vx, wz)
+        slow_ns = time.monotonic_ns()
+        if not self.wait(lambda: self.board.truth.travelled_m(slow_ns) > 0.02, 10.0):
+            self.fail("it does not drive")
+        time.sleep(for_s)
+
+    # Between faults.
+
+    def ready(self) -> bool:
+        """Wait until it may drive, releasing what is latched, as a person would."""
+        self.app.steady(0.0)
+        began_ns = time.monotonic_ns()
+        deadline = time.monotonic() + RECOVER_S
+        while time.monotonic() < deadline:
+            status = self.app.status
+            if status is not None and status.state in {"standing", "driving", "stopping"}:
+                return True
+            if status is not None and status.state in {"estopped", "fault"}:
+                self.app.silent()
+                time.sleep(0.7)
+                reply = self.app.ask("yahboomd/estop/reset")
+                if reply is None or not reply.success:
+                    self.ledger.notes[f"release refused: {reply.message if reply else '-'}"] += 1
+                self.app.steady(0.0)
+                time.sleep(0.2)
+            time.sleep(LOOK_S)
+        took_s = (time.monotonic_ns() - began_ns) / 1e9
+        self.fail(f"it is not ready after {took_s:.1f} s")
+        return False
+
+    def drives_again(self, since_ns: int) -> None:
+        """Verify that the robot moves as commanded."""
+        self.app.wander()
+        began_ns = time.monotonic_ns()
+        if not self.wait(lambda: self.board.truth.travelled_m(began_ns) > 0.05, RECOVER_S):
+            self.fail("it does not drive again")
+            return
+        self.ledger.drives += 1
+        self.ledger.recovery_s.append((time.monotonic_ns() - since_ns) / 1e9)
+
+    def compare(self) -> None:
+        """Stand still, and compare the way since the last time with the one truly driven."""
+        self.app.steady(0.0)
+        began_ns = time.monotonic_ns()
+        life = self.manager.life
+        if not self.wait(lambda: self.board.truth.stood_at(began_ns), 5.0):
+            self.fail("it does not stand when told to")
+            return
+        # What the board had said before the wheels stood has been published by now.
+        time.sleep(0.25)
+        now_ns = time.monotonic_ns()
+        if not self.wait(lambda: self.app.pose_since(now_ns), 5.0) or not self.wait(
+            lambda: bool(self.board.truth.since(now_ns)), 5.0
+        ):
+            self.fail("no pose while it stands")
+            self._anchor = None
+            return
+        truth = self.board.truth.since(now_ns)
+        pose = self.app.pose_since(now_ns)
+        assert pose is not None
+        where = (pose.x, pose.y, pose.theta)
+        anchor, self._anchor = self._anchor, (where, truth[0], now_ns)
+        lying, self.lying = self.lying, False
+        if anchor is None or anchor[2] < life.began_ns:
+            return
+        if lying:
+            self.ledger.lying += 1
+            return
+        metres, radians = error(anchor[0], where, _place(anchor[1]), _place(truth[0]))
+        ways = zip(anchor[1].travel_m, truth[0].travel_m, strict=True)
+        way_m = max(abs(b - a) for a, b in ways)
+        most_m, most_rad = 0.03, 0.03
+        if unknown_m := self._unknown_m(anchor[2]):
+            # What each wheel may have rolled unseen turns the base, and bends all that follows.
+            turned = 2.0 * unknown_m / SEPARATION_M
+            most_m += unknown_m + way_m * min(2.0, turned)
+            most_rad += turned
+            self.ledger.uncertain += 1
+        else:
+            if metres > max(self.ledger.errors_m, default=0.0):
+                self.ledger.worst_way = f"{self.board.dialect}, {self.kind}, {way_m:.1f} m"
+            self.ledger.errors_m.append(metres)
+            self.ledger.errors_rad.append(radians)
+            self.ledger.driven_m += way_m
+        if metres > most_m or radians > most_rad:
+            self.fail(f"the pose is {metres * 1e3:.1f} mm and {radians:.4f} rad off the truth")
+
+    def _unknown_m(self, since_ns: int) -> float:
+        """How much travel of each wheel was said to be unknown."""
+        lost = self.app.events_since(since_ns, "odometry_discontinuity")
+        return sum(float((event.data or {}).get("unknown_m") or 0.0) for event in lost)
+
+
+def _place(truth: TruthSample) -> tuple[float, float, float]:
+    return truth.x, truth.y, truth.theta

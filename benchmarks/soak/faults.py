@@ -1,0 +1,384 @@
+"""Every fault: how it is made, what must follow, and how it ends."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable, Iterator, Sequence
+from random import Random
+
+import msgspec
+
+from benchmarks.soak.course import BRAKE_S, Course
+from benchmarks.soak.processes import WATCHDOG_S, Helper
+from benchmarks.soak.tail import Order, is_stop
+
+Fault = Callable[[Course], None]
+
+TIMEOUT_S = 0.5
+RAMP_S = 0.25
+SILENT_S = 1.0
+"""After so long without counts the link gives a board up."""
+CONNECT_S = 3.0
+"""From a port that is back to a board that was told to stop: back-off, and the handshake's stop."""
+
+
+# What people and applications do.
+
+
+def estop(course: Course) -> None:
+    """The emergency stop, against an application that drives on."""
+    course.move()
+    _engage(course, "e-stop")
+    reply = course.app.ask("yahboomd/estop/reset")
+    if reply is None or reply.success:
+        course.fail("the e-stop was released while an application commanded motion")
+
+
+def _engage(course: Course, kind: str) -> None:
+    since_ns = time.monotonic_ns()
+    course.app.session.put("yahboomd/estop", b"")
+    course.frame(kind, since_ns, wait_s=5.0)
+    stood_ns = course.stands(since_ns, BRAKE_S)
+    if stood_ns is not None:
+        course.stays(stood_ns, 0.4)
+    if not course.wait(lambda: (s := course.app.status) and s.state == "estopped", 3.0):
+        course.fail("the status does not tell of the e-stop")
+
+
+def silence(course: Course) -> None:
+    """The application falls silent in motion."""
+    course.move()
+    _lapse(course, "command silence", course.app.silent())
+
+
+def _lapse(course: Course, kind: str, last_ns: int) -> None:
+    steady = course.board.wire.last_before(last_ns)
+    most = steady.largest if steady is not None else 0
+
+    def slower(order: Order) -> bool:
+        return order.largest < most
+
+    course.frame(kind, last_ns, slower, wait_s=5.0)
+    course.stands(last_ns, TIMEOUT_S + RAMP_S + BRAKE_S)
+
+
+def client_killed(course: Course) -> None:
+    """An application is killed in motion."""
+    course.app.silent()
+    helper = Helper("drive", course.endpoint, "cmd_vel", "0.35", "-0.4")
+    try:
+        helper.wait_ready()
+        began_ns = time.monotonic_ns()
+        if not course.wait(lambda: course.board.truth.travelled_m(began_ns) > 0.1, 10.0):
+            course.fail("another application cannot drive")
+    finally:
+        helper.kill()
+    _lapse(course, "client killed", int(helper.lines[-1]))
+
+
+def flood(course: Course) -> None:
+    """Floods from several applications, and an e-stop in the midst of them."""
+    kinds = course.random.sample(["garbage", "large", "valid=0.35", "garbage"], k=2)
+    course.move(0.35, 0.0)
+    helpers = [Helper("flood", course.endpoint, "cmd_vel", kind) for kind in kinds]
+    try:
+        for helper in helpers:
+            helper.wait_ready()
+        time.sleep(1.0)
+        _engage(course, "e-stop in a flood")
+    finally:
+        for helper in helpers:
+            helper.kill()
+
+
+# What happens to the daemon.
+
+
+def sigterm(course: Course) -> None:
+    """The service is stopped, as by a shutdown; the manager starts it again."""
+    course.move()
+    life = course.manager.life
+    number = course.random.choice([signal.SIGTERM, signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+    since_ns = course.manager.signal(number)
+    course.frame("SIGTERM", since_ns, wait_s=5.0)
+    course.stands(since_ns, BRAKE_S + 0.1)
+    if not course.wait(lambda: life.status is not None, 10.0) or life.status != 0:
+        course.fail(f"the daemon ended with {life.status}")
+
+
+def sigkill(course: Course) -> None:
+    """The daemon is killed; what the manager runs after it stops the wheels."""
+    course.move()
+    since_ns = course.manager.signal(signal.SIGKILL)
+    course.frame("SIGKILL", since_ns, wait_s=10.0)
+    course.stands(since_ns, 1.0 + BRAKE_S)
+
+
+def sigstop(course: Course) -> None:
+    """The daemon hangs; the watchdog ends it."""
+    course.move()
+    kills = course.manager.watchdog_kills
+    since_ns = course.manager.signal(signal.SIGSTOP)
+    # What it had written is not a stop.
+    course.frame("SIGSTOP", since_ns, wait_s=10.0)
+    course.stands(since_ns, WATCHDOG_S + 1.0 + BRAKE_S)
+    if course.manager.watchdog_kills == kills:
+        course.fail("the watchdog did not act")
+
+
+# What happens to the board.
+
+
+def reset(course: Course) -> None:
+    """The board resets itself in motion."""
+    course.move()
+    _after_reset(course, course.board.do("reset"))
+
+
+def brown_out(course: Course) -> None:
+    """Its supply fails for a moment."""
+    course.move()
+    off_s = course.random.choice([0.02, 0.1, 0.4])
+    _after_reset(course, course.board.do(f"brown-out {off_s}"))
+
+
+def _after_reset(course: Course, since_ns: int) -> None:
+    stood_ns = course.stands(since_ns, 1.0)
+    if course.streamed and stood_ns is not None:
+        # It stands a second from the moment that the board says so.
+        rest_s = 0.95 - (stood_ns - since_ns) / 1e9
+        course.stays(stood_ns, max(0.0, rest_s))
+
+
+def reset_loop(course: Course) -> None:
+    """It resets itself again and again."""
+    if not course.streamed:
+        # Such a board does not say that it was reset.
+        brown_out(course)
+        return
+    course.move()
+    for _ in range(3):
+        since_ns = course.board.do("brown-out 0.05")
+        time.sleep(1.2)
+    if not course.wait(lambda: (s := course.app.status) and s.state == "fault", 3.0):
+        course.fail("three resets are no fault")
+    course.stands(since_ns, 1.0)
+
+
+def board_hangs(course: Course) -> None:
+    """The board's processor hangs with its motors on; nobody but its supply can stop them."""
+    course.move(0.2, 0.0)
+    course.board.do("hang")
+    time.sleep(course.random.uniform(0.3, 2.0))
+    course.stands(course.board.do("brown-out 0.2"), 1.0)
+
+
+def mute_short(course: Course) -> None:
+    """What the board says does not arrive for a moment."""
+    course.app.wander()
+    time.sleep(0.5)
+    course.board.do(f"mute {course.random.uniform(0.05, 0.7):.3f}")
+    time.sleep(1.5)
+
+
+def mute_long(course: Course) -> None:
+    """What the board says does not arrive."""
+    course.move()
+    since_ns = course.board.do("mute 2.5")
+    course.stands(since_ns, SILENT_S + BRAKE_S + 0.2)
+    time.sleep(1.0)
+
+
+def babble(course: Course) -> None:
+    """Random bytes arrive instead of what the board says."""
+    course.move()
+    for_s = course.random.choice([0.2, 0.6, 2.2])
+    since_ns = course.board.do(f"babble {for_s}")
+    if for_s > SILENT_S:
+        course.stands(since_ns, SILENT_S + BRAKE_S + 0.5)
+    else:
+        time.sleep(for_s)
+    time.sleep(1.0)
+
+
+# What happens to the line.
+
+
+def unplug_short(course: Course) -> None:
+    """The cable is out for less than a second."""
+    _unplug(course, course.random.uniform(0.05, 0.8))
+
+
+def unplug_long(course: Course) -> None:
+    """The cable is out for seconds: the wheels turn on, and are stopped when it is back."""
+    _unplug(course, course.random.uniform(2.0, 4.0))
+
+
+def _unplug(course: Course, for_s: float) -> None:
+    course.move(0.25, 0.5)
+    since_ns = course.board.do(f"unplug {for_s:.3f}")
+    back_ns = since_ns + round(for_s * 1e9)
+    if lapses := for_s > 1.0 or course.random.random() < 0.5:
+        course.app.silent()
+    course.wait(lambda: time.monotonic_ns() > back_ns, for_s + 1.0)
+    course.frame("unplug: from the replug", back_ns, is_stop, wait_s=10.0)
+    # Whoever commands on drives on, and the wheels need not come to stand in between.
+    if lapses:
+        course.stands(back_ns, CONNECT_S)
+
+
+def loss(course: Course) -> None:
+    """Bytes vanish, up to one in five; it must stop all the same."""
+    share = course.random.choice([0.01, 0.05, 0.2])
+    _noise(course, f"loss {share}")
+
+
+def corruption(course: Course) -> None:
+    """Bytes arrive changed."""
+    share = course.random.choice([0.001, 0.01, 0.05])
+    _noise(course, f"corruption {share}")
+
+
+def jitter(course: Course) -> None:
+    """Bytes arrive late, and not evenly."""
+    _noise(
+        course, f"delay {course.random.choice([0.0, 0.01])} {course.random.choice([0.01, 0.04])}"
+    )
+
+
+def _noise(course: Course, command: str) -> None:
+    course.app.wander()
+    course.board.do(command)
+    time.sleep(course.random.uniform(1.0, 3.0))
+    course.stands(course.app.silent(), TIMEOUT_S + RAMP_S + BRAKE_S + 2.0)
+    course.board.do("clear")
+
+
+# What happens to motors.
+
+
+def encoder_dead(course: Course) -> None:
+    """An encoder stops counting, and the board's loop runs away."""
+    _lies(course, "encoder-dead")
+
+
+def encoder_reversed(course: Course) -> None:
+    """An encoder counts the other way, and the board's loop runs away."""
+    _lies(course, "encoder-reversed")
+
+
+def motor_unplugged(course: Course) -> None:
+    """A motor's cable comes off."""
+    _lies(course, "unplugged")
+
+
+def stalled(course: Course) -> None:
+    """A wheel is held."""
+    _lies(course, "stalled", honest=True)
+
+
+def _lies(course: Course, fault: str, *, honest: bool = False) -> None:
+    wheel = course.random.choice(["left", "right"])
+    # Not slower than the checks look at.
+    speed = course.random.choice([0.15, 0.35]) * course.random.choice([1, -1])
+    course.move(speed, 0.0, for_s=1.0)
+    course.lying = not honest
+    since_ns = course.board.do(f"{fault} {wheel}")
+    course.frame(f"{fault}: to the cut", since_ns, is_stop, wait_s=5.0)
+    course.stands(since_ns, 1.6)
+    if not course.wait(lambda: (s := course.app.status) and s.state == "fault", 3.0):
+        course.fail(f"{fault} {wheel} is no fault")
+    course.board.do(f"repair {wheel}")
+
+
+def turning(course: Course) -> None:
+    """A wheel is turned by hand: slowly is told, faster than the checks' margin is a fault."""
+    course.app.silent()
+    time.sleep(1.2)
+    speed, kind = course.random.choice([(0.07, "turns_without_command"), (0.2, "runaway_fast")])
+    since_ns = course.board.do(f"turning left {speed}")
+    if not course.wait(lambda: course.app.events_since(since_ns, kind), 3.0):
+        course.fail(f"{kind} is not told")
+    course.stands(course.board.do("repair left"), BRAKE_S)
+
+
+FAULTS: dict[str, Fault] = {
+    "e-stop": estop,
+    "command silence": silence,
+    "client killed": client_killed,
+    "flood": flood,
+    "mute, short": mute_short,
+    "mute, long": mute_long,
+    "babble": babble,
+    "unplug, short": unplug_short,
+    "unplug, long": unplug_long,
+    "byte loss": loss,
+    "corruption": corruption,
+    "jitter": jitter,
+    "encoder dead": encoder_dead,
+    "encoder reversed": encoder_reversed,
+    "motor unplugged": motor_unplugged,
+    "wheel stalled": stalled,
+    "wheel turned": turning,
+}
+"""Faults that daemon and board live through."""
+
+RESETS: dict[str, Fault] = {
+    "board reset": reset,
+    "brown-out": brown_out,
+    "reset loop": reset_loop,
+    "board hangs": board_hangs,
+}
+"""Faults after which the board counts from zero."""
+
+ENDING: dict[str, Fault] = {"SIGTERM": sigterm, "SIGKILL": sigkill, "SIGSTOP": sigstop}
+"""Faults that end the daemon."""
+
+DIALECTS = ("streamed", "polled")
+
+
+class Turn(msgspec.Struct, frozen=True, kw_only=True):
+    """One fault of the schedule."""
+
+    kind: str
+    fault: Fault
+
+
+class Segment(msgspec.Struct, frozen=True, kw_only=True):
+    """What one board goes through."""
+
+    dialect: str
+    turns: list[Turn]
+
+
+def segments(random: Random, kinds: list[str], dialects: Sequence[str]) -> Iterator[Segment]:
+    """Every fault on both dialects, again and again, in random order.
+
+    A board takes half of the faults, the next one, of the other dialect, the other half; then the
+    halves change places. A board's resets come last: after one its counts are near zero, and
+    travel that it counted while nobody heard it can no longer be told from a reset. The faults
+    that end the daemon come in every other such cycle, so that it lives long enough in between for
+    its memory to tell something.
+
+    Args:
+        random: Shuffles.
+        kinds: Only these; empty for all.
+        dialects: What the boards speak.
+    """
+    cycle = 0
+    while True:
+        ending = ENDING if cycle % 2 == 0 or kinds else {}
+        every = [
+            Turn(kind=kind, fault=fault)
+            for kind, fault in {**FAULTS, **ending, **RESETS}.items()
+            if not kinds or kind in kinds
+        ]
+        random.shuffle(every)
+        halves = [every[0::2], every[1::2]]
+        for number in range(4):
+            half = halves[(number + number // 2) % 2]
+            random.shuffle(half)
+            half.sort(key=lambda turn: turn.kind in RESETS)
+            yield Segment(dialect=dialects[number % len(dialects)], turns=list(half))
+        cycle += 1

@@ -1,0 +1,124 @@
+"""What was found out, counted; and the table at the end."""
+
+from __future__ import annotations
+
+import statistics
+from collections import Counter
+from collections.abc import Iterable
+
+import msgspec
+
+BUDGETS_S: dict[str, float] = {
+    "e-stop": 0.050,
+    "e-stop in a flood": 0.050,
+    "SIGTERM": 0.100,
+    "command silence": 0.520,
+    "client killed": 0.520,
+    "SIGKILL": 1.0,
+    "SIGSTOP": 2.0,
+}
+"""From the fault to the first stop frame on the wire; for silence, to the first decelerating one:
+the timeout of 0.5 s and a control period. A stopped process has the watchdog's second besides."""
+
+_HEAD = (
+    "from the fault to the frame, ms        n     p50     p99   worst  budget  over  unexplained"
+    "   stall in the worst"
+)
+
+
+class Latency(msgspec.Struct, frozen=True, kw_only=True):
+    """One measurement.
+
+    Attributes:
+        seconds: From the fault to the frame.
+        stalled_s: For how much of it the machine stood still.
+    """
+
+    seconds: float
+    stalled_s: float
+
+
+class Ledger:
+    """Counts what happens.
+
+    Attributes:
+        faults: By kind.
+        latencies: From a fault to the stop frame, by kind.
+        stood_s: From a fault, or its end, to wheels that stand, by kind.
+        stops: How many stops the ground truth showed.
+        drives: After how many faults it drove again.
+        recovery_s: How long that took.
+        errors_m: Of the pose, stretch by stretch.
+        errors_rad: Of the heading.
+        worst_way: Where the pose erred most.
+        driven_m: How far those stretches were.
+        uncertain: Stretches in which travel was lost, and said so.
+        lying: Stretches that are not compared: an encoder lied.
+        notes: What happened and is no failure.
+        failures: What should not have happened.
+    """
+
+    def __init__(self) -> None:
+        self.faults: Counter[str] = Counter()
+        self.latencies: dict[str, list[Latency]] = {}
+        self.stood_s: dict[str, list[float]] = {}
+        self.stops = 0
+        self.drives = 0
+        self.recovery_s: list[float] = []
+        self.errors_m: list[float] = []
+        self.errors_rad: list[float] = []
+        self.driven_m = 0.0
+        self.worst_way = "-"
+        self.uncertain = 0
+        self.lying = 0
+        self.notes: Counter[str] = Counter()
+        self.failures: list[str] = []
+
+    def latency(self, kind: str, seconds: float, stalled_s: float) -> None:
+        """A stop frame came."""
+        self.latencies.setdefault(kind, []).append(Latency(seconds=seconds, stalled_s=stalled_s))
+
+    def stopped(self, kind: str, seconds: float) -> None:
+        """The wheels stood."""
+        self.stops += 1
+        self.stood_s.setdefault(kind, []).append(seconds)
+
+    def late(self, kind: str) -> list[Latency]:
+        """Measurements over the budget."""
+        most = BUDGETS_S.get(kind, float("inf"))
+        return [each for each in self.latencies.get(kind, []) if each.seconds > most]
+
+    def unexplained(self, kind: str) -> list[Latency]:
+        """Those that the machine's own stalls do not explain."""
+        most = BUDGETS_S.get(kind, float("inf"))
+        return [each for each in self.late(kind) if each.seconds > most + each.stalled_s]
+
+
+def quantile(values: Iterable[float], share: float) -> float:
+    """A value that this share of all is not above; NaN without any."""
+    ordered = sorted(values)
+    return ordered[min(len(ordered) - 1, int(share * len(ordered)))] if ordered else float("nan")
+
+
+def table(ledger: Ledger) -> list[str]:
+    """Faults, latencies and stops as lines of text."""
+    lines = ["", "fault                     times   wheels stand after it, s: median / longest"]
+    for kind, times in sorted(ledger.faults.items()):
+        stood = ledger.stood_s.get(kind, [])
+        took = f"{statistics.median(stood):7.2f} / {max(stood):.2f}" if stood else "      -"
+        lines.append(f"  {kind:<22}{times:7d}   {took}")
+    lines += ["", _HEAD]
+    for kind, found in sorted(ledger.latencies.items()):
+        ms = [each.seconds * 1e3 for each in found]
+        worst = max(found, key=lambda each: each.seconds)
+        budget = f"{BUDGETS_S[kind] * 1e3:7.0f}" if kind in BUDGETS_S else "      -"
+        lines.append(
+            f"  {kind:<32}{len(ms):6d}"
+            f"{quantile(ms, 0.5):8.1f}{quantile(ms, 0.99):8.1f}{max(ms):8.1f} {budget}"
+            f"{len(ledger.late(kind)):6d}{len(ledger.unexplained(kind)):13d}"
+            f"{worst.stalled_s * 1e3:18.1f}"
+        )
+    if ledger.notes:
+        lines += ["", "noted"]
+        lines += [f"  {words}: {times}" for words, times in sorted(ledger.notes.items())]
+    return lines

@@ -1,0 +1,117 @@
+"""What may never happen to the published pose, looked at sample by sample."""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+
+from yahboomd.messages.native import PoseSample
+from yahboomd.model import Matrix3
+
+V_MAX_M_S = 2.0
+"""A rim speed that no wheel reaches: the daemon's default."""
+
+SEPARATION_M = 0.15
+TICK_M = math.pi * 0.067 / 1320
+SLACK = 1e-9
+
+
+class Jump(msgspec.Struct, frozen=True, kw_only=True):
+    """Two samples in a row that cannot be.
+
+    Attributes:
+        kind: ``position``, ``heading``, ``covariance`` or ``stamp``.
+        step: How far it went: metres, radians, a ratio, seconds.
+        most: How far it might have gone.
+        stamp_ns: Of the second sample.
+    """
+
+    kind: str
+    step: float
+    most: float
+    stamp_ns: int
+
+
+class PoseWatch:
+    """Compares each pose with the one before it.
+
+    A jump is a step longer than v_max x Δt plus one count (for the heading: both wheels, over the
+    track). The covariance shrinks where its determinant does.
+
+    Attributes:
+        found: What was wrong, the first hundred.
+        samples: How many were looked at.
+        fastest_m_s: The fastest step, less a count, over its time.
+    """
+
+    def __init__(self) -> None:
+        self.found: list[Jump] = []
+        self.samples = 0
+        self.fastest_m_s = 0.0
+        self._last: PoseSample | None = None
+
+    def see(self, pose: PoseSample) -> None:
+        """Take in a sample."""
+        last, self._last = self._last, pose
+        self.samples += 1
+        if last is None or pose.seq <= last.seq:
+            # A new daemon starts at zero.
+            return
+        dt_s = (pose.stamp_ns - last.stamp_ns) / 1e9
+        if dt_s <= 0.0:
+            self._add("stamp", dt_s, 0.0, pose)
+            return
+        step_m = math.hypot(pose.x - last.x, pose.y - last.y)
+        self.fastest_m_s = max(self.fastest_m_s, (step_m - TICK_M) / dt_s)
+        self._check("position", step_m, V_MAX_M_S * dt_s + TICK_M, pose)
+        turn = abs(pose.theta - last.theta)
+        self._check("heading", turn, 2.0 * (V_MAX_M_S * dt_s + TICK_M) / SEPARATION_M, pose)
+        before, after = determinant(last.covariance), determinant(pose.covariance)
+        # Rounding: a determinant is a difference of products as large as its diagonal's.
+        rounding = 1e-9 * pose.covariance[0] * pose.covariance[4] * pose.covariance[8]
+        if after < before * (1.0 - 1e-9) - rounding:
+            self._add("covariance", after, before, pose)
+
+    def _check(self, kind: str, step: float, most: float, pose: PoseSample) -> None:
+        if step > most + SLACK:
+            self._add(kind, step, most, pose)
+
+    def _add(self, kind: str, step: float, most: float, pose: PoseSample) -> None:
+        if len(self.found) < 100:
+            self.found.append(Jump(kind=kind, step=step, most=most, stamp_ns=pose.stamp_ns))
+
+
+def determinant(m: Matrix3) -> float:
+    """Of a 3 x 3 matrix, row by row."""
+    return (
+        m[0] * (m[4] * m[8] - m[5] * m[7])
+        - m[1] * (m[3] * m[8] - m[5] * m[6])
+        + m[2] * (m[3] * m[7] - m[4] * m[6])
+    )
+
+
+def error(
+    pose_0: tuple[float, float, float],
+    pose_1: tuple[float, float, float],
+    truth_0: tuple[float, float, float],
+    truth_1: tuple[float, float, float],
+) -> tuple[float, float]:
+    """How far a way as measured ends from the same way as driven.
+
+    Both are seen from where they began.
+
+    Returns:
+        Metres and radians.
+    """
+    x, y, theta = _from(pose_0, pose_1)
+    true_x, true_y, true_theta = _from(truth_0, truth_1)
+    return math.hypot(x - true_x, y - true_y), abs(theta - true_theta)
+
+
+def _from(
+    start: tuple[float, float, float], goal: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    dx, dy = goal[0] - start[0], goal[1] - start[1]
+    cos, sin = math.cos(start[2]), math.sin(start[2])
+    return cos * dx + sin * dy, cos * dy - sin * dx, goal[2] - start[2]

@@ -1,0 +1,176 @@
+"""Files of JSON lines that others are writing: the ground truth, and what the daemon says."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import IO, Generic, TypeVar
+
+import msgspec
+
+from yahboomd.simulation.heard import Heard
+from yahboomd.simulation.truth import TruthSample
+
+KEEP_NS = 90_000_000_000
+"""Older lines are forgotten: no check looks back so far."""
+
+STANDING_M_S = 0.03
+SETTLED_NS = 50_000_000
+
+Line = TypeVar("Line", TruthSample, Heard)
+
+
+class Tail(Generic[Line]):
+    """Follows a file.
+
+    Args:
+        path: The file; it need not exist yet.
+        line: What each line is.
+    """
+
+    def __init__(self, path: Path, line: type[Line]) -> None:
+        self._path = path
+        self._decoder: msgspec.json.Decoder[Line] = msgspec.json.Decoder(line)
+        self._file: IO[bytes] | None = None
+        self._rest = b""
+
+    def news(self) -> list[Line]:
+        """The complete lines since the last call."""
+        if self._file is None:
+            if not self._path.exists():
+                return []
+            self._file = self._path.open("rb")
+        *lines, self._rest = (self._rest + self._file.read()).split(b"\n")
+        return [self._decoder.decode(line) for line in lines]
+
+    def close(self) -> None:
+        """Let go of the file."""
+        if self._file is not None:
+            self._file.close()
+
+
+class Truth:
+    """Where the robot truly is and was lately."""
+
+    def __init__(self, path: Path) -> None:
+        self._tail = Tail(path, TruthSample)
+        self.samples: deque[TruthSample] = deque()
+
+    def look(self) -> None:
+        """Take in what is new."""
+        self.samples.extend(self._tail.news())
+        while self.samples and self.samples[-1].t_ns - self.samples[0].t_ns > KEEP_NS:
+            self.samples.popleft()
+
+    def since(self, t_ns: int) -> list[TruthSample]:
+        """The samples from a moment on."""
+        self.look()
+        found = []
+        for sample in reversed(self.samples):
+            if sample.t_ns < t_ns:
+                break
+            found.append(sample)
+        found.reverse()
+        return found
+
+    def stood_at(self, since_ns: int) -> int | None:
+        """When all wheels first stood, and went on standing, from a moment on."""
+        begun: int | None = None
+        for sample in self.since(since_ns):
+            if any(abs(speed) >= STANDING_M_S for speed in sample.speed_m_s):
+                begun = None
+            elif begun is None:
+                begun = sample.t_ns
+            elif sample.t_ns - begun >= SETTLED_NS:
+                return begun
+        return None
+
+    def travelled_m(self, since_ns: int) -> float:
+        """The longest way of any wheel from a moment on, there and back counted."""
+        samples = self.since(since_ns)
+        return max(
+            (
+                sum(abs(b - a) for a, b in itertools.pairwise(way))
+                for way in zip(*(sample.travel_m for sample in samples), strict=True)
+            ),
+            default=0.0,
+        )
+
+    def fastest_m_s(self, since_ns: int, until_ns: int) -> float:
+        """The greatest rim speed of any wheel in a stretch of time."""
+        return max(
+            (
+                max(map(abs, sample.speed_m_s))
+                for sample in self.since(since_ns)
+                if sample.t_ns <= until_ns
+            ),
+            default=0.0,
+        )
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._tail.close()
+
+
+class Order(msgspec.Struct, frozen=True, kw_only=True):
+    """A speed that the board was told.
+
+    Attributes:
+        t_ns: When its last byte was on the port.
+        name: ``spd``, ``speed`` or ``pwm``.
+        largest: The largest of the four numbers, unsigned.
+    """
+
+    t_ns: int
+    name: str
+    largest: int
+
+
+_ORDER = re.compile(r"\$(spd|speed|pwm):(-?\d+),(-?\d+),(-?\d+),(-?\d+)#")
+_LONGEST = 64
+
+
+class Wire:
+    """What the host told the board lately."""
+
+    def __init__(self, path: Path) -> None:
+        self._tail = Tail(path, Heard)
+        self._rest = ""
+        self.orders: deque[Order] = deque()
+
+    def look(self) -> None:
+        """Take in what is new."""
+        for heard in self._tail.news():
+            text = self._rest + heard.data
+            end = 0
+            for match in _ORDER.finditer(text):
+                end = match.end()
+                largest = max(abs(int(number)) for number in match.groups()[1:])
+                self.orders.append(Order(t_ns=heard.t_ns, name=match[1], largest=largest))
+            self._rest = text[end:][-_LONGEST:]
+        while self.orders and self.orders[-1].t_ns - self.orders[0].t_ns > KEEP_NS:
+            self.orders.popleft()
+
+    def first(self, since_ns: int, wanted: Callable[[Order], bool]) -> Order | None:
+        """The first order of a kind from a moment on."""
+        self.look()
+        return next(
+            (order for order in self.orders if order.t_ns >= since_ns and wanted(order)), None
+        )
+
+    def last_before(self, t_ns: int) -> Order | None:
+        """What was in force at a moment."""
+        self.look()
+        return next((order for order in reversed(self.orders) if order.t_ns < t_ns), None)
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._tail.close()
+
+
+def is_stop(order: Order) -> bool:
+    """Whether it commands standstill."""
+    return order.largest == 0
