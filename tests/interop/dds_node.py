@@ -195,10 +195,10 @@ class Node:
                 request.write(kind(client_guid, call.sequence_number, call.data or 0))
                 call.asked = True
             for answer in taken(reply):
-                if (answer.client_guid, answer.sequence_number) == (
-                    client_guid,
-                    call.sequence_number,
-                ):
+                mine = client_guid, call.sequence_number
+                # A second answer is of no interest, as in ROS: a bridge whose routes outlived
+                # their service asks it once for each of them.
+                if call in self.calls and (answer.client_guid, answer.sequence_number) == mine:
                     self.calls.remove(call)
                     yield call.service, {"success": answer.success, "message": answer.message}
             if call in self.calls and time.monotonic() > call.deadline_s:

@@ -127,6 +127,24 @@ def test_a_dds_node_that_starts_late_gets_the_static_frames(bridge, start_dds_no
         assert laser_of(start_dds_node("/tf_static")) == "laser"
 
 
+def test_bridge_and_daemon_may_start_anew(bridge, dds_node, robot):
+    driven = robot(bridge.endpoint)
+    dds_node.order("drive", vx=0.1, wz=0.4, hz=20)
+    dds_node.message("/odom", lambda m: distance(m, 0.0, 0.0) > 0.02, "the robot to move")
+    bridge.stop()
+    bridge.start()
+    far = distance(dds_node.message("/odom"), 0.0, 0.0)
+    dds_node.message("/odom", lambda m: distance(m, 0.0, 0.0) > far + 0.02, "it to move on")
+    assert driven.daemon.end() == 0
+    driven.start_daemon()
+    dds_node.message("/odom", lambda m: distance(m, 0.0, 0.0) < 0.01, "it to begin anew")
+    dds_node.message("/odom", lambda m: distance(m, 0.0, 0.0) > 0.02, "it to move again")
+    assert laser_of(dds_node) == "laser"
+    dds_node.order("rest")
+    driven.settled_truth()
+    is_stopped_and_released(dds_node)
+
+
 @pytest.fixture
 def reconfigure(bridge, tmp_path):
     """Starts the bridge anew, with one thing in its configuration replaced."""
