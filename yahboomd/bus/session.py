@@ -326,6 +326,16 @@ class Bus:
         """Have connections reported that are made or lost from now on."""
         self._neighbours.watch(handler)
 
+    @property
+    def session(self) -> zenoh.Session:
+        """The (first) session itself, for clients that ask; not for what the loop must not wait for.
+
+        Raises:
+            BusError: It is not open.
+        """
+        self._ready()
+        return self._sessions[0]
+
     def _ready(self) -> Inbox:
         if self._inbox is None:
             raise BusError("The bus is not open.")

@@ -58,7 +58,7 @@ class BusClient(Bus):
         Returns:
             What takes the newest sample's payload; None where none came since it was taken.
         """
-        subscriber = self._opened().declare_subscriber(self.key(key), RingChannel(1))
+        subscriber = self.session.declare_subscriber(self.key(key), RingChannel(1))
 
         def take() -> bytes | None:
             sample = subscriber.try_recv()
@@ -83,7 +83,7 @@ class BusClient(Bus):
         Raises:
             BusError: The session is not open.
         """
-        session, name = self._opened(), self.key(key)
+        session, name = self.session, self.key(key)
 
         def get() -> list[bytes]:
             replies = session.get(

@@ -58,7 +58,12 @@ def run(args: argparse.Namespace) -> int:
         log.warning("%s", warning)
 
     async def main() -> None:
-        await Daemon(loaded.config, environ=os.environ).run()
+        daemon = Daemon(loaded.config, environ=os.environ)
+        await daemon.run()
+        if not daemon.left_clean:
+            log.warning("the bus does not close; the wheels are stopped, and the process ends here")
+            logging.shutdown()
+            os._exit(os.EX_OK)
 
     try:
         asyncio.run(main())

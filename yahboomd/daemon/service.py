@@ -66,6 +66,8 @@ class Daemon:
         self._status_due = asyncio.Event()
         self._publishers: list[BusPublisher] = []
         self._others: set[str] = set()
+        self.left_clean = True
+        """Whether the bus could be closed; where not, only ``os._exit`` ends the process."""
 
     def stop(self, why: str) -> None:
         """Ask the daemon to end; the wheels are stopped first."""
@@ -88,7 +90,7 @@ class Daemon:
             await self._serve(bus, notifier)
         finally:
             notifier.stopping()
-            await bus.close()
+            self.left_clean = await bus.close()
             notifier.close()
             for number in SIGNALS:
                 loop.remove_signal_handler(number)
