@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import itertools
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -42,6 +43,25 @@ def test_a_backlog_in_two_pieces_is_refused_twice() -> None:
     second = [gate.arrive(100 * MS + n * 1000) for n in range(20)]
     assert first.count("revoke") == second.count("revoke") == 1
     assert first[-1] == second[-1] == "refuse"
+
+
+@pytest.mark.parametrize(("times", "rate_hz"), [(7, 20), (12, 20), (7, 10), (20, 10)])
+def test_commands_that_come_several_times_each_drive_after_a_moment(
+    times: int, rate_hz: int
+) -> None:
+    gate = BacklogGate(500 * MS)
+    verdicts = {
+        n: [gate.arrive(n * S // rate_hz + copy * 100_000) for copy in range(times)]
+        for n in range(3 * rate_hz)
+    }
+    assert "revoke" in verdicts[0]
+    assert all(set(verdicts[n]) == {"pass"} for n in verdicts if n >= 2 * rate_hz)
+
+
+def test_a_flood_is_refused_for_as_long_as_it_lasts() -> None:
+    gate = BacklogGate(500 * MS)
+    verdicts = [gate.arrive(n * MS) for n in range(10_000)]
+    assert set(verdicts[MOST + 1 :]) == {"refuse"}
 
 
 def test_a_burst_in_a_running_stream_is_no_backlog() -> None:

@@ -12,8 +12,10 @@ are all offered before a control step runs, nothing is obeyed in the first place
 wheels were told the first step of a ramp for some milliseconds, too short for a motor to start.
 Watching goes on for one timeout after the silence, since a backlog may come in pieces.
 
-While commands keep coming that fast, they stay refused: a sender without stamps of its own has to
-stay below 250 commands a second.
+While commands keep coming that fast on the whole, they stay refused: a sender without stamps of its
+own has to stay below 250 commands a second. Bursts that go on at a lower rate than that are no
+backlog, which ends: zenoh-bridge-ros2dds may pass each command on several times, once more for each
+time that yahboomd was started anew beside it. They cost the first timeout after a silence.
 """
 
 from __future__ import annotations
@@ -40,6 +42,7 @@ class BacklogGate:
         self._recent: deque[int] = deque(maxlen=MOST + 1)
         self._watch_until_ns = 0
         self._within = False
+        self._since_silence = 0
         self.watching_since_ns: int | None = None
 
     @property
@@ -65,6 +68,8 @@ class BacklogGate:
             self._recent.clear()
             self._watch_until_ns = now_ns + self._silence_ns
             self.watching_since_ns = now_ns
+            self._since_silence = 0
+        self._since_silence += arrivals
         self._recent.extend([now_ns] * min(arrivals, MOST + 1))
         if proven:
             self._within = False
@@ -73,7 +78,9 @@ class BacklogGate:
         if not dense or now_ns > self._watch_until_ns:
             self._within = False
             return "pass"
-        self._watch_until_ns = now_ns + self._silence_ns
+        elapsed_ns = now_ns - (self.watching_since_ns or 0)
+        if self._since_silence * WINDOW_NS > MOST * elapsed_ns:
+            self._watch_until_ns = now_ns + self._silence_ns
         if self._within:
             return "refuse"
         self._within = True
