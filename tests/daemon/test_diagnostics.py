@@ -80,6 +80,19 @@ def test_only_new_trouble_on_the_line_is_warned_of(diagnostics: Diagnostics) -> 
     assert named(diagnostics.of(worse))["board"].level == OK
 
 
+@pytest.mark.parametrize(
+    ("bus", "message"),
+    [
+        ({"routers": "tcp/10.0.0.1:7447", "neighbours": 2}, "Joined the router at"),
+        ({"routers": "", "neighbours": 2}, "2 sessions are connected."),
+    ],
+)
+def test_the_bus_tells_who_is_there(
+    diagnostics: Diagnostics, bus: dict[str, Any], message: str
+) -> None:
+    assert named(diagnostics.of(changed(bus=bus)))["bus"].message.startswith(message)
+
+
 def test_lost_samples_are_warned_of_once(diagnostics: Diagnostics) -> None:
     lossy = changed(bus={"put_errors": 4})
     assert named(diagnostics.of(lossy))["bus"].level == WARN

@@ -75,7 +75,9 @@ class Diagnostics:
         if lost > 0:
             return WARN, f"{lost} samples could not be sent since the last look."
         routers = sample.bus.get("routers")
-        return OK, f"Joined the router at {routers}." if routers else "No router is joined."
+        if routers:
+            return OK, f"Joined the router at {routers}."
+        return OK, f"{_count(sample.bus, 'neighbours')} sessions are connected."
 
 
 def levels(entries: list[Diagnostic]) -> tuple[int, ...]:
