@@ -182,6 +182,9 @@ class Controller:
         )
         if (before.why, before.driver) != (decision.why, decision.driver):
             self._outputs.changed()
+        # Silence is acted upon when it is due, not at the beat after it.
+        due_ns = self._arbiter.deadline_ns
+        self._alarm.set(due_ns if due_ns is not None and due_ns > now_ns else None)
 
     def step_soon(self) -> None:
         """A command arrived: step at once, but not more often than the board could be told."""
