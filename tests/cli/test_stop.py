@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +11,8 @@ import pytest
 from real_robot import free_endpoint, wait_for
 
 from yahboomd.cli.main import main
+from yahboomd.link import port_note
+from yahboomd.link.port_note import PortNote
 
 pytestmark = pytest.mark.realtime
 
@@ -67,6 +70,35 @@ def test_without_a_daemon_the_port_itself_is_stopped(simulated_board, capsys) ->
     assert main(["stop", "--port", board.port, *alone()]) == 0
     assert board.stands
     assert "the wheels stand" in capsys.readouterr().out
+
+
+def test_the_note_of_a_killed_daemon_leads_to_the_port_without_the_configuration(
+    simulated_board, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    board = simulated_board()
+    board.drive()
+    board.kill_owner()
+    monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
+    port_note.write(PortNote(str(board.port), 115200, True, False, False), os.environ)
+    config = tmp_path / "config.toml"
+    config.write_text("this is no TOML")
+    assert main(["stop", "--direct", "--config", str(config)]) == 0
+    assert board.stands
+    assert capsys.readouterr().err == ""
+
+
+def test_a_note_of_a_port_that_is_gone_does_not_keep_the_wheels_turning(
+    simulated_board, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    board = simulated_board()
+    board.drive()
+    board.kill_owner()
+    monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
+    port_note.write(PortNote(str(tmp_path / "gone"), 115200, True, False, False), os.environ)
+    config = tmp_path / "config.toml"
+    config.write_text(f'[serial]\nport = "{board.port}"\n')
+    assert main(["stop", "--direct", "--config", str(config)]) == 0
+    assert board.stands
 
 
 def test_a_broken_configuration_does_not_keep_the_wheels_turning(

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
 
-from yahboomd.clock import LoopClock
+from yahboomd.clock import LoopClock, SystemClock
 from yahboomd.config import Config, load
 from yahboomd.daemon import assembly
 from yahboomd.errors import PortMissing
+from yahboomd.link import port_note
+from yahboomd.link.port_note import PortNote
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 
@@ -71,6 +74,17 @@ async def test_a_missing_port_is_found_missing_at_each_attempt() -> None:
     for _ in range(2):
         with pytest.raises(PortMissing, match="/dev/not-there"):
             await open_it()
+
+
+async def test_how_the_port_was_opened_is_noted_for_the_stop_after_a_kill(tmp_path: Path) -> None:
+    master, slave = os.openpty()
+    environ = {"RUNTIME_DIRECTORY": str(tmp_path)}
+    settings = config(f"serial.port={os.ttyname(slave)}", "serial.baudrate=57600")
+    port = await assembly.opener(settings, SystemClock(), environ)()
+    port.close()
+    os.close(slave)
+    os.close(master)
+    assert port_note.read(environ) == PortNote(settings.serial.port, 57600, True, False, False)
 
 
 @on_virtual_time

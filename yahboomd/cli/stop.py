@@ -17,7 +17,14 @@ from yahboomd.cli.options import (
     daemon_endpoints,
     read_config,
 )
-from yahboomd.cli.stop_port import configuration, needs_no_configuration, take, tell, undisturbed
+from yahboomd.cli.stop_port import (
+    configuration,
+    needs_no_configuration,
+    take,
+    take_noted,
+    tell,
+    undisturbed,
+)
 from yahboomd.errors import ConfigError, LinkError, PortBusy, YahboomdError
 from yahboomd.link.seize import Seized
 
@@ -101,6 +108,9 @@ def _status(stood: bool) -> int:
 
 
 def _direct(args: argparse.Namespace) -> bool:
+    seized = take_noted(args)
+    if seized is not None:
+        return tell(_on_port(seized))
     config = None if needs_no_configuration(args) else configuration(args)
     return tell(_on_port(take(args, config)))
 

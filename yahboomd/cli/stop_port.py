@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from yahboomd.cli.options import read_config
 from yahboomd.errors import ConfigError, LinkError, PortBusy
+from yahboomd.link import port_note
 from yahboomd.link.seize import PATIENCE_S, Seized, seize
 
 if TYPE_CHECKING:
@@ -50,6 +51,21 @@ def configuration(args: argparse.Namespace) -> Config:
 
         warn(f"{error}\nStopping with the defaults instead.")
         return Config()
+
+
+def take_noted(args: argparse.Namespace) -> Seized | None:
+    """Take the port as the daemon that was killed had it, if it left a note of that.
+
+    That is so for ``ExecStopPost=`` of the service. Where the note does not lead to a port, the
+    configuration has to.
+    """
+    note = None if args.port or args.overrides else port_note.read(os.environ)
+    if note is None:
+        return None
+    try:
+        return seize(**note._asdict())
+    except OSError:
+        return None
 
 
 def take(

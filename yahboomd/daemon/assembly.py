@@ -6,6 +6,8 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
+from msgspec import structs
+
 from yahboomd.bus.options import BusOptions
 from yahboomd.clock import Clock, nanoseconds
 from yahboomd.config import Config
@@ -13,6 +15,7 @@ from yahboomd.daemon.control import Controller, ControlOptions, Outputs
 from yahboomd.daemon.latch import EstopLatch
 from yahboomd.daemon.latch_file import LatchFile
 from yahboomd.drive.arbiter import STANDING_M_S, Arbiter
+from yahboomd.link import port_note
 from yahboomd.link.discovery import candidates, choose
 from yahboomd.link.port import Port, PortOptions, open_port
 from yahboomd.link.session import Listener, Opener, Session, SessionOptions
@@ -82,8 +85,14 @@ def controller(
     )
 
 
-def opener(config: Config, clock: Clock) -> Opener:
-    """Looks for the port at each attempt: a board that comes back may be elsewhere."""
+def opener(config: Config, clock: Clock, environ: Mapping[str, str] | None = None) -> Opener:
+    """Looks for the port at each attempt: a board that comes back may be elsewhere.
+
+    Args:
+        config: What a person decided.
+        clock: What tells the time.
+        environ: Tells where to note how the port was opened, for the stop after a kill.
+    """
     serial = config.serial
 
     async def open_it() -> Port:
@@ -95,7 +104,9 @@ def opener(config: Config, clock: Clock) -> Opener:
             rts=serial.rts,
             hangup_on_close=serial.hangup_on_close,
         )
-        return await open_port(options, clock)
+        port = await open_port(options, clock)
+        port_note.write(port_note.PortNote(**structs.asdict(options)), environ or {})
+        return port
 
     return open_it
 

@@ -61,7 +61,7 @@ class Daemon:
         self._config = config
         self._environ = environ
         self._clock = clock or SystemClock()
-        self._opener = opener or assembly.opener(config, self._clock)
+        self._opener = opener or assembly.opener(config, self._clock, environ)
         self._stop = asyncio.Event()
         self._status_due = asyncio.Event()
         self._publishers: list[BusPublisher] = []
