@@ -50,8 +50,8 @@ schemas-check: $(VENV)/.dev
 	$(PY) -m yahboomd.messages.generate --check schemas
 
 .PHONY: interop
-interop: $(VENV)/.dev ## build the real ROS 2 peers once (in a cache outside the tree), and drive through them
-	@tests/interop/build.sh
+interop: $(VENV)/.dev ## build the real ROS 2 peers once (in a cache outside the tree), drive through them
+	@tests/interop/build.sh || echo "interop: what was not built is named above; its tests are skipped"
 	$(PY) -m pytest tests/interop $(ARGS)
 
 .PHONY: soak

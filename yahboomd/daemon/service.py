@@ -229,12 +229,8 @@ class Daemon:
     # The bus.
 
     def _open_outlet(self, bus: Bus, key: str, message: type[msgspec.Struct]) -> BusPublisher:
-        publisher = bus.publisher(
-            key,
-            encoding=encoding_name(message, self._config.zenoh.encoding),
-            # Nothing here may wait for a subscriber: the wheels hang on the same thread.
-            priority="data_high" if key in {keys.STATUS, keys.EVENTS} else "data",
-        )
+        # Telemetry never waits for a subscriber: the wheels hang on the same thread.
+        publisher = bus.publisher(key, encoding=encoding_name(message, self._config.zenoh.encoding))
         self._publishers.append(publisher)
         return publisher
 
