@@ -1,0 +1,166 @@
+"""What a robot costs its computer: CPU, memory and threads, by rate and by layer.
+
+CPU is what the kernel has counted for the process and its threads, over some seconds; a polled
+board is asked and pose, twist and wheels are published at the same rate to a subscriber in
+another process; a command is said 50 times a second, each other than the last. The cost of one
+command is the difference of runs with and without. By layer: the loop's thread is sampled every
+few milliseconds of CPU time, at 200 Hz and 50 commands a second, and each sample belongs to the
+innermost function of ours.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from benchmarks import flame, rig
+from benchmarks.latency import UNLIMITED, command, publisher
+from benchmarks.report import Section, median, number
+
+COMMANDS_HZ = 50
+
+
+class Cost(NamedTuple):
+    """Of one daemon in one condition.
+
+    Attributes:
+        core: Share of one core.
+        loop: Share of one core of the event loop's thread alone.
+        rss_mb: Resident memory.
+        threads: How many.
+    """
+
+    core: float
+    loop: float
+    rss_mb: float
+    threads: int
+
+
+def measure(
+    seconds: float,
+    *settings: str,
+    dialect: str = "polled",
+    commands: bool = False,
+    loop: str = "asyncio",
+    prefix: Sequence[str] = ("-m", "yahboomd"),
+    line_us: int = 5917,
+) -> Cost:
+    """Run a daemon on a thin board and look at what it uses."""
+    endpoint = rig.free_endpoint()
+    with contextlib.ExitStack() as stack:
+        where = stack.enter_context(rig.folder())
+        options = ("--dialect", dialect, "--line-us", str(line_us))
+        stack.enter_context(rig.thin_board(where, *options))
+        process = stack.enter_context(
+            rig.daemon(where, endpoint, *UNLIMITED, *settings, loop=loop, prefix=prefix)
+        )
+        session = stack.enter_context(rig.client(endpoint))
+        rig.Status(session).ready()
+        listener = rig.Process("-m", "benchmarks.listener", endpoint)
+        stack.enter_context(listener).says("ready")
+        put = publisher(session).put
+        before, loop_before = rig.usage(process.pid), main_thread_ns(process.pid)
+        end = time.monotonic() + seconds
+        n = 0
+        while time.monotonic() < end:
+            if commands:
+                put(command(300 + 7 * n % 400))
+                n += 1
+            time.sleep(1.0 / COMMANDS_HZ)
+        after, loop_after = rig.usage(process.pid), main_thread_ns(process.pid)
+        return Cost(
+            core=rig.share_of_core(before, after),
+            loop=(loop_after - loop_before) / (after.wall_ns - before.wall_ns),
+            rss_mb=after.rss_kb / 1024,
+            threads=after.threads,
+        )
+
+
+def main_thread_ns(pid: int) -> int:
+    """CPU of the event loop's thread so far."""
+    return int(Path(f"/proc/{pid}/task/{pid}/schedstat").read_text().split()[0])
+
+
+def rates(rate_hz: float) -> tuple[str, str]:
+    """Polls and poses at one rate."""
+    return f"odometry.poll_rate_hz={rate_hz}", f"odometry.publish_rate_hz={rate_hz}"
+
+
+def bench(*, short: bool, images: Path) -> Section:
+    """The section."""
+    section = Section(
+        name="cost",
+        title="Cost: CPU, memory, threads, and where they go",
+        how=__doc__.split("\n\n", 1)[1].replace("\n", " "),
+    )
+    seconds = 1.0 if short else 8.0
+    loops = ["asyncio"]
+    with contextlib.suppress(ImportError):
+        __import__("uvloop")
+        loops.append("uvloop")
+    rows = []
+    per_command: dict[str, list[float]] = {loop: [] for loop in loops}
+    cores: dict[tuple[str, float], float] = {}
+    for rate_hz in (50,) if short else (20, 50, 100, 200):
+        for loop in loops:
+            quiet = measure(seconds, *rates(rate_hz), loop=loop)
+            driven = measure(seconds, *rates(rate_hz), loop=loop, commands=True)
+            cores[loop, rate_hz] = quiet.core
+            per_command[loop].append((driven.core - quiet.core) / COMMANDS_HZ * 1e6)
+            rows.append(
+                [f"polled, {rate_hz} Hz", loop, number(100 * quiet.core), number(100 * quiet.loop),
+                 number(100 * driven.core), number(quiet.rss_mb), str(quiet.threads)]
+            )  # fmt: skip
+    for line_us in () if short else (5917, 2457):
+        for loop in loops:
+            quiet = measure(seconds, dialect="streamed", loop=loop, line_us=line_us)
+            driven = measure(seconds, dialect="streamed", loop=loop, line_us=line_us, commands=True)
+            name = f"streamed, {1e6 / line_us:.0f} lines a second, published at 50 Hz"
+            rows.append(
+                [name, loop, number(100 * quiet.core), number(100 * quiet.loop),
+                 number(100 * driven.core), number(quiet.rss_mb), str(quiet.threads)]
+            )  # fmt: skip
+    section.table(
+        "Percent of one core; the last columns are MB and a count.",
+        ["board", "event loop", "all", "of it the loop's thread", "with 50 commands/s",
+         "resident", "threads"],
+        rows,
+    )  # fmt: skip
+    for loop in loops:
+        if not short:
+            slope = (cores[loop, 200] - cores[loop, 20]) / 180 * 1e6
+            section.findings.append(
+                f"{loop}: {number(slope)} µs of CPU for a poll with its three samples, and "
+                f"{number(median(per_command[loop]))} µs for a command (medians)."
+            )
+    profile(section, 2.0 if short else 40.0, images)
+    return section
+
+
+def profile(section: Section, seconds: float, images: Path) -> None:
+    """Where the loop's thread spends its time."""
+    with rig.folder() as where:
+        path = where / "stacks"
+        prefix = ("-m", "benchmarks.sampled", str(path))
+        measure(seconds, *rates(200), commands=True, prefix=prefix)
+        stacks = flame.read(path)
+    total = sum(stacks.values())
+    title = f"The event loop's thread at 200 Hz and 50 commands a second, {total} samples"
+    flame.draw(stacks, images / "flame.svg", title)
+    section.images.append(("flame.svg", title + "; width is CPU time."))
+    section.table(
+        f"By room, % of the loop's {total} samples.",
+        ["room", "%"],
+        [[room, number(100.0 * n / total)] for room, n in flame.by_room(stacks).most_common()],
+    )
+    section.table(
+        "By function, the fifteen costliest.",
+        ["function", "%"],
+        [
+            [f"`{function}`", number(100.0 * n / total)]
+            for function, n in flame.by_function(stacks).most_common(15)
+        ],
+    )

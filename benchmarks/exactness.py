@@ -1,0 +1,318 @@
+"""How far the pose strays, by formula, rate and path, and whether the covariance knows it.
+
+Three kinds of input: exact travel of the wheels on mathematical paths, which leaves a formula's
+own error; whole counts of an encoder (1320 a turn, wheel of 67 mm, track 0.17 m) on the same
+paths and on 1000 random ones; and counts recorded from the simulated robot, with its motors and
+its serial line, compared with the simulator's ground truth at the end of each drive. The floor of
+the encoders is the error of counts read 1000 times a second: what no formula gets below. The
+formulas of others are applied to the same counts.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path as File
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from benchmarks.formulas import FORMULAS, KINEMATICS, OURS, Counted, Places, motors
+from benchmarks.paths import (
+    FINE_HZ,
+    PATHS,
+    RADIUS_M,
+    TICK_M,
+    TICKS,
+    TRACK_M,
+    Path,
+    Truth,
+    counts,
+    random_path,
+    truth,
+)
+from benchmarks.recorded import DRIVES, record
+from benchmarks.report import Section, number
+from yahboomd.odometry.covariance import NOISE_M, Covariance
+from yahboomd.odometry.integrator import Integrator
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+RATES_HZ = (10, 20, 50, 100)
+SLOPE_RATES_HZ = (5, 10, 20, 25, 40, 50, 100)
+FINE_TICKS = 1e13
+OFFSETS = (0.7, 0.23)
+"""Where in a tick the wheels start."""
+
+
+def counted(path: Truth, rate_hz: int, ticks: float) -> tuple[Counted, Counted]:
+    """The counters at a rate."""
+    at = path.at(rate_hz)
+    a, b = OFFSETS if ticks == TICKS else (0.5, 0.5)
+    return counts(at.left, ticks, a), counts(at.right, ticks, b)
+
+
+def errors(path: Truth, rate_hz: int, ticks: float, formula: str) -> tuple[float, float]:
+    """Largest error of place in mm, and of heading in degrees."""
+    return strayed(path, rate_hz, FORMULAS[formula](*counted(path, rate_hz, ticks), ticks))
+
+
+def strayed(path: Truth, rate_hz: int, places: Places) -> tuple[float, float]:
+    """Largest error of place in mm, and of heading in degrees."""
+    at = path.at(rate_hz)
+    x, y, theta = places
+    place = np.hypot(x - at.x, y - at.y).max()
+    return 1000.0 * float(place), math.degrees(float(np.abs(theta - at.theta).max()))
+
+
+def floor_mm(path: Truth) -> float:
+    """The encoders' own error of place."""
+    return errors(path, FINE_HZ, TICKS, OURS)[0]
+
+
+def cell(values: list[float]) -> str:
+    """Figures at all rates."""
+    return " / ".join("0" if value < 5e-6 else number(value) for value in values)
+
+
+def tables_of_paths(section: Section, rates: tuple[int, ...]) -> None:
+    """The named paths, exact and counted."""
+    truths = {name: truth(path) for name, path in PATHS.items()}
+    at = " / ".join(map(str, rates))
+    for title, ticks in (("exact wheel travel", FINE_TICKS), ("whole counts", TICKS)):
+        rows = [
+            [name]
+            + [cell([errors(path, rate, ticks, f)[0] for rate in rates]) for f in FORMULAS]
+            + ([number(floor_mm(path))] if ticks == TICKS else [])
+            for name, path in truths.items()
+        ]
+        header = ["path", *FORMULAS, *(["encoders' floor"] if ticks == TICKS else [])]
+        section.table(f"Largest error of place in mm at {at} Hz, {title}.", header, rows)
+
+
+def table_of_random(section: Section, many: int, rates: tuple[int, ...]) -> dict[str, list[float]]:
+    """Many random paths; returns the errors at 20 Hz by formula, for the picture."""
+    place: dict[tuple[str, int], list[float]] = {}
+    turn: dict[tuple[str, int], list[float]] = {}
+    own: list[float] = []
+    floors: list[float] = []
+    for seed in range(many):
+        path = truth(random_path(seed))
+        floors.append(floor_mm(path))
+        own.append(errors(path, 50, FINE_TICKS, OURS)[0] / floors[-1])
+        for rate in rates:
+            for formula in FORMULAS:
+                mm, degrees = errors(path, rate, TICKS, formula)
+                place.setdefault((formula, rate), []).append(mm)
+                turn.setdefault((formula, rate), []).append(degrees)
+    rows = []
+    for formula in FORMULAS:
+        for rate in rates:
+            far, turned = place[formula, rate], turn[formula, rate]
+            share = float(np.median(np.array(far) / np.array(floors)))
+            rows.append(
+                [formula, str(rate), number(float(np.median(far))),
+                 number(float(np.quantile(far, 0.99))), number(max(far)), number(share),
+                 number(max(turned))]
+            )  # fmt: skip
+    section.table(
+        f"{many} random paths of 20 s, whole counts: largest error along each; the encoders' floor "
+        f"is {number(float(np.median(floors)))} mm at the median.",
+        ["formula", "Hz", "median mm", "p99 mm", "worst mm", "median / floor", "worst heading °"],
+        rows,
+    )
+    bound = math.degrees(2.0 * TICK_M / TRACK_M)
+    worst = max(max(turn[OURS, rate]) for rate in rates)
+    verdict = "kept" if worst <= bound else "broken"
+    section.findings.append(
+        f"Heading stays within two ticks over the track ({number(bound)}°) on all {many} random "
+        f"paths: the worst is {number(worst)}°, {verdict}."
+    )
+    section.findings.append(
+        f"At 50 Hz the formula's own error is {number(100 * float(np.median(own)))} % of the "
+        f"encoders' floor at the median of the random paths, {number(100 * max(own))} % at worst."
+    )
+    return {formula: place[formula, 20] for formula in FORMULAS}
+
+
+def table_of_records(section: Section, rates: tuple[int, ...]) -> None:
+    """The simulated robot."""
+    rows = []
+    for name, drive in DRIVES.items():
+        cells: dict[str, list[float]] = {formula: [] for formula in FORMULAS}
+        headings, length_m = [], 0.0
+        for rate in rates:
+            taken = record(drive, dialect="polled", poll_rate_hz=rate)
+            length_m = taken.length_m
+            left = np.array([reading.ticks[0] for reading in taken.readings])
+            right = np.array([reading.ticks[2] for reading in taken.readings])
+            for formula, integrate in FORMULAS.items():
+                x, y, theta = integrate(left, right, TICKS)
+                cells[formula].append(1000 * math.hypot(x[-1] - taken.end.x, y[-1] - taken.end.y))
+            headings.append(abs(math.degrees(float(theta[-1]) - taken.end.theta)))
+        rows.append([f"{name}, {number(length_m)} m", *map(cell, cells.values()), cell(headings)])
+    at = " / ".join(map(str, rates))
+    section.table(
+        "Counts recorded from the simulated robot, polled: error of place at the end in mm at "
+        f"{at} Hz; the last column is yahboomd's error of heading in degrees.",
+        ["drive", *FORMULAS, "heading °"],
+        rows,
+    )
+
+
+def slopes(section: Section) -> dict[str, list[float]]:
+    """How the error falls with the rate, on exact travel."""
+    path = truth(PATHS["figure of eight, 40 m"])
+    found = {
+        formula: [errors(path, rate, FINE_TICKS, formula)[0] for rate in SLOPE_RATES_HZ]
+        for formula in FORMULAS
+    }
+    rows = []
+    for formula, values in found.items():
+        # Single precision has a floor of its own, which would bend its line.
+        few = slice(0, 4)
+        fit = np.polyfit(np.log(SLOPE_RATES_HZ[few]), np.log(values[few]), 1)
+        rows.append([formula, number(-float(fit[0])), number(values[1])])
+    section.table(
+        "Order of convergence on the figure of eight (exact travel, 5 to 25 Hz), and mm at 10 Hz.",
+        ["formula", "order", "mm"],
+        rows,
+    )
+    return found
+
+
+def nees(runs: int, path: Path, seed: int) -> float:
+    """Average of (error² over covariance) / 3 at the end, over runs with noisy wheels; 1 is right.
+
+    Each wheel's travel is wrong by a random walk of NOISE_M per metre, as the covariance assumes.
+    """
+    chance = np.random.default_rng(seed)
+    rate = 50
+    fine = truth(path)
+    at = fine.at(rate)
+    total = 0.0
+    for _ in range(runs):
+        columns = []
+        for travel in (at.left, at.right):
+            steps = np.abs(np.diff(travel))
+            walk = np.cumsum(chance.normal(0.0, np.sqrt(NOISE_M * steps)))
+            noisy = travel + np.concatenate(([0.0], walk))
+            columns.append(counts(noisy, TICKS, chance.uniform()).tolist())
+        integrator = Integrator(KINEMATICS, motors(TICKS))
+        covariance = Covariance(KINEMATICS, motors(TICKS))
+        start = columns[0][0], columns[1][0]
+        before = (0, 0)
+        for left, right in zip(columns[0][1:], columns[1][1:], strict=True):
+            now = left - start[0], right - start[1]
+            deltas = now[0] - before[0], now[1] - before[1]
+            covariance.step(deltas, integrator.step(deltas, now, 1))
+            before = now
+        pose = integrator.pose
+        error = np.array([pose.x - at.x[-1], pose.y - at.y[-1], pose.theta - at.theta[-1]])
+        total += float(error @ np.linalg.solve(np.array(covariance.pose).reshape(3, 3), error))
+    return total / runs / 3.0
+
+
+def table_of_nees(section: Section, runs: int) -> None:
+    """Whether the covariance fits the errors."""
+    # Wilson and Hilferty's bounds of chi-squared over its degrees, 99 %.
+    degrees = 3 * runs
+    spread = 2.5758 * math.sqrt(2.0 / (9.0 * degrees))
+    low, high = ((1.0 - 2.0 / (9.0 * degrees) + sign * spread) ** 3 for sign in (-1, 1))
+    chosen = {
+        "straight, 5 m": Path(10.0, *PATHS["straight, 50 m"][1:]),
+        "circle, 10 m": Path(20.0, *PATHS["circle R 0.5 m, 50 m"][1:]),
+        "square, twice": PATHS["square, side 1 m, twice"],
+        "figure of eight, 10 m": Path(20.0, *PATHS["figure of eight, 40 m"][1:]),
+        "random": random_path(7),
+    }
+    rows = []
+    values = []
+    for seed, (name, path) in enumerate(chosen.items()):
+        values.append(nees(runs, path, seed))
+        inside = "inside" if low <= values[-1] <= high else "outside"
+        rows.append([name, number(values[-1]), inside])
+    section.table(
+        f"Average NEES over 3 of {runs} runs with noisy wheels; 99 % bounds {number(low)} to "
+        f"{number(high)}.",
+        ["path", "NEES / 3", "bounds"],
+        rows,
+    )
+    outside = sum(row[2] == "outside" for row in rows)
+    section.findings.append(
+        f"The covariance fits the errors: NEES {number(min(values))} to {number(max(values))} of "
+        f"its expectation, {len(rows) - outside} of {len(rows)} paths inside the 99 % bounds."
+    )
+
+
+COLOURS = ("#999999", "#c77dff", "#f4a261", "#e76f51", "#2a9d8f")
+
+
+def picture(width: float, height: float) -> tuple[Figure, object]:
+    """A figure with one pair of axes."""
+    from matplotlib.figure import Figure as NewFigure
+
+    figure = NewFigure(figsize=(width, height), layout="constrained")
+    axes = figure.subplots()
+    axes.grid(True, which="major", color="#e5e5e5", linewidth=0.8)
+    axes.set_axisbelow(True)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    return figure, axes
+
+
+def pictures(
+    section: Section, found: dict[str, list[float]], spread: dict[str, list[float]], images: File
+) -> None:
+    """The plots."""
+    figure, axes = picture(7.5, 4.6)
+    for (formula, values), colour in zip(found.items(), COLOURS, strict=True):
+        axes.loglog(SLOPE_RATES_HZ, values, "o-", color=colour, label=formula, markersize=4)  # type: ignore[attr-defined]
+    axes.axhline(  # type: ignore[attr-defined]
+        floor_mm(truth(PATHS["figure of eight, 40 m"])), color="black", linestyle=":", linewidth=1,
+        label="the encoders' own floor",
+    )  # fmt: skip
+    axes.set(xlabel="samples a second", ylabel="largest error of place, mm")  # type: ignore[attr-defined]
+    axes.set_xticks(SLOPE_RATES_HZ, [str(rate) for rate in SLOPE_RATES_HZ])  # type: ignore[attr-defined]
+    axes.minorticks_off()  # type: ignore[attr-defined]
+    axes.legend(fontsize=8, frameon=False)  # type: ignore[attr-defined]
+    _save(section, figure, images, "convergence.png",
+          "A figure of eight of 40 m at 0.5 m/s: the formula's own error by rate.")  # fmt: skip
+    figure, axes = picture(7.5, 4.2)
+    for (formula, values), colour in zip(spread.items(), COLOURS, strict=True):
+        ordered = np.sort(values)
+        share = np.arange(1, len(ordered) + 1) / len(ordered)
+        axes.semilogx(ordered, share, color=colour, label=formula)  # type: ignore[attr-defined]
+    axes.set(  # type: ignore[attr-defined]
+        xlabel="largest error of place along the path, mm (20 Hz, whole counts)",
+        ylabel="share of the random paths",
+    )
+    axes.legend(fontsize=8, frameon=False)  # type: ignore[attr-defined]
+    _save(section, figure, images, "random_paths.png",
+          f"{len(ordered)} random paths of 20 s: how many stay below an error.")  # fmt: skip
+
+
+def _save(section: Section, figure: Figure, images: File, name: str, caption: str) -> None:
+    figure.savefig(images / name, dpi=130)
+    section.images.append((name, caption))
+
+
+def bench(*, short: bool, images: File) -> Section:
+    """The section."""
+    assert __doc__ is not None
+    section = Section(
+        name="exactness",
+        title="Exactness: where the pose is",
+        how=__doc__.split("\n\n", 1)[1].replace("\n", " ")
+        + f" Wheel radius {RADIUS_M} m. Formulas as their sources have them: linorobot2 takes the "
+        "heading before the step in single precision; mecanum_drive_controller the heading after "
+        "it; the article the one in mid-step; diff_drive_controller the arc.",
+    )
+    rates = (20,) if short else RATES_HZ
+    tables_of_paths(section, rates)
+    spread = table_of_random(section, 5 if short else 1000, rates)
+    table_of_records(section, rates)
+    found = slopes(section)
+    table_of_nees(section, 3 if short else 200)
+    pictures(section, found, spread, images)
+    return section

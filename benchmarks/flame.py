@@ -1,0 +1,96 @@
+"""Sampled stacks as a flame graph, and as shares of each room of the house."""
+
+from __future__ import annotations
+
+import html
+from collections import Counter
+from pathlib import Path
+
+Stacks = dict[tuple[str, ...], int]
+
+WIDTH, ROW = 1200, 17
+COLOURS = {
+    "yahboomd.link": "#f4a261",
+    "yahboomd.protocol": "#e9c46a",
+    "yahboomd.odometry": "#2a9d8f",
+    "yahboomd.drive": "#8ab17d",
+    "yahboomd.daemon": "#e76f51",
+    "yahboomd.messages": "#90a8ed",
+    "yahboomd.bus": "#c77dff",
+    "yahboomd": "#f7b9a6",
+    "asyncio": "#bbbbbb",
+    "selectors": "#dddddd",
+}
+IDLE = "selectors:"
+
+
+def read(path: Path) -> Stacks:
+    """The sampler's file; what comes before the event loop is left out, and so is waiting."""
+    stacks: Counter[tuple[str, ...]] = Counter()
+    for line in path.read_text().splitlines():
+        stack, _, count = line.rpartition(" ")
+        names = stack.split(";")
+        start = next((n for n, name in enumerate(names) if name.endswith("_run_once")), None)
+        if start is not None and not names[-1].startswith(IDLE):
+            stacks[tuple(names[start:])] += int(count)
+    return dict(stacks)
+
+
+def by_room(stacks: Stacks) -> Counter[str]:
+    """Samples by the innermost room of ours: what it calls outside the house is its own."""
+    rooms: Counter[str] = Counter()
+    for stack, count in stacks.items():
+        ours = [name for name in stack if name.startswith("yahboomd.")]
+        room = ".".join(ours[-1].split(":")[0].split(".")[:2]) if ours else "asyncio"
+        rooms[room] += count
+    return rooms
+
+
+def by_function(stacks: Stacks) -> Counter[str]:
+    """Samples in which a function of ours was the innermost of ours."""
+    functions: Counter[str] = Counter()
+    for stack, count in stacks.items():
+        ours = [name for name in stack if name.startswith("yahboomd.")]
+        functions[ours[-1] if ours else "(the event loop)"] += count
+    return functions
+
+
+def draw(stacks: Stacks, path: Path, title: str) -> None:
+    """Write the graph as SVG: width is time, callers below their callees' bars are above them."""
+    total = sum(stacks.values())
+    depth = max((len(stack) for stack in stacks), default=0)
+    height = (depth + 2) * ROW
+    out = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH}" height="{height}"',
+        'font-family="sans-serif" font-size="11"><rect width="100%" height="100%" fill="white"/>',
+        f'<text x="4" y="12">{html.escape(title)}</text>',
+    ]
+    _draw(out, stacks, 0, 0.0, total)
+    path.write_text("\n".join([*out, "</svg>"]) + "\n")
+
+
+def _draw(out: list[str], stacks: Stacks, depth: int, left: float, total: int) -> None:
+    groups: dict[str, Stacks] = {}
+    for stack, count in stacks.items():
+        if len(stack) > depth:
+            groups.setdefault(stack[depth], {})[stack] = count
+    for name, group in sorted(groups.items()):
+        count = sum(group.values())
+        width = count / total * WIDTH
+        if width >= 1.0:
+            y = (depth + 1) * ROW
+            label = name.split(":")[-1]
+            fits = int(width / 6.2)
+            words = label if len(label) <= fits else label[: max(0, fits - 1)] + "…" * (fits > 3)
+            out.append(
+                f"<g><title>{html.escape(name)}: {100.0 * count / total:.1f} %</title>"
+                f'<rect x="{left:.1f}" y="{y}" width="{width - 0.3:.1f}" height="{ROW - 1}" '
+                f'fill="{_colour(name)}"/><text x="{left + 2:.1f}" y="{y + 12}">'
+                f"{html.escape(words)}</text></g>"
+            )
+            _draw(out, group, depth + 1, left, total)
+        left += width
+
+
+def _colour(name: str) -> str:
+    return next((colour for room, colour in COLOURS.items() if name.startswith(room)), "#eeeeee")

@@ -1,0 +1,198 @@
+"""How many robots one machine and one router carry, and what a message costs.
+
+Robots on one machine: pairs of `yahboomd simulate` and `yahboomd run`, streamed, publishing at 50
+Hz to a subscriber, more and more of them, until poses are lost or late. One router: clients with
+a namespace each put a 300-byte pose 50 times a second through one router process (a Python
+session in router mode, which is the same code as zenohd); an operator hears all of them and says
+10 commands a second to each. Robots, router and operator share the machine's two cores, so what
+saturates first is told with the CPU of each. Everything stays on loopback and ends after some
+seconds.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import time
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from benchmarks import rig
+from benchmarks.report import Section, milliseconds, number
+
+PER_PROCESS = 100
+POSE_HZ = 50
+COMMANDS_HZ = 10
+
+
+class Load(NamedTuple):
+    """One step.
+
+    Attributes:
+        offered_hz: Poses a second that were to be sent.
+        result: What the operator saw.
+        router: Share of a core of the router.
+        robots: Of all robots' processes.
+        operator: Of the operator's.
+        rss_mb: The router's resident memory.
+    """
+
+    offered_hz: float
+    result: dict[str, Any]
+    router: float
+    robots: float
+    operator: float
+    rss_mb: float
+
+
+def routed(count: int, seconds: float, *, listened: bool = True) -> Load:
+    """So many robots through one router; ``listened`` not: nobody hears and commands them."""
+    endpoint = rig.free_endpoint()
+    load = ("-m", "benchmarks.fleet_load")
+    with contextlib.ExitStack() as stack:
+        router = stack.enter_context(rig.Process(*load, "router", endpoint))
+        router.says("ready")
+        crowds = [
+            stack.enter_context(
+                rig.Process(
+                    *load, "robots", endpoint, str(first), str(min(PER_PROCESS, count - first))
+                )
+            )
+            for first in range(0, count, PER_PROCESS)
+        ]
+        for crowd in crowds:
+            crowd.says("ready")
+        result: dict[str, Any] = {}
+        operator = None
+        if listened:
+            options = (str(count), str(seconds + 1.0), str(COMMANDS_HZ))
+            operator = rig.Process(*load, "operator", endpoint, *options)
+            stack.enter_context(operator)
+            time.sleep(2.0)
+        meters = [router, *crowds, *([operator] if operator else [])]
+        before = [rig.usage(each.pid) for each in meters]
+        time.sleep(seconds - 0.5)
+        after = [rig.usage(each.pid) for each in meters]
+        shares = [rig.share_of_core(a, b) for a, b in zip(before, after, strict=True)]
+        if operator is not None:
+            result = json.loads(operator.says("result ").split(" ", 1)[1])
+        return Load(
+            offered_hz=count * POSE_HZ,
+            result=result,
+            router=shares[0],
+            robots=sum(shares[1 : 1 + len(crowds)]),
+            operator=shares[-1] if operator else 0.0,
+            rss_mb=after[0].rss_kb / 1024,
+        )
+
+
+def pairs(count: int, seconds: float) -> dict[str, float]:
+    """Simulated boards and daemons side by side."""
+    endpoints = [rig.free_endpoint() for _ in range(count)]
+    with contextlib.ExitStack() as stack:
+        where = stack.enter_context(rig.folder())
+        boards, daemons = [], []
+        for n, endpoint in enumerate(endpoints):
+            boards.append(stack.enter_context(rig.simulator(where, name=f"board{n}")))
+            daemons.append(stack.enter_context(rig.daemon(where, endpoint, port=f"board{n}")))
+        ears = rig.Process("-m", "benchmarks.fleet_load", "ears", str(seconds), *endpoints)
+        stack.enter_context(ears)
+        ears.says("ready")
+        before = [rig.usage(each.pid) for each in (*boards, *daemons)]
+        found: dict[str, float] = json.loads(ears.says("result ").split(" ", 1)[1])
+        after = [rig.usage(each.pid) for each in (*boards, *daemons)]
+        shares = [rig.share_of_core(a, b) for a, b in zip(before, after, strict=True)]
+        found["board"] = sum(shares[:count]) / count
+        found["daemon"] = sum(shares[count:]) / count
+        found["rss_mb"] = sum(each.rss_kb for each in after[count:]) / count / 1024
+        return found
+
+
+def edge(seconds: float) -> tuple[float, float, float]:
+    """Twenty robots behind a router that thins their poses to 2 Hz on their way up.
+
+    Returns:
+        Poses a second offered, poses a second that the operator at the upper router got, and the
+        upper router's share of a core.
+    """
+    upper, lower = rig.free_endpoint(), rig.free_endpoint()
+    load = ("-m", "benchmarks.fleet_load")
+    with contextlib.ExitStack() as stack:
+        top = stack.enter_context(rig.Process(*load, "router", upper))
+        top.says("ready")
+        stack.enter_context(rig.Process(*load, "router", lower, upper, "2", "20")).says("ready")
+        stack.enter_context(rig.Process(*load, "robots", lower, "0", "20")).says("ready")
+        time.sleep(1.0)
+        operator = rig.Process(*load, "operator", upper, "20", str(seconds), "1")
+        stack.enter_context(operator)
+        time.sleep(1.5)
+        before = rig.usage(top.pid)
+        time.sleep(seconds - 1.0)
+        share = rig.share_of_core(before, rig.usage(top.pid))
+        result = json.loads(operator.says("result ").split(" ", 1)[1])
+        return 20.0 * POSE_HZ, float(result["poses_hz"]), share
+
+
+def bench(*, short: bool, images: Path) -> Section:  # noqa: ARG001 - it has none
+    """The section."""
+    assert __doc__ is not None
+    section = Section(
+        name="fleet",
+        title="Fleet: how many robots a machine and a router carry",
+        how=__doc__.split("\n\n", 1)[1].replace("\n", " "),
+    )
+    seconds = 2.0 if short else 8.0
+    rows = []
+    for count in (1,) if short else (1, 2, 4, 8, 12, 16):
+        found = pairs(count, seconds)
+        share = found["poses_hz"] / (count * POSE_HZ)
+        rows.append(
+            [str(count), number(found["poses_hz"]), number(100 * share),
+             milliseconds(found["p50_ns"]), milliseconds(found["p99_ns"]),
+             number(100 * found["daemon"]), number(100 * found["board"]),
+             number(found["rss_mb"])]
+        )  # fmt: skip
+        if share < 0.9:
+            break
+    section.table(
+        "Pairs of simulator and daemon on this machine; age is from the board's sampling to the "
+        "subscriber, CPU is percent of a core for each process.",
+        ["pairs", "poses/s", "% of 50 Hz each", "age p50 ms", "age p99 ms", "daemon CPU",
+         "simulator CPU", "daemon MB"],
+        rows,
+    )  # fmt: skip
+    rows = []
+    costs = []
+    for count in (10,) if short else (25, 50, 100, 200, 300, 400):
+        load = routed(count, seconds)
+        result = load.result
+        messages = result["poses_hz"] + result["commands_hz"]
+        costs.append((count, load.router / messages * 1e6))
+        rows.append(
+            [str(count), number(load.offered_hz), number(result["poses_hz"]),
+             number(result["commands_hz"]), milliseconds(result["p50_ns"]),
+             milliseconds(result["p99_ns"]), number(100 * load.router),
+             number(costs[-1][1]), number(100 * load.robots), number(100 * load.operator),
+             number(load.rss_mb)]
+        )  # fmt: skip
+        if result["poses_hz"] < 0.7 * load.offered_hz:
+            break
+    section.table(
+        "One router; a message is one pose or command through it, in and out. CPU in percent of a "
+        "core.",
+        ["robots", "poses/s offered", "poses/s heard", "commands/s", "p50 ms", "p99 ms",
+         "router CPU", "router µs a message", "robots CPU", "operator CPU", "router MB"],
+        rows,
+    )  # fmt: skip
+    count = 10 if short else 200
+    alone = routed(count, seconds, listened=False)
+    section.findings.append(
+        f"{count} robots that nobody listens to cost the router {number(100 * alone.router)} % of "
+        "a core: publishers are told that there is no subscriber, and send nothing."
+    )
+    offered, got, share = edge(3.0 if short else 8.0)
+    section.findings.append(
+        f"A router at the edge that thins poses to 2 Hz passed {number(got)} of {number(offered)} "
+        f"poses a second up; the router above used {number(100 * share)} % of a core."
+    )
+    return section

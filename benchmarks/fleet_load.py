@@ -1,0 +1,187 @@
+"""The processes of the fleet benchmark: routers, robots and an operator, all on loopback.
+
+    python -m benchmarks.fleet_load router LISTEN [UPSTREAM HZ ROBOTS]
+    python -m benchmarks.fleet_load robots ROUTER FIRST COUNT
+    python -m benchmarks.fleet_load operator ROUTER COUNT SECONDS COMMANDS_HZ
+    python -m benchmarks.fleet_load ears SECONDS ENDPOINT ...
+
+A robot here is a Zenoh client with a namespace that puts a pose of the daemon's size 50 times a
+second and hears its commands: what a router sees of a daemon, without the daemon. With HZ a router
+passes no robot's pose on more often than that.
+"""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable
+
+import msgspec
+import zenoh
+from zenoh.handlers import Callback
+
+from benchmarks.report import quantile
+from benchmarks.rig import client
+from yahboomd.messages.native import PoseSample
+
+POSE_HZ = 50
+TICK_S = 0.002
+
+
+def until_told() -> threading.Event:
+    """Set when the process is asked to end."""
+    done = threading.Event()
+    signal.signal(signal.SIGTERM, lambda _number, _frame: done.set())
+    return done
+
+
+def router(listen: str, upstream: str = "", hz: str = "", count: str = "0") -> None:
+    """A router: the same code as zenohd's, in a Python process that sleeps."""
+    config = zenoh.Config()
+    config.insert_json5("mode", '"router"')
+    config.insert_json5("listen/endpoints", json.dumps([listen]))
+    config.insert_json5("scouting/multicast/enabled", "false")
+    if upstream:
+        config.insert_json5("connect/endpoints", json.dumps([upstream]))
+    if hz:
+        # A rule has one clock for all keys that it matches: each robot needs one of its own.
+        rule = {
+            "flows": ["egress"],
+            "messages": ["put"],
+            "rules": [
+                {"key_expr": f"bot{n}/yahboomd/pose", "freq": float(hz)} for n in range(int(count))
+            ],
+        }
+        config.insert_json5("downsampling", json.dumps([rule]))
+    done = until_told()
+    with zenoh.open(config):
+        print("ready", flush=True)
+        done.wait()
+
+
+def pose(seq: int, sent_ns: int) -> bytes:
+    """A pose sample; the stamp is monotonic, which all processes of a machine share."""
+    sample = PoseSample(
+        stamp_ns=sent_ns,
+        seq=seq,
+        frame_id="odom",
+        child_frame_id="base_link",
+        x=1.2345678901234567,
+        y=-0.3456789012345678,
+        theta=2.3456789012345678,
+        covariance=(1.234567890123e-05,) * 9,
+    )
+    return msgspec.json.encode(sample)
+
+
+def robots(endpoint: str, first: str, count: str) -> None:
+    """Clients with namespaces, in one process, their puts spread over the period."""
+    heard = [0]
+    puts = []
+    sessions = []
+    for n in range(int(first), int(first) + int(count)):
+        session = client(endpoint)
+
+        def take(_sample: zenoh.Sample) -> None:
+            heard[0] += 1
+
+        session.declare_subscriber(f"bot{n}/cmd_vel", Callback(take, indirect=False))
+        publisher = session.declare_publisher(
+            f"bot{n}/yahboomd/pose",
+            congestion_control=zenoh.CongestionControl.DROP,
+            express=True,
+        )
+        puts.append(publisher.put)
+        sessions.append(session)
+    done = until_told()
+    print("ready", flush=True)
+    start = time.monotonic()
+    sent = 0
+    while not done.is_set():
+        due = int((time.monotonic() - start) * POSE_HZ * len(puts))
+        # Whoever is late does not make up for more than one period.
+        sent = max(sent, due - len(puts))
+        while sent < due:
+            puts[sent % len(puts)](pose(sent, time.monotonic_ns()))
+            sent += 1
+        time.sleep(TICK_S)
+    print("heard", heard[0], "sent", sent, flush=True)
+    for session in sessions:
+        session.close()
+
+
+def operator(endpoint: str, count: str, seconds: str, commands_hz: str) -> None:
+    """Hears every pose and commands every robot; prints what came."""
+    ages: list[int] = []
+    stamp = b'"stamp_ns":'
+
+    def take(sample: zenoh.Sample) -> None:
+        payload = sample.payload.to_bytes()
+        at = payload.index(stamp) + len(stamp)
+        ages.append(time.monotonic_ns() - int(payload[at : payload.index(b",", at)]))
+
+    with client(endpoint) as session:
+        session.declare_subscriber("*/yahboomd/pose", Callback(take, indirect=False))
+        time.sleep(1.0)
+        puts = [
+            session.declare_publisher(
+                f"bot{n}/cmd_vel", priority=zenoh.Priority.REAL_TIME, express=True
+            ).put
+            for n in range(int(count))
+        ]
+        rate = float(commands_hz) * len(puts)
+        ages.clear()
+        start = time.monotonic()
+        sent = 0
+        while (passed := time.monotonic() - start) < float(seconds):
+            while sent < passed * rate:
+                puts[sent % len(puts)](b'{"vx":0.3,"wz":0.1}')
+                sent += 1
+            time.sleep(TICK_S)
+        took, found = time.monotonic() - start, list(ages)
+    result = {
+        "poses_hz": len(found) / took,
+        "commands_hz": sent / took,
+        "p50_ns": quantile(found, 0.5),
+        "p99_ns": quantile(found, 0.99),
+    }
+    print("result", json.dumps(result), flush=True)
+
+
+def ears(seconds: str, *endpoints: str) -> None:
+    """Hears the poses of daemons, each at its own endpoint; prints how many came, and how old."""
+    ages: list[int] = []
+
+    def take(sample: zenoh.Sample) -> None:
+        ages.append(time.time_ns() - int(json.loads(sample.payload.to_bytes())["stamp_ns"]))
+
+    sessions = [client(endpoint) for endpoint in endpoints]
+    for session in sessions:
+        session.declare_subscriber("yahboomd/pose", Callback(take, indirect=False))
+    time.sleep(2.0)
+    print("ready", flush=True)
+    ages.clear()
+    start = time.monotonic()
+    time.sleep(float(seconds))
+    took, found = time.monotonic() - start, list(ages)
+    result = {
+        "poses_hz": len(found) / took,
+        "p50_ns": quantile(found, 0.5),
+        "p99_ns": quantile(found, 0.99),
+    }
+    print("result", json.dumps(result), flush=True)
+    for session in sessions:
+        session.close()
+
+
+if __name__ == "__main__":
+    ROLES: dict[str, Callable[..., None]] = {
+        "router": router,
+        "robots": robots,
+        "operator": operator,
+        "ears": ears,
+    }
+    ROLES[sys.argv[1]](*sys.argv[2:])

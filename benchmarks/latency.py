@@ -1,0 +1,232 @@
+"""From a put in another process to the last byte of the speed frame leaving the pty.
+
+Three processes get commands in turn, a few milliseconds apart: the daemon, under the full load of
+counters coming in and of poses going out at 50 Hz to a subscriber; a bare Zenoh callback that
+writes to a pty; a bare socket that does. One process stamps what leaves all three ptys.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import random
+import re
+import socket
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import zenoh
+
+from benchmarks import rig
+from benchmarks.report import Section, milliseconds, number, quantile
+from benchmarks.thin_board import BYTE_NS, read_log
+
+DAEMON, ZENOH, SOCKET = range(3)
+SPACING_NS = {"streamed": 10_000_000, "polled": 0}
+SPEED = re.compile(rb"\$(?:spd|speed):(-?\d+),")
+UNLIMITED = ("limits.linear={velocity=1.0}", "limits.angular={velocity=6.0}")
+"""Without limits of acceleration every command is one frame, which tells where it came from."""
+
+
+class Run(NamedTuple):
+    """Latencies in nanoseconds.
+
+    Attributes:
+        free: Of the daemon, for commands that found the line free.
+        waited: For those that had to wait for another frame's spacing or answer.
+        zenoh: Of the bare callback.
+        socket: Of the bare socket.
+        lost: Commands whose frame never came.
+    """
+
+    free: list[int]
+    waited: list[int]
+    zenoh: list[int]
+    socket: list[int]
+    lost: int
+
+
+def command(units: int) -> bytes:
+    """What an application says."""
+    return b'{"vx":%d.%03d,"wz":0.0}' % divmod(units, 1000)
+
+
+def measure(count: int, *, dialect: str = "streamed", loop: str = "asyncio", seed: int = 1) -> Run:
+    """Send ``count`` commands to each of the three."""
+    endpoints = [rig.free_endpoint() for _ in range(3)]
+    with contextlib.ExitStack() as stack:
+        where = stack.enter_context(rig.folder())
+        board = stack.enter_context(
+            rig.thin_board(where, "--dialect", dialect, "--silent-from", "1", ports=3)
+        )
+        for name, index in (("zenoh", ZENOH), ("socket", SOCKET)):
+            port = str(where / f"port{index}")
+            arguments = ("-m", "benchmarks.floors", name, endpoints[index], port)
+            stack.enter_context(rig.Process(*arguments)).says("ready")
+        stack.enter_context(rig.daemon(where, endpoints[DAEMON], *UNLIMITED, loop=loop))
+        session = stack.enter_context(rig.client(endpoints[DAEMON]))
+        bare = stack.enter_context(rig.client(endpoints[ZENOH]))
+        host, _, number_ = endpoints[SOCKET].removeprefix("tcp/").rpartition(":")
+        raw = stack.enter_context(socket.create_connection((host, int(number_))))
+        raw.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        status = rig.Status(session)
+        status.ready()
+        stack.enter_context(rig.Process("-m", "benchmarks.listener", endpoints[DAEMON])).says(
+            "ready"
+        )
+        puts: list[Callable[[bytes], object]] = [
+            publisher(session).put,
+            publisher(bare).put,
+            raw.sendall,
+        ]
+        sent = send(puts, count, random.Random(seed))
+        session.put("cmd_vel", command(0))
+        time.sleep(0.2)
+        board.end()
+        return matched(sent, where, dialect)
+
+
+def publisher(session: zenoh.Session) -> zenoh.Publisher:
+    """Commands go before everything else, each by itself."""
+    return session.declare_publisher("cmd_vel", priority=zenoh.Priority.REAL_TIME, express=True)
+
+
+Sent = list[tuple[int, int, int]]
+"""(target, units, monotonic nanoseconds)."""
+
+
+def send(puts: Sequence[Callable[[bytes], object]], count: int, chance: random.Random) -> Sent:
+    """Commands to each in turn, at moments that know nothing of the daemon's schedules."""
+    sent: Sent = []
+    for n in range(count):
+        # Neighbours differ, and none comes back while its predecessor may still be said again.
+        units = 300 + 7 * n % 400
+        frame = b"$spd:%d,0,%d,0#" % (units, units)
+        for target in chance.sample(range(len(puts)), len(puts)):
+            payload = command(units) if target == DAEMON else frame
+            time.sleep(chance.uniform(0.006, 0.010))
+            sent.append((target, units, time.monotonic_ns()))
+            puts[target](payload)
+    return sent
+
+
+def matched(sent: Sent, where: Path, dialect: str) -> Run:
+    """Find the frame of each command in what the board heard."""
+    heard = read_log(where).heard
+    run = Run(free=[], waited=[], zenoh=[], socket=[], lost=0)
+    lost = 0
+    for target, taken in ((ZENOH, run.zenoh), (SOCKET, run.socket), (DAEMON, run.waited)):
+        arrivals = [(t_ns, data) for port, t_ns, data in heard if port == target]
+        position = 0
+        for _, units, sent_ns in (each for each in sent if each[0] == target):
+            while position < len(arrivals) and arrivals[position][0] < sent_ns:
+                position += 1
+            found = next(
+                (n for n in range(position, min(position + 8, len(arrivals)))
+                 if units in units_of(arrivals[n][1])),
+                None,
+            )  # fmt: skip
+            if found is None:
+                lost += 1
+                continue
+            latency_ns = arrivals[found][0] - sent_ns
+            if target == DAEMON and found == position:
+                free_ns = busy_until_ns(arrivals[position - 1], dialect) if position else 0
+                (run.free if sent_ns >= free_ns else run.waited).append(latency_ns)
+            else:
+                taken.append(latency_ns)
+    return run._replace(lost=lost)
+
+
+def units_of(data: bytes) -> list[int]:
+    """The left wheel's speed in the speed frames of a read."""
+    return [int(found) for found in SPEED.findall(data)]
+
+
+def busy_until_ns(arrival: tuple[int, bytes], dialect: str) -> int:
+    """When the line is free again after a frame: bytes, spacing, and the answer if it has one."""
+    t_ns, data = arrival
+    end_ns = t_ns + len(data) * BYTE_NS + SPACING_NS[dialect]
+    if b"read" in data:
+        # Until the answer was written by the board, and the daemon saw it.
+        end_ns += 4_000_000 if dialect == "polled" else 5_000_000
+    return end_ns
+
+
+def bench(*, short: bool, images: Path) -> Section:  # noqa: ARG001 - it has none
+    """The section."""
+    count = 200 if short else 10_000
+    section = Section(
+        name="latency",
+        title="Latency: from a put in another process to the frame on the wire",
+        how=__doc__.split("\n\n", 1)[1].replace("\n", " ")
+        + " The board streams 169 lines a second (or is polled 50 times a second); a command finds "
+        "the line free when the frame before it is out and the spacing that the board needs is "
+        "over. Commands come 18 to 30 ms apart. The limits of acceleration are off, so that every "
+        "command is one frame.",
+    )
+    runs = [("streamed", "asyncio", count), ("polled", "asyncio", count // 4)]
+    with contextlib.suppress(ImportError):
+        __import__("uvloop")
+        runs.insert(1, ("streamed", "uvloop", count // 4))
+    rows = []
+    for dialect, loop, many in runs:
+        run = measure(many, dialect=dialect, loop=loop)
+        rows += rows_of(run, f"{dialect}, {loop}")
+        if (dialect, loop) == ("streamed", "asyncio"):
+            section.findings += findings(run)
+    section.table(
+        "Milliseconds; the last two columns are ratios to the bare Zenoh callback in the same run.",
+        ["board, event loop", "way", "commands", "p50", "p99", "worst", "p50 x", "p99 x"],
+        rows,
+    )
+    return section
+
+
+def rows_of(run: Run, name: str) -> list[list[str]]:
+    """A table's rows."""
+    floor = [quantile(run.zenoh, share) for share in (0.5, 0.99)]
+    rows = []
+    for way, values in (
+        ("raw socket", run.socket),
+        ("bare Zenoh callback", run.zenoh),
+        ("daemon, line free", run.free),
+        ("daemon, line busy", run.waited),
+    ):
+        if not values:
+            continue
+        p50, p99 = quantile(values, 0.5), quantile(values, 0.99)
+        ratios = [number(p50 / floor[0]), number(p99 / floor[1])]
+        times = [milliseconds(each) for each in (p50, p99, max(values))]
+        rows.append([name, way, str(len(values)), *times, *ratios])
+    return rows
+
+
+def findings(run: Run) -> list[str]:
+    """Goal and what was reached."""
+    sentences = []
+    for share, name in ((0.5, "p50"), (0.99, "p99")):
+        ratio = quantile(run.free, share) / quantile(run.zenoh, share)
+        verdict = "reached" if ratio <= 1.5 else "missed"
+        sentences.append(
+            f"Goal 1.5 times the bare Zenoh callback at {name}: {number(ratio)}, {verdict}."
+        )
+    total = len(run.free) + len(run.waited)
+    sentences.append(
+        f"{len(run.free)} of {total} commands found the line free; {run.lost} frames of all three "
+        "ways never came."
+    )
+    return sentences
+
+
+if __name__ == "__main__":
+    many = int(sys.argv[1]) if len(sys.argv) > 1 else 500
+    for kind, on in (("streamed", "asyncio"), ("polled", "asyncio"), ("streamed", "uvloop")):
+        if len(sys.argv) > 2 and on == "uvloop" and "uvloop" not in sys.argv:
+            continue
+        result = measure(many, dialect=kind, loop=on)
+        for row in rows_of(result, f"{kind}, {on}"):
+            print(*row, sep="  ")
+        print("lost", result.lost)

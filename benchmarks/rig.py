@@ -1,0 +1,219 @@
+"""Processes, sessions and meters that the benchmarks share. Whatever is started is ended here."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple, Self, TypeVar
+
+import zenoh
+
+from benchmarks.report import ROOT
+
+PATIENCE_S = 60.0
+
+Thing = TypeVar("Thing")
+
+
+def wait_for(condition: Callable[[], Thing | None], what: str) -> Thing:
+    """What ``condition`` returns once that is true."""
+    deadline = time.monotonic() + PATIENCE_S
+    while not (result := condition()):
+        if time.monotonic() > deadline:
+            raise TimeoutError(f"never came true: {what}")
+        time.sleep(0.01)
+    return result
+
+
+class Process:
+    """A child; its output is kept. ``Process("-m", "yahboomd", ...)``."""
+
+    def __init__(self, *arguments: str, environ: dict[str, str] | None = None) -> None:
+        self.lines: list[str] = []
+        self._process = subprocess.Popen(
+            [sys.executable, *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            cwd=ROOT,
+            env={**os.environ, "PYTHONUNBUFFERED": "1", **(environ or {})},
+        )
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            self.lines.append(line.rstrip("\n"))
+
+    @property
+    def pid(self) -> int:
+        """Its number."""
+        return self._process.pid
+
+    @property
+    def alive(self) -> bool:
+        """Whether it runs."""
+        return self._process.poll() is None
+
+    def says(self, words: str) -> str:
+        """Wait until it has printed a line with these words; the line."""
+
+        def found() -> str | None:
+            if not self.alive:
+                raise ChildProcessError("\n".join(self.lines))
+            return next((line for line in self.lines if words in line), None)
+
+        return wait_for(found, words)
+
+    def end(self) -> None:
+        """Ask it to end and see that it does."""
+        if self.alive:
+            self._process.send_signal(signal.SIGTERM)
+        try:
+            self._process.wait(30.0)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._reader.join()
+        if self._process.stdout is not None:
+            self._process.stdout.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.end()
+
+
+@contextlib.contextmanager
+def folder() -> Iterator[Path]:
+    """A place for ports, logs and latches."""
+    with tempfile.TemporaryDirectory(prefix="yb") as path:
+        yield Path(path)
+
+
+def thin_board(where: Path, *options: str, ports: int = 1) -> Process:
+    """A board that costs next to nothing; it logs what it hears to ``where``/heard."""
+    process = Process(
+        *("-m", "benchmarks.thin_board", "--log", str(where / "heard")),
+        *("--links", *(str(where / f"port{n}") for n in range(ports)), *options),
+    )
+    process.says("ready")
+    return process
+
+
+def simulator(where: Path, *options: str, name: str = "board") -> Process:
+    """The simulated robot of ``yahboomd simulate``."""
+    process = Process("-m", "yahboomd", "simulate", "--link", str(where / name), *options)
+    process.says("is at")
+    return process
+
+
+def daemon(
+    where: Path,
+    endpoint: str,
+    *settings: str,
+    port: str = "port0",
+    loop: str = "asyncio",
+    connect: Sequence[str] = (),
+    prefix: Sequence[str] = ("-m", "yahboomd"),
+) -> Process:
+    """``yahboomd run`` on a port in ``where``; the settings are those of ``--set``.
+
+    It writes its log to standard output, which is kept.
+    """
+    own = [
+        f"zenoh.listen={json.dumps([endpoint])}",
+        f"zenoh.connect={json.dumps(list(connect))}",
+        f"estop.latch_file={where / (port + '.estop')}",
+        *settings,
+    ]
+    chosen = ("-m", "benchmarks.on_uvloop") if loop == "uvloop" else tuple(prefix)
+    arguments = [part for each in own for part in ("--set", each)]
+    return Process(*chosen, "run", "--port", str(where / port), *arguments)
+
+
+def free_endpoint() -> str:
+    """A loopback endpoint that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+def client(endpoint: str) -> zenoh.Session:
+    """A Zenoh client of a router on loopback, which may be about to start."""
+    config = zenoh.Config()
+    config.insert_json5("mode", '"client"')
+    config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+    config.insert_json5("scouting/multicast/enabled", "false")
+
+    def opened() -> zenoh.Session | None:
+        try:
+            return zenoh.open(config)
+        except zenoh.ZError:
+            return None
+
+    return wait_for(opened, f"{endpoint} is served")
+
+
+class Status:
+    """The daemon's latest status sample."""
+
+    def __init__(self, session: zenoh.Session, namespace: str = "") -> None:
+        self.latest: dict[str, Any] = {}
+        key = f"{namespace}/yahboomd/status" if namespace else "yahboomd/status"
+        session.declare_subscriber(key, self._take)
+
+    def _take(self, sample: zenoh.Sample) -> None:
+        self.latest = json.loads(bytes(sample.payload))
+
+    def ready(self) -> None:
+        """Wait until the wheels may turn."""
+        wait_for(lambda: self.latest.get("state") in {"standing", "driving"}, "the robot is ready")
+
+
+class Usage(NamedTuple):
+    """What a process has used so far, and what it holds."""
+
+    cpu_ns: int
+    wall_ns: int
+    rss_kb: int
+    threads: int
+
+
+def usage(pid: int) -> Usage:
+    """Read from /proc; CPU in nanoseconds, of all threads."""
+    tasks = list(Path(f"/proc/{pid}/task").iterdir())
+    cpu_ns = 0
+    for task in tasks:
+        with contextlib.suppress(OSError):
+            cpu_ns += int((task / "schedstat").read_text().split()[0])
+    status = Path(f"/proc/{pid}/status").read_text()
+    rss = next(line for line in status.splitlines() if line.startswith("VmRSS:"))
+    return Usage(cpu_ns, time.monotonic_ns(), int(rss.split()[1]), len(tasks))
+
+
+def share_of_core(before: Usage, after: Usage) -> float:
+    """CPU over time between two looks."""
+    return (after.cpu_ns - before.cpu_ns) / (after.wall_ns - before.wall_ns)
+
+
+BUSY = "import os, sys; os.sched_setaffinity(0, {int(sys.argv[1])}); print('busy')\nwhile 1: pass"
+
+
+def busy_core(core: int) -> Process:
+    """A process that keeps one core busy; end it."""
+    process = Process("-c", BUSY, str(core))
+    process.says("busy")
+    return process

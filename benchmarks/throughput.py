@@ -1,0 +1,196 @@
+"""Polls and stream lines against what the wire carries, and how exactly the schedules are kept.
+
+A thin board answers as fast as 115200 baud allow: question, 0.2 ms to carry it out, answer; so
+that it is not late itself, it waits for its moment in a loop. A bare loop that asks again as soon
+as it has its answer shows what board and machine allow together. Of streams, the daemon's count
+of readings is compared with the board's count of lines, at the most lines that the wire carries.
+Schedules are judged from outside, by when their frames leave the pty: the deviation from a grid
+of 20 ms, for the polls and for the control steps (a ramp so slow that each step says one more
+mm/s), beside a bare process that sleeps until its time and writes; all without and with a process
+that keeps one of the two cores busy.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from pathlib import Path
+
+from benchmarks import rig
+from benchmarks.report import Section, median, milliseconds, number, quantile
+from benchmarks.thin_board import BYTE_NS, CARRY_OUT_NS, read_log
+
+TICKS = 1_000_000
+ANSWER = len(b"$data:1000000,1000000,1000000,1000000#")
+LINE = ANSWER + len(b"\r\n")
+ROUND_NS = (len(b"$read#") + ANSWER) * BYTE_NS + CARRY_OUT_NS
+POLLED = ("--dialect", "polled", "--ticks", str(TICKS))
+EXACT = (*POLLED, "--spin")
+STREAMED = ("--dialect", "streamed", "--ticks", str(TICKS))
+
+
+def polls_by_floor(seconds: float) -> float:
+    """Polls a second of a bare loop."""
+    with rig.folder() as where, rig.thin_board(where, *EXACT):
+        arguments = ("-m", "benchmarks.floors", "poll", str(seconds), str(where / "port0"))
+        with rig.Process(*arguments) as process:
+            return float(process.says("polls ").split()[1])
+
+
+def polls_by_daemon(seconds: float, rate_hz: float) -> float:
+    """Answered polls a second of the daemon, asked to poll at a rate."""
+    endpoint = rig.free_endpoint()
+    with rig.folder() as where, rig.thin_board(where, *EXACT) as board:
+        settings = (f"odometry.poll_rate_hz={rate_hz}", "odometry.publish_rate_hz=50")
+        with rig.daemon(where, endpoint, *settings), rig.client(endpoint) as session:
+            rig.Status(session).ready()
+            begin_ns = time.monotonic_ns()
+            time.sleep(seconds)
+            end_ns = time.monotonic_ns()
+        board.end()
+        asked = [
+            t_ns
+            for _, t_ns, data in read_log(where).heard
+            if b"$read#" in data and begin_ns <= t_ns < end_ns
+        ]
+    return len(asked) / seconds
+
+
+def lines_read(count: int) -> tuple[int, int, float]:
+    """Lines that the board sent, readings that the daemon had of them, lines a second."""
+    endpoint = rig.free_endpoint()
+    line_us = round(LINE * BYTE_NS / 1000)
+    options = (*STREAMED, "--line-us", str(line_us), "--most", str(count))
+    with rig.folder() as where, rig.thin_board(where, *options) as board:
+        with rig.daemon(where, endpoint), rig.client(endpoint) as session:
+            status = rig.Status(session)
+            status.ready()
+            # When the board fell silent for good, the daemon looks for it, and keeps its counts.
+            rig.wait_for(lambda: status.latest.get("state") == "waiting", "the stream's end")
+            time.sleep(0.6)
+            readings = int(status.latest["link"]["readings"])
+        board.end()
+        log = read_log(where)
+    return log.lines[0] - log.lost, readings, 1e6 / line_us
+
+
+Deviations = list[float]
+
+
+def deviations(stamps_ns: list[int], period_ns: int) -> Deviations:
+    """How far each stamp is from a grid through the median; nanoseconds."""
+    first = stamps_ns[0]
+    residues = []
+    for stamp_ns in stamps_ns:
+        offset = (stamp_ns - first) % period_ns
+        residues.append(offset - period_ns if offset > period_ns / 2 else offset)
+    middle = median(residues)
+    return [abs(each - middle) for each in residues]
+
+
+def schedules(seconds: float, *, busy: bool) -> dict[str, Deviations]:
+    """Deviations of polls, control steps and of a bare process, in one run."""
+    endpoints = [rig.free_endpoint() for _ in range(2)]
+    period_ns = 20_000_000
+    with contextlib.ExitStack() as stack:
+        where, beside = stack.enter_context(rig.folder()), stack.enter_context(rig.folder())
+        polled = stack.enter_context(rig.thin_board(where, *POLLED, "--silent-from", "1", ports=2))
+        streamed = stack.enter_context(rig.thin_board(beside, *STREAMED))
+        if busy:
+            stack.enter_context(rig.busy_core(0))
+        bare = ("-m", "benchmarks.floors", "timer", "50", str(where / "port1"))
+        stack.enter_context(rig.Process(*bare)).says("ready")
+        stack.enter_context(rig.daemon(where, endpoints[0]))
+        settings = (
+            "limits.linear={velocity=1.0, acceleration=0.05, deceleration=0.05}",
+            "command.timeout_s=60",
+            "command.sources.cmd_vel={priority=10, timeout_s=60}",
+            "board.battery_period_s=0",
+        )
+        stack.enter_context(rig.daemon(beside, endpoints[1], *settings))
+        sessions = [stack.enter_context(rig.client(endpoint)) for endpoint in endpoints]
+        for session in sessions:
+            rig.Status(session).ready()
+        begin_ns = time.monotonic_ns()
+        # 20 s to the top of the ramp; then back.
+        for n in range(max(1, round(seconds / 18.0))):
+            sessions[1].put("cmd_vel", b'{"vx":%.1f}' % (0.95 if n % 2 == 0 else -0.95))
+            time.sleep(min(18.0, seconds))
+        end_ns = time.monotonic_ns()
+        sessions[1].put("cmd_vel", b'{"vx":0}')
+        polled.end()
+        streamed.end()
+        logs = read_log(where).heard, read_log(beside).heard
+
+    def stamps(log: list[tuple[int, int, bytes]], port: int, name: bytes) -> list[int]:
+        # The first quarter second belongs to the command itself.
+        return [
+            t_ns
+            for which, t_ns, data in log
+            if which == port and data.startswith(name) and begin_ns + 250_000_000 < t_ns < end_ns
+        ]
+
+    return {
+        "bare sleep and write": deviations(stamps(logs[0], 1, b"$read"), period_ns),
+        "polls": deviations(stamps(logs[0], 0, b"$read"), period_ns),
+        "control steps": deviations(stamps(logs[1], 0, b"$spd"), period_ns),
+    }
+
+
+def bench(*, short: bool, images: Path) -> Section:  # noqa: ARG001 - it has none
+    """The section."""
+    section = Section(
+        name="throughput",
+        title="Throughput and schedule: what the wire carries, and when",
+        how=__doc__.split("\n\n", 1)[1].replace("\n", " "),
+    )
+    seconds = 1.0 if short else 6.0
+    wire = 1e9 / ROUND_NS
+    floors, rows = [], []
+    best = 0.0
+    for rate_hz in (300,) if short else (50, 100, 200, 250, 300, 300, 300):
+        floors.append(polls_by_floor(seconds))
+        polls = polls_by_daemon(seconds, rate_hz)
+        best = max(best, polls)
+        rows.append(
+            [f"{rate_hz}", number(polls), number(100.0 * polls / min(rate_hz, wire)),
+             number(floors[-1]), number(100.0 * polls / wire)]
+        )  # fmt: skip
+    section.table(
+        f"Polls a second; the wire allows {number(wire)} (6 + {ANSWER} bytes and 0.2 ms).",
+        ["asked for", "done", "% of the smaller of asked and wire", "bare loop beside",
+         "% of the wire"],
+        rows,
+    )  # fmt: skip
+    share = 100.0 * best / wire
+    section.findings.append(
+        f"Goal 95 % of the polls that the wire allows: {number(share)} % at best, "
+        f"{'reached' if share >= 95.0 else 'missed'}; a bare loop on the same board and machine "
+        f"reaches {number(100.0 * median(floors) / wire)} %."
+    )
+    sent, read, rate = lines_read(300 if short else 6000)
+    section.findings.append(
+        f"Goal all stream lines read: {read} of {sent}, at {number(rate)} lines a second (a full "
+        f"wire), {'reached' if sent == read else 'missed'}."
+    )
+    rows = []
+    for busy in (False, True):
+        found = schedules(2.0 if short else 54.0, busy=busy)
+        for name, values in found.items():
+            quantiles = [quantile(values, share) for share in (0.5, 0.99)]
+            rows.append(
+                [name, "one core busy" if busy else "nothing else of ours", str(len(values)),
+                 *map(milliseconds, quantiles), milliseconds(max(values))]
+            )  # fmt: skip
+            if busy and name != "bare sleep and write":
+                verdict = "reached" if quantiles[1] < 1e6 else "missed"
+                section.findings.append(
+                    f"Goal p99 under 1 ms at 50 Hz with one core busy, {name}: "
+                    f"{milliseconds(quantiles[1])} ms, {verdict}."
+                )
+    section.table(
+        "Deviation from the 20 ms grid, milliseconds.",
+        ["schedule", "beside", "frames", "p50", "p99", "worst"],
+        rows,
+    )
+    return section
