@@ -109,6 +109,25 @@ def test_text_may_look_like_another_type_in_environment_and_set(given, text):
     assert config.board.profile == "520"
 
 
+@pytest.mark.parametrize(
+    "text",
+    ['["tcp/[::1]:1", "udp/[::1]:2"]', "[tcp/[::1]:1, udp/[::1]:2]", "tcp/[::1]:1,udp/[::1]:2"],
+)
+def test_a_list_of_texts_needs_no_quotes_in_environment_and_set(given, text):
+    expected = ("tcp/[::1]:1", "udp/[::1]:2")
+    assert given("", f"zenoh.listen={text}").config.zenoh.listen == expected
+    assert given("", YAHBOOMD_ZENOH__LISTEN=text).config.zenoh.listen == expected
+
+
+def test_an_empty_text_is_an_empty_list(given):
+    assert given("", "zenoh.connect=").config.zenoh.connect == ()
+
+
+def test_a_list_without_quotes_is_checked_all_the_same(complaints):
+    (line,) = complaints("", "zenoh.listen=tcp/127.0.0.1")
+    assert "zenoh.listen[0]: expected an endpoint" in line
+
+
 def test_a_limits_table_in_a_file_replaces_its_default_whole(given):
     limits = given("[limits]\nlinear = { velocity = 0.5 }\n").config.limits
     assert limits.linear.velocity == 0.5

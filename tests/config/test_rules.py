@@ -55,7 +55,8 @@ def test_a_wheel_that_the_base_has_not_is_named_with_the_one_that_was_meant():
 
 
 def test_mecanum_needs_four_wheels_and_their_base():
-    lines = found(chassis={"kinematics": "mecanum"})
+    motors = {"left": [{"position": 1}], "right": [{"position": 2}]}
+    lines = found(chassis={"kinematics": "mecanum", "motors": motors})
     assert {
         "chassis.motors.front_left",
         "chassis.motors.rear_left",
@@ -63,6 +64,12 @@ def test_mecanum_needs_four_wheels_and_their_base():
         "chassis.motors.rear_right",
         "chassis.wheel_base_m",
     } <= set(lines)
+
+
+def test_a_geometry_without_motors_is_one_mistake_that_names_the_preset():
+    lines = found(chassis={"kinematics": "mecanum", "wheel_base_m": 0.2})
+    assert set(lines) == {"chassis.motors"}
+    assert 'set chassis.preset = "mecanum"' in lines["chassis.motors"]
 
 
 def test_mecanum_keys_do_not_belong_on_two_sides():

@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from yahboomd.config.layers import NOWHERE, Layers, Origin
-from yahboomd.config.mistakes import Mistake, place_of, words_for
+from yahboomd.config.mistakes import Mistake, place_of, takes_texts, words_for
 from yahboomd.config.models import Config
 from yahboomd.config.rules import Finding, findings
 from yahboomd.config.values import Place, dotted
@@ -139,12 +139,19 @@ def _values(layers: Layers) -> tuple[Config, dict[Place, Mistake]]:
 
 
 def _take_text(data: dict[str, Any], layers: Layers, place: Place, kind: str) -> bool:
-    """Where text is wanted, what the environment or ``--set`` gave in letters is that text."""
+    """Where text is wanted, what the environment or ``--set`` gave in letters is that text.
+
+    A list of texts may be given without the quotes and brackets that shells and make take away.
+    """
     text = layers.texts.get(place)
     table = _table_of(data, place)
-    if kind not in {"string_type", "literal_error"} or text is None or table is None:
+    if text is None or table is None:
         return False
-    if isinstance(table[place[-1]], str):
+    if kind == "tuple_type" and isinstance(table[place[-1]], str) and takes_texts(place):
+        bare = text.strip().removeprefix("[").removesuffix("]")
+        table[place[-1]] = [entry.strip() for entry in bare.split(",") if entry.strip()]
+        return True
+    if kind not in {"string_type", "literal_error"} or isinstance(table[place[-1]], str):
         return False
     table[place[-1]] = text
     return True

@@ -56,6 +56,14 @@ def slot(place: Place) -> Slot | None:
     return found
 
 
+def takes_texts(place: Place) -> bool:
+    """Whether a list of texts stands at a place."""
+    at = slot(place)
+    if at is None or typing.get_origin(at.annotation) is not tuple:
+        return False
+    return unwrap(typing.get_args(at.annotation)[0])[0] is str
+
+
 def place_of(error: ErrorDetails) -> Place:
     """Where an error of pydantic's is; an error in a name itself is at that name."""
     return tuple(part for part in error["loc"] if part != "[key]")

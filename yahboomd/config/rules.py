@@ -73,6 +73,12 @@ def wheels(config: Config) -> Iterator[Finding]:
     name = config.kinematics_name()
     known, entries = WHEELS[name], config.motor_entries()
     beside = (_KINEMATICS, _PRESET)
+    if config.chassis.motors == Chassis().motors and set(known).isdisjoint(entries):
+        # Nobody chose these motors: what is missing is said once, with the shortest way.
+        preset = next(preset for preset, (kind, _) in PRESETS.items() if kind == name)
+        words = f"missing; a {name} base has the wheels {', '.join(known)}: name their motors"
+        yield Finding(_MOTORS, f'{words}, or set chassis.preset = "{preset}"', beside)
+        return
     for wheel in entries:
         if wheel not in known:
             close = difflib.get_close_matches(wheel, known, n=1)
