@@ -86,8 +86,8 @@ def _in_use(text: str, options: BusOptions) -> BusError:
     owner = f"the process {holder}" if holder else "another process, maybe another user's,"
     return BusError(
         f"The bus cannot listen on {place}: {owner} listens there already.",
-        remedy="Is yahboomd running twice? End the other one, or give this one another port in "
-        "zenoh.listen.",
+        remedy="Is yahboomd running twice? End the other one, or give this one another port, such "
+        "as --set zenoh.listen=tcp/127.0.0.1:7449.",
     )
 
 

@@ -307,6 +307,11 @@ def explained(path: str, error: Exception) -> LinkError:
             f"{path}: the port is held{named}.",
             remedy="One process owns the board: stop the other one, or use its bus instead.",
         )
+    if code == errno.ENOTTY or "Inappropriate ioctl" in words:
+        return LinkError(
+            f"{path}: this is no serial port.",
+            remedy="`yahboomd probe --list` shows the ports that there are.",
+        )
     return LinkError(
         f"{path}: the port cannot be used: {words}.",
         remedy="Is it a serial port? `yahboomd probe` tells more.",
