@@ -224,6 +224,22 @@ async def test_the_pose_goes_on_after_an_unplug_and_counts_what_was_travelled(
 
 
 @on_virtual_time
+@pytest.mark.parametrize("dialect", ["streamed", "polled"])
+async def test_the_way_to_standstill_is_in_the_pose_when_the_service_ends(
+    tmp_path: Path, dialect: str
+) -> None:
+    async with robot(tmp_path, dialect=dialect) as bench:
+        await bench.ready()
+        await bench.drive(2.0, 0.4)
+        bench.tasks[0].cancel()
+        await asyncio.sleep(1.0)
+        assert bench.standing
+        truth = bench.robot.plant.chassis.pose
+        assert bench.heard.estimates[-1].pose.x == pytest.approx(truth.x, abs=0.004)
+        assert "odometry_discontinuity" not in bench.heard.kinds
+
+
+@on_virtual_time
 async def test_setting_the_pose_moves_the_estimate_there(tmp_path: Path) -> None:
     async with robot(tmp_path) as bench:
         await bench.ready()

@@ -220,3 +220,18 @@ def test_an_answer_that_comes_twice_is_one_reading():
     clock.observe(START_NS)
     assert clock.observe(START_NS + 20 * MS).step_ns == 20 * MS
     assert clock.observe(START_NS + 20 * MS).step_ns == 0
+
+
+@pytest.mark.parametrize("late_ms", [0, 30, 150])
+def test_a_request_that_the_board_heard_late_leaves_time_for_what_was_travelled(late_ms):
+    clock = PolledClock()
+    for n in range(20):
+        requested_ns = START_NS + 20 * n * MS
+        clock.observe(requested_ns + 3 * MS, requested_ns)
+    last_ns = requested_ns + 3 * MS
+    requested_ns += 20 * MS
+    sent_ns = requested_ns + (3 + late_ms) * MS
+    assert clock.elapsed_at_most_ns(sent_ns, requested_ns) == sent_ns - last_ns
+    needs_ns = 0.9 * (sent_ns - last_ns)
+    instant = clock.observe(sent_ns, requested_ns, least_ns=needs_ns)
+    assert needs_ns <= instant.step_ns <= sent_ns - last_ns

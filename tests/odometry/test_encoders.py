@@ -87,12 +87,28 @@ def test_garbage_that_differs_every_time_is_never_believed(encoders):
 
 def test_a_jump_that_stays_rebases_and_counts_nothing(encoders):
     feed(encoders, (5000, 5000), 0, 0)
-    for n in range(1, 5):
+    for n in range(1, 20):
         assert feed(encoders, (900_000 + n, 900_000), 10 * n, 10 * n) == "held"
-    assert feed(encoders, (900_010, 900_010), 50, 50) == "rebased"
+    assert feed(encoders, (900_020, 900_010), 200, 200) == "rebased"
     assert encoders.totals == (0, 0)
-    assert feed(encoders, (900_020, 900_021), 60, 10) == "travel"
+    assert feed(encoders, (900_030, 900_021), 210, 10) == "travel"
     assert encoders.totals == (10, 11)
+
+
+@pytest.mark.parametrize("apart_ms", [2, 5, 10, 20])
+def test_a_garbled_reading_that_was_believed_is_taken_back_however_fast_the_next_ones_come(
+    encoders, kit, apart_ms
+):
+    feed(encoders, (3_000_000, 3_000_000), 0, 0)
+    # Several lines were lost, so that the wheel might have rolled so far.
+    wrong = int(2.0 * 0.080 / kit.tick_m)
+    assert feed(encoders, (3_000_000 + wrong, 3_000_010), 80, 80) == "travel"
+    for after_ms in range(apart_ms, 140, apart_ms):
+        outcome = feed(encoders, (3_000_010, 3_000_010), 80 + after_ms, after_ms)
+        if outcome == "travel":
+            break
+        assert outcome == "held"
+    assert encoders.totals == (10, 10)
 
 
 def test_a_fall_to_near_zero_is_a_reset_that_nobody_announced(encoders):

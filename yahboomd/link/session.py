@@ -292,7 +292,8 @@ class Session:
             received_ns = now_ns - item.trailing * byte_ns
             sent_ns = received_ns - item.size * byte_ns
             requested_ns = None
-            if self._writer is not None and self._writer.poll_heard_ns:
+            # While the session ends, questions go past the writer, and it knows of none of them.
+            if self._writer is not None and self._writer.poll_heard_ns and not self._leaving:
                 # An answer cannot have left before the question was all there.
                 requested_ns = min(self._writer.poll_heard_ns, received_ns)
                 sent_ns = max(sent_ns, requested_ns)

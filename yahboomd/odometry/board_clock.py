@@ -84,9 +84,12 @@ class PolledClock:
         self._turn_rounds.clear()
         return self.observe(sent_ns, requested_ns)
 
-    def elapsed_at_most_ns(self, sent_ns: int, requested_ns: int | None = None) -> int:
-        """The longest time that can have passed since the last accepted reading."""
-        return self._stamp(sent_ns, requested_ns) - self._stamp_ns
+    def elapsed_at_most_ns(self, sent_ns: int, requested_ns: int | None = None) -> int:  # noqa: ARG002
+        """The longest time that can have passed since the last accepted reading.
+
+        The board sampled before it sent, but it may have heard the request late.
+        """
+        return sent_ns - self._stamp_ns
 
     def observe(
         self,
@@ -94,7 +97,7 @@ class PolledClock:
         requested_ns: int | None = None,
         *,
         ticks: int = 0,  # noqa: ARG002 - what the other clock needs
-        least_ns: float = 0.0,  # noqa: ARG002
+        least_ns: float = 0.0,
     ) -> Instant:
         """Stamp a reading.
 
@@ -102,12 +105,15 @@ class PolledClock:
             sent_ns: When its line left the board, as far as known.
             requested_ns: When the request was on the board, as far as known.
             ticks: Not used.
-            least_ns: Not used.
+            least_ns: The least time that its travel takes: a request that was heard late is
+                recognised by it.
         """
         if requested_ns is not None:
             self._turn_rounds.append(sent_ns - requested_ns)
-        stamp_ns = self._stamp(sent_ns, requested_ns)
         last_ns = self._stamp_ns
+        stamp_ns = self._stamp(sent_ns, requested_ns)
+        if last_ns and stamp_ns < last_ns + least_ns:
+            stamp_ns = min(sent_ns, last_ns + math.ceil(least_ns))
         if stamp_ns <= last_ns:
             return Instant(last_ns, 0)
         self._stamp_ns = stamp_ns

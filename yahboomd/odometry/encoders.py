@@ -31,6 +31,10 @@ AGREE_ELSEWHERE = 5
 believe counters that are elsewhere for no reason (a lossy line drops the same digit twice in a row
 more often than one thinks)."""
 
+ELSEWHERE_NS = 200_000_000
+"""And for so long. A garbled line that was taken for travel is taken back by the lines after it as
+soon as there was time for the way back; lines that come in a burst must not settle it before."""
+
 UNMISTAKABLE_TICKS = 64
 """Counters that come back unchanged to the tick, at least so far from zero, were not reset."""
 
@@ -194,6 +198,6 @@ class Encoders:
             if not announced and agreed < AGREE_RESET:
                 return held
             return Verdict(outcome=outcome, ticks=ticks, deltas=from_zero)
-        if agreed < AGREE_ELSEWHERE:
+        if agreed < AGREE_ELSEWHERE or elapsed_ns < ELSEWHERE_NS:
             return held
         return Verdict(outcome="rebased", ticks=ticks, deltas=self._zero)
