@@ -58,5 +58,12 @@ interop: $(VENV)/.dev ## build the real ROS 2 peers once (in a cache outside the
 soak: $(VENV)/.run ## daemon and simulated board through all faults: MINUTES=60 SEED=1
 	@exec $(PY) -m benchmarks.soak --minutes $(MINUTES) --seed $(SEED) $(ARGS)
 
+.PHONY: bench bench-short
+bench: $(VENV)/.dev ## measure exactness, latency, throughput, cost and fleet; write docs/benchmarks.md (25 minutes)
+	$(PY) -m benchmarks $(ARGS)
+
+bench-short: $(VENV)/.dev ## the same in a short form, only to see that it works
+	$(PY) -m benchmarks --short --out build/bench-short --store build/bench-short/store $(ARGS)
+
 clean: ## remove the environment and every cache
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
