@@ -26,6 +26,8 @@ COMMANDS = {
     "drive": "drive the robot with the keyboard",
     "probe": "find the port, name the board, explain what is wrong",
     "config": "check, show and explain the configuration",
+    "install": "install the service: at boot, and when the board is plugged in",
+    "uninstall": "take the service away again",
 }
 """Every subcommand with its line in the help."""
 

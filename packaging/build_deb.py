@@ -1,0 +1,237 @@
+"""Builds the Debian package, for the distribution that this runs on.
+
+    python3 packaging/build_deb.py [--output FOLDER]
+
+The package carries its dependencies in a virtual environment under /opt/yahboomd, made for the
+distribution's own Python. It is put together by hand rather than copied from a venv, so that no
+path of the building machine is in it. Needs dpkg-deb, and python3-venv of the distribution.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gzip
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+TREE = HERE.parent
+PYTHON = "/usr/bin/python3"
+HOME = "opt/yahboomd"
+EXTRAS = "monitor"
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n", maxsplit=1)[0])
+    parser.add_argument("--output", type=Path, default=TREE / "dist", metavar="FOLDER")
+    args = parser.parse_args()
+    system = _os_release()
+    python = _python_version()
+    name = f"{system['ID']}{system.get('VERSION_ID', '')}"
+    pretty = system.get("PRETTY_NAME", name)
+    if python < (3, 11):
+        return _fail(
+            f"{pretty} has Python {_dotted(python)}, and yahboomd needs 3.11 or later: no package "
+            "can be built for it. See docs/install.md for the way with uv."
+        )
+    if not shutil.which("dpkg-deb"):
+        return _fail("this needs dpkg-deb, of Debian or Ubuntu.")
+    with tempfile.TemporaryDirectory(prefix="yahboomd-deb-") as folder:
+        work = Path(folder)
+        stage = work / "stage"
+        # A restrictive umask must not make a package that nobody can read.
+        os.umask(0o022)
+        version = _environment(work, stage, python)
+        version = f"{version}-1~{name}"
+        _files(stage, version, pretty)
+        architecture = _output("dpkg", "--print-architecture")
+        _control(stage, version, architecture, python, pretty)
+        args.output.mkdir(parents=True, exist_ok=True)
+        package = args.output / f"yahboomd_{version}_{architecture}.deb"
+        _run("dpkg-deb", "--root-owner-group", "-Zxz", "--build", str(stage), str(package))
+    print(
+        f"{package}\n"
+        f"built for {pretty} ({architecture}, Python {_dotted(python)}); "
+        f"{package.stat().st_size / 1e6:.1f} MB\n"
+        f"install it there: sudo apt install ./{package.name}   (in {package.parent})"
+    )
+    return 0
+
+
+def _environment(work: Path, stage: Path, python: tuple[int, int]) -> str:
+    """The virtual environment; returns yahboomd's version."""
+    tools = work / "tools"
+    if subprocess.call([PYTHON, "-m", "venv", str(tools)]) != 0:
+        raise SystemExit(_fail("no virtual environment: sudo apt install python3-venv."))
+    pip = [str(tools / "bin/pip"), "--disable-pip-version-check", "--quiet"]
+    _run(*pip, "wheel", "--no-deps", "--wheel-dir", str(work), str(TREE))
+    wheel = next(work.glob("yahboomd-*.whl"))
+    site = stage / HOME / f"lib/python{_dotted(python)}/site-packages"
+    _run(
+        *pip, "install", "--no-compile", "--only-binary=:all:", "--target", str(site),
+        f"{wheel}[{EXTRAS}]",
+    )  # fmt: skip
+    # Scripts for the build machine's Python; the one that is needed is written below.
+    shutil.rmtree(site / "bin", ignore_errors=True)
+    for leftover in site.rglob("direct_url.json"):
+        # It would tell the folder that the wheel was built in.
+        leftover.unlink()
+    for path in site.rglob("*"):
+        # Modules are imported, not run: pip leaves some executable, their authors some with #!.
+        path.chmod(0o755 if path.is_dir() else 0o644)
+        if path.suffix == ".py" and path.read_bytes().startswith(b"#!"):
+            path.write_bytes(b"#" + path.read_bytes()[2:])
+    if shutil.which("strip"):
+        _run("strip", "--strip-unneeded", *map(str, sorted(site.rglob("*.so"))))
+    programs = stage / HOME / "bin"
+    programs.mkdir()
+    (programs / "python3").symlink_to(f"/usr/bin/python{_dotted(python)}")
+    (stage / HOME / "pyvenv.cfg").write_text(
+        f"home = /usr/bin\ninclude-system-site-packages = false\nversion = {_dotted(python)}\n"
+    )
+    _write(
+        programs / "yahboomd",
+        # -I: neither the caller's folder nor his environment decides what is imported.
+        "#!/opt/yahboomd/bin/python3 -I\n"
+        "import sys\n\nfrom yahboomd.cli.main import main\n\nsys.exit(main())\n",
+        executable=True,
+    )
+    return wheel.name.split("-")[1]
+
+
+def _files(stage: Path, version: str, pretty: str) -> None:
+    units = stage / "usr/lib/systemd/system"
+    for name in ("yahboomd.service", "yahboomd@.service"):
+        _write(units / name, (TREE / "systemd" / name).read_text())
+    _write(
+        stage / "usr/lib/udev/rules.d/95-yahboomd.rules",
+        (TREE / "systemd/95-yahboomd.rules").read_text(),
+    )
+    _write(
+        stage / "usr/lib/sysusers.d/yahboomd.conf",
+        (TREE / "systemd/yahboomd.sysusers.conf").read_text(),
+    )
+    _write(stage / "etc/yahboomd/config.toml", (TREE / "config.toml").read_text())
+    (stage / "usr/bin").mkdir(parents=True)
+    (stage / "usr/bin/yahboomd").symlink_to(f"/{HOME}/bin/yahboomd")
+    doc = stage / "usr/share/doc/yahboomd"
+    _write(doc / "copyright", (HERE / "copyright").read_text())
+    for page in ("install.md", "configuration.md"):
+        if (TREE / "docs" / page).exists():
+            _write(doc / page, (TREE / "docs" / page).read_text())
+    stamp = _output("date", "-R", "-u", "-d", f"@{_epoch()}")
+    _gzip(
+        doc / "changelog.Debian.gz",
+        f"yahboomd ({version}) unstable; urgency=medium\n\n"
+        f"  * Built for {pretty}.\n"
+        f"  * What is new: CHANGELOG.md of the source.\n\n"
+        f" -- {_maintainer()}  {stamp}\n",
+    )
+    _gzip(stage / "usr/share/man/man1/yahboomd.1.gz", (HERE / "yahboomd.1").read_text())
+    _write(
+        stage / "usr/share/lintian/overrides/yahboomd",
+        (HERE / "lintian-overrides").read_text(),
+    )
+
+
+def _control(
+    stage: Path, version: str, architecture: str, python: tuple[int, int], pretty: str
+) -> None:
+    folder = stage / "DEBIAN"
+    size = sum(path.stat().st_size for path in stage.rglob("*") if path.is_file()) // 1024
+    _write(
+        folder / "control",
+        f"Package: yahboomd\n"
+        f"Version: {version}\n"
+        f"Architecture: {architecture}\n"
+        f"Maintainer: {_maintainer()}\n"
+        f"Installed-Size: {size}\n"
+        f"Depends: libc6, libgcc-s1, python3, python{_dotted(python)}, systemd, udev\n"
+        f"Section: electronics\n"
+        f"Priority: optional\n"
+        f"Description: daemon for Yahboom encoder motor driver boards\n"
+        f" Owns the serial port of a 4-channel board, drives its wheels from velocity\n"
+        f" commands on a Zenoh bus, and publishes pose, twist, wheels and battery.\n"
+        f" Starts at boot and when the board is plugged in, and stops the wheels\n"
+        f" whatever fails.\n"
+        f" .\n"
+        f" Built for {pretty}, Python {_dotted(python)}.\n",
+    )
+    _write(folder / "conffiles", "/etc/yahboomd/config.toml\n")
+    for name in ("postinst", "prerm", "postrm"):
+        _write(folder / name, (HERE / name).read_text(), executable=True)
+    sums = [
+        f"{hashlib.md5(path.read_bytes(), usedforsecurity=False).hexdigest()}  "
+        f"{path.relative_to(stage)}\n"
+        for path in sorted(stage.rglob("*"))
+        if path.is_file()
+        and not path.is_symlink()
+        and path.parts[len(stage.parts)] not in {"DEBIAN", "etc"}
+    ]
+    _write(folder / "md5sums", "".join(sums))
+
+
+def _os_release() -> dict[str, str]:
+    lines = Path("/etc/os-release").read_text().splitlines()
+    return {key: value.strip('"') for key, _, value in (line.partition("=") for line in lines)}
+
+
+def _python_version() -> tuple[int, int]:
+    words = _output(PYTHON, "-c", "import sys; print(*sys.version_info[:2])").split()
+    return int(words[0]), int(words[1])
+
+
+def _maintainer() -> str:
+    name = os.environ.get("DEBFULLNAME", "yahboomd")
+    mail = os.environ.get("DEBEMAIL", "yahboomd@packages.invalid")
+    return f"{name} <{mail}>"
+
+
+def _epoch() -> str:
+    """The moment of the source: the same tree makes the same package."""
+    if given := os.environ.get("SOURCE_DATE_EPOCH"):
+        return given
+    found = subprocess.run(
+        ["git", "-C", str(TREE), "log", "-1", "--format=%ct"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    return found.stdout.strip() or "0"
+
+
+def _dotted(version: tuple[int, int]) -> str:
+    return f"{version[0]}.{version[1]}"
+
+
+def _write(path: Path, text: str, *, executable: bool = False) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text)
+    path.chmod(0o755 if executable else 0o644)
+
+
+def _gzip(path: Path, text: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(gzip.compress(text.encode(), compresslevel=9, mtime=0))
+
+
+def _run(*command: str) -> None:
+    environ = {**os.environ, "SOURCE_DATE_EPOCH": _epoch()}
+    if subprocess.call(list(command), env=environ) != 0:
+        raise SystemExit(_fail(f"{' '.join(command[:4])} failed; its own words are above."))
+
+
+def _output(*command: str) -> str:
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+
+
+def _fail(words: str) -> int:
+    print(f"make deb: {words}", file=sys.stderr)
+    return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,125 @@
+"""The files for systemd and udev, as far as they can be judged without a running systemd."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+SYSTEMD = Path(__file__).resolve().parent.parent / "systemd"
+UNITS = ("yahboomd.service", "yahboomd@.service")
+MOST_EXPOSURE = 1.5
+
+analyze = shutil.which("systemd-analyze")
+needs_analyze = pytest.mark.skipif(analyze is None, reason="this machine has no systemd-analyze")
+
+
+def keys(unit: str) -> dict[str, list[str]]:
+    found: dict[str, list[str]] = {}
+    for line in (SYSTEMD / unit).read_text().splitlines():
+        if line and line[0] not in "#[":
+            key, _, value = line.partition("=")
+            found.setdefault(key, []).append(value)
+    return found
+
+
+@pytest.fixture
+def units(tmp_path: Path) -> Path:
+    """The units with a program that exists, since systemd looks."""
+    for unit in UNITS:
+        text = (SYSTEMD / unit).read_text().replace("/usr/bin/yahboomd", "/bin/true")
+        (tmp_path / unit).write_text(text)
+    return tmp_path
+
+
+@needs_analyze
+@pytest.mark.parametrize("unit", ["yahboomd.service", "yahboomd@front.service"])
+def test_systemd_finds_nothing_to_say_about_the_unit(units: Path, unit: str) -> None:
+    ran = subprocess.run(
+        ["systemd-analyze", "verify", "--man=no", str(units / unit)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    ours = [line for line in (ran.stdout + ran.stderr).splitlines() if "yahboomd" in line]
+    assert ours == []
+    assert ran.returncode == 0
+
+
+@needs_analyze
+@pytest.mark.parametrize("unit", UNITS)
+def test_the_service_is_exposed_to_little(unit: str) -> None:
+    ran = subprocess.run(
+        ["systemd-analyze", "security", "--offline=true", str(SYSTEMD / unit)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    figure = re.search(r"Overall exposure level for \S+: ([0-9.]+)", ran.stdout)
+    if figure is None:
+        pytest.skip("this systemd-analyze cannot judge a file (it came with systemd 250)")
+    assert float(figure[1]) <= MOST_EXPOSURE
+
+
+def test_the_unit_for_several_boards_differs_in_what_each_board_has_of_its_own() -> None:
+    one, several = (keys(unit) for unit in UNITS)
+    differing = {key for key in one if one[key] != several.get(key)}
+    assert set(one) == set(several)
+    assert differing == {
+        "Description",
+        "ExecStart",
+        "ExecStopPost",
+        "StateDirectory",
+        "RuntimeDirectory",
+        "WantedBy",
+    }
+    for key in differing - {"WantedBy"}:
+        assert "%i" in several[key][0]
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_a_robot_is_never_given_up_but_for_a_persons_mistake(unit: str) -> None:
+    unit_keys = keys(unit)
+    assert unit_keys["Restart"] == ["always"]
+    assert unit_keys["StartLimitIntervalSec"] == ["0"]
+    assert unit_keys["RestartPreventExitStatus"] == ["78"]
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_the_emergency_stop_outlives_the_service(unit: str) -> None:
+    assert keys(unit)["RuntimeDirectoryPreserve"] == ["yes"]
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_the_service_outlives_its_board(unit: str) -> None:
+    assert not {"BindsTo", "Requires", "Requisite", "PartOf", "StopWhenUnneeded"} & set(keys(unit))
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_a_listener_that_a_person_opens_is_not_cut_off(unit: str) -> None:
+    assert not {"IPAddressDeny", "IPAddressAllow", "PrivateNetwork"} & set(keys(unit))
+
+
+def test_both_ids_of_the_chip_are_known_to_the_rule() -> None:
+    from yahboomd.link.discovery import CH340_IDS, UDEV_NAME
+
+    text = (SYSTEMD / "95-yahboomd.rules").read_text()
+    for vendor, product in CH340_IDS:
+        assert f'=="{vendor:04x}"' in text
+        assert f"{product:04x}" in text
+    assert f'SYMLINK+="{UDEV_NAME.removeprefix("/dev/")}"' in text
+
+
+def test_the_device_that_wants_the_service_is_the_one_that_the_rule_names() -> None:
+    assert "dev-yahboom_driver.device" in keys("yahboomd.service")["WantedBy"][0].split()
+    assert 'TAG+="systemd"' in (SYSTEMD / "95-yahboomd.rules").read_text()
+
+
+def test_the_rule_comes_after_those_that_it_overrules_and_before_systemds_own() -> None:
+    names = sorted(
+        ["95-yahboomd.rules", "85-brltty.rules", "90-brltty-device.rules", "99-systemd.rules"]
+    )
+    assert names.index("95-yahboomd.rules") == 2
