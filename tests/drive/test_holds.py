@@ -73,3 +73,12 @@ def test_cleared_resets_count_no_more() -> None:
     watch.reset(1, in_motion=False)
     watch.clear()
     assert watch.reset(2, in_motion=False) is None
+
+
+def test_whether_a_reason_is_in_force_can_be_asked() -> None:
+    holds = Holds()
+    assert not holds.has(FAULT)
+    holds.put(Hold(kind=FAULT, message="m", since_ns=0))
+    assert holds.has(FAULT)
+    holds.drop(FAULT)
+    assert not holds.has(FAULT)

@@ -62,6 +62,7 @@ def control_options(config: Config) -> ControlOptions:
         turns_without_command=config.faults.turns_without_command,
         min_speed_m_s=config.faults.min_speed_m_s,
         period_s=1.0 / config.command.rate_hz,
+        blind_s=max(0.3, 3.0 / config.odometry.poll_rate_hz),
     )
 
 

@@ -35,6 +35,7 @@ from yahboomd.errors import YahboomdError
 from yahboomd.link.handshake import Identity
 from yahboomd.link.session import Session
 from yahboomd.model import (
+    Counts,
     EncoderReading,
     Event,
     Kinematics,
@@ -72,6 +73,7 @@ class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
         turns_without_command: What follows from a wheel that turns by itself.
         min_speed_m_s: Commands below it prove nothing about counts that stay away.
         period_s: From one control step to the next.
+        blind_s: Without counts for so long it stands: wheels that nobody sees are not driven.
     """
 
     kinematics: Kinematics
@@ -85,6 +87,7 @@ class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
     turns_without_command: Literal["stop", "report"] = "report"
     min_speed_m_s: float = 0.08
     period_s: float = 0.02
+    blind_s: float = 0.3
 
 
 class Outputs(Protocol):
@@ -153,6 +156,8 @@ class Controller:
         self._stepped_ns = clock.now_ns()
         self._extra_ns = 0
         self._step_pending = False
+        self._seen_ns = 0
+        self._raw_ticks: Counts = (0, 0, 0, 0)
         self._alarm = clock.alarm(self._extra_step)
         self.progress = 0
         self.volts: float | None = None
@@ -169,6 +174,7 @@ class Controller:
         self.progress += 1
         before = self._decision
         decision = self._decision = self._arbiter.current(now_ns)
+        self._look(now_ns)
         if self._latch.engaged or self._holds.active(now_ns):
             self._stand(now_ns, at_once=True)
         else:
@@ -185,6 +191,18 @@ class Controller:
         # Silence is acted upon when it is due, not at the beat after it.
         due_ns = self._arbiter.deadline_ns
         self._alarm.set(due_ns if due_ns is not None and due_ns > now_ns else None)
+
+    def _look(self, now_ns: int) -> None:
+        """Does anybody see the wheels?"""
+        blind_s = self._options.blind_s
+        if (
+            self._wheels.attached
+            and now_ns - self._seen_ns > nanoseconds(blind_s)
+            and not self._holds.has(WAITING_FOR_BOARD)
+        ):
+            self._wait(f"No counts have come for {blind_s:g} s, and wheels are not driven unseen.")
+            self.counters["blind"] += 1
+            self._outputs.changed()
 
     def step_soon(self) -> None:
         """A command arrived: step at once, but not more often than the board could be told."""
@@ -277,11 +295,12 @@ class Controller:
         update = self._odometer.update(reading)
         for event in update.events:
             self.event(event)
-            self._interrupted(event)
+            self._interrupted(event, reading.ticks)
         estimate = update.estimate
         if estimate is None:
             return
-        now_ns = self._clock.now_ns()
+        now_ns = self._seen_ns = self._clock.now_ns()
+        self._raw_ticks = reading.ticks
         faults = self._wheels.measure(
             estimate.stamp_ns, estimate.motor_speed_m_s, estimate.motor_ticks
         )
@@ -300,10 +319,12 @@ class Controller:
         """The board started anew: its motors are free, and what it was told is forgotten."""
         self._started_anew(f"The board reset itself (firmware {version})")
 
-    def _interrupted(self, event: Event) -> None:
+    def _interrupted(self, event: Event, ticks: Counts) -> None:
         """Counts that do not go on may be all that is seen of a reset."""
         cause = (event.data or {}).get("cause")
-        if cause == "reset_unseen":
+        # After a silence the odometer cannot count from zero, but zero is where they came from.
+        fell = max(map(abs, ticks)) < max(map(abs, self._raw_ticks))
+        if cause == "reset_unseen" or (cause == "gap_lost" and fell and self._wheels.in_motion):
             self._started_anew("The board reset itself without a word")
         if cause in {"reset_unseen", "gap_lost", "rebased"}:
             # A polled board that is not told its motors' type turns no wheel; what the wheels did

@@ -55,6 +55,10 @@ class Holds:
         """This reason is gone. Returns whether it was there."""
         return self._holds.pop(kind, None) is not None
 
+    def has(self, kind: str) -> bool:
+        """Whether this reason is in force, or was and nobody has looked since it ended."""
+        return kind in self._holds
+
     def active(self, now_ns: int) -> tuple[Hold, ...]:
         """The reasons to stand at ``now_ns``, the oldest first; those that ended are forgotten."""
         over = [
