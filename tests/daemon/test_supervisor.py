@@ -89,6 +89,26 @@ async def test_after_a_good_session_the_next_attempt_comes_soon() -> None:
 
 
 @on_virtual_time
+async def test_a_port_that_goes_away_while_it_is_asked_to_end_does_not_keep_it() -> None:
+    class Losing(Missing):
+        async def run(self) -> None:
+            try:
+                await asyncio.sleep(1000.0)
+            except asyncio.CancelledError:
+                # What a task group does with a cancellation that an error overtakes.
+                raise PortLost("/dev/x: the port went away.") from None
+
+    task = asyncio.create_task(
+        Supervisor(Losing, LoopClock(), Watcher()).run()  # type: ignore[arg-type]
+    )
+    await asyncio.sleep(1.0)
+    task.cancel()
+    done, _ = await asyncio.wait([task], timeout=1.0)
+    assert done
+    assert task.cancelled()
+
+
+@on_virtual_time
 async def test_the_counters_of_ended_sessions_are_kept() -> None:
     supervisor = Supervisor(Missing, LoopClock(), Watcher())  # type: ignore[arg-type]
     await run_for(supervisor, 10.0)

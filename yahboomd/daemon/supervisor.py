@@ -6,6 +6,7 @@ once, and counted while it repeats.
 
 from __future__ import annotations
 
+import asyncio
 import logging
 from collections import Counter
 from collections.abc import Callable
@@ -67,6 +68,9 @@ class Supervisor:
             except (LinkError, BoardError, ConfigError) as error:
                 self._watcher.unavailable(error)
                 self._tell(error, was_connected=session.identity is not None)
+                if (task := asyncio.current_task()) is not None and task.cancelling():
+                    # A task group that fails while it is cancelled tells of the failure alone.
+                    raise asyncio.CancelledError from error
             finally:
                 self._keep(session)
             if self._clock.now_ns() - started_ns > nanoseconds(STEADY_S):
