@@ -113,6 +113,16 @@ async def test_every_native_key_carries_its_one_type_and_encoding(running: Runni
         assert {str(sample.encoding) for sample in running.samples[name]} == {encoding}
 
 
+async def test_the_log_says_where_it_listens_and_for_whom(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO", logger="yahboomd")
+    running = Running(tmp_path)
+    await running.listen()
+    await running.end()
+    assert f"Listening on {running.endpoint}, for this machine alone." in caplog.text
+
+
 async def test_pose_stamps_and_numbers_rise(running: Running) -> None:
     await running.state("standing")
     await eventually(lambda: len(running.samples.get("pose", [])) > 30)

@@ -66,6 +66,7 @@ class Daemon:
         self._status_due = asyncio.Event()
         self._publishers: list[BusPublisher] = []
         self._others: set[str] = set()
+        self._callback_failed = asyncio.Event()
         self.left_clean = True
         """Whether the bus could be closed; where not, only ``os._exit`` ends the process."""
 
@@ -83,6 +84,7 @@ class Daemon:
         loop = asyncio.get_running_loop()
         for number in SIGNALS:
             loop.add_signal_handler(number, self.stop, number.name)
+        loop.set_exception_handler(self._uncaught)
         notifier = Notifier(self._environ)
         bus = Bus(assembly.bus_options(self._config), clock=self._clock)
         try:
@@ -94,6 +96,13 @@ class Daemon:
             notifier.close()
             for number in SIGNALS:
                 loop.remove_signal_handler(number)
+
+    def _uncaught(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        """An error in a callback, which has no task to fail: the daemon ends as if it had one."""
+        loop.default_exception_handler(context)
+        # What a transport reports its owner hears, too; a result that nobody wants moves nothing.
+        if not context.keys() & {"transport", "future", "task"}:
+            self._callback_failed.set()
 
     async def _serve(self, bus: Bus, notifier: Notifier) -> None:
         config, clock = self._config, self._clock
@@ -158,9 +167,10 @@ class Daemon:
     ) -> None:
         async with asyncio.TaskGroup() as tasks:
             board = tasks.create_task(supervisor.run(), name="supervisor")
-            others = [
+            others: list[asyncio.Task[Any]] = [
                 tasks.create_task(self._control(controller, notifier), name="control"),
                 tasks.create_task(self._tell_status(status, notifier), name="status"),
+                tasks.create_task(self._callback_failed.wait(), name="callback"),
             ]
             asked = tasks.create_task(self._stop.wait(), name="stop")
             done, _ = await asyncio.wait(
@@ -247,8 +257,11 @@ class Daemon:
         bus.token(own)
         bus.watch_tokens(f"{keys.ALIVE}/*", lambda changes: self._holders(bus, changes))
         bus.watch_neighbours(lambda changes: self._neighbours(bus, changes))
-        for endpoint in bus.options.exposed:
-            log.warning("Listening on %s: whoever reaches it can drive this robot.", endpoint)
+        for endpoint in bus.options.listening:
+            if endpoint in bus.options.exposed:
+                log.warning("Listening on %s: whoever reaches it can drive this robot.", endpoint)
+            else:
+                log.info("Listening on %s, for this machine alone.", endpoint)
 
     def _holders(self, bus: Bus, changes: list[TokenChange]) -> None:
         for change in changes:
