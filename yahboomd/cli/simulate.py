@@ -16,6 +16,11 @@ from yahboomd.simulation.options import FlashContent, ImpairmentOptions, Simulat
 from yahboomd.simulation.pty import PtyPort, serve
 from yahboomd.simulation.robot import SimulatedRobot
 
+DESCRIPTION = """\
+Be a motor driver board on a pseudo-terminal, in real time, with motors and a chassis behind it. A
+program opens it like the serial port of a real board. It runs until Ctrl-C.
+"""
+
 EPILOG = f"""\
 a first drive, each line in a terminal of its own:
   yahboomd simulate --link /tmp/board
@@ -38,9 +43,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser = subparsers.add_parser(
         "simulate",
         help="be a board on a pseudo-terminal, with motors, chassis and ground truth",
-        description="Be a motor driver board on a pseudo-terminal, in real time, with motors and a "
-        "chassis behind it. A program opens it like the serial port of a real board. It runs "
-        "until Ctrl-C.",
+        description=DESCRIPTION,
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -88,16 +91,40 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="differential: left on M1, right on M3; the others: M1 to M4 as the vendor has them "
         "(default: %(default)s)",
     )
-    what.add_argument("--wheel-radius", metavar="M", type=float, default=robot.wheel_radius_m)
     what.add_argument(
-        "--wheel-separation", metavar="M", type=float, default=robot.wheel_separation_m
+        "--wheel-radius",
+        metavar="M",
+        type=float,
+        default=robot.wheel_radius_m,
+        help="true radius of the wheels (default: %(default)s)",
     )
-    what.add_argument("--wheel-base", metavar="M", type=float, default=robot.wheel_base_m)
     what.add_argument(
-        "--lines", metavar="N", type=int, default=robot.lines, help="encoder lines of the motors"
+        "--wheel-separation",
+        metavar="M",
+        type=float,
+        default=robot.wheel_separation_m,
+        help="from the left wheels to the right ones (default: %(default)s)",
     )
     what.add_argument(
-        "--ratio", metavar="X", type=float, default=robot.ratio, help="their true gear ratio"
+        "--wheel-base",
+        metavar="M",
+        type=float,
+        default=robot.wheel_base_m,
+        help="from axle to axle, for mecanum (default: %(default)s)",
+    )
+    what.add_argument(
+        "--lines",
+        metavar="N",
+        type=int,
+        default=robot.lines,
+        help="encoder lines of the motors (default: %(default)s)",
+    )
+    what.add_argument(
+        "--ratio",
+        metavar="X",
+        type=float,
+        default=robot.ratio,
+        help="their true gear ratio (default: %(default)s)",
     )
     what.add_argument(
         "--flash",
@@ -107,14 +134,25 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="what a streamed board has stored, such as lines=0; may be repeated. Names: "
         f"{', '.join(flash.__struct_fields__)}",
     )
-    what.add_argument("--firmware", metavar="VERSION", default=robot.firmware)
+    what.add_argument(
+        "--firmware",
+        metavar="VERSION",
+        default=robot.firmware,
+        help="what a streamed board reports (default: %(default)s)",
+    )
     what.add_argument(
         "--ticks",
         metavar="A,B,C,D",
         default="0,0,0,0",
         help="counters at the start (default: %(default)s)",
     )
-    what.add_argument("--battery", metavar="V", type=float, default=robot.battery_volts)
+    what.add_argument(
+        "--battery",
+        metavar="V",
+        type=float,
+        default=robot.battery_volts,
+        help="the battery at rest (default: %(default)s)",
+    )
     what.add_argument(
         "--stream-pace",
         choices=("measured", "wire"),
@@ -124,12 +162,40 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
     bad = parser.add_argument_group("what is wrong with the line")
     bad.add_argument(
-        "--seed", metavar="N", type=int, default=robot.seed, help="the same number, the same faults"
+        "--seed",
+        metavar="N",
+        type=int,
+        default=robot.seed,
+        help="the same number, the same faults (default: %(default)s)",
     )
-    bad.add_argument("--loss", metavar="SHARE", type=float, default=line.loss)
-    bad.add_argument("--corruption", metavar="SHARE", type=float, default=line.corruption)
-    bad.add_argument("--delay", metavar="S", type=float, default=line.delay_s)
-    bad.add_argument("--jitter", metavar="S", type=float, default=line.jitter_s)
+    bad.add_argument(
+        "--loss",
+        metavar="SHARE",
+        type=float,
+        default=line.loss,
+        help="share of bytes that vanish, each way, 0 to 1",
+    )
+    bad.add_argument(
+        "--corruption",
+        metavar="SHARE",
+        type=float,
+        default=line.corruption,
+        help="share of bytes that arrive with a bit flipped, each way, 0 to 1",
+    )
+    bad.add_argument(
+        "--delay",
+        metavar="S",
+        type=float,
+        default=line.delay_s,
+        help="what every chunk waits, each way",
+    )
+    bad.add_argument(
+        "--jitter",
+        metavar="S",
+        type=float,
+        default=line.jitter_s,
+        help="up to so much more, at random",
+    )
     bad.add_argument(
         "--chunk",
         metavar="S",
