@@ -328,7 +328,7 @@ class Bus:
 
     @property
     def session(self) -> zenoh.Session:
-        """The (first) session itself, for clients that ask; not for what the loop must not wait for.
+        """The (first) session itself, for clients that ask and may wait.
 
         Raises:
             BusError: It is not open.
