@@ -195,15 +195,18 @@ class Inbox:
         os.eventfd_read(self._fd)
         self._woken = False
         self._deliver_urgent()
+        # Of a dozen lanes one has something, as a rule: only a look, without its lock, at the rest.
         for lane in tuple(self._others):
-            self._deliver(lane)
-            self._deliver_urgent()
+            if lane.pending:
+                self._deliver(lane)
+                self._deliver_urgent()
         if any(lane.pending for lane in (*self._urgent, *self._others)):
             self._wake()
 
     def _deliver_urgent(self) -> None:
         for lane in tuple(self._urgent):
-            self._deliver(lane)
+            if lane.pending:
+                self._deliver(lane)
 
     def _deliver(self, lane: Lane[Any]) -> None:
         try:

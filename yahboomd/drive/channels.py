@@ -106,7 +106,7 @@ def build_motors(
 
 def motor_speeds(motors: Sequence[Motor], speeds: Sequence[float]) -> tuple[float, ...]:
     """The rim speed of each motor's wheel, m/s, positive forward, from the speeds of the wheels."""
-    return tuple(speeds[motor.wheel] for motor in motors)
+    return tuple([speeds[motor.wheel] for motor in motors])
 
 
 def wheel_limits(

@@ -110,7 +110,9 @@ def wheel_speeds(kinematics: Kinematics, twist: Twist2d) -> tuple[float, ...]:
 
     A geometry that cannot move sideways leaves ``vy`` out: see :func:`without_lateral`.
     """
-    return tuple(fx * twist.vx + fy * twist.vy + fw * twist.wz for fx, fy, fw in kinematics.inverse)
+    vx, vy, wz = twist.vx, twist.vy, twist.wz
+    # A list costs half of a generator, here and below: this runs in every control step.
+    return tuple([fx * vx + fy * vy + fw * wz for fx, fy, fw in kinematics.inverse])
 
 
 def body_twist(kinematics: Kinematics, speeds: Sequence[float]) -> Twist2d:

@@ -114,6 +114,8 @@ class _Axis:
     def step(self, wish: float, dt_s: float) -> None:
         if not math.isfinite(wish):
             wish = 0.0
+        if wish == self.speed and self._rate == 0.0 and abs(wish) <= self._velocity:
+            return
         wish = max(-self._velocity, min(self._velocity, wish))
         if math.isinf(self._jerk):
             self.speed = self._ramp(wish, dt_s)

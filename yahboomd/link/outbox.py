@@ -143,18 +143,18 @@ class Outbox:
             return self._sent(Outgoing(lane=Lane.STOP, frame=self._stops.popleft()))
         if busy:
             return None
-        ready = [lane for lane in _ORDER if self._ready(lane, now_ns)]
+        # In the order in which they go first: velocity, poll, configuration.
+        ready: list[Lane] = []
+        if self._velocity_due_ns is not None and self._velocity_due_ns <= now_ns:
+            ready.append(Lane.VELOCITY)
+        if self._poll is not None:
+            ready.append(Lane.POLL)
+        if self._requests:
+            ready.append(Lane.CONFIGURATION)
         if not ready:
             return None
-        lane = next((each for each in ready if each is not self._last), ready[0])
+        lane = ready[1] if len(ready) > 1 and ready[0] is self._last else ready[0]
         return self._sent(self._pick(lane, now_ns))
-
-    def _ready(self, lane: Lane, now_ns: int) -> bool:
-        if lane is Lane.VELOCITY:
-            return self._velocity_due_ns is not None and self._velocity_due_ns <= now_ns
-        if lane is Lane.POLL:
-            return self._poll is not None
-        return bool(self._requests)
 
     def _pick(self, lane: Lane, now_ns: int) -> Outgoing:
         if lane is Lane.VELOCITY:
@@ -171,6 +171,3 @@ class Outbox:
     def _sent(self, outgoing: Outgoing) -> Outgoing:
         self._last = outgoing.lane
         return outgoing
-
-
-_ORDER = (Lane.VELOCITY, Lane.POLL, Lane.CONFIGURATION)

@@ -78,5 +78,5 @@ def command(name: str, units: Counts, limit: int) -> bytes:
         TypeError: On a number that is not an integer.
     """
     # index() before the clamp: min(1000, nan) is 1000, and nan would become full speed.
-    a, b, c, d = (max(-limit, min(limit, operator.index(unit))) for unit in units)
+    a, b, c, d = [max(-limit, min(limit, operator.index(unit))) for unit in units]
     return f"${name}:{a:d},{b:d},{c:d},{d:d}#".encode("ascii")
