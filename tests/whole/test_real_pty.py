@@ -1,0 +1,125 @@
+"""The link on a real pty in real time: nothing here depends on how fast this machine is."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator, Callable
+from pathlib import Path
+
+import pytest
+from board_bench import Recorder
+
+from yahboomd.clock import SystemClock
+from yahboomd.link.port import Port, PortOptions, open_port
+from yahboomd.link.session import Session, SessionOptions
+from yahboomd.simulation.options import SimulationOptions
+from yahboomd.simulation.pty import PtyPort
+from yahboomd.simulation.robot import SimulatedRobot
+
+pytestmark = pytest.mark.realtime
+
+
+class Connected:
+    """A simulated robot behind a pty, and a session with it."""
+
+    def __init__(self, folder: Path, simulation: SimulationOptions, options: SessionOptions):
+        self.robot = SimulatedRobot(simulation)
+        self.board = PtyPort(self.robot, link=folder / "board")
+        self.clock = SystemClock()
+        self.recorder = Recorder()
+        self.session = Session(self._open, self.clock, self.recorder, options)
+        self._path = str(folder / "board")
+
+    async def _open(self) -> Port:
+        return await open_port(PortOptions(path=self._path), self.clock)
+
+    async def until(self, condition: Callable[[], object]) -> None:
+        async with asyncio.timeout(60.0):
+            while not condition():
+                await asyncio.sleep(0.002)
+
+
+@contextlib.asynccontextmanager
+async def connected(
+    folder: Path, simulation: SimulationOptions, options: SessionOptions
+) -> AsyncIterator[Connected]:
+    robot = Connected(folder, simulation, options)
+    robot.board.open()
+    running = asyncio.create_task(robot.session.run())
+    try:
+        await robot.until(lambda: robot.recorder.readings or running.done())
+        yield robot
+    finally:
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
+        robot.board.close()
+
+
+async def test_polled_reaches_200_polls_a_second(tmp_path: Path) -> None:
+    options = SessionOptions(poll_rate_hz=200.0, battery_period_s=0.0)
+    async with connected(tmp_path, SimulationOptions(dialect="polled"), options) as robot:
+        changes = 0
+
+        def within_a_second() -> bool:
+            # With a new speed at every look, as often as the wire takes one besides the polls.
+            nonlocal changes
+            if len(robot.recorder.readings) > 4 * changes:
+                changes += 1
+                robot.session.drive((200 + changes % 2, 0, 200, 0))
+            recent = [each.received_ns for each in robot.recorder.readings[-199:]]
+            return len(recent) == 199 and recent[-1] - recent[0] <= 1_000_000_000
+
+        await robot.until(within_a_second)
+        facts = robot.session.facts()
+        # Every poll that went out is accounted for, and every velocity went out between them.
+        assert facts["polls_sent"] - facts["readings"] - facts.get("polls_unanswered", 0) in {0, 1}
+        assert facts["velocities_sent"] >= changes // 2
+
+
+async def test_polls_keep_an_absolute_schedule(tmp_path: Path) -> None:
+    options = SessionOptions(poll_rate_hz=100.0, battery_period_s=0.0)
+    async with connected(tmp_path, SimulationOptions(dialect="polled"), options) as robot:
+
+        def beats() -> int:
+            facts = robot.session.facts()
+            return facts["polls_sent"] + facts.get("polls_skipped", 0) + facts["polls_late"]
+
+        begin, begin_ns = beats(), robot.clock.now_ns()
+        await robot.until(lambda: beats() >= begin + 200)
+        counted, took_ns = beats() - begin, robot.clock.now_ns() - begin_ns
+        # However late single polls were: so many periods have passed, and no fewer beats. A loop
+        # that was held up just now has not counted the beats of its delay yet, and may poll early.
+        assert counted * 10_000_000 >= took_ns - 300_000_000
+        assert counted * 10_000_000 <= took_ns + 20_000_000
+
+
+@pytest.mark.parametrize("pace", ["measured", "wire"])
+async def test_streamed_reads_every_frame_that_the_wire_carries(tmp_path: Path, pace: str) -> None:
+    simulation = SimulationOptions(
+        stream_pace=pace,  # type: ignore[arg-type]
+        initial_ticks=(-1_234_567, 1_234_567, -9, 8_765_432),
+    )
+    options = SessionOptions(battery_period_s=0.0)
+    async with connected(tmp_path, simulation, options) as robot:
+        sent: list[bytes] = []
+        emit = robot.robot.board.emit
+
+        def count(data: bytes, now_ns: int) -> None:
+            if data.startswith(b"$MAll"):
+                sent.append(data)
+            emit(data, now_ns)
+
+        first = len(robot.recorder.readings)
+        robot.robot.board.emit = count  # type: ignore[method-assign]
+        robot.session.drive((300, 0, 250, 0))
+        await robot.until(lambda: len(sent) >= 400)
+        robot.robot.board.emit = emit  # type: ignore[method-assign]
+        await robot.until(lambda: len(robot.recorder.readings) > first + len(sent) + 4)
+        heard = [each.ticks for each in robot.recorder.readings[first:]]
+        told = [tuple(map(int, line[6 : line.index(b"#")].split(b","))) for line in sent]
+        # A line or two were on their way when the counting began.
+        assert any(heard[start : start + len(told)] == told for start in range(4))
+        assert robot.board.dropped_bytes == 0
+        facts = robot.session.facts()
+        assert facts["bad_bytes"] + facts["discarded_bytes"] + facts["overlong"] == 0
