@@ -284,7 +284,7 @@ class Controller:
             self._holds.drop(BOARD_UNFIT)
         self._wait("The board is connected; waiting for its first counts.")
         version = identity.settings.version if identity.settings else None
-        words = f"Connected: dialect {identity.dialect.name}" + (
+        words = f"Connected to {session.port_name}: dialect {identity.dialect.name}" + (
             f", firmware {version}." if version else "."
         )
         self.event(Event(kind="connected", severity="info", message=words))
