@@ -108,3 +108,24 @@ def test_a_refusal_of_the_arbiter_is_told_in_words() -> None:
     scene.take([scene.arrival(json.dumps({"vx": 0.2, "stamp_ns": stamp_ns + 1}).encode())])
     assert "stale" in scene.intake.last_refusal
     assert scene.intake.facts()["stale"] == 1
+
+
+def test_every_source_has_its_own_account() -> None:
+    scene = Scene()
+    teleop = scene.intake.handler("cmd_vel/teleop")
+    scene.take([scene.arrival(b'{"vx": 0.1, "vy": 0.2}'), scene.arrival(b"garbage", dropped=2)])
+    teleop([scene.arrival(b'{"vx": 0.1}'), scene.arrival(b'{"vx": NaN}')])
+    facts = scene.intake.facts()
+    assert facts["sources"] == {
+        "cmd_vel": {
+            "received": 4,
+            "accepted": 1,
+            "overrun": 2,
+            "vy_ignored": 1,
+            "refused": {"unknown_encoding": 1},
+        },
+        # Nobody of that name may drive in this scene.
+        "cmd_vel/teleop": {"received": 2, "refused": {"unknown_source": 1, "not_finite": 1}},
+    }
+    # In all, every one that came is either accepted, refused or lost.
+    assert facts["received"] == facts["accepted"] + facts["refused"] + facts["overrun"]

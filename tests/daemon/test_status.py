@@ -20,6 +20,9 @@ class Bus:
         Neighbour(zid="c1", kind="client"),
     )
 
+    def facts(self) -> dict[str, int]:
+        return {"puts": 3, "put_errors": 0}
+
 
 def status(bench: RobotBench) -> Status:
     bus: Any = Bus()
@@ -29,7 +32,7 @@ def status(bench: RobotBench) -> Status:
         intake=bench.intake,
         supervisor=bench.supervisor,
         bus=bus,
-        more_bus_facts=lambda: {"puts": 3},
+        more_bus_facts=lambda: {"stamps_held_back": 1},
     )
 
 
@@ -60,6 +63,8 @@ async def test_while_driving_it_names_the_driver_and_every_counter(tmp_path: Pat
             "routers": "tcp/127.0.0.1:7447",
             "neighbours": 2,
             "puts": 3,
+            "put_errors": 0,
+            "stamps_held_back": 1,
         }
 
 

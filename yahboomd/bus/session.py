@@ -18,6 +18,7 @@ from typing import Protocol, Self, TypeVar
 import zenoh
 
 from yahboomd.bus.bounded import bounded
+from yahboomd.bus.facts import facts
 from yahboomd.bus.failures import open_failure
 from yahboomd.bus.hangup import hang_up_stuck
 from yahboomd.bus.inbox import DEPTH, Inbox
@@ -191,6 +192,10 @@ class Bus:
     def neighbours(self) -> tuple[Neighbour, ...]:
         """The sessions that this one is connected to."""
         return self._neighbours.now()
+
+    def facts(self) -> dict[str, int]:
+        """See :func:`yahboomd.bus.facts.facts`."""
+        return facts(self._declared)
 
     def key(self, name: str) -> str:
         """A key in full: below the namespace, unless ``name`` begins with ``/``."""

@@ -32,6 +32,7 @@ class CommandIntake:
         self._holonomic = holonomic
         self._step = step
         self.counters: Counter[str] = Counter()
+        self._by_source: dict[str, Counter[str]] = {}
         self.last_refusal = ""
 
     def handler(self, source: str, *, attached: bool = False) -> Callable[[list[Arrival]], None]:
@@ -56,6 +57,9 @@ class CommandIntake:
         facts: dict[str, Any] = dict(self.counters)
         facts.update(self._arbiter.counters)
         facts["last_refusal"] = self.last_refusal
+        facts["sources"] = {
+            source: _by_reason(counters) for source, counters in self._by_source.items()
+        }
         if offsets_s := self._arbiter.clock_offsets_s(now_ns):
             facts["clock_offset_s"] = offsets_s
         if warnings := self._arbiter.clock_warnings(now_ns):
@@ -63,9 +67,9 @@ class CommandIntake:
         return facts
 
     def _take(self, source: str, arrival: Arrival, attached_ns: int | None) -> None:
-        self.counters["received"] += 1 + arrival.dropped
+        self._count(source, "received", 1 + arrival.dropped)
         if arrival.dropped:
-            self.counters["overrun"] += arrival.dropped
+            self._count(source, "overrun", arrival.dropped)
         if arrival.oversize:
             self._refuse(source, "oversize", "the payload has more bytes than a command may")
             return
@@ -75,7 +79,7 @@ class CommandIntake:
             return
         vy = command.vy
         if vy != 0.0 and not self._holonomic:
-            self.counters["vy_ignored"] += 1
+            self._count(source, "vy_ignored")
             vy = 0.0
         sent_ns = command.stamp_ns or attached_ns
         verdict = self._arbiter.offer(
@@ -87,14 +91,38 @@ class CommandIntake:
             wall_ns=self._clock.wall_ns() - (self._clock.now_ns() - arrival.arrived_ns),
             arrivals=1 + arrival.dropped,
         )
-        if not isinstance(verdict, Accepted):
-            # The arbiter counts its own refusals.
-            self.last_refusal = f"{source}: {verdict.reason}: {verdict.detail}"
+        if isinstance(verdict, Accepted):
+            # In all, the arbiter counts its own verdicts.
+            self._by_source[source]["accepted"] += 1
+        else:
+            self._refused(source, verdict.reason, verdict.detail)
 
     def _refuse(self, source: str, reason: str, detail: str) -> None:
-        self.counters["refused"] += 1
         self.counters[reason] += 1
+        self._refused(source, reason, detail)
+
+    def _refused(self, source: str, reason: str, detail: str) -> None:
+        self.counters["refused"] += 1
+        self._by_source[source][_REFUSED + reason] += 1
         self.last_refusal = f"{source}: {reason}: {detail}"
+
+    def _count(self, source: str, what: str, times: int = 1) -> None:
+        self.counters[what] += times
+        self._by_source.setdefault(source, Counter())[what] += times
+
+
+_REFUSED = "refused/"
+
+
+def _by_reason(counters: Counter[str]) -> dict[str, Any]:
+    """One source's counters, with what was refused in a group of its own."""
+    refused = {
+        name.removeprefix(_REFUSED): count
+        for name, count in counters.items()
+        if name.startswith(_REFUSED)
+    }
+    plain = {name: count for name, count in counters.items() if not name.startswith(_REFUSED)}
+    return {**plain, "refused": refused}
 
 
 def _attached_ns(arrival: Arrival) -> int | None:

@@ -102,6 +102,10 @@ class Publisher:
         self._events = outlet(keys.EVENTS, EventSample)
         self._seq = 0
 
+    def facts(self) -> dict[str, int]:
+        """How many readings went out, and how often the wall clock ran back under their stamps."""
+        return {"published": self._seq, "stamps_held_back": self._stamps.held_back}
+
     def estimate(self, estimate: OdometryEstimate, command_m_s: tuple[float, ...]) -> int | None:
         """Publish one reading's pose, twist and wheels, if it is due.
 

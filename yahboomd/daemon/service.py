@@ -6,7 +6,6 @@ import asyncio
 import gc
 import logging
 import signal
-from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
@@ -64,7 +63,6 @@ class Daemon:
         self._opener = opener or assembly.opener(config, self._clock, environ)
         self._stop = asyncio.Event()
         self._status_due = asyncio.Event()
-        self._publishers: list[BusPublisher] = []
         self._others: set[str] = set()
         self._callback_failed = asyncio.Event()
         self.left_clean = True
@@ -135,7 +133,7 @@ class Daemon:
             intake=intake,
             supervisor=supervisor,
             bus=bus,
-            more_bus_facts=self._bus_facts,
+            more_bus_facts=self._publisher.facts,
         )
         services = Services(
             Operator(clock, controller=controller, arbiter=arbiter, latch=latch),
@@ -240,16 +238,7 @@ class Daemon:
 
     def _open_outlet(self, bus: Bus, key: str, message: type[msgspec.Struct]) -> BusPublisher:
         # Telemetry never waits for a subscriber: the wheels hang on the same thread.
-        publisher = bus.publisher(key, encoding=encoding_name(message, self._config.zenoh.encoding))
-        self._publishers.append(publisher)
-        return publisher
-
-    def _bus_facts(self) -> dict[str, Any]:
-        facts: Counter[str] = Counter()
-        for publisher in self._publishers:
-            facts["puts"] += publisher.counters.puts
-            facts["put_errors"] += publisher.counters.errors
-        return dict(facts)
+        return bus.publisher(key, encoding=encoding_name(message, self._config.zenoh.encoding))
 
     def _announce(self, bus: Bus) -> None:
         own = keys.holder_key(keys.ALIVE, bus.zid)

@@ -22,7 +22,7 @@ class Status:
         intake: Commands and refusals.
         supervisor: The link's counters.
         bus: Whom the daemon is connected to.
-        more_bus_facts: Counters of the publishers.
+        more_bus_facts: What the bus itself does not know.
     """
 
     def __init__(
@@ -100,5 +100,6 @@ class Status:
             "zid": self._bus.zid,
             "routers": ", ".join(routers),
             "neighbours": len(self._bus.neighbours),
+            **self._bus.facts(),
             **self._more_bus_facts(),
         }
