@@ -49,6 +49,8 @@ class Poller:
         self._clock = clock
         self._dialect = dialect
         self._period_ns = period_ns
+        # A slow schedule need not wait its whole period for an answer that was lost.
+        self._answer_ns = min(max(period_ns, 20_000_000), 100_000_000)
         self._on_reading = on_reading
         self._port_name = port_name
         self._heard_ns = clock.now_ns()
@@ -106,20 +108,17 @@ class Poller:
         finally:
             schedule.close()
 
-    @property
-    def _answer_ns(self) -> int:
-        # A slow schedule need not wait its whole period for an answer that was lost.
-        return min(max(self._period_ns, 20_000_000), 100_000_000)
-
     def _look(self) -> None:
         silent_s = seconds(self._clock.now_ns() - self._heard_ns)
+        if silent_s <= REARM_AFTER_S:
+            return
         if silent_s > SILENT_AFTER_S:
             raise BoardSilent(
                 f"{self._port_name}: the board sent no counts for {silent_s:.1f} s.",
                 remedy="Is it powered? The port is opened anew.",
             )
         since_arm_s = seconds(self._clock.now_ns() - self._rearmed_ns)
-        if silent_s > REARM_AFTER_S < since_arm_s:
+        if since_arm_s > REARM_AFTER_S:
             self.counters["rearmed"] += 1
             self._after_gap = True
             self.arm()
