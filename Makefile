@@ -65,5 +65,15 @@ bench: $(VENV)/.dev ## measure exactness, latency, throughput, cost and fleet; w
 bench-short: $(VENV)/.dev ## the same in a short form, only to see that it works
 	$(PY) -m benchmarks --short --out build/bench-short --store build/bench-short/store $(ARGS)
 
+.PHONY: deb system-test footprint
+deb: ## build the Debian package for this machine's distribution, into dist/
+	@$(PYTHON) packaging/build_deb.py $(ARGS)
+
+system-test: $(VENV)/.dev ## the installed service under a real systemd, in a container (root; SUITE=trixie, SHORT=1)
+	@$(PY) tools/system_test.py $(if $(SUITE),--suite $(SUITE)) $(if $(SHORT),--short --if-possible) $(ARGS)
+
+footprint: $(VENV)/.run ## memory, threads, CPU, start-up time and sizes of the daemon
+	@$(PY) benchmarks/footprint.py $(ARGS)
+
 clean: ## remove the environment and every cache
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

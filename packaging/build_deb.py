@@ -196,6 +196,8 @@ def _epoch() -> str:
     """The moment of the source: the same tree makes the same package."""
     if given := os.environ.get("SOURCE_DATE_EPOCH"):
         return given
+    if not shutil.which("git"):
+        return "0"
     found = subprocess.run(
         ["git", "-C", str(TREE), "log", "-1", "--format=%ct"],
         capture_output=True, text=True, check=False,

@@ -1,0 +1,204 @@
+"""The service on a real systemd: it starts, it stops the wheels whatever ends it, it comes back."""
+
+from __future__ import annotations
+
+import re
+import signal
+import time
+
+import pytest
+from service_bench import SERVICE
+
+pytestmark = [pytest.mark.realtime, pytest.mark.timeout(300)]
+main_claim = pytest.mark.main_claim
+
+
+@main_claim
+def test_it_is_active_and_says_in_words_that_it_waits_for_the_board(machine) -> None:
+    machine.run("systemctl", "start", SERVICE)
+    assert machine.show(SERVICE, "ActiveState") == "active"
+    assert machine.show(SERVICE, "StatusText").startswith("waiting: no /dev/yahboom_driver")
+    assert machine.run("systemctl", "is-enabled", SERVICE).strip() == "enabled"
+    machine.run("systemctl", "stop", SERVICE)
+
+
+@main_claim
+def test_after_sigkill_the_wheels_stop_and_the_service_drives_again(bench, figure) -> None:
+    bench.drive()
+    before = bench.pid()
+    killed_ns = bench.kill(signal.SIGKILL)
+    figure("SIGKILL", bench.board.stopped_after_s(killed_ns))
+    bench.wait_until_active(before)
+    bench.wait_for_status("driving")
+    assert any("the wheels stand" in text for _, text in bench.journal())
+
+
+@main_claim
+def test_a_daemon_that_hangs_is_killed_the_wheels_stop_and_the_service_returns(
+    bench, figure
+) -> None:
+    bench.drive()
+    before = bench.pid()
+    hung_ns = bench.kill(signal.SIGSTOP)
+    figure("hang (watchdog)", bench.board.stopped_after_s(hung_ns))
+    bench.wait_until_active(before)
+    bench.wait_for_status("driving")
+    assert any("Watchdog timeout" in text for _, text in bench.journal())
+
+
+@main_claim
+def test_a_port_that_vanishes_is_waited_for_by_the_same_process(bench) -> None:
+    bench.drive()
+    before = bench.pid()
+    bench.stop_driving()
+    bench.board.do("unplug 2")
+    bench.wait_for_status("waiting")
+    bench.wait_for_status("standing")
+    assert bench.pid() == before
+    assert bench.board.stands()
+
+
+@main_claim
+def test_systemctl_stop_has_stopped_the_wheels_when_it_returns(bench, figure) -> None:
+    bench.drive()
+    stopped_ns = time.monotonic_ns()
+    bench.machine.run("systemctl", "stop", SERVICE)
+    assert bench.board.stands()
+    figure("systemctl stop", bench.board.stopped_after_s(stopped_ns))
+    assert bench.machine.show(SERVICE, "Result") == "success"
+
+
+def test_abort_and_a_restart_stop_the_wheels_too(bench, figure) -> None:
+    for name in ("SIGABRT", "SIGTERM"):
+        bench.drive()
+        before = bench.pid()
+        sent_ns = bench.kill(getattr(signal, name))
+        figure(name, bench.board.stopped_after_s(sent_ns))
+        bench.wait_until_active(before)
+        bench.stop_driving()
+
+
+def test_however_often_it_is_killed_it_comes_back(bench) -> None:
+    for _ in range(6):
+        before = bench.pid()
+        bench.kill(signal.SIGKILL)
+        bench.wait_until_active(before)
+    bench.wait_for_status("standing")
+
+
+def test_an_emergency_stop_outlives_a_kill_and_a_restart(bench) -> None:
+    bench.drive()
+    bench.machine.run("yahboomd", "stop")
+    assert bench.board.stands()
+    before = bench.pid()
+    bench.kill(signal.SIGKILL)
+    bench.wait_until_active(before)
+    bench.wait_for_status("estopped")
+    bench.machine.run("systemctl", "stop", SERVICE)
+    bench.machine.run("systemctl", "start", SERVICE)
+    bench.wait_for_status("estopped")
+    assert bench.board.stands()
+    bench.stop_driving()
+    bench.machine.run("yahboomd", "stop", "--release")
+    bench.drive()
+
+
+def test_a_configuration_with_a_mistake_is_left_to_a_person(bench) -> None:
+    machine = bench.machine
+    machine.run(
+        "sh",
+        "-c",
+        "cp /etc/yahboomd/config.toml /run/kept; echo '[serial' >> /etc/yahboomd/config.toml",
+    )
+    try:
+        machine.run("systemctl", "restart", SERVICE, check=False)
+        assert machine.show(SERVICE, "ActiveState") == "failed"
+        assert machine.show(SERVICE, "ExecMainStatus") == "78"
+        restarts = machine.show(SERVICE, "NRestarts")
+        time.sleep(2.5)
+        assert machine.show(SERVICE, "NRestarts") == restarts
+        assert any("config.toml" in text for _, text in bench.journal())
+    finally:
+        machine.run("cp", "/run/kept", "/etc/yahboomd/config.toml")
+    machine.run("systemctl", "start", SERVICE)
+    bench.wait_for_status("standing")
+
+
+@main_claim
+def test_the_journal_reads_well(bench) -> None:
+    bench.drive()
+    before = bench.pid()
+    bench.kill(signal.SIGKILL)
+    bench.wait_until_active(before)
+    bench.wait_for_status("driving")
+    bench.board.do("unplug 1")
+    bench.wait_for_status("waiting")
+    bench.wait_for_status("driving")
+    lines = bench.journal()
+    ours = [(priority, text) for priority, text in lines if not text.startswith("yahboomd.service")]
+    # The priority is told apart, and not part of the words.
+    assert not [text for _, text in lines if re.match(r"<\d>", text)]
+    assert [text for priority, text in ours if priority == 3 and "the port went away" in text], (
+        "\n".join(map(str, lines))
+    )
+    assert [text for priority, text in ours if priority == 6 and text.startswith("Connected")]
+    # Two seconds without a board, one kill: no flood.
+    assert len(lines) < 30, lines
+
+
+def test_a_board_that_is_away_for_long_is_told_once(bench) -> None:
+    bench.board.do("unplug 10")
+    bench.wait_for_status("waiting")
+    told = len(bench.journal())
+    bench.wait_for_status("standing")
+    # Besides what was told when it went: that it is back.
+    assert len(bench.journal()) <= told + 4
+
+
+def test_it_runs_as_its_own_user_without_any_right_of_root(bench) -> None:
+    pid = bench.pid()
+    status = bench.machine.run("cat", f"/proc/{pid}/status")
+    user = bench.machine.run("id", "-u", "yahboomd").strip()
+    assert re.search(rf"^Uid:\s+{user}\s+{user}\s", status, re.MULTILINE)
+    assert re.search(r"^CapEff:\s+0+$", status, re.MULTILINE)
+    assert re.search(r"^CapBnd:\s+0+$", status, re.MULTILINE)
+    assert re.search(r"^NoNewPrivs:\s+1$", status, re.MULTILINE)
+    assert re.search(r"^Seccomp:\s+2$", status, re.MULTILINE)
+
+
+def test_members_of_its_group_reach_the_unix_socket_and_others_do_not(bench) -> None:
+    machine = bench.machine
+    machine.run("mkdir", "-p", "/run/systemd/system/yahboomd.service.d")
+    dropin = "/run/systemd/system/yahboomd.service.d/test.conf"
+    listen = 'YAHBOOMD_ZENOH__LISTEN=["unixsock-stream//run/yahboomd/zenoh.sock"]'
+    machine.run("sh", "-c", f"printf '%s\\n' '[Service]' '{_environment(listen)}' > {dropin}")
+    try:
+        machine.run("systemctl", "daemon-reload")
+        machine.run("systemctl", "restart", SERVICE)
+        sockets = machine.run("sh", "-c", "ls -l /run/yahboomd")
+        assert re.search(r"^srwxrwx--- .* yahboomd yahboomd .* zenoh\.sock", sockets, re.MULTILINE)
+        listing = machine.run(
+            "setpriv", "--reuid=65534", "--clear-groups", "--regid=65534", "ls", "/run/yahboomd",
+            check=False,
+        )  # fmt: skip
+        assert "Permission denied" in listing
+        bench.drive("unixsock-stream//run/yahboomd/zenoh.sock")
+    finally:
+        machine.run("rm", "-f", dropin)
+        machine.run("systemctl", "daemon-reload")
+
+
+@main_claim
+def test_systemd_has_nothing_to_say_about_the_units_and_calls_them_safe(machine) -> None:
+    for unit in ("yahboomd.service", "yahboomd@front.service"):
+        said = machine.run("systemd-analyze", "verify", "--man=no", unit)
+        assert [line for line in said.splitlines() if "yahboomd" in line] == []
+        security = machine.run("systemd-analyze", "security", "--no-pager", unit)
+        figure = re.search(r"exposure level for \S+: ([0-9.]+)", security)
+        assert figure is not None, security
+        assert float(figure[1]) <= 1.5
+
+
+def _environment(setting: str) -> str:
+    escaped = setting.replace('"', '\\"')
+    return f'Environment="{escaped}"'

@@ -1,0 +1,163 @@
+"""`make system-test`: the service under a real systemd, in a Debian of its own.
+
+Prepares what the tests need and runs them:
+
+- debootstrap and systemd-nspawn, installed by apt where this runs as root;
+- a Debian with systemd, made once in ${YAHBOOMD_CACHE:-~/.cache/yahboomd}/system-test;
+- the Debian package of this tree, built on the same distribution.
+
+Each run boots that Debian with an overlay in memory, so nothing of a run is left in it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+TREE = Path(__file__).resolve().parent.parent
+MIRROR = "http://deb.debian.org/debian"
+INCLUDE = "systemd,systemd-sysv,dbus,udev,init-system-helpers,python3,python3-venv,ca-certificates"
+NEEDED = {
+    "debootstrap": "debootstrap",
+    "systemd-nspawn": "systemd-container",
+    "nsenter": "util-linux",
+    "dpkg-deb": "dpkg",
+}
+
+
+class Impossible(Exception):
+    """This machine cannot do it; the message says why."""
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n", maxsplit=1)[0])
+    parser.add_argument("--suite", default="bookworm", help="the Debian release to boot")
+    parser.add_argument(
+        "--short", action="store_true", help="the main claims only, for every change"
+    )
+    parser.add_argument(
+        "--if-possible", action="store_true", help="end well where this machine cannot do it"
+    )
+    args, more = parser.parse_known_args()
+    try:
+        cache = _cache()
+        _tools()
+        root = _root(cache, args.suite)
+        package = _package(cache, root)
+    except Impossible as why:
+        sys.stderr.write(f"system-test: not run: {why}\n")
+        return 0 if args.if_possible else 1
+    return subprocess.call(
+        [sys.executable, "-m", "pytest", "tests/system", "-q", *more],
+        cwd=TREE,
+        env={
+            **os.environ,
+            "YAHBOOMD_SYSTEM_ROOT": str(root),
+            "YAHBOOMD_SYSTEM_PACKAGE": str(package),
+            "YAHBOOMD_SYSTEM_SHORT": "1" if args.short else "",
+        },
+    )
+
+
+def _cache() -> Path:
+    given = os.environ.get("YAHBOOMD_CACHE") or "~/.cache/yahboomd"
+    cache = Path(given).expanduser().absolute() / "system-test"
+    cache.mkdir(parents=True, exist_ok=True)
+    return cache
+
+
+def _tools() -> None:
+    if os.geteuid() != 0:
+        raise Impossible("booting a system in a container needs root; use sudo make system-test.")
+    missing = sorted({package for tool, package in NEEDED.items() if not shutil.which(tool)})
+    if not missing:
+        return
+    if not shutil.which("apt-get"):
+        raise Impossible(f"it needs {', '.join(missing)}, and this machine has no apt.")
+    print(f"system-test: installing {', '.join(missing)}", flush=True)
+    quiet = {
+        "stdout": subprocess.DEVNULL,
+        "env": {**os.environ, "DEBIAN_FRONTEND": "noninteractive"},
+    }
+    subprocess.call(["apt-get", "update", "-qq"], **quiet)
+    command = ["apt-get", "install", "-y", "-qq", "--no-install-recommends", *missing]
+    if subprocess.call(command, **quiet) != 0:
+        raise Impossible(f"apt could not install {', '.join(missing)}; its words are above.")
+
+
+def _root(cache: Path, suite: str) -> Path:
+    root = cache / suite
+    if root.exists():
+        return root
+    print(f"system-test: making a Debian {suite} in {root} (two minutes, once)", flush=True)
+    # Made beside it and renamed, so that a half one is never taken for whole.
+    with tempfile.TemporaryDirectory(dir=cache, prefix=f".{suite}-") as folder:
+        half = Path(folder) / "root"
+        log = cache / f"{suite}.log"
+        with log.open("wb") as output:
+            status = subprocess.call(
+                [
+                    "debootstrap",
+                    "--variant=minbase",
+                    f"--include={INCLUDE}",
+                    suite,
+                    str(half),
+                    MIRROR,
+                ],
+                stdout=output,
+                stderr=subprocess.STDOUT,
+            )
+        if status != 0:
+            raise Impossible(f"debootstrap failed; see {log}.")
+        shutil.rmtree(half / "var/cache/apt/archives", ignore_errors=True)
+        (half / "var/cache/apt/archives/partial").mkdir(parents=True)
+        half.rename(root)
+    return root
+
+
+def _package(cache: Path, root: Path) -> Path:
+    print("system-test: building the Debian package", flush=True)
+    output = cache / f"packages-{root.name}"
+    shutil.rmtree(output, ignore_errors=True)
+    output.mkdir()
+    if _release(Path("/")) == _release(root):
+        command = [sys.executable, "packaging/build_deb.py", "--output", str(output)]
+        status = subprocess.call(command, cwd=TREE)
+    else:
+        status = _build_inside(root, output)
+    built = sorted(output.glob("*.deb"))
+    if status != 0 or not built:
+        sys.exit("system-test: the package could not be built; see above.")
+    return built[0]
+
+
+def _build_inside(root: Path, output: Path) -> int:
+    """Build on the distribution that is booted, with this machine's network and certificates."""
+    certificates = "/etc/ssl/certs/ca-certificates.crt"
+    trusted = ()
+    if Path(certificates).exists():
+        trusted = (f"--bind-ro={certificates}:/run/certificates.crt",)
+        trusted += ("--setenv=PIP_CERT=/run/certificates.crt",)
+    return subprocess.call(
+        [
+            *("systemd-nspawn", "--quiet", "-D", str(root), "--volatile=overlay"),
+            *("--register=no", "--keep-unit", "--pipe", "--resolv-conf=copy-host", *trusted),
+            *(f"--bind-ro={TREE}:/src", f"--bind={output}:/out"),
+            *("python3", "/src/packaging/build_deb.py", "--output", "/out"),
+        ],
+        stdin=subprocess.DEVNULL,
+    )
+
+
+def _release(root: Path) -> tuple[str, ...]:
+    lines = (root / "etc/os-release").read_text().splitlines()
+    return tuple(sorted(line for line in lines if line.startswith(("ID=", "VERSION_ID="))))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
