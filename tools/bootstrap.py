@@ -31,16 +31,27 @@ def check():
         )
 
 
+def works(python):
+    """Whether an environment is there with its pip: one that was interrupted may lack it."""
+    if not os.path.exists(python):
+        return False
+    with open(os.devnull, "w") as nowhere:
+        call = [python, "-m", "pip", "--version"]
+        return subprocess.call(call, stdout=nowhere, stderr=nowhere) == 0
+
+
 def main():
     if len(sys.argv) != 3:
         fail("usage: bootstrap.py FOLDER EXTRAS")
     folder, extras = sys.argv[1], sys.argv[2]
     check()
     python = os.path.join(folder, "bin", "python")
-    if not os.path.exists(python):
+    if not works(python):
         sys.stdout.write("yahboomd: making a virtual environment in %s\n" % folder)
         sys.stdout.flush()
-        if subprocess.call([sys.executable, "-m", "venv", folder]) != 0:
+        # Nothing is cleared away but what was an environment.
+        clear = ["--clear"] if os.path.exists(os.path.join(folder, "pyvenv.cfg")) else []
+        if subprocess.call([sys.executable, "-m", "venv"] + clear + [folder]) != 0:
             fail("the virtual environment could not be made in %s; see above." % folder)
     sys.stdout.write("yahboomd: installing what it needs (a minute, the first time)\n")
     sys.stdout.flush()
