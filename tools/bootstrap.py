@@ -49,9 +49,11 @@ def main():
     if not works(python):
         sys.stdout.write("yahboomd: making a virtual environment in %s\n" % folder)
         sys.stdout.flush()
-        # Nothing is cleared away but what was an environment.
-        clear = ["--clear"] if os.path.exists(os.path.join(folder, "pyvenv.cfg")) else []
-        if subprocess.call([sys.executable, "-m", "venv"] + clear + [folder]) != 0:
+        make = [sys.executable, "-m", "venv", folder]
+        if os.path.exists(os.path.join(folder, "pyvenv.cfg")):
+            # Nothing is cleared away but what was an environment.
+            make.append("--clear")
+        if subprocess.call(make) != 0:
             fail("the virtual environment could not be made in %s; see above." % folder)
     sys.stdout.write("yahboomd: installing what it needs (a minute, the first time)\n")
     sys.stdout.flush()
