@@ -105,7 +105,11 @@ class _Serial(serial.Serial):
 
     def read(self, size: int = 1) -> bytes:
         try:
-            return super().read(size)
+            # The event loop has looked whether there is something; pyserial would look again. With
+            # nothing there it has to: only then does nothing mean that the device is gone.
+            return os.read(self.fileno(), size) or super().read(size)
+        except BlockingIOError:
+            return b""
         except (serial.SerialException, OSError) as error:
             if self.on_broken is not None:
                 self.on_broken(error)
