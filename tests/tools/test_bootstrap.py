@@ -98,17 +98,14 @@ def test_an_environment_that_was_left_half_made_is_made_anew(tmp_path: Path) -> 
     folder = environment(tmp_path / "venv", pip=1)
     script = tmp_path / "bootstrap.py"
     # Making one is what `make test` does; here it is enough to see that it would.
-    script.write_text(
-        SCRIPT.read_text().replace(
-            '"-m", "venv"', '"-c", "import sys; print(\'made\', sys.argv[1:])"'
-        )
-    )
+    would = "import sys; print('made', sys.argv[1:])"
+    script.write_text(SCRIPT.read_text().replace('"-m", "venv"', f'"-c", "{would}"'))
     done = bootstrap(str(folder), "monitor", script=script)
     assert f"made ['{folder}']" in done.stdout
     # Nothing is cleared away but what was an environment.
     (folder / "pyvenv.cfg").write_text("")
     done = bootstrap(str(folder), "monitor", script=script)
-    assert f"made ['--clear', '{folder}']" in done.stdout
+    assert f"made ['{folder}', '--clear']" in done.stdout
 
 
 def test_an_environment_that_cannot_be_made_ends_in_a_sentence(tmp_path: Path) -> None:
