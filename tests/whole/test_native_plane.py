@@ -1,0 +1,130 @@
+"""What another program sees of the native plane: keys, encodings, schemas, services."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import msgspec
+import pytest
+import zenoh
+from real_robot import Client, RealRobot, wait_for
+
+pytestmark = pytest.mark.realtime
+
+SCHEMAS = Path(__file__).resolve().parents[2] / "schemas"
+KEYS = {
+    "bot1/yahboomd/pose": "PoseSample",
+    "bot1/yahboomd/twist": "TwistSample",
+    "bot1/yahboomd/wheels": "WheelsSample",
+    "bot1/yahboomd/battery": "BatterySample",
+    "bot1/yahboomd/status": "StatusSample",
+    "bot1/yahboomd/events": "EventSample",
+}
+SERVICES = {
+    "yahboomd/estop": None,
+    "yahboomd/estop/reset": None,
+    "yahboomd/odometry/set_pose": {"x": 1.0, "y": -2.0, "theta": 0.5},
+    "yahboomd/odometry/reset": None,
+    "yahboomd/config": None,
+    "yahboomd/board": None,
+}
+DECODE: dict[str, Callable[[bytes], Any]] = {
+    "json": json.loads,
+    "msgpack": msgspec.msgpack.decode,
+}
+ENCODE: dict[str, Callable[[Any], bytes]] = {
+    "json": msgspec.json.encode,
+    "msgpack": msgspec.msgpack.encode,
+}
+
+
+class Application:
+    """Speaks Zenoh and one encoding, and keeps every sample with its encoding's name."""
+
+    def __init__(self, endpoint: str, encoding: str) -> None:
+        self.client = Client("client", endpoint, prefix="elsewhere")
+        self.session = self.client.session
+        self.encoding = encoding
+        self.samples: list[zenoh.Sample] = []
+        self.session.declare_subscriber("bot1/yahboomd/**", self.samples.append)
+
+    def of(self, key: str) -> list[dict[str, Any]]:
+        payloads = [bytes(each.payload) for each in self.samples if str(each.key_expr) == key]
+        return [DECODE[self.encoding](payload) for payload in payloads]
+
+    def state(self, wanted: str) -> None:
+        key = "bot1/yahboomd/status"
+        wait_for(lambda: self.of(key) and self.of(key)[-1]["state"] == wanted, wanted)
+
+    def ask(self, key: str, request: dict[str, Any] | None) -> tuple[str, dict[str, Any]]:
+        payload = None if request is None else ENCODE[self.encoding](request)
+        for reply in self.session.get(f"bot1/{key}", payload=payload, timeout=20.0):
+            assert reply.ok is not None
+            answer = DECODE[self.encoding](bytes(reply.ok.payload))
+            return str(reply.ok.encoding), answer
+        pytest.fail(f"{key} did not answer")
+
+
+@pytest.fixture(params=["json", "msgpack"])
+def application(
+    request: pytest.FixtureRequest, real_robot: Callable[..., RealRobot]
+) -> Iterator[Application]:
+    sets = ("zenoh.namespace=bot1", f"zenoh.encoding={request.param}")
+    robot = real_robot(run=[word for each in sets for word in ("--set", each)])
+    application = Application(robot.endpoint, request.param)
+    application.state("standing")
+    yield application
+    application.client.close()
+
+
+def is_valid(message: object, name: str) -> None:
+    schema = json.loads((SCHEMAS / f"{name}.json").read_text())
+    # Tuples and lists are one to a schema.
+    jsonschema.Draft202012Validator(schema).validate(json.loads(json.dumps(message)))
+
+
+def test_every_sample_is_what_its_key_its_encoding_and_its_schema_promise(
+    application: Application,
+) -> None:
+    drive = ENCODE[application.encoding]({"vx": 0.2, "wz": 0.4, "a_later_field": [1, {"b": None}]})
+    for _ in range(5):
+        application.session.put("bot1/cmd_vel", drive)
+    application.state("driving")
+    application.session.put("bot1/cmd_vel", b"garbage")
+    application.state("standing")
+    application.ask("yahboomd/odometry/reset", None)
+    wait_for(lambda: set(KEYS) == {str(s.key_expr) for s in application.samples}, "every key")
+    for sample in list(application.samples):
+        name = KEYS[str(sample.key_expr)]
+        assert str(sample.encoding) == f"application/{application.encoding};{name}"
+        is_valid(DECODE[application.encoding](bytes(sample.payload)), name)
+    poses, twists = (application.of(f"bot1/yahboomd/{name}") for name in ("pose", "twist"))
+    stamps = {each["seq"]: each["stamp_ns"] for each in poses}
+    shared = [each for each in twists if each["seq"] in stamps]
+    assert len(shared) > 20
+    assert all(each["stamp_ns"] == stamps[each["seq"]] for each in shared)
+    assert max(each["x"] for each in poses) > 0.02
+    account = application.of("bot1/yahboomd/status")[-1]["command"]["sources"]["cmd_vel"]
+    assert account["accepted"] >= 1
+    assert account["refused"] == {"unknown_encoding": 1}
+
+
+def test_every_service_answers_in_the_encoding_of_the_daemon_and_of_the_request(
+    application: Application,
+) -> None:
+    for key, request in SERVICES.items():
+        encoding, answer = application.ask(key, request)
+        assert encoding == f"application/{application.encoding};ServiceReply"
+        is_valid(answer, "ServiceReply")
+        assert answer["success"], answer
+        assert answer["message"]
+    other = "msgpack" if application.encoding == "json" else "json"
+    payload = ENCODE[other]({"x": 1.0, "y": 2.0})
+    get = application.session.get("bot1/yahboomd/odometry/set_pose", payload=payload, timeout=20.0)
+    (reply,) = [each.ok for each in get if each.ok is not None]
+    assert str(reply.encoding) == f"application/{other};ServiceReply"
+    assert not DECODE[other](bytes(reply.payload))["success"]
