@@ -9,6 +9,7 @@
 │   ├── ``PortLost``         it was open and went away
 │   └── ``BoardSilent``      open, and nothing that answers like a board
 ├── ``BoardError``       the board answered, and refuses or must not be driven
+│   └── ``BoardStoresNothing``  it has no settings that could be stored
 └── ``BusError``         the Zenoh session: exit 69 (EX_UNAVAILABLE)
 
 Bad bytes, from the wire or from the bus, are no exceptions: they are counted.
@@ -77,6 +78,10 @@ class BoardError(YahboomdError):
     """The board answered, and refuses, or must not be driven as it is set up."""
 
     exit_code = os.EX_CONFIG
+
+
+class BoardStoresNothing(BoardError):
+    """The board's dialect knows no settings: it is told its motors at each connection."""
 
 
 class BusError(YahboomdError):

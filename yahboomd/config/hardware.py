@@ -64,8 +64,9 @@ class Board(Section):
     )
     write_settings: bool = Field(
         default=False,
-        description="Whether connecting may store the profile in the board's flash. Off, a motor "
-        "type that differs, or a zero, refuses motion and names `yahboomd probe --write`.",
+        description="Whether connecting stores what differs from the profile in the board's flash, "
+        "the wheels at rest. Off, it writes nothing: a motor type that differs, or a zero, refuses "
+        "motion and names `yahboomd probe --write`.",
     )
     battery_period_s: float = Field(
         default=5.0,

@@ -14,6 +14,7 @@ from yahboomd.config import Config
 from yahboomd.daemon.control import Controller, ControlOptions, Outputs
 from yahboomd.daemon.latch import EstopLatch
 from yahboomd.daemon.latch_file import LatchFile
+from yahboomd.daemon.storing import storing_opener
 from yahboomd.drive.arbiter import STANDING_M_S, Arbiter
 from yahboomd.link import port_note
 from yahboomd.link.discovery import candidates, choose
@@ -127,6 +128,9 @@ def session_options(config: Config) -> SessionOptions:
 
 def session(config: Config, clock: Clock, listener: Listener, open_it: Opener) -> Session:
     """One connection to the board."""
+    if config.board.write_settings:
+        want = config.profile().settings
+        open_it = storing_opener(open_it, clock, want, listener.event)
     return Session(open_it, clock, listener, session_options(config))
 
 

@@ -13,7 +13,7 @@ from typing import Literal, TypeAlias
 import msgspec
 
 from yahboomd.clock import Clock, seconds
-from yahboomd.errors import BoardError
+from yahboomd.errors import BoardError, BoardStoresNothing
 from yahboomd.link.conversation import Conversation
 from yahboomd.link.session import Opener
 from yahboomd.protocol.dialect import (
@@ -90,7 +90,8 @@ async def store(
         progress: Hears how it goes on.
 
     Raises:
-        BoardError: The board stores nothing, or its wheels are not seen to stand.
+        BoardStoresNothing: The board's dialect has no settings.
+        BoardError: Its wheels are not seen to stand.
         ConfigError: A wanted value must never be stored.
         LinkError: The port cannot be had, went away, or the board fell silent.
     """
@@ -99,7 +100,7 @@ async def store(
     async with talk:
         dialect = await talk.identify()
         if dialect.read_settings is None:
-            raise BoardError(
+            raise BoardStoresNothing(
                 f"{talk.port_name}: a board of the {dialect.name} dialect stores no settings."
             )
         had = await _read(talk, want)
