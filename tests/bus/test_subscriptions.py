@@ -23,7 +23,6 @@ async def test_a_sample_arrives_with_all_that_is_known_of_it(bus, zenoh_app):
     (arrival,) = await eventually(lambda: arrivals)
     assert arrival.key == "cmd_vel"
     assert arrival.payload == b'{"vx": 1}'
-    assert arrival.encoding == "application/json"
     assert arrival.attachment == b"gid"
     assert arrival.dropped == 0
     assert before_ns <= arrival.arrived_ns <= bus._clock.now_ns()

@@ -48,7 +48,6 @@ class Scene:
         return Arrival(
             key="cmd_vel",
             payload=payload,
-            encoding="",
             stamp_ns=None,
             arrived_ns=self.clock.now,
             **more,  # type: ignore[arg-type]

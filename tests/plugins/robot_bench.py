@@ -153,7 +153,6 @@ class RobotBench:
         arrival = Arrival(
             key=source,
             payload=payload,
-            encoding="",
             stamp_ns=None,
             arrived_ns=self.clock.now_ns(),
             dropped=dropped,

@@ -50,8 +50,7 @@ class Arrival(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         key: The key that was subscribed to, as the subscriber wrote it (below the namespace).
-        payload: Its bytes.
-        encoding: What the sender says that they are, such as ``application/json``; no authority.
+        payload: Its bytes. (What the sender says that they are is no authority, and nobody asks.)
         stamp_ns: When it was sent, as the sender's Zenoh session says; Unix nanoseconds of *its*
             clock. None where nobody stamped it before it reached the nearest router or us.
         arrived_ns: When it arrived here; monotonic nanoseconds.
@@ -64,7 +63,6 @@ class Arrival(msgspec.Struct, frozen=True, kw_only=True):
 
     key: str
     payload: bytes
-    encoding: str
     stamp_ns: int | None
     arrived_ns: int
     dropped: int = 0
@@ -150,7 +148,7 @@ class Subscription:
         now_ns = self._now_ns
 
         def arrived(sample: zenoh.Sample) -> None:
-            # Payload and encoding are read on the loop: what a flood loses was never copied.
+            # The payload is read on the loop: what a flood loses was never copied.
             if len(sample.payload) <= max_bytes:
                 lane.offer((sample, now_ns()))
             elif keep_oversize:
@@ -238,7 +236,6 @@ class Subscription:
             return Arrival(
                 key=self.name,
                 payload=b"",
-                encoding="",
                 stamp_ns=None,
                 arrived_ns=arrived_ns,
                 dropped=dropped,
@@ -250,7 +247,6 @@ class Subscription:
         return Arrival(
             key=self.name,
             payload=sample.payload.to_bytes(),
-            encoding=str(sample.encoding),
             stamp_ns=self._stamp_ns(sample.timestamp),
             arrived_ns=arrived_ns,
             dropped=dropped,
