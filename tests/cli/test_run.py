@@ -1,0 +1,110 @@
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from real_robot import Process, free_endpoint
+
+from yahboomd.cli.main import main
+from yahboomd.daemon.service import Daemon
+
+pytestmark = pytest.mark.realtime
+
+
+@pytest.fixture
+def alone(tmp_path: Path) -> list[str]:
+    """Options of a daemon that meets no other one."""
+    sets = (
+        f'zenoh.listen=["{free_endpoint()}"]',
+        "zenoh.connect=[]",
+        f"estop.latch_file={tmp_path / 'estop'}",
+    )
+    return [word for each in sets for word in ("--set", each)]
+
+
+@pytest.fixture
+def started(alone: list[str]) -> Iterator[Callable[..., Process]]:
+    running: list[Process] = []
+
+    def start(*arguments: str, **environ: str) -> Process:
+        running.append(Process("run", *arguments, *alone, environ=environ))
+        return running[-1]
+
+    yield start
+    for each in running:
+        each.end()
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+def test_every_polite_signal_ends_it_well(
+    started: Callable[..., Process], number: signal.Signals
+) -> None:
+    daemon = started("--port", "/dev/not-there")
+    daemon.says("/dev/not-there: there is no such port.")
+    assert daemon.end(number) == 0
+    assert f"{number.name}: stopping the wheels" in daemon.output
+    assert "Traceback" not in daemon.output
+
+
+def test_port_and_namespace_are_options_of_their_own(
+    alone: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[Daemon] = []
+
+    async def run(daemon: Daemon) -> None:
+        seen.append(daemon)
+
+    monkeypatch.setattr(Daemon, "run", run)
+    arguments = ["run", "--port", "/dev/robot", "--namespace", "bot7", *alone]
+    assert main(arguments) == os.EX_OK
+    (daemon,) = seen
+    assert daemon._config.serial.port == "/dev/robot"
+    assert daemon._config.zenoh.namespace == "bot7"
+
+
+def test_what_may_surprise_is_said_at_the_start(started: Callable[..., Process]) -> None:
+    daemon = started("--port", "/dev/not-there", "--set", "limits.linear.velocity=1.5")
+    daemon.says("there is no such port.")
+    assert "limits.linear.velocity" in daemon.output
+    assert daemon.end() == 0
+
+
+def test_a_bug_ends_it_with_its_traceback_and_a_status_of_its_own(
+    alone: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    async def run(_daemon: Daemon) -> None:
+        raise BaseExceptionGroup("tasks", [ZeroDivisionError("a bug")])
+
+    monkeypatch.setattr(Daemon, "run", run)
+    assert main(["run", *alone]) == os.EX_SOFTWARE
+    said = capsys.readouterr().err
+    assert "the wheels were told to stop" in said
+    assert "ZeroDivisionError: a bug" in said
+
+
+def test_a_configuration_with_mistakes_opens_nothing(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    mistakes = ("serial.baudrate=fast", "chassis.preset=3wd", "command.timout_s=1")
+    assert main(["run", *(word for each in mistakes for word in ("--set", each))]) == os.EX_CONFIG
+    said = capsys.readouterr().err
+    assert all(place in said for place in ("serial.baudrate", "chassis.preset", "command.timout_s"))
+
+
+def test_the_help_shows_how_to_start_and_where_it_is_reached() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "yahboomd", "run", "--help"],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
+    )
+    assert "yahboomd run --port /dev/ttyUSB0" in done.stdout
+    assert "tcp/127.0.0.1:7448" in done.stdout

@@ -1,0 +1,44 @@
+"""The nouns."""
+
+from __future__ import annotations
+
+import inspect
+import math
+
+import msgspec
+import pytest
+
+from yahboomd import model
+from yahboomd.model import CHANNELS, STANDSTILL, Motor, Twist2d
+
+NOUNS = [
+    each
+    for each in vars(model).values()
+    if isinstance(each, type) and issubclass(each, msgspec.Struct) and each is not msgspec.Struct
+]
+
+
+def test_every_noun_is_frozen_built_by_name_and_explained() -> None:
+    assert len(NOUNS) >= 6
+    for noun in NOUNS:
+        config = noun.__struct_config__
+        assert config.frozen, noun
+        kinds = {each.kind for each in inspect.signature(noun).parameters.values()}
+        assert kinds == {inspect.Parameter.KEYWORD_ONLY}, noun
+        assert inspect.getdoc(noun), noun
+
+
+def test_a_standstill_is_zero_in_every_direction_and_nothing_else_is() -> None:
+    assert STANDSTILL.is_zero
+    assert Twist2d().is_zero
+    assert not any(Twist2d(**{axis: 1e-300}).is_zero for axis in ("vx", "vy", "wz"))
+    assert not Twist2d(vx=math.nan).is_zero
+
+
+def test_a_tick_is_a_part_of_the_rim() -> None:
+    motor = Motor(name="left", wheel=0, position=1, radius_m=0.0335, ticks_per_revolution=1320)
+    assert motor.metres_per_tick == pytest.approx(math.pi * 0.067 / 1320)
+
+
+def test_the_board_has_four_channels() -> None:
+    assert CHANNELS == 4
