@@ -347,3 +347,19 @@ async def test_a_flood_of_one_kind_of_event_is_bounded_and_counted(tmp_path: Pat
         bench.operator.refuse_release("a flood")
         assert bench.heard.kinds.count("estop_release_refused") == 6
         assert bench.controller.counters["events_suppressed"] == 995
+
+
+@on_virtual_time
+async def test_wishes_that_cannot_be_met_are_counted_by_what_held_them_back(
+    tmp_path: Path,
+) -> None:
+    async with robot(tmp_path, "limits.linear.velocity=0.4") as bench:
+        await bench.ready()
+        await bench.drive(0.5, 0.4)
+        assert bench.controller.facts().get("limited", 0) == 0
+        await bench.drive(0.5, 0.6)
+        assert bench.controller.facts()["limited"] >= 20
+        assert bench.controller.facts().get("desaturated", 0) == 0
+        await bench.drive(0.5, 0.0, 60.0)
+        assert bench.controller.facts()["desaturated"] >= 20
+        assert max(map(abs, bench.rim_speeds)) < 0.5

@@ -198,3 +198,12 @@ def test_a_limit_that_cannot_work_is_refused(limits: AxisLimits, name: str) -> N
 
 def test_a_velocity_limit_of_zero_keeps_the_axis_still() -> None:
     assert limiter(AxisLimits(velocity=0.0)).step(Twist2d(vx=1.0), 0.1).vx == 0.0
+
+
+def test_a_wish_beyond_the_velocity_limit_is_known_to_be_clipped() -> None:
+    limiter = Limiter(AxisLimits(velocity=0.5), AxisLimits(velocity=2.0))
+    assert not limiter.clips(Twist2d(vx=0.5, vy=-0.5, wz=-2.0))
+    assert limiter.clips(Twist2d(vx=-0.51))
+    assert limiter.clips(Twist2d(vy=0.51))
+    assert limiter.clips(Twist2d(wz=2.1))
+    assert not Limiter(AxisLimits(), AxisLimits()).clips(Twist2d(vx=100.0, wz=100.0))

@@ -231,6 +231,8 @@ class Controller:
         wish, scale = desaturate_twist(kinematics, decision.twist, limits)
         if scale < 1.0:
             self.counters["desaturated"] += 1
+        if self._limiter.clips(wish):
+            self.counters["limited"] += 1
         limited = self._limiter.step(wish, dt_s)
         speeds, _ = desaturate(wheel_speeds(kinematics, limited), limits)
         if any(speeds):

@@ -86,6 +86,10 @@ class Limiter:
             self._wz.step(wanted.wz, dt_s)
         return self.current
 
+    def clips(self, wanted: Twist2d) -> bool:
+        """Whether a wish is faster, on any axis, than that axis may ever be."""
+        return self._vx.clips(wanted.vx) or self._vy.clips(wanted.vy) or self._wz.clips(wanted.wz)
+
     def halt(self) -> Twist2d:
         """Standstill at once, past all limits: for every stop that may not ramp."""
         return self.reset(STANDSTILL)
@@ -110,6 +114,9 @@ class _Axis:
     def reset(self, speed: float) -> None:
         self.speed = speed
         self._rate = 0.0
+
+    def clips(self, wish: float) -> bool:
+        return abs(wish) > self._velocity
 
     def step(self, wish: float, dt_s: float) -> None:
         if not math.isfinite(wish):
