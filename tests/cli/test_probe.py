@@ -115,7 +115,7 @@ def test_garbage_points_to_the_baud_rate(simulated_board, capsys) -> None:
 
 def test_what_is_no_port_is_explained(capsys) -> None:
     assert main(["probe", "--port", "/dev/null"]) == 69
-    assert "Is it a serial port?" in capsys.readouterr().err
+    assert "Is the path right?" in capsys.readouterr().err
     assert main(["probe", "--port", "/nonexistent"]) == 69
     assert "/nonexistent: there is no such port." in capsys.readouterr().err
 

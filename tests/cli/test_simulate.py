@@ -67,7 +67,11 @@ def test_without_a_link_it_names_the_systems_own_port(start: object) -> None:
         (["--ticks", "1,2"], "four whole numbers"),
         (["--ticks", "1,2,3,99999999999"], "32 bits"),
         (["--flash", "colour=1"], "knows no colour"),
-        (["--flash", "lines=many"], "--flash"),
+        (["--flash", "lines=many"], "--flash: lines takes a whole number, not 'many'."),
+        (
+            ["--flash", "ratio=2.5", "--flash", "p=x"],
+            "--flash: ratio takes a whole number, not '2.5'; p takes a number, not 'x'.",
+        ),
         (["--do", "explode"], "unknown command 'explode'"),
         (["--truth", "/nowhere/truth"], "ground truth cannot be written"),
         (["--heard", "/nowhere/heard"], "What the host says cannot be written"),

@@ -7,6 +7,7 @@ import asyncio
 import contextlib
 import signal
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -276,10 +277,22 @@ def _flash(settings: list[str]) -> FlashContent:
             f"--flash knows no {', '.join(sorted(unknown))}.",
             remedy=f"There are {', '.join(FlashContent.__struct_fields__)}.",
         )
+    wrong = [
+        f"{name} takes a {'whole ' if field.type is int else ''}number, not {values[name]!r}"
+        for field in msgspec.structs.fields(FlashContent)
+        if (name := field.name) in values and not _is_a(field.type, values[name])
+    ]
+    if wrong:
+        raise ConfigError(f"--flash: {'; '.join(wrong)}.")
+    return msgspec.convert(values, FlashContent, strict=False)
+
+
+def _is_a(kind: Any, text: str) -> bool:
     try:
-        return msgspec.convert(values, FlashContent, strict=False)
-    except msgspec.ValidationError as why:
-        raise ConfigError(f"--flash: {why}.") from why
+        msgspec.convert(text, kind, strict=False)
+    except msgspec.ValidationError:
+        return False
+    return True
 
 
 def _ticks(text: str) -> tuple[int, int, int, int]:

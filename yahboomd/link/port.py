@@ -318,7 +318,7 @@ def explained(path: str, error: Exception) -> LinkError:
         )
     return LinkError(
         f"{path}: the port cannot be used: {words}.",
-        remedy="Is it a serial port? `yahboomd probe` tells more.",
+        remedy="Is the path right? `yahboomd probe --list` names the serial ports on USB.",
     )
 
 
