@@ -7,7 +7,6 @@ import asyncio
 import contextlib
 import signal
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
@@ -287,7 +286,7 @@ def _flash(settings: list[str]) -> FlashContent:
     return msgspec.convert(values, FlashContent, strict=False)
 
 
-def _is_a(kind: Any, text: str) -> bool:
+def _is_a(kind: object, text: str) -> bool:
     try:
         msgspec.convert(text, kind, strict=False)
     except msgspec.ValidationError:
