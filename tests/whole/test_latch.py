@@ -1,0 +1,52 @@
+"""The emergency stop outlives the process that it was told to."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable
+
+import pytest
+from real_robot import Client, RealRobot, wait_for
+
+pytestmark = pytest.mark.realtime
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_the_emergency_stop_is_still_engaged_after_a_restart(
+    real_robot: Callable[..., RealRobot], client: Callable[..., Client], number: signal.Signals
+) -> None:
+    robot = real_robot()
+    first = client("client", robot.endpoint)
+    first.in_state("standing")
+    first.drive(b'{"vx": 0.3}', 0.5)
+    assert first.ask("yahboomd/estop")["success"]
+    first.in_state("estopped")
+    robot.daemon.end(number)
+    stood = robot.settled_truth()
+    robot.start_daemon()
+    second = client("client", robot.endpoint)
+    why = second.in_state("estopped")["why"]
+    assert "Emergency stop" in why
+    second.drive(b'{"vx": 0.3}', 0.5)
+    assert robot.settled_truth().travel_m == pytest.approx(stood.travel_m, abs=0.001)
+    wait_for(lambda: second.ask("yahboomd/estop/reset")["success"], "the release")
+    second.in_state("standing")
+    second.drive(b'{"vx": 0.3}', 0.5)
+    assert sum(robot.settled_truth().travel_m) > sum(stood.travel_m) + 0.1
+
+
+def test_a_second_daemon_under_the_same_name_is_an_event_to_both(
+    real_robot: Callable[..., RealRobot], client: Callable[..., Client]
+) -> None:
+    one = real_robot(run=["--namespace", "bot1"])
+    app = client("client", one.endpoint, "bot1/yahboomd")
+    app.in_state("standing")
+    joined = f'zenoh.connect=["{one.endpoint}"]'
+    two = real_robot(run=["--namespace", "bot1", "--set", joined])
+    words = "uses the same namespace: both obey the same commands"
+    two.daemon.says(words)
+    one.daemon.says(words)
+    wait_for(
+        lambda: any(each["kind"] == "second_daemon" for each in app.samples.get("events", [])),
+        "the event",
+    )
