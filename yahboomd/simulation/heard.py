@@ -7,9 +7,10 @@ the moment the bytes had left the host's write, before the simulated wire delays
 from __future__ import annotations
 
 from pathlib import Path
-from typing import IO
 
 import msgspec
+
+from yahboomd.simulation.lines import LinesWriter, read_lines
 
 
 class Heard(msgspec.Struct, frozen=True, kw_only=True):
@@ -32,9 +33,7 @@ class HeardWriter:
     """
 
     def __init__(self, path: Path) -> None:
-        self._path = path
-        self._encoder = msgspec.json.Encoder()
-        self._file: IO[bytes] | None = None
+        self._lines = LinesWriter(path)
 
     def open(self) -> None:
         """Start an empty file.
@@ -42,27 +41,17 @@ class HeardWriter:
         Raises:
             OSError: It cannot be written.
         """
-        self._file = self._path.open("wb", buffering=0)
+        self._lines.open()
 
     def write(self, data: bytes, t_ns: int) -> None:
         """Append bytes; nothing after :meth:`close`."""
-        if self._file is not None:
-            heard = Heard(t_ns=t_ns, data=data.decode("latin-1"))
-            self._file.write(self._encoder.encode(heard) + b"\n")
+        self._lines.write(Heard(t_ns=t_ns, data=data.decode("latin-1")))
 
     def close(self) -> None:
         """Close; safe to call twice."""
-        if self._file is not None:
-            self._file.close()
-            self._file = None
+        self._lines.close()
 
 
 def read_heard(path: Path) -> list[Heard]:
-    """All complete lines of a file, oldest first; a half line at its end is left out.
-
-    Raises:
-        OSError: The file cannot be read.
-        msgspec.MsgspecError: A complete line is none of ours.
-    """
-    decoder = msgspec.json.Decoder(Heard)
-    return [decoder.decode(line) for line in path.read_bytes().split(b"\n")[:-1]]
+    """All of it, oldest first; see :func:`~yahboomd.simulation.lines.read_lines`."""
+    return read_lines(path, Heard)

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import bisect
 from pathlib import Path
-from typing import IO
 
 import msgspec
 
 from yahboomd.model import Counts, Pose2d
+from yahboomd.simulation.lines import LinesWriter, read_lines
 
 FLUSH_SAMPLES = 20
 """Samples between two flushes: what a killed simulator loses, and a reader waits for."""
@@ -51,7 +51,7 @@ class TruthSample(msgspec.Struct, frozen=True, kw_only=True):
         return Pose2d(x=self.x, y=self.y, theta=self.theta)
 
 
-class TruthWriter:
+class TruthWriter(LinesWriter):
     """Writes samples to a file; :meth:`write` is what a robot's ``on_truth`` takes.
 
     Args:
@@ -59,45 +59,12 @@ class TruthWriter:
     """
 
     def __init__(self, path: Path) -> None:
-        self._path = path
-        self._encoder = msgspec.json.Encoder()
-        self._file: IO[bytes] | None = None
-        self._unflushed = 0
-
-    def open(self) -> None:
-        """Start an empty file.
-
-        Raises:
-            OSError: It cannot be written.
-        """
-        self._file = self._path.open("wb")
-
-    def write(self, sample: TruthSample) -> None:
-        """Append one sample; nothing after :meth:`close`."""
-        if self._file is None:
-            return
-        self._file.write(self._encoder.encode(sample) + b"\n")
-        self._unflushed += 1
-        if self._unflushed >= FLUSH_SAMPLES:
-            self._file.flush()
-            self._unflushed = 0
-
-    def close(self) -> None:
-        """Flush and close; safe to call twice."""
-        if self._file is not None:
-            self._file.close()
-            self._file = None
+        super().__init__(path, flush_every=FLUSH_SAMPLES)
 
 
 def read_truth(path: Path) -> list[TruthSample]:
-    """All complete samples of a file, oldest first; a half line at its end is left out.
-
-    Raises:
-        OSError: The file cannot be read.
-        msgspec.MsgspecError: A complete line is no sample.
-    """
-    decoder = msgspec.json.Decoder(TruthSample)
-    return [decoder.decode(line) for line in path.read_bytes().split(b"\n")[:-1]]
+    """All of it, oldest first; see :func:`~yahboomd.simulation.lines.read_lines`."""
+    return read_lines(path, TruthSample)
 
 
 def pose_at(samples: list[TruthSample], t_ns: int) -> Pose2d:
