@@ -149,7 +149,7 @@ async def test_an_idle_port_that_hangs_up_is_reported(port: SerialPort, device: 
     port.listen(lambda _: None, gone.append)
     device.close()
     await until(lambda: gone)
-    assert "went away" in str(lost(port.name, gone[0]))
+    assert lost(port.name, gone[0]).message == f"{port.name}: the port went away."
 
 
 async def test_a_port_that_hangs_up_with_output_waiting_is_reported(

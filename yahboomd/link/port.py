@@ -344,7 +344,9 @@ def holders(path: str) -> tuple[str, ...]:
 
 def lost(path: str, error: Exception | None) -> PortLost:
     """The port went away: what to raise."""
-    words = f" ({error})" if error is not None else ""
+    # pyserial's words for a hang-up are a guess about its caller.
+    hung_up = error is None or "readiness to read but returned no data" in str(error)
+    words = "" if hung_up else f" ({error})"
     return PortLost(
         f"{path}: the port went away{words}.",
         remedy="The wheels hold their last command until the board is reached again: check the "
