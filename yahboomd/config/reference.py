@@ -38,8 +38,8 @@ may be left out.
 
 Values in the environment and after `--set` are read as TOML where they are TOML, else as text:
 `--set 'limits.linear={velocity=0.5}'`. A name with other characters than letters, digits, `_` and
-`-` goes in quotes: `--set 'command.sources."cmd_vel/teleop".priority=5'`. A list of texts needs neither brackets nor
-quotes there: `--set zenoh.listen=tcp/127.0.0.1:7449`.
+`-` goes in quotes: `--set 'command.sources."cmd_vel/teleop".priority=5'`. A list of texts needs
+neither brackets nor quotes there: `--set zenoh.listen=tcp/127.0.0.1:7449`.
 
 In a file, a table that is given replaces its default whole: `linear = { velocity = 0.5 }` leaves
 the acceleration unlimited, and a file that names one source has that one only. A single key from
