@@ -19,7 +19,6 @@ import contextlib
 import errno
 import fcntl
 import os
-import struct
 import termios
 from collections.abc import Callable
 from typing import Protocol, cast
@@ -28,8 +27,9 @@ import msgspec
 import serial
 import serial_asyncio
 
-from yahboomd.clock import NS_PER_S, Clock, nanoseconds, sleep_until
+from yahboomd.clock import NS_PER_S, Clock
 from yahboomd.errors import LinkError, PortBusy, PortDenied, PortLost, PortMissing
+from yahboomd.link.draining import drained, in_kernel
 from yahboomd.link.seize import keep_out
 
 BITS_PER_BYTE = 10  # 8N1: a start bit, eight of data, a stop bit
@@ -205,16 +205,11 @@ class SerialPort(asyncio.Protocol):
 
     async def drain(self, timeout_s: float) -> bool:
         """See :class:`Port`."""
-        deadline_ns = self._clock.now_ns() + nanoseconds(timeout_s)
-        while not self._lost:
-            waiting = self.pending + self._in_kernel()
-            if waiting == 0:
-                return True
-            now_ns = self._clock.now_ns()
-            if now_ns >= deadline_ns:
-                return False
-            await sleep_until(self._clock, min(deadline_ns, now_ns + waiting * self.byte_ns))
-        return False
+
+        def waiting() -> int | None:
+            return None if self._lost else self.pending + in_kernel(self._fd)
+
+        return await drained(self._clock, waiting, byte_ns=self.byte_ns, timeout_s=timeout_s)
 
     def close(self) -> None:
         """See :class:`Port`."""
@@ -222,13 +217,6 @@ class SerialPort(asyncio.Protocol):
         self._on_lost = lambda _error: None
         self._lost = True
         self._abort()
-
-    def _in_kernel(self) -> int:
-        try:
-            answer = fcntl.ioctl(self._fd, termios.TIOCOUTQ, b"\0\0\0\0")
-        except OSError:
-            return 0
-        return int(struct.unpack("i", answer)[0])
 
     def _broken(self, error: Exception) -> None:
         self._report(error)

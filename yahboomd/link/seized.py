@@ -11,11 +11,11 @@ import contextlib
 import errno
 import fcntl
 import os
-import struct
 import termios
 from collections.abc import Callable
 
-from yahboomd.clock import Clock, nanoseconds, sleep_until
+from yahboomd.clock import Clock
+from yahboomd.link.draining import drained, in_kernel
 from yahboomd.link.port import MAX_PENDING, byte_time_ns
 from yahboomd.link.seize import Seized
 
@@ -67,16 +67,11 @@ class SeizedPort:
 
     async def drain(self, timeout_s: float) -> bool:
         """Wait until everything is on the wire; whether it is."""
-        deadline_ns = self._clock.now_ns() + nanoseconds(timeout_s)
-        while self._open:
-            waiting = self.pending + self._in_kernel()
-            if waiting == 0:
-                return True
-            now_ns = self._clock.now_ns()
-            if now_ns >= deadline_ns:
-                return False
-            await sleep_until(self._clock, min(deadline_ns, now_ns + waiting * self.byte_ns))
-        return False
+
+        def waiting() -> int | None:
+            return self.pending + in_kernel(self._fd) if self._open else None
+
+        return await drained(self._clock, waiting, byte_ns=self.byte_ns, timeout_s=timeout_s)
 
     def close(self) -> None:
         """Let go at once; what is not on the wire is discarded."""
@@ -120,13 +115,6 @@ class SeizedPort:
                 self._loop.add_writer(self._fd, self._flush)
             else:
                 self._loop.remove_writer(self._fd)
-
-    def _in_kernel(self) -> int:
-        try:
-            answer = fcntl.ioctl(self._fd, termios.TIOCOUTQ, b"\0\0\0\0")
-        except OSError:
-            return 0
-        return int(struct.unpack("i", answer)[0])
 
     def _lose(self, why: Exception | None) -> None:
         if self._open:
