@@ -138,6 +138,20 @@ async def test_where_any_payload_counts_too_large_a_request_arrives_empty(bus, a
     bus.serve(keys.ESTOP, engage, fallback=refusal, max_bytes=100, keep_oversize=True)
     assert payloads(await app.ask("bot1/yahboomd/estop", payload=b"x" * 101)) == [b"engaged"]
     assert (requests[0].oversize, requests[0].payload) == (True, b"")
+    assert requests[0].head == b"x" * 16
+
+
+async def test_the_beginning_of_a_request_is_there_unless_it_is_huge(bus, app):
+    heads = []
+
+    def note(reason, request):
+        heads.append(request.head)
+        return refusal(reason, request)
+
+    bus.serve(keys.BOARD, lambda _: Response(payload=b""), fallback=note, max_bytes=100)
+    for size in (101, 65_536, 65_537):
+        await app.ask("bot1/yahboomd/board", payload=b"\0\1" + bytes(size - 2))
+    assert heads == [b"\0\1" + bytes(14)] * 2 + [b""]
 
 
 async def test_every_one_of_too_many_queries_is_answered(bus, app):

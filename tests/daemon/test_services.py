@@ -15,6 +15,7 @@ from yahboomd.bus import keys
 from yahboomd.bus.services import Request, Response
 from yahboomd.bus.subscriptions import Arrival
 from yahboomd.daemon.services import Services
+from yahboomd.messages import cdr
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 
@@ -113,6 +114,34 @@ async def test_a_payload_too_large_to_be_read_engages(tmp_path: Path) -> None:
         bus.estop_samples([arrival(b'{"engaged": false}', oversize=True)])
         assert bench.controller.state()[0] == "estopped"
         assert bus.ask(keys.ESTOP, oversize=True)["success"]
+
+
+@pytest.mark.parametrize("key", [keys.ESTOP, keys.ESTOP_RESET, keys.ODOMETRY_RESET])
+@pytest.mark.parametrize("head", [cdr.HEADER_LE, b"\x00\x00\x00\x00"])
+@on_virtual_time
+async def test_what_asks_in_cdr_is_answered_in_cdr_whatever_becomes_of_it(
+    tmp_path: Path, key: str, head: bytes
+) -> None:
+    async with RobotBench(tmp_path) as bench:
+        await bench.ready()
+        bus = served(bench)
+        asked = [
+            request(key, head),
+            request(key, head + b"\x01"),
+            request(key, head + bytes(100)),
+            msgspec.structs.replace(request(key, b"", oversize=True), head=head + bytes(12)),
+        ]
+        for each in asked:
+            answers = [
+                bus.handlers[key](each),
+                # How one is answered that is too large, has wildcards, comes with too many others
+                # or fails in its handler.
+                bus.options[key]["fallback"]("Why not.", each),
+            ]
+            for answer in answers:
+                assert answer.encoding == "application/cdr;ServiceReply"
+                assert cdr.is_cdr(answer.payload)
+        assert answers[1].payload == cdr.service_response(False, "Why not.")
 
 
 @pytest.mark.parametrize("way", ["sample", "query"])

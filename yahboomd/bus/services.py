@@ -21,6 +21,12 @@ from yahboomd.bus.sender import Sender
 
 log = logging.getLogger(__name__)
 
+HEAD_BYTES = 16
+"""Enough of a request to see how it is encoded."""
+
+_HEAD_OF_BYTES = 65_536
+"""Of a larger payload not even the beginning is looked at: it can only be copied whole."""
+
 
 class Request(msgspec.Struct, frozen=True, kw_only=True):
     """A query as it arrived.
@@ -35,6 +41,7 @@ class Request(msgspec.Struct, frozen=True, kw_only=True):
         arrived_ns: When it arrived here; monotonic nanoseconds.
         oversize: More bytes than the service takes: ``payload`` is empty. Only a service with
             ``keep_oversize`` sees such a request.
+        head: The first bytes, of one that is oversize too: its answer is to be in its encoding.
     """
 
     key: str
@@ -45,6 +52,7 @@ class Request(msgspec.Struct, frozen=True, kw_only=True):
     attachment: bytes | None
     arrived_ns: int
     oversize: bool = False
+    head: bytes = b""
 
 
 class Response(msgspec.Struct, frozen=True, kw_only=True):
@@ -242,13 +250,17 @@ class Service:
 def _request(name: str, selector: str, pending: Pending) -> Request:
     query = pending.query
     payload, attachment = query.payload, query.attachment
+    data = b""
+    if payload is not None and (not pending.oversize or len(payload) <= _HEAD_OF_BYTES):
+        data = payload.to_bytes()
     return Request(
         key=name,
         selector=selector,
         parameters=str(query.parameters),
-        payload=b"" if payload is None or pending.oversize else payload.to_bytes(),
+        payload=b"" if pending.oversize else data,
         encoding="" if query.encoding is None else str(query.encoding),
         attachment=None if attachment is None or pending.oversize else attachment.to_bytes(),
         arrived_ns=pending.arrived_ns,
         oversize=pending.oversize,
+        head=data[:HEAD_BYTES],
     )

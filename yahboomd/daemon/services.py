@@ -133,8 +133,8 @@ class Services:
     def _answer(self, request: Request, reply: ServiceReply) -> Response:
         """The answer in the encoding of the question."""
         encoding: Encoding = self._encoding
-        if request.payload:
-            encoding = encoding_of(request.payload) or self._encoding
+        if asked := request.payload or request.head:
+            encoding = encoding_of(asked) or self._encoding
         return Response(
             payload=encode_reply(reply, encoding), encoding=encoding_name(ServiceReply, encoding)
         )
