@@ -217,6 +217,12 @@ def test_frames_topics_and_sources_have_names_of_their_own():
     }
 
 
+def test_no_topic_of_ros_has_the_key_of_a_native_sample():
+    # Two encodings on one key would be garbage to the readers of both.
+    lines = found(ros2={"joint_states_topic": "yahboomd/wheels", "odom_topic": "wheels/odom"})
+    assert set(lines) == {"ros2.joint_states_topic"}
+
+
 def test_a_source_may_be_called_as_a_topic_without_the_bridge():
     ros2 = {"bridge": False}
     assert found(ros2=ros2, command={"sources": {"joint_states": {}}}) == {}

@@ -263,6 +263,9 @@ def names(config: Config) -> Iterator[Finding]:
             yield Finding(place, f'"{getattr(ros2, key)}" is {dotted(first)} as well', (first,))
         if getattr(ros2, key) in {"tf", "tf_static"}:
             yield Finding(place, f'"{getattr(ros2, key)}" carries the transforms')
+        if getattr(ros2, key).split("/")[0] == "yahboomd":
+            words = f'"{getattr(ros2, key)}": below "yahboomd/" are native samples and services'
+            yield Finding(place, words)
     for source in config.command.sources:
         taken = source in topics or source in {"tf", "tf_static"}
         if ros2.bridge and taken:
