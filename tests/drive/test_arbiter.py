@@ -12,6 +12,7 @@ from yahboomd.model import STANDSTILL, Twist2d
 
 MS = 1_000_000
 S = 1000 * MS
+HOUR = 3600 * S
 EPOCH_NS = 1_700_000_000 * S
 FORWARD = Twist2d(vx=0.5)
 SLOWER = Twist2d(vx=0.2)
@@ -352,7 +353,7 @@ def drive_with_a_clock_off(arbiter: Arbiter, ahead_ns: int) -> list[Accepted | R
     ]
 
 
-@pytest.mark.parametrize("ahead_ns", [3 * S, -3 * S, -EPOCH_NS + 60 * S])
+@pytest.mark.parametrize("ahead_ns", [3 * S, -3 * S, 5 * HOUR, -5 * HOUR, -EPOCH_NS + 60 * S])
 def test_a_clock_that_is_off_drives_and_is_named(
     sources: tuple[Source, ...], ahead_ns: int
 ) -> None:
@@ -363,14 +364,19 @@ def test_a_clock_that_is_off_drives_and_is_named(
     assert arbiter.clock_offsets_s(2 * S)["cmd_vel"] == pytest.approx(ahead_ns / 1e9 - 0.005)
 
 
-@pytest.mark.parametrize("ahead_ns", [3 * S, -3 * S])
+@pytest.mark.parametrize("ahead_ns", [3 * S, -3 * S, 5 * HOUR, -5 * HOUR])
 def test_a_clock_that_is_off_is_named_where_it_is_refused(
     sources: tuple[Source, ...], ahead_ns: int
 ) -> None:
     arbiter = Arbiter(sources, stamps="absolute")
     verdicts = drive_with_a_clock_off(arbiter, ahead_ns)
     assert all(isinstance(verdict, Refused) for verdict in verdicts)
-    assert "3.0" in arbiter.clock_warnings(2 * S)["cmd_vel"]
+    words = arbiter.clock_warnings(2 * S)["cmd_vel"]
+    assert f"{abs(ahead_ns / 1e9 - 0.005):.2f} s" in words
+    assert "All its commands are refused" in words
+    assert {reason(verdict) for verdict in verdicts} == {
+        "from_the_future" if ahead_ns > 0 else "stale"
+    }
 
 
 @pytest.mark.parametrize("stamps", ["relative", "absolute"])
