@@ -68,6 +68,8 @@ HEARD = {
     "/battery_state": (t.BatteryState, BEST_EFFORT),
     "/diagnostics": (t.DiagnosticArray, RELIABLE),
 }
+STRANGE = dict.fromkeys(("/yahboomd/pose", "/yahboomd/status", "/odometry"), (t.Odometry, RELIABLE))
+"""What no robot base publishes as a ROS message; heard where it is named."""
 SERVICES = {
     "/yahboomd/estop": (t.SetBoolRequest, t.SetBoolResponse),
     "/yahboomd/estop/reset": (t.TriggerRequest, t.TriggerResponse),
@@ -100,7 +102,7 @@ class Node:
         self.participant = DomainParticipant(domain, qos=Qos(Policy.Userdata(b"enclave=/;")))
         self.readers = {
             topic: self._reader("rt" + topic, kind, qos)
-            for topic, (kind, qos) in HEARD.items()
+            for topic, (kind, qos) in (HEARD | STRANGE).items()
             if topic in topics
         }
         self.cmd_vel: DataWriter | None = None

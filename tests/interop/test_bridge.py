@@ -113,6 +113,28 @@ def test_what_we_announce_shows_before_anybody_uses_it(
     eventually(lambda: "rt/odom" not in onlooker.graph()["publishers"], "our leaving")
 
 
+def test_the_examples_list_keeps_all_other_encodings_off_ros_topics(
+    bridge, start_dds_node, join, eventually, spoken
+):
+    native = ("yahboomd/pose", "yahboomd/status", "odometry")
+    with join(bridge.endpoint) as session:
+        publishers = {key: session.declare_publisher(key) for key in (*native, "odom")}
+        # The last one is routed: by then the others, which came first, would have been.
+        node = start_dds_node(*(f"/{key}" for key in native), "/odom")
+
+        def heard():
+            for key in native:
+                publishers[key].put(b'{"stamp_ns": 1}')
+            publishers["odom"].put(spoken["/odom"].payload)
+            return [event for event in node.events if event.get("topic") == "/odom"]
+
+        for _ in range(3):
+            eventually(heard, "odometry")
+            node.events.clear()
+        assert [key for key in native if publishers[key].matching_status.matching] == []
+        assert publishers["odom"].matching_status.matching
+
+
 def test_a_node_that_starts_late_gets_the_static_frames(bridge, start_dds_node, join, spoken):
     with join(bridge.endpoint) as session:
         message = spoken["/tf_static"]
