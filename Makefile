@@ -58,6 +58,10 @@ interop: $(VENV)/.dev ## build the real ROS 2 peers once (in a cache outside the
 soak: $(VENV)/.run ## daemon and simulated board through all faults: MINUTES=60 SEED=1
 	@exec $(PY) -m benchmarks.soak --minutes $(MINUTES) --seed $(SEED) $(ARGS)
 
+.PHONY: picture
+picture: $(VENV)/.dev ## drive the simulated robot, and draw docs/images/path.png
+	$(PY) tools/picture.py $(ARGS)
+
 .PHONY: bench bench-short
 bench: $(VENV)/.dev ## measure exactness, latency, throughput, cost and fleet; write docs/benchmarks.md (25 minutes)
 	$(PY) -m benchmarks $(ARGS)
