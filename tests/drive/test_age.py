@@ -120,6 +120,16 @@ def test_absolute_stamps_are_compared_with_the_shared_clock() -> None:
     assert ahead == "from_the_future"
 
 
+def test_a_clock_that_runs_ahead_does_not_silence_one_that_is_right() -> None:
+    judge = AgeJudge("absolute", TIMEOUT_NS)
+    for now_ns in range(0, 2 * S, 20 * MS):
+        wall_ns = EPOCH_NS + now_ns
+        right = judge.judge(now_ns, wall_ns, by_sender=True, wall_ns=wall_ns)
+        ahead = judge.judge(now_ns + 1, wall_ns + 3600 * S, by_sender=True, wall_ns=wall_ns)
+        assert isinstance(right, Age)
+        assert ahead == "from_the_future"
+
+
 @given(st.lists(st.tuples(st.integers(0, S), st.integers(-5, 2**62), st.booleans()), max_size=50))
 def test_no_age_is_negative_or_beyond_the_timeout(events: list[tuple[int, int, bool]]) -> None:
     for policy in ("relative", "absolute", "ignore"):

@@ -76,12 +76,14 @@ class AgeJudge:
             if now_ns - history.in_order_ns <= self._timeout_ns:
                 return "out_of_order"
             history.differences.clear()
+        ours_ns = now_ns if wall_ns is None else wall_ns
+        if self._policy == "absolute" and stamp_ns - ours_ns > self._timeout_ns:
+            # Before it is remembered: what is refused puts nobody else's commands out of order.
+            return "from_the_future"
         history.newest_stamp_ns = stamp_ns
         history.in_order_ns = now_ns
         if self._policy == "absolute":
-            age_ns = (now_ns if wall_ns is None else wall_ns) - stamp_ns
-            if -age_ns > self._timeout_ns:
-                return "from_the_future"
+            age_ns = ours_ns - stamp_ns
             known = True
         else:
             difference = now_ns - stamp_ns
