@@ -103,6 +103,25 @@ def test_a_dds_node_drives_through_the_bridge_and_sees_it(bridge, dds_node, robo
     is_stopped_and_released(dds_node)
 
 
+def test_behind_the_bridge_a_publisher_of_the_other_type_shows_and_is_not_heard(
+    bridge, dds_node, start_dds_node, robot, eventually
+):
+    onlooker = start_dds_node("-")
+    robot(bridge.endpoint)
+    eventually(lambda: "rt/cmd_vel" in onlooker.graph()["subscribers"], "what we listen to")
+    dds_node.order("drive", vx=0.25, hz=50, stamped=True)
+    shown = eventually(lambda: onlooker.graph()["publishers"].get("rt/cmd_vel"), "the publisher")
+    assert shown == ros2.dds_type(ros2.TWIST_STAMPED)
+    assert onlooker.graph()["subscribers"]["rt/cmd_vel"] == ros2.dds_type(ros2.TWIST)
+    for _ in range(3):  # seconds
+        (commands,) = (
+            entry
+            for entry in dds_node.message("/diagnostics")["status"]
+            if entry["name"] == "yahboomd: commands"
+        )
+        assert commands["message"] == "0 commands were obeyed so far."
+
+
 def test_all_topics_show_behind_the_bridge_before_anybody_uses_them(
     bridge, start_dds_node, robot, eventually
 ):
