@@ -24,11 +24,13 @@ from typing import NamedTuple, Protocol
 import zenoh
 
 from benchmarks import rig
+from benchmarks.latency import UNLIMITED
 from benchmarks.report import Section, milliseconds, number, quantile
 from yahboomd.simulation.heard import Heard, read_heard
 from yahboomd.simulation.truth import read_truth
 
 SPEED = re.compile(r"\$speed:(-?\d+),(-?\d+),(-?\d+),")
+BOARD = ("--dialect", "polled", "--wheel-radius", "0.0325", "--wheel-separation", "0.15")
 WHEELS = ("chassis.wheel_radius_m=0.0325", "chassis.wheel_separation_m=0.15")
 
 Pose = tuple[float, float, float]
@@ -88,6 +90,7 @@ class Trial(NamedTuple):
 
     driver: Driver
     where: Path
+    process: rig.Process
 
     def control(self, command: str) -> None:
         """Disturb the board."""
@@ -132,26 +135,28 @@ class Trial(NamedTuple):
 
 
 @contextlib.contextmanager
-def trial(name: str, *options: str) -> Iterator[Trial]:
-    """A board and one of the two drivers."""
+def trial(name: str, *options: str, settings: tuple[str, ...] = ()) -> Iterator[Trial]:
+    """A board and one of the two drivers; the settings are the daemon's."""
     with contextlib.ExitStack() as stack:
         where = stack.enter_context(rig.folder())
         files = [part for each in ("truth", "heard", "control") for part in
                  (f"--{each}", str(where / each))]  # fmt: skip
-        stack.enter_context(rig.simulator(where, "--dialect", "polled", *files, *options))
+        stack.enter_context(rig.simulator(where, *BOARD, *files, *options))
         endpoint = rig.free_endpoint()
         port = endpoint.rpartition(":")[2]
         driver: Driver
         if name == "article":
             arguments = (str(where / "board"), port, str(where / "poses"))
-            stack.enter_context(rig.Process("-m", "benchmarks.article", *arguments)).says("ready")
+            process = rig.Process("-m", "benchmarks.article", *arguments)
+            stack.enter_context(process).says("ready")
             connection = stack.enter_context(socket.create_connection(("127.0.0.1", int(port))))
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             driver = ArticleDriver(connection, where / "poses")
         else:
-            stack.enter_context(rig.daemon(where, endpoint, *WHEELS, port="board"))
+            process = rig.daemon(where, endpoint, *WHEELS, *settings, port="board")
+            stack.enter_context(process)
             driver = YahboomdDriver(stack.enter_context(rig.client(endpoint)))
-        yield Trial(driver, where)
+        yield Trial(driver, where, process)
 
 
 def frames(heard: list[Heard], since_ns: int = 0) -> list[tuple[int, int, int]]:
@@ -171,7 +176,8 @@ def polling_and_latency(name: str, count: int, figures: Figures) -> None:
     """Polls in five seconds or so, and from the command to the frame."""
     chance = random.Random(3)
     sent: list[tuple[int, int]] = []
-    with trial(name) as run:
+    # The bridge has no limits of acceleration, under which one command becomes several frames.
+    with trial(name, settings=UNLIMITED) as run:
         run.drive(0.5, 0.3)
         begin_ns = time.monotonic_ns()
         for n in range(count):
@@ -183,6 +189,7 @@ def polling_and_latency(name: str, count: int, figures: Figures) -> None:
         end_ns = time.monotonic_ns()
         run.drive(0.3, 0.0)
         heard = run.heard()
+        faults = [line for line in run.process.lines if "ERROR" in line]
     polls = sum(each.data.count("$read#") for each in heard if begin_ns <= each.t_ns < end_ns)
     figures["polls a second"] = number(polls / (end_ns - begin_ns) * 1e9)
     latencies = []
@@ -200,6 +207,8 @@ def polling_and_latency(name: str, count: int, figures: Figures) -> None:
         )
     figures["command to wire, worst, ms"] = milliseconds(max(latencies, default=math.nan))
     figures["commands that never reached the wire as they were"] = f"{lost} of {count}"
+    for fault in faults:
+        print(name, "said:", fault, flush=True)
 
 
 def at_start(name: str, figures: Figures) -> None:

@@ -133,6 +133,23 @@ def edge(seconds: float) -> tuple[float, float, float]:
         return 20.0 * POSE_HZ, float(result["poses_hz"]), share
 
 
+def joined(mode: str, count: int) -> tuple[float, float, float]:
+    """Sessions that join one router.
+
+    Returns:
+        CPU seconds that it cost them, CPU seconds that it cost the router, the router's MB.
+    """
+    endpoint = rig.free_endpoint()
+    load = ("-m", "benchmarks.fleet_load")
+    with rig.Process(*load, "router", endpoint) as router:
+        router.says("ready")
+        before = rig.usage(router.pid)
+        with rig.Process(*load, "join", endpoint, mode, str(count)) as crowd:
+            took = float(crowd.says("joined ").split()[1])
+            after = rig.usage(router.pid)
+    return took, (after.cpu_ns - before.cpu_ns) * 1e-9, after.rss_kb / 1024
+
+
 def bench(*, short: bool, images: Path) -> Section:  # noqa: ARG001 - it has none
     """The section."""
     assert __doc__ is not None
@@ -189,6 +206,17 @@ def bench(*, short: bool, images: Path) -> Section:  # noqa: ARG001 - it has non
     section.findings.append(
         f"{count} robots that nobody listens to cost the router {number(100 * alone.router)} % of "
         "a core: publishers are told that there is no subscriber, and send nothing."
+    )
+    rows = []
+    for mode in ("client", "router"):
+        for many in (5,) if short else (10, 20, 40):
+            took, cost, rss_mb = joined(mode, many)
+            rows.append([mode, str(many), number(1000 * took / many), number(1000 * cost / many),
+                         number(rss_mb)])  # fmt: skip
+    section.table(
+        "Joining a router as a client, or as a router that learns of all others.",
+        ["mode", "sessions", "CPU ms each", "CPU ms of the router each", "router MB"],
+        rows,
     )
     offered, got, share = edge(3.0 if short else 8.0)
     section.findings.append(

@@ -4,6 +4,7 @@
     python -m benchmarks.fleet_load robots ROUTER FIRST COUNT
     python -m benchmarks.fleet_load operator ROUTER COUNT SECONDS COMMANDS_HZ
     python -m benchmarks.fleet_load ears SECONDS ENDPOINT ...
+    python -m benchmarks.fleet_load join ROUTER MODE COUNT
 
 A robot here is a Zenoh client with a namespace that puts a pose of the daemon's size 50 times a
 second and hears its commands: what a router sees of a daemon, without the daemon. With HZ a router
@@ -21,7 +22,7 @@ from collections.abc import Callable
 
 import msgspec
 import zenoh
-from zenoh.handlers import Callback
+from zenoh.handlers import Callback, RingChannel
 
 from benchmarks.report import quantile
 from benchmarks.rig import client
@@ -177,11 +178,32 @@ def ears(seconds: str, *endpoints: str) -> None:
         session.close()
 
 
+def join(endpoint: str, mode: str, count: str) -> None:
+    """Sessions that join a router and subscribe; prints the CPU seconds that it took them."""
+    sessions = []
+    before = time.process_time()
+    for n in range(int(count)):
+        config = zenoh.Config()
+        config.insert_json5("mode", json.dumps(mode))
+        config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+        config.insert_json5("listen/endpoints", "[]")
+        config.insert_json5("scouting/multicast/enabled", "false")
+        sessions.append(zenoh.open(config))
+        sessions[-1].declare_subscriber(f"bot{n}/cmd_vel", RingChannel(1))
+    time.sleep(1.0)
+    done = until_told()
+    print("joined", time.process_time() - before, flush=True)
+    done.wait()
+    for session in sessions:
+        session.close()
+
+
 if __name__ == "__main__":
     ROLES: dict[str, Callable[..., None]] = {
         "router": router,
         "robots": robots,
         "operator": operator,
         "ears": ears,
+        "join": join,
     }
     ROLES[sys.argv[1]](*sys.argv[2:])
