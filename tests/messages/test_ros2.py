@@ -159,6 +159,42 @@ def test_a_service_shows_in_the_graph():
     )
 
 
+names = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*){0,2}", fullmatch=True)
+
+
+@given(
+    st.sampled_from(["MP", "MS", "SS"]),
+    st.sampled_from(list(ros2.TYPE_HASHES)),
+    st.sampled_from(["humble", "iron", "jazzy", "kilted", "rolling"]),
+    st.integers(0, 232),
+    st.just("") | names,
+    names,
+    st.builds(ros2.Qos, reliable=st.booleans(), latched=st.booleans(), depth=st.integers(1, 1000)),
+)
+def test_whatever_the_names_every_part_of_a_token_and_a_key_is_in_its_place(
+    kind, ros_type, distro, domain_id, namespace, topic, qos
+):
+    node = ros2.Node(domain_id=domain_id, zid=ZID, namespace=namespace)
+    full = f"{namespace}/{topic}" if namespace else topic
+    of = {"topic": full, "ros_type": ros_type, "distro": distro}
+    token = ros2.endpoint_token(kind, node, entity=3, qos=qos, **of)
+    parts = token.split("/")
+    assert len(parts) == 13
+    assert parts[:6] == ["@ros2_lv", str(domain_id), ZID, "0", "3", kind]
+    assert [parts[7].replace("%", "/"), parts[9].replace("%", "/")] == [f"/{namespace}", f"/{full}"]
+    assert parts[10:12] == [ros2.dds_type(ros_type), ros2.type_hash(ros_type, distro)]
+    assert ros2.node_token(node).split("/") == [*parts[:4], "0", "NN", *parts[6:9]]
+    key = ros2.native_key(node, **of)
+    assert key.split("/")[-2:] == parts[10:12]
+    assert key == f"{domain_id}/{full}/{parts[10]}/{parts[11]}"
+    assert len(ros2.attachment(1, 1, ros2.gid_of(token))) == 33
+    bridge = ros2.bridge_token(kind, zid=ZID, key=full, ros_type=ros_type, qos=qos, distro=distro)
+    chunks = bridge.split("/")
+    assert len(chunks) == (6 if kind == "SS" else 7)
+    assert chunks[4].replace("§", "/") == full
+    assert not set(token + key + bridge[2:]) & set("*$?# ")
+
+
 # --- the attachment -------------------------------------------------------------------------
 
 
