@@ -36,6 +36,7 @@ from yahboomd.odometry.covariance import NOISE_M, Covariance
 from yahboomd.odometry.integrator import Integrator
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 RATES_HZ = (10, 20, 50, 100)
@@ -245,10 +246,12 @@ def table_of_nees(section: Section, runs: int) -> None:
     )
 
 
-COLOURS = ("#999999", "#c77dff", "#f4a261", "#e76f51", "#2a9d8f")
+COLOURS = ("#666666", "#c77dff", "#f4a261", "#e76f51", "#2a9d8f")
+LINES = ("-", "--", "-", "-", "-")
+"""The two kinds of Euler err alike: one is dashed, so that the other shows."""
 
 
-def picture(width: float, height: float) -> tuple[Figure, object]:
+def picture(width: float, height: float) -> tuple[Figure, Axes]:
     """A figure with one pair of axes."""
     from matplotlib.figure import Figure as NewFigure
 
@@ -266,28 +269,28 @@ def pictures(
 ) -> None:
     """The plots."""
     figure, axes = picture(7.5, 4.6)
-    for (formula, values), colour in zip(found.items(), COLOURS, strict=True):
-        axes.loglog(SLOPE_RATES_HZ, values, "o-", color=colour, label=formula, markersize=4)  # type: ignore[attr-defined]
-    axes.axhline(  # type: ignore[attr-defined]
+    for (formula, values), colour, line in zip(found.items(), COLOURS, LINES, strict=True):
+        axes.loglog(SLOPE_RATES_HZ, values, "o" + line, color=colour, label=formula, markersize=4)
+    axes.axhline(
         floor_mm(truth(PATHS["figure of eight, 40 m"])), color="black", linestyle=":", linewidth=1,
         label="the encoders' own floor",
     )  # fmt: skip
-    axes.set(xlabel="samples a second", ylabel="largest error of place, mm")  # type: ignore[attr-defined]
-    axes.set_xticks(SLOPE_RATES_HZ, [str(rate) for rate in SLOPE_RATES_HZ])  # type: ignore[attr-defined]
-    axes.minorticks_off()  # type: ignore[attr-defined]
-    axes.legend(fontsize=8, frameon=False)  # type: ignore[attr-defined]
+    axes.set(xlabel="samples a second", ylabel="largest error of place, mm")
+    axes.set_xticks(SLOPE_RATES_HZ, [str(rate) for rate in SLOPE_RATES_HZ])
+    axes.minorticks_off()
+    axes.legend(fontsize=8, frameon=False)
     _save(section, figure, images, "convergence.png",
           "A figure of eight of 40 m at 0.5 m/s: the formula's own error by rate.")  # fmt: skip
     figure, axes = picture(7.5, 4.2)
-    for (formula, values), colour in zip(spread.items(), COLOURS, strict=True):
+    for (formula, values), colour, line in zip(spread.items(), COLOURS, LINES, strict=True):
         ordered = np.sort(values)
         share = np.arange(1, len(ordered) + 1) / len(ordered)
-        axes.semilogx(ordered, share, color=colour, label=formula)  # type: ignore[attr-defined]
-    axes.set(  # type: ignore[attr-defined]
+        axes.semilogx(ordered, share, line, color=colour, label=formula)
+    axes.set(
         xlabel="largest error of place along the path, mm (20 Hz, whole counts)",
         ylabel="share of the random paths",
     )
-    axes.legend(fontsize=8, frameon=False)  # type: ignore[attr-defined]
+    axes.legend(fontsize=8, frameon=False)
     _save(section, figure, images, "random_paths.png",
           f"{len(ordered)} random paths of 20 s: how many stay below an error.")  # fmt: skip
 

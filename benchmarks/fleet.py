@@ -2,7 +2,7 @@
 
 Robots on one machine: pairs of `yahboomd simulate` and `yahboomd run`, streamed, publishing at 50
 Hz to a subscriber, more and more of them, until poses are lost or late. One router: clients with
-a namespace each put a 300-byte pose 50 times a second through one router process (a Python
+a namespace each put a 360-byte pose 50 times a second through one router process (a Python
 session in router mode, which is the same code as zenohd); an operator hears all of them and says
 10 commands a second to each. Robots, router and operator share the machine's two cores, so what
 saturates first is told with the CPU of each. Everything stays on loopback and ends after some
