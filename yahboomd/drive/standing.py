@@ -119,7 +119,7 @@ def _not_commanded(decision: Decision) -> list[Reason]:
     age = "" if decision.age_ns is None else f" {_seconds(decision.age_ns)} ago"
     match decision.why:
         case "no_command":
-            message = "Nobody has commanded anything yet."
+            message = "Nobody commands anything."
         case "timed_out":
             message = f"{decision.source} fell silent: its last command was given{age}."
         case "revoked":
