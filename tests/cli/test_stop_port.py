@@ -78,7 +78,7 @@ def test_a_named_port_needs_no_configuration_unless_one_is_named(
 def test_what_is_no_port_is_explained() -> None:
     with pytest.raises(PortMissing, match="/nonexistent: there is no such port"):
         take(options(port="/nonexistent"), None)
-    with pytest.raises(LinkError, match="/dev/null: the port cannot be used"):
+    with pytest.raises(LinkError, match="/dev/null: this is no serial port"):
         take(options(port="/dev/null"), None)
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from real_robot import Process, wait_for
 
-from yahboomd.simulation.truth import read_truth
+from yahboomd.simulation.truth import TruthSample, read_truth
 
 _DRIVER = """
 import os, sys, time
@@ -62,9 +63,14 @@ class SimulatedBoard:
 
     @property
     def speeds(self) -> tuple[float, ...]:
-        """The true speeds of the driven wheels, a moment ago."""
-        samples = wait_for(lambda: read_truth(self.truth_path), "the truth")
-        return tuple(samples[-1].speed_m_s)
+        """The true speeds of the driven wheels, not before they are asked for."""
+        asked_ns = time.monotonic_ns()
+
+        def told() -> list[TruthSample]:
+            # The file is written with a delay; its stamps are this machine's monotonic clock.
+            return [each for each in read_truth(self.truth_path) if each.t_ns >= asked_ns]
+
+        return tuple(wait_for(told, "the truth")[0].speed_m_s)
 
     @property
     def stands(self) -> bool:

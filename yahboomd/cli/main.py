@@ -20,13 +20,13 @@ from yahboomd.errors import YahboomdError
 
 COMMANDS = {
     "run": "drive the board: the daemon itself",
-    "simulate": "be a board on a pseudo-terminal, with motors, chassis and ground truth",
+    "simulate": "be a board on a pseudo-terminal, with a robot behind it",
     "stop": "stop the wheels, through the daemon or on the port itself",
     "monitor": "watch a running daemon: pose, wheels, battery, who drives",
     "drive": "drive the robot with the keyboard",
     "probe": "find the port, name the board, explain what is wrong",
     "config": "check, show and explain the configuration",
-    "install": "install the service: at boot, and when the board is plugged in",
+    "install": "install the service: at boot, or as the board is plugged in",
     "uninstall": "take the service away again",
 }
 """Every subcommand with its line in the help."""
@@ -57,6 +57,14 @@ class Command(Protocol):
     def run(self, args: argparse.Namespace) -> int:
         """Do it; returns the exit status."""
         ...
+
+
+class _OneLineEach(argparse.RawDescriptionHelpFormatter):
+    """Leaves the longest command room for its line, which argparse forgets to indent for."""
+
+    def __init__(self, prog: str) -> None:
+        super().__init__(prog)
+        self._action_max_length = max(map(len, COMMANDS)) + 4
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -92,7 +100,7 @@ def _dispatch(arguments: list[str]) -> int:
         description="Drives Yahboom encoder motor boards: velocity commands in over Zenoh, exact "
         "odometry out.",
         epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        formatter_class=_OneLineEach,
     )
     parser.add_argument("--version", action="version", version=f"yahboomd {__version__}")
     subparsers = parser.add_subparsers(dest="command", metavar="COMMAND")

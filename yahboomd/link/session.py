@@ -179,7 +179,7 @@ class Session:
         """Every counter of the link."""
         facts: Counter[str] = Counter(self.counters)
         if self._writer is not None:
-            facts.update(self._writer.counters)
+            facts.update(self._writer.facts())
         if self._poller is not None:
             facts.update(self._poller.counters)
         counters = self._framer.counters

@@ -51,6 +51,10 @@ class Writer:
         self.poll_heard_ns = 0
         self.counters: Counter[str] = Counter()
 
+    def facts(self) -> dict[str, int]:
+        """Its counters, and how many velocities another one replaced before they went out."""
+        return {**self.counters, "velocities_replaced": self._outbox.replaced}
+
     def set_spacing(self, spacing_ns: int) -> None:
         """Keep another distance between frames, now that the dialect is known."""
         self._spacing_ns = spacing_ns
