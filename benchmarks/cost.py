@@ -11,14 +11,17 @@ innermost function of ours.
 from __future__ import annotations
 
 import contextlib
+import json
 import time
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
 from benchmarks import flame, rig
 from benchmarks.latency import UNLIMITED, command, publisher
-from benchmarks.report import Section, median, number
+from benchmarks.report import Section, median, number, quantile
+from benchmarks.staged import STAGES
 
 COMMANDS_HZ = 50
 
@@ -136,8 +139,29 @@ def bench(*, short: bool, images: Path) -> Section:
                 f"{loop}: {number(slope)} µs of CPU for a poll with its three samples, and "
                 f"{number(median(per_command[loop]))} µs for a command (medians)."
             )
+    stages(section, 2.0 if short else 20.0)
     profile(section, 2.0 if short else 40.0, images)
     return section
+
+
+def stages(section: Section, seconds: float) -> None:
+    """Where a command spends its time between Zenoh's callback and the port."""
+    with rig.folder() as where:
+        path = where / "stages"
+        prefix = ("-m", "benchmarks.staged", str(path))
+        measure(seconds, dialect="streamed", commands=True, prefix=prefix)
+        moments = [json.loads(line) for line in path.read_text().splitlines()]
+    spans = [[b - a for a, b in pairwise(each)] for each in moments]
+    rows = [
+        [stage, number(median([each[n] for each in spans]) / 1e3),
+         number(quantile([each[n] for each in spans], 0.9) / 1e3)]
+        for n, stage in enumerate(STAGES)
+    ]  # fmt: skip
+    section.table(
+        f"From Zenoh's callback to the port, µs, of {len(spans)} commands, 50 a second.",
+        ["stage", "p50", "p90"],
+        rows,
+    )
 
 
 def profile(section: Section, seconds: float, images: Path) -> None:

@@ -1,0 +1,63 @@
+"""``yahboomd`` with stamps along a command's way: ``python -m benchmarks.staged FILE run ...``.
+
+FILE gets, at the end, one line of JSON for each command whose frame was written: the moments, in
+nanoseconds, at which each stage began, and at which the write was done.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from yahboomd.bus.inbox import Inbox, Lane
+from yahboomd.cli.main import main
+from yahboomd.daemon.commands import CommandIntake
+from yahboomd.daemon.control import Controller
+from yahboomd.daemon.wheels import Wheels
+from yahboomd.link.port import SerialPort
+from yahboomd.link.writer import Writer
+
+STAGES: dict[str, tuple[type, str]] = {
+    "hop to the event loop": (Lane, "offer"),
+    "unpacking of the sample": (Inbox, "_turn"),
+    "decoding, and who may drive": (CommandIntake, "_take"),
+    "control step: holds, limits, kinematics": (Controller, "step"),
+    "wheel speeds to a frame": (Wheels, "turn"),
+    "outbox and line": (Writer, "velocity"),
+    "write": (SerialPort, "write"),
+}
+"""What begins with the call of which function."""
+
+LONGEST_NS = 5_000_000
+
+
+def install(path: Path) -> None:
+    """Put the stamps in."""
+    begun: dict[str, int] = {}
+    first = next(iter(STAGES))
+
+    def stamped(stage: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*args: Any, **kwargs: Any) -> Any:  # noqa: ANN401 - whatever it is, it is passed on
+            begun[stage] = time.perf_counter_ns()
+            result = function(*args, **kwargs)
+            if stage == "write":
+                done_ns = time.perf_counter_ns()
+                if len(begun) == len(STAGES) and done_ns - begun[first] < LONGEST_NS:
+                    with path.open("a") as file:
+                        file.write(json.dumps([*(begun[each] for each in STAGES), done_ns]) + "\n")
+                begun.clear()
+            return result
+
+        return call
+
+    for stage, (owner, name) in STAGES.items():
+        setattr(owner, name, stamped(stage, getattr(owner, name)))
+
+
+if __name__ == "__main__":
+    install(Path(sys.argv[1]))
+    sys.exit(main(sys.argv[2:]))
