@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import logging
 import os
@@ -10,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.daemon.logs import configure
+from yahboomd.daemon.logs import LINES, configure, flush
 
 
 @pytest.fixture
@@ -27,6 +28,7 @@ def test_on_a_terminal_a_line_has_time_level_and_words(log: logging.Logger) -> N
     configure("info", {}, stream)
     log.warning("the port is gone")
     log.debug("not this")
+    flush()
     line = stream.getvalue()
     assert line.endswith("WARNING the port is gone\n")
     assert line[2] == ":"
@@ -39,7 +41,7 @@ def test_for_the_journal_every_line_has_its_priority(log: logging.Logger, tmp_pa
         configure("info", {"JOURNAL_STREAM": f"{status.st_dev}:{status.st_ino}"}, stream)
         log.error("one\ntwo")
         log.info("three")
-        stream.flush()
+        flush()
         stream.seek(0)
         assert stream.read() == "<3>one\n<3>two\n<6>three\n"
 
@@ -48,4 +50,39 @@ def test_a_stream_that_is_not_the_journals_is_written_for_people(log: logging.Lo
     stream = io.StringIO()
     configure("info", {"JOURNAL_STREAM": "1:2"}, stream)
     log.info("hello")
+    flush()
+    assert stream.getvalue()
     assert not stream.getvalue().startswith("<")
+
+
+def test_a_reader_that_stopped_reading_is_not_waited_for(log: logging.Logger) -> None:
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    with contextlib.suppress(BlockingIOError):
+        while True:
+            os.write(writing, b"." * 4096)
+    os.set_blocking(writing, True)
+    with os.fdopen(writing, "w") as stream:
+        configure("info", {}, stream)
+        # As many again as are kept, and each returns at once.
+        for number in range(2 * LINES):
+            log.info("line %d", number)
+        os.set_blocking(reading, False)
+        text = b""
+        while b"lines were lost" not in text or b"line 0" not in text:
+            with contextlib.suppress(BlockingIOError):
+                text = (text + os.read(reading, 1 << 16)).lstrip(b".")
+            # What comes after the gap tells of it.
+            log.info("more")
+        # The thread that writes may be stuck with a line; this lets it go.
+        os.close(reading)
+        flush()
+
+
+def test_a_reader_that_is_gone_disturbs_nobody(log: logging.Logger) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    with os.fdopen(writing, "w") as stream:
+        configure("info", {}, stream)
+        log.info("to nobody")
+        flush()

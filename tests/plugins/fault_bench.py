@@ -52,8 +52,7 @@ class FaultBench(RobotBench):
     @property
     def orders(self) -> list[tuple[int, bytes]]:
         """Every speed and every stop that was written so far, on whichever port, with its time."""
-        written = itertools.chain.from_iterable(port.written for port in self.ports)
-        return [(at_ns, match[0]) for at_ns, data in written for match in _ORDER.finditer(data)]
+        return list(itertools.chain.from_iterable(map(orders_of, self.ports)))
 
     def orders_since(self, ns: int) -> list[tuple[int, bytes]]:
         """Those that were written at or after a moment."""
@@ -77,6 +76,11 @@ class FaultBench(RobotBench):
     def events(self, kind: str) -> list[str]:
         """The words of all events of a kind."""
         return [event.message for event in self.heard.events if event.kind == kind]
+
+
+def orders_of(port: BoardPort) -> list[tuple[int, bytes]]:
+    """Every speed and every stop that was written to a port, with its time."""
+    return [(at_ns, match[0]) for at_ns, data in port.written for match in _ORDER.finditer(data)]
 
 
 def is_stop(order: bytes) -> bool:

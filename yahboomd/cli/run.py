@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
         BusError: The Zenoh session cannot be opened.
     """
     loaded = read_config(args)
-    from yahboomd.daemon.logs import configure
+    from yahboomd.daemon.logs import configure, flush
     from yahboomd.daemon.service import Daemon
 
     configure(loaded.config.log.level, os.environ, sys.stderr)
@@ -57,18 +57,22 @@ def run(args: argparse.Namespace) -> int:
     for warning in loaded.warnings:
         log.warning("%s", warning)
 
-    async def main() -> None:
+    async def main() -> int:
         daemon = Daemon(loaded.config, environ=os.environ)
-        await daemon.run()
+        status = os.EX_OK
+        try:
+            await daemon.run()
+        except BaseExceptionGroup:
+            # A mistake of ours, not of the user: the whole of it belongs into the log.
+            log.critical("yahboomd failed; the wheels were told to stop", exc_info=True)
+            status = os.EX_SOFTWARE
         if not daemon.left_clean:
             log.warning("the bus does not close; the wheels are stopped, and the process ends here")
-            logging.shutdown()
-            os._exit(os.EX_OK)
+            flush()
+            os._exit(status)
+        return status
 
     try:
-        asyncio.run(main())
-    except BaseExceptionGroup:
-        # A mistake of ours, not of the user: the whole of it belongs into the log.
-        log.critical("yahboomd failed; the wheels were told to stop", exc_info=True)
-        return os.EX_SOFTWARE
-    return os.EX_OK
+        return asyncio.run(main())
+    finally:
+        flush()

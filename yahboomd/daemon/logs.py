@@ -1,9 +1,16 @@
-"""Log lines: with priorities for the journal, readable on a terminal, bounded under repeats."""
+"""Log lines: with priorities for the journal, readable on a terminal, and never waited for.
+
+A pipe that nobody reads and a terminal that was stopped (Ctrl-S) take no more bytes, and whoever
+writes to them waits. That must not be the loop that stops wheels: a thread writes.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
+import queue
+import threading
 from collections.abc import Mapping
 from typing import TextIO
 
@@ -15,6 +22,68 @@ PRIORITIES = {
     logging.CRITICAL: 2,
 }
 """What the journal calls the levels (sd-daemon(3))."""
+
+
+LINES = 1000
+"""So many lines wait for a reader that is slow; further ones are lost, and counted."""
+
+FLUSH_S = 1.0
+"""How long the end of the process waits for a reader."""
+
+
+class PatientHandler(logging.Handler):
+    """Hands its lines to a thread.
+
+    Args:
+        stream: Where lines go. One with a descriptor is written past Python's buffer, whose lock a
+            thread that waits would keep from the interpreter's end.
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        super().__init__()
+        self._stream = stream
+        self._lines: queue.Queue[str] = queue.Queue(LINES)
+        self._thread: threading.Thread | None = None
+        self.lost = 0
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Queue a line; never waits."""
+        try:
+            self._lines.put_nowait(self.format(record) + "\n")
+        except queue.Full:
+            self.lost += 1
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._run, name="log", daemon=True)
+            self._thread.start()
+
+    def flush(self) -> None:
+        """Wait until all is written, a second at most."""
+        written = self._lines.all_tasks_done
+        with written:
+            written.wait_for(lambda: not self._lines.unfinished_tasks, FLUSH_S)
+
+    def _run(self) -> None:
+        try:
+            fd = self._stream.fileno()
+        except (OSError, ValueError):
+            fd = None
+        while True:
+            line = self._lines.get()
+            lost, self.lost = self.lost, 0
+            if lost:
+                line = f"({lost} lines were lost here: nobody read them)\n{line}"
+            # A reader that is gone cannot be told so.
+            with contextlib.suppress(OSError, ValueError):
+                self._write(fd, line)
+            self._lines.task_done()
+
+    def _write(self, fd: int | None, line: str) -> None:
+        if fd is None:
+            self._stream.write(line)
+            return
+        data = line.encode(errors="backslashreplace")
+        while data:
+            data = data[os.write(fd, data) :]
 
 
 class JournalFormatter(logging.Formatter):
@@ -34,7 +103,7 @@ def configure(level: str, environ: Mapping[str, str], stream: TextIO) -> None:
         environ: Tells whether the journal reads (``JOURNAL_STREAM``).
         stream: Where lines go.
     """
-    handler = logging.StreamHandler(stream)
+    handler = PatientHandler(stream)
     if _is_journal(environ, stream):
         handler.setFormatter(JournalFormatter("%(message)s"))
     else:
@@ -47,6 +116,12 @@ def configure(level: str, environ: Mapping[str, str], stream: TextIO) -> None:
     root.propagate = False
     # asyncio reports what nobody caught; such a line must reach the same reader.
     logging.getLogger("asyncio").handlers[:] = [handler]
+
+
+def flush() -> None:
+    """Wait until the log is written, a second at most."""
+    for handler in logging.getLogger("yahboomd").handlers:
+        handler.flush()
 
 
 def _is_journal(environ: Mapping[str, str], stream: TextIO) -> bool:

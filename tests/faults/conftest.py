@@ -1,0 +1,83 @@
+"""A daemon in the test's own process, so that a test can break what runs inside it."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import pytest
+import zenoh
+from board_bench import BoardPort
+from fault_bench import is_stop, orders_of
+from zenoh_fixtures import eventually, free_endpoint
+
+from yahboomd.clock import SystemClock
+from yahboomd.config import load
+from yahboomd.daemon.service import Daemon
+from yahboomd.simulation.robot import SimulatedRobot
+
+
+class InnerDaemon:
+    """The daemon with a simulated robot in memory, a real bus, and a client that drives."""
+
+    def __init__(self, folder: Path) -> None:
+        self.endpoint = free_endpoint()
+        self.robot = SimulatedRobot()
+        self.ports: list[BoardPort] = []
+        overrides = [
+            f'zenoh.listen=["{self.endpoint}"]',
+            "zenoh.connect=[]",
+            f"estop.latch_file={folder / 'estop'}",
+        ]
+        config = load(None, environ={}, overrides=overrides)
+        self.daemon = Daemon(config, environ={}, clock=SystemClock(), opener=self._open)
+        self.task = asyncio.create_task(self.daemon.run())
+        self.session: zenoh.Session
+
+    async def _open(self) -> BoardPort:
+        self.ports.append(BoardPort(self.robot))
+        return self.ports[-1]
+
+    async def driven(self) -> None:
+        """Connect, and drive until the wheels turn."""
+        config = zenoh.Config()
+        config.insert_json5("mode", '"client"')
+        config.insert_json5("connect/endpoints", f'["{self.endpoint}"]')
+
+        def opened() -> zenoh.Session | None:
+            try:
+                return zenoh.open(config)
+            except zenoh.ZError:
+                return None
+
+        self.session = await eventually(opened)
+
+        def turning() -> bool:
+            self.session.put("cmd_vel", b'{"vx": 0.3}')
+            return min(motor.speed_m_s for motor in self.robot.plant.motors) > 0.2
+
+        await eventually(turning)
+
+    @property
+    def standing(self) -> bool:
+        return max(abs(motor.speed_m_s) for motor in self.robot.plant.motors) < 0.03
+
+    @property
+    def ends_with_a_stop(self) -> bool:
+        """Whether the last words on the wire moved nothing."""
+        return is_stop(orders_of(self.ports[-1])[-1][1])
+
+    async def close(self) -> None:
+        if not self.task.done():
+            self.daemon.stop("the test's end")
+        await asyncio.gather(self.task, return_exceptions=True)
+        if hasattr(self, "session"):
+            await asyncio.to_thread(self.session.close)
+
+
+@pytest.fixture
+async def inner(tmp_path: Path) -> AsyncIterator[InnerDaemon]:
+    inner = InnerDaemon(tmp_path)
+    yield inner
+    await inner.close()

@@ -1,0 +1,136 @@
+"""Whatever fails inside, the wheels stop and the process ends, so that it can be started anew.
+
+A real bus and a real loop: errors are put where nobody would catch them.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+from zenoh_fixtures import eventually
+
+pytestmark = pytest.mark.realtime
+
+
+def broken(*_: object, **__: object) -> Any:
+    raise ZeroDivisionError("put here by a test")
+
+
+TASKS = ["supervisor", "control", "status", "link-writer", "link-poller", "port-watch", "callback"]
+
+
+@pytest.mark.parametrize("name", TASKS)
+async def test_a_task_that_is_cancelled_ends_the_daemon_with_the_wheels_at_rest(
+    inner: Any, name: str
+) -> None:
+    await inner.driven()
+    next(task for task in asyncio.all_tasks() if task.get_name() == name).cancel()
+    with pytest.raises(BaseExceptionGroup):
+        await inner.task
+    assert inner.standing
+    assert inner.ends_with_a_stop
+
+
+PLACES = {
+    "control step": lambda inner: ("_controller", "step"),
+    "estimate": lambda inner: ("_publisher", "estimate"),
+    "status": lambda inner: ("_publisher", "status"),
+    "event": lambda inner: ("_publisher", "event"),
+    "battery": lambda inner: ("_publisher", "battery"),
+}
+
+
+@pytest.mark.parametrize("place", ["step", "_look", "_drive"])
+async def test_an_error_in_the_control_path_ends_the_daemon_with_the_wheels_at_rest(
+    inner: Any, monkeypatch: pytest.MonkeyPatch, place: str
+) -> None:
+    await inner.driven()
+    monkeypatch.setattr(inner.daemon._controller, place, broken)
+    with pytest.raises(BaseExceptionGroup):
+        await inner.task
+    assert inner.standing
+    assert inner.ends_with_a_stop
+
+
+@pytest.mark.parametrize("what", ["estimate", "status", "battery"])
+async def test_a_sample_that_cannot_be_published_ends_the_daemon_with_the_wheels_at_rest(
+    inner: Any, monkeypatch: pytest.MonkeyPatch, what: str
+) -> None:
+    await inner.driven()
+    monkeypatch.setattr(inner.daemon._publisher, what, broken)
+    # The voltage is asked for every five seconds.
+    for _ in range(200):
+        if inner.task.done():
+            break
+        inner.session.put("cmd_vel", b'{"vx": 0.3}')
+        await asyncio.sleep(0.05)
+    with pytest.raises(BaseExceptionGroup):
+        await inner.task
+    assert inner.standing
+    assert inner.ends_with_a_stop
+
+
+async def test_a_callback_of_the_bus_that_fails_ends_the_daemon_with_the_wheels_at_rest(
+    inner: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    await inner.driven()
+    # Whoever decodes commands fails: the control step alone would never know.
+    monkeypatch.setattr("yahboomd.daemon.commands.decode_command", broken)
+    inner.session.put("cmd_vel", b'{"vx": 0.3}')
+    with pytest.raises(BaseExceptionGroup):
+        await inner.task
+    assert inner.standing
+    assert inner.ends_with_a_stop
+
+
+async def test_an_estop_whose_event_cannot_be_told_stops_the_wheels_all_the_same(
+    inner: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    await inner.driven()
+    monkeypatch.setattr(inner.daemon._publisher, "event", broken)
+    inner.session.put("yahboomd/estop", b"")
+    with pytest.raises(BaseExceptionGroup):
+        await inner.task
+    assert inner.standing
+    assert inner.ends_with_a_stop
+
+
+async def test_a_service_that_fails_answers_and_the_robot_drives_on(
+    inner: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    await inner.driven()
+    monkeypatch.setattr(inner.daemon._controller, "set_pose", broken)
+    replies = await asyncio.to_thread(
+        lambda: list(inner.session.get("yahboomd/odometry/reset", timeout=20.0))
+    )
+    assert b"failed" in bytes(replies[0].ok.payload)
+    await inner.driven()
+    assert not inner.task.done()
+
+
+async def test_a_second_request_to_end_does_not_break_the_stop_off(inner: Any) -> None:
+    await inner.driven()
+    inner.daemon.stop("first")
+    for _ in range(10):
+        await asyncio.sleep(0.005)
+        inner.daemon.stop("again")
+        supervisor = [t for t in asyncio.all_tasks() if t.get_name() == "supervisor"]
+        for task in supervisor:
+            task.cancel()
+    await inner.task
+    assert inner.standing
+    assert inner.ports[-1].frames[-2:] == [b"$pwm:0,0,0,0#", b"$upload:0,0,0#"]
+
+
+async def test_the_watchdog_is_fed_by_control_steps_alone(
+    inner: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    await inner.driven()
+    from yahboomd.daemon.notify import Notifier
+
+    fed: list[int] = []
+    monkeypatch.setattr(Notifier, "alive", lambda _: fed.append(1))
+    await eventually(lambda: True)
+    assert fed == []
