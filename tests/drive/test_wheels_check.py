@@ -210,6 +210,24 @@ def test_below_the_least_speed_missing_counts_prove_nothing_for_100_mm() -> None
     assert found[0][0] * 0.07 / S == pytest.approx(0.1, abs=0.01)
 
 
+@pytest.mark.parametrize(("before_m_s", "found_ms"), [(0.3, 150), (-0.3, 300)])
+def test_a_wheel_that_rolled_the_other_way_is_given_twice_as_long(
+    before_m_s: float, found_ms: int
+) -> None:
+    check = WheelsCheck(["left"], latency_s=0.0)
+    check.command(0, [before_m_s])
+    for at_ms in range(0, 1000, 10):
+        check.measure(at_ms * MS, [before_m_s], [round(before_m_s * 60)])
+    check.command(1000 * MS, [0.3])
+    found = [
+        at_ms
+        for at_ms in range(1000, 2000, 10)
+        for fault in check.measure(at_ms * MS, [0.0], [0])
+        if fault.kind == "no_counts"
+    ]
+    assert found == [pytest.approx(1000 + found_ms, abs=20)]
+
+
 @pytest.mark.parametrize(("travel_ms", "owing"), [(50, False), (200, True)])
 def test_a_motor_owes_what_was_commanded_since_it_last_counted(travel_ms: int, owing: bool) -> None:
     check = WheelsCheck(["left", "right"])

@@ -47,6 +47,9 @@ SPEED_MARGIN_M_S = 0.1
 SURE_AFTER_NS = 40_000_000
 NO_COUNTS_NS = 150_000_000
 NO_COUNTS_M = 0.03
+# A wheel that rolled the other way before takes twice as long to start: the output of the board's
+# loop comes from the far edge of the motor's dead zone.
+TURNING_ROUND = 2
 # Below the least speed a healthy motor may take its time: the board's loop adds up the way that is
 # owed until the wheel breaks loose. With the default gains that is after some 15 mm, and full power
 # comes at 83 mm: what has not counted by then is blocked, or runs away unseen.
@@ -191,6 +194,7 @@ class _Watch:
         self._begin_silence()
         self.owed_m = 0.0
         self._owed_ticks = 0
+        self._rolled = 0
         self._outside_ns: int | None = None
         self._creeping_ns: int | None = None
         self._slow_ns: int | None = None
@@ -287,6 +291,7 @@ class _Watch:
         # Motion either way is motion: a wheel that still rolls out after a change of direction is
         # not silent, and one that turns against its command is found by its speed.
         if abs(self._owed_ticks) >= COUNTS_OF_MOTION:
+            self._rolled = self._owed_ticks
             self.owed_m = 0.0
             self._owed_ticks = 0
             self._known.discard("no_counts")
@@ -295,7 +300,8 @@ class _Watch:
         else:
             self._silent_ns += step_ns
             self._silent_m += step_m
-        proven = self._silent_ns >= NO_COUNTS_NS and self._silent_m >= NO_COUNTS_M
+        times = TURNING_ROUND if self._rolled * steady < 0.0 else 1
+        proven = self._silent_ns >= times * NO_COUNTS_NS and self._silent_m >= times * NO_COUNTS_M
         if not proven and self.owed_m < CRAWL_NO_COUNTS_M:
             return None
         return self._new("no_counts", "policy", self._measured)
@@ -318,7 +324,10 @@ class _Watch:
         self._known.add(kind)
         commanded = self._commanded or 0.0
         text = _MESSAGES[kind].format(
-            name=self._name, commanded=commanded, measured=measured, least=self.owed_m * 1e3
+            name=self._name,
+            commanded=commanded,
+            measured=measured,
+            least=max(self.owed_m, self._silent_m) * 1e3,
         )
         return Fault(
             kind=kind,
