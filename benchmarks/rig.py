@@ -70,9 +70,14 @@ class Process:
         """Wait until it has printed a line with these words; the line."""
 
         def found() -> str | None:
-            if not self.alive:
+            ended = not self.alive
+            if ended:
+                # What it said last may still be on its way.
+                self._reader.join()
+            line = next((line for line in self.lines if words in line), None)
+            if line is None and ended:
                 raise ChildProcessError("\n".join(self.lines))
-            return next((line for line in self.lines if words in line), None)
+            return line
 
         return wait_for(found, words)
 
