@@ -3,9 +3,9 @@
 CPU is what the kernel has counted for the process and its threads, over some seconds; a polled
 board is asked and pose, twist and wheels are published at the same rate to a subscriber in
 another process; a command is said 50 times a second, each other than the last. The cost of one
-command is the difference of runs with and without. By layer: the loop's thread is sampled every
-few milliseconds of CPU time, at 200 Hz and 50 commands a second, and each sample belongs to the
-innermost function of ours.
+command is the difference of runs with and without. By layer: the loop's thread is sampled after
+every few milliseconds of CPU time, at rates that the kernel's tick does not divide, else the same
+moments would be met again and again; each sample belongs to the innermost function of ours.
 """
 
 from __future__ import annotations
@@ -169,10 +169,10 @@ def profile(section: Section, seconds: float, images: Path) -> None:
     with rig.folder() as where:
         path = where / "stacks"
         prefix = ("-m", "benchmarks.sampled", str(path))
-        measure(seconds, *rates(200), commands=True, prefix=prefix)
+        measure(seconds, *rates(187), "command.rate_hz=53", commands=True, prefix=prefix)
         stacks = flame.read(path)
     total = sum(stacks.values())
-    title = f"The event loop's thread at 200 Hz and 50 commands a second, {total} samples"
+    title = f"The event loop's thread at 187 polls and 50 commands a second, {total} samples"
     flame.draw(stacks, images / "flame.svg", title)
     section.images.append(("flame.svg", title + "; width is CPU time."))
     section.table(
