@@ -42,3 +42,26 @@ def test_a_wall_clock_that_is_set_forward_is_followed() -> None:
     stamps.of(1_000)
     clock.wall += 3_600_000_000_000
     assert stamps.of(1_000) == clock.wall
+
+
+class HeldUpClock(TwoClocks):
+    """A machine that runs somebody else between two readings."""
+
+    held_up_ns = 0
+
+    def wall_ns(self) -> int:
+        before = self.monotonic
+        self.monotonic += self.held_up_ns
+        self.wall += self.held_up_ns
+        return self.wall - (self.monotonic - before) // 2
+
+
+def test_being_held_up_between_two_clocks_is_no_step_of_either() -> None:
+    clock = HeldUpClock()
+    stamps = WallStamps(clock)
+    first = stamps.of(1_000)
+    clock.held_up_ns = 300_000_000
+    assert stamps.of(1_500) == first + 500
+    clock.held_up_ns = 0
+    assert stamps.of(2_000) == first + 1_000
+    assert stamps.held_back == 0
