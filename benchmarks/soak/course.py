@@ -20,6 +20,10 @@ BRAKE_S = 0.8
 """Wheels at the speeds of the soak stand so long after a stop frame, with room."""
 
 
+NEAR_ZERO = "a polled board was reset with its counters near zero"
+"""It does not say so, and from one small count to another a wheel may well have rolled."""
+
+
 class Course:
     """A robot that is driven, and disturbed.
 
@@ -37,7 +41,8 @@ class Course:
         self.endpoint = free_endpoint()
         self.began_ns = time.monotonic_ns()
         self._anchor: tuple[tuple[float, float, float], TruthSample, int] | None = None
-        self.lying = False
+        self.apart = ""
+        self.resets = 0
         self.kind = ""
         self.stalls = Stalls()
         try:
@@ -64,6 +69,7 @@ class Course:
     def change_board(self, dialect: str) -> None:
         """Another board behind the same port name; the daemon goes on."""
         self._anchor = None
+        self.resets = 0
         self.board.close()
         self.board = Board(self.folder, dialect, self.random.randrange(1 << 30))
 
@@ -184,11 +190,34 @@ class Course:
         """Verify that the robot moves as commanded."""
         self.app.wander()
         began_ns = time.monotonic_ns()
-        if not self.wait(lambda: self.board.truth.travelled_m(began_ns) > 0.05, RECOVER_S):
+        if not self._moves(began_ns) and not self._moves_when_released():
             self.fail("it does not drive again")
             return
         self.ledger.drives += 1
         self.ledger.recovery_s.append((time.monotonic_ns() - since_ns) / 1e9)
+
+    def _moves(self, since_ns: int) -> bool:
+        def moved() -> bool:
+            return self.board.truth.travelled_m(since_ns) > 0.05
+
+        self.wait(lambda: moved() or self.latched, RECOVER_S)
+        return moved()
+
+    def _moves_when_released(self) -> bool:
+        """A board that was reset where nothing tells of it stands, and a person has to look."""
+        if self.apart != NEAR_ZERO or not self.latched:
+            return False
+        self.ledger.notes["a reset that nothing told of: released by a person"] += 1
+        if not self.ready():
+            return False
+        self.app.wander()
+        return self._moves(time.monotonic_ns())
+
+    @property
+    def latched(self) -> bool:
+        """Whether a fault or an e-stop keeps it where it is."""
+        status = self.app.status
+        return status is not None and status.state in {"fault", "estopped"}
 
     def compare(self) -> None:
         """Stand still, and compare the way since the last time with the one truly driven."""
@@ -212,11 +241,11 @@ class Course:
         assert pose is not None
         where = (pose.x, pose.y, pose.theta)
         anchor, self._anchor = self._anchor, (where, truth[0], now_ns)
-        lying, self.lying = self.lying, False
+        apart, self.apart = self.apart, ""
         if anchor is None or anchor[2] < life.began_ns:
             return
-        if lying:
-            self.ledger.lying += 1
+        if apart:
+            self.ledger.apart[apart] += 1
             return
         metres, radians = error(anchor[0], where, _place(anchor[1]), _place(truth[0]))
         ways = zip(anchor[1].travel_m, truth[0].travel_m, strict=True)

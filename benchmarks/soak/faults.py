@@ -9,7 +9,7 @@ from random import Random
 
 import msgspec
 
-from benchmarks.soak.course import BRAKE_S, Course
+from benchmarks.soak.course import BRAKE_S, NEAR_ZERO, Course
 from benchmarks.soak.processes import WATCHDOG_S, Helper
 from benchmarks.soak.tail import Order, is_stop
 
@@ -133,14 +133,22 @@ def sigstop(course: Course) -> None:
 def reset(course: Course) -> None:
     """The board resets itself in motion."""
     course.move()
+    _counts_from_zero(course)
     _after_reset(course, course.board.do("reset"))
 
 
 def brown_out(course: Course) -> None:
     """Its supply fails for a moment."""
     course.move()
+    _counts_from_zero(course)
     off_s = course.random.choice([0.02, 0.1, 0.4])
     _after_reset(course, course.board.do(f"brown-out {off_s}"))
+
+
+def _counts_from_zero(course: Course) -> None:
+    course.resets += 1
+    if course.resets > 1 and not course.streamed:
+        course.apart = NEAR_ZERO
 
 
 def _after_reset(course: Course, since_ns: int) -> None:
@@ -169,6 +177,7 @@ def reset_loop(course: Course) -> None:
 def board_hangs(course: Course) -> None:
     """The board's processor hangs with its motors on; nobody but its supply can stop them."""
     course.move(0.2, 0.0)
+    _counts_from_zero(course)
     course.board.do("hang")
     time.sleep(course.random.uniform(0.3, 2.0))
     course.stands(course.board.do("brown-out 0.2"), 1.0)
@@ -283,7 +292,8 @@ def _lies(course: Course, fault: str, *, honest: bool = False) -> None:
     # Not slower than the checks look at.
     speed = course.random.choice([0.15, 0.35]) * course.random.choice([1, -1])
     course.move(speed, 0.0, for_s=1.0)
-    course.lying = not honest
+    if not honest:
+        course.apart = "an encoder lied"
     since_ns = course.board.do(f"{fault} {wheel}")
     course.frame(f"{fault}: to the cut", since_ns, is_stop, wait_s=5.0)
     course.stands(since_ns, 1.6)
@@ -308,11 +318,11 @@ FAULTS: dict[str, Fault] = {
     "command silence": silence,
     "client killed": client_killed,
     "flood": flood,
-    "mute, short": mute_short,
-    "mute, long": mute_long,
+    "short mute": mute_short,
+    "long mute": mute_long,
     "babble": babble,
-    "unplug, short": unplug_short,
-    "unplug, long": unplug_long,
+    "short unplug": unplug_short,
+    "long unplug": unplug_long,
     "byte loss": loss,
     "corruption": corruption,
     "jitter": jitter,

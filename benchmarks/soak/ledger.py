@@ -53,9 +53,10 @@ class Ledger:
         worst_way: Where the pose erred most.
         driven_m: How far those stretches were.
         uncertain: Stretches in which travel was lost, and said so.
-        lying: Stretches that are not compared: an encoder lied.
+        apart: Stretches that are not compared, by reason.
         notes: What happened and is no failure.
         failures: What should not have happened.
+        too_late: Latencies over their budget that no stall of the machine explains.
     """
 
     def __init__(self) -> None:
@@ -70,9 +71,10 @@ class Ledger:
         self.driven_m = 0.0
         self.worst_way = "-"
         self.uncertain = 0
-        self.lying = 0
+        self.apart: Counter[str] = Counter()
         self.notes: Counter[str] = Counter()
         self.failures: list[str] = []
+        self.too_late: list[str] = []
 
     def latency(self, kind: str, seconds: float, stalled_s: float) -> None:
         """A stop frame came."""
