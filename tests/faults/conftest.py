@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 
 import pytest
@@ -21,7 +21,7 @@ from yahboomd.simulation.robot import SimulatedRobot
 class InnerDaemon:
     """The daemon with a simulated robot in memory, a real bus, and a client that drives."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, environ: dict[str, str]) -> None:
         self.endpoint = free_endpoint()
         self.robot = SimulatedRobot()
         self.ports: list[BoardPort] = []
@@ -31,7 +31,7 @@ class InnerDaemon:
             f"estop.latch_file={folder / 'estop'}",
         ]
         config = load(None, environ={}, overrides=overrides)
-        self.daemon = Daemon(config, environ={}, clock=SystemClock(), opener=self._open)
+        self.daemon = Daemon(config, environ=environ, clock=SystemClock(), opener=self._open)
         self.task = asyncio.create_task(self.daemon.run())
         self.session: zenoh.Session
 
@@ -77,7 +77,22 @@ class InnerDaemon:
 
 
 @pytest.fixture
-async def inner(tmp_path: Path) -> AsyncIterator[InnerDaemon]:
-    inner = InnerDaemon(tmp_path)
-    yield inner
-    await inner.close()
+async def inner_with(
+    tmp_path: Path,
+) -> AsyncIterator[Callable[[dict[str, str]], InnerDaemon]]:
+    """Makes daemons: ``inner_with(environ)``."""
+    made: list[InnerDaemon] = []
+
+    def make(environ: dict[str, str]) -> InnerDaemon:
+        made.append(InnerDaemon(tmp_path, environ))
+        return made[-1]
+
+    yield make
+    for each in made:
+        await each.close()
+
+
+@pytest.fixture
+async def inner(inner_with: Callable[[dict[str, str]], InnerDaemon]) -> InnerDaemon:
+    """One daemon."""
+    return inner_with({})

@@ -6,10 +6,15 @@ A real bus and a real loop: errors are put where nobody would catch them.
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import socket
+from pathlib import Path
 from typing import Any
 
 import pytest
 from zenoh_fixtures import eventually
+
+from yahboomd.clock import Schedule
 
 pytestmark = pytest.mark.realtime
 
@@ -31,15 +36,6 @@ async def test_a_task_that_is_cancelled_ends_the_daemon_with_the_wheels_at_rest(
         await inner.task
     assert inner.standing
     assert inner.ends_with_a_stop
-
-
-PLACES = {
-    "control step": lambda inner: ("_controller", "step"),
-    "estimate": lambda inner: ("_publisher", "estimate"),
-    "status": lambda inner: ("_publisher", "status"),
-    "event": lambda inner: ("_publisher", "event"),
-    "battery": lambda inner: ("_publisher", "battery"),
-}
 
 
 @pytest.mark.parametrize("place", ["step", "_look", "_drive"])
@@ -125,12 +121,30 @@ async def test_a_second_request_to_end_does_not_break_the_stop_off(inner: Any) -
 
 
 async def test_the_watchdog_is_fed_by_control_steps_alone(
-    inner: Any, monkeypatch: pytest.MonkeyPatch
+    inner_with: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    await inner.driven()
-    from yahboomd.daemon.notify import Notifier
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        manager.setblocking(False)
+        environ = {"NOTIFY_SOCKET": str(tmp_path / "notify"), "WATCHDOG_USEC": "60000"}
+        inner = inner_with(environ)
+        await inner.driven()
 
-    fed: list[int] = []
-    monkeypatch.setattr(Notifier, "alive", lambda _: fed.append(1))
-    await eventually(lambda: True)
-    assert fed == []
+        def heard() -> bytes:
+            words = b""
+            with contextlib.suppress(BlockingIOError):
+                while True:
+                    words += manager.recv(4096) + b"\n"
+            return words
+
+        await eventually(lambda: b"WATCHDOG=1" in heard())
+        # The loop runs on, timers ring, the status goes out; only the control steps cease.
+        monkeypatch.setattr(Schedule, "beat", lambda _: asyncio.Future())
+        await asyncio.sleep(0.1)
+        heard()
+        before = inner.daemon._controller.progress
+        for _ in range(40):
+            inner.daemon.changed()
+            await asyncio.sleep(0.02)
+        assert b"WATCHDOG=1" not in heard()
+        assert inner.daemon._controller.progress <= before + 1

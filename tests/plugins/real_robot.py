@@ -68,6 +68,10 @@ class Process:
         """Ask it to end; returns its status."""
         if self.process.poll() is None:
             self.process.send_signal(number)
+        return self.end_by_itself()
+
+    def end_by_itself(self) -> int:
+        """Wait until it ends; returns its status."""
         try:
             status = self.process.wait(PATIENCE_S)
         except subprocess.TimeoutExpired:
@@ -105,6 +109,7 @@ class RealRobot:
         self._daemon_port = port or str(self.port)
         self._run_arguments = tuple(run)
         self._daemons: list[Process] = []
+        self.environ: dict[str, str] = {}
         self.simulation = Process(
             "simulate",
             *("--link", str(self.port), "--truth", str(self.truth_path)),
@@ -120,6 +125,7 @@ class RealRobot:
             *("--port", self._daemon_port),
             *("--set", f'zenoh.listen=["{self.endpoint}"]', "--set", "zenoh.connect=[]"),
             *("--set", f"estop.latch_file={self.folder / 'estop'}", *self._run_arguments),
+            environ=self.environ,
         )
         self._daemons.append(self.daemon)
         return self.daemon

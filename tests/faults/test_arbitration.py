@@ -1,0 +1,211 @@
+"""Who drives, and what of: old commands move nothing, and status says why the robot stands."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fault_bench import MS, FaultBench, first_stop_ns, is_stop
+from real_robot import Client, RealRobot, wait_for
+from stalled_relay import StalledRelay
+
+from yahboomd.simulation.options import SimulationOptions
+from yahboomd.simulation.virtual_time import on_virtual_time
+
+
+def robot(tmp_path: Path, *overrides: str, **simulation: object) -> FaultBench:
+    return FaultBench(tmp_path, overrides, SimulationOptions(**simulation))  # type: ignore[arg-type]
+
+
+def stamped(bench: FaultBench, vx: float, ago_s: float = 0.0) -> bytes:
+    return json.dumps({"vx": vx, "stamp_ns": bench.clock.wall_ns() - round(ago_s * 1e9)}).encode()
+
+
+@pytest.mark.parametrize("with_stamps", [True, False])
+@pytest.mark.parametrize("in_one_piece", [True, False])
+@on_virtual_time
+async def test_a_backlog_of_200_commands_in_4_ms_moves_nothing(
+    tmp_path: Path, with_stamps: bool, in_one_piece: bool
+) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        if with_stamps:
+            bench.payload(stamped(bench, 0.0))
+        await asyncio.sleep(3.0)
+        before = bench.robot.plant.ticks
+        for number in range(200):
+            ago_s = 4.0 - number * 0.02
+            bench.payload(stamped(bench, 0.5, ago_s) if with_stamps else b'{"vx": 0.5}')
+            if not in_one_piece:
+                await asyncio.sleep(0.000_02)
+        since_ns = bench.clock.now_ns()
+        await asyncio.sleep(1.0)
+        assert bench.robot.plant.ticks == before
+        assert all(is_stop(order) for _, order in bench.orders_since(since_ns + 25 * MS))
+        facts = bench.intake.facts()
+        assert facts.get("stale", 0) + facts.get("backlog", 0) >= 150
+        # The next fresh command is obeyed all the same.
+        await bench.drive(0.5, 0.3)
+        assert min(bench.rim_speeds) > 0.2
+
+
+@pytest.mark.realtime
+@pytest.mark.parametrize("with_stamps", [True, False])
+def test_a_stalled_link_that_recovers_moves_nothing(
+    real_robot: Callable[..., RealRobot], client: Callable[..., Client], with_stamps: bool
+) -> None:
+    robot = real_robot()
+    watcher = client("client", robot.endpoint)
+    watcher.in_state("standing")
+    relay = StalledRelay(robot.endpoint)
+    try:
+        driver = client("client", relay.endpoint)
+        driver.in_state("standing")
+
+        def put(vx: float) -> None:
+            stamp = {"stamp_ns": time.time_ns()} if with_stamps else {}
+            driver.session.put("cmd_vel", json.dumps({"vx": vx, **stamp}).encode())
+
+        put(0.0)
+        wait_for(lambda: watcher.latest("status")["command"].get("accepted", 0) >= 1, "it is heard")
+        relay.stall()
+        for _ in range(200):
+            put(0.5)
+            time.sleep(0.005)
+        # Longer than any command is good for.
+        time.sleep(0.6)
+        before = robot.settled_truth()
+        relay.flow()
+
+        def refused() -> bool:
+            command = watcher.latest("status")["command"]
+            return bool(command.get("stale", 0) + command.get("backlog", 0) >= 40)
+
+        wait_for(refused, "the backlog arrived")
+        assert robot.settled_truth().ticks == before.ticks
+    finally:
+        relay.close()
+
+
+@on_virtual_time
+async def test_the_larger_priority_takes_over_at_once_and_hands_back_only_from_standstill(
+    tmp_path: Path,
+) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.3)
+        assert bench.controller.state()[1] == "cmd_vel drives."
+        await bench.drive(1.0, -0.2, source="cmd_vel/teleop")
+        assert max(bench.rim_speeds) < -0.15
+        assert bench.controller.state()[1] == "cmd_vel/teleop drives."
+        # The teleoperator lets go; the other one has been commanding all the time.
+        fell_silent_ns = bench.clock.now_ns()
+        stood = False
+        for _ in range(40):
+            bench.command(0.3)
+            await asyncio.sleep(0.05)
+            stood = stood or bench.standing
+            assert stood or bench.controller.decision.driver == "cmd_vel/teleop"
+        assert bench.controller.decision.driver == "cmd_vel"
+        assert min(bench.rim_speeds) > 0.2
+        assert any(is_stop(order) for _, order in bench.orders_since(fell_silent_ns))
+
+
+@on_virtual_time
+async def test_a_zero_command_holds_control(tmp_path: Path) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        for _ in range(40):
+            bench.command(0.0, source="cmd_vel/teleop")
+            bench.command(0.3)
+            await asyncio.sleep(0.05)
+        assert bench.standing
+        state, why = bench.controller.state()
+        assert state == "standing"
+        assert "cmd_vel/teleop commands zero and keeps control" in why
+
+
+@pytest.mark.parametrize(("on_timeout", "ramps"), [("ramp", True), ("halt", False)])
+@pytest.mark.parametrize("dialect", ["streamed", "polled"])
+@on_virtual_time
+async def test_silence_slows_the_wheels_down_within_its_timeout_and_one_control_period(
+    tmp_path: Path, dialect: str, on_timeout: str, ramps: bool
+) -> None:
+    worst_ms = 0.0
+    async with robot(tmp_path, f"command.on_timeout={on_timeout}", dialect=dialect) as bench:
+        await bench.ready()
+        for phase_ms in range(0, 60, 3):
+            await bench.drive(0.5, 0.4)
+            await asyncio.sleep(phase_ms / 1000)
+            bench.command(0.4)
+            given_ns = bench.clock.now_ns()
+            await asyncio.sleep(0.9)
+            orders = bench.orders_since(given_ns)
+            full = orders[0][1]
+            slower = next((at_ns, order) for at_ns, order in orders if order != full)
+            worst_ms = max(worst_ms, (slower[0] - given_ns) / MS - 500.0)
+            assert is_stop(slower[1]) != ramps
+            # 0.4 m/s at 5 m/s^2, and the line.
+            assert (first_stop_ns(orders) - slower[0]) / MS < 120.0
+        print(f"{dialect}, {on_timeout}: slower {worst_ms:.1f} ms after the timeout, at worst")
+        assert worst_ms <= 20.5
+
+
+@on_virtual_time
+async def test_status_names_every_reason_to_stand(tmp_path: Path) -> None:
+    async with robot(tmp_path) as bench:
+        assert "No board yet" in bench.controller.state()[1]
+        await bench.ready()
+        assert bench.controller.state() == ("standing", "Nobody commands anything.")
+        await bench.drive(0.5, 0.3)
+        state, why = bench.controller.state()
+        assert (state, why) == ("driving", "cmd_vel drives.")
+        assert bench.controller.decision.since_ns is not None
+        await asyncio.sleep(1.5)
+        assert "cmd_vel fell silent" in bench.controller.state()[1]
+        bench.operator.engage_estop("somebody")
+        bench.do("mute 5")
+        await asyncio.sleep(0.5)
+        state, why = bench.controller.state()
+        assert state == "estopped"
+        for reason in ("engaged by somebody", "No counts have come", "fell silent"):
+            assert reason in why
+
+
+@on_virtual_time
+async def test_nobody_can_release_an_estop_while_anybody_commands_motion(tmp_path: Path) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        bench.operator.engage_estop("a test")
+        for _ in range(20):
+            # Of the lower priority, and without effect: it would start all the same.
+            bench.command(0.0, source="cmd_vel/teleop")
+            bench.command(0.3)
+            assert not bench.operator.release_estop()[0]
+            await asyncio.sleep(0.05)
+        assert bench.standing
+
+
+@pytest.mark.realtime
+def test_any_payload_of_any_size_engages_the_estop_and_a_query_acknowledges(
+    real_robot: Callable[..., RealRobot], client: Callable[..., Client]
+) -> None:
+    robot = real_robot()
+    app = client("client", robot.endpoint)
+    app.in_state("standing")
+    payloads: list[Any] = [b"", b"\x00" * 1_000_000, b'{"engaged": 1}', b"\xff\xfe"]
+    for payload in payloads:
+        app.session.put("yahboomd/estop", payload)
+        app.in_state("estopped")
+        app.session.put("yahboomd/estop", b'{"engaged": false}')
+        assert not app.ask("yahboomd/estop", b'{"engaged": false}')["success"]
+        app.in_state("estopped")
+        assert app.ask("yahboomd/estop/reset")["success"]
+        app.in_state("standing")
+    assert app.ask("yahboomd/estop")["success"]
+    assert "engaged already" in app.ask("yahboomd/estop", b"\x00" * 1_000_000)["message"]
