@@ -31,6 +31,10 @@ AGREE_ELSEWHERE = 5
 believe counters that are elsewhere for no reason (a lossy line drops the same digit twice in a row
 more often than one thinks)."""
 
+STRAY_M = 0.025
+"""A step that ends so far from where the wheel was heading waits for a second reading to agree.
+Between two readings in a row no motor gains so much; after a few lost ones a garbled digit does."""
+
 ELSEWHERE_NS = 200_000_000
 """And for so long. A garbled line that was taken for travel is taken back by the lines after it as
 soon as there was time for the way back; lines that come in a burst must not settle it before."""
@@ -84,7 +88,10 @@ class Encoders:
     def __init__(self, motors: tuple[Motor, ...], *, speed_max_m_s: float) -> None:
         self._channels = tuple((motor.position - 1, motor.encoder_sign) for motor in motors)
         self._ns_per_tick = tuple(motor.metres_per_tick / speed_max_m_s * 1e9 for motor in motors)
+        self._stray_ticks = tuple(STRAY_M / motor.metres_per_tick for motor in motors)
         self._zero = (0,) * len(motors)
+        self._still = (0.0,) * len(motors)
+        self._pace = self._still  # counts in a nanosecond
         self._last: Counts | None = None
         self._suspect: tuple[Counts, int, int] | None = None
         self._notice: Notice = "none"
@@ -144,8 +151,10 @@ class Encoders:
                 return Verdict(outcome="travel", ticks=last, deltas=self._zero)
             deltas = self.since(last, ticks)
             least_ns = self.least_ns(deltas)
-            if least_ns <= elapsed_ns:
+            if least_ns <= elapsed_ns and not self._strays(deltas, ticks, sent_ns, elapsed_ns):
                 self._suspect = None
+                if elapsed_ns > 0:
+                    self._pace = tuple([delta / elapsed_ns for delta in deltas])
                 return Verdict(
                     outcome="travel",
                     ticks=ticks,
@@ -163,10 +172,20 @@ class Encoders:
         if verdict.outcome != "travel":
             self._suspect = None
             self._notice = "none"
+            self._pace = self._still
         if verdict.deltas is not self._zero:
             self.totals = tuple(
                 [total + delta for total, delta in zip(self.totals, verdict.deltas, strict=True)]
             )
+
+    def _strays(
+        self, deltas: tuple[int, ...], ticks: Counts, sent_ns: int, elapsed_ns: float
+    ) -> bool:
+        """Whether a step is unlikely, and nothing but this reading tells of it."""
+        for delta, pace, most in zip(deltas, self._pace, self._stray_ticks, strict=True):
+            if abs(delta - pace * elapsed_ns) > most:
+                return not self._agreed(ticks, sent_ns)
+        return False
 
     def _agreed(self, ticks: Counts, sent_ns: int) -> int:
         """With how many readings in a row, just before, this one agrees."""
