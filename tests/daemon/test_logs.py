@@ -63,17 +63,17 @@ def test_a_reader_that_stopped_reading_is_not_waited_for(log: logging.Logger) ->
             os.write(writing, b"." * 4096)
     os.set_blocking(writing, True)
     with os.fdopen(writing, "w") as stream:
-        configure("info", {}, stream)
+        configure("debug", {}, stream)
         # As many again as are kept, and each returns at once.
         for number in range(2 * LINES):
-            log.info("line %d", number)
+            log.debug("line %d", number)
         os.set_blocking(reading, False)
         text = b""
         while b"lines were lost" not in text or b"line 0" not in text:
             with contextlib.suppress(BlockingIOError):
                 text = (text + os.read(reading, 1 << 16)).lstrip(b".")
             # What comes after the gap tells of it.
-            log.info("more")
+            log.debug("more")
         # The thread that writes may be stuck with a line; this lets it go.
         os.close(reading)
         flush()

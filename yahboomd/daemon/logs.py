@@ -14,6 +14,8 @@ import threading
 from collections.abc import Mapping
 from typing import TextIO
 
+from yahboomd.daemon.log_repeats import RepeatFilter
+
 PRIORITIES = {
     logging.DEBUG: 7,
     logging.INFO: 6,
@@ -104,6 +106,7 @@ def configure(level: str, environ: Mapping[str, str], stream: TextIO) -> None:
         stream: Where lines go.
     """
     handler = PatientHandler(stream)
+    handler.addFilter(RepeatFilter())
     if _is_journal(environ, stream):
         handler.setFormatter(JournalFormatter("%(message)s"))
     else:
