@@ -40,6 +40,20 @@ def test_the_same_status_is_told_once(manager: socket.socket) -> None:
     notifier.close()
 
 
+def test_an_age_that_grows_is_no_news(manager: socket.socket) -> None:
+    notifier = Notifier({"NOTIFY_SOCKET": manager.getsockname()})
+    for age in ("0.0", "0.5", "12.0"):
+        notifier.status(f"waiting: no port. (since {age} s, for another 3.0 s) cmd fell silent.")
+    notifier.status("standing: cmd_vel fell silent: its last command was given 0.6 s ago.")
+    notifier.status("driving: cmd_vel drives.")
+    assert [manager.recv(200) for _ in range(3)] == [
+        b"STATUS=waiting: no port. cmd fell silent.",
+        b"STATUS=standing: cmd_vel fell silent: its last command was given.",
+        b"STATUS=driving: cmd_vel drives.",
+    ]
+    notifier.close()
+
+
 def test_an_abstract_socket_is_reached() -> None:
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listening:
         listening.bind(f"\0yahboomd-test-{os.getpid()}")

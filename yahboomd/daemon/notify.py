@@ -8,10 +8,13 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import socket
 from collections.abc import Mapping
 
 from yahboomd.clock import NS_PER_S
+
+_AGE = re.compile(r" \(since [^)]*\)| [\d.]+ s ago")
 
 
 class Notifier:
@@ -42,7 +45,12 @@ class Notifier:
         self._send("STOPPING=1")
 
     def status(self, words: str) -> None:
-        """Say in words what is going on; the same words again are not sent."""
+        """Say in words what is going on; the same words again are not sent.
+
+        Nor are words that differ in an age alone: each would wake the manager and its listeners,
+        twice a second.
+        """
+        words = _AGE.sub("", words)
         if words != self._status:
             self._status = words
             self._send(f"STATUS={words}")
