@@ -18,7 +18,7 @@ from yahboomd.simulation.virtual_time import on_virtual_time
 CUT_WITHIN_NS = 150 * MS
 RUNAWAYS = ["encoder-reversed", "phases-swapped"]
 SILENT = ["encoder-dead", "unplugged", "stalled"]
-MOTIONS = [(0.3, 0.0), (-0.3, 0.0), (0.1, 0.0), (0.6, 0.0), (0.0, 3.0), (0.2, 1.5)]
+MOTIONS = [(-0.3, 0.0), (0.1, 0.0), (0.6, 0.0), (0.0, 3.0)]
 
 
 def robot(tmp_path: Path, *overrides: str, **simulation: object) -> FaultBench:
@@ -59,7 +59,7 @@ async def test_a_wheel_that_runs_away_is_cut_within_150_ms_of_showing_it(
         await bench.ready()
         bench.do(f"{fault} left")
         began_ns = bench.clock.now_ns()
-        await bench.drive(2.0, *motion)
+        await bench.drive(1.5, *motion)
         left_ns = left_plausibility_ns(bench, began_ns, 0, sign=-1 if "encoder" in fault else 1)
         at_ns = cut_ns(bench, began_ns)
         assert left_ns is not None
@@ -85,7 +85,7 @@ async def test_counts_that_stay_away_stop_the_wheels_after_150_ms_or_30_mm(
         await bench.ready()
         bench.do(f"{fault} left")
         began_ns = bench.clock.now_ns()
-        await bench.drive(2.5, *motion)
+        await bench.drive(1.5, *motion)
         at_ns = cut_ns(bench, began_ns)
         assert at_ns is not None
         due_ns = silence_due_ns(bench, began_ns, 0)
@@ -133,7 +133,7 @@ async def test_a_fault_in_mid_motion_ends_in_standstill(
         assert "right" in why
 
 
-@pytest.mark.parametrize("speed", [0.02, 0.03, 0.05, 0.07])
+@pytest.mark.parametrize("speed", [0.03, 0.07])
 @on_virtual_time
 async def test_a_dead_encoder_at_a_crawl_is_cut_after_100_mm_of_commanded_travel(
     tmp_path: Path, speed: float
@@ -142,7 +142,7 @@ async def test_a_dead_encoder_at_a_crawl_is_cut_after_100_mm_of_commanded_travel
         await bench.ready()
         bench.do("encoder-dead left")
         began_ns = bench.clock.now_ns()
-        await bench.drive(8.0, speed)
+        await bench.drive(0.15 / speed, speed)
         at_ns = cut_ns(bench, began_ns)
         assert at_ns is not None
         print(f"{speed} m/s: cut after {(at_ns - began_ns) / 1e9:.1f} s")
@@ -151,7 +151,7 @@ async def test_a_dead_encoder_at_a_crawl_is_cut_after_100_mm_of_commanded_travel
         assert bench.standing
 
 
-@pytest.mark.parametrize("for_s", [0.4, 1.0, 2.0, 3.0])
+@pytest.mark.parametrize("for_s", [0.4, 3.0])
 @on_virtual_time
 async def test_a_stop_does_not_leave_an_unseen_runaway_running(
     tmp_path: Path, for_s: float
@@ -242,6 +242,25 @@ async def test_a_wheel_that_turns_by_itself_is_told_and_stops_the_base_where_con
         assert len(bench.events("turns_without_command")) == 1
         assert (bench.controller.state()[0] == "fault") == (policy == "stop")
         assert (bench.frames[-1] == CUT) == (policy == "stop")
+
+
+@on_virtual_time
+async def test_a_wheel_that_was_held_against_its_standstill_and_leaps_when_freed_is_cut(
+    tmp_path: Path,
+) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        bench.do("turning all 0.08")
+        await asyncio.sleep(1.0)
+        assert bench.controller.state()[0] != "fault"
+        freed_ns = bench.clock.now_ns()
+        bench.do("repair all")
+        await asyncio.sleep(1.0)
+        at_ns = cut_ns(bench, freed_ns)
+        assert at_ns is not None
+        assert at_ns - freed_ns < 300 * MS
+        assert bench.standing
+        assert "came free after being blocked" in bench.controller.state()[1]
 
 
 # Settings that would run away.

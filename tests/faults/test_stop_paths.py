@@ -6,15 +6,19 @@ On virtual time: every figure here is exact, on every machine.
 from __future__ import annotations
 
 import asyncio
+import itertools
+from collections.abc import Awaitable, Callable
 from pathlib import Path
 
 import pytest
-from fault_bench import DIALECTS, MS, FaultBench, first_stop_ns, is_stop
+from fault_bench import CUT, DIALECTS, MS, FaultBench, first_stop_ns, is_stop
 
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 
-STILL_M_S = 0.03
+BRAKE = b"$spd:0,0,0,0#"
+
+End = Callable[[FaultBench], Awaitable[None]]
 
 
 def robot(tmp_path: Path, *overrides: str, **simulation: object) -> FaultBench:
@@ -64,9 +68,9 @@ AT_ONCE = [
 @pytest.mark.parametrize("end", AT_ONCE)
 @on_virtual_time
 async def test_the_stop_is_on_the_wire_within_50_ms_and_nothing_moves_after_it(
-    tmp_path: Path, dialect: str, end: object
+    tmp_path: Path, dialect: str, end: End
 ) -> None:
-    for phase_ms in range(0, 100, 7):
+    for phase_ms in range(0, 100, 17):
         folder = tmp_path / str(phase_ms)
         folder.mkdir()
         async with robot(folder, dialect=dialect) as bench:
@@ -75,11 +79,14 @@ async def test_the_stop_is_on_the_wire_within_50_ms_and_nothing_moves_after_it(
             bench.command(0.4)
             await asyncio.sleep(phase_ms / 1000)
             now_ns = bench.clock.now_ns()
-            await end(bench)  # type: ignore[operator]
+            await end(bench)
             await asyncio.sleep(0.6)
             orders = bench.orders_since(now_ns)
             stop_ns = first_stop_ns(orders)
             assert stop_ns - now_ns <= 50 * MS
+            if end is not control_path_fails:
+                # Whose first failure comes with the next reading.
+                assert is_stop(orders[0][1])
             assert all(is_stop(order) for at_ns, order in orders if at_ns >= stop_ns)
             assert bench.standing
             for task in bench.tasks:
@@ -105,3 +112,111 @@ async def test_a_speed_that_waits_its_turn_is_not_said_after_the_last_stop(
             orders = bench.orders_since(now_ns + 1)
             assert orders
             assert all(is_stop(order) for _, order in orders)
+
+
+@pytest.mark.parametrize("end", AT_ONCE)
+@pytest.mark.parametrize(("dialect", "last"), [("streamed", CUT), ("polled", b"$speed:0,0,0,0#")])
+@on_virtual_time
+async def test_every_way_out_ends_with_the_motors_let_go_and_all_of_it_on_the_wire(
+    tmp_path: Path, dialect: str, last: bytes, end: End
+) -> None:
+    async with robot(tmp_path, dialect=dialect) as bench:
+        await bench.ready()
+        await bench.drive(0.5, 0.4)
+        session = bench.supervisor.session
+        assert session is not None
+        await end(bench)
+        await asyncio.sleep(0.1)
+        bench.tasks[0].cancel()
+        await asyncio.gather(bench.tasks[0], return_exceptions=True)
+        assert bench.orders[-1][1] == last
+        assert session.report is not None
+        assert session.report.stood is True
+        assert session.report.flushed
+        assert bench.ports[-1].closed
+        assert bench.standing
+
+
+@pytest.mark.parametrize("end", [estop, lost_bus])
+@on_virtual_time
+async def test_a_stop_is_said_again_until_the_wheels_stand_and_cut_after_600_ms(
+    tmp_path: Path, end: End
+) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.3)
+        bench.do("turning left 0.08")
+        now_ns = bench.clock.now_ns()
+        await end(bench)
+        await asyncio.sleep(2.0)
+        orders = bench.orders_since(now_ns)
+        braked = [at_ns for at_ns, order in orders if order == BRAKE]
+        cut_ns = next(at_ns for at_ns, order in orders if order == CUT)
+        assert len(braked) >= 6
+        assert max(b - a for a, b in itertools.pairwise(braked)) <= 110 * MS
+        assert 600 * MS <= cut_ns - now_ns <= 650 * MS
+        # And no brake takes the cut back.
+        assert braked[-1] < cut_ns
+        assert any(event.wheel == "left" for event in bench.heard.events)
+        assert "still turns" in bench.events("stop_not_obeyed")[0]
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_wheels_of_a_crash_are_stopped_however_early_the_connecting_is_broken_off(
+    tmp_path: Path, dialect: str
+) -> None:
+    words = {"streamed": b"$spd:300,0,300,0#", "polled": b"$mtype:1#$speed:300,0,300,0#"}
+    for phase_ms in [1, 2, 5, 10, 20, 30, 50, 80, 100, 150, 200, 300]:
+        folder = tmp_path / str(phase_ms)
+        folder.mkdir()
+        bench = robot(folder, dialect=dialect)
+        bench.robot.start(bench.clock.now_ns())
+        bench.robot.host_wrote(words[dialect], bench.clock.now_ns())
+        await asyncio.sleep(1.0)
+        assert min(bench.rim_speeds) > 0.2
+        async with bench:
+            await asyncio.sleep(phase_ms / 1000)
+            assert bench.ports
+        await asyncio.sleep(1.0)
+        assert bench.standing
+        assert bench.ports[0].closed
+
+
+@on_virtual_time
+async def test_half_a_frame_of_a_crash_does_not_swallow_the_stop(tmp_path: Path) -> None:
+    bench = robot(tmp_path)
+    bench.robot.start(bench.clock.now_ns())
+    bench.robot.host_wrote(b"$spd:300,0,300,0#", bench.clock.now_ns())
+    await asyncio.sleep(1.0)
+    bench.robot.host_wrote(b"$spd:500,0,5", bench.clock.now_ns())
+    await asyncio.sleep(0.1)
+    now_ns = bench.clock.now_ns()
+    async with bench:
+        await asyncio.sleep(0.5)
+        assert bench.standing
+        assert (bench.stood_at(now_ns) - now_ns) / MS < 400
+
+
+@on_virtual_time
+async def test_a_stop_under_way_is_not_broken_off_by_being_asked_again(tmp_path: Path) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        await bench.drive(0.5, 0.4)
+        for _ in range(20):
+            bench.tasks[0].cancel()
+            await asyncio.sleep(0.007)
+        await asyncio.gather(bench.tasks[0], return_exceptions=True)
+        assert bench.frames[-3:] == [CUT, CUT, b"$upload:0,0,0#"]
+        assert bench.standing
+
+
+@on_virtual_time
+async def test_a_stop_at_the_end_that_nobody_saw_obeyed_is_told(tmp_path: Path) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        await bench.drive(0.5, 0.4)
+        bench.do("hang")
+        bench.tasks[0].cancel()
+        await asyncio.gather(bench.tasks[0], return_exceptions=True)
+        assert "no counts showed whether they stand" in bench.events("stop_not_seen")[0]

@@ -1,0 +1,121 @@
+"""Healthy motors are never taken for lying ones: a robot that stops for nothing is of no use.
+
+Virtual time; motors of several kinds, all geometries, driven as nobody would.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import random
+from pathlib import Path
+
+import pytest
+from fault_bench import DIALECTS, FaultBench
+
+from yahboomd.simulation.options import SimulationOptions
+from yahboomd.simulation.virtual_time import on_virtual_time
+
+CORNERS = ",".join(
+    f"{name}=[{{position={position}}}]"
+    for position, name in enumerate(("front_left", "rear_left", "front_right", "rear_right"), 1)
+)
+BASES: dict[str, list[str]] = {
+    "differential": [],
+    "skid_steer": [
+        "chassis.kinematics=skid_steer",
+        "chassis.motors={left=[{position=1},{position=2}],right=[{position=3},{position=4}]}",
+    ],
+    "mecanum": [
+        "chassis.kinematics=mecanum",
+        "chassis.wheel_base_m=0.15",
+        f"chassis.motors={{{CORNERS}}}",
+    ],
+}
+UNLIMITED = ["limits.linear={}", "limits.angular={}"]
+QUICK, USUAL, SLUGGISH = (0.03, 1750), (0.06, 1950), (0.1, 2050)
+SPEEDS = [0.0, 0.02, 0.05, 0.08, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5]
+TURNS = [0.0, 0.0, 0.3, 1.0, 3.0, 6.0, 12.0]
+ORDINARY = {"connected"}
+
+
+def base(
+    tmp_path: Path, drive: str, dialect: str, motor: tuple[float, int], seed: int, limits: list[str]
+) -> FaultBench:
+    time_constant_s, dead_zone = motor
+    simulation = SimulationOptions(
+        dialect=dialect,  # type: ignore[arg-type]
+        drive=drive,  # type: ignore[arg-type]
+        time_constant_s=time_constant_s,
+        motor_dead_zone=dead_zone,
+        seed=seed,
+    )
+    return FaultBench(tmp_path, [*BASES[drive], *limits], simulation)
+
+
+@pytest.mark.parametrize("limits", [[], UNLIMITED], ids=["limited", "unlimited"])
+@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize("drive", BASES)
+@on_virtual_time
+async def test_wild_driving_with_healthy_motors_raises_no_alarm(
+    tmp_path: Path, drive: str, dialect: str, limits: list[str]
+) -> None:
+    chance = random.Random(f"{drive} {dialect} {limits}")
+    motor = chance.choice([QUICK, USUAL, SLUGGISH])
+    async with base(tmp_path, drive, dialect, motor, chance.randrange(99), limits) as bench:
+        await bench.ready()
+        for _ in range(12):
+            wish = {
+                "vx": chance.choice(SPEEDS) * chance.choice([1, -1]),
+                "vy": chance.choice([0.0, 0.2, 0.6]) if drive == "mecanum" else 0.0,
+                "wz": chance.choice(TURNS) * chance.choice([1, -1]),
+            }
+            for _ in range(chance.choice([1, 2, 3, 6, 12, 24, 40])):
+                bench.payload(json.dumps(wish).encode())
+                await asyncio.sleep(0.05)
+            match chance.randrange(8):
+                case 0:
+                    bench.command(0.0)
+                    await asyncio.sleep(chance.choice([0.02, 0.1, 0.5]))
+                case 1:
+                    bench.controller.bus_lost()
+                    await asyncio.sleep(0.2)
+                case 2:
+                    await asyncio.sleep(chance.choice([0.6, 1.5]))
+        await asyncio.sleep(1.5)
+        assert set(bench.heard.kinds) == ORDINARY
+        assert bench.standing
+
+
+@pytest.mark.parametrize("limits", [[], UNLIMITED], ids=["limited", "unlimited"])
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_every_speed_from_a_crawl_to_full_and_back_raises_no_alarm(
+    tmp_path: Path, dialect: str, limits: list[str]
+) -> None:
+    async with base(tmp_path, "differential", dialect, USUAL, 0, limits) as bench:
+        await bench.ready()
+        for millimetres in (5, 15, 30, 50, 80, 100, 300, 600, 1100):
+            # There, at once back, and to rest.
+            await bench.drive(0.7, millimetres / 1000)
+            await bench.drive(0.7, -millimetres / 1000)
+            await bench.drive(0.3)
+        await asyncio.sleep(1.5)
+        assert set(bench.heard.kinds) == ORDINARY
+
+
+@on_virtual_time
+async def test_a_robot_that_was_let_go_may_be_pushed_about(tmp_path: Path) -> None:
+    async with base(
+        tmp_path, "differential", "streamed", USUAL, 0, ["command.at_rest=release"]
+    ) as bench:
+        await bench.ready()
+        await bench.drive(0.5, 0.3)
+        await asyncio.sleep(2.0)
+        bench.do("turning all 0.5")
+        await asyncio.sleep(2.0)
+        bench.do("repair all")
+        await asyncio.sleep(1.0)
+        assert set(bench.heard.kinds) == ORDINARY
+        await bench.drive(1.0, 0.3)
+        assert min(bench.rim_speeds) > 0.2
