@@ -54,6 +54,15 @@ interop: $(VENV)/.dev ## build the real ROS 2 peers once (in a cache outside the
 	@tests/interop/build.sh || echo "interop: what was not built is named above; its tests are skipped"
 	$(PY) -m pytest tests/interop $(ARGS)
 
+$(VENV)/.fuzz: pyproject.toml tools/bootstrap.py
+	@$(PYTHON) tools/bootstrap.py $(VENV) fuzz || \
+	  { echo "yahboomd: atheris, the fuzzer, has wheels for CPython 3.11 to 3.13 on x86-64 Linux." >&2; exit 1; }
+	@touch $@
+
+.PHONY: fuzz
+fuzz: $(VENV)/.fuzz ## everything that reads foreign bytes, for as long as told: MINUTES=8 SEED=1
+	@exec $(PY) tools/fuzz.py --minutes $(MINUTES) --seed $(SEED) $(ARGS)
+
 .PHONY: soak
 soak: $(VENV)/.run ## daemon and simulated board through all faults: MINUTES=60 SEED=1
 	@exec $(PY) -m benchmarks.soak --minutes $(MINUTES) --seed $(SEED) $(ARGS)
@@ -69,12 +78,15 @@ bench: $(VENV)/.dev ## measure exactness, latency, throughput, cost and fleet; w
 bench-short: $(VENV)/.dev ## the same in a short form, only to see that it works
 	$(PY) -m benchmarks --short --out build/bench-short --store build/bench-short/store $(ARGS)
 
-.PHONY: deb system-test footprint
+.PHONY: deb system-test plug-test footprint
 deb: ## build the Debian package for this machine's distribution, into dist/
 	@$(PYTHON) packaging/build_deb.py $(ARGS)
 
 system-test: $(VENV)/.dev ## the installed service under a real systemd, in a container (root; SUITE=trixie, SHORT=1)
 	@$(PY) tools/system_test.py $(if $(SUITE),--suite $(SUITE)) $(if $(SHORT),--short --if-possible) $(ARGS)
+
+plug-test: $(VENV)/.dev ## what plugging a board in does, on a real kernel in an emulated PC (root; five minutes)
+	@$(PY) tools/plug_test.py $(if $(SUITE),--suite $(SUITE)) $(ARGS)
 
 footprint: $(VENV)/.run ## memory, threads, CPU, start-up time and sizes of the daemon
 	@$(PY) benchmarks/footprint.py $(ARGS)

@@ -102,6 +102,10 @@ def one(course: Course, turn: Turn) -> None:
     began = time.monotonic()
     course.app.wander()
     time.sleep(course.random.uniform(0.5, 1.5))
+    if course.latched:
+        course.unexpected(f"it latched by itself: {course.why}", round(began * 1e9) - 5_000_000_000)
+        course.ready()
+        course.app.wander()
     ledger.faults[turn.kind] += 1
     turn.fault(course)
     over_ns = time.monotonic_ns()
@@ -113,7 +117,8 @@ def one(course: Course, turn: Turn) -> None:
         course.fail(f"{jump.kind}: a step of {jump.step:.6g} where {jump.most:.6g} is the most")
     for life in course.manager.lives[lives - 1 : -1]:
         if not life.asked:
-            course.fail(f"the daemon ended by itself, with {life.status}")
+            since_ns = (life.ended_ns or 0) - 4_000_000_000
+            course.unexpected(f"the daemon ended, with {life.status}", since_ns)
     print(
         f"{(time.monotonic_ns() - course.began_ns) / 1e9:7.1f} s  {course.board.dialect:<9}"
         f"{turn.kind:<20}{time.monotonic() - began:6.1f} s",
@@ -146,6 +151,7 @@ def finish(course: Course) -> dict[str, Any]:
         "tracebacks": course.manager.tracebacks,
         "watchdog_kills": course.manager.watchdog_kills,
         "events": dict(course.app.events),
+        "board_preferred": course.board.preferred,
     }
     for life in weighed:
         if life.rss_first_mb is not None and life.rss_mb > life.rss_first_mb + RSS_GROWTH_MB:
@@ -197,6 +203,7 @@ def report(ledger: Ledger, facts: dict[str, Any]) -> None:
     mm = [each * 1e3 for each in ledger.errors_m]
     degrees = [math.degrees(each) for each in ledger.errors_rad]
     oldest = facts["oldest_rss_mb"]
+    preferred = "ran the board before all else, " if facts["board_preferred"] else ""
     rows = {
         "ran": f"{facts['minutes']:.1f} min; Python {platform.python_version()}",
         "faults injected": f"{sum(ledger.faults.values())}",
@@ -214,7 +221,7 @@ def report(ledger: Ledger, facts: dict[str, Any]) -> None:
         f"{facts['tracebacks']} tracebacks",
         "memory": f"{facts['rss_start_mb']} MB at the start, {facts['rss_end_mb']} at the end, "
         f"{facts['rss_most_mb']} at most; longest run of {facts['oldest_s']} s: {oldest} MB",
-        "this machine": f"stood still {facts['stalls']} times for more than 3 ms, "
+        "this machine": f"{preferred}stood still {facts['stalls']} times for more than 3 ms, "
         f"{facts['stall_worst_ms']:.0f} ms at worst",
     }
     print("\n".join(table(ledger)) + "\n")

@@ -16,6 +16,9 @@ from yahboomd.simulation.truth import TruthSample
 
 LOOK_S = 0.01
 RECOVER_S = 25.0
+EXCUSE_S = 0.1
+"""A machine that stands still for so long is no real-time machine; what comes of it is noted."""
+
 BRAKE_S = 0.8
 """Wheels at the speeds of the soak stand so long after a stop frame, with room."""
 
@@ -88,6 +91,14 @@ class Course:
         words = f"{at_s:8.1f} s  {self.board.dialect} {self.kind}: {words} [{state}]"
         self.ledger.failures.append(words)
         print(words, flush=True)
+
+    def unexpected(self, words: str, since_ns: int) -> None:
+        """Something that only a machine that stands still could explain."""
+        longest_s = self.stalls.longest_s(since_ns)
+        if longest_s < EXCUSE_S:
+            self.fail(words)
+        else:
+            self.ledger.notes[f"while the machine stood still: {words}"] += 1
 
     def wait(self, condition: Callable[[], object], within_s: float) -> bool:
         """Whether it came true in time."""
@@ -190,7 +201,7 @@ class Course:
         """Verify that the robot moves as commanded."""
         self.app.wander()
         began_ns = time.monotonic_ns()
-        if not self._moves(began_ns) and not self._moves_when_released():
+        if not self._moves(began_ns) and not self._moves_when_released(since_ns):
             self.fail("it does not drive again")
             return
         self.ledger.drives += 1
@@ -203,11 +214,14 @@ class Course:
         self.wait(lambda: moved() or self.latched, RECOVER_S)
         return moved()
 
-    def _moves_when_released(self) -> bool:
+    def _moves_when_released(self, since_ns: int) -> bool:
         """A board that was reset where nothing tells of it stands, and a person has to look."""
-        if self.apart != NEAR_ZERO or not self.latched:
+        if not self.latched:
             return False
-        self.ledger.notes["a reset that nothing told of: released by a person"] += 1
+        if self.apart == NEAR_ZERO:
+            self.ledger.notes["a reset that nothing told of: released by a person"] += 1
+        else:
+            self.unexpected(f"it drives, and latches: {self.why}", since_ns)
         if not self.ready():
             return False
         self.app.wander()
@@ -218,6 +232,12 @@ class Course:
         """Whether a fault or an e-stop keeps it where it is."""
         status = self.app.status
         return status is not None and status.state in {"fault", "estopped"}
+
+    @property
+    def why(self) -> str:
+        """Why it stands, in its own words, without what differs from time to time."""
+        status = self.app.status
+        return status.why.split(":")[0].split("(since")[0] if status is not None else "no status"
 
     def compare(self) -> None:
         """Stand still, and compare the way since the last time with the one truly driven."""

@@ -15,10 +15,10 @@ BUDGETS_S: dict[str, float] = {
     "command silence": 0.520,
     "client killed": 0.520,
     "SIGKILL": 1.0,
-    "SIGSTOP": 2.0,
+    "SIGSTOP": 3.0,
 }
 """From the fault to the first stop frame on the wire; for silence, to the first decelerating one:
-the timeout of 0.5 s and a control period. A stopped process has the watchdog's second besides."""
+the timeout of 0.5 s and a control period. A stopped process has the watchdog's 2 s besides."""
 
 _HEAD = (
     "from the fault to the frame, ms        n     p50     p99   worst  budget  over  unexplained"

@@ -44,6 +44,11 @@ def test_a_mistake_is_one_line_with_origin_place_and_words():
     )
 
 
+def test_a_mistake_stays_on_its_line_whatever_was_typed():
+    mistake = Mistake(Origin(2, 0, "--set a\n=1"), "a.\ufeff", "such as \x0e\x00")
+    assert str(mistake) == "--set a?=1: a.?: such as ??"
+
+
 def test_mistakes_sort_as_they_were_written():
     late, early = Mistake(Origin(0, 10, "f:10"), "a", "x"), Mistake(Origin(0, 9, "f:9"), "b", "x")
     assert sorted([late, early]) == [early, late]

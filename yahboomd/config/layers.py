@@ -73,7 +73,7 @@ class Layers:
 
     def read_file(self, path: Path) -> None:
         """Take the values of a TOML file, or note why that is impossible."""
-        name = _plain(str(path))
+        name = plain(str(path))
         try:
             with path.open("rb") as file:
                 raw = file.read(LARGEST_FILE_BYTES + 1)
@@ -121,20 +121,20 @@ class Layers:
             rest = name.removeprefix(PREFIX).lower()
             place = tuple(rest.split("__"))
             if len(place) > 1 and all(place):
-                self._set(place, environ[name], Origin(1, 0, _plain(name)))
+                self._set(place, environ[name], Origin(1, 0, plain(name)))
                 continue
             section = next((s for s in self.defaults if rest == s or rest.startswith(f"{s}_")), "")
             if section:
                 key = rest.removeprefix(section).strip("_") or "key"
                 right = f"{PREFIX}{section}__{key}".upper()
                 words = f"expected two underscores between section and key, such as {right}"
-                self.mistakes.append((Origin(1, 0, _plain(name)), words))
+                self.mistakes.append((Origin(1, 0, plain(name)), words))
 
     def read_overrides(self, overrides: Sequence[str]) -> None:
         """Take each ``section.key=value`` of ``--set``, the later over the earlier."""
         for number, override in enumerate(overrides):
             name, value = _split(override)
-            origin = Origin(2, number, f"--set {_plain(override)}")
+            origin = Origin(2, number, f"--set {plain(override)}")
             if value is None:
                 self.mistakes.append((origin, "expected section.key=value"))
                 continue
@@ -192,7 +192,7 @@ def _inside(item: object) -> Iterable[object]:
     return item if isinstance(item, Iterable) else ()
 
 
-def _plain(text: str) -> str:
+def plain(text: str) -> str:
     """Text that stays on its line, whatever was typed."""
     return "".join(char if char.isprintable() else "?" for char in text)
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
-from yahboomd.config.layers import Origin
+from yahboomd.config.layers import Origin, plain
 from yahboomd.config.models import Config
 from yahboomd.config.values import BARE_KEY, Choice, Place, expected, toml_string, unwrap
 
@@ -25,7 +25,7 @@ class Mistake:
     words: str
 
     def __str__(self) -> str:
-        return ": ".join(filter(None, (self.origin.words, self.place, self.words)))
+        return plain(": ".join(filter(None, (self.origin.words, self.place, self.words))))
 
 
 class Slot(NamedTuple):

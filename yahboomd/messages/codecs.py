@@ -101,15 +101,9 @@ _DECODE_SET_POSE: dict[str, Callable[[bytes], SetPoseRequest]] = {
 }
 
 
-class _Release(msgspec.Struct):
-    """An e-stop payload whose flag must be there."""
-
-    engaged: bool
-
-
-_DECODE_RELEASE: dict[str, Callable[[bytes], _Release]] = {
-    "json": msgspec.json.Decoder(_Release).decode,
-    "msgpack": msgspec.msgpack.Decoder(_Release).decode,
+_DECODE_ANY: dict[str, Callable[[bytes], Any]] = {
+    "json": msgspec.json.Decoder().decode,
+    "msgpack": msgspec.msgpack.Decoder().decode,
 }
 
 
@@ -203,9 +197,11 @@ def is_release_attempt(payload: bytes, *, query: bool = False) -> bool:
     if encoding == "cdr":
         return query and cdr.decode_set_bool(payload) is False
     try:
-        return not _DECODE_RELEASE[encoding](payload).engaged
+        # All of it is read: a payload that is broken anywhere is none that releases.
+        value = _DECODE_ANY[encoding](payload)
     except _BROKEN:
         return False
+    return isinstance(value, dict) and value.get("engaged") is False
 
 
 def _admit(payload: bytes) -> Encoding | Refusal:
