@@ -10,7 +10,7 @@ import pytest
 
 from yahboomd.clock import LoopClock
 from yahboomd.daemon.supervisor import BACK_OFF_S, Supervisor
-from yahboomd.errors import LinkError, PortLost, PortMissing, YahboomdError
+from yahboomd.errors import LinkError, PortDenied, PortLost, PortMissing, YahboomdError
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 
@@ -71,6 +71,29 @@ def test_the_same_fault_is_told_once_and_counted(caplog: pytest.LogCaptureFixtur
         supervisor = scene()
     assert caplog.text.count("no such port") == 1
     assert supervisor.counters["repeated_faults"] > 3000
+
+
+def test_a_port_that_udev_has_not_yet_handed_over_is_no_news(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    errors: list[LinkError] = [
+        PortMissing("/dev/x: there is no such port."),
+        PortDenied("/dev/x: this user may not open the port."),
+    ]
+
+    @on_virtual_time
+    async def scene(more: list[LinkError]) -> None:
+        answers = [*errors, *more]
+        sessions = Missing(lambda: answers.pop(0) if answers else errors[0])
+        supervisor = Supervisor(lambda: sessions, LoopClock(), Watcher())  # type: ignore[arg-type, return-value]
+        await run_for(supervisor, 10.0)
+
+    with caplog.at_level(logging.INFO, logger="yahboomd"):
+        scene([])
+    assert "may not open" not in caplog.text
+    with caplog.at_level(logging.INFO, logger="yahboomd"):
+        scene([errors[1]])
+    assert caplog.text.count("may not open") == 1
 
 
 @on_virtual_time

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from yahboomd.clock import Clock, nanoseconds, sleep_until
-from yahboomd.errors import BoardError, ConfigError, LinkError, YahboomdError
+from yahboomd.errors import BoardError, ConfigError, LinkError, PortDenied, YahboomdError
 from yahboomd.link.session import Session
 
 log = logging.getLogger(__name__)
@@ -52,6 +52,7 @@ class Supervisor:
         self._clock = clock
         self._watcher = watcher
         self._said: str | None = None
+        self._denied = False
         self.session: Session | None = None
         self.counters: Counter[str] = Counter()
 
@@ -94,7 +95,12 @@ class Supervisor:
 
     def _tell(self, error: YahboomdError, *, was_connected: bool) -> None:
         words = str(error)
-        if was_connected:
+        # A port that was plugged in just now is root's alone until udev has set its group.
+        just_there = isinstance(error, PortDenied) and not self._denied
+        self._denied = isinstance(error, PortDenied)
+        if just_there:
+            log.debug("not yet: %s", words)
+        elif was_connected:
             # The watcher told that a session ended; from here on only what is new is told.
             self._said = None
         elif words != self._said:
