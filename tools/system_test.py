@@ -45,10 +45,10 @@ def main() -> int:
     )
     args, more = parser.parse_known_args()
     try:
-        cache = _cache()
-        _tools()
-        root = _root(cache, args.suite)
-        package = _package(cache, root)
+        cache = prepare_cache()
+        install_tools()
+        root = make_root(cache, args.suite)
+        package = build_package(cache, root)
     except Impossible as why:
         sys.stderr.write(f"system-test: not run: {why}\n")
         return 0 if args.if_possible else 1
@@ -64,14 +64,14 @@ def main() -> int:
     )
 
 
-def _cache() -> Path:
+def prepare_cache() -> Path:
     given = os.environ.get("YAHBOOMD_CACHE") or "~/.cache/yahboomd"
     cache = Path(given).expanduser().absolute() / "system-test"
     cache.mkdir(parents=True, exist_ok=True)
     return cache
 
 
-def _tools() -> None:
+def install_tools() -> None:
     if os.geteuid() != 0:
         raise Impossible("booting a system in a container needs root; use sudo make system-test.")
     missing = sorted({package for tool, package in NEEDED.items() if not shutil.which(tool)})
@@ -90,7 +90,7 @@ def _tools() -> None:
         raise Impossible(f"apt could not install {', '.join(missing)}; its words are above.")
 
 
-def _root(cache: Path, suite: str) -> Path:
+def make_root(cache: Path, suite: str) -> Path:
     root = cache / suite
     if root.exists():
         return root
@@ -120,7 +120,7 @@ def _root(cache: Path, suite: str) -> Path:
     return root
 
 
-def _package(cache: Path, root: Path) -> Path:
+def build_package(cache: Path, root: Path) -> Path:
     print("system-test: building the Debian package", flush=True)
     output = cache / f"packages-{root.name}"
     shutil.rmtree(output, ignore_errors=True)

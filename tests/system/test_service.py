@@ -199,6 +199,14 @@ def test_systemd_has_nothing_to_say_about_the_units_and_calls_them_safe(machine)
         assert float(figure[1]) <= 1.5
 
 
+def test_udev_has_nothing_to_say_about_the_rule(machine) -> None:
+    version = int(machine.run("systemctl", "--version").split()[1])
+    if version < 254:
+        pytest.skip(f"systemd {version} has no udevadm verify")
+    said = machine.run("udevadm", "verify", "/usr/lib/udev/rules.d/95-yahboomd.rules")
+    assert "Fail: 0" in said, said
+
+
 def _environment(setting: str) -> str:
     escaped = setting.replace('"', '\\"')
     return f'Environment="{escaped}"'
