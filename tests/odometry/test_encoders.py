@@ -137,6 +137,20 @@ def test_a_fall_to_near_zero_is_a_reset_that_nobody_announced(encoders):
     assert encoders.totals == (27, 24)
 
 
+@pytest.mark.parametrize("deaf_ms", [40, 100, 130, 250])
+@pytest.mark.parametrize("counted", [400, 1549])
+def test_a_fall_to_near_zero_is_a_reset_though_there_was_time_to_roll_so_far(
+    encoders, deaf_ms, counted
+):
+    for n in range(6):
+        feed(encoders, (counted - 40 * (5 - n),) * 2, 20 * n, 20)
+    before = encoders.totals
+    now_ms = 100 + deaf_ms
+    outcomes = [feed(encoders, (9 + n, 8 + n), now_ms + 20 * n, deaf_ms + 20 * n) for n in range(3)]
+    assert outcomes == ["held", "held", "reset_unseen"]
+    assert encoders.totals == (before[0] + 11, before[1] + 10)
+
+
 def test_after_a_notice_coasting_counts_from_zero(encoders):
     feed(encoders, (50_000, 50_000), 0, 0)
     encoders.announce("reset")

@@ -15,7 +15,7 @@ from typing import Protocol
 import msgspec
 
 from yahboomd.clock import Clock, nanoseconds, sleep_until
-from yahboomd.errors import YahboomdError
+from yahboomd.errors import PortLost, YahboomdError
 from yahboomd.link import handshake
 from yahboomd.link.handshake import Identity
 from yahboomd.link.poller import Poller
@@ -206,7 +206,10 @@ class Session:
             known, unknown = group.split(YahboomdError)
             if unknown is not None or known is None:
                 raise
-            raise _first(known) from None
+            error = _first(known)
+            # What takes no bytes cannot be told to stop: the port is let go, and opened anew.
+            self._port_lost = self._port_lost or isinstance(error, PortLost)
+            raise error from None
         finally:
             await undisturbed(self._leave(port))
 

@@ -184,8 +184,13 @@ class Encoders:
         """Whether a step is unlikely, and nothing but this reading tells of it."""
         for delta, pace, most in zip(deltas, self._pace, self._stray_ticks, strict=True):
             if abs(delta - pace * elapsed_ns) > most:
-                return not self._agreed(ticks, sent_ns)
+                return self._fell(deltas, ticks) or not self._agreed(ticks, sent_ns)
         return False
+
+    def _fell(self, deltas: tuple[int, ...], ticks: Counts) -> bool:
+        """Whether counting from zero explains a step that strays better than travel does."""
+        from_zero = self.since((0, 0, 0, 0), ticks)
+        return 2 * max(map(abs, from_zero)) < max(map(abs, deltas))
 
     def _agreed(self, ticks: Counts, sent_ns: int) -> int:
         """With how many readings in a row, just before, this one agrees."""

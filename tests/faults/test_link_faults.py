@@ -1,0 +1,319 @@
+"""The line and the board fail in every way that is known: the robot stands, and comes back.
+
+On virtual time. The same on a real pty is in ``test_link_real.py``.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import pytest
+from board_bench import BoardPort
+from fault_bench import CUT, DIALECTS, MS, FaultBench, first_stop_ns, is_stop
+
+from yahboomd.simulation.options import FlashContent, SimulationOptions
+from yahboomd.simulation.virtual_time import on_virtual_time
+
+
+def robot(tmp_path: Path, *overrides: str, **simulation: object) -> FaultBench:
+    return FaultBench(tmp_path, overrides, SimulationOptions(**simulation))  # type: ignore[arg-type]
+
+
+def alive(bench: FaultBench) -> bool:
+    """Whether nothing inside has failed."""
+    return not any(task.done() for task in bench.tasks)
+
+
+# A board that is no longer heard.
+
+
+@pytest.mark.parametrize("fault", ["mute 0.8", "mute 3", "babble 3", "hang"])
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_wheels_that_nobody_sees_are_told_to_stop_after_300_ms(
+    tmp_path: Path, dialect: str, fault: str
+) -> None:
+    async with robot(tmp_path, dialect=dialect) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.3)
+        now_ns = bench.clock.now_ns()
+        bench.do(fault)
+        await bench.drive(0.6, 0.3)
+        orders = bench.orders_since(now_ns)
+        print(f"{dialect}, {fault}: stop after {(first_stop_ns(orders) - now_ns) / MS:.0f} ms")
+        assert first_stop_ns(orders) - now_ns <= 350 * MS
+        # A board that listens obeys; one that hangs does not, and nobody can tell it.
+        assert bench.standing == (fault != "hang")
+        state, why = bench.controller.state()
+        assert state == "waiting"
+        assert "No counts" in why
+        assert alive(bench)
+
+
+@pytest.mark.parametrize("fault", ["mute 0.8", "mute 3", "babble 3", "brown-out 0.5", "reset"])
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_a_board_that_is_heard_again_drives_again_by_itself(
+    tmp_path: Path, dialect: str, fault: str
+) -> None:
+    async with robot(tmp_path, dialect=dialect) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.3)
+        bench.do(fault)
+        await bench.drive(7.0, 0.3)
+        assert min(bench.rim_speeds) > 0.2
+        assert bench.controller.state()[0] == "driving"
+        assert alive(bench)
+
+
+@on_virtual_time
+async def test_a_board_that_hangs_needs_a_reset_and_drives_after_it(tmp_path: Path) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.3)
+        bench.do("hang")
+        await asyncio.sleep(10.0)
+        # The motors stay as they were: no software reaches them.
+        assert min(bench.rim_speeds) > 0.2
+        assert "no board answers here" in bench.controller.state()[1]
+        assert "no counts showed whether they stand" in bench.events("stop_not_seen")[0]
+        bench.do("reset")
+        await bench.ready()
+        await bench.drive(1.0, 0.3)
+        assert min(bench.rim_speeds) > 0.2
+
+
+# A line that garbles.
+
+
+@pytest.mark.parametrize("noise", ["loss 0.2", "loss 0.05", "corruption 0.2", "corruption 0.02"])
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_noise_may_stop_the_robot_and_raises_nothing(
+    tmp_path: Path, dialect: str, noise: str
+) -> None:
+    async with robot(tmp_path, dialect=dialect) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.3)
+        bench.do(noise)
+        await bench.drive(10.0, 0.3)
+        assert alive(bench)
+        # Whatever became of it, the stop is heard in the end, through the noise.
+        bench.operator.engage_estop("a test")
+        await asyncio.sleep(3.0)
+        assert bench.standing
+        bench.do("clear")
+        await bench.until(lambda: bench.controller.state()[0] == "estopped")
+        await asyncio.sleep(3.0)
+        assert bench.operator.release_estop()[0]
+        await bench.drive(1.0, 0.3)
+        assert min(bench.rim_speeds) > 0.2
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_bytes_that_come_one_by_one_and_late_drive_as_well(
+    tmp_path: Path, dialect: str
+) -> None:
+    async with robot(tmp_path, dialect=dialect) as bench:
+        await bench.ready()
+        bench.do("chunk 0")
+        bench.do("delay 0.005 0.01")
+        await bench.drive(2.0, 0.3)
+        assert min(bench.rim_speeds) > 0.2
+        assert set(bench.heard.kinds) == {"connected"}
+
+
+# Resets.
+
+
+@pytest.mark.parametrize("told", [True, False])
+@pytest.mark.parametrize("fault", ["reset", "brown-out 0.3"])
+@on_virtual_time
+async def test_after_a_reset_in_motion_the_robot_stands_a_second_heard_or_not(
+    tmp_path: Path, fault: str, told: bool
+) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        await bench.drive(2.0, 0.3)
+        if not told:
+            bench.do("mute 0.45")
+        bench.do(fault)
+        now_ns = bench.clock.now_ns()
+        await bench.drive(4.0, 0.3)
+        assert len(bench.events("board_reset")) == 1
+        told_ns = first_stop_ns(bench.orders_since(now_ns))
+        moving = [at for at, order in bench.orders_since(told_ns) if not is_stop(order)]
+        assert moving[0] - told_ns >= 1000 * MS
+        assert min(bench.rim_speeds) > 0.2
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_a_board_that_keeps_resetting_is_left_alone_until_a_person_came(
+    tmp_path: Path, dialect: str
+) -> None:
+    async with robot(tmp_path, dialect=dialect) as bench:
+        await bench.ready()
+        for _ in range(3):
+            await bench.drive(2.5, 0.3)
+            bench.do("brown-out 0.1")
+        await bench.drive(15.0, 0.3)
+        assert bench.standing
+        state, why = bench.controller.state()
+        assert state == "fault"
+        assert "reset itself 3 times" in why
+        await asyncio.sleep(1.0)
+        assert bench.operator.release_estop()[0]
+        await bench.drive(1.0, 0.3)
+        assert min(bench.rim_speeds) > 0.2
+
+
+# A port that goes away, and comes back.
+
+
+@pytest.mark.parametrize("away_s", [0.05, 0.5, 3.0, 30.0])
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_after_a_replug_the_wheels_are_stopped_before_anything_else(
+    tmp_path: Path, dialect: str, away_s: float
+) -> None:
+    async with robot(tmp_path, dialect=dialect) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.3)
+        bench.do(f"unplug {away_s}")
+        await bench.drive(away_s, 0.3)
+        # Nobody can tell the board anything meanwhile.
+        assert min(bench.rim_speeds) > 0.2
+        back_ns = bench.clock.now_ns()
+        await asyncio.sleep(1.5)
+        orders = bench.orders_since(back_ns - 50 * MS)
+        print(f"{dialect}, {away_s} s: stop {(orders[0][0] - back_ns) / MS:.0f} ms after replug")
+        assert is_stop(orders[0][1])
+        assert orders[0][0] - back_ns <= 1000 * MS
+        assert bench.standing
+        assert (bench.stood_at(back_ns) - back_ns) <= 1500 * MS
+        assert alive(bench)
+
+
+@on_virtual_time
+async def test_what_was_commanded_while_the_board_was_away_is_over_when_it_comes_back(
+    tmp_path: Path,
+) -> None:
+    async with robot(tmp_path, "command.timeout_s=30") as bench:
+        await bench.ready()
+        bench.command(0.3)
+        bench.do("unplug 2")
+        bench.command(0.3)
+        await asyncio.sleep(2.0)
+        await bench.ready()
+        await asyncio.sleep(2.0)
+        assert bench.standing
+
+
+@on_virtual_time
+async def test_a_missing_port_is_tried_for_ever_about_once_a_second_and_told_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        bench.do("unplug")
+        before = bench.supervisor.counters["attempts"]
+        loop = asyncio.get_running_loop()
+        turns = 0
+        select = loop._selector.select  # type: ignore[attr-defined]
+
+        def counting(timeout: float | None = None) -> object:
+            nonlocal turns
+            turns += 1
+            return select(timeout)
+
+        loop._selector.select = counting  # type: ignore[attr-defined]
+        await asyncio.sleep(600.0)
+        attempts = bench.supervisor.counters["attempts"] - before
+        print(f"ten minutes without a port: {attempts} attempts, {turns / 600:.0f} turns/s")
+        assert 580 <= attempts <= 610
+        # 50 control steps a second, and nothing that spins.
+        assert turns < 600 * 200
+        assert len(bench.events("disconnected")) == 1
+        assert sum("there is no such port" in each.message for each in caplog.records) <= 1
+        bench.do("replug")
+        await bench.ready()
+
+
+@on_virtual_time
+async def test_a_silent_port_is_tried_for_ever_without_spinning(tmp_path: Path) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        bench.do("hang")
+        await asyncio.sleep(300.0)
+        attempts = bench.supervisor.counters["attempts"]
+        print(f"five minutes of silence: {attempts} attempts")
+        assert 50 < attempts < 300
+        assert alive(bench)
+
+
+# A port that takes nothing.
+
+
+class StuckPort(BoardPort):
+    """Its output is held back while ``stuck``; counts still come."""
+
+    stuck = False
+
+    @property
+    def pending(self) -> int:  # type: ignore[override]
+        return 20 if self.stuck else 0
+
+    def write(self, data: bytes) -> None:
+        if not self.stuck:
+            super().write(data)
+
+    async def drain(self, timeout_s: float) -> bool:
+        await asyncio.sleep(timeout_s if self.stuck else 0.005)
+        return not self.stuck
+
+
+class StuckBench(FaultBench):
+    async def _open(self) -> BoardPort:
+        self.port = StuckPort(self.robot)
+        self.ports.append(self.port)
+        return self.port
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_a_port_whose_output_is_stuck_is_opened_anew_and_the_wheels_stopped(
+    tmp_path: Path, dialect: str
+) -> None:
+    simulation = SimulationOptions(dialect=dialect)  # type: ignore[arg-type]
+    async with StuckBench(tmp_path, (), simulation) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.3)
+        assert isinstance(bench.port, StuckPort)
+        bench.port.stuck = True
+        now_ns = bench.clock.now_ns()
+        bench.operator.engage_estop("a test")
+        await asyncio.sleep(1.5)
+        stop_ns = first_stop_ns(bench.orders_since(now_ns))
+        print(f"{dialect}: stop {(stop_ns - now_ns) / MS:.0f} ms after the output got stuck")
+        assert stop_ns - now_ns <= 500 * MS
+        assert len(bench.ports) == 2
+        assert bench.standing
+        assert "takes no output" in bench.events("disconnected")[0]
+
+
+@on_virtual_time
+async def test_settings_that_change_while_the_board_is_away_are_looked_at_again(
+    tmp_path: Path,
+) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        bench.do("unplug 1")
+        bench.robot.board.flash = FlashContent(motor_type=2)  # type: ignore[attr-defined]
+        await asyncio.sleep(4.0)
+        await bench.drive(1.0, 0.3)
+        assert bench.standing
+        assert bench.controller.state()[0] == "fault"
+        assert bench.frames[-1] == CUT
