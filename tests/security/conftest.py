@@ -33,8 +33,9 @@ class Authority:
                   "-subj", f"/CN={name}")  # fmt: skip
         extension = f"subjectAltName={addresses}" if addresses else "extendedKeyUsage=clientAuth"
         (self.folder / f"{name}.ext").write_text(f"{extension}\n")
-        self._run("x509", "-req", "-in", f"{name}.csr", "-CA", "ca.pem", "-CAkey", "ca.key",
-                  "-CAcreateserial", "-out", f"{name}.pem", "-days", "825", "-extfile", f"{name}.ext")  # fmt: skip
+        issue = ["-in", f"{name}.csr", "-out", f"{name}.pem", "-extfile", f"{name}.ext"]
+        sign = ["-CA", "ca.pem", "-CAkey", "ca.key", "-CAcreateserial", "-days", "825"]
+        self._run("x509", "-req", *issue, *sign)
 
     def path(self, name: str) -> str:
         return str(self.folder / name)
