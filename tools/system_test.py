@@ -20,7 +20,6 @@ import tempfile
 from pathlib import Path
 
 TREE = Path(__file__).resolve().parent.parent
-MIRROR = "http://deb.debian.org/debian"
 INCLUDE = "systemd,systemd-sysv,dbus,udev,init-system-helpers,python3,python3-venv,ca-certificates"
 NEEDED = {
     "debootstrap": "debootstrap",
@@ -107,7 +106,6 @@ def make_root(cache: Path, suite: str) -> Path:
                     f"--include={INCLUDE}",
                     suite,
                     str(half),
-                    MIRROR,
                 ],
                 stdout=output,
                 stderr=subprocess.STDOUT,
