@@ -304,12 +304,13 @@ def _lies(course: Course, fault: str, *, honest: bool = False) -> None:
 
 def turning(course: Course) -> None:
     """A wheel is turned by hand: slowly is told, faster than the checks' margin is a fault."""
-    course.app.silent()
-    time.sleep(1.2)
+    silent_ns = course.app.silent()
+    course.stands(silent_ns, TIMEOUT_S + RAMP_S + BRAKE_S, "command silence")
+    course.wait(lambda: (s := course.app.status) and s.state == "standing", 3.0)
     speed, kind = course.random.choice([(0.07, "turns_without_command"), (0.2, "runaway_fast")])
     since_ns = course.board.do(f"turning left {speed}")
     if not course.wait(lambda: course.app.events_since(since_ns, kind), 3.0):
-        course.fail(f"{kind} is not told")
+        course.unexpected(f"{kind} is not told", since_ns)
     course.stands(course.board.do("repair left"), BRAKE_S)
 
 
