@@ -173,7 +173,14 @@ class Bench:
 
     def wait_for_status(self, state: str) -> None:
         """Until the service says that it is in a state."""
-        wait_until(lambda: self.status().startswith(f"{state}:"), f"STATUS= says {state}")
+        # A service that is down keeps what it said last.
+        wait_until(
+            lambda: (
+                self.status().startswith(f"{state}:")
+                and self.machine.show(SERVICE, "ActiveState") == "active"
+            ),
+            f"STATUS= says {state}",
+        )
 
     def wait_until_active(self, since_pid: str) -> None:
         """Until another process serves."""
