@@ -19,6 +19,8 @@ from yahboomd.protocol.dialect import Dialect
 REARM_AFTER_S = 0.25
 """A stream that paused so long is switched on again: the board may have reset itself unheard."""
 
+UNHEARD_REPEATS = 3
+
 SILENT_AFTER_S = 1.0
 """No counts for so long: the board is gone, whatever the port says."""
 
@@ -126,5 +128,8 @@ class Poller:
     def arm(self) -> None:
         """Tell the board how to count, and to send what it counts."""
         self._rearmed_ns = self._clock.now_ns()
-        for frame in self._dialect.arm:
+        # A stream that does not come is noticed and armed again; of a motor type that got lost
+        # nothing tells but wheels that do not turn, so it is said more than once.
+        repeats = 1 if self._dialect.poll is None else UNHEARD_REPEATS
+        for frame in self._dialect.arm * repeats:
             self._writer.tell(frame)

@@ -41,8 +41,6 @@ from yahboomd.protocol.dialect import (
 from yahboomd.protocol.framing import Frame, Framer, TextLine
 from yahboomd.protocol.settings import PROFILES, MotorProfile
 
-UNHEARD_REPEATS = 3
-
 BATTERY_ANSWER_S = 0.3
 
 
@@ -248,10 +246,7 @@ class Session:
             self._asking_settings = False
         self._identity = Identity(dialect=dialect, settings=settings)
         self._poller = poller
-        # A stream that does not come is noticed and armed again; of a motor type that got lost
-        # nothing tells but wheels that do not turn, so it is said more than once.
-        for frame in dialect.arm * (1 if dialect.poll is None else UNHEARD_REPEATS):
-            writer.tell(frame)
+        poller.arm()
         self._listener.connected(self, self._identity)
         self._vital.append(tasks.create_task(poller.run(), name="link-poller"))
         if dialect.battery is not None and self._options.battery_period_s > 0.0:

@@ -188,9 +188,18 @@ class Encoders:
         return False
 
     def _fell(self, deltas: tuple[int, ...], ticks: Counts) -> bool:
-        """Whether counting from zero explains a step that strays better than travel does."""
+        """Whether counting from zero explains a step better than travel does.
+
+        A reset takes all counters back, and not the one that lost a digit on its way alone.
+        """
         from_zero = self.since((0, 0, 0, 0), ticks)
-        return 2 * max(map(abs, from_zero)) < max(map(abs, deltas))
+        if 2 * max(map(abs, from_zero)) >= max(map(abs, deltas)):
+            return False
+        before = [abs(now - delta) for now, delta in zip(from_zero, deltas, strict=True)]
+        far = max(before) / 8
+        return all(
+            2 * abs(now) <= was for now, was in zip(from_zero, before, strict=True) if was > far
+        )
 
     def _agreed(self, ticks: Counts, sent_ns: int) -> int:
         """With how many readings in a row, just before, this one agrees."""
@@ -217,7 +226,7 @@ class Encoders:
                 return Verdict(outcome="gap_kept", ticks=ticks, deltas=travel)
             return Verdict(outcome="gap_lost", ticks=ticks, deltas=self._zero)
         announced = self._notice == "reset"
-        if self.least_ns(from_zero) <= room_ns:
+        if self.least_ns(from_zero) <= room_ns and (announced or self._fell(travel, ticks)):
             outcome: Outcome = "reset" if announced else "reset_unseen"
             if not announced and agreed < AGREE_RESET:
                 return held
