@@ -393,3 +393,15 @@ def test_a_flood_of_commands_between_readings_takes_bounded_memory() -> None:
     for n in range(20_000):
         check.command(n * MS, [float(n % 2)])
     assert len(check._watches[0]._past) <= 502
+
+
+@pytest.mark.parametrize(("proven", "cut"), [(1.2, True), (0.4, False), (-0.1, False)])
+def test_a_wheel_is_cut_only_for_a_speed_that_is_proven(proven: float, cut: bool) -> None:
+    check = WheelsCheck(["left"])
+    check.command(0, [0.3])
+    kinds = set()
+    for at_ms in range(0, 1000, 20):
+        # A stamp that came too early each time makes it look four times as fast.
+        for fault in check.measure(at_ms * MS, [1.2], [10], proven_m_s=[proven]):
+            kinds.add(fault.kind)
+    assert ("runaway_fast" in kinds) is cut

@@ -13,6 +13,7 @@ from typing import Literal, Protocol
 from yahboomd.clock import nanoseconds
 from yahboomd.daemon.fit import Fit, no_board
 from yahboomd.drive.channels import channel_commands, motor_speeds
+from yahboomd.drive.proven_speed import ProvenSpeeds
 from yahboomd.drive.stop_watch import StopWatch
 from yahboomd.drive.wheels_check import Fault, WheelsCheck
 from yahboomd.model import Counts, Kinematics, Motor
@@ -74,6 +75,7 @@ class Wheels:
         self._counters = counters
         self._check = WheelsCheck(names, min_speed_m_s=min_speed_m_s)
         self._stop_watch = StopWatch(names)
+        self._proven = ProvenSpeeds([motor.metres_per_tick for motor in motors])
         self._board: Board | None = None
         self._released = False
         self._stop_due_ns: int | None = None
@@ -92,6 +94,7 @@ class Wheels:
         self._released = False
         self._stop_watch.cancel()
         self._check.reset()
+        self._proven.forget()
 
     def detach(self) -> None:
         """There is no board any more, and nobody knows what the wheels do."""
@@ -189,11 +192,16 @@ class Wheels:
     def forget(self) -> None:
         """What was seen of the wheels so far proves nothing about what comes."""
         self._check.reset()
+        self._proven.forget()
 
     # What they do.
 
     def measure(
-        self, stamp_ns: int, speeds_m_s: tuple[float, ...], ticks: tuple[int, ...]
+        self,
+        stamp_ns: int,
+        speeds_m_s: tuple[float, ...],
+        ticks: tuple[int, ...],
+        sampled_ns: tuple[int, int] | None = None,
     ) -> tuple[Fault, ...]:
         """Take in what was measured.
 
@@ -201,6 +209,8 @@ class Wheels:
             stamp_ns: When.
             speeds_m_s: Rim speed of each motor.
             ticks: Travelled counts of each motor since the start.
+            sampled_ns: The board sampled them no earlier and no later than this, where the stamp is
+                only the likeliest moment between.
 
         Returns:
             The troubles that began with it.
@@ -209,7 +219,11 @@ class Wheels:
         before, self._ticks = self._ticks or ticks, ticks
         deltas = tuple(b - a for a, b in zip(before, ticks, strict=True))
         self._stop_watch.measure(stamp_ns, speeds_m_s)
-        return self._check.measure(stamp_ns, speeds_m_s, deltas)
+        proven = None
+        if sampled_ns is not None:
+            # With nothing to compare with yet, no speed is proven.
+            proven = self._proven.see(*sampled_ns, ticks) or self.zeros
+        return self._check.measure(stamp_ns, speeds_m_s, deltas, proven_m_s=proven)
 
     @property
     def stopped(self) -> bool:

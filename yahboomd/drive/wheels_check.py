@@ -127,7 +127,12 @@ class WheelsCheck:
             watch.command(now_ns, None if speeds_m_s is None else speeds_m_s[index])
 
     def measure(
-        self, stamp_ns: int, measured_m_s: Sequence[float], ticks: Sequence[int]
+        self,
+        stamp_ns: int,
+        measured_m_s: Sequence[float],
+        ticks: Sequence[int],
+        *,
+        proven_m_s: Sequence[float] | None = None,
     ) -> tuple[Fault, ...]:
         """Judge a reading.
 
@@ -136,6 +141,8 @@ class WheelsCheck:
                 the last is no news.
             measured_m_s: Rim speed of each motor, positive forward.
             ticks: What each motor counted since the last reading, positive forward.
+            proven_m_s: The least that the speeds can be (:mod:`~yahboomd.drive.proven_speed`), for
+                a board whose readings may be stamped too early or too late: nobody is cut for more.
 
         Returns:
             The troubles that began with it.
@@ -151,8 +158,10 @@ class WheelsCheck:
             return ()
         faults = [
             fault
-            for watch, speed, count in zip(self._watches, measured_m_s, ticks, strict=True)
-            for fault in watch.measure(before, stamp_ns, speed, count)
+            for watch, speed, count, proven in zip(
+                self._watches, measured_m_s, ticks, proven_m_s or measured_m_s, strict=True
+            )
+            for fault in watch.measure(before, stamp_ns, speed, count, _nearer(speed, proven))
         ]
         silent = [fault for fault in faults if fault.kind == "no_counts"]
         if len(silent) == len(self._watches) > 1:
@@ -171,6 +180,13 @@ class WheelsCheck:
         The board's loop has added them up, and a commanded zero would leave its output where it is.
         """
         return any(watch.owed_m >= OWED_M for watch in self._watches)
+
+
+def _nearer(speed: float, proven: float) -> float:
+    """Of two opinions about a speed the one nearer to standing; that, where they contradict."""
+    if speed * proven <= 0.0:
+        return 0.0
+    return speed if abs(speed) < abs(proven) else proven
 
 
 class _Watch:
@@ -214,7 +230,9 @@ class _Watch:
             self._forget(now_ns - GAP_NS)
         self._commanded = speed_m_s
 
-    def measure(self, before_ns: int, now_ns: int, speed: float, ticks: int) -> list[Fault]:
+    def measure(
+        self, before_ns: int, now_ns: int, speed: float, ticks: int, proven: float
+    ) -> list[Fault]:
         self._measured = speed
         if self._commanded is None:
             return []
@@ -226,7 +244,7 @@ class _Watch:
         self._low = low if low <= self._low else self._low + (low - self._low) * fall
         steady = low if low > 0.0 else min(0.0, high)
         found = (
-            self._runaway(now_ns, speed),
+            self._runaway(now_ns, proven),
             self._creeping(now_ns, speed),
             self._silence(now_ns - before_ns, steady, ticks),
             self._off_speed(now_ns, speed),
