@@ -38,7 +38,7 @@ async def test_one_look_prints_everything_and_ends(fake_daemon: Any) -> None:
 
 async def test_one_look_where_no_daemon_is_fails_and_says_where_it_looked() -> None:
     endpoint = free_endpoint()
-    status, out, err = await printed("--once", "--timeout", "0.2", "--connect", endpoint)
+    status, out, err = await printed("--once", "--timeout", "3", "--connect", endpoint)
     assert (status, out) == (69, "")
     assert f"No daemon was heard at {endpoint}" in err
     assert "yahboomd run" in err
@@ -73,7 +73,8 @@ async def test_without_a_terminal_it_prints_lines_until_it_is_told_to_end(
         return line
 
     async with asyncio.timeout(20):
-        assert "x 1.500 m" in await line_with("standing")
+        # The first lines may come before the first pose.
+        assert "standing" in await line_with("x 1.500 m")
         daemon.tell("It rains.")
         assert "warning" in await line_with("It rains.")
         await daemon.stop()

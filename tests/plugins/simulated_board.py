@@ -14,14 +14,16 @@ from real_robot import Process, wait_for
 from yahboomd.simulation.truth import TruthSample, read_truth
 
 _DRIVER = """
-import os, sys, time
+import itertools, os, select, sys
 from yahboomd.link.seize import seize
 port = seize(sys.argv[1])
-for frame in (b"$mtype:1#", b"$speed:300,0,300,0#", b"$spd:300,0,300,0#", b"$upload:1,0,0#"):
-    os.write(port.fd, frame)
-    time.sleep(0.05)
 print("driving", flush=True)
-sys.stdin.read()
+# Again and again: on a busy machine two frames may come as one, and the second is lost.
+frames = (b"$mtype:1#", b"$speed:300,0,300,0#", b"$spd:300,0,300,0#", b"$upload:1,0,0#")
+for frame in itertools.cycle(frames):
+    os.write(port.fd, frame)
+    if select.select([sys.stdin], [], [], 0.05)[0]:
+        break
 """
 
 
