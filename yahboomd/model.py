@@ -106,6 +106,8 @@ class EncoderReading(msgspec.Struct, frozen=True, kw_only=True):
         requested_ns: When the request that this answers was on the board, as far as the wire tells
             (written, plus its transfer time); None for a board that streams, or where not known.
             Takes the receiving side's jitter off the stamp. Monotonic nanoseconds.
+        earliest_ns: The board cannot have sampled them before. The same as ``requested_ns``, but
+            where an earlier request was not answered in time: this may be the answer to that one.
     """
 
     ticks: Counts
@@ -114,6 +116,7 @@ class EncoderReading(msgspec.Struct, frozen=True, kw_only=True):
     after_reset: bool = False
     after_gap: bool = False
     requested_ns: int | None = None
+    earliest_ns: int | None = None
 
 
 class OdometryEstimate(msgspec.Struct, frozen=True, kw_only=True):

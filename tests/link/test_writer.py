@@ -217,3 +217,28 @@ async def test_a_port_that_is_full_for_a_moment_is_not_given_up(
         port.pending = 0
         await advance(clock, 200)
     assert len(port.frames) >= 5
+
+
+async def test_a_late_answer_belongs_to_the_question_that_was_asked_first(
+    writer: Any, port: Any, clock: Any
+) -> None:
+    writer.poll(b"$read#", 10 * MS)
+    first_ns = writer.poll_heard_ns
+    await advance(clock, 40)
+    writer.poll(b"$read#", 10 * MS)
+    assert writer.poll_heard_ns > first_ns
+    # The answer to the first question, and then the one to the second.
+    assert writer.answered_poll_ns() == first_ns
+    assert writer.answered_poll_ns() == writer.poll_heard_ns
+    assert writer.answered_poll_ns() is None
+
+
+async def test_a_question_whose_answer_was_lost_is_forgotten_after_a_while(
+    writer: Any, port: Any, clock: Any
+) -> None:
+    for _ in range(20):
+        writer.poll(b"$read#", 10 * MS)
+        await advance(clock, 40)
+        lost = clock.ns < 1_000_000_000 + 50 * MS
+        asked_ns = None if lost else writer.answered_poll_ns()
+    assert asked_ns == writer.poll_heard_ns

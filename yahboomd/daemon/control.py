@@ -303,7 +303,7 @@ class Controller:
             return
         now_ns = self._seen_ns = self._clock.now_ns()
         self._raw_ticks = reading.ticks
-        asked_ns = reading.requested_ns
+        asked_ns = reading.earliest_ns
         faults = self._wheels.measure(
             estimate.stamp_ns,
             estimate.motor_speed_m_s,

@@ -74,6 +74,7 @@ class Poller:
         received_ns: int,
         sent_ns: int,
         requested_ns: int | None = None,
+        earliest_ns: int | None = None,
     ) -> None:
         """Counts arrived."""
         self._heard_ns = received_ns
@@ -83,6 +84,7 @@ class Poller:
             received_ns=received_ns,
             sent_ns=sent_ns,
             requested_ns=requested_ns,
+            earliest_ns=earliest_ns,
             after_reset=self._after_reset,
             after_gap=self._after_gap,
         )

@@ -289,12 +289,14 @@ class Session:
             byte_ns = self._port.byte_ns
             received_ns = now_ns - item.trailing * byte_ns
             sent_ns = received_ns - item.size * byte_ns
-            requested_ns = None
+            requested_ns = earliest_ns = None
             # While the session ends, questions go past the writer, and it knows of none of them.
             if self._writer is not None and self._writer.poll_heard_ns and not self._leaving:
                 # An answer cannot have left before the question was all there.
                 requested_ns = min(self._writer.poll_heard_ns, received_ns)
                 sent_ns = max(sent_ns, requested_ns)
+                asked_ns = self._writer.answered_poll_ns()
+                earliest_ns = requested_ns if asked_ns is None else min(asked_ns, requested_ns)
             self._watch.see(decoded.ticks, received_ns)
             if self._poller is not None:
                 self._poller.reading(
@@ -302,6 +304,7 @@ class Session:
                     received_ns=received_ns,
                     sent_ns=sent_ns,
                     requested_ns=requested_ns,
+                    earliest_ns=earliest_ns,
                 )
         elif isinstance(decoded, Battery):
             self._listener.battery(decoded.volts)

@@ -9,7 +9,7 @@ from whoever brings it; the coroutine sees to those that had to wait and to what
 from __future__ import annotations
 
 import asyncio
-from collections import Counter
+from collections import Counter, deque
 
 from yahboomd.clock import Clock, nanoseconds
 from yahboomd.errors import PortLost
@@ -19,6 +19,10 @@ from yahboomd.protocol.dialect import CommandLost, Decoded, Deltas, Speeds, Tota
 
 AFTER_ANSWER_NS = 2_000_000
 """The board wipes its mailbox when it is through with answering, a moment after the last byte."""
+
+UNANSWERED = 16
+LATEST_ANSWER_NS = 300_000_000
+"""No answer is later than that, however busy this machine is; those questions are forgotten."""
 
 STUCK_NS = 300_000_000
 """A port that took nothing for so long takes nothing any more: only opening it anew helps."""
@@ -49,6 +53,8 @@ class Writer:
         self._full_since_ns: int | None = None
         self._closed = False
         self.poll_heard_ns = 0
+        self._unanswered: deque[int] = deque(maxlen=UNANSWERED)
+        self._surplus_since_ns: int | None = None
         self.counters: Counter[str] = Counter()
 
     def facts(self) -> dict[str, int]:
@@ -144,6 +150,26 @@ class Writer:
         """Write nothing any more: whatever waits, the last words are somebody else's."""
         self._closed = True
 
+    def answered_poll_ns(self) -> int | None:
+        """Counts came: when was the board asked for them, at the earliest? Called once for each.
+
+        Answers come in the order of the questions. One that was lost makes the moment too early for
+        a while, which errs on the safe side; one that came late does not make it too late.
+        """
+        asked = self._unanswered
+        if not asked:
+            return None
+        first_ns = asked.popleft()
+        now_ns = self._clock.now_ns()
+        if not asked:
+            self._surplus_since_ns = None
+        elif self._surplus_since_ns is None:
+            self._surplus_since_ns = now_ns
+        elif now_ns - self._surplus_since_ns >= LATEST_ANSWER_NS:
+            asked.clear()
+            self._surplus_since_ns = None
+        return first_ns
+
     # The coroutine.
 
     async def run(self) -> None:
@@ -207,6 +233,7 @@ class Writer:
             elif outgoing.lane is Lane.POLL:
                 # The board cannot answer before the question is all there.
                 self.poll_heard_ns = end_ns
+                self._unanswered.append(end_ns)
                 self._polled_until_ns = end_ns + self._poll_timeout_ns
             if now_ns < self._free_ns:
                 break
