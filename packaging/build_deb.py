@@ -29,6 +29,7 @@ EXTRAS = "monitor"
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n", maxsplit=1)[0])
     parser.add_argument("--output", type=Path, default=TREE / "dist", metavar="FOLDER")
+    parser.add_argument("--no-lintian", action="store_true", help="do not judge the package")
     args = parser.parse_args()
     system = _os_release()
     python = _python_version()
@@ -54,6 +55,8 @@ def main() -> int:
         args.output.mkdir(parents=True, exist_ok=True)
         package = args.output / f"yahboomd_{version}_{architecture}.deb"
         _run("dpkg-deb", "--root-owner-group", "-Zxz", "--build", str(stage), str(package))
+    if shutil.which("lintian") and not args.no_lintian:
+        _run("lintian", "--fail-on", "error,warning", "--allow-root", str(package))
     print(
         f"{package}\n"
         f"built for {pretty} ({architecture}, Python {_dotted(python)}); "
