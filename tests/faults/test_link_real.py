@@ -1,0 +1,212 @@
+"""A port that hangs up, vanishes, returns elsewhere, or takes nothing: on a real pty."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import os
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from real_robot import Client, RealRobot, wait_for
+
+pytestmark = pytest.mark.realtime
+
+DRIVE = b'{"vx": 0.3}'
+SPEED_MAX_M_S = 2.0
+TICK_M = math.pi * 0.067 / 1320
+
+FAR = "10000000,0,10000000,0"
+"""Counters of a board that has been driven for 1.6 km: no reset could have led back to them."""
+
+
+@pytest.fixture
+def robot(real_robot: Callable[..., RealRobot]) -> RealRobot:
+    return real_robot(simulate=["--wheel-separation", "0.15", "--ticks", FAR])
+
+
+@pytest.fixture
+def young(real_robot: Callable[..., RealRobot]) -> RealRobot:
+    """A board whose counters are so near to zero that they prove nothing about a reset."""
+    return real_robot(simulate=["--wheel-separation", "0.15"])
+
+
+@pytest.fixture
+def app(robot: RealRobot, client: Callable[..., Client]) -> Client:
+    app = client("client", robot.endpoint)
+    app.in_state("standing")
+    return app
+
+
+def cpu_s(pid: int) -> float:
+    """Processor time that a process has used."""
+    fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def assert_at_truth(app: Client, robot: RealRobot) -> None:
+    """The pose that is published now is where the robot stands."""
+    truth = robot.settled_truth()
+    count = len(app.samples["pose"])
+    wait_for(lambda: len(app.samples["pose"]) > count + 10, "fresh poses")
+    pose = app.latest("pose")
+    assert math.hypot(pose["x"] - truth.x, pose["y"] - truth.y) < 0.008
+
+
+def assert_no_jump(poses: list[dict[str, Any]]) -> None:
+    """No published step is longer than the wheels can roll in its time."""
+    for before, after in itertools.pairwise(poses):
+        room_m = SPEED_MAX_M_S * (after["stamp_ns"] - before["stamp_ns"]) / 1e9 + TICK_M
+        assert math.hypot(after["x"] - before["x"], after["y"] - before["y"]) <= 1.05 * room_m
+        assert after["covariance"][8] >= before["covariance"][8]
+
+
+def test_an_unplugged_board_is_found_again_on_another_device_and_nothing_is_lost(
+    robot: RealRobot, app: Client
+) -> None:
+    pid = robot.daemon.process.pid
+    for _ in range(2):
+        device = os.readlink(robot.port)
+        # Before the simulation has let go of it, the kernel would give the same number again.
+        held = os.open(device, os.O_RDWR | os.O_NOCTTY)
+        app.drive(DRIVE, 0.3)
+        assert robot.do("unplug 1").startswith("ok")
+        app.in_state("waiting")
+        robot.daemon.says("the port went away")
+        app.in_state("standing")
+        assert os.readlink(robot.port) != device
+        os.close(held)
+        assert_at_truth(app, robot)
+    assert robot.daemon.process.pid == pid
+    assert robot.daemon.process.poll() is None
+    assert_no_jump(app.samples["pose"])
+    kinds = [event["kind"] for event in app.samples["events"]]
+    assert kinds.count("disconnected") == 2
+    assert "odometry_discontinuity" not in kinds
+    app.drive(DRIVE, 0.5)
+    assert_at_truth(app, robot)
+
+
+def test_where_the_counters_may_have_been_reset_the_pose_holds_and_an_event_says_what_is_unknown(
+    young: RealRobot, client: Callable[..., Client]
+) -> None:
+    app = client("client", young.endpoint)
+    app.in_state("standing")
+    app.drive(DRIVE, 1.0)
+    assert young.do("unplug 1").startswith("ok")
+    app.in_state("waiting")
+    before = app.latest("pose")
+    app.in_state("standing")
+    truth = young.settled_truth()
+    count = len(app.samples["pose"])
+    wait_for(lambda: len(app.samples["pose"]) > count + 10, "fresh poses")
+    after = app.latest("pose")
+    [event] = [e for e in app.samples["events"] if e["kind"] == "odometry_discontinuity"]
+    assert event["data"]["cause"] == "gap_lost"
+    assert "The pose holds" in event["message"]
+    first = next(pose for pose in app.samples["pose"] if pose["stamp_ns"] > before["stamp_ns"])
+    held_m = math.hypot(first["x"] - before["x"], first["y"] - before["y"])
+    lost_m = math.hypot(truth.x - after["x"], truth.y - after["y"])
+    print(f"went on within {held_m * 1000:.1f} mm, lost {lost_m:.2f} m, told {event['data']}")
+    assert held_m < 0.05
+    assert 0.1 < lost_m < event["data"]["unknown_m"]
+    # Three standard deviations of what is published reach as far as what was lost.
+    assert 3.0 * math.sqrt(after["covariance"][0] + after["covariance"][4]) > lost_m
+    assert_no_jump(app.samples["pose"])
+
+
+def test_a_board_that_stays_away_costs_next_to_no_processor(robot: RealRobot, app: Client) -> None:
+    robot.do("unplug")
+    app.in_state("waiting")
+    pid = robot.daemon.process.pid
+    used_s, began_s = cpu_s(pid), time.monotonic()
+    time.sleep(3.0)
+    share = (cpu_s(pid) - used_s) / (time.monotonic() - began_s)
+    attempts = app.latest("status")["link"]["attempts"]
+    print(f"unplugged: {share * 100:.1f} % of a core, {attempts} attempts")
+    # A loop that spins takes a whole one.
+    assert share < 0.5
+    robot.do("replug")
+    app.in_state("standing")
+    app.drive(DRIVE, 0.5)
+    assert_at_truth(app, robot)
+
+
+@pytest.mark.parametrize("fault", ["mute 3", "babble 3", "brown-out 0.3", "reset"])
+def test_a_board_in_trouble_stands_and_drives_again_afterwards(
+    robot: RealRobot, app: Client, fault: str
+) -> None:
+    app.drive(DRIVE, 1.0)
+    robot.do(fault)
+    wait_for(lambda: max(map(abs, robot.truth()[-1].speed_m_s)) < 0.03, "the wheels stand")
+    app.in_state("standing")
+    app.drive(DRIVE, 2.0)
+    assert robot.settled_truth().travel_m[0] > 0.4
+    assert_no_jump(app.samples["pose"])
+    assert "Traceback" not in robot.daemon.output
+
+
+def test_a_board_that_hangs_is_named_and_drives_after_its_reset(
+    robot: RealRobot, app: Client
+) -> None:
+    app.drive(DRIVE, 0.5)
+    robot.do("hang")
+    wait_for(lambda: "no board answers" in app.latest("status")["why"], "its silence is named")
+    robot.do("reset")
+    app.in_state("standing")
+    robot.settled_truth()
+    app.drive(DRIVE, 1.0)
+    wait_for(lambda: min(robot.truth()[-1].travel_m) > 0.3, "it drives")
+
+
+def test_noise_on_the_line_raises_nothing(robot: RealRobot, app: Client) -> None:
+    app.drive(DRIVE, 0.5)
+    robot.do("loss 0.2")
+    app.drive(DRIVE, 2.0)
+    robot.do("clear")
+    app.ask("yahboomd/estop")
+    robot.settled_truth()
+    wait_for(lambda: app.ask("yahboomd/estop/reset")["success"], "released")
+    app.in_state("standing")
+    app.drive(DRIVE, 1.0)
+    assert "Traceback" not in robot.daemon.output
+    assert_no_jump(app.samples["pose"])
+
+
+def test_a_port_that_takes_nothing_keeps_the_daemon_neither_from_its_work_nor_from_ending(
+    robot: RealRobot, app: Client
+) -> None:
+    """The other end is frozen: the kernel's buffer fills, and nothing comes."""
+    app.drive(DRIVE, 0.5)
+    robot.simulation.process.send_signal(signal.SIGSTOP)
+    try:
+        status = app.in_state("waiting")
+        assert "counts" in status["why"] or "no board answers" in status["why"]
+        # It goes on talking into the void, until the void is full.
+        for _ in range(30):
+            app.session.put("cmd_vel", DRIVE)
+            time.sleep(0.05)
+        assert app.ask("yahboomd/estop")["success"]
+        began_s = time.monotonic()
+        assert robot.daemon.end() == 0
+        print(f"ended {time.monotonic() - began_s:.1f} s after SIGTERM, with the port stuck")
+    finally:
+        robot.simulation.process.send_signal(signal.SIGCONT)
+    assert "Traceback" not in robot.daemon.output
+
+
+def test_no_descriptor_is_left_behind_by_reconnecting(robot: RealRobot, app: Client) -> None:
+    def descriptors() -> int:
+        return len(os.listdir(f"/proc/{robot.daemon.process.pid}/fd"))
+
+    app.latest("battery")
+    before = descriptors()
+    for _ in range(6):
+        robot.do("unplug 0.1")
+        app.in_state("waiting")
+        app.in_state("standing")
+    wait_for(lambda: descriptors() <= before + 1, "descriptors are given back")

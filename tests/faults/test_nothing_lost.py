@@ -1,0 +1,170 @@
+"""The pose goes on through every fault: it never jumps, and says what it does not know.
+
+On virtual time, against the ground truth of the simulated robot.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import random
+from pathlib import Path
+
+import pytest
+from fault_bench import DIALECTS, FaultBench, assert_covariance_grows, assert_no_jump
+
+from yahboomd.model import OdometryEstimate
+from yahboomd.simulation.options import SimulationOptions
+from yahboomd.simulation.truth import pose_at
+from yahboomd.simulation.virtual_time import on_virtual_time
+
+FAR = (60_000, 0, 60_000, 0)
+"""Counters of a board that has been driven: far from what a reset leaves."""
+
+
+def robot(tmp_path: Path, *overrides: str, **simulation: object) -> FaultBench:
+    options = {"wheel_separation_m": 0.15, "initial_ticks": FAR, **simulation}
+    return FaultBench(tmp_path, overrides, SimulationOptions(**options))  # type: ignore[arg-type]
+
+
+def error_m(bench: FaultBench, estimate: OdometryEstimate) -> float:
+    """How far an estimate is from the truth of its moment."""
+    # At rest the last sample is as good as the next.
+    truth = pose_at(bench.truth, min(estimate.stamp_ns, bench.truth[-1].t_ns))
+    return math.hypot(estimate.pose.x - truth.x, estimate.pose.y - truth.y)
+
+
+def unknown_m(bench: FaultBench) -> float:
+    """The travel of a wheel that events say is unknown."""
+    return sum(
+        float(event.data["unknown_m"])  # type: ignore[arg-type]
+        for event in bench.heard.events
+        if event.data is not None and "unknown_m" in event.data
+    )
+
+
+@pytest.mark.parametrize("away_s", [0.1, 1.0, 4.0])
+@pytest.mark.parametrize("fault", ["unplug", "mute", "babble"])
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_what_the_board_counted_while_nobody_heard_it_is_in_the_pose_afterwards(
+    tmp_path: Path, dialect: str, fault: str, away_s: float
+) -> None:
+    async with robot(tmp_path, dialect=dialect) as bench:
+        await bench.ready()
+        await bench.drive(2.0, 0.3)
+        bench.do(f"{fault} {away_s}")
+        await bench.drive(away_s, 0.3)
+        await asyncio.sleep(3.5)
+        assert error_m(bench, bench.heard.estimates[-1]) < 0.004
+        assert unknown_m(bench) == 0.0
+        assert_no_jump(bench.heard.estimates)
+        assert_covariance_grows(bench.heard.estimates)
+
+
+@pytest.mark.parametrize("fault", ["reset", "brown-out 0.05", "brown-out 0.5"])
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_after_a_reset_the_pose_holds_and_an_event_says_how_much_is_unknown(
+    tmp_path: Path, dialect: str, fault: str
+) -> None:
+    async with robot(tmp_path, dialect=dialect) as bench:
+        await bench.ready()
+        await bench.drive(2.0, 0.3)
+        before = bench.heard.estimates[-1]
+        bench.do(fault)
+        await bench.drive(4.0, 0.3)
+        await asyncio.sleep(1.5)
+        after = bench.heard.estimates[-1]
+        lost_m = error_m(bench, after)
+        told_m = unknown_m(bench)
+        print(f"{dialect}, {fault}: {lost_m * 1000:.0f} mm lost, {told_m * 1000:.0f} mm told")
+        assert lost_m < told_m
+        assert bench.events("odometry_discontinuity")
+        # What was told is in the covariance: three standard deviations reach as far.
+        grown = after.pose_covariance[0] - before.pose_covariance[0]
+        assert 3.0 * math.sqrt(grown) > lost_m
+        assert_no_jump(bench.heard.estimates)
+        assert_covariance_grows(bench.heard.estimates)
+
+
+@on_virtual_time
+async def test_an_ordinary_drive_leaves_no_event_and_errs_by_millimetres(tmp_path: Path) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        await bench.drive(5.0, 0.3, 0.8)
+        await asyncio.sleep(1.5)
+        assert error_m(bench, bench.heard.estimates[-1]) < 0.008
+        assert set(bench.heard.kinds) == {"connected"}
+
+
+FAULTS = [
+    "reset",
+    "brown-out 0.05",
+    "brown-out 0.4",
+    "mute 0.1",
+    "mute 0.6",
+    "mute 2",
+    "babble 0.05",
+    "babble 0.7",
+    "unplug 0.05",
+    "unplug 0.4",
+    "unplug 2",
+    "loss 0.01",
+    "loss 0.05",
+    "loss 0.2",
+    "corruption 0.01",
+    "corruption 0.1",
+    "delay 0.01 0.01",
+    "chunk 0.016",
+    "clear",
+    "clear",
+    "stalled left",
+    "encoder-dead right",
+    "turning left 0.2",
+    "repair all",
+    "repair all",
+    "hang",
+]
+
+
+@pytest.mark.parametrize("seed", range(30))
+@on_virtual_time
+async def test_no_sequence_of_faults_makes_the_pose_jump_or_the_covariance_shrink(
+    tmp_path: Path, seed: int
+) -> None:
+    chance = random.Random(seed)
+    start = chance.choice([0, 40, 3000, 2**31 - 3000, -(2**31) + 500])
+    options = {
+        "dialect": DIALECTS[seed % 2],
+        "seed": seed,
+        "initial_ticks": (start, 0, -start if start != -(2**31) else 0, 0),
+    }
+    async with robot(tmp_path, **options) as bench:
+        await bench.ready()
+        done = []
+        for _ in range(8):
+            fault = chance.choice(FAULTS)
+            done.append(fault)
+            bench.do(fault)
+            await bench.drive(
+                chance.choice([0.1, 0.4, 1.0, 2.5]),
+                chance.uniform(-0.6, 0.6),
+                chance.uniform(-2.0, 2.0),
+            )
+            if fault == "hang":
+                bench.do("reset")
+            if chance.random() < 0.4:
+                bench.operator.release_estop()
+        assert not any(task.done() for task in bench.tasks), done
+        assert_no_jump(bench.heard.estimates)
+        assert_covariance_grows(bench.heard.estimates)
+        # It comes to rest, and back, whatever has been.
+        bench.do("clear")
+        bench.do("repair all")
+        await asyncio.sleep(6.0)
+        assert bench.standing, done
+        bench.operator.release_estop()
+        await bench.drive(1.5, 0.3)
+        assert min(bench.rim_speeds) > 0.2, (done, bench.controller.state())
+        assert_no_jump(bench.heard.estimates)
