@@ -11,6 +11,7 @@ from board_bench import Bench
 
 from yahboomd.errors import BoardError, BoardSilent, PortLost
 from yahboomd.link.session import SessionOptions
+from yahboomd.model import EncoderReading
 from yahboomd.protocol.settings import PROFILES
 from yahboomd.simulation.motors import MotorFaults
 from yahboomd.simulation.options import FlashContent, ImpairmentOptions, SimulationOptions
@@ -326,3 +327,43 @@ async def test_a_polled_board_is_told_the_type_of_the_configured_motors() -> Non
         assert board.port is not None
         await board.until(lambda: board.port is not None and b"$mtype:2#" in board.port.frames)
         assert b"$mtype:1#" not in board.port.frames
+
+
+class Overlap:
+    """Counts, at each reading, the questions and the answers that the line has seen."""
+
+    def __init__(self, board: Bench) -> None:
+        self._board = board
+        self.asked_ahead: list[int] = []
+        self.stamps: list[tuple[int | None, int]] = []
+        self._hear, board.recorder.reading = board.recorder.reading, self.reading  # type: ignore[method-assign]
+
+    def reading(self, reading: EncoderReading) -> None:
+        assert self._board.port is not None
+        self._hear(reading)
+        asked = [at_ns for at_ns, data in self._board.port.written if data == b"$read#"]
+        self.asked_ahead.append(sum(at_ns >= reading.received_ns for at_ns in asked))
+        heard_ns = max(at_ns for at_ns in asked if at_ns < reading.received_ns)
+        self.stamps.append((reading.requested_ns, heard_ns + 6 * self._board.port.byte_ns))
+
+
+@on_virtual_time
+async def test_the_next_question_is_out_before_the_counts_are_made_use_of() -> None:
+    board = bench("polled", poll_rate_hz=1000.0)
+    overlap = Overlap(board)
+    async with board:
+        await board.connected()
+        await board.until(lambda: len(overlap.asked_ahead) > 100)
+    # The schedule is faster than the wire: a question always waits for the answer before it.
+    assert set(overlap.asked_ahead[5:100]) == {1}
+
+
+@on_virtual_time
+async def test_an_answer_keeps_its_own_question_when_the_next_one_is_out_already() -> None:
+    board = bench("polled", poll_rate_hz=1000.0)
+    overlap = Overlap(board)
+    async with board:
+        await board.connected()
+        await board.until(lambda: len(overlap.stamps) > 100)
+    for requested_ns, heard_ns in overlap.stamps[5:100]:
+        assert requested_ns == heard_ns

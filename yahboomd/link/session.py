@@ -297,6 +297,10 @@ class Session:
                 sent_ns = max(sent_ns, requested_ns)
                 asked_ns = self._writer.answered_poll_ns()
                 earliest_ns = requested_ns if asked_ns is None else min(asked_ns, requested_ns)
+            if self._writer is not None:
+                # Now that it is known which question this answers, the next one may go: the board
+                # is at work while the counts are made use of here.
+                self._writer.heard(decoded)
             self._watch.see(decoded.ticks, received_ns)
             if self._poller is not None:
                 self._poller.reading(
@@ -306,7 +310,8 @@ class Session:
                     requested_ns=requested_ns,
                     earliest_ns=earliest_ns,
                 )
-        elif isinstance(decoded, Battery):
+            return
+        if isinstance(decoded, Battery):
             self._listener.battery(decoded.volts)
         elif isinstance(decoded, VersionLine):
             if decoded.after_reset or not self._asking_settings:
