@@ -6,6 +6,7 @@ import sys
 import types
 
 import pytest
+from zenoh_fixtures import free_endpoint
 
 from yahboomd import __version__
 from yahboomd.cli import main as cli
@@ -174,3 +175,50 @@ def test_a_reader_that_leaves_is_no_error(tmp_path):
 
 def test_the_package_itself_can_be_run(yahboomd):
     assert yahboomd("--version").stdout == f"yahboomd {__version__}\n"
+
+
+OPENING = """\
+import sys, time
+from yahboomd.cli.main import main
+
+class Farewell:
+    # The interpreter is torn down for so long that Zenoh gives up meanwhile, and comes back.
+    def __del__(self, sleep=time.sleep):
+        sleep(1.5)
+
+farewell = Farewell()
+sys.exit(main())
+"""
+
+
+@pytest.mark.realtime
+@pytest.mark.parametrize("timeout_s", ["0", "0.2", "0.7"])
+def test_a_session_that_is_still_opening_at_the_end_aborts_nothing(timeout_s):
+    arguments = ["monitor", "--once", "--timeout", timeout_s, "--connect", free_endpoint()]
+    done = subprocess.run(
+        [sys.executable, "-c", OPENING, *arguments],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 69, done.stderr
+    assert f"within {timeout_s} s" in done.stderr
+
+
+def test_a_bug_keeps_its_traceback_and_its_status_while_a_thread_runs():
+    script = (
+        "import sys, threading, types; from yahboomd.cli import main as cli\n"
+        "threading.Thread(target=threading.Event().wait, daemon=True).start()\n"
+        "module = types.ModuleType('yahboomd.cli.drive')\n"
+        "module.add_parser = lambda subparsers: subparsers.add_parser('drive') and None\n"
+        "module.run = lambda args: 1 / 0\n"
+        "sys.modules['yahboomd.cli.drive'] = module\n"
+        "sys.argv[1:] = ['drive']\n"
+        "sys.exit(cli.main())"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 1
+    assert done.stderr.rstrip().endswith("ZeroDivisionError: division by zero")

@@ -8,12 +8,13 @@ extras of one command must not lose the others.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import importlib
 import os
 import signal
 import sys
 from collections.abc import Sequence
-from typing import Protocol, cast
+from typing import NoReturn, Protocol, cast
 
 from yahboomd import __version__
 from yahboomd.errors import YahboomdError
@@ -71,13 +72,49 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command.
 
     Args:
-        argv: The arguments after the program's name; the process's own when None.
+        argv: The arguments after the program's name. When None they are the process's own, and
+            the process may end here: see :func:`_end_at_once`.
 
     Returns:
         The exit status: 0, the command's own, that of the error (78 for the configuration, 69 for
         a port or a bus that is not there, 77 for a missing permission), 130 after Ctrl-C.
     """
-    arguments = list(sys.argv[1:] if argv is None else argv)
+    if argv is not None:
+        return _run(list(argv))
+    try:
+        status = _run(sys.argv[1:])
+    except Exception:
+        if not _threads_left():
+            raise
+        sys.excepthook(*sys.exc_info())
+        status = 1
+    if _threads_left():
+        _end_at_once(status)
+    return status
+
+
+def _threads_left() -> bool:
+    """Whether a thread runs on, such as one that is still opening a Zenoh session."""
+    threading = sys.modules.get("threading")
+    return threading is not None and threading.active_count() > 1
+
+
+def _end_at_once(status: int) -> NoReturn:
+    """End without Python's ordinary exit, all that was said being written.
+
+    A thread that comes back from a library while the interpreter is torn down is ended by
+    unwinding through that library: Rust aborts the process at that (signal 6), whatever status it
+    was to end with.
+    """
+    if (logging := sys.modules.get("logging")) is not None:
+        logging.shutdown()
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(status)
+
+
+def _run(arguments: list[str]) -> int:
     try:
         status = _dispatch(arguments)
         sys.stdout.flush()
