@@ -72,6 +72,8 @@ class _Ears:
 
     def event(self, _event: Event) -> None: ...
 
+    def leaving(self) -> None: ...
+
 
 def record(drive: Drive, *, dialect: DialectName, poll_rate_hz: float) -> Record:
     """Drive the simulated robot."""

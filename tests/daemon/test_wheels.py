@@ -172,3 +172,12 @@ def test_a_wheel_that_turns_against_its_command_is_a_fault(board: Told) -> None:
             kinds.add(fault.kind)
             assert fault.motor == "left"
     assert "runaway_against" in kinds
+
+
+def test_wheels_without_a_board_are_accused_of_nothing(board: Told) -> None:
+    wheels = make(board)
+    wheels.turn((0.3, 0.3), 0)
+    wheels.detach()
+    faults = [wheels.measure(ms * MS, (0.0, 0.0), (0, 0)) for ms in range(10, 600, 10)]
+    assert not any(faults)
+    assert wheels.measured_m_s == (0.0, 0.0)

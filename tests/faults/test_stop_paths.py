@@ -220,3 +220,25 @@ async def test_a_stop_at_the_end_that_nobody_saw_obeyed_is_told(tmp_path: Path) 
         bench.tasks[0].cancel()
         await asyncio.gather(bench.tasks[0], return_exceptions=True)
         assert "no counts showed whether they stand" in bench.events("stop_not_seen")[0]
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize("end", [told_to_end, session_task_cancelled, port_watch_cancelled])
+@on_virtual_time
+async def test_wheels_that_the_end_stops_are_not_accused_of_disobeying_the_application(
+    tmp_path: Path, dialect: str, end: End
+) -> None:
+    # The right wheel stands on the spot; the left one is turned by hand, so the stop takes long.
+    async with robot(tmp_path, dialect=dialect, time_constant_s=0.01) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.4)
+        assert min(bench.rim_speeds) > 0.3
+        bench.heard.events.clear()
+        bench.do("turning left 0.08")
+        await end(bench)
+        # The application does not know, and commands on.
+        await bench.drive(0.5, 0.4)
+        assert set(bench.heard.kinds) <= {"stop_not_seen", "disconnected"}
+        state, why = bench.controller.state()
+        assert state == "waiting"
+        assert "being ended" in why

@@ -367,3 +367,17 @@ async def test_an_answer_keeps_its_own_question_when_the_next_one_is_out_already
         await board.until(lambda: len(overlap.stamps) > 100)
     for requested_ns, heard_ns in overlap.stamps[5:100]:
         assert requested_ns == heard_ns
+
+
+@on_virtual_time
+async def test_who_listens_is_told_that_the_session_ends_once_the_brake_is_on_the_wire() -> None:
+    board = bench("streamed")
+    said: list[bytes] = []
+    async with board:
+        await board.connected()
+        assert board.port is not None
+        port = board.port
+        port.written.clear()
+        board.recorder.leaving = lambda: said.extend(port.frames)  # type: ignore[method-assign]
+    assert b"$spd:0,0,0,0#" in said
+    assert b"$pwm:0,0,0,0#" not in said

@@ -78,6 +78,9 @@ class Recorder:
     def event(self, event: Event) -> None:
         self.events.append(event)
 
+    def leaving(self) -> None:
+        pass
+
 
 class Bench:
     """A robot, a session with it, and what both said."""

@@ -156,6 +156,7 @@ class Controller:
         self._stepped_ns = clock.now_ns()
         self._extra_ns = 0
         self._step_pending = False
+        self._was_connected = False
         self._seen_ns = 0
         self._raw_ticks: Counts = (0, 0, 0, 0)
         self._alarm = clock.alarm(self._extra_step)
@@ -312,7 +313,8 @@ class Controller:
         )
         for fault in faults:
             self._trouble(fault, now_ns)
-        if self._holds.drop(WAITING_FOR_BOARD):
+        # Counts of a session that ends go on coming, and it takes no commands any more.
+        if self._wheels.attached and self._holds.drop(WAITING_FOR_BOARD):
             self._outputs.changed()
         self._outputs.estimate(estimate, self._wheels.command_m_s)
 
@@ -357,12 +359,21 @@ class Controller:
                 self.event(Event(kind="reset_loop", severity="error", message=hold.message))
         self._outputs.changed()
 
+    def leaving(self) -> None:
+        """The session with the board ends, and stops the wheels by itself."""
+        self._was_connected = self._was_connected or self._wheels.attached
+        self._wheels.detach()
+        self._limiter.halt()
+        self._wait("The connection to the board is being ended.")
+        self._outputs.changed()
+
     def searching(self) -> None:
         """The supervisor looks for the board."""
 
     def unavailable(self, error: YahboomdError) -> None:
         """There is no board, or no longer."""
-        was_connected = self._wheels.attached
+        was_connected = self._was_connected or self._wheels.attached
+        self._was_connected = False
         self._wheels.detach()
         self._limiter.halt()
         self._holds.drop(BOARD_RESET)

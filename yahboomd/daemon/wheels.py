@@ -218,6 +218,9 @@ class Wheels:
         self.measured_m_s = speeds_m_s
         before, self._ticks = self._ticks or ticks, ticks
         deltas = tuple(b - a for a, b in zip(before, ticks, strict=True))
+        if self._board is None:
+            # Whoever let go of the board stops its wheels; they obey no command of ours.
+            return ()
         self._stop_watch.measure(stamp_ns, speeds_m_s)
         proven = None
         if sampled_ns is not None:

@@ -87,6 +87,10 @@ class Listener(Protocol):
         """Something a person may have to know."""
         ...
 
+    def leaving(self) -> None:
+        """The session ends, and stops the wheels by itself: no command reaches them any more."""
+        ...
+
 
 Opener = Callable[[], Awaitable[Port]]
 
@@ -360,6 +364,9 @@ class Session:
                 await stop_unidentified(port, self._clock)
                 await port.drain(DRAIN_S)
             else:
+                if self._poller is not None:
+                    # At the loop's next turn, when the brake is on the wire already.
+                    asyncio.get_running_loop().call_soon(self._listener.leaving)
                 self.report = await bring_to_rest(
                     port, self._clock, identity.dialect, self._watch, let_go=self._let_go
                 )
