@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import itertools
 import json
+import socket
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
@@ -243,6 +245,36 @@ async def test_a_bus_that_cannot_be_opened_is_told_bare(tmp_path: Path) -> None:
     )
     with pytest.raises(BusError):
         await Daemon(config, environ={}).run()
+
+
+async def test_a_service_is_ready_once_the_port_that_it_listens_on_is_free(tmp_path: Path) -> None:
+    endpoint = free_endpoint()
+    host, _, port = endpoint.removeprefix("tcp/").rpartition(":")
+    overrides = [
+        f'zenoh.listen=["{endpoint}"]',
+        "zenoh.connect=[]",
+        f"estop.latch_file={tmp_path / 'estop'}",
+    ]
+    config = load(None, environ={}, overrides=overrides)
+    heard: list[bytes] = []
+
+    def hear() -> list[bytes]:
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                heard.append(manager.recv(500))
+        return heard
+
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        manager.setblocking(False)
+        daemon = Daemon(config, environ={"NOTIFY_SOCKET": manager.getsockname()})
+        with socket.create_server((host, int(port))):
+            task = asyncio.create_task(daemon.run())
+            await eventually(hear)
+            assert all(each.startswith(b"STATUS=waiting for the bus: ") for each in heard)
+        await eventually(lambda: b"READY=1" in hear())
+        daemon.stop("the test's end")
+        await task
 
 
 @pytest.mark.parametrize("name", ["supervisor", "control", "status"])

@@ -36,6 +36,11 @@ class Notifier:
                 socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC | socket.SOCK_NONBLOCK
             )
 
+    @property
+    def heard(self) -> bool:
+        """Whether there is a manager."""
+        return self._socket is not None
+
     def ready(self) -> None:
         """Configuration and bus stand."""
         self._send("READY=1")

@@ -22,6 +22,7 @@ from yahboomd.daemon.clocks import ClockWatch
 from yahboomd.daemon.commands import CommandIntake
 from yahboomd.daemon.control import Controller
 from yahboomd.daemon.notify import Notifier
+from yahboomd.daemon.opening import open_bus
 from yahboomd.daemon.operator import Operator
 from yahboomd.daemon.publisher import Publisher
 from yahboomd.daemon.services import Services
@@ -77,7 +78,8 @@ class Daemon:
         """Serve until a signal or :meth:`stop`.
 
         Raises:
-            BusError: The Zenoh session cannot be opened as configured.
+            BusError: The Zenoh session cannot be opened as configured; as a service, not within
+                a minute.
         """
         loop = asyncio.get_running_loop()
         for number in SIGNALS:
@@ -86,8 +88,8 @@ class Daemon:
         notifier = Notifier(self._environ)
         bus = Bus(assembly.bus_options(self._config), clock=self._clock)
         try:
-            await bus.open()
-            await self._serve(bus, notifier)
+            if await open_bus(bus.open, notifier=notifier, clock=self._clock, stop=self._stop):
+                await self._serve(bus, notifier)
         finally:
             notifier.stopping()
             self.left_clean = await bus.close()
