@@ -245,8 +245,8 @@ def table_of_nees(section: Section, runs: int) -> None:
     section.findings.append(
         f"NEES of the covariance is {number(min(values))} to {number(max(values))} times its "
         f"expectation, on {len(rows) - outside} of {len(rows)} paths inside the 99 % bounds. "
-        "Propagation is of first order: it does not know that a heading that wanders shortens the "
-        "way, so on long straight drives it is too sure of x."
+        "That a heading that wanders shortens the way is in it; the last metres of a long straight "
+        "drive scatter more than the bounds of chi-squared, which are those of Gaussian errors."
     )
 
 

@@ -194,6 +194,69 @@ def chi_squared_bounds(degrees):
     return tuple((1.0 - spread + z * math.sqrt(spread)) ** 3 for z in (-2.576, 2.576))
 
 
+def second_moments(kit, noise_m, counts, many, chance):
+    """Errors of many bases whose wheels roll other ways than counted, about the counted pose."""
+    at = np.zeros((3, many))
+    told = np.zeros(3)
+    for each in counts:
+        mean = np.array(each) * kit.tick_m
+        spread = np.sqrt(noise_m * np.abs(mean))
+        rolled = mean[:, None] + spread[:, None] * chance.normal(size=(2, many))
+        for pose, wheels in ((at, rolled), (told, mean)):
+            turn = (wheels[1] - wheels[0]) / kit.track_m
+            middle = pose[2] + turn / 2
+            way = np.sinc(turn / 2 / np.pi) * (wheels[0] + wheels[1]) / 2
+            pose[0] += way * np.cos(middle)
+            pose[1] += way * np.sin(middle)
+            pose[2] += turn
+    errors = at - told[:, None]
+    return errors @ errors.T / many
+
+
+WAYS = {
+    "straight": [(600, 600)] * 100,
+    "circle": [(700, 800)] * 120,
+    "curves": [(round(600 + 160 * math.sin(n / 4)), 600) for n in range(100)],
+}
+
+
+@pytest.mark.parametrize("noise_m", [1e-5, 1e-3])
+@pytest.mark.parametrize("way", WAYS)
+def test_the_covariance_is_the_second_moment_of_many_errors_however_far_the_heading_strays(
+    kit, way, noise_m
+):
+    """With the larger noise, nothing is known of the heading in the end: 1 rad and more."""
+    chance = np.random.default_rng(11)
+    base = Base(kit.differential(), kit.motors(), noise_m=noise_m)
+    base.covariance.set_pose(0.0)
+    for deltas in WAYS[way]:
+        base.step(*deltas)
+    found = second_moments(kit, noise_m, WAYS[way], 20_000, chance)
+    told = base.pose
+    scale = np.sqrt(np.outer(np.diag(found), np.diag(found)))
+    assert np.max(np.abs(told - found) / scale) < 0.06
+
+
+def test_a_heading_that_wanders_makes_a_straight_way_shorter(kit):
+    """By s*s/4 of it at the mean, which is more than the wheels' own error after ten metres."""
+    base = Base(kit.differential(), kit.motors(), noise_m=1e-5)
+    while base.integrator.pose.x < 10.0:
+        base.step(125, 125)
+    shortening_m = 10.0 * base.pose[2, 2] / 4.0
+    wheels_own_m2 = 10.0 * 1e-5 / 2.0
+    assert base.pose[0, 0] > wheels_own_m2 + shortening_m**2
+
+
+def test_a_way_back_makes_the_pose_no_surer(kit):
+    base = Base(kit.differential(), kit.motors(), noise_m=1e-3)
+    volumes = []
+    for deltas in [(120, 120)] * 200 + [(-120, -120)] * 200:
+        base.step(*deltas)
+        check_sound(base.pose)
+        volumes.append(np.linalg.det(base.pose))
+    assert (np.diff(volumes) >= -1e-9 * np.array(volumes[1:])).all()
+
+
 @pytest.mark.parametrize("path", ["straight", "curves", "spin"])
 def test_the_average_nees_of_many_runs_lies_in_its_chi_squared_bounds(kit, path):
     """Wheels roll farther or less far than counted, as the model says; counts are whole."""
