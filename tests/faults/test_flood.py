@@ -1,0 +1,246 @@
+"""However much comes, the e-stop acts, the polls keep their schedule, and memory is bounded.
+
+The control path on virtual time, where its figures are exact; then real processes that flood a
+real daemon, whose figures are printed.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fault_bench import DIALECTS, MS, FaultBench, first_stop_ns
+from real_robot import Client, RealRobot, wait_for
+
+from benchmarks.soak.processes import BOARD_NICE, DAEMON_NICE, Stalls, prefer
+from benchmarks.soak.tail import Wire, is_stop
+from yahboomd.simulation.options import SimulationOptions
+from yahboomd.simulation.virtual_time import on_virtual_time
+
+ROOT = Path(__file__).parents[2]
+GARBAGE = b"\xff\x00garbage" * 20
+PAYLOADS = {"commands": b'{"vx": 0.3}', "garbage": GARBAGE, "megabytes": b"{" + b" " * 1_000_000}
+
+
+@pytest.mark.parametrize("payload", PAYLOADS.values(), ids=PAYLOADS)
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_under_20_kHz_the_estop_is_on_the_wire_within_50_ms_and_the_polls_are_on_time(
+    tmp_path: Path, dialect: str, payload: bytes
+) -> None:
+    simulation = SimulationOptions(dialect=dialect)  # type: ignore[arg-type]
+    async with FaultBench(tmp_path, (), simulation) as bench:
+        await bench.ready()
+        await bench.drive(0.5, 0.3)
+        readings, began_ns = len(bench.heard.estimates), bench.clock.now_ns()
+        for number in range(20_000):
+            bench.payload(payload if number % 2 else b'{"vx": 0.31}')
+            if number % 20 == 0:
+                await asyncio.sleep(0.001)
+        passed_s = (bench.clock.now_ns() - began_ns) / 1e9
+        expected = passed_s * (50.0 if dialect == "polled" else 100.0)
+        assert len(bench.heard.estimates) - readings >= 0.95 * expected
+        assert min(bench.rim_speeds) > 0.2
+        now_ns = bench.clock.now_ns()
+        bench.operator.engage_estop("a test")
+        for number in range(2_000):
+            bench.payload(payload)
+            if number % 20 == 0:
+                await asyncio.sleep(0.001)
+        assert first_stop_ns(bench.orders_since(now_ns)) - now_ns <= 50 * MS
+        await asyncio.sleep(0.5)
+        assert bench.standing
+
+
+FLOOD = """
+import pathlib, sys, time, zenoh
+config = zenoh.Config()
+config.insert_json5("mode", '"client"')
+config.insert_json5("connect/endpoints", '["' + sys.argv[1] + '"]')
+session = zenoh.open(config)
+payload = {
+    "commands": b'{"vx": 0.3}',
+    "garbage": bytes([255, 0]) + b"garbage" * 20,
+    "megabytes": b"{" + b" " * 1_000_000,
+}[sys.argv[2]]
+publisher = session.declare_publisher("cmd_vel")
+print("flooding", flush=True)
+count, began, told = 0, time.monotonic(), 0.0
+while True:
+    for _ in range(20):
+        publisher.put(payload)
+    count += 20
+    passed = time.monotonic() - began
+    if passed > told + 0.5:
+        told = passed
+        pathlib.Path(sys.argv[3]).write_text(str(count / passed))
+    # The faster the better, up to 20 kHz.
+    time.sleep(max(0.0, count / 20_000 - passed))
+"""
+
+DRIVER = """
+import sys, time, zenoh
+config = zenoh.Config()
+config.insert_json5("mode", '"client"')
+config.insert_json5("connect/endpoints", '["' + sys.argv[1] + '"]')
+session = zenoh.open(config)
+print("driving", flush=True)
+while True:
+    session.put("cmd_vel/teleop", b'{"vx": 0.4}')
+    time.sleep(0.02)
+"""
+
+
+@contextlib.contextmanager
+def processes(*commands: list[str]) -> Iterator[None]:
+    """Scripts that run for as long as the block does; each has said its first word."""
+    with contextlib.ExitStack() as stack:
+        for command in commands:
+            process = subprocess.Popen(
+                [sys.executable, "-c", *command],
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+            )
+            stack.enter_context(process)
+            stack.callback(process.kill)
+            assert process.stdout is not None
+            assert process.stdout.readline()
+        yield
+
+
+def resident_mb(pid: int) -> float:
+    """The memory that a process has in use."""
+    for line in Path(f"/proc/{pid}/status").read_text(encoding="ascii").splitlines():
+        if line.startswith("VmRSS:"):
+            return int(line.split()[1]) / 1024
+    raise AssertionError("no such process")
+
+
+class Excuses:
+    """For how long the machine let nobody run, or let these processes wait for a processor."""
+
+    def __init__(self, stalls: Stalls, *pids: int) -> None:
+        self._stalls = stalls
+        self._pids = pids
+        self._began_ns = time.monotonic_ns()
+        self._waited_ns = self._waiting_ns()
+
+    def _waiting_ns(self) -> int:
+        """How long their threads were ready to run and did not."""
+        waited = 0
+        for pid in self._pids:
+            for task in Path(f"/proc/{pid}/task").iterdir():
+                with contextlib.suppress(OSError):
+                    waited += int((task / "schedstat").read_text(encoding="ascii").split()[1])
+        return waited
+
+    def so_far_s(self) -> float:
+        """In all, since this was made."""
+        waited_s = (self._waiting_ns() - self._waited_ns) / 1e9
+        return waited_s + self._stalls.within_s(self._began_ns, time.monotonic_ns())
+
+
+@pytest.fixture
+def stalls(monkeypatch: pytest.MonkeyPatch) -> Iterator[Stalls]:
+    monkeypatch.chdir(ROOT)
+    stalls = Stalls()
+    yield stalls
+    stalls.close()
+
+
+def readings_between(first: dict[str, Any], last: dict[str, Any]) -> tuple[float, float]:
+    """How many counts came from one status to another, and in how many seconds."""
+    passed_s = (last["stamp_ns"] - first["stamp_ns"]) / 1e9
+    return last["link"]["readings"] - first["link"]["readings"], passed_s
+
+
+FLOODS = {
+    "commands from one": ("polled", ["commands"]),
+    "garbage from one": ("streamed", ["garbage"]),
+    "megabytes from one": ("streamed", ["megabytes"]),
+    "all from many": ("polled", ["commands", "garbage", "megabytes", "garbage"]),
+}
+
+
+@pytest.mark.realtime
+@pytest.mark.parametrize(("dialect", "kinds"), FLOODS.values(), ids=FLOODS)
+def test_while_processes_flood_the_estop_acts_the_polls_go_on_and_memory_is_bounded(
+    real_robot: Callable[..., RealRobot],
+    client: Callable[..., Client],
+    stalls: Stalls,
+    tmp_path: Path,
+    dialect: str,
+    kinds: list[str],
+) -> None:
+    heard = tmp_path / "heard"
+    robot = real_robot(simulate=["--dialect", dialect, "--heard", str(heard)])
+    wire = Wire(heard)
+    app = client("client", robot.endpoint)
+    app.in_state("standing")
+    pid = robot.daemon.process.pid
+    # As the service runs; and a real board shares no processor with whoever floods.
+    prefer(robot.daemon.process, DAEMON_NICE)
+    prefer(robot.simulation.process, BOARD_NICE)
+    pids = (pid, robot.simulation.process.pid, os.getpid())
+
+    def next_status() -> dict[str, Any]:
+        count = len(app.samples["status"])
+        wait_for(lambda: len(app.samples["status"]) > count, "a status")
+        return app.latest("status")
+
+    def rate_hz(for_s: float) -> tuple[float, float]:
+        """Readings a second, and the share of the time that the machine took."""
+        first, excuses = next_status(), Excuses(stalls, *pids)
+        time.sleep(for_s)
+        last = next_status()
+        readings, passed_s = readings_between(first, last)
+        return readings / passed_s, excuses.so_far_s() / passed_s
+
+    with processes([DRIVER, robot.endpoint]):
+        wait_for(lambda: min(robot.truth()[-1].speed_m_s) > 0.3, "the wheels turn")
+        quiet_hz, _ = rate_hz(1.0)
+        before_mb = resident_mb(pid)
+        rates = [tmp_path / f"rate{number}" for number in range(len(kinds))]
+        with processes(
+            *(
+                [FLOOD, robot.endpoint, kind, str(rate)]
+                for kind, rate in zip(kinds, rates, strict=True)
+            )
+        ):
+            flooded_hz, excuse = rate_hz(2.0)
+            halfway_mb = resident_mb(pid)
+            time.sleep(2.0)
+            grown_mb = resident_mb(pid) - before_mb
+            assert min(robot.truth()[-1].speed_m_s) > 0.3, app.latest("status")["why"]
+            excuses, now_ns = Excuses(stalls, *pids), time.monotonic_ns()
+            app.session.put("yahboomd/estop", b"{}")
+            stop = wait_for(lambda: wire.first(now_ns, is_stop), "the stop is on the wire")
+            excused_ms = excuses.so_far_s() * 1e3
+            after_ms = (stop.t_ns - now_ns) / 1e6
+            wait_for(lambda: max(map(abs, robot.truth()[-1].speed_m_s)) < 0.03, "they stand")
+            floods = [
+                f"{kind} at {float(rate.read_text()) / 1e3:.1f} kHz"
+                for kind, rate in zip(kinds, rates, strict=True)
+            ]
+        print(
+            f"{dialect}, {' and '.join(floods)}: "
+            f"stop {after_ms:.1f} ms after the e-stop was sent ({excused_ms:.0f} ms of waiting), "
+            f"{flooded_hz:.0f} readings a second after {quiet_hz:.0f} ({excuse:.0%} waiting), "
+            f"{grown_mb:+.1f} MB, {grown_mb + before_mb - halfway_mb:+.1f} MB of it late"
+        )
+        assert after_ms <= 50.0 + excused_ms
+        assert flooded_hz >= 0.9 * quiet_hz * (1.0 - min(excuse, 0.8)) - 1.0
+        assert grown_mb < 96.0
+        assert app.in_state("estopped")["why"].startswith("Emergency stop")
+        assert max(map(abs, robot.settled_truth().speed_m_s)) < 0.03
+    wire.close()
+    assert robot.daemon.process.poll() is None
+    assert "Traceback" not in robot.daemon.output
