@@ -5,6 +5,7 @@
     python -m benchmarks.fleet_load operator ROUTER COUNT SECONDS COMMANDS_HZ
     python -m benchmarks.fleet_load ears SECONDS ENDPOINT ...
     python -m benchmarks.fleet_load join ROUTER MODE COUNT
+    python -m benchmarks.fleet_load fill ROUTER SHARED MOST
 
 A robot here is a Zenoh client with a namespace that puts a pose of the daemon's size 50 times a
 second and hears its commands: what a router sees of a daemon, without the daemon. With HZ a router
@@ -25,7 +26,7 @@ import zenoh
 from zenoh.handlers import Callback, RingChannel
 
 from benchmarks.report import quantile
-from benchmarks.rig import client
+from benchmarks.rig import client, client_config
 from yahboomd.messages.native import PoseSample
 
 POSE_HZ = 50
@@ -183,16 +184,32 @@ def join(endpoint: str, mode: str, count: str) -> None:
     sessions = []
     before = time.process_time()
     for n in range(int(count)):
-        config = zenoh.Config()
-        config.insert_json5("mode", json.dumps(mode))
-        config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+        config = client_config(endpoint, mode=mode)
         config.insert_json5("listen/endpoints", "[]")
-        config.insert_json5("scouting/multicast/enabled", "false")
         sessions.append(zenoh.open(config))
         sessions[-1].declare_subscriber(f"bot{n}/cmd_vel", RingChannel(1))
     time.sleep(1.0)
     done = until_told()
     print("joined", time.process_time() - before, flush=True)
+    done.wait()
+    for session in sessions:
+        session.close()
+
+
+def fill(endpoint: str, shared: str, most: str) -> None:
+    """Idle clients, until the router takes no more or there are ``most``; prints how many."""
+    sessions: list[zenoh.Session] = []
+    config = client_config(endpoint, shared=shared == "shared")
+    # What is refused once is refused again; a router that is only busy takes a second try.
+    refused = 0
+    while len(sessions) < int(most) and refused < 3:
+        try:
+            sessions.append(zenoh.open(config))
+        except zenoh.ZError:
+            refused += 1
+            time.sleep(0.2)
+    done = until_told()
+    print("taken", len(sessions), flush=True)
     done.wait()
     for session in sessions:
         session.close()
@@ -205,5 +222,6 @@ if __name__ == "__main__":
         "operator": operator,
         "ears": ears,
         "join": join,
+        "fill": fill,
     }
     ROLES[sys.argv[1]](*sys.argv[2:])

@@ -156,12 +156,19 @@ def free_endpoint() -> str:
         return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
-def client(endpoint: str) -> zenoh.Session:
-    """A Zenoh client of a router on loopback, which may be about to start."""
+def client_config(endpoint: str, *, mode: str = "client", shared: bool = False) -> zenoh.Config:
+    """How a client joins; as the daemon does, it shares no memory with others of its machine."""
     config = zenoh.Config()
-    config.insert_json5("mode", '"client"')
+    config.insert_json5("mode", json.dumps(mode))
     config.insert_json5("connect/endpoints", json.dumps([endpoint]))
     config.insert_json5("scouting/multicast/enabled", "false")
+    config.insert_json5("transport/shared_memory/enabled", json.dumps(shared))
+    return config
+
+
+def client(endpoint: str) -> zenoh.Session:
+    """A Zenoh client of a router on loopback, which may be about to start."""
+    config = client_config(endpoint)
 
     def opened() -> zenoh.Session | None:
         try:
