@@ -11,9 +11,10 @@ import subprocess
 import sys
 import termios
 import tty
-from collections.abc import Callable, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator
 
 import pytest
+import serial_asyncio
 
 from yahboomd.clock import SystemClock
 from yahboomd.errors import LinkError, PortBusy, PortMissing
@@ -216,3 +217,88 @@ async def test_closing_a_port_that_takes_no_output_does_not_block(
         await asyncio.sleep(0)
     with pytest.raises(OSError, match="Bad file descriptor"):
         fcntl.fcntl(port._fd, fcntl.F_GETFD)
+
+
+# What the library does by itself, and why the port does not leave it to it.
+
+
+class Bare(asyncio.Protocol):
+    """Keeps what the library's own transport tells."""
+
+    def __init__(self) -> None:
+        self.told: list[Exception | None] = []
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self.told.append(exc)
+
+
+@pytest.fixture
+async def bare(device: Device) -> AsyncIterator[tuple[serial_asyncio.SerialTransport, Bare]]:
+    """The library alone, with output waiting that nobody takes."""
+    loop = asyncio.get_running_loop()
+    transport, protocol = await serial_asyncio.create_serial_connection(loop, Bare, device.path)
+    transport.write(b"x" * 100_000)
+    await turns()
+    assert transport.get_write_buffer_size()
+    yield transport, protocol
+    transport.abort()
+    await turns()
+
+
+async def turns() -> None:
+    """Enough turns of the loop for everything that needs no help from outside."""
+    for _ in range(50):
+        await asyncio.sleep(0)
+
+
+@pytest.fixture
+def unreadable(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
+    """From its call on, whoever reads is told that the device failed."""
+    read = os.read
+
+    def failing(fd: int, size: int) -> bytes:
+        if os.isatty(fd):
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        return read(fd, size)
+
+    return lambda: monkeypatch.setattr(os, "read", failing)
+
+
+async def test_the_library_alone_never_ends_a_close_with_output_that_nobody_takes(
+    bare: tuple[serial_asyncio.SerialTransport, Bare],
+) -> None:
+    transport, protocol = bare
+    transport.close()
+    await turns()
+    assert protocol.told == []
+    assert transport.serial.is_open
+    # And whoever goes on writing hears nothing of it.
+    transport.write(b"$spd:0,0,0,0#")
+    assert b"".join(transport._write_buffer).find(b"$spd") == -1
+
+
+async def test_the_library_alone_tells_nobody_of_a_read_that_failed_while_output_waits(
+    bare: tuple[serial_asyncio.SerialTransport, Bare],
+    device: Device,
+    unreadable: Callable[[], None],
+) -> None:
+    transport, protocol = bare
+    unreadable()
+    os.write(device.master, b"x")
+    await until(transport.is_closing)
+    await turns()
+    assert protocol.told == []
+
+
+async def test_a_read_that_fails_while_output_waits_is_reported(
+    port: SerialPort, device: Device, unreadable: Callable[[], None]
+) -> None:
+    gone: list[Exception | None] = []
+    port.listen(lambda _: None, gone.append)
+    while not port.pending:
+        port.write(b"x" * 1024)
+    unreadable()
+    os.write(device.master, b"x")
+    await until(lambda: gone)
+    assert len(gone) == 1
+    assert "Input/output error" in str(gone[0])

@@ -8,8 +8,8 @@ are mended here, at the edge:
 - its close calls ``tcdrain`` on the loop's thread, and the kernel waits again for output that
   nobody takes: both are cut short by discarding the output first, so draining is ours to do, with
   a deadline (:meth:`SerialPort.drain`);
-- a port that hangs up while output is waiting is closed without a word (``connection_lost`` never
-  comes): reading errors are reported from the serial object itself.
+- a read that fails while output is waiting makes it wait for the output first; where nobody takes
+  that, ``connection_lost`` never comes: reading errors are reported from the serial object itself.
 """
 
 from __future__ import annotations
