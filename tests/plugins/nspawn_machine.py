@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -107,7 +108,8 @@ class Machine:
         """Switch it off."""
         if self._process.poll() is None and getattr(self, "_leader", 0):
             # What systemd calls halting, said to process 1 of a container.
-            os.kill(self._leader, signal.SIGRTMIN + 3)
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(self._leader, signal.SIGRTMIN + 3)
         try:
             self._process.wait(20)
         except subprocess.TimeoutExpired:
@@ -122,6 +124,7 @@ class Machine:
         return int(children[0]) if children else 0
 
     def _is_up(self) -> bool:
-        self._find_leader()
+        # At first the only child is one that makes the container and ends.
+        self._leader = self._find_leader() or self._leader
         state = self.run("systemctl", "is-system-running", check=False).strip()
         return state in {"running", "degraded"}

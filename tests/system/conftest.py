@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -12,6 +12,9 @@ from service_bench import Bench, package_of_environment
 
 FIGURES: list[tuple[str, float, float]] = []
 """What was measured: the fault, seconds to slowing down, seconds to standing."""
+
+RATES: list[tuple[str, float]] = []
+"""What was measured: a fault that lasts, lines in the journal per minute."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -27,12 +30,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    if not FIGURES:
-        return
-    terminalreporter.section("wheels under a fault, at 0.3 m/s")
-    terminalreporter.line(f"{'fault':<28}{'slower after':>14}{'standing after':>16}")
+    if FIGURES:
+        terminalreporter.section("wheels under a fault, at 0.3 m/s")
+        terminalreporter.line(f"{'fault':<28}{'slower after':>14}{'standing after':>16}")
     for fault, slower_s, standing_s in FIGURES:
         terminalreporter.line(f"{fault:<28}{slower_s:>12.2f} s{standing_s:>14.2f} s")
+    if RATES:
+        terminalreporter.section("journal under a fault that lasts")
+    for fault, per_minute in RATES:
+        terminalreporter.line(f"{fault:<48}{per_minute:>6.0f} lines/min")
 
 
 @pytest.fixture(scope="session")
@@ -65,6 +71,12 @@ def bench(machine: Machine) -> Iterator[Bench]:
 @pytest.fixture
 def figure() -> FigureTaker:
     return FigureTaker()
+
+
+@pytest.fixture
+def rate() -> Callable[[str, float], None]:
+    """Writes a measured rate into the table."""
+    return lambda fault, per_minute: RATES.append((fault, per_minute))
 
 
 class FigureTaker:

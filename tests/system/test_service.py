@@ -7,7 +7,8 @@ import signal
 import time
 
 import pytest
-from service_bench import SERVICE
+from nspawn_machine import wait_until
+from service_bench import PYTHON, SERVICE
 
 pytestmark = [pytest.mark.realtime, pytest.mark.timeout(300)]
 main_claim = pytest.mark.main_claim
@@ -155,6 +156,72 @@ def test_a_board_that_is_away_for_long_is_told_once(bench) -> None:
     assert len(bench.journal()) <= told + 4
 
 
+def test_a_listen_port_that_another_process_has_is_waited_for_with_few_words(bench, rate) -> None:
+    machine = bench.machine
+    machine.run("systemctl", "stop", SERVICE)
+    machine.run(
+        *("systemd-run", "--quiet", "--unit=squatter.service", PYTHON, "-c"),
+        "import socket, time; s = socket.create_server(('127.0.0.1', 7448)); time.sleep(1e6)",
+    )
+    wait_until(lambda: "LISTEN" in _listeners(machine), "the port is taken")
+    try:
+        told, began_s = len(bench.journal()), time.monotonic()
+        machine.run("systemctl", "start", "--no-block", SERVICE)
+        wait_until(
+            lambda: bench.status().startswith("waiting for the bus: The bus cannot listen on"),
+            "STATUS= says what it waits for",
+        )
+        assert machine.show(SERVICE, "ActiveState") == "activating"
+        # Over its patience with one start, so that what a restart says is counted too.
+        wait_until(lambda: machine.show(SERVICE, "NRestarts") != "0", "a restart", 90.0)
+        elapsed_s = max(60.0, time.monotonic() - began_s)
+        lines = bench.journal()[told:]
+        per_minute = 60.0 * len(lines) / elapsed_s
+        rate("another process has the listen port", per_minute)
+        assert per_minute <= 12, lines
+        assert any("keeps trying" in text for _, text in lines), lines
+        # `systemctl stop` does not have to wait for the bus.
+        wait_until(lambda: bench.status().startswith("waiting for the bus"), "it waits again")
+        machine.run("systemctl", "stop", SERVICE)
+        assert machine.show(SERVICE, "Result") == "success"
+        machine.run("systemctl", "start", "--no-block", SERVICE)
+        wait_until(lambda: bench.status().startswith("waiting for the bus"), "it waits again")
+        before = bench.pid()
+    finally:
+        machine.run("systemctl", "stop", "squatter.service")
+    # The same process, no restart: the port is free and the bus stands.
+    bench.wait_for_status("standing")
+    assert bench.pid() == before
+    bench.drive()
+
+
+def test_a_daemon_that_fails_at_every_start_does_not_fill_the_journal(bench, rate) -> None:
+    machine = bench.machine
+    # As long as a traceback, each second and a half, and it would be for ever.
+    script = "#!/bin/sh\nfor each in $(seq 60); do echo a line of a traceback; done\nexit 70\n"
+    (machine.shared / "fails").write_text(script)
+    (machine.shared / "fails").chmod(0o755)
+    dropin = "/run/systemd/system/yahboomd.service.d/test.conf"
+    machine.run("mkdir", "-p", "/run/systemd/system/yahboomd.service.d")
+    settings = "[Service]\\nExecStart=\\nExecStart=/run/shared/fails\\n"
+    machine.run("sh", "-c", f"printf '{settings}' > {dropin}")
+    try:
+        machine.run("systemctl", "daemon-reload")
+        told = len(bench.journal())
+        machine.run("systemctl", "restart", SERVICE, check=False)
+        time.sleep(60.0)
+        per_minute = len(bench.journal()) - told
+        restarts = int(machine.show(SERVICE, "NRestarts"))
+        rate(f"{restarts} starts that failed with 60 lines each", per_minute)
+        assert restarts > 15
+        assert per_minute < 1200
+    finally:
+        machine.run("rm", "-f", dropin)
+        machine.run("systemctl", "daemon-reload")
+        machine.run("systemctl", "restart", SERVICE)
+    bench.wait_for_status("standing")
+
+
 def test_it_runs_as_its_own_user_without_any_right_of_root(bench) -> None:
     pid = bench.pid()
     status = bench.machine.run("cat", f"/proc/{pid}/status")
@@ -205,6 +272,12 @@ def test_udev_has_nothing_to_say_about_the_rule(machine) -> None:
         pytest.skip(f"systemd {version} has no udevadm verify")
     said = machine.run("udevadm", "verify", "/usr/lib/udev/rules.d/95-yahboomd.rules")
     assert re.search(r"^\s*Fail:\s+0$", said, re.MULTILINE), said
+
+
+def _listeners(machine) -> str:
+    # ss is not part of a small Debian. 1D18 is 7448, 0A listening.
+    table = machine.run("cat", "/proc/net/tcp")
+    return "LISTEN" if re.search(r":1D18 \S+ 0A ", table) else ""
 
 
 def _environment(setting: str) -> str:
