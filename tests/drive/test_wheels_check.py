@@ -405,3 +405,29 @@ def test_a_wheel_is_cut_only_for_a_speed_that_is_proven(proven: float, cut: bool
         for fault in check.measure(at_ms * MS, [1.2], [10], proven_m_s=[proven]):
             kinds.add(fault.kind)
     assert ("runaway_fast" in kinds) is cut
+
+
+def test_no_reading_that_the_next_one_contradicts_cuts_a_motor() -> None:
+    check = WheelsCheck(["left"], metres_per_tick=[METRES_PER_TICK])
+    check.command(0, [0.2])
+    per_reading = 25
+    speed = per_reading * METRES_PER_TICK / 0.02
+    for n in range(1, 60):
+        wrong = 400 if n % 10 == 0 else -400 if n % 10 == 1 and n > 1 else 0
+        # A speed is taken over several readings, and stays wrong for as long.
+        seen = 1.2 if n % 10 < 4 else speed
+        assert check.measure(n * 20 * MS, [seen], [per_reading + wrong]) == ()
+
+
+def test_a_wheel_that_all_readings_show_running_is_cut_within_100_ms() -> None:
+    check = WheelsCheck(["left"], metres_per_tick=[METRES_PER_TICK])
+    check.command(0, [0.2])
+    for n in range(1, 30):
+        assert check.measure(n * 20 * MS, [0.2], [25]) == ()
+    for n in range(30, 40):
+        found = check.measure(n * 20 * MS, [1.0], [125])
+        if found:
+            assert [fault.action for fault in found] == ["cut"]
+            assert (n - 29) * 20 <= 100
+            return
+    pytest.fail("nothing was found")

@@ -37,15 +37,73 @@ def test_the_wrap_of_the_board_is_a_small_step(encoders):
     assert encoders.totals == (33, -16)
 
 
-@given(start=int32, steps=st.lists(st.integers(-70, 70), max_size=30))
-def test_totals_are_the_sum_of_the_steps_wherever_counting_starts(kit, start, steps):
+@given(start=int32, changes=st.lists(st.integers(-9, 9), max_size=40))
+def test_totals_are_the_sum_of_the_steps_wherever_counting_starts(kit, start, changes):
     encoders = Encoders(kit.motors(), speed_max_m_s=2.0)
     feed(encoders, (start, start), 0, 0)
-    raw = start
-    for index, step in enumerate(steps):
+    # A wheel gains or loses up to 14 m/s in a second: more than its tyre holds.
+    raw, step = start, 0
+    for index, change in enumerate(changes):
+        step = max(-70, min(70, step + change))
         raw += step
         assert feed(encoders, (wrapped(raw), start), 10 * index, 10) == "travel"
-    assert encoders.totals == (sum(steps), 0)
+    assert encoders.totals == (raw - start, 0)
+
+
+def test_a_wheel_that_is_blocked_or_let_go_is_believed_one_reading_later(encoders):
+    raw = 3_000_000
+    feed(encoders, (raw, raw), 0, 0)
+    for n in range(1, 6):
+        raw += 120
+        assert feed(encoders, (raw, raw), 20 * n, 20) == "travel"
+    assert feed(encoders, (raw + 5, raw + 120), 120, 20) == "held"
+    assert feed(encoders, (raw + 5, raw + 240), 140, 40) == "travel"
+    for n in range(3, 7):
+        assert feed(encoders, (raw + 5, raw + 120 * n), 100 + 20 * n, 20) == "travel"
+    assert feed(encoders, (raw + 105, raw + 840), 240, 20) == "held"
+    assert feed(encoders, (raw + 205, raw + 960), 260, 40) == "travel"
+    assert encoders.totals == (805, 1560)
+
+
+@pytest.mark.parametrize("period_ms", [10, 20])
+@pytest.mark.parametrize("wrong", [80, -100, 200, 400])
+def test_a_digit_that_is_wrong_for_one_reading_is_never_counted(encoders, period_ms, wrong):
+    raw, step = 3_000_000, 3 * period_ms
+    feed(encoders, (raw, raw), 0, 0)
+    for n in range(1, 6):
+        raw += step
+        assert feed(encoders, (raw, raw), period_ms * n, period_ms) == "travel"
+    raw += step
+    assert feed(encoders, (raw + wrong, raw), period_ms * 6, period_ms) == "held"
+    raw += step
+    assert feed(encoders, (raw, raw), period_ms * 7, 2 * period_ms) == "travel"
+    assert encoders.totals == (7 * step, 7 * step)
+
+
+def test_two_digits_that_are_wrong_one_after_the_other_do_not_witness_each_other(encoders):
+    raw = 3_000_000
+    feed(encoders, (raw, raw), 0, 0)
+    for n in range(1, 6):
+        raw += 40
+        assert feed(encoders, (raw, raw), 20 * n, 20) == "travel"
+    # The wheel could have rolled from each to the next, but not so evenly.
+    assert feed(encoders, (raw + 240, raw + 40), 120, 20) == "held"
+    assert feed(encoders, (raw + 180, raw + 80), 140, 40) == "held"
+    assert feed(encoders, (raw + 120, raw + 120), 160, 60) == "travel"
+    assert encoders.totals == (320, 320)
+
+
+def test_a_garbled_reading_that_was_believed_does_not_tell_where_the_wheel_is_heading(encoders):
+    raw = 3_000_000
+    feed(encoders, (raw, raw), 0, 0)
+    for n in range(1, 6):
+        raw += 10
+        assert feed(encoders, (raw, raw), 10 * n, 10) == "travel"
+    # Too little to be told from travel.
+    assert feed(encoders, (raw + 10 + 20, raw + 10), 60, 10) == "travel"
+    for n in range(2, 6):
+        assert feed(encoders, (raw + 10 * n, raw + 10 * n), 50 + 10 * n, 10) == "travel"
+    assert encoders.totals == (100, 100)
 
 
 def test_a_reversed_encoder_counts_forward(kit):
@@ -181,6 +239,16 @@ def test_travel_that_fits_a_gap_is_kept(encoders):
     assert feed(encoders, (504_000, 404_100), 2000, 2000) == "held"
     assert feed(encoders, (504_020, 404_120), 2010, 2010) == "gap_kept"
     assert encoders.totals == (4020, 4120)
+
+
+def test_after_a_gap_a_garbled_reading_is_no_witness(encoders):
+    feed(encoders, (500_000, 400_000), 0, 0)
+    encoders.announce("gap")
+    # The wheel could have rolled from each to the next, but not so fast as it did before.
+    assert feed(encoders, (500_400, 400_400), 400, 400) == "held"
+    assert feed(encoders, (501_480, 400_480), 480, 480) == "held"
+    assert feed(encoders, (500_560, 400_560), 560, 560) == "gap_kept"
+    assert encoders.totals == (560, 560)
 
 
 def test_counters_that_zero_could_have_reached_are_not_travel(encoders):

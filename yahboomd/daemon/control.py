@@ -310,6 +310,7 @@ class Controller:
             estimate.motor_speed_m_s,
             estimate.motor_ticks,
             None if asked_ns is None else (asked_ns, reading.received_ns),
+            reading.received_ns,
         )
         for fault in faults:
             self._trouble(fault, now_ns)

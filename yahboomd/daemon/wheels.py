@@ -73,9 +73,12 @@ class Wheels:
         self._motors = motors
         self._at_rest = at_rest
         self._counters = counters
-        self._check = WheelsCheck(names, min_speed_m_s=min_speed_m_s)
+        metres_per_tick = [motor.metres_per_tick for motor in motors]
+        self._check = WheelsCheck(
+            names, min_speed_m_s=min_speed_m_s, metres_per_tick=metres_per_tick
+        )
         self._stop_watch = StopWatch(names)
-        self._proven = ProvenSpeeds([motor.metres_per_tick for motor in motors])
+        self._proven = ProvenSpeeds(metres_per_tick)
         self._board: Board | None = None
         self._released = False
         self._stop_due_ns: int | None = None
@@ -202,6 +205,7 @@ class Wheels:
         speeds_m_s: tuple[float, ...],
         ticks: tuple[int, ...],
         sampled_ns: tuple[int, int] | None = None,
+        received_ns: int | None = None,
     ) -> tuple[Fault, ...]:
         """Take in what was measured.
 
@@ -211,6 +215,7 @@ class Wheels:
             ticks: Travelled counts of each motor since the start.
             sampled_ns: The board sampled them no earlier and no later than this, where the stamp is
                 only the likeliest moment between.
+            received_ns: When they arrived, where that is known besides the stamp.
 
         Returns:
             The troubles that began with it.
@@ -226,7 +231,9 @@ class Wheels:
         if sampled_ns is not None:
             # With nothing to compare with yet, no speed is proven.
             proven = self._proven.see(*sampled_ns, ticks) or self.zeros
-        return self._check.measure(stamp_ns, speeds_m_s, deltas, proven_m_s=proven)
+        return self._check.measure(
+            stamp_ns, speeds_m_s, deltas, proven_m_s=proven, received_ns=received_ns
+        )
 
     @property
     def stopped(self) -> bool:

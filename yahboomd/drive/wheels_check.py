@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import msgspec
 
+from yahboomd.drive.witnesses import Witnesses
 from yahboomd.model import Event
 
 if TYPE_CHECKING:
@@ -105,13 +106,24 @@ class WheelsCheck:
         motors: Their names.
         min_speed_m_s: Below this command, missing counts prove nothing.
         latency_s: From a command's way into the link to the first reading that can show it.
+        metres_per_tick: Rim travel of one count, for each motor: with it, no single reading cuts a
+            motor.
     """
 
     def __init__(
-        self, motors: Sequence[str], *, min_speed_m_s: float = 0.08, latency_s: float = 0.06
+        self,
+        motors: Sequence[str],
+        *,
+        min_speed_m_s: float = 0.08,
+        latency_s: float = 0.06,
+        metres_per_tick: Sequence[float] | None = None,
     ) -> None:
+        witnesses: list[Witnesses | None] = [None] * len(motors)
+        if metres_per_tick is not None:
+            witnesses = [Witnesses(each) for each in metres_per_tick]
         self._watches = [
-            _Watch(name, min_speed_m_s, round(latency_s * NS_PER_S)) for name in motors
+            _Watch(name, min_speed_m_s, round(latency_s * NS_PER_S), each)
+            for name, each in zip(motors, witnesses, strict=True)
         ]
         self._measured_ns: int | None = None
 
@@ -133,6 +145,7 @@ class WheelsCheck:
         ticks: Sequence[int],
         *,
         proven_m_s: Sequence[float] | None = None,
+        received_ns: int | None = None,
     ) -> tuple[Fault, ...]:
         """Judge a reading.
 
@@ -143,6 +156,7 @@ class WheelsCheck:
             ticks: What each motor counted since the last reading, positive forward.
             proven_m_s: The least that the speeds can be (:mod:`~yahboomd.drive.proven_speed`), for
                 a board whose readings may be stamped too early or too late: nobody is cut for more.
+            received_ns: When it arrived, where that is known besides the stamp.
 
         Returns:
             The troubles that began with it.
@@ -156,6 +170,8 @@ class WheelsCheck:
         if stamp_ns <= before:
             self._measured_ns = before
             return ()
+        for watch, count in zip(self._watches, ticks, strict=True):
+            watch.hear(received_ns or stamp_ns, count)
         faults = [
             fault
             for watch, speed, count, proven in zip(
@@ -192,8 +208,11 @@ def _nearer(speed: float, proven: float) -> float:
 class _Watch:
     """One motor."""
 
-    def __init__(self, name: str, min_speed_m_s: float, latency_ns: int) -> None:
+    def __init__(
+        self, name: str, min_speed_m_s: float, latency_ns: int, witnesses: Witnesses | None
+    ) -> None:
         self._name = name
+        self._witnesses = witnesses
         self._min_speed_m_s = min_speed_m_s
         self._latency_ns = latency_ns
         self._commanded: float | None = None
@@ -215,6 +234,8 @@ class _Watch:
         self._creeping_ns: int | None = None
         self._slow_ns: int | None = None
         self._known: set[FaultKind] = set()
+        if self._witnesses is not None:
+            self._witnesses.forget()
 
     def command(self, now_ns: int, speed_m_s: float | None) -> None:
         if speed_m_s == self._commanded:
@@ -229,6 +250,10 @@ class _Watch:
             self._past.append((now_ns, self._commanded))
             self._forget(now_ns - GAP_NS)
         self._commanded = speed_m_s
+
+    def hear(self, received_ns: int, ticks: int) -> None:
+        if self._witnesses is not None:
+            self._witnesses.hear(received_ns, ticks)
 
     def measure(
         self, before_ns: int, now_ns: int, speed: float, ticks: int, proven: float
@@ -281,6 +306,10 @@ class _Watch:
             return None
         if self._known & {"runaway_against", "runaway_fast"}:
             return None
+        if self._witnesses is not None:
+            agreed = self._witnesses.speed_m_s()
+            if agreed is None or least <= agreed <= most:
+                return None
         against = speed * (self._commanded or 0.0) < 0.0
         return self._new("runaway_against" if against else "runaway_fast", "cut", speed)
 

@@ -31,9 +31,17 @@ AGREE_ELSEWHERE = 5
 believe counters that are elsewhere for no reason (a lossy line drops the same digit twice in a row
 more often than one thinks)."""
 
-STRAY_M = 0.025
-"""A step that ends so far from where the wheel was heading waits for a second reading to agree.
-Between two readings in a row no motor gains so much; after a few lost ones a garbled digit does."""
+STRAY_M = 0.002
+STRAY_M_S = 0.25
+STRAY_NS = 8_000_000
+STRAY_MOST_M = 0.025
+"""A step that ends so far from where the wheel was heading waits for others to agree: a little, and
+more with the time that it had to change its speed, and with its pace, as nobody knows to the
+millisecond when a board sampled. A wheel that is blocked or let go strays as well, and is believed
+one reading later; a digit that was garbled on its way is contradicted by that."""
+
+AGREE_STRAYED = 3
+"""So many readings in a row that one wheel could have made, however unevenly they came."""
 
 ELSEWHERE_NS = 200_000_000
 """And for so long. A garbled line that was taken for travel is taken back by the lines after it as
@@ -88,10 +96,13 @@ class Encoders:
     def __init__(self, motors: tuple[Motor, ...], *, speed_max_m_s: float) -> None:
         self._channels = tuple((motor.position - 1, motor.encoder_sign) for motor in motors)
         self._ns_per_tick = tuple(motor.metres_per_tick / speed_max_m_s * 1e9 for motor in motors)
-        self._stray_ticks = tuple(STRAY_M / motor.metres_per_tick for motor in motors)
+        self._ticks_per_m = tuple(1.0 / motor.metres_per_tick for motor in motors)
         self._zero = (0,) * len(motors)
         self._still = (0.0,) * len(motors)
-        self._pace = self._still  # counts in a nanosecond
+        # Counts in a nanosecond, of the last three steps and their median; after a break nobody
+        # knows them.
+        self._paces: tuple[tuple[float, ...], ...] = ()
+        self._pace = self._still
         self._last: Counts | None = None
         self._suspect: tuple[Counts, int, int] | None = None
         self._notice: Notice = "none"
@@ -154,7 +165,7 @@ class Encoders:
             if least_ns <= elapsed_ns and not self._strays(deltas, ticks, sent_ns, elapsed_ns):
                 self._suspect = None
                 if elapsed_ns > 0:
-                    self._pace = tuple([delta / elapsed_ns for delta in deltas])
+                    self._go_on(tuple([delta / elapsed_ns for delta in deltas]))
                 return Verdict(
                     outcome="travel",
                     ticks=ticks,
@@ -163,8 +174,11 @@ class Encoders:
                     least_ns=least_ns,
                 )
         agreed = 1 + self._agreed(ticks, sent_ns)
+        sure = self._notice == "gap" and self._witnessed(
+            self.since(last, ticks), ticks, sent_ns, elapsed_ns
+        )
         self._suspect = (ticks, sent_ns, agreed)
-        return self._settle(last, ticks, elapsed_ns, agreed)
+        return self._settle(last, ticks, elapsed_ns, agreed, sure)
 
     def accept(self, verdict: Verdict) -> None:
         """Count the travel of a verdict and go on from its reading."""
@@ -172,20 +186,69 @@ class Encoders:
         if verdict.outcome != "travel":
             self._suspect = None
             self._notice = "none"
+            self._paces = ()
             self._pace = self._still
+        elif verdict.deltas is self._zero:
+            self._go_on(self._still)
         if verdict.deltas is not self._zero:
             self.totals = tuple(
                 [total + delta for total, delta in zip(self.totals, verdict.deltas, strict=True)]
             )
 
+    def _go_on(self, pace: tuple[float, ...]) -> None:
+        """A garbled reading makes one pace too fast and the next too slow: neither is believed."""
+        self._paces = paces = (*self._paces[-2:], pace)
+        if len(paces) < 3:
+            self._pace = pace
+            return
+        self._pace = tuple(
+            [a + b + c - max(a, b, c) - min(a, b, c) for a, b, c in zip(*paces, strict=True)]
+        )
+
     def _strays(
         self, deltas: tuple[int, ...], ticks: Counts, sent_ns: int, elapsed_ns: float
     ) -> bool:
         """Whether a step is unlikely, and nothing but this reading tells of it."""
-        for delta, pace, most in zip(deltas, self._pace, self._stray_ticks, strict=True):
-            if abs(delta - pace * elapsed_ns) > most:
-                return self._fell(deltas, ticks) or not self._agreed(ticks, sent_ns)
+        stray_m = STRAY_MOST_M
+        if self._paces:
+            stray_m = min(stray_m, STRAY_M + STRAY_M_S * 1e-9 * elapsed_ns)
+        for delta, pace, ticks_per_m in zip(deltas, self._pace, self._ticks_per_m, strict=True):
+            if abs(delta - pace * elapsed_ns) > stray_m * ticks_per_m + abs(pace) * STRAY_NS:
+                if self._fell(deltas, ticks) or not self._witnessed(
+                    deltas, ticks, sent_ns, elapsed_ns
+                ):
+                    return True
+                # So it did change its speed.
+                self._paces = ()
+                return False
         return False
+
+    def _witnessed(
+        self, deltas: tuple[int, ...], ticks: Counts, sent_ns: int, elapsed_ns: float
+    ) -> bool:
+        """Whether the reading before tells of the same motion as this one.
+
+        Between the two a wheel went on at its old pace, at its mean one since, or, where it changed
+        its speed all the time, as far beyond that. What a garbled digit added to one of them, the
+        other takes away.
+        """
+        agreed = self._agreed(ticks, sent_ns)
+        if not agreed or self._suspect is None or elapsed_ns <= 0:
+            return False
+        if agreed + 1 >= AGREE_STRAYED:
+            return True
+        then, then_ns, _ = self._suspect
+        apart_ns = min(max(0, sent_ns - then_ns), elapsed_ns)
+        stray_m = min(STRAY_MOST_M, STRAY_M + STRAY_M_S * 1e-9 * apart_ns)
+        for step, delta, pace, ticks_per_m in zip(
+            self.since(then, ticks), deltas, self._pace, self._ticks_per_m, strict=True
+        ):
+            beyond = 2.0 * delta / elapsed_ns - pace
+            low, high = min(pace, beyond), max(pace, beyond)
+            slack = stray_m * ticks_per_m + max(-low, high) * STRAY_NS
+            if not low * apart_ns - slack <= step <= high * apart_ns + slack:
+                return False
+        return True
 
     def _fell(self, deltas: tuple[int, ...], ticks: Counts) -> bool:
         """Whether counting from zero explains a step better than travel does.
@@ -209,7 +272,9 @@ class Encoders:
         least_ns = self.least_ns(self.since(then, ticks))
         return agreed if least_ns <= sent_ns - then_ns + AGREE_SLACK_NS else 0
 
-    def _settle(self, last: Counts, ticks: Counts, elapsed_ns: float, agreed: int) -> Verdict:
+    def _settle(
+        self, last: Counts, ticks: Counts, elapsed_ns: float, agreed: int, sure: bool
+    ) -> Verdict:
         held = Verdict(outcome="held", ticks=ticks, deltas=self._zero)
         if agreed < AGREE_ANNOUNCED:
             return held
@@ -219,6 +284,8 @@ class Encoders:
         # What is counted here shares its one tick of grace with the step that follows.
         room_ns = elapsed_ns - max(self._ns_per_tick)
         if self._notice == "gap":
+            if not sure:
+                return held
             untouched = not any(travel) and max(map(abs, from_zero)) >= UNMISTAKABLE_TICKS
             # Beyond half the range the counters may have gone round more than once.
             fits = self.least_ns(travel) <= room_ns < HALF * min(self._ns_per_tick)
