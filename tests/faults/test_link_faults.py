@@ -6,13 +6,17 @@ On virtual time. The same on a real pty is in ``test_link_real.py``.
 from __future__ import annotations
 
 import asyncio
+import errno
+import os
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from board_bench import BoardPort
-from fault_bench import CUT, DIALECTS, MS, FaultBench, first_stop_ns, is_stop
+from fault_bench import CUT, DIALECTS, MS, FaultBench, assert_no_jump, first_stop_ns, is_stop
 
 from yahboomd.simulation.options import FlashContent, SimulationOptions
+from yahboomd.simulation.robot import SimulatedRobot
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 
@@ -125,6 +129,62 @@ async def test_bytes_that_come_one_by_one_and_late_drive_as_well(
         assert set(bench.heard.kinds) == {"connected"}
 
 
+class HalvingPort(BoardPort):
+    """Of everything that either side says, every so many-th line is broken off in its middle."""
+
+    every = 0
+
+    def __init__(self, robot: SimulatedRobot) -> None:
+        super().__init__(robot)
+        self._said = 0
+
+    def _half(self, data: bytes) -> bytes:
+        self._said += 1
+        if not self.every or self._said % self.every:
+            return data
+        return data[: len(data) // 2]
+
+    def listen(self, on_data: Callable[[bytes], None], on_lost: object) -> None:
+        super().listen(lambda data: on_data(self._half(data)), on_lost)
+
+    def write(self, data: bytes) -> None:
+        super().write(self._half(data))
+
+
+class HalvingBench(FaultBench):
+    async def _open(self) -> BoardPort:
+        self.port = HalvingPort(self.robot)
+        self.ports.append(self.port)
+        return self.port
+
+
+@pytest.mark.parametrize("every", [2, 3, 7])
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_half_frames_either_way_may_stop_the_robot_and_move_nothing_that_was_not_commanded(
+    tmp_path: Path, dialect: str, every: int
+) -> None:
+    simulation = SimulationOptions(dialect=dialect)  # type: ignore[arg-type]
+    async with HalvingBench(tmp_path, (), simulation) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.3)
+        assert isinstance(bench.port, HalvingPort)
+        bench.port.every = every
+        now_ns = bench.clock.now_ns()
+        await bench.drive(3.0, 0.3)
+        assert alive(bench)
+        assert bench.fastest_since(now_ns) < 0.4
+        assert_no_jump(bench.heard.estimates)
+        bench.operator.engage_estop("a test")
+        await asyncio.sleep(1.5)
+        assert bench.standing
+        bench.port.every = 0
+        await asyncio.sleep(1.5)
+        assert bench.operator.release_estop()[0]
+        await bench.drive(1.0, 0.3)
+        assert min(bench.rim_speeds) > 0.2
+
+
 # Resets.
 
 
@@ -194,6 +254,30 @@ async def test_after_a_replug_the_wheels_are_stopped_before_anything_else(
         assert orders[0][0] - back_ns <= 1000 * MS
         assert bench.standing
         assert (bench.stood_at(back_ns) - back_ns) <= 1500 * MS
+        assert alive(bench)
+
+
+@pytest.mark.parametrize("code", [errno.EIO, errno.ENODEV, errno.ENXIO, errno.EBADF, None])
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_whatever_the_kernel_calls_a_lost_port_it_is_opened_anew_and_the_wheels_stopped(
+    tmp_path: Path, dialect: str, code: int | None
+) -> None:
+    async with robot(tmp_path, dialect=dialect) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.3)
+        assert bench.port is not None
+        now_ns = bench.clock.now_ns()
+        # A hang-up has no number.
+        bench.port._memory.on_lost(None if code is None else OSError(code, os.strerror(code)))
+        await bench.drive(0.5, 0.3)
+        orders = bench.orders_since(now_ns + 1)
+        assert is_stop(orders[0][1])
+        assert orders[0][0] - now_ns <= 200 * MS
+        assert "the port went away" in bench.events("disconnected")[0]
+        await bench.ready()
+        await bench.drive(1.0, 0.3)
+        assert min(bench.rim_speeds) > 0.2
         assert alive(bench)
 
 

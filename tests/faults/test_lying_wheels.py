@@ -12,7 +12,7 @@ import pytest
 from fault_bench import CUT, DIALECTS, MS, FaultBench, is_stop
 
 from yahboomd.simulation.motors import MotorFaults
-from yahboomd.simulation.options import FlashContent, SimulationOptions
+from yahboomd.simulation.options import FlashContent, SimulationOptions, Wiring
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 CUT_WITHIN_NS = 150 * MS
@@ -210,6 +210,53 @@ async def test_a_repaired_wheel_drives_again_once_a_person_cleared_the_fault(
         assert released, why
         await bench.drive(1.0, 0.3)
         assert min(bench.rim_speeds) > 0.2
+
+
+# A profile or a configuration that is not this robot's.
+
+AT_TWO = (
+    Wiring(name="left", position=1, corner="left"),
+    Wiring(name="right", position=2, corner="right"),
+)
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_a_motor_at_another_position_than_configured_is_named_and_stops_the_base(
+    tmp_path: Path, dialect: str
+) -> None:
+    async with robot(tmp_path, dialect=dialect, wiring=AT_TWO) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.3)
+        await asyncio.sleep(0.5)
+        assert bench.standing
+        state, why = bench.controller.state()
+        assert state == "fault"
+        assert why.startswith("right is commanded 0.30 m/s")
+        assert "the position" in why
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize(("profile", "motor_type"), [("310", 2), ("tt", 3)])
+@on_virtual_time
+async def test_motors_of_another_kind_than_profile_and_board_believe_are_cut_and_named(
+    tmp_path: Path, profile: str, motor_type: int, dialect: str
+) -> None:
+    # Configuration and board agree; the motors are 520, whose phases run the other way.
+    flash = FlashContent(motor_type=motor_type)
+    overrides = [f'board.profile="{profile}"']
+    async with robot(tmp_path, *overrides, dialect=dialect, flash=flash) as bench:
+        await bench.ready()
+        began_ns = bench.clock.now_ns()
+        await bench.drive(1.5, 0.3)
+        at_ns = cut_ns(bench, began_ns)
+        assert at_ns is not None
+        assert all(is_stop(order) for _, order in bench.orders_since(at_ns))
+        await asyncio.sleep(1.0)
+        assert bench.standing
+        assert bench.controller.state()[0] == "fault"
+        assert {"left", "right"} & {event.wheel for event in bench.heard.events}
+        assert "check" in bench.controller.state()[1]
 
 
 # Policies.

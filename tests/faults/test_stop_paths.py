@@ -94,6 +94,24 @@ async def test_the_stop_is_on_the_wire_within_50_ms_and_nothing_moves_after_it(
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize("end", AT_ONCE)
+@on_virtual_time
+async def test_no_stop_but_that_of_silence_is_softened_by_the_limits(
+    tmp_path: Path, dialect: str, end: End
+) -> None:
+    gentle = "limits.linear={velocity=1.0,acceleration=2.5,deceleration=0.1}"
+    async with robot(tmp_path, gentle, "command.on_timeout=ramp", dialect=dialect) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.4)
+        now_ns = bench.clock.now_ns()
+        await end(bench)
+        await asyncio.sleep(0.5)
+        assert bench.standing
+        # At 0.1 m/s^2 it would have taken four seconds.
+        assert bench.stood_at(now_ns) - now_ns < 500 * MS
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
 async def test_a_speed_that_waits_its_turn_is_not_said_after_the_last_stop(
     tmp_path: Path, dialect: str
