@@ -37,3 +37,61 @@ def test_every_room_says_what_it_is_for() -> None:
     for room in sorted(ROOMS):
         text = (ROOT / "yahboomd" / room / "__init__.py").read_text()
         assert text.startswith('"""'), room
+
+
+SAFETY = (ROOT / "docs" / "safety.md").read_text()
+TESTS = {
+    name
+    for path in (ROOT / "tests").rglob("test_*.py")
+    for name in re.findall(r"^(?:async )?def (test_\w+)", path.read_text(), re.MULTILINE)
+}
+FAULTS = [
+    *("command silence", "a source that dies", "e-stop", "lost bus", "SIGTERM, SIGINT, SIGHUP"),
+    *("cancelled task", "SIGKILL, abort, out of memory", "hung event loop", "not obeyed"),
+    *("backlog", "hand-over", "gentle deceleration"),
+    *("unplugged and back", "another device node", "EIO, ENODEV, a hang-up", "silent", "hangs"),
+    *("babbles", "takes no output", "20 % of the bytes", "half frames", "resets in motion"),
+    *("brown-out", "three resets in 10 s", "missing", "went on counting", "near to zero"),
+    *("flood", "against its command", "counts stay away", "stalled", "without command"),
+    *("motor unplugged", "another kind", "settings that would run away"),
+]
+
+
+def rows() -> list[list[str]]:
+    """The rows of the tables that say what shows a thing, in cells."""
+    cells = [
+        [cell.strip() for cell in line.strip("|").split("|")]
+        for line in SAFETY.splitlines()
+        if line.startswith("|") and not line.startswith("|---")
+    ]
+    return [row for row in cells if row[-1] != "shown by"]
+
+
+def test_every_test_that_the_safety_page_names_exists() -> None:
+    named = set(re.findall(r"`(test_\w+)`", SAFETY))
+    assert len(named) > 50
+    assert named - TESTS == set()
+
+
+def test_every_fault_of_the_safety_page_says_what_happens_what_is_told_and_what_shows_it() -> None:
+    assert len(rows()) > 30
+    for row in rows():
+        assert len(row) == 4, row
+        assert all(row), row
+        assert re.fullmatch(r"`test_\w+`(, `test_\w+`)*", row[-1]), row
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_every_fault_that_is_known_is_on_the_safety_page(fault: str) -> None:
+    assert any(fault in cell for row in rows() for cell in row[:2]), fault
+
+
+def test_no_test_of_a_fault_is_missing_from_the_safety_page() -> None:
+    """A fault that has a test and no row would be one that no reader learns of."""
+    missing = [
+        path.name
+        for path in (ROOT / "tests" / "faults").glob("test_*.py")
+        if not set(re.findall(r"def (test_\w+)", path.read_text()))
+        & set(re.findall(r"`(test_\w+)`", SAFETY))
+    ]
+    assert missing == []
