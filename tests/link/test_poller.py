@@ -16,12 +16,18 @@ from yahboomd.simulation.virtual_time import on_virtual_time
 
 
 class Pen:
-    """A writer that writes down what it is asked to send."""
+    """A writer that writes down what it is asked to send, and a port that is looked at."""
+
+    name = "/dev/x"
 
     def __init__(self) -> None:
         self.polls: list[int] = []
         self.told: list[bytes] = []
         self.open = False
+        self.looks = 0
+
+    def look(self) -> None:
+        self.looks += 1
 
     def poll(self, frame: bytes, timeout_ns: int) -> bool:
         if self.open:
@@ -43,7 +49,7 @@ class Scene:
             DIALECTS[dialect],
             period_ns=period_ns,
             on_reading=self.readings.append,
-            port_name="/dev/x",
+            port=self.pen,  # type: ignore[arg-type]
         )
         self.task = asyncio.create_task(self.poller.run())
 
@@ -128,3 +134,18 @@ async def test_a_reading_passes_through_at_once_and_is_counted() -> None:
     await scene.end()
     counters: dict[str, Any] = scene.poller.counters
     assert counters["readings"] == 1
+
+
+@pytest.mark.parametrize("dialect", ["polled", "streamed"])
+@on_virtual_time
+async def test_bytes_that_were_too_few_to_be_told_of_are_looked_for_where_no_counts_came(
+    dialect: str,
+) -> None:
+    scene = Scene(dialect)
+    for _ in range(50):
+        await asyncio.sleep(0.01)
+        scene.hear()
+    assert scene.pen.looks == 0
+    await asyncio.sleep(0.12)
+    assert scene.pen.looks >= 1
+    await scene.end()

@@ -38,6 +38,12 @@ class BoardPort:
         self.written.append((self._clock.now_ns(), data))
         self._memory.write(data)
 
+    def gather(self, least: int) -> None:
+        """Bytes come as they come."""
+
+    def look(self) -> None:
+        """None is kept."""
+
     async def drain(self, timeout_s: float) -> bool:
         await asyncio.sleep(0.005)
         return self._memory.is_open

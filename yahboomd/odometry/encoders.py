@@ -141,6 +141,18 @@ class Encoders:
             deltas.append(delta if sign > 0 else -delta)
         return tuple(deltas)
 
+    def repeats(self, ticks: Counts) -> bool:
+        """Whether a reading says what the last accepted one did; then nothing is left to judge."""
+        if ticks != self._last or self._notice != "none":
+            return False
+        self._suspect = None
+        return True
+
+    def unmoved(self) -> Verdict:
+        """The verdict on a reading that repeats the last one."""
+        assert self._last is not None
+        return Verdict(outcome="travel", ticks=self._last, deltas=self._zero)
+
     def judge(self, ticks: Counts, sent_ns: int, elapsed_ns: float) -> Verdict:
         """What a reading means; nothing is counted yet.
 

@@ -187,6 +187,13 @@ class Odometer:
         elif reading.after_gap or sent_ns - self._heard_ns > self._options.silence_ns:
             encoders.announce("gap")
         self._heard_ns = sent_ns
+        if encoders.repeats(reading.ticks):
+            # What a board that streams says most of the time: nothing is to be judged.
+            instant = clock.observe(sent_ns, reading.requested_ns)
+            if instant.step_ns:
+                return self._travel(encoders.unmoved(), instant)
+            counters["odometry_repeated"] += 1
+            return NOTHING
         if encoders.notice == "none":
             elapsed_ns = clock.elapsed_at_most_ns(sent_ns, reading.requested_ns)
         else:

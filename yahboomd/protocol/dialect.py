@@ -172,6 +172,11 @@ class Dialect(Protocol):
         ...
 
     @property
+    def line_end(self) -> bytes:
+        """What the board sends behind the ``#`` of a frame; nothing, where it need not."""
+        ...
+
+    @property
     def sample_period_ns(self) -> int | None:
         """How often the board renews its counters; None where an answer is always fresh."""
         ...

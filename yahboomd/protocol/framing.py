@@ -36,6 +36,7 @@ The longest true one is half a frame of totals (50 bytes) with a start-up banner
 """
 
 _STEERING = re.compile(rb"[$#\n]")
+_WHOLE = re.compile(rb"\$([^$#\n]*)#(\r\n)?")
 _DOLLAR: Final = ord("$")
 _HASH: Final = ord("#")
 _PLAIN: Final = bytes(range(0x20, 0x7F)) + b"\t\r\n"
@@ -133,8 +134,14 @@ class Framer:
         counters.bytes += len(data)
         counters.bad_bytes += len(data.translate(None, _PLAIN))
         items: list[Frame | TextLine] = []
+        if self._held:
+            # How bytes were cut into chunks makes no difference.
+            data = bytes(self._held) + data
+            self._held.clear()
         start = 0
-        for match in _STEERING.finditer(data):
+        if not self._skipping:
+            start = self._whole_frames(data, items)
+        for match in _STEERING.finditer(data, start):
             at = match.start()
             self._hold(data[start:at])
             start = at + 1
@@ -143,6 +150,23 @@ class Framer:
                 items.append(item)
         self._hold(data[start:])
         return items
+
+    def _whole_frames(self, data: bytes, items: list[Frame | TextLine]) -> int:
+        """Take the whole frames at the beginning, with their line ends; return where they end.
+
+        It comes to the same as going from one steering byte to the next, at a third of the cost,
+        and is nearly all that a board sends.
+        """
+        start = 0
+        while (match := _WHOLE.match(data, start)) is not None:
+            held = match[1]
+            if len(held) >= MAX_HELD_BYTES:
+                break
+            end = start + len(held) + 2
+            items.append(self._frame(held, len(data) - end))
+            start = match.end()
+            self.counters.blank_bytes += start - end
+        return start
 
     def _hold(self, part: bytes) -> None:
         held = self._held
@@ -167,7 +191,7 @@ class Framer:
             return None
         if byte == _HASH:
             if in_frame:
-                return self._frame(held, trailing)
+                return self._frame(held[1:], trailing)
             self._drop(held + b"#")
             return None
         if skipping:
@@ -175,10 +199,10 @@ class Framer:
             return None
         return self._line(held, trailing, broken=in_frame)
 
-    def _frame(self, held: bytes, trailing: int) -> Frame:
+    def _frame(self, inside: bytes, trailing: int) -> Frame:
         self.counters.frames += 1
-        name, _, args = held[1:].decode("ascii", "replace").partition(":")
-        return Frame(name=name, args=args, size=len(held) + 1, trailing=trailing)
+        name, _, args = inside.decode("ascii", "replace").partition(":")
+        return Frame(name=name, args=args, size=len(inside) + 2, trailing=trailing)
 
     def _line(self, held: bytes, trailing: int, *, broken: bool) -> TextLine | None:
         text = held.rstrip(b"\r")

@@ -35,6 +35,7 @@ class Polled(msgspec.Struct, frozen=True, kw_only=True):
     totals_spacing_ns: int = 0
     # Not said by the article; the other dialect's limit leaves room for every frame.
     max_frame_bytes: int = 53
+    line_end: bytes = b""
     sample_period_ns: int | None = None
     max_command: int = MAX_SPEED
     brake: bytes = _BRAKE

@@ -77,6 +77,7 @@ class Streamed(msgspec.Struct, frozen=True, kw_only=True):
     totals_spacing_ns: int = 10_000_000
     # 51 characters between "$" and "#".
     max_frame_bytes: int = 53
+    line_end: bytes = b"\r\n"
     sample_period_ns: int | None = 10_000_000
     max_command: int = MAX_SPEED
     max_pwm: int = MAX_PWM

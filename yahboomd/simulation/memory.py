@@ -87,6 +87,12 @@ class MemoryPort:
         self.on_data = on_data
         self.on_lost = on_lost
 
+    def gather(self, least: int) -> None:
+        """Nothing: bytes are handed over as they come, in the chunks of the impairments."""
+
+    def look(self) -> None:
+        """Nothing: no byte is kept."""
+
     async def drain(self, timeout_s: float) -> bool:
         """Wait until the wire has carried everything; whether it has."""
         if self._loop is None:
