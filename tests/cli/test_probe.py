@@ -100,6 +100,21 @@ def test_a_port_that_a_daemon_holds_is_described_by_the_daemon(real_robot, capsy
     assert f"(pid {robot.daemon.process.pid})" in words
 
 
+def test_a_daemon_is_asked_for_its_board_where_no_port_is_named_or_found(
+    real_robot, capsys
+) -> None:
+    robot = real_robot()
+    robot.daemon.says("Connected")
+    options = ["--set", f'zenoh.listen=["{robot.endpoint}"]', "--set", "zenoh.connect=[]"]
+    assert main(["probe", *options]) == 0
+    words = " ".join(capsys.readouterr().out.split())
+    assert f"port {robot.port}" in words
+    assert f"(pid {robot.daemon.process.pid})" in words
+    # But nothing is stored on a board that another program drives.
+    assert main(["probe", "--write", "--yes", *options]) == 69
+    assert "Plug the board in" in capsys.readouterr().err
+
+
 def test_a_board_that_is_silent_is_said_so_with_what_to_check(simulated_board, capsys) -> None:
     board = simulated_board("--do", "hang")
     assert main(["probe", "--port", board.port]) == 69

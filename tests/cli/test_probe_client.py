@@ -64,7 +64,10 @@ async def test_the_daemon_that_is_there_is_asked() -> None:
 
     async with Bus(BusOptions(listen=(endpoint,), connect=())) as bus:
         bus.serve(keys.BOARD, reply, fallback=reply)
-        assert await ask_board((endpoint,), Config()) == examination(FACTS)
+        asked = await ask_board((endpoint,), Config())
+        assert asked is not None
+        assert asked.port == "/dev/board"
+        assert asked.found == examination(FACTS)
         told = ServiceReply(success=False, message="No board is connected.")
         assert await ask_board((endpoint,), Config()) is None
     assert await ask_board((endpoint,), Config()) is None

@@ -24,7 +24,14 @@ from yahboomd.cli.probe_report import Report, StoredValue
 from yahboomd.cli.probe_write import Printed, agreed, stored_value
 from yahboomd.clock import SystemClock
 from yahboomd.config import Config
-from yahboomd.errors import BoardSilent, LinkError, PortBusy, YahboomdError
+from yahboomd.errors import (
+    BoardSilent,
+    ConfigError,
+    LinkError,
+    PortBusy,
+    PortMissing,
+    YahboomdError,
+)
 from yahboomd.link import diagnosis, discovery, flash, probing
 from yahboomd.link.port import Port, PortOptions, holders, open_port
 from yahboomd.link.session import Opener
@@ -40,7 +47,7 @@ Nothing moves, and nothing is written to the board unless --write is given.
 
 EPILOG = """\
 examples:
-  yahboomd probe                          the only board on USB
+  yahboomd probe                          the only board on USB, or the one that a daemon has
   yahboomd probe --list                   the serial ports of this machine
   yahboomd probe --write                  store the configured profile's settings on the board
   yahboomd probe --write --set board.profile=310
@@ -129,13 +136,16 @@ def _probe(args: argparse.Namespace) -> int:
     if args.pid is not None:
         want = msgspec.structs.replace(want, pid=args.pid)
     check_storable(want)
-    port = discovery.choose(config.serial.port, discovery.candidates())
+    port = ""
     try:
+        port = discovery.choose(config.serial.port, discovery.candidates())
         report = _examine(port, config, want, reopening=not args.write)
-    except PortBusy as error:
-        told = None if args.write else _ask_daemon(args, config, port, want)
+    except (PortBusy, PortMissing, ConfigError) as error:
+        # A port that was named and is not there is no matter of a daemon's.
+        ask = not args.write and (not port or isinstance(error, PortBusy))
+        told = _ask_daemon(args, config, port, want) if ask else None
         if told is None:
-            raise _with_hints(error, port) from error
+            raise (_with_hints(error, port) if port else error) from error
         report = told
     except LinkError as error:
         raise _with_hints(error, port) from error
@@ -208,8 +218,10 @@ def _opener(port: str, config: Config, clock: SystemClock) -> Opener:
     return open_it
 
 
-def _with_hints(error: LinkError, port: str) -> LinkError:
+def _with_hints(error: YahboomdError, port: str) -> YahboomdError:
     """The same error, with what this machine's state adds to it."""
+    if not isinstance(error, LinkError):
+        return error
     hints = diagnosis.hints(error, port, found=discovery.candidates())
     return type(error)(error.message, remedy=" ".join(hints) or error.remedy)
 
@@ -217,18 +229,26 @@ def _with_hints(error: LinkError, port: str) -> LinkError:
 def _ask_daemon(
     args: argparse.Namespace, config: Config, port: str, want: BoardSettings
 ) -> Report | None:
-    """What the daemon that holds the port knows of the board; None where none answers."""
+    """What the daemon knows of its board; None where none answers.
+
+    Args:
+        args: Where it is asked.
+        config: Where it is asked otherwise.
+        port: The port that it holds; empty for whichever it has.
+        want: What the board should store.
+    """
     from yahboomd.cli.probe_client import ask_board
 
-    found = asyncio.run(ask_board(daemon_endpoints(args, config), config))
-    if found is None:
+    told = asyncio.run(ask_board(daemon_endpoints(args, config), config))
+    if told is None:
         return None
+    port = port or told.port
     who = ", ".join(holders(port)) or "another process"
     held = (
         f"The port is held by {who}, and this is what the daemon knows over the bus. With the "
         "daemon ended, probe also tells whether the counters survive a reopening."
     )
-    return msgspec.structs.replace(_report(port, config, found, None, want), advice=(held,))
+    return msgspec.structs.replace(_report(port, config, told.found, None, want), advice=(held,))
 
 
 # Storing.

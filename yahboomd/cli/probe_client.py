@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -20,7 +20,19 @@ from yahboomd.protocol.registry import DIALECTS
 from yahboomd.protocol.settings import BoardSettings
 
 
-async def ask_board(endpoints: tuple[str, ...], config: Config) -> Examination | None:
+class Told(NamedTuple):
+    """What a daemon says of its board.
+
+    Attributes:
+        port: The port that it holds.
+        found: The board's facts, as if it had been asked itself.
+    """
+
+    port: str
+    found: Examination
+
+
+async def ask_board(endpoints: tuple[str, ...], config: Config) -> Told | None:
     """Ask for the board's facts; None where no daemon answers, or its board is not there.
 
     Args:
@@ -37,8 +49,12 @@ async def ask_board(endpoints: tuple[str, ...], config: Config) -> Examination |
     finally:
         await client.close()
     replies = (read_sample(payload, ServiceReply) for payload in payloads)
-    known = (examination(reply.data) for reply in replies if reply is not None and reply.success)
-    return next((each for each in known if each is not None), None)
+    for reply in replies:
+        if reply is not None and reply.success:
+            found = examination(reply.data)
+            if found is not None:
+                return Told(str(reply.data.get("port", "")), found)
+    return None
 
 
 def examination(facts: Mapping[str, Any]) -> Examination | None:

@@ -31,7 +31,8 @@ a line that loses bytes, and a wheel whose encoder is dead from the start:
 
 disturb it while it runs, by one command a line on the control socket:
   yahboomd simulate --link /tmp/board --control /tmp/board.control
-  echo 'unplug 2' | nc -U -N /tmp/board.control
+  python3 -c 'import socket; c = socket.socket(socket.AF_UNIX); \
+c.connect("/tmp/board.control"); c.send(b"unplug 2\\n"); print(c.recv(99).decode(), end="")'
 
 control commands, for --control and --do:
 {"".join(f"  {line}" + chr(10) for line in HELP.splitlines())}"""
