@@ -221,6 +221,42 @@ def test_a_reset_that_nobody_announced_holds_the_pose(rig):
     assert rig.estimates[-1].pose_covariance[0] > before.pose_covariance[0]
 
 
+def test_a_garbled_step_that_was_believed_is_taken_back_with_the_turn_that_it_made(kit):
+    clean, rig = Rig(kit), Rig(kit)
+    for one in (clean, rig):
+        last = straight(one, 30)
+    # Nothing is heard for a while but two lines; in the second a digit of one counter is wrong.
+    for one, wrong in ((clean, 0), (rig, 800)):
+        one.feed(last + 250, last + 250, after_ms=160.0)
+        one.feed(last + 900 + wrong, last + 900, after_ms=240.0)
+        for n in range(6):
+            one.feed(last + 990 + 90 * n, last + 990 + 90 * n, after_ms=30.0)
+    assert rig.odometer.counters["odometry_taken_back"] == 1
+    assert rig.events == []
+    here, there = rig.estimates[-1].pose, clean.estimates[-1].pose
+    assert math.dist((here.x, here.y), (there.x, there.y)) < 1e-9
+    assert here.theta == pytest.approx(there.theta)
+    for one in (clean, rig):
+        one.check_no_jump()
+        one.check_covariance_grew()
+
+
+def test_a_wheel_that_truly_stops_and_starts_again_is_where_it_rolled(rig, kit):
+    last = straight(rig, 30)
+    for n in range(1, 8):
+        rig.feed(last, last + 30 * n)
+    for n in range(1, 8):
+        rig.feed(last + 30 * n, last + 210 + 30 * n)
+    assert rig.estimates[-1].motor_ticks == (36 * 30, 43 * 30)
+    turn = rig.estimates[-1].pose.theta
+    assert turn == pytest.approx(210 * kit.tick_m / kit.track_m)
+    # Forward, a turn about the left wheel, and forward again.
+    pivot = 210 * kit.tick_m / 2
+    x = 29 * 30 * kit.tick_m + pivot * math.cos(turn / 2) + 210 * kit.tick_m * math.cos(turn)
+    y = pivot * math.sin(turn / 2) + 210 * kit.tick_m * math.sin(turn)
+    assert math.dist((rig.estimates[-1].pose.x, rig.estimates[-1].pose.y), (x, y)) < 0.001
+
+
 def test_unplugged_and_plugged_in_the_travel_of_a_board_that_went_on_is_kept(rig, kit):
     last = straight(rig)
     rig.feed(last + 9_000, last + 9_100, after_ms=3000.0, after_gap=True)

@@ -213,15 +213,19 @@ class Covariance:
         variance = travel_m * travel_m / 3.0
         self._add(variance, min(self._turn_per_metre * variance, TURN_VARIANCE_MAX))
 
-    def bridge(self, arc: Arc) -> None:
+    def bridge(self, arc: Arc) -> float:
         """Grow by the unknown order of what was counted while nobody looked.
 
         The counters tell how far the robot went and how far it turned, not which came first: the
         true end lies up to half the turn to either side of the arc's.
+
+        Returns:
+            How far from the arc's end that may be, metres.
         """
         length = math.hypot(arc.dx, arc.dy)
         variance = (length * min(1.0, abs(arc.turn) / math.sqrt(12.0))) ** 2
         self._add(variance, 0.0)
+        return length * min(2.0, 0.5 * abs(arc.turn))
 
     def twist(self, window: Window) -> Matrix3:
         """Covariance of the twist that was taken over a window, row by row."""

@@ -73,6 +73,7 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
         deltas: Signed counts per motor that are travel since the last accepted reading.
         farthest: The largest of them, unsigned; of an ordinary step alone.
         least_ns: The least time that they take; of an ordinary step alone.
+        strayed: Whether an ordinary step was believed although no wheel was heading there.
     """
 
     outcome: Outcome
@@ -80,6 +81,7 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     deltas: tuple[int, ...]
     farthest: int = 0
     least_ns: float = 0.0
+    strayed: bool = False
 
 
 class Encoders:
@@ -103,6 +105,7 @@ class Encoders:
         # knows them.
         self._paces: tuple[tuple[float, ...], ...] = ()
         self._pace = self._still
+        self._turned = False
         self._last: Counts | None = None
         self._suspect: tuple[Counts, int, int] | None = None
         self._notice: Notice = "none"
@@ -176,6 +179,7 @@ class Encoders:
             least_ns = self.least_ns(deltas)
             if least_ns <= elapsed_ns and not self._strays(deltas, ticks, sent_ns, elapsed_ns):
                 self._suspect = None
+                strayed, self._turned = self._turned, False
                 if elapsed_ns > 0:
                     self._go_on(tuple([delta / elapsed_ns for delta in deltas]))
                 return Verdict(
@@ -184,6 +188,7 @@ class Encoders:
                     deltas=deltas,
                     farthest=max(*deltas, -min(deltas)),
                     least_ns=least_ns,
+                    strayed=strayed,
                 )
         agreed = 1 + self._agreed(ticks, sent_ns)
         sure = self._notice == "gap" and self._witnessed(
@@ -232,6 +237,7 @@ class Encoders:
                     return True
                 # So it did change its speed.
                 self._paces = ()
+                self._turned = True
                 return False
         return False
 

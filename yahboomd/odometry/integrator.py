@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from yahboomd.model import Kinematics, Motor, Pose2d
 from yahboomd.odometry.factors import motor_factors
@@ -55,6 +55,9 @@ class Arc(NamedTuple):
     cos: float
     sin: float
     turn: float
+
+
+State: TypeAlias = tuple[float, float, float, tuple[float, float, float, int] | None]
 
 
 class Integrator:
@@ -93,6 +96,14 @@ class Integrator:
     def interrupt(self) -> None:
         """Forget the step before: what follows does not continue it."""
         self._before = None
+
+    def state(self) -> State:
+        """What :meth:`go_back` needs to take back what follows."""
+        return self._x, self._y, self._theta, self._before
+
+    def go_back(self, state: State) -> None:
+        """Take back every step since; the totals that belong to the heading stay."""
+        self._x, self._y, self._theta, self._before = state
 
     def step(self, deltas: Sequence[int], totals: Sequence[int], step_ns: int) -> Arc:
         """Advance by the counts of one step.

@@ -12,6 +12,7 @@ clock is a new reading all the same, with a new stamp.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import msgspec
 
@@ -27,7 +28,7 @@ from yahboomd.model import (
 from yahboomd.odometry.board_clock import Instant, PolledClock, StreamedClock
 from yahboomd.odometry.covariance import NOISE_M, Covariance
 from yahboomd.odometry.encoders import Encoders, Verdict
-from yahboomd.odometry.integrator import Integrator
+from yahboomd.odometry.integrator import Arc, Integrator, State, sinc
 from yahboomd.odometry.velocity import (
     ENOUGH_TICKS,
     LONGEST_NS,
@@ -78,6 +79,20 @@ class Update(msgspec.Struct, frozen=True, kw_only=True):
 NOTHING = Update()
 
 
+class Doubt(NamedTuple):
+    """A step that may turn out to have been a garbled reading.
+
+    Attributes:
+        state: Of the integrator before it.
+        deltas: What was counted.
+        step_ns: How long it took.
+    """
+
+    state: State
+    deltas: tuple[int, ...]
+    step_ns: int
+
+
 class Odometer:
     """Where the robot is, from what the board counts.
 
@@ -113,6 +128,7 @@ class Odometer:
         self._radians = tuple(2.0 * math.pi / motor.ticks_per_revolution for motor in motors)
         self._stamp_ns = 0
         self._heard_ns = 0
+        self._doubt: Doubt | None = None
         self._speeds: tuple[float, ...] = (0.0,) * len(motors)
         self.estimate: OdometryEstimate | None = None
         self.counters: dict[str, int] = dict.fromkeys(
@@ -125,6 +141,7 @@ class Odometer:
                 "odometry_resets",
                 "odometry_gaps",
                 "odometry_rebased",
+                "odometry_taken_back",
             ),
             0,
         )
@@ -162,6 +179,7 @@ class Odometer:
             covariance: How sure that is, over (x, y, theta), row by row; None for sure.
         """
         self._integrator.set_pose(pose, self._encoders.totals)
+        self._doubt = None
         self._covariance.set_pose(pose.theta, covariance)
         if self.estimate is not None:
             self.estimate = msgspec.structs.replace(
@@ -223,12 +241,48 @@ class Odometer:
         totals = encoders.totals
         deltas = verdict.deltas
         # Standing still is a step as well: the correction has to know that there was no motion.
-        arc = self._integrator.step(deltas, totals, instant.step_ns)
-        self._covariance.step(deltas, arc)
+        if verdict.strayed:
+            self._stray(verdict, instant)
+        else:
+            self._doubt = None
+            arc = self._integrator.step(deltas, totals, instant.step_ns)
+            self._covariance.step(deltas, arc)
         window = self._velocity.step(totals, instant.step_ns)
         self._stamp_ns = instant.stamp_ns
         self.counters["odometry_estimates"] += 1
         return Update(estimate=self._estimate(window))
+
+    def _stray(self, verdict: Verdict, instant: Instant) -> None:
+        """A step to where no wheel was heading; a second one takes the first one back.
+
+        A garbled reading that was believed for want of others makes two such steps, there and back.
+        Counted one by one they would leave the base beside its way, for it seemed to have turned in
+        between. Counted as one, they end where it is; and where both were real that is no worse
+        than a reading that was missed.
+        """
+        integrator, doubt = self._integrator, self._doubt
+        before, pose = integrator.state(), integrator.pose
+        totals, step_ns = self._encoders.totals, instant.step_ns
+        self._doubt = Doubt(state=before, deltas=verdict.deltas, step_ns=step_ns)
+        if doubt is not None:
+            self._doubt = None
+            integrator.go_back(doubt.state)
+            deltas = tuple(map(sum, zip(doubt.deltas, verdict.deltas, strict=True)))
+            integrator.step(deltas, totals, doubt.step_ns + step_ns)
+            dx, dy = integrator.pose.x - pose.x, integrator.pose.y - pose.y
+            if math.hypot(dx, dy) <= self._options.speed_max_m_s * step_ns * 1e-9:
+                turn = integrator.pose.theta - pose.theta
+                middle = pose.theta + 0.5 * turn
+                scale = sinc(0.5 * turn)
+                arc = Arc(dx, dy, scale * math.cos(middle), scale * math.sin(middle), turn)
+                self._covariance.step(verdict.deltas, arc)
+                self._velocity.take_back()
+                self.counters["odometry_taken_back"] += 1
+                return
+            # Farther than a wheel rolls: that would be a jump.
+            integrator.go_back(before)
+        arc = integrator.step(verdict.deltas, totals, step_ns)
+        self._covariance.step(verdict.deltas, arc)
 
     def _estimate(self, window: Window) -> OdometryEstimate:
         totals = self._encoders.totals
@@ -254,13 +308,17 @@ class Odometer:
         totals = self._encoders.totals
         self._integrator.interrupt()
         self._velocity.interrupt(totals)
+        self._doubt = None
         if verdict.outcome == "baseline":
             return NOTHING
+        unsure_m = 0.0
         if any(verdict.deltas):
+            before = self._integrator.state()
             arc = self._integrator.step(verdict.deltas, totals, gap_ns)
             self._covariance.step(verdict.deltas, arc)
-            self._covariance.bridge(arc)
+            unsure_m = self._covariance.bridge(arc)
             self._integrator.interrupt()
+            self._doubt = Doubt(state=before, deltas=verdict.deltas, step_ns=gap_ns)
         gap_s = gap_ns * 1e-9
         speed_max = self._options.speed_max_m_s
         if verdict.outcome == "gap_kept":
@@ -273,9 +331,9 @@ class Odometer:
             lost_m = speed_max * gap_s
         if lost_m:
             self._covariance.lose(lost_m)
-        return Update(events=(self._tell(verdict, gap_s, lost_m),))
+        return Update(events=(self._tell(verdict, gap_s, lost_m, unsure_m),))
 
-    def _tell(self, verdict: Verdict, gap_s: float, lost_m: float) -> Event:
+    def _tell(self, verdict: Verdict, gap_s: float, lost_m: float, unsure_m: float) -> Event:
         outcome = verdict.outcome
         counter, happened, done = _WORDS[outcome]
         self.counters[counter] += 1
@@ -293,6 +351,7 @@ class Odometer:
                 "gap_s": round(gap_s, 6),
                 "unknown_m": round(lost_m, 6),
                 "counted_m": round(counted_m, 6),
+                "unsure_m": round(unsure_m, 6),
             },
         )
 

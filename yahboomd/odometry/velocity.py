@@ -65,6 +65,11 @@ class Velocity:
         self._readings.clear()
         self._readings.append((self._time_ns, totals))
 
+    def take_back(self) -> None:
+        """The latest reading was wrong: no speed is taken from it any more."""
+        if self._readings:
+            self._readings.pop()
+
     def step(self, totals: tuple[int, ...], step_ns: int) -> Window:
         """Take in the totals after a step of ``step_ns`` on the board's clock."""
         now_ns = self._time_ns = self._time_ns + step_ns
