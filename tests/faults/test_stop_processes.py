@@ -91,6 +91,9 @@ def test_a_signal_stops_the_wheels_before_the_daemon_ends(
         told(robot, number.name, now_ns)
     assert "Traceback" not in robot.daemon.output
     assert f"{number.name}: stopping the wheels" in robot.daemon.output
+    # They stand because they were told to: no wheel is accused of it.
+    assert "are commanded" not in robot.daemon.output
+    assert "is commanded" not in robot.daemon.output
 
 
 def test_impatient_signals_do_not_break_the_stop_off(robot: RealRobot) -> None:
