@@ -77,6 +77,29 @@ async def test_a_wheel_that_runs_away_is_cut_within_150_ms_of_showing_it(
         assert "left" in why
 
 
+@pytest.mark.parametrize(("command_m_s", "turned_m_s"), [(0.1, 0.4), (0.3, 0.65), (-0.3, -0.65)])
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_a_wheel_that_something_turns_too_fast_is_cut_within_150_ms(
+    tmp_path: Path, dialect: str, command_m_s: float, turned_m_s: float
+) -> None:
+    async with robot(tmp_path, dialect=dialect) as bench:
+        await bench.ready()
+        await bench.drive(1.0, command_m_s)
+        bench.command(command_m_s)
+        began_ns = bench.clock.now_ns()
+        bench.do(f"turning right {turned_m_s}")
+        await bench.drive(1.0, command_m_s)
+        left_ns = left_plausibility_ns(bench, began_ns, 1, sign=1)
+        at_ns = cut_ns(bench, began_ns)
+        assert left_ns is not None
+        assert at_ns is not None
+        print(f"{dialect}, {turned_m_s} for {command_m_s} m/s: {(at_ns - left_ns) / MS:.0f} ms")
+        assert at_ns - left_ns <= CUT_WITHIN_NS
+        assert all(is_stop(order) for _, order in bench.orders_since(at_ns))
+        assert bench.events("runaway_fast")[0].startswith("right turns at")
+
+
 @pytest.mark.parametrize("motion", MOTIONS)
 @pytest.mark.parametrize("fault", SILENT)
 @on_virtual_time
