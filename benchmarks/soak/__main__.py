@@ -18,7 +18,7 @@ from typing import Any
 import msgspec
 
 from benchmarks.soak.course import Course
-from benchmarks.soak.faults import DIALECTS, ENDING, FAULTS, RESETS, Turn, segments
+from benchmarks.soak.faults import DIALECTS, ENDING, FAULTS, RESETS, SHOWN, Turn, segments
 from benchmarks.soak.ledger import Ledger, quantile, table
 
 RSS_GROWTH_MB = 30.0
@@ -113,6 +113,8 @@ def one(course: Course, turn: Turn) -> None:
         course.drives_again(over_ns)
         time.sleep(course.random.uniform(0.2, 0.8))
         course.compare()
+    if turn.kind not in SHOWN:
+        course.judge_alarms(round(began * 1e9))
     for jump in course.app.poses.found[found:]:
         course.fail(f"{jump.kind}: a step of {jump.step:.6g} where {jump.most:.6g} is the most")
     for life in course.manager.lives[lives - 1 : -1]:
@@ -183,6 +185,7 @@ def figures(ledger: Ledger, facts: dict[str, Any]) -> dict[str, Any]:
         "errors_m": ledger.errors_m,
         "errors_rad": ledger.errors_rad,
         "uncertain": ledger.uncertain,
+        "covered": ledger.covered,
         "apart": dict(ledger.apart),
         "notes": dict(ledger.notes),
         "failures": ledger.failures,
@@ -213,6 +216,10 @@ def report(ledger: Ledger, facts: dict[str, Any]) -> None:
         "pose error": f"{spread(mm, 'mm', 2)}; {spread(degrees, 'deg', 3)}",
         "": f"of {len(mm)} ways between two stands, {ledger.driven_m:.0f} m in all; apart: "
         f"{ledger.uncertain} where travel was lost, which was said, and is within what was said"
+        + (
+            f"; {ledger.covered} over 30 mm, within 3 sigma of their covariance"
+            * bool(ledger.covered)
+        )
         + "".join(f"; {times} where {why}" for why, times in ledger.apart.items()),
         " ": f"worst: {ledger.worst_way}",
         "pose jumps": f"{facts['jumps']} in {facts['poses']} samples, shrinking covariance and "

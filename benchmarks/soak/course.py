@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -9,9 +10,10 @@ from random import Random
 
 from benchmarks.soak.application import Application
 from benchmarks.soak.ledger import Ledger
-from benchmarks.soak.poses import SEPARATION_M, error
+from benchmarks.soak.poses import SEPARATION_M, error, way_covariance
 from benchmarks.soak.processes import Board, ServiceManager, Stalls, free_endpoint
-from benchmarks.soak.tail import Order, is_stop
+from benchmarks.soak.tail import STANDING_M_S, Order, is_stop
+from yahboomd.messages.native import EventSample, PoseSample
 from yahboomd.simulation.truth import TruthSample
 
 LOOK_S = 0.01
@@ -23,8 +25,21 @@ BRAKE_S = 0.8
 """Wheels at the speeds of the soak stand so long after a stop frame, with room."""
 
 
+MOST_M = 0.03
+MOST_RAD = 0.03
+"""A way between two stands, on a line that is no worse than it should be, errs by less."""
+
+SIGMAS = 3.0
+"""Where the covariance says so, by up to so many standard deviations more."""
+
 NEAR_ZERO = "a polled board was reset with its counters near zero"
 """It does not say so, and from one small count to another a wheel may well have rolled."""
+
+
+NOISY = frozenset({"byte loss", "corruption"})
+ALARMS = ("runaway_against", "runaway_fast", "no_counts")
+TRUE_NS = 300_000_000
+WHEELS = ("left", "right")
 
 
 class Course:
@@ -43,7 +58,7 @@ class Course:
         self.folder = folder
         self.endpoint = free_endpoint()
         self.began_ns = time.monotonic_ns()
-        self._anchor: tuple[tuple[float, float, float], TruthSample, int] | None = None
+        self._anchor: tuple[PoseSample, TruthSample, int] | None = None
         self.apart = ""
         self.resets = 0
         self.kind = ""
@@ -218,7 +233,10 @@ class Course:
         """A board that was reset where nothing tells of it stands, and a person has to look."""
         if not self.latched:
             return False
-        if self.apart == NEAR_ZERO:
+        if self.kind in NOISY:
+            # Whether it was right to is judged with all that it told.
+            self.ledger.notes[f"on a noisy line: {self.why}"] += 1
+        elif self.apart == NEAR_ZERO:
             self.ledger.notes["a reset that nothing told of: released by a person"] += 1
         else:
             self.unexpected(f"it drives, and latches: {self.why}", since_ns)
@@ -226,6 +244,36 @@ class Course:
             return False
         self.app.wander()
         return self._moves(time.monotonic_ns())
+
+    def judge_alarms(self, since_ns: int) -> None:
+        """Of wheels that nobody broke, no fault is told that they did not show."""
+        for event in self.app.events_since(since_ns, *ALARMS):
+            if not self._true(event):
+                self.unexpected(f"no wheel did so: {event.message}", since_ns)
+            elif self.kind in NOISY:
+                self.ledger.notes[f"on a noisy line, and a wheel did so: {event.kind}"] += 1
+
+    def _true(self, event: EventSample) -> bool:
+        """Whether a wheel really did what an event says of it.
+
+        A speed that is garbled on its way to the board is driven, and one that is lost is not.
+        """
+        told_ns = event.stamp_ns - time.time_ns() + time.monotonic_ns()
+        data = event.data or {}
+        wish = float(data.get("commanded_m_s") or 0.0)
+        seen = float(data.get("measured_m_s") or 0.0)
+        lately = [
+            speed
+            for sample in self.board.truth.since(told_ns - TRUE_NS)
+            if sample.t_ns <= told_ns
+            for name, speed in zip(WHEELS, sample.speed_m_s, strict=True)
+            if event.wheel in {None, name}
+        ]
+        if event.kind == "no_counts":
+            return min(map(abs, lately), default=1.0) < STANDING_M_S
+        most = max((speed * math.copysign(1.0, seen) for speed in lately), default=0.0)
+        against = wish * seen < 0.0 and most > STANDING_M_S
+        return against or most > 1.5 * abs(wish) + 0.1
 
     @property
     def latched(self) -> bool:
@@ -259,18 +307,18 @@ class Course:
         truth = self.board.truth.since(now_ns)
         pose = self.app.pose_since(now_ns)
         assert pose is not None
-        where = (pose.x, pose.y, pose.theta)
-        anchor, self._anchor = self._anchor, (where, truth[0], now_ns)
+        anchor, self._anchor = self._anchor, (pose, truth[0], now_ns)
         apart, self.apart = self.apart, ""
         if anchor is None or anchor[2] < life.began_ns:
             return
         if apart:
             self.ledger.apart[apart] += 1
             return
-        metres, radians = error(anchor[0], where, _place(anchor[1]), _place(truth[0]))
+        where = _pose(pose)
+        metres, radians = error(_pose(anchor[0]), where, _place(anchor[1]), _place(truth[0]))
         ways = zip(anchor[1].travel_m, truth[0].travel_m, strict=True)
         way_m = max(abs(b - a) for a, b in ways)
-        most_m, most_rad = 0.03, 0.03
+        most_m, most_rad = MOST_M, MOST_RAD
         if unknown_m := self._unknown_m(anchor[2]):
             # What each wheel may have rolled unseen turns the base, and bends all that follows.
             turned = 2.0 * unknown_m / SEPARATION_M
@@ -278,8 +326,19 @@ class Course:
             most_rad += turned
             self.ledger.uncertain += 1
         else:
+            # A line without a checksum can be so bad that nobody could tell: but that is known.
+            xx, yy, tt = way_covariance(
+                _pose(anchor[0]), anchor[0].covariance, where, pose.covariance
+            )
+            most_m += SIGMAS * math.sqrt(xx + yy)
+            most_rad += SIGMAS * math.sqrt(tt)
+            if metres > MOST_M or radians > MOST_RAD:
+                self.ledger.covered += 1
             if metres > max(self.ledger.errors_m, default=0.0):
-                self.ledger.worst_way = f"{self.board.dialect}, {self.kind}, {way_m:.1f} m"
+                self.ledger.worst_way = (
+                    f"{self.board.dialect}, {self.kind}, {way_m:.1f} m; {SIGMAS:g} standard "
+                    f"deviations of its covariance are {(most_m - MOST_M) * 1e3:.1f} mm"
+                )
             self.ledger.errors_m.append(metres)
             self.ledger.errors_rad.append(radians)
             self.ledger.driven_m += way_m
@@ -290,6 +349,10 @@ class Course:
         """How much travel of each wheel was said to be unknown."""
         lost = self.app.events_since(since_ns, "odometry_discontinuity")
         return sum(float((event.data or {}).get("unknown_m") or 0.0) for event in lost)
+
+
+def _pose(pose: PoseSample) -> tuple[float, float, float]:
+    return pose.x, pose.y, pose.theta
 
 
 def _place(truth: TruthSample) -> tuple[float, float, float]:

@@ -346,6 +346,15 @@ RESETS: dict[str, Fault] = {
 ENDING: dict[str, Fault] = {"SIGTERM": sigterm, "SIGKILL": sigkill, "SIGSTOP": sigstop}
 """Faults that end the daemon."""
 
+SHOWN = frozenset(
+    {
+        *("encoder dead", "encoder reversed", "motor unplugged", "wheel stalled", "wheel turned"),
+        *RESETS,
+    }
+)
+"""Those in which wheels show what they are told to have done, or a board that forgot its motors
+turns none."""
+
 DIALECTS = ("streamed", "polled")
 
 

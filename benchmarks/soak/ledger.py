@@ -53,6 +53,7 @@ class Ledger:
         worst_way: Where the pose erred most.
         driven_m: How far those stretches were.
         uncertain: Stretches in which travel was lost, and said so.
+        covered: Stretches that erred by more than usual, within three of their standard deviations.
         apart: Stretches that are not compared, by reason.
         notes: What happened and is no failure.
         failures: What should not have happened.
@@ -71,6 +72,7 @@ class Ledger:
         self.driven_m = 0.0
         self.worst_way = "-"
         self.uncertain = 0
+        self.covered = 0
         self.apart: Counter[str] = Counter()
         self.notes: Counter[str] = Counter()
         self.failures: list[str] = []

@@ -111,6 +111,26 @@ def error(
     return math.hypot(x - true_x, y - true_y), abs(theta - true_theta)
 
 
+def way_covariance(
+    then: tuple[float, float, float], p_then: Matrix3, now: tuple[float, float, float], p: Matrix3
+) -> tuple[float, float, float]:
+    """How unsure the way between two poses is, without what was unsure before it.
+
+    A heading that is off by a little swings all that follows about the place where it went wrong:
+    ``P = J · P_then · Jᵀ + Q`` with ``J = [1 0 -dy; 0 1 dx; 0 0 1]``; this is Q's diagonal.
+
+    Returns:
+        Variances of x, y and the heading, none below zero.
+    """
+    dx, dy = now[0] - then[0], now[1] - then[1]
+    xx, _, xt, _, yy, yt, _, _, tt = p_then
+    return (
+        max(0.0, p[0] - (xx - 2.0 * dy * xt + dy * dy * tt)),
+        max(0.0, p[4] - (yy + 2.0 * dx * yt + dx * dx * tt)),
+        max(0.0, p[8] - tt),
+    )
+
+
 def _from(
     start: tuple[float, float, float], goal: tuple[float, float, float]
 ) -> tuple[float, float, float]:

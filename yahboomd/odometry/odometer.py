@@ -41,6 +41,10 @@ RESET_SPEED_M_S = 0.1
 """How much faster than last measured a wheel may have been when the board reset itself."""
 
 
+UNSEEN_NS = 150_000_000
+"""In a longer step a base may go and turn in an order that nobody saw."""
+
+
 class OdometerOptions(msgspec.Struct, frozen=True, kw_only=True):
     """What can be tuned, with values that fit the boards and motors in the tables.
 
@@ -247,6 +251,8 @@ class Odometer:
             self._doubt = None
             arc = self._integrator.step(deltas, totals, instant.step_ns)
             self._covariance.step(deltas, arc)
+            if instant.step_ns > UNSEEN_NS:
+                self._covariance.bridge(arc)
         window = self._velocity.step(totals, instant.step_ns)
         self._stamp_ns = instant.stamp_ns
         self.counters["odometry_estimates"] += 1
@@ -276,6 +282,7 @@ class Odometer:
                 scale = sinc(0.5 * turn)
                 arc = Arc(dx, dy, scale * math.cos(middle), scale * math.sin(middle), turn)
                 self._covariance.step(verdict.deltas, arc)
+                self._covariance.bridge(arc)
                 self._velocity.take_back()
                 self.counters["odometry_taken_back"] += 1
                 return
@@ -283,6 +290,8 @@ class Odometer:
             integrator.go_back(before)
         arc = integrator.step(verdict.deltas, totals, step_ns)
         self._covariance.step(verdict.deltas, arc)
+        # Several readings in one, or a garbled one: the order of going and turning is not known.
+        self._covariance.bridge(arc)
 
     def _estimate(self, window: Window) -> OdometryEstimate:
         totals = self._encoders.totals
