@@ -7,15 +7,16 @@ import contextlib
 import itertools
 import json
 import socket
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import pytest
 import zenoh
 from zenoh_fixtures import eventually, free_endpoint
 
-from yahboomd.clock import SystemClock
+from yahboomd.clock import Schedule, SystemClock
 from yahboomd.config import load
 from yahboomd.daemon.service import Daemon
 from yahboomd.errors import BusError
@@ -28,7 +29,7 @@ pytestmark = pytest.mark.realtime
 class Running:
     """A daemon on the test's own loop, and what it publishes."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, environ: Mapping[str, str] = MappingProxyType({})) -> None:
         self.endpoint = free_endpoint()
         self.robot = SimulatedRobot()
         overrides = [
@@ -38,7 +39,7 @@ class Running:
             f"estop.latch_file={folder / 'estop'}",
         ]
         self.config = load(None, environ={}, overrides=overrides)
-        self.daemon = Daemon(self.config, environ={}, clock=SystemClock(), opener=self.open)
+        self.daemon = Daemon(self.config, environ=environ, clock=SystemClock(), opener=self.open)
         self.task = asyncio.create_task(self.daemon.run())
         self.samples: dict[str, list[zenoh.Sample]] = {}
 
@@ -275,6 +276,41 @@ async def test_a_service_is_ready_once_the_port_that_it_listens_on_is_free(tmp_p
         await eventually(lambda: b"READY=1" in hear())
         daemon.stop("the test's end")
         await task
+
+
+async def test_a_control_loop_that_stands_still_feeds_no_watchdog_though_all_else_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    heard: list[bytes] = []
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        manager.setblocking(False)
+
+        def fed() -> int:
+            with contextlib.suppress(BlockingIOError):
+                while True:
+                    heard.append(manager.recv(500))
+            return heard.count(b"WATCHDOG=1")
+
+        environ = {"NOTIFY_SOCKET": manager.getsockname(), "WATCHDOG_USEC": "300000"}
+        running = Running(tmp_path, environ)
+        await running.listen()
+        await running.state("standing")
+        await eventually(lambda: fed() > 3)
+        stands_still = asyncio.Event()
+
+        async def beat(_: Schedule) -> int:
+            stands_still.set()
+            await asyncio.Event().wait()
+            raise AssertionError
+
+        monkeypatch.setattr(Schedule, "beat", beat)
+        await stands_still.wait()
+        before, told = fed(), len(running.samples["status"])
+        # Two seconds, in which a watchdog of 0.3 s would have been fed twenty times.
+        await eventually(lambda: len(running.samples["status"]) >= told + 4)
+        assert fed() == before
+        await running.end()
 
 
 @pytest.mark.parametrize("name", ["supervisor", "control", "status"])
