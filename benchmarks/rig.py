@@ -36,12 +36,21 @@ def wait_for(condition: Callable[[], Thing | None], what: str) -> Thing:
 
 
 class Process:
-    """A child; its output is kept. ``Process("-m", "yahboomd", ...)``."""
+    """A child; its output is kept. ``Process("-m", "yahboomd", ...)``.
 
-    def __init__(self, *arguments: str, environ: dict[str, str] | None = None) -> None:
+    Args:
+        arguments: Python's.
+        environ: More than ours.
+        nice: Its niceness; without the right to it, ``nice`` says so and runs it as it is.
+    """
+
+    def __init__(
+        self, *arguments: str, environ: dict[str, str] | None = None, nice: int = 0
+    ) -> None:
         self.lines: list[str] = []
+        first = ["nice", "-n", str(nice)] if nice else []
         self._process = subprocess.Popen(
-            [sys.executable, *arguments],
+            [*first, sys.executable, *arguments],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -108,11 +117,12 @@ def folder() -> Iterator[Path]:
         yield Path(path)
 
 
-def thin_board(where: Path, *options: str, ports: int = 1) -> Process:
+def thin_board(where: Path, *options: str, ports: int = 1, nice: int = 0) -> Process:
     """A board that costs next to nothing; it logs what it hears to ``where``/heard."""
     process = Process(
         *("-m", "benchmarks.thin_board", "--log", str(where / "heard")),
         *("--links", *(str(where / f"port{n}") for n in range(ports)), *options),
+        nice=nice,
     )
     process.says("ready")
     return process
@@ -133,6 +143,7 @@ def daemon(
     loop: str = "asyncio",
     connect: Sequence[str] = (),
     prefix: Sequence[str] = ("-m", "yahboomd"),
+    nice: int = 0,
 ) -> Process:
     """``yahboomd run`` on a port in ``where``; the settings are those of ``--set``.
 
@@ -146,7 +157,7 @@ def daemon(
     ]
     chosen = ("-m", "benchmarks.on_uvloop") if loop == "uvloop" else tuple(prefix)
     arguments = [part for each in own for part in ("--set", each)]
-    return Process(*chosen, "run", "--port", str(where / port), *arguments)
+    return Process(*chosen, "run", "--port", str(where / port), *arguments, nice=nice)
 
 
 def free_endpoint() -> str:
