@@ -354,12 +354,6 @@ class StuckPort(BoardPort):
         if not self.stuck:
             super().write(data)
 
-    def gather(self, least: int) -> None:
-        self._port.gather(least)
-
-    def look(self) -> None:
-        self._port.look()
-
     async def drain(self, timeout_s: float) -> bool:
         await asyncio.sleep(timeout_s if self.stuck else 0.005)
         return not self.stuck
