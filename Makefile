@@ -72,7 +72,7 @@ picture: $(VENV)/.dev ## drive the simulated robot, and draw docs/images/path.pn
 	$(PY) tools/picture.py $(ARGS)
 
 .PHONY: bench bench-short
-bench: $(VENV)/.dev ## measure exactness, latency, throughput, cost and fleet; write docs/benchmarks.md (25 minutes)
+bench: $(VENV)/.dev ## measure exactness, latency, throughput, cost and fleet; write docs/benchmarks.md (25 minutes; ARGS=--resume goes on)
 	$(PY) -m benchmarks $(ARGS)
 
 bench-short: $(VENV)/.dev ## the same in a short form, only to see that it works

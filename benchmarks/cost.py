@@ -99,7 +99,7 @@ def bench(*, short: bool, images: Path) -> Section:
         title="Cost: CPU, memory, threads, and where they go",
         how=__doc__.split("\n\n", 1)[1].replace("\n", " "),
     )
-    seconds = 1.0 if short else 8.0
+    seconds = 1.0 if short else 6.0
     loops = ["asyncio"]
     with contextlib.suppress(ImportError):
         __import__("uvloop")

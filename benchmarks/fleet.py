@@ -169,7 +169,7 @@ def bench(*, short: bool, images: Path) -> Section:  # noqa: ARG001 - it has non
         title="Fleet: how many robots a machine and a router carry",
         how=__doc__.split("\n\n", 1)[1].replace("\n", " "),
     )
-    seconds = 2.0 if short else 8.0
+    seconds = 2.0 if short else 6.0
     rows = []
     for count in (1,) if short else (1, 2, 4, 8, 12, 16):
         found = pairs(count, seconds)
@@ -240,7 +240,7 @@ def bench(*, short: bool, images: Path) -> Section:  # noqa: ARG001 - it has non
         ["mode", "sessions", "CPU ms each", "CPU ms of the router each", "router MB"],
         rows,
     )
-    offered, got, share = edge(3.0 if short else 8.0)
+    offered, got, share = edge(3.0 if short else 6.0)
     section.findings.append(
         f"A router at the edge that thins poses to 2 Hz passed {number(got)} of {number(offered)} "
         f"poses a second up; the router above used {number(100 * share)} % of a core."

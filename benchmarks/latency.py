@@ -167,10 +167,10 @@ def bench(*, short: bool, images: Path) -> Section:  # noqa: ARG001 - it has non
         "over. Commands come 18 to 30 ms apart. The limits of acceleration are off, so that every "
         "command is one frame.",
     )
-    runs = [("streamed", "asyncio", count), ("polled", "asyncio", count // 4)]
+    runs = [("streamed", "asyncio", count), ("polled", "asyncio", count // 6)]
     with contextlib.suppress(ImportError):
         __import__("uvloop")
-        runs.insert(1, ("streamed", "uvloop", count // 4))
+        runs.insert(1, ("streamed", "uvloop", count // 6))
     rows = []
     for dialect, loop, many in runs:
         run = measure(many, dialect=dialect, loop=loop)

@@ -99,6 +99,12 @@ def store(section: Section, folder: Path = STORE) -> None:
     (folder / f"{section.name}.json").write_bytes(msgspec.json.encode(section))
 
 
+def age_s(name: str, folder: Path = STORE) -> float:
+    """How long ago a point was measured; infinite where it never was."""
+    file = folder / f"{name}.json"
+    return time.time() - file.stat().st_mtime if file.exists() else math.inf
+
+
 def stored(names: Iterable[str], folder: Path = STORE) -> list[Section]:
     """The sections that are there, in the order of their names."""
     files = [folder / f"{name}.json" for name in names]

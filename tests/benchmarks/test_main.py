@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks import report
+
 ROOT = Path(__file__).resolve().parents[2]
 
 pytestmark = pytest.mark.realtime
@@ -61,3 +63,29 @@ def test_a_name_that_is_no_point_is_refused(tmp_path: Path) -> None:
     run = bench(tmp_path, "speed")
     assert run.returncode == 2
     assert "there is no speed" in run.stderr
+
+
+def keep(where: Path) -> Path:
+    """A point that was measured just now."""
+    section = report.Section(name="latency", title="Measured", how="Before.")
+    report.store(section, where / "store")
+    return where / "store" / "latency.json"
+
+
+def test_a_run_that_goes_on_leaves_out_what_was_measured_just_now(tmp_path: Path) -> None:
+    file = keep(tmp_path)
+    kept = file.read_bytes()
+    run = bench(tmp_path, "--short", "--resume", "latency")
+    assert run.returncode == 0
+    assert run.stdout == ""
+    assert file.read_bytes() == kept
+    assert "## Measured" in (tmp_path / "benchmarks.md").read_text()
+
+
+def test_a_point_that_fails_is_named_and_keeps_no_other_from_the_page(tmp_path: Path) -> None:
+    keep(tmp_path)
+    (tmp_path / "images" / "flame.svg").mkdir(parents=True)  # where its picture has to go
+    run = bench(tmp_path, "--short", "--resume", "cost", "latency")
+    assert run.returncode == 1
+    assert "Not measured: cost." in run.stderr
+    assert "## Measured" in (tmp_path / "benchmarks.md").read_text()
