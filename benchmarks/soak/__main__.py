@@ -23,6 +23,9 @@ from benchmarks.soak.ledger import Ledger, quantile, table
 
 RSS_GROWTH_MB = 30.0
 
+STARVED_S = 1.0
+"""Of the four seconds before the watchdog acts, which hears nothing of a daemon for two."""
+
 
 def main(arguments: list[str]) -> int:
     """Run it.
@@ -119,8 +122,12 @@ def one(course: Course, turn: Turn) -> None:
         course.fail(f"{jump.kind}: a step of {jump.step:.6g} where {jump.most:.6g} is the most")
     for life in course.manager.lives[lives - 1 : -1]:
         if not life.asked:
-            since_ns = (life.ended_ns or 0) - 4_000_000_000
-            course.unexpected(f"the daemon ended, with {life.status}", since_ns)
+            ended_ns = life.ended_ns or time.monotonic_ns()
+            words = f"the daemon ended, with {life.status}{life.note}"
+            if course.waiting.within_s(ended_ns - 4_000_000_000, ended_ns) > STARVED_S:
+                ledger.notes[f"while it had no processor: {words}"] += 1
+            else:
+                course.unexpected(words, ended_ns - 4_000_000_000)
     print(
         f"{(time.monotonic_ns() - course.began_ns) / 1e9:7.1f} s  {course.board.dialect:<9}"
         f"{turn.kind:<20}{time.monotonic() - began:6.1f} s",

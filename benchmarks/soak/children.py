@@ -38,6 +38,7 @@ def drive(endpoint: str, key: str, vx: float, wz: float) -> None:
         while True:
             print(time.monotonic_ns(), flush=True)
             bus.put(key, payload)
+            print(time.monotonic_ns(), flush=True)
             time.sleep(0.05)
 
 

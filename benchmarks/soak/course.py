@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections.abc import Callable
 from pathlib import Path
 from random import Random
 
+from benchmarks.soak.alarms import ALARMS, LATELY_NS, shown
 from benchmarks.soak.application import Application
 from benchmarks.soak.ledger import Ledger
 from benchmarks.soak.poses import SEPARATION_M, error, way_covariance
 from benchmarks.soak.processes import Board, ServiceManager, Stalls, free_endpoint
-from benchmarks.soak.tail import STANDING_M_S, Order, is_stop
-from yahboomd.messages.native import EventSample, PoseSample
+from benchmarks.soak.tail import Order, is_stop
+from benchmarks.soak.waiting import Waiting
+from yahboomd.messages.native import PoseSample
 from yahboomd.simulation.truth import TruthSample
 
 LOOK_S = 0.01
@@ -37,9 +40,6 @@ NEAR_ZERO = "a polled board was reset with its counters near zero"
 
 
 NOISY = frozenset({"byte loss", "corruption"})
-ALARMS = ("runaway_against", "runaway_fast", "no_counts")
-TRUE_NS = 300_000_000
-WHEELS = ("left", "right")
 
 
 class Course:
@@ -69,9 +69,11 @@ class Course:
             self.stalls.close()
             raise
         self.manager = ServiceManager(folder, self.board.port, self.endpoint)
+        self.waiting = Waiting(lambda: (self.manager.life.pid, self.board.process.pid, os.getpid()))
         try:
             self.app = Application(self.endpoint, Random(seed + 1))
         except BaseException:
+            self.waiting.close()
             self.manager.close()
             self.board.close()
             self.stalls.close()
@@ -80,6 +82,7 @@ class Course:
     def close(self) -> None:
         """End everything."""
         self.app.close()
+        self.waiting.close()
         self.manager.close()
         self.board.close()
         self.stalls.close()
@@ -125,8 +128,10 @@ class Course:
         return True
 
     def stalled_s(self, since_ns: int, until_ns: int) -> float:
-        """How long the machine stood still."""
-        return self.stalls.within_s(since_ns, until_ns)
+        """How long the machine stood still, or let one of us wait for a processor."""
+        return max(
+            self.stalls.within_s(since_ns, until_ns), self.waiting.within_s(since_ns, until_ns)
+        )
 
     # Stops.
 
@@ -248,32 +253,11 @@ class Course:
     def judge_alarms(self, since_ns: int) -> None:
         """Of wheels that nobody broke, no fault is told that they did not show."""
         for event in self.app.events_since(since_ns, *ALARMS):
-            if not self._true(event):
+            told_ns = event.stamp_ns - time.time_ns() + time.monotonic_ns()
+            if not shown(event, self.board.truth.since(told_ns - LATELY_NS), told_ns):
                 self.unexpected(f"no wheel did so: {event.message}", since_ns)
             elif self.kind in NOISY:
                 self.ledger.notes[f"on a noisy line, and a wheel did so: {event.kind}"] += 1
-
-    def _true(self, event: EventSample) -> bool:
-        """Whether a wheel really did what an event says of it.
-
-        A speed that is garbled on its way to the board is driven, and one that is lost is not.
-        """
-        told_ns = event.stamp_ns - time.time_ns() + time.monotonic_ns()
-        data = event.data or {}
-        wish = float(data.get("commanded_m_s") or 0.0)
-        seen = float(data.get("measured_m_s") or 0.0)
-        lately = [
-            speed
-            for sample in self.board.truth.since(told_ns - TRUE_NS)
-            if sample.t_ns <= told_ns
-            for name, speed in zip(WHEELS, sample.speed_m_s, strict=True)
-            if event.wheel in {None, name}
-        ]
-        if event.kind == "no_counts":
-            return min(map(abs, lately), default=1.0) < STANDING_M_S
-        most = max((speed * math.copysign(1.0, seen) for speed in lately), default=0.0)
-        against = wish * seen < 0.0 and most > STANDING_M_S
-        return against or most > 1.5 * abs(wish) + 0.1
 
     @property
     def latched(self) -> bool:
@@ -313,6 +297,7 @@ class Course:
             return
         if apart:
             self.ledger.apart[apart] += 1
+            self._begin_anew()
             return
         where = _pose(pose)
         metres, radians = error(_pose(anchor[0]), where, _place(anchor[1]), _place(truth[0]))
@@ -325,6 +310,7 @@ class Course:
             most_m += unknown_m + way_m * min(2.0, turned)
             most_rad += turned
             self.ledger.uncertain += 1
+            self._begin_anew()
         else:
             # A line without a checksum can be so bad that nobody could tell: but that is known.
             xx, yy, tt = way_covariance(
@@ -344,6 +330,20 @@ class Course:
             self.ledger.driven_m += way_m
         if metres > most_m or radians > most_rad:
             self.fail(f"the pose is {metres * 1e3:.1f} mm and {radians:.4f} rad off the truth")
+
+    def _begin_anew(self) -> None:
+        """What was not known so far would hide what is not known of the next way."""
+        self.app.poses.pause()
+        reply = self.app.ask("yahboomd/odometry/reset")
+        if reply is None or not reply.success:
+            self.fail(f"the pose is not to be reset: {reply.message if reply else 'no answer'}")
+        time.sleep(0.25)
+        self.app.poses.resume()
+        now_ns = time.monotonic_ns()
+        if self._anchor is not None and self.wait(lambda: self.app.pose_since(now_ns), 5.0):
+            pose = self.app.pose_since(now_ns)
+            assert pose is not None
+            self._anchor = (pose, *self._anchor[1:])
 
     def _unknown_m(self, since_ns: int) -> float:
         """How much travel of each wheel was said to be unknown."""

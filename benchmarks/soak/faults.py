@@ -304,6 +304,9 @@ def _lies(course: Course, fault: str, *, honest: bool = False) -> None:
 
 def turning(course: Course) -> None:
     """A wheel is turned by hand: slowly is told, faster than the checks' margin is a fault."""
+    # A wheel that crawled and had not yet begun to roll leaves the motors let go: then everybody
+    # may turn them.
+    course.move(0.25, 0.0)
     silent_ns = course.app.silent()
     course.stands(silent_ns, TIMEOUT_S + RAMP_S + BRAKE_S, "command silence")
     course.wait(lambda: (s := course.app.status) and s.state == "standing", 3.0)

@@ -51,9 +51,21 @@ class PoseWatch:
         self.samples = 0
         self.fastest_m_s = 0.0
         self._last: PoseSample | None = None
+        self._paused = False
+
+    def pause(self) -> None:
+        """Somebody is about to say where the robot is."""
+        self._paused = True
+
+    def resume(self) -> None:
+        """It was said, and the samples of before have arrived."""
+        self._last = None
+        self._paused = False
 
     def see(self, pose: PoseSample) -> None:
         """Take in a sample."""
+        if self._paused:
+            return
         last, self._last = self._last, pose
         self.samples += 1
         if last is None or pose.seq <= last.seq:

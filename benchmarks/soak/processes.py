@@ -202,6 +202,7 @@ class Life(msgspec.Struct, kw_only=True):
         ended_ns: When it was over.
         status: How it ended; negative: by that signal.
         asked: Whether we ended it.
+        note: What it did when the watchdog ended it.
         rss_first_mb: Resident memory soon after its start.
         rss_mb: The latest figure.
         rss_most_mb: The largest.
@@ -212,6 +213,7 @@ class Life(msgspec.Struct, kw_only=True):
     ended_ns: int | None = None
     status: int | None = None
     asked: bool = False
+    note: str = ""
     rss_first_mb: float | None = None
     rss_mb: float = 0.0
     rss_most_mb: float = 0.0
@@ -331,6 +333,7 @@ class ServiceManager:
             if fed_ns is not None and now_ns - fed_ns > WATCHDOG_S * 1e9:
                 self.watchdog_kills += 1
                 self._fed_ns = None
+                self.life.note = f" (the watchdog: no sign of life, {_doing(process.pid)})"
                 process.kill()
             if now_ns - looked_ns > 1_000_000_000:
                 looked_ns = now_ns
@@ -367,6 +370,14 @@ class ServiceManager:
             thread.join(END_S)
         self._notify.close()
         self._log.close()
+
+
+def _doing(pid: int) -> str:
+    """What the kernel says that a process does: running, sleeping, stopped, and where."""
+    with contextlib.suppress(OSError, IndexError):
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+        return f"state {state} in {Path(f'/proc/{pid}/wchan').read_text() or 'user space'}"
+    return "gone"
 
 
 def free_endpoint() -> str:

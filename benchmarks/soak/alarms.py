@@ -1,0 +1,44 @@
+"""Whether wheels did what an event says of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from benchmarks.soak.tail import STANDING_M_S
+from yahboomd.messages.native import EventSample
+from yahboomd.simulation.truth import TruthSample
+
+ALARMS = ("runaway_against", "runaway_fast", "no_counts")
+"""What lets the motors go, and keeps the robot where it is until a person came."""
+
+LATELY_NS = 300_000_000
+WHEELS = ("left", "right")
+
+
+def shown(event: EventSample, truth: Iterable[TruthSample], told_ns: int) -> bool:
+    """Whether a wheel really did it.
+
+    On a noisy line a speed that is garbled on its way to the board is driven, and one that is lost
+    is not: then a wheel does turn against its command, or stands.
+
+    Args:
+        event: One of :data:`ALARMS`.
+        truth: The ground truth since :data:`LATELY_NS` before it.
+        told_ns: When it was told, monotonic.
+    """
+    data = event.data or {}
+    wish = float(data.get("commanded_m_s") or 0.0)
+    seen = float(data.get("measured_m_s") or 0.0)
+    lately = [
+        speed
+        for sample in truth
+        if sample.t_ns <= told_ns
+        for name, speed in zip(WHEELS, sample.speed_m_s, strict=True)
+        if event.wheel in {None, name}
+    ]
+    if event.kind == "no_counts":
+        return min(map(abs, lately), default=math.inf) < STANDING_M_S
+    most = max((speed * math.copysign(1.0, seen) for speed in lately), default=0.0)
+    against = wish * seen < 0.0 and most > STANDING_M_S
+    return against or most > 1.5 * abs(wish) + 0.1
