@@ -17,10 +17,10 @@ import msgspec
 from yahboomd.clock import Clock, nanoseconds, sleep_until
 from yahboomd.errors import PortLost, YahboomdError
 from yahboomd.link import handshake
-from yahboomd.link.gathering import Gathering
 from yahboomd.link.handshake import Identity
 from yahboomd.link.poller import Poller
 from yahboomd.link.port import Port, lost
+from yahboomd.link.reception import Reception
 from yahboomd.link.standstill import StandstillWatch
 from yahboomd.link.stopping import (
     DRAIN_S,
@@ -34,13 +34,12 @@ from yahboomd.model import EncoderReading, Event
 from yahboomd.protocol.dialect import (
     Battery,
     Decoded,
-    Dialect,
     Reply,
     Totals,
     Unrecognised,
     VersionLine,
 )
-from yahboomd.protocol.framing import Frame, Framer, TextLine
+from yahboomd.protocol.framing import Frame, TextLine
 from yahboomd.protocol.settings import PROFILES, MotorProfile
 
 BATTERY_ANSWER_S = 0.3
@@ -114,20 +113,16 @@ class Session:
         self._clock = clock
         self._listener = listener
         self._options = options
-        self._framer = Framer()
+        self._reception = Reception(self._understand)
         self._watch = StandstillWatch(options.still_ticks_per_s)
         self._port: Port | None = None
         self._identity: Identity | None = None
         self._writer: Writer | None = None
         self._poller: Poller | None = None
-        self._gathering: Gathering | None = None
         self._gone: asyncio.Future[Exception] | None = None
         self._vital: list[asyncio.Task[None]] = []
         self._port_lost = False
-        self._ears: Callable[[Frame | TextLine], None] | None = None
         self._asking_settings = False
-        self._last_name = self._last_args = ""
-        self._last_totals = Totals(ticks=(0, 0, 0, 0))
         self._leaving = False
         self._let_go = False
         self.counters: Counter[str] = Counter()
@@ -189,8 +184,7 @@ class Session:
             facts.update(self._writer.facts())
         if self._poller is not None:
             facts.update(self._poller.counters)
-        counters = self._framer.counters
-        facts.update({name: getattr(counters, name) for name in counters.__struct_fields__})
+        facts.update(self._reception.facts())
         return dict(facts)
 
     async def run(self) -> None:
@@ -236,6 +230,7 @@ class Session:
         )
         # Known from here on: what comes is decoded, and a failure stops in the right dialect.
         self._identity = Identity(dialect=dialect, settings=None)
+        self._reception.dialect = dialect
         self._writer = writer
         self._vital.append(tasks.create_task(writer.run(), name="link-writer"))
         poller = Poller(
@@ -255,7 +250,7 @@ class Session:
             self._asking_settings = False
         self._identity = Identity(dialect=dialect, settings=settings)
         self._poller = poller
-        self._gathering = Gathering(len(dialect.line_end))
+        self._reception.gather(port)
         poller.arm()
         self._listener.connected(self, self._identity)
         self._vital.append(tasks.create_task(poller.run(), name="link-poller"))
@@ -264,7 +259,7 @@ class Session:
 
     def _hear_raw(self, ears: Callable[[Frame | TextLine], None] | None) -> None:
         """Let somebody hear what comes before it is understood (to find out the dialect)."""
-        self._ears = ears
+        self._reception.ears = ears
 
     async def _ask_battery(self, writer: Writer, frame: bytes) -> None:
         period_ns = nanoseconds(self._options.battery_period_s)
@@ -281,32 +276,10 @@ class Session:
 
     def _data(self, data: bytes) -> None:
         try:
-            self._take(data, self._clock.now_ns())
+            self._reception.take(data, self._clock.now_ns())
         except Exception as error:  # noqa: BLE001 - told to the session, which ends with it
             # Here the event loop is the caller: it would log the error, and drive on.
             self._end(error)
-
-    def _take(self, data: bytes, now_ns: int) -> None:
-        for item in self._framer.feed(data):
-            if self._ears is not None:
-                self._ears(item)
-            if self._identity is not None:
-                self._understand(self._decode(self._identity.dialect, item), item, now_ns)
-        gathering = self._gathering
-        if gathering is not None and gathering.rest(self._framer.held_bytes):
-            assert self._port is not None
-            self._port.gather(gathering.least)
-
-    def _decode(self, dialect: Dialect, item: Frame | TextLine) -> Decoded:
-        # A board that streams says the same counts two to four times.
-        if isinstance(item, Frame) and item.args == self._last_args:
-            if item.name == self._last_name:
-                return self._last_totals
-            return dialect.decode(item)
-        decoded = dialect.decode(item)
-        if isinstance(decoded, Totals) and isinstance(item, Frame):
-            self._last_name, self._last_args, self._last_totals = item.name, item.args, decoded
-        return decoded
 
     def _understand(self, decoded: Decoded, item: Frame | TextLine, now_ns: int) -> None:
         assert self._port is not None
@@ -326,9 +299,6 @@ class Session:
                 # Now that it is known which question this answers, the next one may go: the board
                 # is at work while the counts are made use of here.
                 self._writer.heard(decoded)
-            gathering = self._gathering
-            if gathering is not None and gathering.line(item.size, item.trailing):
-                self._port.gather(gathering.least)
             self._watch.see(decoded.ticks, received_ns)
             if self._poller is not None:
                 self._poller.reading(
@@ -378,9 +348,7 @@ class Session:
     async def _leave(self, port: Port) -> None:
         """Stop the wheels and close. Bounded in time, whatever brought us here."""
         identity, self._leaving = self._identity, True
-        if self._gathering is not None:
-            self._gathering = None
-            port.gather(1)
+        self._reception.stop_gathering()
         if self._writer is not None:
             # A speed that waited for an answer would follow the stop.
             self._writer.close()
