@@ -19,6 +19,7 @@ from yahboomd.daemon.latch import EstopLatch
 from yahboomd.daemon.wheels import Wheels
 from yahboomd.drive import standing
 from yahboomd.drive.arbiter import Arbiter, Decision
+from yahboomd.drive.faults import Fault
 from yahboomd.drive.holds import (
     BOARD_RESET,
     BOARD_UNFIT,
@@ -30,7 +31,6 @@ from yahboomd.drive.holds import (
 )
 from yahboomd.drive.kinematics import desaturate, desaturate_twist, wheel_speeds
 from yahboomd.drive.limiter import AxisLimits, Limiter
-from yahboomd.drive.wheels_check import Fault
 from yahboomd.errors import YahboomdError
 from yahboomd.link.handshake import Identity
 from yahboomd.link.session import Session

@@ -13,9 +13,10 @@ from typing import Literal, Protocol
 from yahboomd.clock import nanoseconds
 from yahboomd.daemon.fit import Fit, no_board
 from yahboomd.drive.channels import channel_commands, motor_speeds
+from yahboomd.drive.faults import Fault
 from yahboomd.drive.proven_speed import ProvenSpeeds
 from yahboomd.drive.stop_watch import StopWatch
-from yahboomd.drive.wheels_check import Fault, WheelsCheck
+from yahboomd.drive.wheels_check import WheelsCheck
 from yahboomd.model import Counts, Kinematics, Motor
 
 STOP_REPEAT_S = 0.1

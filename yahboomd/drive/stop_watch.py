@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
-from yahboomd.drive.wheels_check import STANDING_M_S, Fault
+from yahboomd.drive.faults import Fault
+from yahboomd.drive.motor_watch import STANDING_M_S
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

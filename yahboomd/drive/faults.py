@@ -1,0 +1,57 @@
+"""What can be wrong with a wheel: one noun for every trouble, and for the event that tells it.
+
+Faults are values; nothing is raised. Who finds them: :mod:`~yahboomd.drive.motor_watch`,
+:mod:`~yahboomd.drive.wheels_check`, :mod:`~yahboomd.drive.stop_watch`.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, TypeAlias
+
+import msgspec
+
+from yahboomd.model import Event
+
+FaultKind: TypeAlias = Literal[
+    "runaway_against",
+    "runaway_fast",
+    "turns_without_command",
+    "no_counts",
+    "off_speed",
+    "stop_not_obeyed",
+]
+Action: TypeAlias = Literal["cut", "policy", "report"]
+
+
+class Fault(msgspec.Struct, frozen=True, kw_only=True):
+    """Something wrong with a wheel.
+
+    Attributes:
+        kind: A stable word.
+        motor: The motor by name; ``None`` where it concerns all of them.
+        message: One sentence for a person, with what to check.
+        action: ``cut``: let the motors go at once, whatever the configuration says; ``policy``: as
+            ``faults.stall`` says; ``report``: tell, and go on.
+        commanded_m_s: Rim speed that was commanded.
+        measured_m_s: Rim speed that was measured.
+    """
+
+    kind: FaultKind
+    motor: str | None
+    message: str
+    action: Action
+    commanded_m_s: float = 0.0
+    measured_m_s: float = 0.0
+
+    def event(self) -> Event:
+        """The same as an event for the bus."""
+        return Event(
+            kind=self.kind,
+            severity="warning" if self.action == "report" else "error",
+            message=self.message,
+            wheel=self.motor,
+            data={
+                "commanded_m_s": round(self.commanded_m_s, 4),
+                "measured_m_s": round(self.measured_m_s, 4),
+            },
+        )

@@ -1,0 +1,278 @@
+"""One motor: what it was told against what it does.
+
+What makes this hard is that healthy motors do not follow at once: they start after 0.02 to 0.4 s
+and lag behind. So the measurement is not held against the command of the moment but against every
+speed at which a healthy motor may turn by now: an envelope that follows a growing command at once
+and a falling one with the slowest time constant believed (any first-order lag up to that stays
+inside, as ``y' = (u - y) / tau`` falls faster than the envelope wherever they meet).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import TYPE_CHECKING
+
+from yahboomd.drive.faults import Fault
+
+if TYPE_CHECKING:
+    from yahboomd.drive.faults import Action, FaultKind
+    from yahboomd.drive.witnesses import Witnesses
+
+NS_PER_S = 1_000_000_000
+
+SLOWEST_LAG_S = 0.4
+STANDING_M_S = 0.03
+SPEED_FACTOR = 1.5
+SPEED_MARGIN_M_S = 0.1
+# A wheel has to be cut within 150 ms of leaving its envelope. Of these the reading takes up to one
+# poll period and the velocity's filter a few more milliseconds; 40 ms remain to make sure that it
+# was not one garbled reading.
+SURE_AFTER_NS = 40_000_000
+NO_COUNTS_NS = 150_000_000
+NO_COUNTS_M = 0.03
+# A wheel that rolled the other way before takes twice as long to start: the output of the board's
+# loop comes from the far edge of the motor's dead zone.
+TURNING_ROUND = 2
+# Below the least speed a healthy motor may take its time: the board's loop adds up the way that is
+# owed until the wheel breaks loose. With the default gains that is after some 15 mm, and full power
+# comes at 83 mm: what has not counted by then is blocked, or runs away unseen.
+CRAWL_NO_COUNTS_M = 0.1
+# An encoder that rests on an edge may flicker by one count for ever.
+COUNTS_OF_MOTION = 2
+CREEPING_NS = 600_000_000
+OFF_SPEED_NS = 1_000_000_000
+OFF_SPEED_RATIO = 0.5
+GAP_NS = 500_000_000
+
+
+class MotorWatch:
+    """Holds one motor's readings against its commands.
+
+    Args:
+        name: Of the motor, for the words of a fault.
+        min_speed_m_s: Below this command, missing counts prove nothing.
+        latency_ns: From a command's way into the link to the first reading that can show it.
+        witnesses: Other readings that have to agree before the motor is cut; ``None``: needless.
+
+    Attributes:
+        owed_m: What was commanded since it last counted; metres of rim travel.
+    """
+
+    def __init__(
+        self, name: str, min_speed_m_s: float, latency_ns: int, witnesses: Witnesses | None
+    ) -> None:
+        self._name = name
+        self._witnesses = witnesses
+        self._min_speed_m_s = min_speed_m_s
+        self._latency_ns = latency_ns
+        self._commanded: float | None = None
+        self._past: deque[tuple[int, float]] = deque()
+        self.begin(0.0)
+
+    def begin(self, measured_m_s: float) -> None:
+        """Any speed between standing, this one and the command is plausible from here on."""
+        commanded = self._commanded or 0.0
+        self._past.clear()
+        self._high = max(0.0, measured_m_s, commanded)
+        self._low = min(0.0, measured_m_s, commanded)
+        self._measured = measured_m_s
+        self._begin_silence()
+        self.owed_m = 0.0
+        self._owed_ticks = 0
+        self._rolled = 0
+        self._outside_ns: int | None = None
+        self._creeping_ns: int | None = None
+        self._slow_ns: int | None = None
+        self._known: set[FaultKind] = set()
+        if self._witnesses is not None:
+            self._witnesses.forget()
+
+    def command(self, now_ns: int, speed_m_s: float | None) -> None:
+        """Tell what the board was told; ``None`` where the motor was let go."""
+        if speed_m_s == self._commanded:
+            return
+        if self._commanded is None and speed_m_s is not None:
+            # The wheels coasted: they may start from any speed, which is the latest measured.
+            self._commanded = speed_m_s
+            self.begin(self._measured)
+            self._past.append((now_ns, 0.0))
+            return
+        if self._commanded is not None:
+            self._past.append((now_ns, self._commanded))
+            self._forget(now_ns - GAP_NS)
+        self._commanded = speed_m_s
+
+    def hear(self, received_ns: int, ticks: int) -> None:
+        """Let the witnesses know of counts, and when they arrived."""
+        if self._witnesses is not None:
+            self._witnesses.hear(received_ns, ticks)
+
+    def measure(
+        self, before_ns: int, now_ns: int, speed: float, ticks: int, proven: float
+    ) -> list[Fault]:
+        """Judge a reading.
+
+        Args:
+            before_ns: When the board sampled the one before.
+            now_ns: When it sampled this one.
+            speed: Measured rim speed, positive forward; m/s.
+            ticks: What was counted in between.
+            proven: The least that the speed can be: nobody is cut for more.
+
+        Returns:
+            The troubles that began with it.
+        """
+        self._measured = speed
+        if self._commanded is None:
+            return []
+        # A reading also shows what was commanded and replaced since the one before.
+        self._forget(min(now_ns - self._latency_ns, before_ns))
+        low, high = self._lately()
+        fall = -math.expm1(-(now_ns - before_ns) / NS_PER_S / SLOWEST_LAG_S)
+        self._high = high if high >= self._high else self._high + (high - self._high) * fall
+        self._low = low if low <= self._low else self._low + (low - self._low) * fall
+        steady = low if low > 0.0 else min(0.0, high)
+        found = (
+            self._runaway(now_ns, proven),
+            self._creeping(now_ns, speed),
+            self._silence(now_ns - before_ns, steady, ticks),
+            self._off_speed(now_ns, speed),
+        )
+        return [fault for fault in found if fault is not None]
+
+    def _lately(self) -> tuple[float, float]:
+        """The smallest and the largest command that a reading of now may still show."""
+        low = high = self._commanded or 0.0
+        for _, speed in self._past:
+            low, high = min(low, speed), max(high, speed)
+        return low, high
+
+    def _forget(self, before_ns: int) -> None:
+        # An entry is what was in force until its stamp.
+        while self._past and self._past[0][0] < before_ns:
+            self._past.popleft()
+
+    def _runaway(self, now_ns: int, speed: float) -> Fault | None:
+        most = SPEED_FACTOR * max(self._high, 0.0) + SPEED_MARGIN_M_S
+        least = SPEED_FACTOR * min(self._low, 0.0) - SPEED_MARGIN_M_S
+        # Where every healthy motor turns forward by now, backward needs no margin beyond standing.
+        if self._low >= STANDING_M_S:
+            least = -STANDING_M_S
+        if self._high <= -STANDING_M_S:
+            most = STANDING_M_S
+        if least <= speed <= most:
+            self._outside_ns = None
+            self._known -= {"runaway_against", "runaway_fast"}
+            return None
+        if self._outside_ns is None:
+            self._outside_ns = now_ns
+        if now_ns - self._outside_ns < SURE_AFTER_NS:
+            return None
+        if self._known & {"runaway_against", "runaway_fast"}:
+            return None
+        if self._witnesses is not None:
+            agreed = self._witnesses.speed_m_s()
+            if agreed is None or least <= agreed <= most:
+                return None
+        against = speed * (self._commanded or 0.0) < 0.0
+        return self._new("runaway_against" if against else "runaway_fast", "cut", speed)
+
+    def _creeping(self, now_ns: int, speed: float) -> Fault | None:
+        still = self._high < STANDING_M_S and self._low > -STANDING_M_S
+        if not still or abs(speed) < STANDING_M_S:
+            self._creeping_ns = None
+            self._known.discard("turns_without_command")
+            return None
+        if self._creeping_ns is None:
+            self._creeping_ns = now_ns
+        if now_ns - self._creeping_ns < CREEPING_NS:
+            return None
+        return self._new("turns_without_command", "policy", speed)
+
+    def _begin_silence(self) -> None:
+        self._silent_ns = 0
+        self._silent_m = 0.0
+        self._counted = 0
+
+    def _silence(self, step_ns: int, steady: float, ticks: int) -> Fault | None:
+        step_m = abs(steady) * step_ns / NS_PER_S
+        self._counted += ticks
+        self._owed_ticks += ticks
+        self.owed_m += step_m
+        # Motion either way is motion: a wheel that still rolls out after a change of direction is
+        # not silent, and one that turns against its command is found by its speed.
+        if abs(self._owed_ticks) >= COUNTS_OF_MOTION:
+            self._rolled = self._owed_ticks
+            self.owed_m = 0.0
+            self._owed_ticks = 0
+            self._known.discard("no_counts")
+        if abs(steady) < self._min_speed_m_s or abs(self._counted) >= COUNTS_OF_MOTION:
+            self._begin_silence()
+        else:
+            self._silent_ns += step_ns
+            self._silent_m += step_m
+        times = TURNING_ROUND if self._rolled * steady < 0.0 else 1
+        proven = self._silent_ns >= times * NO_COUNTS_NS and self._silent_m >= times * NO_COUNTS_M
+        if not proven and self.owed_m < CRAWL_NO_COUNTS_M:
+            return None
+        return self._new("no_counts", "policy", self._measured)
+
+    def _off_speed(self, now_ns: int, speed: float) -> Fault | None:
+        slowest = max(self._low, -self._high)
+        if slowest < self._min_speed_m_s or abs(speed) >= OFF_SPEED_RATIO * slowest:
+            self._slow_ns = None
+            self._known.discard("off_speed")
+            return None
+        if self._slow_ns is None:
+            self._slow_ns = now_ns
+        if now_ns - self._slow_ns < OFF_SPEED_NS or "no_counts" in self._known:
+            return None
+        return self._new("off_speed", "report", speed)
+
+    def _new(self, kind: FaultKind, action: Action, measured: float) -> Fault | None:
+        if kind in self._known:
+            return None
+        self._known.add(kind)
+        commanded = self._commanded or 0.0
+        text = _MESSAGES[kind].format(
+            name=self._name,
+            commanded=commanded,
+            measured=measured,
+            least=max(self.owed_m, self._silent_m) * 1e3,
+        )
+        return Fault(
+            kind=kind,
+            motor=self._name,
+            message=text,
+            action=action,
+            commanded_m_s=commanded,
+            measured_m_s=measured,
+        )
+
+
+_MESSAGES: dict[FaultKind, str] = {
+    "runaway_against": (
+        "{name} turns at {measured:.2f} m/s against its command of {commanded:.2f} m/s: check that "
+        "the encoder's phases are not swapped, the motor's polarity, and command_sign and "
+        "encoder_sign of this position."
+    ),
+    "runaway_fast": (
+        "{name} turns at {measured:.2f} m/s where {commanded:.2f} m/s are commanded: check the "
+        "encoder's plug, and that the board's motor type, lines, ratio and diameter fit the motor; "
+        "or the wheel was pushed, or came free after being blocked."
+    ),
+    "turns_without_command": (
+        "{name} turns at {measured:.2f} m/s without command: check whether the robot is pushed or "
+        "stands on a slope, the encoder's plug, and that a motor sits at this position."
+    ),
+    "no_counts": (
+        "{name} is commanded {commanded:.2f} m/s and its encoder shows no motion for {least:.0f} "
+        "mm of it: check whether the wheel is blocked, then the plug of motor and encoder, the "
+        "position, and the motor supply."
+    ),
+    "off_speed": (
+        "{name} turns at {measured:.2f} m/s where {commanded:.2f} m/s are commanded: check the "
+        "load, the battery, and that the profile and command_scale fit the motor."
+    ),
+}
