@@ -134,6 +134,9 @@ class Framer:
         counters.bytes += len(data)
         counters.bad_bytes += len(data.translate(None, _PLAIN))
         items: list[Frame | TextLine] = []
+        if _STEERING.search(data) is None:
+            self._hold(data)
+            return items
         if self._held:
             # How bytes were cut into chunks makes no difference.
             data = bytes(self._held) + data
