@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from yahboomd.config import WHEELS, Config
-from yahboomd.drive.arbiter import Source
+from yahboomd.drive.arbitration import Source
 from yahboomd.drive.kinematics import KINEMATICS
 from yahboomd.model import Motor
 from yahboomd.protocol.settings import PROFILES

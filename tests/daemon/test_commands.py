@@ -8,7 +8,8 @@ import pytest
 
 from yahboomd.bus.subscriptions import Arrival
 from yahboomd.daemon.commands import CommandIntake
-from yahboomd.drive.arbiter import Arbiter, Source
+from yahboomd.drive.arbiter import Arbiter
+from yahboomd.drive.arbitration import Source
 
 MS = 1_000_000
 

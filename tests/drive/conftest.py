@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from yahboomd.drive.arbiter import Source
+from yahboomd.drive.arbitration import Source
 from yahboomd.drive.channels import MOTOR_PRESETS, build_motors
 from yahboomd.drive.kinematics import differential, mecanum
 from yahboomd.model import Kinematics, Motor

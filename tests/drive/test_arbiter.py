@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.drive.arbiter import Accepted, Arbiter, Refused, Source
+from yahboomd.drive.arbiter import Arbiter
+from yahboomd.drive.arbitration import Accepted, Refused, Source
 from yahboomd.errors import ConfigError
 from yahboomd.model import STANDSTILL, Twist2d
 

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from yahboomd.drive.arbiter import Decision, Why
+from yahboomd.drive.arbitration import Decision, Why
 from yahboomd.drive.estop import Latched
 from yahboomd.drive.holds import BOARD_RESET, FAULT, WAITING_FOR_BOARD, Hold
 from yahboomd.drive.limiter import AxisLimits

@@ -12,7 +12,7 @@ from yahboomd.config.driving import Command, Estop, Faults, Limits
 from yahboomd.config.hardware import CUSTOM, PRESETS, Board, Chassis, MotorEntry, Serial
 from yahboomd.config.outputs import Log, Odometry, Ros2, Zenoh
 from yahboomd.config.values import Section
-from yahboomd.drive.arbiter import Source
+from yahboomd.drive.arbitration import Source
 from yahboomd.drive.kinematics import KINEMATICS
 from yahboomd.model import Kinematics, Motor
 from yahboomd.protocol.settings import EDGES_PER_LINE, PROFILES, MotorProfile, custom_profile

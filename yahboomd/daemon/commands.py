@@ -8,7 +8,8 @@ from typing import Any
 
 from yahboomd.bus.subscriptions import Arrival
 from yahboomd.clock import Clock
-from yahboomd.drive.arbiter import Accepted, Arbiter
+from yahboomd.drive.arbiter import Arbiter
+from yahboomd.drive.arbitration import Accepted
 from yahboomd.messages.codecs import Refusal, decode_command
 from yahboomd.messages.ros2 import parse_attachment
 from yahboomd.model import Twist2d

@@ -18,7 +18,8 @@ from yahboomd.daemon.fit import fit
 from yahboomd.daemon.latch import EstopLatch
 from yahboomd.daemon.wheels import Wheels
 from yahboomd.drive import standing
-from yahboomd.drive.arbiter import Arbiter, Decision
+from yahboomd.drive.arbiter import Arbiter
+from yahboomd.drive.arbitration import Decision
 from yahboomd.drive.faults import Fault
 from yahboomd.drive.holds import (
     BOARD_RESET,

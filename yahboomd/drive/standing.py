@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import msgspec
 
-from yahboomd.drive.arbiter import STANDING_M_S, Decision
+from yahboomd.drive.arbiter import STANDING_M_S
+from yahboomd.drive.arbitration import Decision
 from yahboomd.drive.holds import BOARD_UNFIT, FAULT, WAITING_FOR_BOARD, Hold
 
 if TYPE_CHECKING:

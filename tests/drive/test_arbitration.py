@@ -1,0 +1,38 @@
+from __future__ import annotations
+
+from typing import get_args
+
+import pytest
+
+from yahboomd.drive.age import AgeRefusal
+from yahboomd.drive.arbitration import Accepted, Decision, Reason, Refused, Source
+from yahboomd.model import STANDSTILL
+
+
+def test_a_decision_of_which_nothing_is_known_is_standstill_on_nobodys_account() -> None:
+    decision = Decision()
+    assert (decision.twist, decision.driver, decision.source) == (STANDSTILL, None, None)
+    assert decision.why == "no_command"
+    assert not decision.timed_out
+
+
+def test_whatever_is_wrong_with_a_commands_age_is_a_reason_to_refuse_it() -> None:
+    assert set(get_args(AgeRefusal)) <= set(get_args(Reason))
+
+
+def test_a_command_without_a_timeout_of_its_source_is_good_for_half_a_second() -> None:
+    assert Source(name="cmd_vel", priority=10).timeout_s == 0.5
+
+
+@pytest.mark.parametrize(
+    ("noun", "field"),
+    [
+        (Decision(), "twist"),
+        (Accepted(source="cmd_vel"), "took_over"),
+        (Refused(source="cmd_vel", reason="stale", detail="Old."), "revoked"),
+        (Source(name="cmd_vel", priority=10), "priority"),
+    ],
+)
+def test_what_was_said_is_not_changed_afterwards(noun: object, field: str) -> None:
+    with pytest.raises(AttributeError):
+        setattr(noun, field, True)

@@ -1,0 +1,93 @@
+"""The nouns of arbitration: who may drive, what becomes of a command, what the wheels should do.
+
+Who decides: :mod:`~yahboomd.drive.arbiter`.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, TypeAlias
+
+import msgspec
+
+from yahboomd.model import STANDSTILL, Twist2d
+
+Reason: TypeAlias = Literal[
+    "unknown_source",
+    "not_finite",
+    "stale",
+    "out_of_order",
+    "from_the_future",
+    "backlog",
+    "lower_priority",
+    "not_standing",
+]
+Why: TypeAlias = Literal["driving", "zero_command", "timed_out", "revoked", "no_command"]
+
+
+class Source(msgspec.Struct, frozen=True, kw_only=True):
+    """Somebody who may drive.
+
+    Attributes:
+        name: The key below the namespace, such as ``cmd_vel``.
+        priority: The larger number wins.
+        timeout_s: How long one of its commands is good for.
+    """
+
+    name: str
+    priority: int
+    timeout_s: float = 0.5
+
+
+class Accepted(msgspec.Struct, frozen=True, kw_only=True):
+    """The command is in effect.
+
+    Attributes:
+        source: Whose it is.
+        age_ns: How long it was under way, as far as can be known.
+        took_over: Whether control changed hands with it.
+    """
+
+    source: str
+    age_ns: int = 0
+    took_over: bool = False
+
+
+class Refused(msgspec.Struct, frozen=True, kw_only=True):
+    """The command has no effect.
+
+    Attributes:
+        source: Whose it is.
+        reason: A stable word, also the key in the counters.
+        detail: A sentence for a person.
+        revoked: Commands of this source that had been accepted turned out to be part of a backlog
+            and were taken back: run a control step at once.
+    """
+
+    source: str
+    reason: Reason
+    detail: str
+    revoked: bool = False
+
+
+class Decision(msgspec.Struct, frozen=True, kw_only=True):
+    """What the wheels should do now, and on whose account.
+
+    Attributes:
+        twist: The wish, not limited yet.
+        driver: Who holds control; ``None`` where nobody does.
+        since_ns: Since when; where nobody does, since when nobody does (``None``: ever).
+        timed_out: The last command ran out.
+        ramp: Whether the way to ``twist`` may be a ramp; else the wheels stand at once.
+        why: In one word, what the wish follows from.
+        source: Whose command is, or was, the last in effect.
+        age_ns: How long ago that one was given.
+    """
+
+    twist: Twist2d = STANDSTILL
+    driver: str | None = None
+    since_ns: int | None = None
+    timed_out: bool = False
+    ramp: bool = True
+    why: Why = "no_command"
+    source: str | None = None
+    age_ns: int | None = None
