@@ -25,6 +25,7 @@ from yahboomd.model import (
     OdometryEstimate,
     Pose2d,
 )
+from yahboomd.odometry import discontinuity
 from yahboomd.odometry.board_clock import Instant, PolledClock, StreamedClock
 from yahboomd.odometry.covariance import NOISE_M, Covariance
 from yahboomd.odometry.encoders import Encoders, Verdict
@@ -36,10 +37,6 @@ from yahboomd.odometry.velocity import (
     Velocity,
     Window,
 )
-
-RESET_SPEED_M_S = 0.1
-"""How much faster than last measured a wheel may have been when the board reset itself."""
-
 
 UNSEEN_NS = 150_000_000
 """In a longer step a base may go and turn in an order that nobody saw."""
@@ -329,67 +326,21 @@ class Odometer:
             self._integrator.interrupt()
             self._doubt = Doubt(state=before, deltas=verdict.deltas, step_ns=gap_ns)
         gap_s = gap_ns * 1e-9
-        speed_max = self._options.speed_max_m_s
-        if verdict.outcome == "gap_kept":
-            lost_m = 0.0
-        elif verdict.outcome == "reset":
-            # A reset lets the motors go: what rolled before it was no faster than last seen.
-            fastest = max(map(abs, self._speeds))
-            lost_m = min(speed_max, fastest + RESET_SPEED_M_S) * gap_s
-        else:
-            lost_m = speed_max * gap_s
+        fastest_m_s = max(map(abs, self._speeds))
+        lost_m = discontinuity.unknown_m(
+            verdict.outcome,
+            gap_s,
+            fastest_m_s=fastest_m_s,
+            speed_max_m_s=self._options.speed_max_m_s,
+        )
         if lost_m:
             self._covariance.lose(lost_m)
-        return Update(events=(self._tell(verdict, gap_s, lost_m, unsure_m),))
-
-    def _tell(self, verdict: Verdict, gap_s: float, lost_m: float, unsure_m: float) -> Event:
-        outcome = verdict.outcome
-        counter, happened, done = _WORDS[outcome]
-        self.counters[counter] += 1
-        lost = "" if not lost_m else f" Up to {lost_m:.2f} m of each wheel's travel are unknown."
+        self.counters[discontinuity.COUNTERS[verdict.outcome]] += 1
         counted_m = max(
             abs(delta) * motor.metres_per_tick
             for delta, motor in zip(verdict.deltas, self._motors, strict=True)
         )
-        return Event(
-            kind="odometry_discontinuity" if lost_m else "odometry_bridged",
-            severity="warning" if lost_m else "info",
-            message=f"{happened} {done}{lost}",
-            data={
-                "cause": outcome,
-                "gap_s": round(gap_s, 6),
-                "unknown_m": round(lost_m, 6),
-                "counted_m": round(counted_m, 6),
-                "unsure_m": round(unsure_m, 6),
-            },
+        event = discontinuity.event(
+            verdict.outcome, gap_s=gap_s, lost_m=lost_m, counted_m=counted_m, unsure_m=unsure_m
         )
-
-
-_WORDS = {
-    "reset": (
-        "odometry_resets",
-        "The board reset itself and counts from zero.",
-        "The pose goes on from where it was, with what was counted since.",
-    ),
-    "reset_unseen": (
-        "odometry_resets",
-        "The counters fell to near zero: the board must have reset itself.",
-        "The pose goes on from where it was, with what was counted since.",
-    ),
-    "gap_kept": (
-        "odometry_gaps",
-        "Counts were missing for a while, and the board went on counting.",
-        "The pose includes what it counted.",
-    ),
-    "gap_lost": (
-        "odometry_gaps",
-        "Counts were missing for a while, and the board may have been reset meanwhile.",
-        "The pose holds; set it anew if the robot was moved.",
-    ),
-    "rebased": (
-        "odometry_rebased",
-        "The counters jumped farther than the wheels can roll, and stayed there.",
-        "The pose holds and counting goes on from there.",
-    ),
-}
-"""For each outcome: its counter, what happened, and what was done about it."""
+        return Update(events=(event,))

@@ -1,0 +1,93 @@
+"""Counts that do not go on: how much of the way is lost with them, and the words that say so.
+
+Which reading ends one is for :mod:`~yahboomd.odometry.encoders` to judge; the pose goes on from
+where it was all the same.
+"""
+
+from __future__ import annotations
+
+from yahboomd.model import Event
+from yahboomd.odometry.encoders import Outcome
+
+RESET_SPEED_M_S = 0.1
+"""How much faster than last measured a wheel may have been when the board reset itself."""
+
+COUNTERS: dict[Outcome, str] = {
+    "reset": "odometry_resets",
+    "reset_unseen": "odometry_resets",
+    "gap_kept": "odometry_gaps",
+    "gap_lost": "odometry_gaps",
+    "rebased": "odometry_rebased",
+}
+"""Which of the odometer's counters each is counted in."""
+
+
+def unknown_m(outcome: Outcome, gap_s: float, *, fastest_m_s: float, speed_max_m_s: float) -> float:
+    """How far a wheel may have rolled without having been counted; metres.
+
+    Args:
+        outcome: What ended.
+        gap_s: From the last reading before it to the first after it.
+        fastest_m_s: Rim speed of the fastest wheel, as last seen.
+        speed_max_m_s: A rim speed that no wheel reaches.
+    """
+    if outcome == "gap_kept":
+        return 0.0
+    if outcome == "reset":
+        # A reset lets the motors go: what rolled before it was no faster than last seen.
+        return min(speed_max_m_s, fastest_m_s + RESET_SPEED_M_S) * gap_s
+    return speed_max_m_s * gap_s
+
+
+def event(
+    outcome: Outcome, *, gap_s: float, lost_m: float, counted_m: float, unsure_m: float
+) -> Event:
+    """What is told of it: a warning where something was lost.
+
+    Args:
+        outcome: What ended.
+        gap_s: From the last reading before it to the first after it.
+        lost_m: Up to how much of each wheel's travel is unknown.
+        counted_m: The farthest that a wheel was counted to have rolled in between.
+        unsure_m: How far from the pose the base may be, as nobody saw in which order it went and
+            turned.
+    """
+    happened, done = _WORDS[outcome]
+    lost = "" if not lost_m else f" Up to {lost_m:.2f} m of each wheel's travel are unknown."
+    return Event(
+        kind="odometry_discontinuity" if lost_m else "odometry_bridged",
+        severity="warning" if lost_m else "info",
+        message=f"{happened} {done}{lost}",
+        data={
+            "cause": outcome,
+            "gap_s": round(gap_s, 6),
+            "unknown_m": round(lost_m, 6),
+            "counted_m": round(counted_m, 6),
+            "unsure_m": round(unsure_m, 6),
+        },
+    )
+
+
+_WORDS: dict[Outcome, tuple[str, str]] = {
+    "reset": (
+        "The board reset itself and counts from zero.",
+        "The pose goes on from where it was, with what was counted since.",
+    ),
+    "reset_unseen": (
+        "The counters fell to near zero: the board must have reset itself.",
+        "The pose goes on from where it was, with what was counted since.",
+    ),
+    "gap_kept": (
+        "Counts were missing for a while, and the board went on counting.",
+        "The pose includes what it counted.",
+    ),
+    "gap_lost": (
+        "Counts were missing for a while, and the board may have been reset meanwhile.",
+        "The pose holds; set it anew if the robot was moved.",
+    ),
+    "rebased": (
+        "The counters jumped farther than the wheels can roll, and stayed there.",
+        "The pose holds and counting goes on from there.",
+    ),
+}
+"""For each outcome: what happened, and what was done about it."""
