@@ -159,53 +159,6 @@ async def test_a_board_whose_type_differs_is_not_moved_and_the_remedy_is_named(
 
 
 @on_virtual_time
-async def test_a_reset_in_motion_is_followed_by_a_second_of_rest(tmp_path: Path) -> None:
-    async with robot(tmp_path) as bench:
-        await bench.ready()
-        await bench.drive(1.0, 0.3)
-        bench.robot.reset(bench.clock.now_ns())
-        await bench.drive(0.9, 0.3)
-        assert bench.standing
-        assert "board_reset" in bench.heard.kinds
-        await bench.drive(1.0, 0.3)
-        assert min(bench.rim_speeds) > 0.2
-
-
-@on_virtual_time
-@pytest.mark.parametrize("off_s", [0.0, 0.05, 0.4])
-@pytest.mark.parametrize("ticks", [0, 3_000_000])
-async def test_a_polled_board_that_resets_without_a_word_is_told_its_motors_again(
-    tmp_path: Path, off_s: float, ticks: int
-) -> None:
-    async with robot(tmp_path, dialect="polled", initial_ticks=(ticks, 0, ticks, 0)) as bench:
-        await bench.ready()
-        await bench.drive(2.0, 0.3)
-        bench.robot.brown_out(bench.clock.now_ns(), off_s)
-        await bench.drive(1.5, 0.3)
-        if bench.controller.state()[0] == "fault":
-            # Counters that began near zero show no reset: a person has to look.
-            assert ticks == 0
-            await asyncio.sleep(1.0)
-            bench.operator.release_estop()
-        await bench.drive(2.5, 0.3)
-        assert min(bench.rim_speeds) > 0.2
-
-
-@on_virtual_time
-async def test_three_resets_in_ten_seconds_are_a_fault_that_latches(tmp_path: Path) -> None:
-    async with robot(tmp_path) as bench:
-        await bench.ready()
-        for _ in range(3):
-            await bench.drive(1.5, 0.3)
-            bench.robot.reset(bench.clock.now_ns())
-        await bench.drive(12.0, 0.3)
-        assert bench.standing
-        state, why = bench.controller.state()
-        assert state == "fault"
-        assert "reset itself 3 times" in why
-
-
-@on_virtual_time
 async def test_the_pose_goes_on_after_an_unplug_and_counts_what_was_travelled(
     tmp_path: Path,
 ) -> None:
@@ -335,18 +288,6 @@ async def test_when_nobody_is_connected_any_more_the_wheels_stop_at_once(tmp_pat
         assert bench.heard.commands is not None
         await asyncio.sleep(0.4)
         assert bench.standing
-
-
-@on_virtual_time
-async def test_a_flood_of_one_kind_of_event_is_bounded_and_counted(tmp_path: Path) -> None:
-    async with robot(tmp_path) as bench:
-        await bench.ready()
-        for _ in range(1000):
-            bench.operator.refuse_release("a flood")
-        await asyncio.sleep(1.1)
-        bench.operator.refuse_release("a flood")
-        assert bench.heard.kinds.count("estop_release_refused") == 6
-        assert bench.controller.counters["events_suppressed"] == 995
 
 
 @on_virtual_time

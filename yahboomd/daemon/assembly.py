@@ -11,9 +11,11 @@ from msgspec import structs
 from yahboomd.bus.options import BusOptions
 from yahboomd.clock import Clock, nanoseconds
 from yahboomd.config import Config
-from yahboomd.daemon.control import Controller, ControlOptions, Outputs
+from yahboomd.daemon.control import Controller
+from yahboomd.daemon.control_options import ControlOptions
 from yahboomd.daemon.latch import EstopLatch
 from yahboomd.daemon.latch_file import LatchFile
+from yahboomd.daemon.outputs import Outputs
 from yahboomd.daemon.storing import storing_opener
 from yahboomd.drive.arbiter import STANDING_M_S, Arbiter
 from yahboomd.link import port_note

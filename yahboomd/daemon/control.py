@@ -7,108 +7,31 @@ it at once; only command silence and a hand-over may ramp.
 
 from __future__ import annotations
 
-import logging
 from collections import Counter
-from typing import Literal, Protocol
-
-import msgspec
 
 from yahboomd.clock import Clock, nanoseconds, seconds
+from yahboomd.daemon.control_options import ControlOptions
 from yahboomd.daemon.fit import fit
 from yahboomd.daemon.latch import EstopLatch
+from yahboomd.daemon.outputs import Events, Outputs
+from yahboomd.daemon.resets import Resets
 from yahboomd.daemon.wheels import Wheels
 from yahboomd.drive import standing
 from yahboomd.drive.arbiter import Arbiter
 from yahboomd.drive.arbitration import Decision
 from yahboomd.drive.faults import Fault
-from yahboomd.drive.holds import (
-    BOARD_RESET,
-    BOARD_UNFIT,
-    FAULT,
-    WAITING_FOR_BOARD,
-    Hold,
-    Holds,
-    ResetWatch,
-)
+from yahboomd.drive.holds import BOARD_RESET, BOARD_UNFIT, FAULT, WAITING_FOR_BOARD, Hold, Holds
 from yahboomd.drive.kinematics import desaturate, desaturate_twist, wheel_speeds
-from yahboomd.drive.limiter import AxisLimits, Limiter
+from yahboomd.drive.limiter import Limiter
 from yahboomd.errors import YahboomdError
 from yahboomd.link.handshake import Identity
 from yahboomd.link.session import Session
-from yahboomd.model import (
-    Counts,
-    EncoderReading,
-    Event,
-    Kinematics,
-    Matrix3,
-    Motor,
-    OdometryEstimate,
-    Pose2d,
-)
+from yahboomd.model import Counts, EncoderReading, Event, Matrix3, Pose2d
 from yahboomd.odometry.odometer import Odometer
-from yahboomd.protocol.settings import MotorProfile
-
-log = logging.getLogger(__name__)
 
 SOONEST_S = 0.002
 """Extra control steps, for commands that arrive, are at least so far apart: more than the board
 can be told, and a bound on what a flood of commands can cost."""
-
-
-EVENTS_A_SECOND = 5
-"""Of one kind; a fault that repeats, or a flood on purpose, must drown neither log nor bus."""
-
-
-class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """What the control path is told about this robot.
-
-    Attributes:
-        kinematics: The drive geometry.
-        motors: The motors, in the order of the geometry's wheels.
-        profile: The motors' kind.
-        command_scale: Multiplier on command units.
-        linear: Limits of vx and vy.
-        angular: Limits of wz.
-        at_rest: Hold the wheels once they stand, or let them go.
-        stall: What follows from a wheel that stands against its command.
-        turns_without_command: What follows from a wheel that turns by itself.
-        min_speed_m_s: Commands below it prove nothing about counts that stay away.
-        period_s: From one control step to the next.
-        blind_s: Without counts for so long it stands: wheels that nobody sees are not driven.
-    """
-
-    kinematics: Kinematics
-    motors: tuple[Motor, ...]
-    profile: MotorProfile
-    command_scale: float = 1.0
-    linear: AxisLimits = AxisLimits()
-    angular: AxisLimits = AxisLimits()
-    at_rest: Literal["hold", "release"] = "hold"
-    stall: Literal["stop", "report"] = "stop"
-    turns_without_command: Literal["stop", "report"] = "report"
-    min_speed_m_s: float = 0.08
-    period_s: float = 0.02
-    blind_s: float = 0.3
-
-
-class Outputs(Protocol):
-    """Who hears what comes of it."""
-
-    def estimate(self, estimate: OdometryEstimate, command_m_s: tuple[float, ...]) -> None:
-        """A new reading, and the rim speeds that were commanded."""
-        ...
-
-    def battery(self, volts: float) -> None:
-        """The voltage of the motors' supply."""
-        ...
-
-    def event(self, event: Event) -> None:
-        """Something happened."""
-        ...
-
-    def changed(self) -> None:
-        """State, driver or reason may have changed."""
-        ...
 
 
 class Controller:
@@ -150,9 +73,16 @@ class Controller:
         self._limiter = Limiter(
             options.linear, options.angular, longest_step_s=max(0.1, 2 * options.period_s)
         )
-        self._resets = ResetWatch()
         self._holds = Holds()
-        self._told: dict[str, tuple[int, int]] = {}
+        self._events = Events(clock, outputs, self.counters)
+        self._resets = Resets(
+            clock,
+            wheels=self._wheels,
+            limiter=self._limiter,
+            holds=self._holds,
+            events=self._events,
+            outputs=outputs,
+        )
         self._decision = Decision()
         self._stepped_ns = clock.now_ns()
         self._extra_ns = 0
@@ -250,7 +180,7 @@ class Controller:
     def _trouble(self, fault: Fault, now_ns: int) -> None:
         """What follows from a wheel that lies."""
         self._tell(fault)
-        if fault.action == "cut" or (fault.action == "policy" and self._policy(fault) == "stop"):
+        if self._options.cuts(fault):
             self._limiter.halt()
             self._wheels.cut(now_ns)
             self._holds.put(Hold(kind=FAULT, message=fault.message, since_ns=now_ns))
@@ -259,11 +189,6 @@ class Controller:
     def _tell(self, fault: Fault) -> None:
         self.counters[fault.kind] += 1
         self.event(fault.event())
-
-    def _policy(self, fault: Fault) -> Literal["stop", "report"]:
-        if fault.kind == "turns_without_command":
-            return self._options.turns_without_command
-        return self._options.stall
 
     # What the link tells (link.session.Listener).
 
@@ -299,7 +224,7 @@ class Controller:
         update = self._odometer.update(reading)
         for event in update.events:
             self.event(event)
-            self._interrupted(event, reading.ticks)
+            self._resets.interrupted(event, reading.ticks, self._raw_ticks)
         estimate = update.estimate
         if estimate is None:
             return
@@ -327,39 +252,7 @@ class Controller:
 
     def board_reset(self, version: str) -> None:
         """The board started anew: its motors are free, and what it was told is forgotten."""
-        self._started_anew(f"The board reset itself (firmware {version})")
-
-    def _interrupted(self, event: Event, ticks: Counts) -> None:
-        """Counts that do not go on may be all that is seen of a reset."""
-        cause = (event.data or {}).get("cause")
-        # After a silence the odometer cannot count from zero, but zero is where they came from.
-        fell = max(map(abs, ticks)) < max(map(abs, self._raw_ticks))
-        if cause == "reset_unseen" or (cause == "gap_lost" and fell and self._wheels.in_motion):
-            self._started_anew("The board reset itself without a word")
-        if cause in {"reset_unseen", "gap_lost", "rebased"}:
-            # A polled board that is not told its motors' type turns no wheel; what the wheels did
-            # not do until now is no fault of theirs.
-            self._wheels.forget()
-            self._wheels.rearm()
-
-    def _started_anew(self, what: str) -> None:
-        now_ns = self._clock.now_ns()
-        in_motion = self._wheels.in_motion
-        self._limiter.halt()
-        self._wheels.release(now_ns)
-        self._wheels.forget()
-        words = what + (
-            " in motion: its motors are free, and it stands a second before it may drive again."
-            if in_motion
-            else "."
-        )
-        self.event(Event(kind="board_reset", severity="warning", message=words))
-        hold = self._resets.reset(now_ns, in_motion=in_motion)
-        if hold is not None:
-            self._holds.put(hold)
-            if hold.kind == FAULT:
-                self.event(Event(kind="reset_loop", severity="error", message=hold.message))
-        self._outputs.changed()
+        self._resets.told(version)
 
     def leaving(self) -> None:
         """The session with the board ends, and stops the wheels by itself."""
@@ -426,20 +319,8 @@ class Controller:
         self._odometer.set_pose(pose, covariance)
 
     def event(self, event: Event) -> None:
-        """Log and publish; of one kind not more than a few in a second, the rest is counted."""
-        now_ns = self._clock.now_ns()
-        since_ns, count = self._told.get(event.kind, (now_ns, 0))
-        if now_ns - since_ns >= nanoseconds(1.0):
-            since_ns, count = now_ns, 0
-        self._told[event.kind] = (since_ns, count + 1)
-        if count >= EVENTS_A_SECOND:
-            self.counters["events_suppressed"] += 1
-            return
-        level = {"info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
-        log.log(level[event.severity], "%s", event.message)
-        self.counters["events"] += 1
-        self._outputs.event(event)
-        self._outputs.changed()
+        """Log and publish, as often as :class:`~yahboomd.daemon.outputs.Events` lets it."""
+        self._events.tell(event)
 
     # What status tells.
 

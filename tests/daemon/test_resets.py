@@ -1,0 +1,63 @@
+"""Resets of a simulated board, on virtual time."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import pytest
+from robot_bench import RobotBench
+
+from yahboomd.simulation.options import SimulationOptions
+from yahboomd.simulation.virtual_time import on_virtual_time
+
+
+def robot(tmp_path: Path, **simulation: object) -> RobotBench:
+    return RobotBench(tmp_path, (), SimulationOptions(**simulation))  # type: ignore[arg-type]
+
+
+@on_virtual_time
+async def test_a_reset_in_motion_is_followed_by_a_second_of_rest(tmp_path: Path) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.3)
+        bench.robot.reset(bench.clock.now_ns())
+        await bench.drive(0.9, 0.3)
+        assert bench.standing
+        assert "board_reset" in bench.heard.kinds
+        await bench.drive(1.0, 0.3)
+        assert min(bench.rim_speeds) > 0.2
+
+
+@on_virtual_time
+@pytest.mark.parametrize("off_s", [0.0, 0.05, 0.4])
+@pytest.mark.parametrize("ticks", [0, 3_000_000])
+async def test_a_polled_board_that_resets_without_a_word_is_told_its_motors_again(
+    tmp_path: Path, off_s: float, ticks: int
+) -> None:
+    async with robot(tmp_path, dialect="polled", initial_ticks=(ticks, 0, ticks, 0)) as bench:
+        await bench.ready()
+        await bench.drive(2.0, 0.3)
+        bench.robot.brown_out(bench.clock.now_ns(), off_s)
+        await bench.drive(1.5, 0.3)
+        if bench.controller.state()[0] == "fault":
+            # Counters that began near zero show no reset: a person has to look.
+            assert ticks == 0
+            await asyncio.sleep(1.0)
+            bench.operator.release_estop()
+        await bench.drive(2.5, 0.3)
+        assert min(bench.rim_speeds) > 0.2
+
+
+@on_virtual_time
+async def test_three_resets_in_ten_seconds_are_a_fault_that_latches(tmp_path: Path) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        for _ in range(3):
+            await bench.drive(1.5, 0.3)
+            bench.robot.reset(bench.clock.now_ns())
+        await bench.drive(12.0, 0.3)
+        assert bench.standing
+        state, why = bench.controller.state()
+        assert state == "fault"
+        assert "reset itself 3 times" in why
