@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from yahboomd.daemon.latch import EstopLatch
 from yahboomd.daemon.latch_file import LatchFile
 
@@ -16,6 +18,20 @@ def test_a_remembered_latch_is_engaged_after_a_restart(tmp_path: Path) -> None:
     assert second.engaged
     assert second.latched is not None
     assert second.latched.by == "a query"
+
+
+def test_a_remembered_latch_is_told_in_the_log_with_its_remedy(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    file = tmp_path / "estop"
+    first = EstopLatch(LatchFile(file), 0)
+    assert not caplog.messages
+    first.engage("a query", 5)
+    first.remember()
+    EstopLatch(LatchFile(file), 10)
+    (words,) = caplog.messages
+    assert "by a query" in words
+    assert "yahboomd stop --release" in words
 
 
 def test_engaging_twice_is_news_once(tmp_path: Path) -> None:

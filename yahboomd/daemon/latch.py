@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 
 from yahboomd.daemon.latch_file import LatchFile
 from yahboomd.drive.estop import EmergencyStop, Latched, Release
+
+log = logging.getLogger(__name__)
 
 
 class EstopLatch:
@@ -21,6 +24,11 @@ class EstopLatch:
         by = file.load()
         remembered = None
         if by is not None:
+            log.warning(
+                "The emergency stop is engaged, as it was when yahboomd last ran (by %s): "
+                "the robot stands. To drive again: yahboomd stop --release",
+                by,
+            )
             reason = "it was engaged when yahboomd last ran"
             remembered = Latched(reason=reason, by=by, since_ns=now_ns)
         self._stop = EmergencyStop(remembered)

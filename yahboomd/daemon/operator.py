@@ -44,7 +44,9 @@ class Operator:
     def refuse_release(self, by: str) -> str:
         """Somebody tried to release the e-stop where it cannot be. Returns what they hear."""
         self._controller.counters["release_refused"] += 1
-        words = f"{by} cannot release the emergency stop: the service yahboomd/estop/reset does."
+        words = (
+            f"Not released by {by}: the service yahboomd/estop/reset releases the emergency stop."
+        )
         self._controller.event(
             Event(kind="estop_release_refused", severity="warning", message=words)
         )
