@@ -211,9 +211,9 @@ async def test_control_and_truth_come_with_it_and_go_with_it(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("kwargs", "words"),
     [
-        ({"at_start": ["explode"]}, "explode"),
-        ({"truth": Path("/nowhere/truth")}, "ground truth"),
-        ({"control": Path("/nowhere/control")}, "control socket"),
+        ({"at_start": ["explode"]}, "at the start: unknown command 'explode'"),
+        ({"truth": Path("/nowhere/truth")}, "ground truth /nowhere/truth .*: No such file"),
+        ({"control": Path("/nowhere/control")}, "control socket .*: No such file"),
     ],
 )
 async def test_what_cannot_be_used_is_named_and_nothing_is_left(

@@ -215,7 +215,9 @@ async def serve_control(path: Path, answer: Callable[[str], str]) -> asyncio.Ser
     try:
         return await asyncio.start_unix_server(talk, path)
     except OSError as why:
-        raise ConfigError(f"The control socket {path} cannot be made: {why}.") from why
+        raise ConfigError(
+            f"The control socket {path} cannot be made: {why.strerror or why}."
+        ) from why
 
 
 def _clear_away(path: Path) -> None:

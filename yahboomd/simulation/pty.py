@@ -252,7 +252,7 @@ async def serve(
         for line in at_start:
             answer = port.command(line)
             if not answer.startswith("ok"):
-                raise ConfigError(f"{line!r} at the start: {answer}.")
+                raise ConfigError(f"{line!r} at the start: {answer.removeprefix('error ')}.")
         if control is not None:
             server = await serve_control(control, port.command)
             stack.callback(control.unlink, missing_ok=True)
@@ -266,7 +266,9 @@ def _follow(robot: SimulatedRobot, path: Path) -> TruthWriter:
     try:
         writer.open()
     except OSError as why:
-        raise ConfigError(f"The ground truth cannot be written: {why}.") from why
+        raise ConfigError(
+            f"The ground truth {path} cannot be written: {why.strerror or why}."
+        ) from why
     robot.on_truth = writer.write
     return writer
 
@@ -276,7 +278,9 @@ def _listen(port: PtyPort, path: Path) -> HeardWriter:
     try:
         writer.open()
     except OSError as why:
-        raise ConfigError(f"What the host says cannot be written: {why}.") from why
+        raise ConfigError(
+            f"What the host says cannot be written to {path}: {why.strerror or why}."
+        ) from why
     port.on_heard = writer.write
     return writer
 
@@ -293,7 +297,7 @@ def _point(link: Path, target: str) -> None:
         beside.symlink_to(target)
         beside.replace(link)
     except OSError as why:
-        raise ConfigError(f"The link {link} cannot be made: {why}.") from why
+        raise ConfigError(f"The link {link} cannot be made: {why.strerror or why}.") from why
 
 
 def _unpoint(link: Path, target: str) -> None:
