@@ -26,7 +26,7 @@ def test_a_speed_must_be_a_number_above_zero(
     with pytest.raises(SystemExit) as ended:
         main(["drive", f"--linear={speed}"])
     assert ended.value.code == 2
-    assert "--linear" in capsys.readouterr().err
+    assert f"--linear: {speed} is not a speed above zero" in capsys.readouterr().err
 
 
 def test_its_help_names_every_key_that_does_something(

@@ -137,6 +137,13 @@ def test_a_port_that_is_missing_is_said_so_and_so_is_the_daemon(capsys) -> None:
     assert f"No daemon answers at {endpoint}, and /nonexistent/port: there is no" in words
 
 
+def test_a_daemon_that_is_missing_below_a_namespace_is_said_so(capsys) -> None:
+    endpoint = free_endpoint()
+    options = ["--port", "/nonexistent/port", "--namespace", "bot1", *alone(endpoint)]
+    assert main(["stop", *options]) == 69
+    assert f"at {endpoint} below the namespace 'bot1', and " in capsys.readouterr().err
+
+
 def test_impatience_does_not_interrupt_a_stop(simulated_board) -> None:
     board = simulated_board()
     board.drive()

@@ -106,7 +106,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _speed(text: str) -> float:
-    value = float(text)
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
     if not math.isfinite(value) or value <= 0.0:
         raise argparse.ArgumentTypeError(f"{text} is not a speed above zero")
     return value

@@ -145,8 +145,10 @@ def _everywhere(args: argparse.Namespace) -> bool:
     if report is None:
         if not isinstance(trouble, PortBusy):
             assert trouble is not None
+            namespace = config.zenoh.namespace
+            below = f" below the namespace {namespace!r}" if namespace else ""
             raise type(trouble)(
-                f"No daemon answers at {' or '.join(endpoints)}, and {trouble.message}",
+                f"No daemon answers at {' or '.join(endpoints)}{below}, and {trouble.message}",
                 remedy=trouble.remedy,
             ) from trouble
         # Nobody on the bus: whoever held the port may have been about to end.
