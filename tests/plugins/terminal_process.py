@@ -28,6 +28,8 @@ fcntl.ioctl(0, termios.TIOCSCTTY, 0)
 os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
 """
 
+_LAST = b"\0"
+
 _ESCAPES = re.compile(r"\x1b(\[[0-9;?]*[A-Za-z]|[()][A-Z0-9])")
 
 
@@ -77,8 +79,13 @@ class TerminalProcess:
         assert words in self.screen, self.screen
 
     async def ended(self) -> int:
-        """Wait until it has ended; its status."""
+        """Wait until it has ended, and all that it wrote was read; its status."""
         await eventually(lambda: self.process.poll() is not None)
+        if self._open:
+            # What the terminal carries last came after everything of the process.
+            os.write(self._slave, _LAST)
+            await eventually(lambda: self._written.endswith(_LAST))
+            self._written = self._written.removesuffix(_LAST)
         status: int = self.process.returncode
         return status
 
