@@ -42,6 +42,19 @@ def test_two_sessions_never_have_one_id(tmp_path):
     assert read(zenoh_config(options, uplink=True), "id") is None
 
 
+def test_the_access_control_of_the_file_is_enforced_by_the_daemon_and_not_by_its_tools(tmp_path):
+    path = tmp_path / "zenoh.json5"
+    path.write_text(
+        '{ access_control: { enabled: true, default_permission: "deny", '
+        "rules: [], subjects: [], policies: [] } }"
+    )
+    daemon = BusOptions(config_file=path)
+    assert read(zenoh_config(daemon), "access_control")["enabled"] is True
+    assert read(zenoh_config(daemon, uplink=True), "access_control")["enabled"] is True
+    tool = BusOptions(config_file=path, mode="client", enforces=False)
+    assert read(zenoh_config(tool), "access_control")["enabled"] is False
+
+
 def test_a_peer_tries_a_missing_router_for_ever_and_never_waits_for_it():
     config = zenoh_config(BusOptions(mode="peer"))
     assert read(config, "connect/endpoints") == ["tcp/127.0.0.1:7447"]

@@ -37,6 +37,7 @@ def test_a_client_listens_nowhere_and_takes_namespace_and_file_from_the_configur
     assert made.connect == ("tcp/10.0.0.1:7447",)
     assert made.namespace == "bot1"
     assert made.config_file == tmp_path / "zenoh.json5"
+    assert not made.enforces
 
 
 def test_several_answers_are_a_success_only_together() -> None:

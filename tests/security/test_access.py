@@ -10,7 +10,16 @@ import pytest
 import zenoh
 from real_robot import RealRobot, wait_for
 
+from yahboomd.cli.main import main
+
 pytestmark = pytest.mark.realtime
+
+HERE = {
+    "    subjects: [\n": '{ id: "here", interfaces: ["lo"] },',
+    "    policies: [\n": '{ subjects: ["here"], '
+    'rules: ["out", "watch", "stop", "drive", "services"] },',
+}
+"""What docs/security.md adds for the programs of this machine."""
 
 PASSWORDS = {"operator": "first", "viewer": "second", "stranger": "third"}
 
@@ -98,6 +107,32 @@ def test_somebody_who_is_known_and_named_in_no_rule_may_do_nothing(
     viewer.sees_poses()
     assert stranger.poses == []
     assert sum(robot.settled_truth().travel_m) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_tools_on_the_robot_are_heard_with_the_daemons_own_file_where_a_rule_names_them(
+    guarded: Callable[..., RealRobot],
+    example: Callable[..., str],
+    authority: Any,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    text = example(
+        "zenoh-mtls.json5",
+        ca_pem=authority.path("ca.pem"),
+        robot_pem=authority.path("robot.pem"),
+        robot_key=authority.path("robot.key"),
+    )
+    for found, added in HERE.items():
+        assert text.count(found) == 1
+        text = text.replace(found, found + added)
+    robot = guarded(text, "tcp")
+    file = f"zenoh.config={tmp_path / 'zenoh.json5'}"
+    options = ["--connect", robot.endpoint, "--set", file]
+    wait_for(lambda: main(["stop", *options]) == 0, "the daemon reports standing wheels")
+    assert "Emergency stop engaged" in capsys.readouterr().out
+    assert main(["monitor", "--once", *options]) == 0
+    assert "state        estopped" in capsys.readouterr().out
+    assert main(["stop", "--release", *options]) == 0
 
 
 def test_without_papers_nobody_is_let_in(

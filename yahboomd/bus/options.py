@@ -44,6 +44,9 @@ class BusOptions(msgspec.Struct, frozen=True, kw_only=True):
         namespace: Put in front of every key; empty for none.
         config_file: A JSON5 file of Zenoh's for everything else; what it sets wins over what
             :func:`zenoh_config` would choose.
+        enforces: Whether the access control of ``config_file`` is enforced here. It is written for
+            what reaches the daemon: a tool that reads the same file would refuse what the daemon
+            tells it.
         unix_socket: Path of a Unix socket to listen on as well; its folder must exist.
         lease_s: After so long without a sign of life the others take this session for gone.
         open_timeout_s: The longest wait for the session to open.
@@ -55,6 +58,7 @@ class BusOptions(msgspec.Struct, frozen=True, kw_only=True):
     connect: tuple[str, ...] = ("tcp/127.0.0.1:7447",)
     namespace: str = ""
     config_file: Path | None = None
+    enforces: bool = True
     unix_socket: Path | None = None
     lease_s: float = 2.0
     open_timeout_s: float = 5.0
@@ -131,6 +135,8 @@ def zenoh_config(options: BusOptions, *, uplink: bool = False) -> zenoh.Config:
     _check(options)
     plain = zenoh.Config()
     config = _from_file(options.config_file, plain)
+    if not options.enforces:
+        config.insert_json5("access_control/enabled", "false")
     for key, value in (_uplink(options) if uplink else _always(options)).items():
         config.insert_json5(key, json.dumps(value))
     for key, value in _unless_set(options, uplink=uplink).items():

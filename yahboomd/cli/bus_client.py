@@ -134,7 +134,8 @@ def client_options(endpoints: tuple[str, ...], config: Config) -> BusOptions:
 
     Args:
         endpoints: Where it is reached.
-        config: Names the namespace, and Zenoh's own file (certificates, passwords).
+        config: Names the namespace, and Zenoh's own file (certificates, passwords). Its access
+            control is the daemon's to enforce.
     """
     return BusOptions(
         mode="client",
@@ -142,6 +143,7 @@ def client_options(endpoints: tuple[str, ...], config: Config) -> BusOptions:
         connect=endpoints,
         namespace=config.zenoh.namespace,
         config_file=Path(config.zenoh.config) if config.zenoh.config else None,
+        enforces=False,
     )
 
 
