@@ -36,7 +36,7 @@ keys:
   space, any other key   stop; held, it keeps sources of a lower priority from driving
   + -                    faster, slower
   e                      emergency stop: the robot stands until it is released
-  r                      release the emergency stop
+  r                      release the emergency stop, or clear a fault
   q, Ctrl-C              quit; the robot stops
 
 example:

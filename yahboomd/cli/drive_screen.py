@@ -15,7 +15,7 @@ KEYS = (
     "        w ↑                  u  i  o        space       stop (as any other key)",
     "   a ←  s ↓  d →             j     l        + -         faster, slower",
     "                             m  ,  .        e           emergency stop",
-    "   hold to drive,            the same,      r           release it",
+    "   hold to drive,            the same,      r           release it, or a fault",
     "   let go to stop            and arcs       q           quit",
 )
 """What each key does."""

@@ -74,7 +74,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     how.add_argument(
         "--release",
         action="store_true",
-        help="release the daemon's emergency stop (refused while something commands motion)",
+        help="release the daemon's emergency stop, and clear a fault (refused while something "
+        "commands motion)",
     )
     add_port_option(parser)
     add_bus_options(parser)
