@@ -35,7 +35,8 @@ def start() -> Iterator[object]:
 
 @pytest.mark.realtime
 @pytest.mark.parametrize(
-    ("number", "dialect"), [(signal.SIGTERM, "streamed"), (signal.SIGINT, "polled")]
+    ("number", "dialect"),
+    [(signal.SIGTERM, "streamed"), (signal.SIGINT, "polled"), (signal.SIGHUP, "streamed")],
 )
 def test_it_names_its_port_and_ends_cleanly(
     start: object, tmp_path: Path, number: signal.Signals, dialect: str

@@ -207,7 +207,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 
 def run(args: argparse.Namespace) -> int:
-    """Serve until SIGINT or SIGTERM.
+    """Serve until SIGINT, SIGTERM or SIGHUP, which is a closed terminal.
 
     Raises:
         ConfigError: An option cannot be used.
@@ -237,7 +237,7 @@ async def _serve(robot: SimulatedRobot, args: argparse.Namespace) -> int:
             ready=ready,
         )
     )
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         loop.add_signal_handler(number, served.cancel)
     with contextlib.suppress(asyncio.CancelledError):
         await served
