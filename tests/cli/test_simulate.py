@@ -74,7 +74,7 @@ def test_without_a_link_it_names_the_systems_own_port(start: object) -> None:
             "--flash: ratio takes a whole number, not '2.5'; p takes a number, not 'x'.",
         ),
         (["--do", "explode"], "unknown command 'explode'"),
-        (["--truth", "/nowhere/truth"], "ground truth cannot be written"),
+        (["--truth", "/nowhere/truth"], "cannot be written: No such file"),
         (["--heard", "/nowhere/heard"], "What the host says cannot be written"),
     ],
 )
