@@ -228,6 +228,8 @@ async def test_a_bad_command_is_refused_counted_and_explained(
         assert facts["refused"] == 1
         assert facts[reason] == 1
         assert reason in str(facts["last_refusal"])
+        # It explains, too, why the robot stands.
+        assert bench.arbiter.recent_refusals(bench.clock.now_ns()) == {reason: 1}
 
 
 @on_virtual_time

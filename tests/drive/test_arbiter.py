@@ -253,6 +253,8 @@ def test_refusals_are_counted_by_reason_and_remembered_for_a_while(arbiter: Arbi
     assert arbiter.counters["lower_priority"] == 3
     assert arbiter.recent_refusals(S) == {"lower_priority": 3}
     assert arbiter.recent_refusals(5 * S) == {}
+    arbiter.note_refusal(5 * S, "not_finite")
+    assert arbiter.recent_refusals(6 * S) == {"not_finite": 1}
 
 
 def test_who_commands_motion_is_known_even_where_it_has_no_effect(arbiter: Arbiter) -> None:

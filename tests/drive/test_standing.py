@@ -44,6 +44,14 @@ def test_the_emergency_stop_names_who_engaged_it_and_when() -> None:
     assert "yahboomd/estop 3.0 s ago: button pressed" in found.message
 
 
+def test_what_a_person_has_to_clear_says_how() -> None:
+    found = reasons(
+        4 * S, decision=DRIVING, latched=LATCHED, holds=(held(WAITING_FOR_BOARD), held(FAULT))
+    )
+    how = {reason.kind: "yahboomd stop --release" in reason.message for reason in found}
+    assert how == {"estop": True, FAULT: True, WAITING_FOR_BOARD: False}
+
+
 def test_all_reasons_are_given_those_for_a_person_first() -> None:
     found = reasons(
         4 * S,

@@ -100,6 +100,7 @@ class CommandIntake:
 
     def _refuse(self, source: str, reason: str, detail: str) -> None:
         self.counters[reason] += 1
+        self._arbiter.note_refusal(self._clock.now_ns(), reason)
         self._refused(source, reason, detail)
 
     def _refused(self, source: str, reason: str, detail: str) -> None:

@@ -220,6 +220,10 @@ class Arbiter:
             if line.wish is not None and not line.wish.is_zero and not line.deadman.expired(now_ns)
         )
 
+    def note_refusal(self, now_ns: int, reason: str) -> None:
+        """A command was refused before it came here: it explains a robot that stands as well."""
+        self._recent.add(now_ns, reason)
+
     def recent_refusals(self, now_ns: int) -> dict[str, int]:
         """How many commands were refused in the last two seconds, by reason."""
         return self._recent.counts(now_ns)

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 State: TypeAlias = Literal["waiting", "standing", "driving", "stopping", "estopped", "fault"]
 
 
+_RELEASE = "To drive again: yahboomd stop --release."
+
+
 class Reason(msgspec.Struct, frozen=True, kw_only=True):
     """One reason to stand.
 
@@ -64,7 +67,7 @@ def reasons(
                 kind="estop",
                 message=(
                     f"Emergency stop, engaged by {latched.by} {_ago(now_ns, latched.since_ns)}: "
-                    f"{latched.reason}."
+                    f"{latched.reason}. {_RELEASE}"
                 ),
             )
         )
@@ -113,7 +116,8 @@ def _held(now_ns: int, hold: Hold) -> Reason:
     message = f"{hold.message} (since {_seconds(now_ns - hold.since_ns)}"
     if hold.until_ns is not None:
         message += f", for another {_seconds(hold.until_ns - now_ns)}"
-    return Reason(kind=hold.kind, message=f"{message})")
+    words = f"{message})"
+    return Reason(kind=hold.kind, message=f"{words} {_RELEASE}" if hold.kind == FAULT else words)
 
 
 def _not_commanded(decision: Decision) -> list[Reason]:

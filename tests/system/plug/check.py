@@ -96,9 +96,18 @@ def main() -> None:
     )
     claim("no other port is open to it", lambda: "Operation not permitted" in sh(denied))
 
-    os.kill(int(show("yahboomd", "MainPID")), signal.SIGKILL)
+    killed = show("yahboomd", "MainPID")
+    os.kill(int(killed), signal.SIGKILL)
     claim("after SIGKILL the port is taken to stop the wheels", stopped)
-    claim("and the service is back", lambda: says("yahboomd", "standing"))
+    # What the dead one said last stands until the next one speaks.
+    claim(
+        "and the service is back",
+        lambda: (
+            show("yahboomd", "ActiveState") == "active"
+            and show("yahboomd", "MainPID") != killed
+            and says("yahboomd", "standing")
+        ),
+    )
 
     before = show("yahboomd", "MainPID")
     unplug(0)
