@@ -48,6 +48,7 @@ examples:
   yahboomd monitor --connect tcp/192.168.1.5:7447    one that a router there knows
   yahboomd monitor --once                            one look, for scripts and bug reports
 
+Late beats are those that the robot's computer was too busy for.
 q or Ctrl-C ends it.
 """
 
