@@ -59,12 +59,17 @@ FAULTS = [
 
 def rows() -> list[list[str]]:
     """The rows of the tables that say what shows a thing, in cells."""
-    cells = [
-        [cell.strip() for cell in line.strip("|").split("|")]
-        for line in SAFETY.splitlines()
-        if line.startswith("|") and not line.startswith("|---")
-    ]
-    return [row for row in cells if row[-1] != "shown by"]
+    found: list[list[str]] = []
+    shows = False
+    for line in SAFETY.splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if not line.startswith("|"):
+            shows = False
+        elif cells[-1] == "shown by":
+            shows = True
+        elif shows and not line.startswith("|---"):
+            found.append(cells)
+    return found
 
 
 def test_every_test_that_the_safety_page_names_exists() -> None:
