@@ -68,6 +68,13 @@ class InnerDaemon:
         """Whether the last words on the wire moved nothing."""
         return is_stop(orders_of(self.ports[-1])[-1][1])
 
+    async def ends_by_itself_at_rest(self) -> None:
+        """Wait for an end that nobody asked for; the wheels stand, and were told to last."""
+        with pytest.raises(BaseExceptionGroup):
+            await self.task
+        assert self.standing
+        assert self.ends_with_a_stop
+
     async def close(self) -> None:
         if not self.task.done():
             self.daemon.stop("the test's end")

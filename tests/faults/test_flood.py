@@ -18,7 +18,7 @@ from typing import Any
 
 import pytest
 from fault_bench import DIALECTS, MS, FaultBench, first_stop_ns
-from real_robot import Client, RealRobot, wait_for
+from real_robot import DRIVER, Client, RealRobot, wait_for
 
 from benchmarks.soak.processes import BOARD_NICE, DAEMON_NICE, Stalls, prefer
 from benchmarks.soak.tail import Wire, is_stop
@@ -85,18 +85,6 @@ while True:
         pathlib.Path(sys.argv[3]).write_text(str(count / passed))
     # The faster the better, up to 20 kHz.
     time.sleep(max(0.0, count / 20_000 - passed))
-"""
-
-DRIVER = """
-import sys, time, zenoh
-config = zenoh.Config()
-config.insert_json5("mode", '"client"')
-config.insert_json5("connect/endpoints", '["' + sys.argv[1] + '"]')
-session = zenoh.open(config)
-print("driving", flush=True)
-while True:
-    session.put("cmd_vel/teleop", b'{"vx": 0.4}')
-    time.sleep(0.02)
 """
 
 
@@ -209,7 +197,7 @@ def test_while_processes_flood_the_estop_acts_the_polls_go_on_and_memory_is_boun
         readings, passed_s = readings_between(first, last)
         return readings / passed_s, excuses.so_far_s() / passed_s
 
-    with processes([DRIVER, robot.endpoint]):
+    with processes([DRIVER, robot.endpoint, "cmd_vel/teleop"]):
         wait_for(lambda: min(robot.truth()[-1].speed_m_s) > 0.3, "the wheels turn")
         quiet_hz, _ = rate_hz(1.0)
         before_mb = resident_mb(pid)

@@ -18,30 +18,20 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from real_robot import Client, Process, RealRobot, wait_for
+from real_robot import DRIVER, Client, Process, RealRobot, wait_for
 
 pytestmark = pytest.mark.realtime
 
 FAST = b'{"vx": 0.4}'
-
-DRIVER = """
-import sys, time, zenoh
-config = zenoh.Config()
-config.insert_json5("mode", '"client"')
-config.insert_json5("connect/endpoints", '["' + sys.argv[1] + '"]')
-session = zenoh.open(config)
-print("driving", flush=True)
-while True:
-    session.put("cmd_vel", b'{"vx": 0.4}')
-    time.sleep(0.02)
-"""
 
 
 @contextlib.contextmanager
 def driver(endpoint: str) -> Iterator[subprocess.Popen[bytes]]:
     """A process that commands motion for as long as it lives."""
     process = subprocess.Popen(
-        [sys.executable, "-c", DRIVER, endpoint], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+        [sys.executable, "-c", DRIVER, endpoint, "cmd_vel"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
     )
     assert process.stdout is not None
     try:

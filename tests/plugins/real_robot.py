@@ -24,6 +24,19 @@ from yahboomd.simulation.truth import TruthSample, read_truth
 
 PATIENCE_S = 60.0
 
+DRIVER = """
+import sys, time, zenoh
+config = zenoh.Config()
+config.insert_json5("mode", '"client"')
+config.insert_json5("connect/endpoints", '["' + sys.argv[1] + '"]')
+session = zenoh.open(config)
+print("driving", flush=True)
+while True:
+    session.put(sys.argv[2], b'{"vx": 0.4}')
+    time.sleep(0.02)
+"""
+"""A program of Python's that drives for as long as it lives: ENDPOINT KEY."""
+
 
 def wait_for(condition: Callable[[], Any], what: str, patience_s: float = PATIENCE_S) -> Any:
     """What ``condition`` returns once that is true."""
