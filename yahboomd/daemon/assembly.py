@@ -17,7 +17,8 @@ from yahboomd.daemon.latch import EstopLatch
 from yahboomd.daemon.latch_file import LatchFile
 from yahboomd.daemon.outputs import Outputs
 from yahboomd.daemon.storing import storing_opener
-from yahboomd.drive.arbiter import STANDING_M_S, Arbiter
+from yahboomd.drive.arbiter import Arbiter
+from yahboomd.drive.standing import STANDING_M_S
 from yahboomd.link import port_note
 from yahboomd.link.discovery import candidates, choose
 from yahboomd.link.port import Port, PortOptions, open_port

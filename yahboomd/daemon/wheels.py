@@ -15,6 +15,7 @@ from yahboomd.daemon.fit import Fit, no_board
 from yahboomd.drive.channels import channel_commands, motor_speeds
 from yahboomd.drive.faults import Fault
 from yahboomd.drive.proven_speed import ProvenSpeeds
+from yahboomd.drive.standing import STANDING_M_S
 from yahboomd.drive.stop_watch import StopWatch
 from yahboomd.drive.wheels_check import WheelsCheck
 from yahboomd.model import Counts, Kinematics, Motor
@@ -245,7 +246,7 @@ class Wheels:
     def in_motion(self) -> bool:
         """Whether they are commanded to turn, or seen to."""
         measured = self.measured_m_s or ()
-        return any(self.command_m_s) or any(abs(speed) > MOVING_M_S for speed in measured)
+        return any(self.command_m_s) or any(abs(speed) > STANDING_M_S for speed in measured)
 
     def _say(self, speeds: tuple[float, ...], now_ns: int) -> None:
         self.command_m_s = motor_speeds(self._motors, speeds)
@@ -253,7 +254,3 @@ class Wheels:
             self._board.drive(channel_commands(self._motors, speeds, self.fit.units))
         # After the frame: a command waits for nothing that it does not need.
         self._check.command(now_ns, self.command_m_s)
-
-
-MOVING_M_S = 0.03
-"""From here on a wheel counts as turning."""

@@ -25,6 +25,7 @@ from yahboomd.drive.arbitration import Accepted, Decision, Reason, Refused, Sour
 from yahboomd.drive.backlog import BacklogGate
 from yahboomd.drive.clock_offset import ClockOffset
 from yahboomd.drive.deadman import Deadman, OnTimeout
+from yahboomd.drive.standing import STANDING_M_S
 from yahboomd.drive.windows import SlidingCounts
 from yahboomd.errors import ConfigError
 from yahboomd.model import Twist2d
@@ -32,8 +33,6 @@ from yahboomd.model import Twist2d
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-STANDING_M_S = 0.03
-"""Wheels measured slower than this stand."""
 RECENT_NS = 2_000_000_000
 """What :meth:`Arbiter.recent_refusals` looks back on."""
 

@@ -14,6 +14,7 @@ from collections import deque
 from typing import TYPE_CHECKING
 
 from yahboomd.drive.faults import Fault
+from yahboomd.drive.standing import STANDING_M_S
 
 if TYPE_CHECKING:
     from yahboomd.drive.faults import Action, FaultKind
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 NS_PER_S = 1_000_000_000
 
 SLOWEST_LAG_S = 0.4
-STANDING_M_S = 0.03
 SPEED_FACTOR = 1.5
 SPEED_MARGIN_M_S = 0.1
 # A wheel has to be cut within 150 ms of leaving its envelope. Of these the reading takes up to one

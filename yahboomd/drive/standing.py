@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import msgspec
 
-from yahboomd.drive.arbiter import STANDING_M_S
 from yahboomd.drive.arbitration import Decision
 from yahboomd.drive.holds import BOARD_UNFIT, FAULT, WAITING_FOR_BOARD, Hold
 
@@ -21,6 +20,9 @@ if TYPE_CHECKING:
 
 State: TypeAlias = Literal["waiting", "standing", "driving", "stopping", "estopped", "fault"]
 
+
+STANDING_M_S = 0.03
+"""Wheels measured slower than this stand."""
 
 _RELEASE = "To drive again: yahboomd stop --release."
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from yahboomd.drive.faults import Fault
-from yahboomd.drive.motor_watch import STANDING_M_S
+from yahboomd.drive.standing import STANDING_M_S
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
