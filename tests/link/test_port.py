@@ -23,10 +23,9 @@ from yahboomd.link.port import (
     PortOptions,
     SerialPort,
     byte_time_ns,
-    holders,
-    lost,
     open_port,
 )
+from yahboomd.link.port_errors import holders, lost
 
 pytestmark = pytest.mark.realtime
 

@@ -33,7 +33,8 @@ from yahboomd.errors import (
     YahboomdError,
 )
 from yahboomd.link import diagnosis, discovery, flash, probing
-from yahboomd.link.port import Port, PortOptions, holders, open_port
+from yahboomd.link.port import Port, PortOptions, open_port
+from yahboomd.link.port_errors import holders
 from yahboomd.link.session import Opener
 from yahboomd.protocol.settings import BoardSettings, check_storable
 

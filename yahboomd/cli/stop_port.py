@@ -109,7 +109,7 @@ def take(
 
 def _explained(path: str, error: OSError, asked: tuple[str, ...]) -> LinkError:
     from yahboomd.link.diagnosis import busy
-    from yahboomd.link.port import explained, holders
+    from yahboomd.link.port_errors import explained, holders
 
     why = explained(path, error)
     if not isinstance(why, PortBusy):

@@ -16,7 +16,8 @@ from yahboomd.clock import Clock, nanoseconds, seconds, sleep_until
 from yahboomd.errors import PortLost
 from yahboomd.link import handshake
 from yahboomd.link.handshake import Ears
-from yahboomd.link.port import Port, lost
+from yahboomd.link.port import Port
+from yahboomd.link.port_errors import lost
 from yahboomd.link.standstill import StandstillWatch
 from yahboomd.link.stopping import DRAIN_S, StopReport, bring_to_rest, stop_unidentified
 from yahboomd.link.writer import Writer

@@ -12,7 +12,7 @@ from pathlib import Path
 from yahboomd.errors import BoardSilent, LinkError, PortBusy, PortDenied, PortMissing
 from yahboomd.link.conversation import Heard
 from yahboomd.link.discovery import Candidate, without_driver
-from yahboomd.link.port import holders
+from yahboomd.link.port_errors import holders
 
 KNOWN_HOLDERS = {
     "brltty": "brltty takes CH340 devices for braille displays: sudo apt remove brltty, then plug "
@@ -97,7 +97,7 @@ def busy(who: tuple[str, ...]) -> tuple[str, ...]:
     """What to do about those who hold a port.
 
     Args:
-        who: As from :func:`yahboomd.link.port.holders`.
+        who: As from :func:`yahboomd.link.port_errors.holders`.
     """
     if not who:
         return ("By a process that this user may not see: sudo fuser -v PORT names it.",)

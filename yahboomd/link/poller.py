@@ -24,6 +24,7 @@ WATCH_NS = 50_000_000
 """To see that a stream still comes, one need not look at the rate at which others are polled."""
 
 UNHEARD_REPEATS = 3
+"""What nobody answers, and a noisy line may lose, is said so often."""
 
 SILENT_AFTER_S = 1.0
 """No counts for so long: the board is gone, whatever the port says."""

@@ -28,8 +28,8 @@ import serial
 import serial_asyncio
 
 from yahboomd.clock import NS_PER_S, Clock
-from yahboomd.errors import LinkError, PortBusy, PortDenied, PortLost, PortMissing
 from yahboomd.link.draining import drained, in_kernel
+from yahboomd.link.port_errors import explained
 from yahboomd.link.seize import keep_out
 
 BITS_PER_BYTE = 10  # 8N1: a start bit, eight of data, a stop bit
@@ -308,68 +308,3 @@ def _claim(device: _Serial, *, hangup_on_close: bool) -> None:
     attributes = termios.tcgetattr(device.fileno())
     attributes[2] = (attributes[2] & ~termios.HUPCL) | (termios.HUPCL if hangup_on_close else 0)
     termios.tcsetattr(device.fileno(), termios.TCSANOW, attributes)
-
-
-def explained(path: str, error: Exception) -> LinkError:
-    """Why a port cannot be opened, as the error to raise."""
-    code = getattr(error, "errno", None)
-    words = str(error)
-    if code in {errno.ENOENT, errno.ENODEV, errno.ENXIO, errno.EIO}:
-        return PortMissing(
-            f"{path}: there is no such port.",
-            remedy="Is the board plugged in and powered? `yahboomd probe` lists the ports it sees.",
-        )
-    if code in {errno.EACCES, errno.EPERM}:
-        return PortDenied(
-            f"{path}: this user may not open the port.",
-            remedy="Add the user to the group that owns it (sudo usermod -aG dialout $USER) and "
-            "log in again.",
-        )
-    if code in {errno.EBUSY, errno.EAGAIN} or "exclusively lock" in words:
-        who = holders(path)
-        named = f" by {', '.join(who)}" if who else ""
-        return PortBusy(
-            f"{path}: the port is held{named}.",
-            remedy="One process owns the board: stop the other one, or use its bus instead.",
-        )
-    if code == errno.ENOTTY or "Inappropriate ioctl" in words:
-        return LinkError(
-            f"{path}: this is no serial port.",
-            remedy="`yahboomd probe --list` shows the ports that there are.",
-        )
-    return LinkError(
-        f"{path}: the port cannot be used: {words}.",
-        remedy="Is the path right? `yahboomd probe --list` names the serial ports on USB.",
-    )
-
-
-def holders(path: str) -> tuple[str, ...]:
-    """The processes, as ``name (pid N)``, that have the port open, as far as we may see."""
-    try:
-        device = os.stat(path).st_rdev
-    except OSError:
-        return ()
-    found: list[str] = []
-    for entry in os.listdir("/proc"):
-        if not entry.isdigit() or int(entry) == os.getpid():
-            continue
-        with contextlib.suppress(OSError):
-            for fd in os.listdir(f"/proc/{entry}/fd"):
-                with contextlib.suppress(OSError):
-                    if os.stat(f"/proc/{entry}/fd/{fd}").st_rdev == device != 0:
-                        with open(f"/proc/{entry}/comm", encoding="utf-8") as comm:
-                            found.append(f"{comm.read().strip()} (pid {entry})")
-                        break
-    return tuple(found)
-
-
-def lost(path: str, error: Exception | None) -> PortLost:
-    """The port went away: what to raise."""
-    # pyserial's words for a hang-up are a guess about its caller.
-    hung_up = error is None or "readiness to read but returned no data" in str(error)
-    words = "" if hung_up else f" ({error})"
-    return PortLost(
-        f"{path}: the port went away{words}.",
-        remedy="The wheels hold their last command until the board is reached again: check the "
-        "cable, and feed the motors separately, not through USB.",
-    )

@@ -19,7 +19,8 @@ from yahboomd.errors import PortLost, YahboomdError
 from yahboomd.link import handshake
 from yahboomd.link.handshake import Identity
 from yahboomd.link.poller import Poller
-from yahboomd.link.port import Port, lost
+from yahboomd.link.port import Port
+from yahboomd.link.port_errors import lost
 from yahboomd.link.reception import Reception
 from yahboomd.link.standstill import StandstillWatch
 from yahboomd.link.stopping import (
