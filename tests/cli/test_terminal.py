@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+import array
 import asyncio
+import fcntl
 import os
 import termios
 from collections.abc import Iterator
@@ -66,9 +68,17 @@ async def test_the_terminal_is_put_back_even_after_a_failure(pty: tuple[int, int
     assert termios.tcgetattr(slave) == before
 
 
+def waiting(fd: int) -> int:
+    """How many bytes a terminal has ready. The kernel hands them over from a worker of its own."""
+    count = array.array("i", [0])
+    fcntl.ioctl(fd, termios.FIONREAD, count)
+    return count[0]
+
+
 async def test_what_was_typed_before_is_not_taken(pty: tuple[int, int]) -> None:
     master, slave = pty
     os.write(master, b"wwww\n")
+    await eventually(lambda: waiting(slave) == len(b"wwww\n"))
     pressed: list[str] = []
     with Keys(slave, pressed.append, lambda: None):
         os.write(master, b"x")
