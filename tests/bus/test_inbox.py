@@ -169,7 +169,7 @@ def test_a_lane_accounts_for_every_entry(steps, depth):
         delivered.extend(batch)
         told.append(lost)
 
-    lane = Lane(lambda: None, handle, depth=depth)
+    lane = Lane(lambda _: None, handle, depth=depth)
     offered = 0
     for step in steps:
         if step is None:

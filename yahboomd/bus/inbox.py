@@ -3,6 +3,7 @@
 A callback of Zenoh's runs in the thread that reads the network. Whatever it waits for, all that
 comes over the same connection waits for too; calling Zenoh from it can deadlock. So it does three
 things: it looks at the size, appends to a bounded lane, and wakes the loop unless somebody has.
+A lane that was empty announces itself, so that the loop looks into none for nothing.
 
 Urgent lanes are emptied before and between the others, so an e-stop waits for one batch of
 commands at most, however many of them come. A lane that is full loses its oldest entry: the newest
@@ -51,7 +52,7 @@ class Lane(Generic[Item]):
     """A bounded queue from any thread to one handler on the loop.
 
     Args:
-        wake: Makes the loop look, from any thread.
+        announce: Makes the loop look into the lane, which was empty; from any thread.
         handler: Called on the loop with the pending entries, oldest first, and with the number
             lost before them.
         depth: Entries kept, and the most handed over at once.
@@ -61,14 +62,14 @@ class Lane(Generic[Item]):
 
     def __init__(
         self,
-        wake: Callable[[], None],
+        announce: Callable[[Lane[Item]], None],
         handler: Callable[[list[Item], int], None],
         *,
         depth: int = DEPTH,
         refuse: Callable[[Item], None] | None = None,
     ) -> None:
         self.counters = LaneCounters()
-        self._wake = wake
+        self._announce = announce
         self._handler = handler
         self._entries: deque[Item] = deque()
         self._depth = depth
@@ -80,7 +81,7 @@ class Lane(Generic[Item]):
 
     def offer(self, item: Item) -> None:
         """Take an entry; from any thread."""
-        refused = False
+        refused = was_empty = False
         with self._lock:
             self.counters.received += 1
             if not self._open:
@@ -94,10 +95,11 @@ class Lane(Generic[Item]):
                 else:
                     refused = True
             else:
+                was_empty = not self._entries
                 self._entries.append(item)
-        if not refused:
-            self._wake()
-        elif self._refuse is not None:
+        if was_empty:
+            self._announce(self)
+        elif refused and self._refuse is not None:
             self._refuse(item)
 
     def too_large(self) -> None:
@@ -105,11 +107,6 @@ class Lane(Generic[Item]):
         with self._lock:
             self.counters.received += 1
             self.counters.oversize += 1
-
-    @property
-    def pending(self) -> bool:
-        """Whether entries wait."""
-        return bool(self._entries)
 
     def deliver(self) -> None:
         """Hand over what is pending; on the loop."""
@@ -141,8 +138,10 @@ class Inbox:
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()
         self._fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
-        self._urgent: list[Lane[Any]] = []
-        self._others: list[Lane[Any]] = []
+        self._lanes: list[Lane[Any]] = []
+        # Those with entries, each once.
+        self._urgent: deque[Lane[Any]] = deque()
+        self._others: deque[Lane[Any]] = deque()
         self._woken = False
         self._open = True
         self._loop.add_reader(self._fd, self._turn)
@@ -156,15 +155,20 @@ class Inbox:
         refuse: Callable[[Item], None] | None = None,
     ) -> Lane[Item]:
         """A new lane; an ``urgent`` one goes before and between all others."""
-        lane = Lane(self._wake, handler, depth=depth, refuse=refuse)
-        (self._urgent if urgent else self._others).append(lane)
+        full = self._urgent if urgent else self._others
+
+        def announce(lane: Lane[Item]) -> None:
+            full.append(lane)
+            self._wake()
+
+        lane = Lane(announce, handler, depth=depth, refuse=refuse)
+        self._lanes.append(lane)
         return lane
 
     def remove(self, lane: Lane[Item]) -> list[Item]:
         """Close a lane; returns what it had not delivered."""
-        for lanes in (self._urgent, self._others):
-            if lane in lanes:
-                lanes.remove(lane)
+        if lane in self._lanes:
+            self._lanes.remove(lane)
         return lane.close()
 
     def close(self, *, leak: bool = False) -> None:
@@ -178,14 +182,14 @@ class Inbox:
             return
         self._open = False
         self._loop.remove_reader(self._fd)
-        for lane in (*self._urgent, *self._others):
+        for lane in self._lanes:
             lane.close()
         if not leak:
             os.close(self._fd)
 
     def _wake(self) -> None:
-        # Entries are appended before this looks, and the loop forgets `_woken` before it looks at
-        # the entries: at worst it is woken once for nothing.
+        # Lanes are announced before this looks, and the loop forgets `_woken` before it looks at
+        # the lanes: at worst it is woken once for nothing.
         if not self._woken and self._open:
             self._woken = True
             os.eventfd_write(self._fd, 1)
@@ -195,18 +199,15 @@ class Inbox:
         os.eventfd_read(self._fd)
         self._woken = False
         self._deliver_urgent()
-        # Of a dozen lanes one has something, as a rule: only a look, without its lock, at the rest.
-        for lane in tuple(self._others):
-            if lane.pending:
-                self._deliver(lane)
-                self._deliver_urgent()
-        if any(lane.pending for lane in (*self._urgent, *self._others)):
+        for _ in range(len(self._others)):
+            self._deliver(self._others.popleft())
+            self._deliver_urgent()
+        if self._urgent or self._others:
             self._wake()
 
     def _deliver_urgent(self) -> None:
-        for lane in tuple(self._urgent):
-            if lane.pending:
-                self._deliver(lane)
+        for _ in range(len(self._urgent)):
+            self._deliver(self._urgent.popleft())
 
     def _deliver(self, lane: Lane[Any]) -> None:
         try:

@@ -110,7 +110,10 @@ class CommandIntake:
 
     def _count(self, source: str, what: str, times: int = 1) -> None:
         self.counters[what] += times
-        self._by_source.setdefault(source, Counter())[what] += times
+        mine = self._by_source.get(source)
+        if mine is None:
+            mine = self._by_source[source] = Counter()
+        mine[what] += times
 
 
 _REFUSED = "refused/"

@@ -21,14 +21,14 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from yahboomd.drive.age import Age, AgeJudge, StampPolicy
-from yahboomd.drive.arbitration import Accepted, Decision, Reason, Refused, Source
+from yahboomd.drive.arbitration import Accepted, Decision, Reason, Refused, Source, Why
 from yahboomd.drive.backlog import BacklogGate
 from yahboomd.drive.clock_offset import ClockOffset
 from yahboomd.drive.deadman import Deadman, OnTimeout
 from yahboomd.drive.standing import STANDING_M_S
 from yahboomd.drive.windows import SlidingCounts
 from yahboomd.errors import ConfigError
-from yahboomd.model import Twist2d
+from yahboomd.model import STANDSTILL, Twist2d
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -189,22 +189,30 @@ class Arbiter:
         Never motion on the account of a command that ran out or was taken back.
         """
         holder, last = self._holder, self._last
-        driver = None if holder is None else holder.source.name
-        source = None if last is None else last.source.name
         age_ns = None if last is None else last.deadman.age_ns(now_ns)
-        standing = Decision(driver=driver, since_ns=self._since_ns, source=source, age_ns=age_ns)
+        twist, ramp, timed_out = STANDSTILL, True, False
+        why: Why
         if self._revoked:
-            return msgspec.structs.replace(standing, why="revoked", ramp=False)
-        if last is None or age_ns is None:
-            return standing
-        if holder is None or holder.wish is None or holder.deadman.expired(now_ns):
+            why, ramp = "revoked", False
+        elif last is None or age_ns is None:
+            why = "no_command"
+        elif holder is None or holder.wish is None or holder.deadman.expired(now_ns):
             self._count_timeout()
-            return msgspec.structs.replace(
-                standing, why="timed_out", timed_out=True, ramp=self._on_timeout == "ramp"
-            )
-        if holder.wish.is_zero:
-            return msgspec.structs.replace(standing, why="zero_command")
-        return msgspec.structs.replace(standing, why="driving", twist=holder.wish)
+            why, timed_out, ramp = "timed_out", True, self._on_timeout == "ramp"
+        elif holder.wish.is_zero:
+            why = "zero_command"
+        else:
+            why, twist = "driving", holder.wish
+        return Decision(
+            twist=twist,
+            driver=None if holder is None else holder.source.name,
+            since_ns=self._since_ns,
+            timed_out=timed_out,
+            ramp=ramp,
+            why=why,
+            source=None if last is None else last.source.name,
+            age_ns=age_ns,
+        )
 
     @property
     def deadline_ns(self) -> int | None:

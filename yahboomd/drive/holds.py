@@ -61,6 +61,8 @@ class Holds:
 
     def active(self, now_ns: int) -> tuple[Hold, ...]:
         """The reasons to stand at ``now_ns``, the oldest first; those that ended are forgotten."""
+        if not self._holds:
+            return ()
         over = [
             kind
             for kind, hold in self._holds.items()
