@@ -90,6 +90,16 @@ def test_no_command_shows_the_help_and_fails(capsys):
     assert "usage: yahboomd" in capsys.readouterr().out
 
 
+def test_an_unknown_option_is_told_with_the_usage_of_its_command(command, capsys):
+    command(lambda args: 0, options=["--speed"])
+    with pytest.raises(SystemExit) as left:
+        cli.main(["drive", "--sped", "2"])
+    assert left.value.code == 2
+    words = capsys.readouterr().err
+    assert "usage: yahboomd drive" in words
+    assert "yahboomd drive: error: unrecognized arguments: --sped 2" in words
+
+
 def test_an_unknown_command_names_the_known_ones(capsys):
     with pytest.raises(SystemExit) as left:
         cli.main(["fly"])

@@ -78,6 +78,15 @@ def test_endpoints_that_are_told_are_used_alone(parse):
     assert options.daemon_endpoints(args, config) == ("tcp/10.0.0.1:1", "tcp/10.0.0.2:1")
 
 
+def test_an_endpoint_that_cannot_work_is_refused_as_an_option(parse, capsys):
+    with pytest.raises(SystemExit) as left:
+        parse("--connect", "127.0.0.1:7447")
+    assert left.value.code == 2
+    words = capsys.readouterr().err
+    assert "argument --connect: '127.0.0.1:7447' cannot be used" in words
+    assert "protocol/address, such as tcp/127.0.0.1:7447" in words
+
+
 @settings(deadline=None)
 @given(
     st.text(st.characters(min_codepoint=32, exclude_characters="\x7f", exclude_categories=["Cs"]))

@@ -70,6 +70,14 @@ def test_the_summary_says_which_robot_this_is(given):
     assert "Listens on tcp/127.0.0.1:7448, joins tcp/127.0.0.1:7447." in text
 
 
+def test_the_summary_says_what_was_changed_from_outside(given):
+    file = given("[chassis]\nwheel_radius_m = 0.04\n")
+    assert summary(file).startswith(f"{file.path}. A")
+    loaded = given("", "chassis.wheel_radius_m=0.04", YAHBOOMD_ZENOH__NAMESPACE="bot1")
+    changed = "--set chassis.wheel_radius_m=0.04, YAHBOOMD_ZENOH__NAMESPACE"
+    assert summary(loaded).startswith(f"{loaded.path}, changed by {changed}. A")
+
+
 @pytest.mark.parametrize("mode", ["client"])
 def test_the_summary_of_a_client_listens_on_nothing(given, mode):
     assert "Listens on nothing" in summary(given("", f"zenoh.mode={mode}"))

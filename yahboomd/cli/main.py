@@ -152,7 +152,12 @@ def _dispatch(arguments: list[str]) -> int:
             command.add_parser(subparsers)
         else:
             subparsers.add_parser(known, help=line)
-    args = parser.parse_args(arguments)
+    args, unknown = parser.parse_known_args(arguments)
+    if unknown:
+        # Told with the usage of the command, not with that of all commands.
+        (subparsers.choices[name] if command is not None and name else parser).error(
+            f"unrecognized arguments: {' '.join(unknown)}"
+        )
     if command is None:
         parser.print_help()
         return USAGE

@@ -50,6 +50,7 @@ def add_bus_options(parser: argparse.ArgumentParser) -> None:
         "--connect",
         metavar="ENDPOINT",
         action="append",
+        type=_endpoint,
         help="where to reach the daemon or its router, such as tcp/192.168.1.5:7447 "
         "(default: where the configuration lets the daemon listen)",
     )
@@ -91,6 +92,15 @@ def daemon_endpoints(args: argparse.Namespace, config: Config) -> tuple[str, ...
         for endpoint in (config.zenoh.listen if config.zenoh.mode != "client" else ())
     )
     return tuple(dict.fromkeys((*own, *config.zenoh.connect)))
+
+
+def _endpoint(text: str) -> str:
+    # Zenoh takes a tenth of a second to import: only where there is something to look at.
+    from yahboomd.bus.options import endpoint_problem
+
+    if problem := endpoint_problem(text):
+        raise argparse.ArgumentTypeError(f"{text!r} cannot be used: {problem}.")
+    return text
 
 
 def quoted(text: str) -> str:

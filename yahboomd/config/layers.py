@@ -38,6 +38,11 @@ class Origin:
     line: int
     words: str
 
+    @property
+    def in_file(self) -> bool:
+        """Whether in a file, rather than in the environment or on the command line."""
+        return self.layer == 0
+
 
 NOWHERE = Origin(-1, 0, "")
 """Of a value that nobody wrote: a default."""

@@ -93,6 +93,8 @@ def summary(loaded: Loaded) -> str:
     config = loaded.config
     kinematics, motors = config.kinematics(), config.motors()
     source = "the defaults" if loaded.path is None else str(loaded.path)
+    if elsewhere := sorted({at.words for at in loaded.origins.values() if not at.in_file}):
+        source += f", changed by {', '.join(elsewhere)}"
     wheels = ", ".join(f"{motor.name} on M{motor.position}" for motor in motors)
     radii = {f"{1000.0 * motor.radius_m:.4g}" for motor in motors}
     rank = sorted(config.command.sources.items(), key=lambda item: -item[1].priority)
