@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import signal
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -111,10 +112,12 @@ async def test_a_source_that_the_daemon_does_not_know_is_told(
     await process.shows("Nobody listens on cmd_vel/mine")
 
 
-async def test_an_endpoint_that_can_never_work_ends_it_with_the_terminal_put_back(
-    terminal: Any,
+async def test_a_bus_that_can_never_work_ends_it_with_the_terminal_put_back(
+    terminal: Any, tmp_path: Path
 ) -> None:
-    process = terminal("drive", "--connect", "nonsense")
+    file = tmp_path / "zenoh.json5"
+    file.write_text("no json at all")
+    process = terminal("drive", "--set", f"zenoh.config={file}")
     assert await process.ended() == 69
-    assert "nonsense" in process.written
+    assert f"The Zenoh configuration {file} cannot be used" in process.written
     assert process.restored
