@@ -3,9 +3,10 @@
 CPU is what the kernel has counted for the process and its threads, over some seconds; a polled
 board is asked and pose, twist and wheels are published at the same rate to a subscriber in
 another process; a command is said 50 times a second, each other than the last. The cost of one
-command is the difference of runs with and without. By layer: the loop's thread is sampled after
-every few milliseconds of CPU time, at rates that the kernel's tick does not divide, else the same
-moments would be met again and again; each sample belongs to the innermost function of ours.
+command is the difference of runs with and without, so it has the noise of both. By layer: the
+loop's thread is sampled after every few milliseconds of CPU time, at rates that the kernel's tick
+does not divide, else the same moments would be met again and again; each sample belongs to the
+innermost function of ours.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks import flame, rig
+from benchmarks import flame, pictures, rig
 from benchmarks.latency import UNLIMITED, command, publisher
 from benchmarks.report import Section, median, number, quantile
 from benchmarks.staged import STAGES
@@ -107,41 +108,67 @@ def bench(*, short: bool, images: Path) -> Section:
     rows = []
     per_command: dict[str, list[float]] = {loop: [] for loop in loops}
     cores: dict[tuple[str, float], float] = {}
+    curves: dict[str, list[tuple[float, float]]] = {}
     for rate_hz in (50,) if short else (20, 50, 100, 200):
         for loop in loops:
             quiet = measure(seconds, *rates(rate_hz), loop=loop)
             driven = measure(seconds, *rates(rate_hz), loop=loop, commands=True)
             cores[loop, rate_hz] = quiet.core
-            per_command[loop].append((driven.core - quiet.core) / COMMANDS_HZ * 1e6)
-            rows.append(
-                [f"polled, {rate_hz} Hz", loop, number(100 * quiet.core), number(100 * quiet.loop),
-                 number(100 * driven.core), number(quiet.rss_mb), str(quiet.threads)]
-            )  # fmt: skip
-    for line_us in () if short else (5917, 2457):
+            per_command[loop].append(command_us(quiet, driven))
+            curves.setdefault(loop, []).append((rate_hz, 100 * quiet.core))
+            with_commands = f"{loop}, {COMMANDS_HZ} commands a second"
+            curves.setdefault(with_commands, []).append((rate_hz, 100 * driven.core))
+            rows.append([f"polled, {rate_hz} Hz", loop, *row(quiet, driven)])
+    for line_us in () if short else (5917, 3472, 2457):
         for loop in loops:
             quiet = measure(seconds, dialect="streamed", loop=loop, line_us=line_us)
             driven = measure(seconds, dialect="streamed", loop=loop, line_us=line_us, commands=True)
+            per_command[loop].append(command_us(quiet, driven))
             name = f"streamed, {1e6 / line_us:.0f} lines a second, published at 50 Hz"
-            rows.append(
-                [name, loop, number(100 * quiet.core), number(100 * quiet.loop),
-                 number(100 * driven.core), number(quiet.rss_mb), str(quiet.threads)]
-            )  # fmt: skip
+            rows.append([name, loop, *row(quiet, driven)])
     section.table(
-        "Percent of one core; the last columns are MB and a count.",
+        "Percent of one core; then µs for a command, MB and a count.",
         ["board", "event loop", "all", "of it the loop's thread", "with 50 commands/s",
-         "resident", "threads"],
+         "µs a command", "resident", "threads"],
         rows,
     )  # fmt: skip
     for loop in loops:
         if not short:
             slope = (cores[loop, 200] - cores[loop, 20]) / 180 * 1e6
             section.findings.append(
-                f"{loop}: {number(slope)} µs of CPU for a poll with its three samples, and "
-                f"{number(median(per_command[loop]))} µs for a command (medians)."
+                f"{loop}: {number(slope)} µs of CPU for a poll with its three samples (from 20 to "
+                f"200 Hz), and {number(median(per_command[loop]))} µs for a command (the median of "
+                "the rows)."
             )
+    draw(section, curves, images)
     stages(section, 2.0 if short else 20.0)
     profile(section, 2.0 if short else 40.0, images)
     return section
+
+
+def command_us(quiet: Cost, driven: Cost) -> float:
+    """What one command costs, µs of CPU."""
+    return (driven.core - quiet.core) / COMMANDS_HZ * 1e6
+
+
+def row(quiet: Cost, driven: Cost) -> list[str]:
+    """The figures of a row of the table."""
+    shares = [number(100 * each) for each in (quiet.core, quiet.loop, driven.core)]
+    cost = number(max(0.0, command_us(quiet, driven)))
+    return [*shares, cost, number(quiet.rss_mb), str(quiet.threads)]
+
+
+def draw(section: Section, curves: dict[str, list[tuple[float, float]]], images: Path) -> None:
+    """CPU by the rate of polls."""
+    figure, axes = pictures.blank()
+    for n, (name, points) in enumerate(curves.items()):
+        axes.plot(*zip(*points, strict=True), "o-", color=pictures.COLOURS[n], label=name,
+                  markersize=4)  # fmt: skip
+    axes.set(xlabel="polls and poses a second", ylabel="% of one core")
+    axes.set_ylim(bottom=0.0)
+    axes.legend(fontsize=8, frameon=False)
+    caption = "What a polled board costs, by the rate at which it is asked and published."
+    pictures.keep(section, figure, images, "cost.png", caption)
 
 
 def stages(section: Section, seconds: float) -> None:

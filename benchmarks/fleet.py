@@ -5,22 +5,28 @@ Hz to a subscriber, more and more of them, until poses are lost or late. One rou
 a namespace each put a 360-byte pose 50 times a second through one router process (a Python
 session in router mode, which is the same code as zenohd); an operator hears all of them and says
 10 commands a second to each. Robots, router and operator share the machine's two cores, so what
-saturates first is told with the CPU of each. Everything stays on loopback and ends after some
-seconds.
+saturates first is told with the CPU of each. Since that is the operator, whose Python looks at
+each pose, more are tried with thin robots and a thin operator for each 200 of them: poses are made
+once, and only those of ten in each 200 carry a new stamp and are looked at; all of them go through
+the router and are received. Everything stays on loopback and ends after some seconds.
 """
 
 from __future__ import annotations
 
 import contextlib
 import json
+import os
 import time
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from benchmarks import rig
-from benchmarks.report import Section, milliseconds, number
+from benchmarks import pictures, rig
+from benchmarks.report import Section, median, milliseconds, number
 
 PER_PROCESS = 100
+PER_OPERATOR = 200
+"""Of thin robots: one connection carries no more, however little is done with what it brings."""
 POSE_HZ = 50
 COMMANDS_HZ = 10
 
@@ -30,60 +36,83 @@ class Load(NamedTuple):
 
     Attributes:
         offered_hz: Poses a second that were to be sent.
-        result: What the operator saw.
+        result: What the operators saw.
         router: Share of a core of the router.
         robots: Of all robots' processes.
-        operator: Of the operator's.
+        operator: Of the operators'.
         rss_mb: The router's resident memory.
     """
 
     offered_hz: float
-    result: dict[str, Any]
+    result: dict[str, float]
     router: float
     robots: float
     operator: float
     rss_mb: float
 
 
-def routed(count: int, seconds: float, *, listened: bool = True) -> Load:
-    """So many robots through one router; ``listened`` not: nobody hears and commands them."""
+def routed(count: int, seconds: float, *, listened: bool = True, thin: bool = False) -> Load:
+    """So many robots through one router.
+
+    Args:
+        count: Robots.
+        seconds: How long.
+        listened: Somebody hears and commands them.
+        thin: Robots and operator spend next to no Python on a pose.
+    """
+    how = ("thin",) if thin else ()
+    firsts = range(0, count, PER_OPERATOR) if thin else range(1)
     endpoint = rig.free_endpoint()
     load = ("-m", "benchmarks.fleet_load")
     with contextlib.ExitStack() as stack:
-        router = stack.enter_context(rig.Process(*load, "router", endpoint))
+        router = stack.enter_context(rig.Process(*load, "large-router", endpoint))
         router.says("ready")
         crowds = [
             stack.enter_context(
                 rig.Process(
-                    *load, "robots", endpoint, str(first), str(min(PER_PROCESS, count - first))
+                    *(*load, "robots", endpoint),
+                    *(str(first), str(min(PER_PROCESS, count - first)), *how),
                 )
             )
             for first in range(0, count, PER_PROCESS)
         ]
         for crowd in crowds:
             crowd.says("ready")
-        result: dict[str, Any] = {}
-        operator = None
-        if listened:
-            options = (str(count), str(seconds + 1.0), str(COMMANDS_HZ))
-            operator = rig.Process(*load, "operator", endpoint, *options)
-            stack.enter_context(operator)
+        operators: list[rig.Process] = []
+        for first in firsts if listened else ():
+            robots = min(PER_OPERATOR, count - first) if thin else count
+            options = (str(robots), str(seconds + 1.0), str(COMMANDS_HZ))
+            which = (str(first),) if thin else ()
+            process = rig.Process(*load, "operator", endpoint, *options, *which)
+            operators.append(stack.enter_context(process))
+        if operators:
             time.sleep(2.0)
-        meters = [router, *crowds, *([operator] if operator else [])]
+        meters = [router, *crowds, *operators]
         before = [rig.usage(each.pid) for each in meters]
         time.sleep(seconds - 0.5)
         after = [rig.usage(each.pid) for each in meters]
         shares = [rig.share_of_core(a, b) for a, b in zip(before, after, strict=True)]
-        if operator is not None:
-            result = json.loads(operator.says("result ").split(" ", 1)[1])
+        results = [json.loads(each.says("result ").split(" ", 1)[1]) for each in operators]
         return Load(
             offered_hz=count * POSE_HZ,
-            result=result,
+            result=together(results),
             router=shares[0],
             robots=sum(shares[1 : 1 + len(crowds)]),
-            operator=shares[-1] if operator else 0.0,
+            operator=sum(shares[1 + len(crowds) :]),
             rss_mb=after[0].rss_kb / 1024,
         )
+
+
+def together(results: Sequence[dict[str, float]]) -> dict[str, float]:
+    """What all operators saw; of the ages the middle one's median, and the worst's p99."""
+    if not results:
+        return {}
+    return {
+        "poses_hz": sum(each["poses_hz"] for each in results),
+        "commands_hz": sum(each["commands_hz"] for each in results),
+        "p50_ns": median([each["p50_ns"] for each in results]),
+        "p99_ns": max(each["p99_ns"] for each in results),
+    }
 
 
 def pairs(count: int, seconds: float) -> dict[str, float]:
@@ -161,7 +190,78 @@ def taken(*, shared: bool, most: int) -> int:
             return int(crowd.says("taken ").split()[1])
 
 
-def bench(*, short: bool, images: Path) -> Section:  # noqa: ARG001 - it has none
+ROUTED = (
+    "robots", "poses/s offered", "poses/s heard", "commands/s", "p50 ms", "p99 ms", "router CPU",
+    "router µs a message", "robots CPU", "operator CPU", "router MB",
+)  # fmt: skip
+
+
+def crowd(
+    section: Section, title: str, counts: Sequence[int], seconds: float, *, thin: bool
+) -> list[tuple[int, Load]]:
+    """More and more robots through one router, until a tenth of their poses is lost."""
+    rows, found = [], []
+    for count in counts:
+        try:
+            load = routed(count, seconds, thin=thin)
+        except (TimeoutError, ChildProcessError) as error:
+            section.findings.append(f"{count} robots were not served within a minute ({error}).")
+            break
+        result = load.result
+        messages = result["poses_hz"] + result["commands_hz"]
+        found.append((count, load))
+        rows.append(
+            [str(count), number(load.offered_hz), number(result["poses_hz"]),
+             number(result["commands_hz"]), milliseconds(result["p50_ns"]),
+             milliseconds(result["p99_ns"]), number(100 * load.router),
+             number(load.router / messages * 1e6), number(100 * load.robots),
+             number(100 * load.operator), number(load.rss_mb)]
+        )  # fmt: skip
+        if result["poses_hz"] < 0.9 * load.offered_hz:
+            break
+    section.table(title, ROUTED, rows)
+    return found
+
+
+def limits(section: Section, full: list[tuple[int, Load]], thin: list[tuple[int, Load]]) -> None:
+    """Where it ends, and on what."""
+    for name, found in (("Robots and operator in Python", full), ("Thin ones", thin)):
+        if not found:
+            continue
+        count, load = found[-1]
+        heard = 100 * load.result["poses_hz"] / load.offered_hz
+        section.findings.append(
+            f"{name}, {count} on one router: {number(heard)} % of the poses heard, "
+            f"{milliseconds(load.result['p50_ns'])} ms old at the median. Of one core the router "
+            f"took {number(100 * load.router)} %, the robots {number(100 * load.robots)} %, who "
+            f"hears them {number(100 * load.operator)} %; there are {os.cpu_count()}."
+        )
+
+
+def draw(
+    section: Section, full: list[tuple[int, Load]], thin: list[tuple[int, Load]], images: Path
+) -> None:
+    """CPU by the number of robots."""
+    figure, axes = pictures.blank()
+    for found, line, kind in ((full, "-", ""), (thin, "--", ", thin")):
+        counts = [count for count, _ in found]
+        for n, (name, shares) in enumerate(
+            (
+                ("router", [each.router for _, each in found]),
+                ("robots", [each.robots for _, each in found]),
+                ("operator", [each.operator for _, each in found]),
+            )
+        ):
+            values = [100 * share for share in shares]
+            axes.plot(counts, values, "o" + line, color=pictures.COLOURS[n], label=name + kind,
+                      markersize=4)  # fmt: skip
+    axes.set(xlabel="robots on one router, 50 poses a second each", ylabel="% of one core")
+    axes.legend(fontsize=8, frameon=False)
+    caption = "What a fleet costs on one machine of two cores: router, robots, and who hears them."
+    pictures.keep(section, figure, images, "fleet.png", caption)
+
+
+def bench(*, short: bool, images: Path) -> Section:
     """The section."""
     assert __doc__ is not None
     section = Section(
@@ -171,7 +271,7 @@ def bench(*, short: bool, images: Path) -> Section:  # noqa: ARG001 - it has non
     )
     seconds = 2.0 if short else 6.0
     rows = []
-    for count in (1,) if short else (1, 2, 4, 8, 12, 16):
+    for count in (1,) if short else (1, 4, 8, 12, 16, 20, 24, 28):
         found = pairs(count, seconds)
         share = found["poses_hz"] / (count * POSE_HZ)
         rows.append(
@@ -189,33 +289,24 @@ def bench(*, short: bool, images: Path) -> Section:  # noqa: ARG001 - it has non
          "simulator CPU", "daemon MB"],
         rows,
     )  # fmt: skip
-    rows = []
-    costs = []
-    for count in (10,) if short else (25, 50, 100, 200, 300, 400):
-        try:
-            load = routed(count, seconds)
-        except TimeoutError as error:
-            section.findings.append(f"{count} robots were not served within a minute ({error}).")
-            break
-        result = load.result
-        messages = result["poses_hz"] + result["commands_hz"]
-        costs.append((count, load.router / messages * 1e6))
-        rows.append(
-            [str(count), number(load.offered_hz), number(result["poses_hz"]),
-             number(result["commands_hz"]), milliseconds(result["p50_ns"]),
-             milliseconds(result["p99_ns"]), number(100 * load.router),
-             number(costs[-1][1]), number(100 * load.robots), number(100 * load.operator),
-             number(load.rss_mb)]
-        )  # fmt: skip
-        if result["poses_hz"] < 0.7 * load.offered_hz:
-            break
-    section.table(
+    full = crowd(
+        section,
         "One router; a message is one pose or command through it, in and out. CPU in percent of a "
         "core.",
-        ["robots", "poses/s offered", "poses/s heard", "commands/s", "p50 ms", "p99 ms",
-         "router CPU", "router µs a message", "robots CPU", "operator CPU", "router MB"],
-        rows,
-    )  # fmt: skip
+        (10,) if short else (25, 50, 100, 200, 300, 400),
+        seconds,
+        thin=False,
+    )
+    thin = crowd(
+        section,
+        "The same with thin robots and a thin operator for each 200; poses heard are reckoned "
+        "from those that are looked at.",
+        (20,) if short else (100, 200, 400, 600, 800, 1000, 1200),
+        seconds,
+        thin=True,
+    )
+    limits(section, full, thin)
+    draw(section, full, thin, images)
     count = 10 if short else 200
     alone = routed(count, seconds, listened=False)
     section.findings.append(

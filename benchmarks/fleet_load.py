@@ -1,15 +1,18 @@
 """The processes of the fleet benchmark: routers, robots and an operator, all on loopback.
 
     python -m benchmarks.fleet_load router LISTEN [UPSTREAM HZ ROBOTS]
-    python -m benchmarks.fleet_load robots ROUTER FIRST COUNT
-    python -m benchmarks.fleet_load operator ROUTER COUNT SECONDS COMMANDS_HZ
+    python -m benchmarks.fleet_load large-router LISTEN
+    python -m benchmarks.fleet_load robots ROUTER FIRST COUNT [thin]
+    python -m benchmarks.fleet_load operator ROUTER COUNT SECONDS COMMANDS_HZ [FIRST]
     python -m benchmarks.fleet_load ears SECONDS ENDPOINT ...
     python -m benchmarks.fleet_load join ROUTER MODE COUNT
     python -m benchmarks.fleet_load fill ROUTER SHARED MOST
 
 A robot here is a Zenoh client with a namespace that puts a pose of the daemon's size 50 times a
 second and hears its commands: what a router sees of a daemon, without the daemon. With HZ a router
-passes no robot's pose on more often than that.
+passes no robot's pose on more often than that. Thin robots put a pose that was made once, all but
+the first ten of a process. An operator with FIRST is a thin one, for the robots from that one on:
+it lets Zenoh receive all their poses and looks at those of the first ten alone.
 """
 
 from __future__ import annotations
@@ -20,6 +23,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 
 import msgspec
 import zenoh
@@ -31,6 +35,9 @@ from yahboomd.messages.native import PoseSample
 
 POSE_HZ = 50
 TICK_S = 0.002
+PROBES = 10
+"""Robots of a process with fresh poses, and those that a thin operator looks at."""
+MOST_SESSIONS = 5000
 
 
 def until_told() -> threading.Event:
@@ -40,12 +47,16 @@ def until_told() -> threading.Event:
     return done
 
 
-def router(listen: str, upstream: str = "", hz: str = "", count: str = "0") -> None:
+def router(
+    listen: str, upstream: str = "", hz: str = "", count: str = "0", *, many: bool = False
+) -> None:
     """A router: the same code as zenohd's, in a Python process that sleeps."""
     config = zenoh.Config()
     config.insert_json5("mode", '"router"')
     config.insert_json5("listen/endpoints", json.dumps([listen]))
     config.insert_json5("scouting/multicast/enabled", "false")
+    if many:
+        config.insert_json5("transport/unicast/max_sessions", str(MOST_SESSIONS))
     if upstream:
         config.insert_json5("connect/endpoints", json.dumps([upstream]))
     if hz:
@@ -79,7 +90,7 @@ def pose(seq: int, sent_ns: int) -> bytes:
     return msgspec.json.encode(sample)
 
 
-def robots(endpoint: str, first: str, count: str) -> None:
+def robots(endpoint: str, first: str, count: str, thin: str = "") -> None:
     """Clients with namespaces, in one process, their puts spread over the period."""
     heard = [0]
     puts = []
@@ -102,12 +113,15 @@ def robots(endpoint: str, first: str, count: str) -> None:
     print("ready", flush=True)
     start = time.monotonic()
     sent = 0
+    made = pose(0, 0)
+    fresh = PROBES if thin else len(puts)
     while not done.is_set():
         due = int((time.monotonic() - start) * POSE_HZ * len(puts))
         # Whoever is late does not make up for more than one period.
         sent = max(sent, due - len(puts))
         while sent < due:
-            puts[sent % len(puts)](pose(sent, time.monotonic_ns()))
+            which = sent % len(puts)
+            puts[which](pose(sent, time.monotonic_ns()) if which < fresh else made)
             sent += 1
         time.sleep(TICK_S)
     print("heard", heard[0], "sent", sent, flush=True)
@@ -115,8 +129,10 @@ def robots(endpoint: str, first: str, count: str) -> None:
         session.close()
 
 
-def operator(endpoint: str, count: str, seconds: str, commands_hz: str) -> None:
+def operator(endpoint: str, count: str, seconds: str, commands_hz: str, first: str = "") -> None:
     """Hears every pose and commands every robot; prints what came."""
+    thin, numbers = bool(first), range(int(first or 0), int(first or 0) + int(count))
+    rings = []
     ages: list[int] = []
     stamp = b'"stamp_ns":'
 
@@ -126,13 +142,22 @@ def operator(endpoint: str, count: str, seconds: str, commands_hz: str) -> None:
         ages.append(time.monotonic_ns() - int(payload[at : payload.index(b",", at)]))
 
     with client(endpoint) as session:
-        session.declare_subscriber("*/yahboomd/pose", Callback(take, indirect=False))
+        if thin:
+            # In a ring no Python runs for them. Those that are looked at come with them, over the
+            # same connection: as many of these are lost, and as late.
+            for n in numbers:
+                key = f"bot{n}/yahboomd/pose"
+                rings.append(session.declare_subscriber(key, RingChannel(1)))
+            for n in numbers[:PROBES]:
+                session.declare_subscriber(f"bot{n}/yahboomd/pose", Callback(take, indirect=False))
+        else:
+            session.declare_subscriber("*/yahboomd/pose", Callback(take, indirect=False))
         time.sleep(1.0)
         puts = [
             session.declare_publisher(
                 f"bot{n}/cmd_vel", priority=zenoh.Priority.REAL_TIME, express=True
             ).put
-            for n in range(int(count))
+            for n in numbers
         ]
         rate = float(commands_hz) * len(puts)
         ages.clear()
@@ -144,8 +169,11 @@ def operator(endpoint: str, count: str, seconds: str, commands_hz: str) -> None:
                 sent += 1
             time.sleep(TICK_S)
         took, found = time.monotonic() - start, list(ages)
+        if thin:
+            # Kept until here: a ring that nobody holds is undeclared.
+            assert all(ring.try_recv() for ring in rings[:PROBES])
     result = {
-        "poses_hz": len(found) / took,
+        "poses_hz": len(found) / took * (len(puts) / PROBES if thin else 1.0),
         "commands_hz": sent / took,
         "p50_ns": quantile(found, 0.5),
         "p99_ns": quantile(found, 0.99),
@@ -218,6 +246,7 @@ def fill(endpoint: str, shared: str, most: str) -> None:
 if __name__ == "__main__":
     ROLES: dict[str, Callable[..., None]] = {
         "router": router,
+        "large-router": partial(router, many=True),
         "robots": robots,
         "operator": operator,
         "ears": ears,

@@ -10,7 +10,7 @@ from a grid of 20 ms, for the polls of one daemon and for the control steps of a
 ramp so slow that each step says one more mm/s), beside a bare process that sleeps until its time
 and writes; all without and with a process that keeps one of the two cores busy. Daemon and bare
 process have the niceness of the service's unit, -5, and what stamps the frames has -10, where that
-is permitted.
+is permitted. A frame more than half a period away counts towards the next beat.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import contextlib
 import time
 from pathlib import Path
 
-from benchmarks import rig
+from benchmarks import pictures, rig
 from benchmarks.report import Section, median, milliseconds, number, quantile
 from benchmarks.thin_board import BYTE_NS, CARRY_OUT_NS, read_log
 
@@ -147,7 +147,7 @@ def schedule(name: str, seconds: float, *, busy: bool) -> tuple[Deviations, Devi
     return found(0, frame), found(1, b"$read")
 
 
-def bench(*, short: bool, images: Path) -> Section:  # noqa: ARG001 - it has none
+def bench(*, short: bool, images: Path) -> Section:
     """The section."""
     section = Section(
         name="throughput",
@@ -157,11 +157,11 @@ def bench(*, short: bool, images: Path) -> Section:  # noqa: ARG001 - it has non
     seconds = 1.0 if short else 6.0
     wire = 1e9 / ROUND_NS
     floors, rows = [], []
-    best = 0.0
+    best = most = 0.0
     for rate_hz in (300,) if short else (50, 100, 200, 250, 300, 300):
         floors.append(polls_by_floor(seconds))
         polls, room = polls_by_daemon(seconds, rate_hz)
-        best = max(best, polls / room)
+        best, most = max(best, polls / room), max(most, polls / wire)
         rows.append(
             [f"{rate_hz}", number(polls), number(100.0 * polls / min(rate_hz, room)),
              number(room), number(100.0 * polls / room), number(floors[-1]),
@@ -175,9 +175,10 @@ def bench(*, short: bool, images: Path) -> Section:  # noqa: ARG001 - it has non
     )  # fmt: skip
     share = 100.0 * best
     section.findings.append(
-        f"Goal 95 % of the polls that the wire allows: {number(share)} % at best, "
-        f"{'reached' if share >= 95.0 else 'missed'}; a bare loop on the same board and machine "
-        f"reaches {number(100.0 * median(floors) / wire)} %."
+        f"Goal 95 % of the polls that the wire allows beside the speed frames: {number(share)} % "
+        f"at best, {'reached' if share >= 95.0 else 'missed'}. Of a wire with nothing else on it "
+        f"that is {number(100.0 * most)} %; a bare loop, which says no speeds, reaches "
+        f"{number(100.0 * median(floors) / wire)} % on the same board and machine."
     )
     sent, read, rate = lines_read(300 if short else 6000)
     section.findings.append(
@@ -185,6 +186,7 @@ def bench(*, short: bool, images: Path) -> Section:  # noqa: ARG001 - it has non
         f"wire), {'reached' if sent == read else 'missed'}."
     )
     rows = []
+    late: dict[str, Deviations] = {}
     for busy in (False, True):
         for name in SCHEDULES:
             ours, bare = schedule(name, 2.0 if short else 36.0, busy=busy)
@@ -195,6 +197,7 @@ def bench(*, short: bool, images: Path) -> Section:  # noqa: ARG001 - it has non
                      *map(milliseconds, quantiles), milliseconds(max(values))]
                 )  # fmt: skip
             if busy:
+                late |= {f"bare process beside {name}": bare, name: ours}
                 late_ns, floor_ns = quantile(ours, 0.99), quantile(bare, 0.99)
                 verdict = "reached" if late_ns < 1e6 else "missed"
                 section.findings.append(
@@ -207,4 +210,12 @@ def bench(*, short: bool, images: Path) -> Section:  # noqa: ARG001 - it has non
         ["schedule", "beside", "frames", "p50", "p99", "worst"],
         rows,
     )
+    figure, axes = pictures.blank()
+    # A logarithmic axis has no zero; a microsecond is what the stamps are good for.
+    pictures.shares(
+        axes, {name: [max(ns, 1e3) / 1e6 for ns in found] for name, found in late.items()}
+    )
+    axes.set(xlabel="off the 20 ms grid, ms", ylabel="share of the frames")
+    caption = "How exactly the schedules are kept with one of two cores busy."
+    pictures.keep(section, figure, images, "schedule.png", caption)
     return section
