@@ -78,7 +78,7 @@ def measure(
         return Cost(
             core=rig.share_of_core(before, after),
             loop=(loop_after - loop_before) / (after.wall_ns - before.wall_ns),
-            rss_mb=after.rss_kb / 1024,
+            rss_mb=after.rss_mb,
             threads=after.threads,
         )
 

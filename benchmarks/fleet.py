@@ -99,7 +99,7 @@ def routed(count: int, seconds: float, *, listened: bool = True, thin: bool = Fa
             router=shares[0],
             robots=sum(shares[1 : 1 + len(crowds)]),
             operator=sum(shares[1 + len(crowds) :]),
-            rss_mb=after[0].rss_kb / 1024,
+            rss_mb=after[0].rss_mb,
         )
 
 
@@ -133,7 +133,7 @@ def pairs(count: int, seconds: float) -> dict[str, float]:
         shares = [rig.share_of_core(a, b) for a, b in zip(before, after, strict=True)]
         found["board"] = sum(shares[:count]) / count
         found["daemon"] = sum(shares[count:]) / count
-        found["rss_mb"] = sum(each.rss_kb for each in after[count:]) / count / 1024
+        found["rss_mb"] = sum(each.rss_mb for each in after[count:]) / count
         return found
 
 
@@ -176,7 +176,7 @@ def joined(mode: str, count: int) -> tuple[float, float, float]:
         with rig.Process(*load, "join", endpoint, mode, str(count)) as crowd:
             took = float(crowd.says("joined ").split()[1])
             after = rig.usage(router.pid)
-    return took, (after.cpu_ns - before.cpu_ns) * 1e-9, after.rss_kb / 1024
+    return took, (after.cpu_ns - before.cpu_ns) * 1e-9, after.rss_mb
 
 
 def taken(*, shared: bool, most: int) -> int:

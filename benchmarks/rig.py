@@ -211,7 +211,7 @@ class Usage(NamedTuple):
 
     cpu_ns: int
     wall_ns: int
-    rss_kb: int
+    rss_mb: float
     threads: int
 
 
@@ -224,7 +224,7 @@ def usage(pid: int) -> Usage:
             cpu_ns += int((task / "schedstat").read_text().split()[0])
     status = Path(f"/proc/{pid}/status").read_text()
     rss = next(line for line in status.splitlines() if line.startswith("VmRSS:"))
-    return Usage(cpu_ns, time.monotonic_ns(), int(rss.split()[1]), len(tasks))
+    return Usage(cpu_ns, time.monotonic_ns(), int(rss.split()[1]) * 1024 / 1e6, len(tasks))
 
 
 def share_of_core(before: Usage, after: Usage) -> float:
