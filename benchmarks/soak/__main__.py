@@ -233,8 +233,8 @@ def report(ledger: Ledger, facts: dict[str, Any]) -> None:
         "stamps that run backwards included",
         "daemon": f"{facts['daemons']} runs, {facts['watchdog_kills']} ended by the watchdog, "
         f"{facts['tracebacks']} tracebacks",
-        "memory": f"{facts['rss_start_mb']} MB at the start, {facts['rss_end_mb']} at the end, "
-        f"{facts['rss_most_mb']} at most; longest run of {facts['oldest_s']} s: {oldest} MB",
+        "memory": f"{facts['rss_start_mb']} MiB at the start, {facts['rss_end_mb']} at the end, "
+        f"{facts['rss_most_mb']} at most; longest run of {facts['oldest_s']} s: {oldest} MiB",
         "this machine": f"{preferred}stood still {facts['stalls']} times for more than 3 ms, "
         f"{facts['stall_worst_ms']:.0f} ms at worst",
     }

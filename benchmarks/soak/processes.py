@@ -345,7 +345,7 @@ class ServiceManager:
             return
         with contextlib.suppress(OSError, IndexError, ValueError):
             status = Path(f"/proc/{pid}/status").read_text()
-            life.rss_mb = int(status.split("VmRSS:")[1].split()[0]) * 1024 / 1e6
+            life.rss_mb = int(status.split("VmRSS:")[1].split()[0]) / 1024.0
             life.rss_first_mb = life.rss_first_mb or life.rss_mb
             life.rss_most_mb = max(life.rss_most_mb, life.rss_mb)
 
