@@ -1,0 +1,191 @@
+"""The article's bridge and yahboomd behind one face, on simulated polled boards of their own."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import re
+import socket
+import time
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+import zenoh
+
+from benchmarks import rig
+from yahboomd.simulation.heard import Heard, read_heard
+from yahboomd.simulation.truth import read_truth
+
+ARTICLE, YAHBOOMD = DRIVERS = ("article", "yahboomd")
+
+SPEED = re.compile(r"\$speed:(-?\d+),(-?\d+),(-?\d+),")
+BOARD = ("--dialect", "polled", "--wheel-radius", "0.0325", "--wheel-separation", "0.15")
+WHEELS = ("chassis.wheel_radius_m=0.0325", "chassis.wheel_separation_m=0.15")
+
+Pose = tuple[float, float, float]
+
+
+class Driver(Protocol):
+    """What a trial knows of either."""
+
+    def say(self, vx: float, wz: float = 0.0) -> None: ...
+
+    def poses(self) -> list[Pose]: ...
+
+    def account(self) -> str: ...
+
+
+class ArticleDriver:
+    """The bridge behind its socket."""
+
+    def __init__(self, connection: socket.socket, log: Path) -> None:
+        self._connection = connection
+        self._log = log
+
+    def say(self, vx: float, wz: float = 0.0) -> None:
+        """Command a velocity."""
+        self._connection.sendall(json.dumps([vx, wz]).encode() + b"\n")
+
+    def poses(self) -> list[Pose]:
+        """All poses so far."""
+        lines = [json.loads(line) for line in self._log.read_text().splitlines()]
+        return [(x, y, theta) for _, x, y, theta in lines]
+
+    def account(self) -> str:
+        """It keeps none."""
+        return ""
+
+
+class YahboomdDriver:
+    """The daemon behind Zenoh."""
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self._put = session.declare_publisher(
+            "cmd_vel", priority=zenoh.Priority.REAL_TIME, express=True
+        ).put
+        self._poses: list[Pose] = []
+        session.declare_subscriber("yahboomd/pose", self._take)
+        self._status = rig.Status(session)
+        self._status.ready()
+
+    def _take(self, sample: zenoh.Sample) -> None:
+        pose = json.loads(bytes(sample.payload))
+        self._poses.append((pose["x"], pose["y"], pose["theta"]))
+
+    def say(self, vx: float, wz: float = 0.0) -> None:
+        """Command a velocity."""
+        self._put(json.dumps({"vx": vx, "wz": wz}).encode())
+
+    def poses(self) -> list[Pose]:
+        """All poses so far."""
+        return list(self._poses)
+
+    def account(self) -> str:
+        """What became of the commands, by the daemon's own counters."""
+        time.sleep(0.6)  # it tells twice a second
+        said = self._status.latest
+        link, command = said["link"], said["command"]
+        refused = {
+            reason: count
+            for source in command["sources"].values()
+            for reason, count in source.get("refused", {}).items()
+        }
+        return (
+            f"of {command.get('received', 0)} received it refused {refused or 'none'} and replaced "
+            f"{link.get('velocities_replaced', 0)} by newer ones before they went out; it lost the "
+            f"board {link.get('sessions', 0)} times, and in the end was {said['state']}: "
+            f"{said['why']}"
+        )
+
+
+class Trial(NamedTuple):
+    """One board, one driver."""
+
+    driver: Driver
+    where: Path
+    process: rig.Process
+
+    def control(self, command: str) -> None:
+        """Disturb the board."""
+        with socket.socket(socket.AF_UNIX) as line:
+            line.connect(str(self.where / "control"))
+            line.sendall(f"{command}\n".encode())
+            line.makefile().readline()
+
+    def heard(self) -> list[Heard]:
+        """What the board heard so far."""
+        return read_heard(self.where / "heard")
+
+    def truth(self) -> Pose:
+        """Where the robot truly is, at most 200 ms ago."""
+        sample = read_truth(self.where / "truth")[-1]
+        return sample.x, sample.y, sample.theta
+
+    def speed(self) -> float:
+        """The true speed, at most 200 ms ago."""
+        return read_truth(self.where / "truth")[-1].vx
+
+    def drive(self, seconds: float, vx: float, wz: float = 0.0) -> None:
+        """Say one velocity 20 times a second."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            with contextlib.suppress(OSError):
+                self.driver.say(vx, wz)
+            time.sleep(0.05)
+
+    def error_m(self, origin: Pose = (0.0, 0.0, 0.0)) -> float:
+        """How far the pose is from the truth, 1.4 s after it was told to stand.
+
+        Args:
+            origin: The pose with which it began, facing along x.
+        """
+        self.drive(1.0, 0.0)
+        time.sleep(0.4)
+        x, y, _ = self.driver.poses()[-1]
+        return math.dist((x - origin[0], y - origin[1]), self.truth()[:2])
+
+    def jump_m(self) -> float:
+        """The largest step between two poses."""
+        poses = self.driver.poses()
+        return max((math.dist(a[:2], b[:2]) for a, b in pairwise(poses)),
+                   default=0.0)  # fmt: skip
+
+
+@contextlib.contextmanager
+def trial(name: str, *options: str, settings: tuple[str, ...] = ()) -> Iterator[Trial]:
+    """A board and one of the two drivers; the settings are the daemon's."""
+    with contextlib.ExitStack() as stack:
+        where = stack.enter_context(rig.folder())
+        files = [part for each in ("truth", "heard", "control") for part in
+                 (f"--{each}", str(where / each))]  # fmt: skip
+        link = ("--link", str(where / "board"))
+        board = rig.Process("-m", "benchmarks.garbling", *link, *BOARD, *files, *options)
+        stack.enter_context(board).says("is at")
+        endpoint = rig.free_endpoint()
+        port = endpoint.rpartition(":")[2]
+        driver: Driver
+        if name == ARTICLE:
+            arguments = (str(where / "board"), port, str(where / "poses"))
+            process = rig.Process("-m", "benchmarks.article", *arguments)
+            stack.enter_context(process).says("ready")
+            connection = stack.enter_context(socket.create_connection(("127.0.0.1", int(port))))
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            driver = ArticleDriver(connection, where / "poses")
+        else:
+            process = rig.daemon(where, endpoint, *WHEELS, *settings, port="board")
+            stack.enter_context(process)
+            driver = YahboomdDriver(stack.enter_context(rig.client(endpoint)))
+        yield Trial(driver, where, process)
+
+
+def frames(heard: list[Heard], since_ns: int = 0) -> list[tuple[int, int, int]]:
+    """(when, left, right) of the speed frames."""
+    return [
+        (each.t_ns, int(match[1]), int(match[3]))
+        for each in heard
+        if each.t_ns >= since_ns
+        for match in SPEED.finditer(each.data)
+    ]

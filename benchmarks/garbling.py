@@ -1,0 +1,42 @@
+"""``yahboomd simulate`` with one more way to disturb it, for the trials of ``baseline``.
+
+    python -m benchmarks.garbling --link PATH ...
+
+Its options are those of ``yahboomd simulate``; on its control socket ``garble`` alters one digit of
+the board's next answer and nothing else. The frame stays well formed, and it has no checksum: only
+what the counts mean can tell that they are wrong.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+
+from yahboomd.cli.main import main
+from yahboomd.simulation import control
+from yahboomd.simulation.robot import SimulatedRobot
+
+DIGIT = re.compile(rb"\d")
+
+
+def altered(answer: bytes) -> bytes:
+    """The answer with the lowest bit of its first digit flipped: the first wheel's leading one."""
+    # Of a digit the lowest bit alone always leaves a digit: 0 and 1, 2 and 3, ... 8 and 9.
+    return DIGIT.sub(lambda digit: bytes([digit[0][0] ^ 1]), answer, count=1)
+
+
+def garble(robot: SimulatedRobot, _words: list[str], _now_ns: int) -> str:
+    """Alter the next answer."""
+    emit = robot.board.emit
+
+    def once(data: bytes, at_ns: int) -> None:
+        robot.board.emit = emit
+        emit(altered(data), at_ns)
+
+    robot.board.emit = once
+    return ""
+
+
+if __name__ == "__main__":
+    control.COMMANDS["garble"] = garble
+    sys.exit(main(["simulate", *sys.argv[1:]]))
