@@ -77,9 +77,18 @@ def test_locked_stamps_are_within_a_millisecond_behind_a_usb_bridge(kit, gap_ms,
     assert max(map(abs, heard.locked_ms)) < 1.0
 
 
+@pytest.mark.parametrize("gap_ms", [2.4613, 5.917])
+def test_a_bridge_of_four_milliseconds_is_seen_through_in_ten_seconds(kit, gap_ms):
+    for seed in range(4):
+        lines = kit.stream(steady, seconds=20.0, gap_ms=gap_ms, timer_ms=4.003, ppm=60.0, seed=seed)
+        heard = Heard(lines, after_s=10.0)
+        assert heard.wrong_steps == 0
+        assert max(map(abs, heard.locked_ms)) < 1.0
+
+
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("gap_ms", [2.4613, 5.917])
-def test_a_timer_of_sixteen_milliseconds_is_taken_off(kit, gap_ms, seed):
+def test_a_timer_of_sixteen_milliseconds_is_taken_off_where_its_phase_wanders(kit, gap_ms, seed):
     """Some bridges hold bytes back for 16 ms: more than a tick of the board.
 
     The phase of that timer against the board's wanders by 2 ms in some ten seconds, so it takes
@@ -91,13 +100,32 @@ def test_a_timer_of_sixteen_milliseconds_is_taken_off(kit, gap_ms, seed):
     assert max(map(abs, heard.locked_ms)) < 1.0
 
 
+@pytest.mark.parametrize("timer_ms", [16.0003, 16.0041])
+@pytest.mark.parametrize("gap_ms", [2.4613, 5.917])
+def test_where_it_hardly_wanders_a_timer_of_sixteen_milliseconds_leaves_four(kit, gap_ms, timer_ms):
+    """A delay that every line has alike cannot be seen: here a millisecond is not reached."""
+    lines = kit.stream(steady, seconds=30.0, gap_ms=gap_ms, timer_ms=timer_ms, ppm=-100.0, seed=1)
+    heard = Heard(lines, after_s=3.0)
+    assert heard.wrong_steps == 0
+    assert max(map(abs, heard.locked_ms)) < 4.5
+
+
 @pytest.mark.parametrize("profile", [rest, crawl, stop_and_go, steady])
 @pytest.mark.parametrize("timer_ms", [0.0, 1.0007, 16.0041])
-def test_stamps_are_within_a_tick_whatever_moves(kit, profile, timer_ms):
-    heard = Heard(kit.stream(profile, seconds=14.0, timer_ms=timer_ms, seed=2))
-    errors = sorted(map(abs, heard.locked_ms + heard.other_ms))
-    assert errors[int(0.99 * len(errors))] < 10.0
-    assert errors[-1] < 12.0
+def test_stamps_are_within_ten_milliseconds_whatever_moves(kit, profile, timer_ms):
+    # Behind a timer of 16 ms stops and starts are a matter of luck: see the next test.
+    seeds = range(2, 3) if timer_ms > 1.1 and profile is stop_and_go else range(4)
+    for seed in seeds:
+        heard = Heard(kit.stream(profile, seconds=14.0, timer_ms=timer_ms, seed=seed))
+        assert max(map(abs, heard.locked_ms + heard.other_ms)) < 10.0
+
+
+@pytest.mark.parametrize("seed", [30, 71, 122, 161, 169, 251])
+def test_a_start_behind_a_timer_of_sixteen_milliseconds_is_off_by_three_ticks_at_worst(kit, seed):
+    """The seeds are the worst of 300; stamps are within 10 ms again when the clock has locked."""
+    heard = Heard(kit.stream(stop_and_go, seconds=14.0, timer_ms=16.0041, seed=seed))
+    assert max(map(abs, heard.locked_ms)) < 10.0
+    assert max(map(abs, heard.other_ms)) < 30.0
 
 
 @pytest.mark.parametrize("timer_ms", [0.0, 16.0041])

@@ -172,7 +172,7 @@ def test_the_arc_converges_with_the_square_of_the_step(kit):
 
 
 def test_the_corrected_arc_converges_with_the_third_power_at_least(kit):
-    assert min(slope(lambda n: end_error(kit, n, corrected=True))) > 2.9
+    assert min(slope(lambda n: end_error(kit, n, corrected=True))) >= 3.0
 
 
 def test_euler_converges_in_proportion(kit):
@@ -245,7 +245,7 @@ def test_a_mecanum_base_is_integrated_to_the_same_order(kit):
         return math.dist((integrator.pose.x, integrator.pose.y), (0.5 * seconds, 0.0))
 
     assert slope(lambda n: error(n, corrected=False)) == pytest.approx((2.0, 2.0), abs=0.15)
-    assert min(slope(lambda n: error(n, corrected=True))) > 2.9
+    assert min(slope(lambda n: error(n, corrected=True))) >= 3.0
 
 
 # Invariances
