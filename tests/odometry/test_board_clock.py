@@ -121,11 +121,11 @@ def test_stamps_are_within_ten_milliseconds_whatever_moves(kit, profile, timer_m
 
 
 @pytest.mark.parametrize("seed", [30, 71, 122, 161, 169, 251])
-def test_a_start_behind_a_timer_of_sixteen_milliseconds_is_off_by_three_ticks_at_worst(kit, seed):
-    """The seeds are the worst of 300; stamps are within 10 ms again when the clock has locked."""
+def test_a_start_behind_a_timer_of_sixteen_milliseconds_is_off_by_little_more(kit, seed):
+    """The seeds were the worst of 300; stamps are within 10 ms again when the clock has locked."""
     heard = Heard(kit.stream(stop_and_go, seconds=14.0, timer_ms=16.0041, seed=seed))
     assert max(map(abs, heard.locked_ms)) < 10.0
-    assert max(map(abs, heard.other_ms)) < 30.0
+    assert max(map(abs, heard.other_ms)) < 13.0
 
 
 @pytest.mark.parametrize("timer_ms", [0.0, 16.0041])

@@ -268,7 +268,8 @@ class StreamedClock:
         envelope.add(self._tick, arrival)
         self._time = envelope.at(self._tick)
         if not envelope.settled:
-            self._time = min(self._time, left)
+            # A line shows the newest tick of the moment at which it left.
+            self._time = min(max(self._time, left - period), left)
 
     def _start_run(self, arrival: float) -> None:
         self._tick = 0
