@@ -8,8 +8,8 @@ process, one serial handle, one thread. A timer asks for the counters 20 times a
 ``#`` alone; the pose is integrated at the midpoint from the difference to the last counts, which
 are 0 at the start; a velocity becomes wheel speeds times SCALE_FACTOR 1000, each wheel clipped by
 itself, and is written once. Where ROS would deliver a velocity, a socket on loopback does, which
-costs less; as in a single-threaded executor one callback runs at a time. Poses go to LOG, one
-JSON line each.
+costs less; as in a single-threaded executor one callback runs at a time. At its end it says one
+speed of zero. Poses go to LOG, one JSON line each.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from __future__ import annotations
 import json
 import math
 import select
+import signal
 import socket
 import sys
 import time
@@ -69,6 +70,11 @@ class Bridge:
         except Exception as error:  # noqa: BLE001 - as such bridges do
             print("poll failed:", error, flush=True)
 
+    def stop(self) -> None:
+        """At the end of the node."""
+        self._serial.write(b"$speed:0,0,0,0#")
+        self._serial.flush()
+
     def _integrate(self, left: int, right: int) -> None:
         per_tick = 2.0 * math.pi * WHEEL_RADIUS_M / TICKS_PER_REV
         moved_left = (left - self._left) * per_tick
@@ -112,4 +118,9 @@ if __name__ == "__main__":
         print("ready", flush=True)
         connection, _ = server.accept()
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        spin(node, connection)
+        # What ends a ROS node ends its spinning, and then the node has its last word.
+        signal.signal(signal.SIGTERM, lambda _number, _frame: sys.exit(0))
+        try:
+            spin(node, connection)
+        finally:
+            node.stop()

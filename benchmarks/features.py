@@ -32,13 +32,13 @@ FEATURES = [
     ["emergency stop", "none", "latched; outlives restarts and kills of the daemon"],
     [
         "at its end",
-        "leaves the wheels as they are",
-        "stops them and sees them stand",
+        "says one speed of zero",
+        "says a stop until the counters show that the wheels stand, then closes the port",
     ],
     [
         "after kill -9",
         "the wheels turn on",
-        "turn on until the service manager runs `yahboomd stop --direct`; it sees no container",
+        "stop as soon as the service manager has run `yahboomd stop --direct`, some 0.1 s later",
     ],
     [
         "unplugged",
