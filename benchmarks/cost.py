@@ -3,10 +3,10 @@
 CPU is what the kernel has counted for the process and its threads, over some seconds; a polled
 board is asked and pose, twist and wheels are published at the same rate to a subscriber in
 another process; a command is said 50 times a second, each other than the last. The cost of one
-command is the difference of runs with and without, so it has the noise of both. By layer: the
-loop's thread is sampled after every few milliseconds of CPU time, at rates that the kernel's tick
-does not divide, else the same moments would be met again and again; each sample belongs to the
-innermost function of ours.
+command is the difference of runs with and without, so it has the noise of both, and what it costs
+that wheels turn: lines that repeat cost less. By layer: the loop's thread is sampled after every
+few milliseconds of CPU time, at rates that the kernel's tick does not divide, else the same moments
+would be met again and again; each sample belongs to the innermost function of ours.
 """
 
 from __future__ import annotations
