@@ -40,10 +40,10 @@ def bench(where: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     [
         ("exactness", "random paths", {"convergence.png", "random_paths.png"}),
         ("baseline", "the article's bridge", set()),
-        ("latency", "bare Zenoh callback", set()),
-        ("throughput", "Polls a second", set()),
-        ("cost", "By room", {"flame.svg"}),
-        ("fleet", "One router", set()),
+        ("latency", "bare Zenoh callback", {"latency.png"}),
+        ("throughput", "Polls a second", {"schedule.png"}),
+        ("cost", "By room", {"cost.png", "flame.svg"}),
+        ("fleet", "One router", {"fleet.png"}),
     ],
 )
 def test_a_short_run_of_each_point_writes_its_tables_and_pictures(
