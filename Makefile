@@ -93,7 +93,7 @@ plug-test: $(VENV)/.dev ## what plugging a board in does, on a real kernel in an
 	@$(PY) tools/plug_test.py $(if $(SUITE),--suite $(SUITE)) $(ARGS)
 
 footprint: $(VENV)/.run ## memory, threads, CPU, start-up time and sizes of the daemon
-	@$(PY) benchmarks/footprint.py $(ARGS)
+	@$(PY) -m benchmarks.footprint $(ARGS)
 
 clean: ## remove the environment and every cache
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

@@ -12,7 +12,6 @@ import json
 import os
 import shutil
 import signal
-import socket
 import statistics
 import subprocess
 import sys
@@ -23,6 +22,8 @@ from pathlib import Path
 from typing import NamedTuple, Self
 
 import zenoh
+
+from benchmarks.rig import free_endpoint
 
 TREE = Path(__file__).resolve().parent.parent
 STARTS = 5
@@ -172,7 +173,7 @@ class Application:
     def __init__(self) -> None:
         self.first_pose = threading.Event()
         self.poses = 0
-        self.endpoint = _free_endpoint()
+        self.endpoint = free_endpoint()
         config = zenoh.Config()
         config.insert_json5("mode", '"router"')
         config.insert_json5("listen/endpoints", json.dumps([self.endpoint]))
@@ -209,17 +210,11 @@ class Application:
         self._session.close()
 
 
-def _free_endpoint() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-
-
 def _daemon(port: Path, endpoint: str, settings: list[str]) -> subprocess.Popen[bytes]:
     more = [word for setting in settings for word in ("--set", setting)]
     return _yahboomd(
         # As by default it listens, and joins a router: both of its sessions are open.
-        *("run", "--port", str(port), "--set", f'zenoh.listen=["{_free_endpoint()}"]'),
+        *("run", "--port", str(port), "--set", f'zenoh.listen=["{free_endpoint()}"]'),
         *("--set", f'zenoh.connect=["{endpoint}"]'),
         *(
             "--set",

@@ -20,14 +20,12 @@ def read_until(fd: int, words: bytes) -> bytes:
 
 def test_the_articles_bridge_says_a_speed_and_at_its_end_zero(tmp_path: Path) -> None:
     master, slave = os.openpty()
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    arguments = ("-m", "benchmarks.article", os.ttyname(slave), str(port), str(tmp_path / "poses"))
+    port = rig.free_endpoint().rpartition(":")[2]
+    arguments = ("-m", "benchmarks.article", os.ttyname(slave), port, str(tmp_path / "poses"))
     try:
         with rig.Process(*arguments) as process:
             process.says("ready")
-            with socket.create_connection(("127.0.0.1", port)) as commands:
+            with socket.create_connection(("127.0.0.1", int(port))) as commands:
                 commands.sendall(b"[0.3, 0.0]\n")
                 assert read_until(master, b"$speed:300,0,300,0#").startswith(b"$mtype:1#")
                 process.end()
