@@ -1,18 +1,27 @@
 # Two commands need nothing but python3: `make run` and `make test`. `make help` lists the rest.
-PYTHON ?= python3
-VENV   ?= .venv
-PY     := $(VENV)/bin/python
-BIN    := $(VENV)/bin
-PORT   ?=
-ARGS   ?=
+PYTHON  ?= python3
+VENV    ?= .venv
+PY      := $(VENV)/bin/python
+BIN     := $(VENV)/bin
+PORT    ?=
+ARGS    ?=
 MINUTES ?= 2
-SEED   ?= 1
+SEED    ?= 1
+# Many tests wait for something: four processes more than cores. WORKERS=0 runs them one by one.
+WORKERS ?= $(shell expr 4 + $$(getconf _NPROCESSORS_ONLN))
+# The tests start hundreds of Python processes, which need not compile yahboomd each time.
+PYTEST := PYTHONDONTWRITEBYTECODE= $(PY) -m pytest
+PARALLEL := -n $(WORKERS) --dist loadgroup
+# Suites with targets of their own: they need programs of other languages.
+OWN_TARGETS := interop generators clients
+REST := $(if $(findstring tests/,$(ARGS)),,$(OWN_TARGETS:%=--ignore=tests/%))
 
 .DEFAULT_GOAL := help
-.PHONY: help run test check lint types imports schemas docs clean
 
 help: ## this list
-	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F':.*## ' '/^##@ /{printf "\n%s\n", substr($$0, 5)} \
+	  /^[a-z-]+:.*## /{printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+.PHONY: help
 
 $(VENV)/.run: pyproject.toml tools/bootstrap.py
 	@$(PYTHON) tools/bootstrap.py $(VENV) monitor
@@ -22,67 +31,96 @@ $(VENV)/.dev: pyproject.toml tools/bootstrap.py
 	@$(PYTHON) tools/bootstrap.py $(VENV) dev
 	@touch $@ $(VENV)/.run
 
+##@ Use it
+.PHONY: run
 run: $(VENV)/.run ## start the daemon: on a simulated board, or on a real one with PORT=/dev/...
 	@exec $(PY) tools/run.py $(if $(PORT),--port $(PORT)) $(ARGS)
 
-test: $(VENV)/.dev check ## set up, and pass every check
+##@ Check a change
+.PHONY: quick test check lint types imports schemas schemas-check
+quick: lint types imports ## in a minute: lint, types, imports, tests of single rooms without processes
+	$(PYTEST) -q -n auto -m "not realtime" --ignore=tests/faults --ignore=tests/whole --ignore=tests/benchmarks $(REST) $(ARGS)
 
-check: lint types imports schemas-check ## every check in this environment
-	$(PY) -m pytest $(ARGS)
+test: $(VENV)/.dev check ## set up, and pass every check of the daemon (ARGS='tests/drive -x' runs these tests only)
 
-lint: $(VENV)/.dev
+check: lint types imports schemas-check ## the same in the environment that is there
+	$(PYTEST) $(PARALLEL) $(REST) $(ARGS)
+
+lint: $(VENV)/.dev ## style and format
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 
-types: $(VENV)/.dev
+types: $(VENV)/.dev ## mypy, strict
 	$(BIN)/mypy
 
-imports: $(VENV)/.dev
+imports: $(VENV)/.dev ## which room may import which
 	$(BIN)/lint-imports
 
-schemas: $(VENV)/.dev ## write schemas/ and docs/configuration.md anew from the models
+schemas: $(VENV)/.dev ## write schemas/, generated pages of docs/, man pages and completions
 	$(PY) -m yahboomd.messages.generate schemas
+	$(PY) -m yahboomd.daemon.asyncapi schemas
+	$(PY) -m yahboomd.messages.pages events > docs/events.md
+	$(PY) -m yahboomd.messages.pages status > docs/status.md
 	$(PY) -m yahboomd config reference > docs/configuration.md
 	$(PY) -m yahboomd config reference --toml > config.toml
+	$(PY) -m yahboomd.cli.shared_files share
 
-.PHONY: schemas-check
 schemas-check: $(VENV)/.dev
 	$(PY) -m yahboomd.messages.generate --check schemas
+	$(PY) -m yahboomd.daemon.asyncapi --check schemas
 
-.PHONY: interop
+##@ Suites that need other languages, or more time (.ci/run runs their short forms)
+.PHONY: interop generators asyncapi clients metrics fuzz soak alarms
 interop: $(VENV)/.dev ## build the real ROS 2 peers once (in a cache outside the tree), drive through them
 	@tests/interop/build.sh || echo "interop: what was not built is named above; its tests are skipped"
-	$(PY) -m pytest tests/interop $(ARGS)
+	$(PYTEST) $(PARALLEL) tests/interop $(ARGS)
+
+generators: $(VENV)/.dev ## types made of schemas/ by the generators of six languages read every golden sample (SHORT=1: of two)
+	$(if $(SHORT),,YAHBOOMD_GENERATORS=1 YAHBOOMD_ASYNCAPI=1) $(PYTEST) $(PARALLEL) tests/generators $(ARGS)
+
+asyncapi: $(VENV)/.dev ## AsyncAPI's own parser and schema (installed once, in a cache) read schemas/asyncapi.json (SHORT=1: if installed)
+	$(if $(SHORT),,YAHBOOMD_ASYNCAPI=1) $(PYTEST) tests/generators/test_asyncapi_parser.py $(ARGS)
+
+clients: $(VENV)/.dev ## build examples/clients/ in every language (once, in a cache), drive the simulated board with each (SHORT=1: those that build in moments)
+	$(if $(SHORT),,YAHBOOMD_CLIENTS=1) $(PYTEST) $(PARALLEL) tests/clients $(ARGS)
+
+metrics: $(VENV)/.dev ## real Prometheus scrapes a real daemon: the page, alerts and the dashboard's queries (apt install prometheus)
+	$(PYTEST) tests/metrics tests/prometheus tests/cli/test_metrics.py tests/cli/test_robot_poll.py $(ARGS)
 
 $(VENV)/.fuzz: pyproject.toml tools/bootstrap.py
 	@$(PYTHON) tools/bootstrap.py $(VENV) fuzz || \
 	  { echo "yahboomd: atheris, the fuzzer, has wheels for CPython 3.11 to 3.13 on x86-64 Linux." >&2; exit 1; }
 	@touch $@
 
-.PHONY: fuzz
-fuzz: $(VENV)/.fuzz ## everything that reads foreign bytes, for as long as told: MINUTES=8 SEED=1
+fuzz: $(VENV)/.fuzz ## fuzz every reader of foreign bytes: MINUTES=8 SEED=1
 	@exec $(PY) tools/fuzz.py --minutes $(MINUTES) --seed $(SEED) $(ARGS)
 
-.PHONY: soak
 soak: $(VENV)/.run ## daemon and simulated board through all faults: MINUTES=60 SEED=1
 	@exec $(PY) -m benchmarks.soak --minutes $(MINUTES) --seed $(SEED) $(ARGS)
 
-.PHONY: picture
-picture: $(VENV)/.dev ## drive the simulated robot, and draw docs/images/path.png
-	$(PY) tools/picture.py $(ARGS)
+alarms: $(VENV)/.dev ## false alarms and cut times on virtual time, random driving on bad lines: MINUTES=60 SEED=1
+	@PYTHONPATH=tests/plugins $(PY) -m benchmarks.alarms --minutes $(MINUTES) --seed $(SEED) $(ARGS)
 
+##@ Measure
+.PHONY: bench bench-short footprint picture
 $(VENV)/.bench: $(VENV)/.dev
 	@$(PYTHON) tools/bootstrap.py $(VENV) uvloop || echo "bench: there is no uvloop here; its rows are left out"
 	@touch $@
 
-.PHONY: bench bench-short
 bench: $(VENV)/.bench ## measure exactness, latency, throughput, cost and fleet; write docs/benchmarks.md (30 minutes; ARGS=--resume goes on)
 	$(PY) -m benchmarks $(ARGS)
 
 bench-short: $(VENV)/.dev ## the same in a short form, only to see that it works
 	$(PY) -m benchmarks --short --out build/bench-short --store build/bench-short/store $(ARGS)
 
-.PHONY: deb system-test plug-test footprint
+footprint: $(VENV)/.run ## memory, threads, CPU, start-up time and sizes of the daemon
+	@$(PY) -m benchmarks.footprint $(ARGS)
+
+picture: $(VENV)/.dev ## drive the simulated robot, and draw docs/images/path.png
+	$(PY) tools/picture.py $(ARGS)
+
+##@ Package and system
+.PHONY: deb system-test plug-test
 deb: ## build the Debian package for this machine's distribution, into dist/
 	@$(PYTHON) packaging/build_deb.py $(ARGS)
 
@@ -92,8 +130,7 @@ system-test: $(VENV)/.dev ## the installed service under a real systemd, in a co
 plug-test: $(VENV)/.dev ## what plugging a board in does, on a real kernel in an emulated PC (root; five minutes)
 	@$(PY) tools/plug_test.py $(if $(SUITE),--suite $(SUITE)) $(ARGS)
 
-footprint: $(VENV)/.run ## memory, threads, CPU, start-up time and sizes of the daemon
-	@$(PY) -m benchmarks.footprint $(ARGS)
-
+##@ Tidy
+.PHONY: clean
 clean: ## remove the environment and every cache
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

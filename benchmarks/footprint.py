@@ -144,7 +144,7 @@ def _cpu_rows(dialect: str, usage: Usage) -> list[tuple[str, str, str]]:
     rate = f"CPU at {usage.poses_per_s:.0f} poses/s, {dialect} board"
     goal = f"{GOALS['cpu']:.0%}"
     return [
-        (f"{rate}, nobody commands", f"{usage.cpu_at_rest:.1%} of a core", goal),
+        (f"{rate}, no commands", f"{usage.cpu_at_rest:.1%} of a core", goal),
         (f"{rate}, 20 commands a second", f"{usage.cpu:.1%} of a core", goal),
     ]
 

@@ -29,7 +29,9 @@ LINE_US = 3472
 """From line to line of a stream with seven digits in each counter: all that the wire carries."""
 TICKS = 1_000_000
 SPEED = re.compile(rb"\$(?:spd|speed):(-?\d+),")
-UNLIMITED = ("limits.linear={velocity=1.0}", "limits.angular={velocity=6.0}")
+UNLIMITED = tuple(
+    f"limits.{axis}={{acceleration=1e6, deceleration=1e6}}" for axis in ("linear", "angular")
+)
 """Without limits of acceleration every command is one frame, which tells where it came from."""
 
 

@@ -11,7 +11,7 @@ from benchmarks.paths import RADIUS_M, TRACK_M
 from yahboomd.clock import LoopClock
 from yahboomd.link.handshake import Identity
 from yahboomd.link.session import Session, SessionOptions
-from yahboomd.model import EncoderReading, Event, Pose2d
+from yahboomd.model import Counts, EncoderReading, Event, Pose2d
 from yahboomd.simulation import virtual_time
 from yahboomd.simulation.memory import MemoryPort
 from yahboomd.simulation.options import DialectName, SimulationOptions
@@ -63,6 +63,8 @@ class _Ears:
     def connected(self, _session: Session, _identity: Identity) -> None:
         self.there.set()
 
+    def armed(self) -> None: ...
+
     def reading(self, reading: EncoderReading) -> None:
         self.readings.append(reading)
 
@@ -71,6 +73,8 @@ class _Ears:
     def board_reset(self, _version: str) -> None: ...
 
     def event(self, _event: Event) -> None: ...
+
+    def sent(self, units: Counts | None) -> None: ...
 
     def leaving(self) -> None: ...
 

@@ -81,6 +81,8 @@ def _environment(work: Path, stage: Path, python: tuple[int, int]) -> str:
     )  # fmt: skip
     # Scripts for the build machine's Python; the one that is needed is written below.
     shutil.rmtree(site / "bin", ignore_errors=True)
+    # Man pages and completions: they go where man and the shells look for them.
+    shutil.rmtree(site / "share", ignore_errors=True)
     for leftover in site.rglob("direct_url.json"):
         # It would tell the folder that the wheel was built in.
         leftover.unlink()
@@ -107,9 +109,29 @@ def _environment(work: Path, stage: Path, python: tuple[int, int]) -> str:
     return wheel.name.split("-")[1]
 
 
+def documents() -> list[Path]:
+    """The pages and what they link to, as paths in the source; the package keeps their places."""
+    pages = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "LICENSE", "config.toml"]
+    folders = ("docs", "examples", "schemas")
+    found = [path for folder in folders for path in (TREE / folder).rglob("*") if path.is_file()]
+    return [Path(page) for page in pages] + sorted(path.relative_to(TREE) for path in found)
+
+
+def shared() -> dict[str, str]:
+    """Man pages and completions by their places below /usr/share."""
+    texts = {
+        str(path.relative_to(TREE / "share")): path.read_text()
+        for path in sorted((TREE / "share").rglob("*"))
+        if path.is_file()
+    }
+    # Debian's zsh looks for what packages bring in a folder of its own.
+    texts["zsh/vendor-completions/_yahboomd"] = texts.pop("zsh/site-functions/_yahboomd")
+    return texts
+
+
 def _files(stage: Path, version: str, pretty: str) -> None:
     units = stage / "usr/lib/systemd/system"
-    for name in ("yahboomd.service", "yahboomd@.service"):
+    for name in ("yahboomd.service", "yahboomd@.service", "yahboomd-metrics.service"):
         _write(units / name, (TREE / "systemd" / name).read_text())
     _write(
         stage / "usr/lib/udev/rules.d/95-yahboomd.rules",
@@ -124,9 +146,10 @@ def _files(stage: Path, version: str, pretty: str) -> None:
     (stage / "usr/bin/yahboomd").symlink_to(f"/{HOME}/bin/yahboomd")
     doc = stage / "usr/share/doc/yahboomd"
     _write(doc / "copyright", (HERE / "copyright").read_text())
-    for page in ("install.md", "configuration.md"):
-        if (TREE / "docs" / page).exists():
-            _write(doc / page, (TREE / "docs" / page).read_text())
+    for page in documents():
+        target = doc / page
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(TREE / page, target)
     stamp = _output("date", "-R", "-u", "-d", f"@{_epoch()}")
     _gzip(
         doc / "changelog.Debian.gz",
@@ -135,7 +158,11 @@ def _files(stage: Path, version: str, pretty: str) -> None:
         f"  * What is new: CHANGELOG.md of the source.\n\n"
         f" -- {_maintainer()}  {stamp}\n",
     )
-    _gzip(stage / "usr/share/man/man1/yahboomd.1.gz", (HERE / "yahboomd.1").read_text())
+    for name, text in shared().items():
+        if name.startswith("man/"):
+            _gzip(stage / "usr/share" / f"{name}.gz", text)
+        else:
+            _write(stage / "usr/share" / name, text)
     _write(
         stage / "usr/share/lintian/overrides/yahboomd",
         (HERE / "lintian-overrides").read_text(),

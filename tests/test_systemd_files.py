@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 import shutil
 import subprocess
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 
 SYSTEMD = Path(__file__).resolve().parent.parent / "systemd"
 UNITS = ("yahboomd.service", "yahboomd@.service")
+METRICS = "yahboomd-metrics.service"
 MOST_EXPOSURE = 1.5
 
 analyze = shutil.which("systemd-analyze")
@@ -29,14 +31,14 @@ def keys(unit: str) -> dict[str, list[str]]:
 @pytest.fixture
 def units(tmp_path: Path) -> Path:
     """The units with a program that exists, since systemd looks."""
-    for unit in UNITS:
+    for unit in (*UNITS, METRICS):
         text = (SYSTEMD / unit).read_text().replace("/usr/bin/yahboomd", "/bin/true")
         (tmp_path / unit).write_text(text)
     return tmp_path
 
 
 @needs_analyze
-@pytest.mark.parametrize("unit", ["yahboomd.service", "yahboomd@front.service"])
+@pytest.mark.parametrize("unit", ["yahboomd.service", "yahboomd@front.service", METRICS])
 def test_systemd_finds_nothing_to_say_about_the_unit(units: Path, unit: str) -> None:
     ran = subprocess.run(
         ["systemd-analyze", "verify", "--man=no", str(units / unit)],
@@ -50,7 +52,7 @@ def test_systemd_finds_nothing_to_say_about_the_unit(units: Path, unit: str) -> 
 
 
 @needs_analyze
-@pytest.mark.parametrize("unit", UNITS)
+@pytest.mark.parametrize("unit", [*UNITS, METRICS])
 def test_the_service_is_exposed_to_little(unit: str) -> None:
     ran = subprocess.run(
         ["systemd-analyze", "security", "--offline=true", str(SYSTEMD / unit)],
@@ -89,8 +91,32 @@ def test_a_robot_is_never_given_up_but_for_a_persons_mistake(unit: str) -> None:
 
 
 @pytest.mark.parametrize("unit", UNITS)
+@pytest.mark.parametrize(("result", "runs"), [("success", False), ("exit-code", True)])
+def test_wheels_that_were_not_seen_to_stand_are_stopped_once_more(
+    unit: str, result: str, runs: bool
+) -> None:
+    """Status 75 is a failure to systemd: nothing makes it a success, or keeps a restart away."""
+    unit_keys = keys(unit)
+    assert "SuccessExitStatus" not in unit_keys
+    assert "RestartForceExitStatus" not in unit_keys
+    words = shlex.split(unit_keys["ExecStopPost"][0].replace("/usr/bin/yahboomd", "echo"))
+    ran = subprocess.run(
+        words, capture_output=True, text=True, check=True, env={"SERVICE_RESULT": result}
+    )
+    assert ran.stdout.startswith("stop --direct") is runs
+
+
+@pytest.mark.parametrize("unit", UNITS)
 def test_the_emergency_stop_outlives_the_service(unit: str) -> None:
     assert keys(unit)["RuntimeDirectoryPreserve"] == ["yes"]
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_the_group_reaches_the_local_socket_and_others_do_not(unit: str) -> None:
+    unit_keys = keys(unit)
+    assert unit_keys["Group"] == ["yahboomd"]
+    assert unit_keys["RuntimeDirectoryMode"] == ["0750"]
+    assert "AF_UNIX" in unit_keys["RestrictAddressFamilies"][0].split()
 
 
 @pytest.mark.parametrize("unit", UNITS)
@@ -101,6 +127,31 @@ def test_the_service_outlives_its_board(unit: str) -> None:
 @pytest.mark.parametrize("unit", UNITS)
 def test_a_listener_that_a_person_opens_is_not_cut_off(unit: str) -> None:
     assert not {"IPAddressDeny", "IPAddressAllow", "PrivateNetwork"} & set(keys(unit))
+
+
+@pytest.mark.parametrize("unit", [*UNITS, METRICS])
+def test_the_page_that_a_unit_names_is_in_the_package(unit: str) -> None:
+    (link,) = keys(unit)["Documentation"]
+    page = link.removeprefix("file:/usr/share/doc/yahboomd/")
+    assert (SYSTEMD.parent / page).is_file()
+
+
+def test_the_metrics_have_none_of_the_daemons_rights_and_do_not_start_with_it() -> None:
+    unit_keys = keys(METRICS)
+    assert unit_keys["DynamicUser"] == ["yes"]
+    assert not {"SupplementaryGroups", "DeviceAllow", "RuntimeDirectory"} & set(unit_keys)
+    assert unit_keys["IPAddressDeny"] == ["any"]
+    assert unit_keys["IPAddressAllow"] == ["localhost"]
+    for unit in UNITS:
+        assert METRICS not in (SYSTEMD / unit).read_text()
+    # All that protects the daemon protects this, too.
+    weaker = {
+        key
+        for key, value in keys(UNITS[0]).items()
+        if key.startswith(("Protect", "Private", "Restrict", "SystemCall", "Lock", "Memory", "No"))
+        and unit_keys.get(key) != value
+    }
+    assert weaker <= {"NotifyAccess", "RestartPreventExitStatus"}
 
 
 def test_both_ids_of_the_chip_are_known_to_the_rule() -> None:

@@ -3,7 +3,7 @@
     .venv/bin/python tools/picture.py [docs/images/path.png]
 
 Three processes, as on a robot: a simulated board on a pseudo-terminal, the daemon on its port, and
-this application, which only speaks Zenoh. It steers by `yahboomd/pose` alone. Afterwards every pose
+this application. It steers by `yahboomd/pose` alone. Afterwards every pose
 that was published is compared with where the simulated robot truly was at that moment.
 """
 
@@ -11,22 +11,20 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-import json
 import math
 import signal
 import socket
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import matplotlib as mpl
-import zenoh
 
+from yahboomd.client import PoseSample, Robot
 from yahboomd.simulation.truth import TruthSample, pose_at, read_truth
 
 mpl.use("Agg")
@@ -82,44 +80,24 @@ def robot(folder: Path) -> Iterator[str]:
         yield endpoint
 
 
-def session(endpoint: str) -> zenoh.Session:
-    """A client of the daemon, as soon as it is there."""
-    config = zenoh.Config()
-    config.insert_json5("mode", '"client"')
-    config.insert_json5("connect/endpoints", json.dumps([endpoint]))
-    while True:
-        try:
-            return zenoh.open(config)
-        except zenoh.ZError:
-            time.sleep(0.1)
-
-
 def drive(endpoint: str) -> list[Pose]:
     """Follow the path (pure pursuit), and return every pose that was published."""
     poses: list[Pose] = []
-    news = threading.Event()
     offset_ns = time.time_ns() - time.monotonic_ns()
-
-    def keep(sample: zenoh.Sample) -> None:
-        pose = json.loads(sample.payload.to_bytes())
-        poses.append(Pose(pose["stamp_ns"] - offset_ns, pose["x"], pose["y"], pose["theta"]))
-        news.set()
-
-    with session(endpoint) as bus:
-        bus.declare_subscriber("yahboomd/pose", keep)
+    with Robot(endpoint, wait_s=30.0) as robot:
         share = 0.0
-        while share < ROUNDS:
-            news.wait(5.0)
-            news.clear()
-            _, x, y, theta = poses[-1]
+        for sample in robot.samples(PoseSample):
+            x, y, theta = sample.x, sample.y, sample.theta
+            poses.append(Pose(sample.stamp_ns - offset_ns, x, y, theta))
+            if share >= ROUNDS:
+                if robot.commanded is None and robot.standing():
+                    break
+                continue
             while share < ROUNDS and math.dist((x, y), figure_of_eight(share)) < LOOK_AHEAD_M:
                 share += 0.001
             goal_x, goal_y = figure_of_eight(share)
             aside = math.atan2(goal_y - y, goal_x - x) - theta
-            turning = 2 * SPEED_M_S * math.sin(aside) / LOOK_AHEAD_M
-            bus.put("cmd_vel", json.dumps({"vx": SPEED_M_S, "wz": turning}))
-        bus.put("cmd_vel", json.dumps({"vx": 0.0, "wz": 0.0}))
-        time.sleep(1.0)
+            robot.drive(SPEED_M_S, 2 * SPEED_M_S * math.sin(aside) / LOOK_AHEAD_M, for_s=0.3)
     return poses
 
 

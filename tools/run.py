@@ -14,7 +14,12 @@ from pathlib import Path
 
 PATIENCE_S = 15.0
 
+PASSED_ON = (signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1, signal.SIGUSR2)
+"""To the daemon, which stops the wheels first and then ends; so does this, and the board with it.
+"""
+
 HINT = """\
+
 Now, in a second terminal, in this folder ({folder}):
   .venv/bin/yahboomd drive{options}      drive it with the keyboard
   .venv/bin/yahboomd monitor{options}    watch it
@@ -24,17 +29,34 @@ Ctrl-C ends it here.
 
 
 def main() -> int:
+    from yahboomd.cli.options import add_config_options, daemon_endpoints, read_config
+    from yahboomd.errors import ConfigError
+    from yahboomd.program import pasteable, readable
+
     parser = argparse.ArgumentParser(
         prog="make run", description=__doc__, usage="make run [PORT=/dev/...] [ARGS='...']"
     )
     parser.add_argument("--port", help="the board's serial port; without it, one is simulated")
     args, more = parser.parse_known_args()
+    shared = argparse.ArgumentParser(add_help=False)
+    add_config_options(shared)
+    shared.add_argument("--namespace")
+    options, _ = shared.parse_known_args(more)
+    try:
+        config = read_config(options).config
+    except ConfigError as error:
+        sys.stderr.write(f"yahboomd: {pasteable(readable(str(error)))}\n")
+        return error.exit_code
+    endpoints = daemon_endpoints(options, config)
+    # Until the daemon is there: whatever started meanwhile is ended.
+    for number in PASSED_ON:
+        signal.signal(number, lambda number, _: sys.exit(128 + number))
     if args.port:
-        return _drive(args.port, more)
+        return _drive(args.port, more, endpoints)
     with tempfile.TemporaryDirectory(prefix="yahboomd-") as folder:
         link = Path(folder) / "board"
         with subprocess.Popen(
-            [*_yahboomd(), "simulate", "--link", str(link)],
+            [*_yahboomd(), "simulate", "--link", str(link), *_robot(options, link)],
             stdout=subprocess.DEVNULL,
             # A Ctrl-C is the daemon's: the board has to be there still when it stops the wheels.
             start_new_session=True,
@@ -47,23 +69,51 @@ def main() -> int:
                         return 1
                     time.sleep(0.05)
                 sys.stdout.write(f"A simulated board is at {link}, and yahboomd starts on it.\n")
-                return _drive(str(link), more)
+                # The e-stop of a simulated robot goes with it.
+                latch = f"estop.latch_file={Path(folder) / 'estop'}"
+                return _drive(str(link), more, endpoints, ("--set", latch))
             except KeyboardInterrupt:
                 return 128 + signal.SIGINT
             finally:
                 board.terminate()
 
 
-def _drive(port: str, more: list[str]) -> int:
-    """Run the daemon. Whoever looks for it needs the options that say where it is."""
-    options = "".join(f" {shlex.quote(word)}" for word in more)
-    sys.stdout.write(HINT.format(folder=Path.cwd(), options=options))
-    sys.stdout.flush()
-    daemon = subprocess.Popen([*_yahboomd(), "run", "--port", port, *more])
-    signal.signal(signal.SIGTERM, lambda *_: daemon.terminate())
+def _robot(options: argparse.Namespace, link: Path) -> list[str]:
+    """The options of `simulate` that give the board the motors and chassis of the daemon."""
+    words = ["--config", str(options.config)] if options.config else []
+    sets = (*options.overrides, f"serial.port={link}")
+    return [*words, *(word for each in sets for word in ("--set", each))]
+
+
+def _drive(
+    port: str, more: list[str], endpoints: tuple[str, ...], own: tuple[str, ...] = ()
+) -> int:
+    """Run the daemon, and invite to drive it once it listens.
+
+    Args:
+        port: The board's.
+        more: Options of the daemon; other commands need them, too, to reach it.
+        endpoints: Where it listens.
+        own: Further options of the daemon.
+    """
+    from yahboomd.cli.unresponsive import listener
+
+    daemon = subprocess.Popen([*_yahboomd(), "run", "--port", port, *own, *more])
+    for number in PASSED_ON:
+        signal.signal(number, lambda number, _: daemon.send_signal(number))
+    deadline = time.monotonic() + PATIENCE_S
+    invited = False
     while True:
         try:
-            return daemon.wait()
+            if not invited and (listener(endpoints) == daemon.pid or time.monotonic() > deadline):
+                invited = True
+                options = "".join(f" {shlex.quote(word)}" for word in more)
+                sys.stdout.write(HINT.format(folder=Path.cwd(), options=options))
+                sys.stdout.flush()
+            status = daemon.wait(None if invited else 0.05)
+            return status if status >= 0 else 128 - status
+        except subprocess.TimeoutExpired:
+            continue
         except KeyboardInterrupt:
             # It reached the daemon as well, which stops the wheels first.
             continue

@@ -12,9 +12,13 @@ import ctypes
 import os
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol
 
 NS_PER_S = 1_000_000_000
+
+PAUSE_NS = 300_000_000
+"""A process that did not run for so long was held up: no control loop is that late by itself."""
 
 _TFD_TIMER_ABSTIME = 1
 
@@ -52,9 +56,72 @@ class Clock(Protocol):
         """Unix nanoseconds, for outgoing samples."""
         ...
 
+    def suspended_ns(self) -> int:
+        """Nanoseconds that the machine was suspended since its boot, which monotonic time omits."""
+        ...
+
     def alarm(self, callback: Callable[[], None]) -> Alarm:
         """An alarm on the running loop that calls ``callback``."""
         ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pause:
+    """A time in which this process did not run.
+
+    Attributes:
+        since_ns: The latest moment when it was seen to run; monotonic nanoseconds.
+        until_ns: The first moment when it was seen to run again.
+        suspended_ns: How long the machine was suspended in between, which monotonic time omits.
+    """
+
+    since_ns: int
+    until_ns: int
+    suspended_ns: int
+
+    @property
+    def duration_s(self) -> float:
+        """All of it, in seconds."""
+        return seconds(self.until_ns - self.since_ns + self.suspended_ns)
+
+
+_HELD_UP_NS = 50_000_000
+"""Two clocks cannot be read at once; a suspend that is shorter is of no concern."""
+
+
+class PauseWatch:
+    """Notices that this process did not run: stopped, frozen, starved, or suspended.
+
+    All threads stand still then, so that those of a network library stamp what waited in the kernel
+    as if it had arrived just now. Only a gap between two moments at which the loop ran shows it.
+    :meth:`look` belongs in front of everything that handles what may have waited.
+
+    Args:
+        clock: The source of time.
+        shortest_ns: A gap of so long is a pause; the loop must come by more often than that.
+    """
+
+    def __init__(self, clock: Clock, shortest_ns: int = PAUSE_NS) -> None:
+        self._clock = clock
+        self._shortest_ns = shortest_ns
+        self._ran_ns: int | None = None
+        self._suspended_ns = 0
+
+    def look(self) -> Pause | None:
+        """The pause that ended just now, once; ``None`` where there was none."""
+        now_ns, suspended_ns = self._clock.now_ns(), self._clock.suspended_ns()
+        before_ns, self._ran_ns = self._ran_ns, now_ns
+        if before_ns is None:
+            self._suspended_ns = suspended_ns
+            return None
+        # A reading can be too small, where the process was held up between two clocks.
+        grown_ns = max(0, suspended_ns - self._suspended_ns)
+        self._suspended_ns += grown_ns
+        if grown_ns < _HELD_UP_NS:
+            grown_ns = 0
+        if now_ns - before_ns + grown_ns < self._shortest_ns:
+            return None
+        return Pause(since_ns=before_ns, until_ns=now_ns, suspended_ns=grown_ns)
 
 
 class Schedule:
@@ -133,6 +200,8 @@ class LoopClock:
 
     def __init__(self, epoch_ns: int = 1_700_000_000 * NS_PER_S) -> None:
         self._epoch_ns = epoch_ns
+        self.slept_ns = 0
+        """How long a suspended machine slept, as a test pretends."""
 
     def now_ns(self) -> int:
         """The loop's time."""
@@ -141,6 +210,10 @@ class LoopClock:
     def wall_ns(self) -> int:
         """The epoch plus the loop's time."""
         return self._epoch_ns + self.now_ns()
+
+    def suspended_ns(self) -> int:
+        """As a test pretends."""
+        return self.slept_ns
 
     def alarm(self, callback: Callable[[], None]) -> Alarm:
         """An alarm on the loop's own timers."""
@@ -188,7 +261,7 @@ class _KernelAlarm:
         try:
             os.read(self._fd, 8)
         except BlockingIOError:
-            return  # it was set anew between the kernel's word and ours
+            return  # it was set again between the kernel's word and ours
         self._armed_ns = 0
         self._callback()
 
@@ -210,6 +283,10 @@ class SystemClock:
 
     wall_ns = staticmethod(time.time_ns)
     """Unix nanoseconds."""
+
+    def suspended_ns(self) -> int:
+        """CLOCK_BOOTTIME less CLOCK_MONOTONIC, which stops in a suspend; never too large."""
+        return time.clock_gettime_ns(time.CLOCK_BOOTTIME) - time.monotonic_ns()
 
     def alarm(self, callback: Callable[[], None]) -> Alarm:
         """A timerfd that calls back."""

@@ -10,7 +10,10 @@
 │   └── ``BoardSilent``      open, and nothing that answers like a board
 ├── ``BoardError``       the board answered, and refuses or must not be driven
 │   └── ``BoardStoresNothing``  it has no settings that could be stored
-└── ``BusError``         the Zenoh session: exit 69 (EX_UNAVAILABLE)
+├── ``BusError``         the Zenoh session: exit 69 (EX_UNAVAILABLE)
+│   ├── ``NoDaemon``         no daemon answers there
+│   └── ``Refused``          the daemon answered, and does not do it: exit 1
+└── ``ListenError``      another listener of ours: exit 69 (EX_UNAVAILABLE)
 
 Bad bytes, from the wire or from the bus, are no exceptions: they are counted.
 """
@@ -81,10 +84,26 @@ class BoardError(YahboomdError):
 
 
 class BoardStoresNothing(BoardError):
-    """The board's dialect knows no settings: it is told its motors at each connection."""
+    """The board's dialect knows no settings: it is sent its motors at each connection."""
 
 
 class BusError(YahboomdError):
     """The Zenoh session cannot be opened or has been lost for good."""
+
+    exit_code = os.EX_UNAVAILABLE
+
+
+class NoDaemon(BusError):
+    """No daemon answers there, now; it may come later."""
+
+
+class Refused(BusError):
+    """The daemon answered, and does not do what it was asked; the message says why."""
+
+    exit_code = 1
+
+
+class ListenError(YahboomdError):
+    """An address where yahboomd is to be asked cannot be listened on."""
 
     exit_code = os.EX_UNAVAILABLE

@@ -17,6 +17,42 @@ Matrix3: TypeAlias = tuple[float, float, float, float, float, float, float, floa
 
 Severity: TypeAlias = Literal["info", "warning", "error"]
 
+EventKind: TypeAlias = Literal[
+    "battery_unanswered",
+    "board_clock_period",
+    "board_clock_unfit",
+    "board_reset",
+    "board_unfit",
+    "clock_offset",
+    "clock_stepped",
+    "connected",
+    "disconnected",
+    "estop",
+    "estop_release_refused",
+    "estop_released",
+    "latency_timer",
+    "line_noisy",
+    "no_counts",
+    "odometry_bridged",
+    "odometry_discontinuity",
+    "off_speed",
+    "paused",
+    "port_slow",
+    "pose_set",
+    "reset_loop",
+    "router_joined",
+    "router_lost",
+    "runaway_against",
+    "runaway_fast",
+    "second_daemon",
+    "setting_not_stored",
+    "setting_stored",
+    "stop_not_obeyed",
+    "stop_not_seen",
+    "turns_without_command",
+]
+"""Every kind of event; what each means is in :mod:`yahboomd.messages.event_kinds`."""
+
 CHANNELS = 4
 """Positions of the board; every frame with per-motor numbers carries exactly so many."""
 
@@ -103,6 +139,8 @@ class EncoderReading(msgspec.Struct, frozen=True, kw_only=True):
             earlier than the request's arrival on the board. Monotonic nanoseconds.
         after_reset: The first reading since the board reset itself: counters started from zero.
         after_gap: The first reading since the port was (re)opened.
+        unbroken: Counts came by themselves before this connection switched the stream on. A reset
+            switches it off, so there was none since it was switched on last.
         requested_ns: When the request that this answers was on the board, as far as the wire tells
             (written, plus its transfer time); None for a board that streams, or where not known.
             Takes the receiving side's jitter off the stamp. Monotonic nanoseconds.
@@ -115,6 +153,7 @@ class EncoderReading(msgspec.Struct, frozen=True, kw_only=True):
     sent_ns: int
     after_reset: bool = False
     after_gap: bool = False
+    unbroken: bool = False
     requested_ns: int | None = None
     earliest_ns: int | None = None
 
@@ -148,14 +187,14 @@ class Event(msgspec.Struct, frozen=True, kw_only=True):
     """Something that happened once and that a person or a program may have to know.
 
     Attributes:
-        kind: A stable word in snake_case, such as ``board_reset``.
+        kind: What happened.
         severity: How bad it is.
         message: One sentence: what happened, what yahboomd does, what can be done.
         wheel: The motor concerned, by name.
         data: Numbers and words that belong to it.
     """
 
-    kind: str
+    kind: EventKind
     severity: Severity
     message: str
     wheel: str | None = None

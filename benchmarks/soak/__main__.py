@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import math
-import platform
 import shutil
 import signal
 import sys
@@ -17,9 +15,20 @@ from typing import Any
 
 import msgspec
 
+from benchmarks.soak import judges
 from benchmarks.soak.course import Course
-from benchmarks.soak.faults import DIALECTS, ENDING, FAULTS, RESETS, SHOWN, Turn, segments
-from benchmarks.soak.ledger import Ledger, quantile, table
+from benchmarks.soak.ledger import Ledger
+from benchmarks.soak.page import insert, page
+from benchmarks.soak.schedule import (
+    DIALECTS,
+    ENDING,
+    FAULTS,
+    RESETS,
+    SHOWN,
+    STREAMED,
+    Turn,
+    segments,
+)
 
 RSS_GROWTH_MB = 30.0
 
@@ -39,13 +48,18 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--kinds", help="only these faults, separated by commas")
     parser.add_argument("--dialect", choices=DIALECTS, help="only boards that speak it")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there too")
+    parser.add_argument("--page", type=Path, metavar="FILE", help="put the tables into that page")
     parser.add_argument("--keep", action="store_true", help="keep the folder with the daemon's log")
     args = parser.parse_args(arguments)
     known = {**FAULTS, **ENDING, **RESETS}
     kinds = [kind.strip() for kind in args.kinds.split(",")] if args.kinds else []
     if unknown := set(kinds) - set(known):
         parser.error(f"no fault is called {', '.join(unknown)}; there are {', '.join(known)}")
+    if kinds and args.dialect == "polled" and STREAMED.issuperset(kinds):
+        parser.error(f"a polled board does not go through {', '.join(kinds)}")
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    # A shell's background jobs ignore it, and so would the daemon.
+    signal.signal(signal.SIGQUIT, signal.SIG_DFL)
     folder = Path(tempfile.mkdtemp(prefix="yahboomd-soak-"))
     ledger = Ledger()
     print(f"soak: {args.minutes:g} min, seed {args.seed}, in {folder}", flush=True)
@@ -60,7 +74,10 @@ def main(arguments: list[str]) -> int:
             shutil.rmtree(folder, ignore_errors=True)
         else:
             print(f"the daemon's log: {folder / 'daemon.log'}")
-    report(ledger, facts)
+    text = page(ledger, facts | {"seed": args.seed})
+    report(ledger, text)
+    if args.page:
+        insert(args.page, text)
     if args.json:
         args.json.write_bytes(msgspec.json.encode(figures(ledger, facts)))
     return 1 if ledger.failures or ledger.too_late else 0
@@ -89,6 +106,7 @@ def drive(course: Course, for_s: float, kinds: list[str], dialects: Sequence[str
 def another_board(course: Course, dialect: str) -> None:
     """The board is replaced by one of the other dialect; the daemon goes on."""
     course.kind = "another board"
+    course.turn_ns = time.monotonic_ns()
     course.ledger.faults[course.kind] += 1
     since_ns = time.monotonic_ns()
     course.change_board(dialect)
@@ -103,6 +121,7 @@ def one(course: Course, turn: Turn) -> None:
     ledger = course.ledger
     lives, found = len(course.manager.lives), len(course.app.poses.found)
     began = time.monotonic()
+    course.turn_ns = time.monotonic_ns()
     course.app.wander()
     time.sleep(course.random.uniform(0.5, 1.5))
     if course.latched:
@@ -117,9 +136,15 @@ def one(course: Course, turn: Turn) -> None:
         time.sleep(course.random.uniform(0.2, 0.8))
         course.compare()
     if turn.kind not in SHOWN:
-        course.judge_alarms(round(began * 1e9))
-    for jump in course.app.poses.found[found:]:
-        course.fail(f"{jump.kind}: a step of {jump.step:.6g} where {jump.most:.6g} is the most")
+        judges.alarms(course, round(began * 1e9))
+    jumps = course.app.poses.found[found:]
+    for jump_kind in sorted({jump.kind for jump in jumps}):
+        alike = [jump for jump in jumps if jump.kind == jump_kind]
+        worst = max(alike, key=lambda jump: abs(jump.step))
+        course.fail(
+            f"{jump_kind}: {len(alike)} steps, the worst of {worst.step:.6g}; "
+            f"{worst.most:.6g} is the most"
+        )
     for life in course.manager.lives[lives - 1 : -1]:
         if not life.asked:
             ended_ns = life.ended_ns or time.monotonic_ns()
@@ -130,7 +155,7 @@ def one(course: Course, turn: Turn) -> None:
                 course.unexpected(words, ended_ns - 4_000_000_000)
     print(
         f"{(time.monotonic_ns() - course.began_ns) / 1e9:7.1f} s  {course.board.dialect:<9}"
-        f"{turn.kind:<20}{time.monotonic() - began:6.1f} s",
+        f"{turn.kind:<27}{time.monotonic() - began:6.1f} s",
         flush=True,
     )
 
@@ -200,48 +225,9 @@ def figures(ledger: Ledger, facts: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def spread(values: list[float], unit: str, digits: int) -> str:
-    """Median and worst, in words."""
-    if not values:
-        return "not measured"
-    median, worst = quantile(values, 0.5), max(values)
-    return f"{median:.{digits}f} {unit} median, {worst:.{digits}f} {unit} at worst"
-
-
-def report(ledger: Ledger, facts: dict[str, Any]) -> None:
-    """The table."""
-    mm = [each * 1e3 for each in ledger.errors_m]
-    degrees = [math.degrees(each) for each in ledger.errors_rad]
-    oldest = facts["oldest_rss_mb"]
-    preferred = "ran the board before all else, " if facts["board_preferred"] else ""
-    rows = {
-        "ran": f"{facts['minutes']:.1f} min; Python {platform.python_version()}",
-        "faults injected": f"{sum(ledger.faults.values())}",
-        "commands sent": f"{facts['commands']}",
-        "stops verified": f"{ledger.stops} (wheels below 30 mm/s, by the ground truth)",
-        "drove again": f"{ledger.drives} times, {spread(ledger.recovery_s, 's', 1)}",
-        "pose error": f"{spread(mm, 'mm', 2)}; {spread(degrees, 'deg', 3)}",
-        "": f"of {len(mm)} ways between two stands, {ledger.driven_m:.0f} m in all; apart: "
-        f"{ledger.uncertain} where travel was lost, which was said, and is within what was said"
-        + (
-            f"; {ledger.covered} over 30 mm, within 3 sigma of their covariance"
-            * bool(ledger.covered)
-        )
-        + "".join(f"; {times} where {why}" for why, times in ledger.apart.items()),
-        " ": f"worst: {ledger.worst_way}",
-        "pose jumps": f"{facts['jumps']} in {facts['poses']} samples, shrinking covariance and "
-        "stamps that run backwards included",
-        "daemon": f"{facts['daemons']} runs, {facts['watchdog_kills']} ended by the watchdog, "
-        f"{facts['tracebacks']} tracebacks",
-        "memory": f"{facts['rss_start_mb']} MiB at the start, {facts['rss_end_mb']} at the end, "
-        f"{facts['rss_most_mb']} at most; longest run of {facts['oldest_s']} s: {oldest} MiB",
-        "this machine": f"{preferred}stood still {facts['stalls']} times for more than 3 ms, "
-        f"{facts['stall_worst_ms']:.0f} ms at worst",
-    }
-    print("\n".join(table(ledger)) + "\n")
-    for name, words in rows.items():
-        print(f"{name:<20} {words}")
-    print()
+def report(ledger: Ledger, text: str) -> None:
+    """The tables, what failed, and the verdict."""
+    print(f"\n{text}\n")
     for words in (*ledger.failures, *ledger.too_late):
         print(f"FAILED {words}")
     print("verdict: see above" if ledger.failures or ledger.too_late else "verdict: all held")

@@ -13,12 +13,21 @@ import zenoh
 
 from benchmarks.soak.children import session
 from benchmarks.soak.poses import PoseWatch
-from yahboomd.messages.native import EventSample, PoseSample, ServiceReply, StatusSample
+from yahboomd.messages.native import (
+    EventSample,
+    PoseSample,
+    ServiceReply,
+    StatusSample,
+    TwistSample,
+)
 
 PERIOD_S = 0.05
 FORWARD_M_S = 0.5
 BACKWARD_M_S = -0.35
 TURN_RAD_S = 2.0
+
+KEEP_SAMPLES = 4000
+"""Poses and twists that can be judged afterwards: about twenty seconds of them."""
 
 
 class Application:
@@ -45,18 +54,24 @@ class Application:
         self._lock = threading.Lock()
         self._wish: tuple[float, float] | None = (0.0, 0.0)
         self._wandering = False
-        self._pose: tuple[int, PoseSample] | None = None
+        self._poses: deque[tuple[int, PoseSample]] = deque(maxlen=KEEP_SAMPLES)
+        self._twists: deque[tuple[int, TwistSample]] = deque(maxlen=KEEP_SAMPLES)
         self._status: tuple[int, StatusSample] | None = None
         self._ending = threading.Event()
         self.session = session(endpoint)
         decode_pose = msgspec.json.Decoder(PoseSample).decode
+        decode_twist = msgspec.json.Decoder(TwistSample).decode
         decode_status = msgspec.json.Decoder(StatusSample).decode
         decode_event = msgspec.json.Decoder(EventSample).decode
 
         def pose(sample: zenoh.Sample) -> None:
             found = decode_pose(sample.payload.to_bytes())
-            self.poses.see(found)
-            self._pose = (time.monotonic_ns(), found)
+            self.poses.see(found, time.time_ns())
+            self._poses.append((time.monotonic_ns(), found))
+
+        def twist(sample: zenoh.Sample) -> None:
+            found = decode_twist(sample.payload.to_bytes())
+            self._twists.append((time.monotonic_ns(), found))
 
         def status(sample: zenoh.Sample) -> None:
             self._status = (time.monotonic_ns(), decode_status(sample.payload.to_bytes()))
@@ -68,6 +83,7 @@ class Application:
 
         self._subscribers = [
             self.session.declare_subscriber("yahboomd/pose", pose),
+            self.session.declare_subscriber("yahboomd/twist", twist),
             self.session.declare_subscriber("yahboomd/status", status),
             self.session.declare_subscriber("yahboomd/events", event),
         ]
@@ -95,6 +111,21 @@ class Application:
             self._wish = None
             return self.last_ns
 
+    def now(self, vx: float) -> int:
+        """Command a velocity from now on, the first time at once; returns when that was sent."""
+        with self._lock:
+            self._wandering = False
+            self._wish = (vx, 0.0)
+            return self._send()
+
+    def _send(self) -> int:
+        assert self._wish is not None
+        payload = json.dumps({"vx": self._wish[0], "wz": self._wish[1]})
+        self.last_ns = time.monotonic_ns()
+        self.session.put("cmd_vel", payload)
+        self.commands += 1
+        return self.last_ns
+
     def _drive(self) -> None:
         random = self._random
         goal, until = (0.0, 0.0), 0.0
@@ -111,10 +142,7 @@ class Application:
                             until = time.monotonic() + random.uniform(0.4, 2.0)
                         vx, wz = self._wish
                         self._wish = (vx + 0.25 * (goal[0] - vx), wz + 0.25 * (goal[1] - wz))
-                    payload = json.dumps({"vx": self._wish[0], "wz": self._wish[1]})
-                    self.last_ns = time.monotonic_ns()
-                    self.session.put("cmd_vel", payload)
-                    self.commands += 1
+                    self._send()
             due = max(due + PERIOD_S, time.monotonic() - PERIOD_S)
             self._ending.wait(max(0.0, due - time.monotonic()))
 
@@ -128,9 +156,19 @@ class Application:
         return found[1] if fresh and found is not None else None
 
     def pose_since(self, t_ns: int) -> PoseSample | None:
-        """The latest pose, if it came after a moment."""
-        found = self._pose
-        return found[1] if found is not None and found[0] >= t_ns else None
+        """The latest pose, if it was sampled after a moment."""
+        if not self._poses:
+            return None
+        _, pose = self._poses[-1]
+        return pose if pose.stamp_ns >= t_ns + time.time_ns() - time.monotonic_ns() else None
+
+    def poses_since(self, t_ns: int) -> list[PoseSample]:
+        """Poses that came after a moment."""
+        return [pose for at_ns, pose in list(self._poses) if at_ns >= t_ns]
+
+    def twists_since(self, t_ns: int) -> list[TwistSample]:
+        """Twists that came after a moment."""
+        return [twist for at_ns, twist in list(self._twists) if at_ns >= t_ns]
 
     def events_since(self, t_ns: int, *kinds: str) -> list[EventSample]:
         """Events of some kinds that came after a moment."""

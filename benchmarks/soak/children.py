@@ -12,6 +12,17 @@ import time
 
 import zenoh
 
+ATTACHMENT_BYTES = 15_000_000
+PARAMETER_BYTES = 1_000_000
+
+PACES = {
+    "large": (1, 0.004),
+    "attachment": (1, 0.2),
+    "query": (4, 0.05),
+    "refusal": (10, 0.002),
+}
+"""How many samples at once, and how long until the next ones, by kind of flood."""
+
 STALL_NS = 3_000_000
 """A wait of one millisecond that lasted this much longer is told."""
 
@@ -48,18 +59,25 @@ def flood(endpoint: str, key: str, kind: str) -> None:
     payloads = {
         "garbage": [os.urandom(size) for size in range(1, 400)],
         "large": [os.urandom(1 << 20)],
+        "attachment": [b'{"vx": 0.2}'],
+        "query": [b""],
+        "refusal": [b'{"engaged": false}'],
     }.get(kind) or [json.dumps({"vx": float(vx)}).encode()]
-    pause_s = 0.004 if kind == "large" else 0.0005
-    batch = 1 if kind == "large" else 10
+    batch, pause_s = PACES.get(kind, (10, 0.0005))
+    attachment = os.urandom(ATTACHMENT_BYTES) if kind == "attachment" else None
+    parameters = "x" * PARAMETER_BYTES
     sent = 0
     with session(endpoint) as bus:
         print("ready", flush=True)
         due = time.monotonic()
         while True:
             for _ in range(batch):
-                bus.put(key, payloads[sent % len(payloads)])
+                if kind == "query":
+                    bus.get(f"{key}?{parameters}", lambda _reply: None, timeout=1.0)
+                else:
+                    bus.put(key, payloads[sent % len(payloads)], attachment=attachment)
                 sent += 1
-            # 20 kHz, as far as this machine can.
+            # 20 kHz by default, as far as this machine can.
             due = max(due + pause_s, time.monotonic() - 0.05)
             time.sleep(max(0.0, due - time.monotonic()))
 

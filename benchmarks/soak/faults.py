@@ -1,25 +1,20 @@
-"""Every fault: how it is made, what must follow, and how it ends."""
+"""Faults of clients, daemon, board, line and motors: how each is made, and what must follow."""
 
 from __future__ import annotations
 
 import signal
 import time
-from collections.abc import Callable, Iterator, Sequence
-from random import Random
-
-import msgspec
 
 from benchmarks.soak.course import BRAKE_S, NEAR_ZERO, Course
 from benchmarks.soak.processes import WATCHDOG_S, Helper
 from benchmarks.soak.tail import Order, is_stop
-
-Fault = Callable[[Course], None]
 
 TIMEOUT_S = 0.5
 RAMP_S = 0.25
 SILENT_S = 1.0
 """After so long without counts the link gives a board up."""
 CONNECT_S = 3.0
+NOISY_S = 10.5
 """From a port that is back to a board that was told to stop: back-off, and the handshake's stop."""
 
 
@@ -29,21 +24,39 @@ CONNECT_S = 3.0
 def estop(course: Course) -> None:
     """The emergency stop, against an application that drives on."""
     course.move()
-    _engage(course, "e-stop")
+    engage(course, "e-stop")
     reply = course.app.ask("yahboomd/estop/reset")
     if reply is None or reply.success:
         course.fail("the e-stop was released while an application commanded motion")
 
 
-def _engage(course: Course, kind: str) -> None:
+def engage(
+    course: Course,
+    kind: str,
+    *,
+    taken_ns: int | None = None,
+    within_s: float = BRAKE_S,
+    attachment: bytes | None = None,
+) -> None:
+    """Press the e-stop, and verify what follows.
+
+    Args:
+        course: The robot.
+        kind: What the latency is counted as.
+        taken_ns: When the port takes output again, if it does not now: then it counts from there.
+        within_s: Until when the wheels must stand.
+        attachment: What the sample carries besides.
+    """
     since_ns = time.monotonic_ns()
-    course.app.session.put("yahboomd/estop", b"")
+    course.app.session.put("yahboomd/estop", b"", attachment=attachment)
+    since_ns = max(since_ns, taken_ns or 0)
+    course.wait(lambda: time.monotonic_ns() >= since_ns, 5.0)
     course.frame(kind, since_ns, wait_s=5.0)
-    stood_ns = course.stands(since_ns, BRAKE_S)
+    stood_ns = course.stands(since_ns, within_s)
     if stood_ns is not None:
         course.stays(stood_ns, 0.4)
     if not course.wait(lambda: (s := course.app.status) and s.state == "estopped", 3.0):
-        course.fail("the status does not tell of the e-stop")
+        course.unexpected("the status does not tell of the e-stop")
 
 
 def silence(course: Course) -> None:
@@ -71,7 +84,7 @@ def client_killed(course: Course) -> None:
         helper.wait_ready()
         began_ns = time.monotonic_ns()
         if not course.wait(lambda: course.board.truth.travelled_m(began_ns) > 0.1, 10.0):
-            course.fail("another application cannot drive")
+            course.unexpected("another application cannot drive")
     finally:
         helper.kill()
     _lapse(course, "client killed", int(helper.lines[-1]))
@@ -86,7 +99,7 @@ def flood(course: Course) -> None:
         for helper in helpers:
             helper.wait_ready()
         time.sleep(1.0)
-        _engage(course, "e-stop in a flood")
+        engage(course, "e-stop in a flood")
     finally:
         for helper in helpers:
             helper.kill()
@@ -104,7 +117,7 @@ def sigterm(course: Course) -> None:
     course.frame("SIGTERM", since_ns, wait_s=5.0)
     course.stands(since_ns, BRAKE_S + 0.1)
     if not course.wait(lambda: life.status is not None, 10.0) or life.status != 0:
-        course.fail(f"the daemon ended with {life.status}")
+        course.unexpected(f"the daemon ended with {life.status}")
 
 
 def sigkill(course: Course) -> None:
@@ -124,7 +137,7 @@ def sigstop(course: Course) -> None:
     course.frame("SIGSTOP", since_ns, wait_s=10.0)
     course.stands(since_ns, WATCHDOG_S + 1.0 + BRAKE_S)
     if course.manager.watchdog_kills == kills:
-        course.fail("the watchdog did not act")
+        course.unexpected("the watchdog did not act")
 
 
 # What happens to the board.
@@ -170,7 +183,7 @@ def reset_loop(course: Course) -> None:
         since_ns = course.board.do("brown-out 0.05")
         time.sleep(1.2)
     if not course.wait(lambda: (s := course.app.status) and s.state == "fault", 3.0):
-        course.fail("three resets are no fault")
+        course.unexpected("three resets are no fault")
     course.stands(since_ns, 1.0)
 
 
@@ -209,6 +222,7 @@ def babble(course: Course) -> None:
     else:
         time.sleep(for_s)
     time.sleep(1.0)
+    course.damaged_ns = time.monotonic_ns()
 
 
 # What happens to the line.
@@ -262,6 +276,7 @@ def _noise(course: Course, command: str) -> None:
     time.sleep(course.random.uniform(1.0, 3.0))
     course.stands(course.app.silent(), TIMEOUT_S + RAMP_S + BRAKE_S + 2.0)
     course.board.do("clear")
+    course.damaged_ns = time.monotonic_ns()
 
 
 # What happens to motors.
@@ -287,7 +302,13 @@ def stalled(course: Course) -> None:
     _lies(course, "stalled", honest=True)
 
 
+def _on_a_clean_line(course: Course) -> None:
+    """Wait until the line is no longer blamed for what a wheel does."""
+    course.wait(lambda: time.monotonic_ns() - course.damaged_ns > NOISY_S * 1e9, NOISY_S)
+
+
 def _lies(course: Course, fault: str, *, honest: bool = False) -> None:
+    _on_a_clean_line(course)
     wheel = course.random.choice(["left", "right"])
     # Not slower than the checks look at.
     speed = course.random.choice([0.15, 0.35]) * course.random.choice([1, -1])
@@ -298,12 +319,13 @@ def _lies(course: Course, fault: str, *, honest: bool = False) -> None:
     course.frame(f"{fault}: to the cut", since_ns, is_stop, wait_s=5.0)
     course.stands(since_ns, 1.6)
     if not course.wait(lambda: (s := course.app.status) and s.state == "fault", 3.0):
-        course.fail(f"{fault} {wheel} is no fault")
+        course.unexpected(f"{fault} {wheel} is no fault")
     course.board.do(f"repair {wheel}")
 
 
 def turning(course: Course) -> None:
     """A wheel is turned by hand: slowly is told, faster than the checks' margin is a fault."""
+    _on_a_clean_line(course)
     # A wheel that crawled and had not yet begun to roll leaves the motors let go: then everybody
     # may turn them.
     course.move(0.25, 0.0)
@@ -315,93 +337,3 @@ def turning(course: Course) -> None:
     if not course.wait(lambda: course.app.events_since(since_ns, kind), 3.0):
         course.unexpected(f"{kind} is not told", since_ns)
     course.stands(course.board.do("repair left"), BRAKE_S)
-
-
-FAULTS: dict[str, Fault] = {
-    "e-stop": estop,
-    "command silence": silence,
-    "client killed": client_killed,
-    "flood": flood,
-    "short mute": mute_short,
-    "long mute": mute_long,
-    "babble": babble,
-    "short unplug": unplug_short,
-    "long unplug": unplug_long,
-    "byte loss": loss,
-    "corruption": corruption,
-    "jitter": jitter,
-    "encoder dead": encoder_dead,
-    "encoder reversed": encoder_reversed,
-    "motor unplugged": motor_unplugged,
-    "wheel stalled": stalled,
-    "wheel turned": turning,
-}
-"""Faults that daemon and board live through."""
-
-RESETS: dict[str, Fault] = {
-    "board reset": reset,
-    "brown-out": brown_out,
-    "reset loop": reset_loop,
-    "board hangs": board_hangs,
-}
-"""Faults after which the board counts from zero."""
-
-ENDING: dict[str, Fault] = {"SIGTERM": sigterm, "SIGKILL": sigkill, "SIGSTOP": sigstop}
-"""Faults that end the daemon."""
-
-SHOWN = frozenset(
-    {
-        *("encoder dead", "encoder reversed", "motor unplugged", "wheel stalled", "wheel turned"),
-        *RESETS,
-    }
-)
-"""Those in which wheels show what they are told to have done, or a board that forgot its motors
-turns none."""
-
-DIALECTS = ("streamed", "polled")
-
-
-class Turn(msgspec.Struct, frozen=True, kw_only=True):
-    """One fault of the schedule."""
-
-    kind: str
-    fault: Fault
-
-
-class Segment(msgspec.Struct, frozen=True, kw_only=True):
-    """What one board goes through."""
-
-    dialect: str
-    turns: list[Turn]
-
-
-def segments(random: Random, kinds: list[str], dialects: Sequence[str]) -> Iterator[Segment]:
-    """Every fault on both dialects, again and again, in random order.
-
-    A board takes half of the faults, the next one, of the other dialect, the other half; then the
-    halves change places. A board's resets come last: after one its counts are near zero, and
-    travel that it counted while nobody heard it can no longer be told from a reset. The faults
-    that end the daemon come in every other such cycle, so that it lives long enough in between for
-    its memory to tell something.
-
-    Args:
-        random: Shuffles.
-        kinds: Only these; empty for all.
-        dialects: What the boards speak.
-    """
-    cycle = 0
-    while True:
-        ending = ENDING if cycle % 2 == 0 or kinds else {}
-        every = [
-            Turn(kind=kind, fault=fault)
-            for kind, fault in {**FAULTS, **ending, **RESETS}.items()
-            if not kinds or kind in kinds
-        ]
-        random.shuffle(every)
-        halves = [every[0::2], every[1::2]]
-        for number in range(4):
-            half = halves[(number + number // 2) % 2]
-            random.shuffle(half)
-            half.sort(key=lambda turn: turn.kind in RESETS)
-            yield Segment(dialect=dialects[number % len(dialects)], turns=list(half))
-        cycle += 1

@@ -17,12 +17,17 @@ TICK_M = math.pi * 0.067 / 1320
 STAMP_SLACK_S = 1e-6
 """The wall clock is adjusted while it runs."""
 
+MOST_FOUND = 10_000
+
+AHEAD_S = 0.002
+"""A stamp may be later than its sample's arrival by less, because clocks are read one by one."""
+
 
 class Jump(msgspec.Struct, frozen=True, kw_only=True):
     """Two samples in a row that cannot be.
 
     Attributes:
-        kind: ``position``, ``heading``, ``covariance`` or ``stamp``.
+        kind: ``position``, ``heading``, ``covariance``, ``stamp`` or ``future``.
         step: How far it went: metres, radians, a ratio, seconds.
         most: How far it might have gone.
         stamp_ns: Of the second sample.
@@ -41,7 +46,7 @@ class PoseWatch:
     track). The covariance shrinks where its determinant does.
 
     Attributes:
-        found: What was wrong, the first hundred.
+        found: What was wrong, up to :data:`MOST_FOUND`.
         samples: How many were looked at.
         fastest_m_s: The fastest step, less a count, over its time.
     """
@@ -62,10 +67,12 @@ class PoseWatch:
         self._last = None
         self._paused = False
 
-    def see(self, pose: PoseSample) -> None:
-        """Take in a sample."""
+    def see(self, pose: PoseSample, now_ns: int | None = None) -> None:
+        """Compare a sample with the previous one, and its stamp with the Unix time now."""
         if self._paused:
             return
+        if now_ns is not None and pose.stamp_ns > now_ns + AHEAD_S * 1e9:
+            self._add("future", (pose.stamp_ns - now_ns) / 1e9, AHEAD_S, pose)
         last, self._last = self._last, pose
         self.samples += 1
         if last is None or pose.seq <= last.seq:
@@ -92,7 +99,7 @@ class PoseWatch:
             self._add(kind, step, most, pose)
 
     def _add(self, kind: str, step: float, most: float, pose: PoseSample) -> None:
-        if len(self.found) < 100:
+        if len(self.found) < MOST_FOUND:
             self.found.append(Jump(kind=kind, step=step, most=most, stamp_ns=pose.stamp_ns))
 
 

@@ -99,6 +99,14 @@ class Truth:
             default=0.0,
         )
 
+    def backed_m(self, since_ns: int) -> float:
+        """The longest way that any wheel ran backward from a moment on."""
+        most_m = 0.0
+        for way in zip(*(sample.travel_m for sample in self.since(since_ns)), strict=True):
+            furthest = itertools.accumulate(way, max)
+            most_m = max(most_m, *(top - here for top, here in zip(furthest, way, strict=True)))
+        return most_m
+
     def fastest_m_s(self, since_ns: int, until_ns: int) -> float:
         """The greatest rim speed of any wheel in a stretch of time."""
         return max(

@@ -3,7 +3,8 @@
 A process that sleeps most of its time is woken at once even where those that work have to wait, so
 a stall that it sees is a stall of the machine, but not the other way round. The kernel counts for
 every thread how long it waited in a run queue (``/proc/PID/task/TID/schedstat``, the second number,
-in nanoseconds).
+in nanoseconds). A thread that the kernel itself holds (state D: a read of a pty waits for a
+worker of the kernel's, which has to get a processor, too) is in no run queue; that is sampled.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
@@ -49,8 +50,16 @@ class Waiting:
         return longest_wait_ns(list(self._samples), since_ns, until_ns) / 1e9
 
     def _run(self) -> None:
+        held: Counter[str] = Counter()
+        before_ns = time.monotonic_ns()
         while not self._ending.wait(SAMPLE_S):
-            self._samples.append((time.monotonic_ns(), waits_ns(self._processes())))
+            processes = list(self._processes())
+            now_ns = time.monotonic_ns()
+            for thread in held_by_the_kernel(processes):
+                held[thread] += now_ns - before_ns
+            before_ns = now_ns
+            waits = waits_ns(processes)
+            self._samples.append((now_ns, {each: ns + held[each] for each, ns in waits.items()}))
 
     def close(self) -> None:
         """End it."""
@@ -66,6 +75,20 @@ def waits_ns(processes: Iterable[int]) -> dict[str, int]:
             for thread in Path(f"/proc/{process}/task").iterdir():
                 with contextlib.suppress(OSError, IndexError, ValueError):
                     found[thread.name] = int((thread / "schedstat").read_text().split()[1])
+    return found
+
+
+def held_by_the_kernel(processes: Iterable[int]) -> list[str]:
+    """The threads that the kernel holds now, in a sleep that nothing interrupts."""
+    found: list[str] = []
+    for process in processes:
+        with contextlib.suppress(OSError):
+            for thread in Path(f"/proc/{process}/task").iterdir():
+                with contextlib.suppress(OSError, IndexError):
+                    # The name, in brackets, may hold anything.
+                    state = (thread / "stat").read_text().rpartition(")")[2].split()[0]
+                    if state == "D":
+                        found.append(thread.name)
     return found
 
 

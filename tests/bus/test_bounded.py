@@ -1,4 +1,6 @@
 import asyncio
+import subprocess
+import sys
 import threading
 
 import pytest
@@ -74,3 +76,28 @@ async def test_a_cancellation_that_comes_with_the_result_is_kept_and_so_is_the_r
         await task
     await eventually(lambda: late)
     assert late == [True]
+
+
+LEFT_INSIDE_ZENOH = """
+import asyncio, time, zenoh
+from yahboomd.bus.bounded import bounded
+config = zenoh.Config()
+config.insert_json5("mode", '"client"')
+config.insert_json5("connect", '{endpoints: ["tcp/127.0.0.1:1"], timeout_ms: 300}')
+class SlowToTearDown:
+    def __del__(self, sleep=time.sleep):
+        sleep(1.5)
+asyncio.slow = SlowToTearDown()
+async def main():
+    await bounded(lambda: zenoh.open(config), timeout_s=0.05, name="test")
+try:
+    asyncio.run(main())
+except TimeoutError:
+    raise SystemExit(7)
+"""
+
+
+@pytest.mark.realtime
+def test_a_process_that_ends_while_a_call_is_inside_zenoh_keeps_its_status():
+    ended = subprocess.run([sys.executable, "-c", LEFT_INSIDE_ZENOH], timeout=60, check=False)
+    assert ended.returncode == 7

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.bus.options import BusOptions, endpoint_problem, is_local, zenoh_config
+from yahboomd.bus.options import BusOptions, admitted, endpoint_problem, is_local, zenoh_config
 from yahboomd.errors import BusError
 
 
@@ -75,6 +75,32 @@ def test_messages_are_stamped_and_no_memory_is_shared():
     assert read(config, "timestamping/enabled") is True
     assert read(config, "transport/shared_memory/enabled") is False
     assert read(config, "transport/link/tx/lease") == 1500
+
+
+MTLS = "{ transport: { link: { tls: { enable_mtls: true } } } }"
+USERS = '{ transport: { auth: { usrpwd: { dictionary_file: "/etc/users" } } } }'
+RULES = '{ access_control: { enabled: true, default_permission: "deny" } }'
+
+
+@pytest.mark.parametrize(
+    ("text", "endpoint", "words"),
+    [
+        ("{}", "tcp/0.0.0.0:1", "every program that reaches it can drive"),
+        (MTLS, "tcp/0.0.0.0:1", "every program that reaches it can drive"),
+        (MTLS, "tls/0.0.0.0:1", "every certificate that {file} accepts can drive"),
+        (MTLS, "", "every program that reaches it can drive"),
+        (USERS, "tcp/0.0.0.0:1", "every user that {file} names can drive"),
+        (USERS, "", "every program that reaches it can drive"),
+        (RULES, "tcp/0.0.0.0:1", "the access control in {file} decides who can drive"),
+        (RULES, "", "the access control in {file} decides who can drive"),
+    ],
+)
+def test_who_can_drive_through_an_endpoint_is_as_the_file_says(
+    tmp_path: Path, text: str, endpoint: str, words: str
+) -> None:
+    file = tmp_path / "zenoh.json5"
+    file.write_text(text)
+    assert admitted(BusOptions(config_file=file), endpoint) == words.format(file=file)
 
 
 def test_endpoints_beyond_loopback_are_named_as_exposed(tmp_path):

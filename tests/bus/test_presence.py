@@ -1,8 +1,12 @@
 import pytest
-from zenoh_fixtures import eventually
+from hypothesis import given
+from hypothesis import strategies as st
+from zenoh_fixtures import eventually, free_endpoint
 
 from yahboomd.bus import keys
-from yahboomd.bus.presence import stamp_id, stamper
+from yahboomd.bus.options import BusOptions
+from yahboomd.bus.presence import MOST_TOKENS, TokenChange, TokenWatch, stamp_id, stamper
+from yahboomd.bus.session import Bus
 
 pytestmark = pytest.mark.realtime
 
@@ -57,3 +61,126 @@ async def test_the_stamper_of_a_timestamp_is_the_session_that_made_it(zenoh_app,
     session = zenoh_app("client", bus.options.listen[0]).session
     assert stamper(session.new_timestamp()) == stamp_id(str(session.zid()))
     assert stamper(session.new_timestamp()) != stamp_id(bus.zid)
+
+
+def seen(*changes):
+    """What a watch reports of changes, each in a turn of its own, and what it ignored."""
+    reported = []
+
+    class Inbox:
+        def lane(self, handler, **_):
+            class Lane:
+                def offer(self, entry):
+                    handler([entry], 0)
+
+            return Lane()
+
+    watch = TokenWatch("alive/*", reported.extend, Inbox())
+    for key, session, present in changes:
+        watch.see(key, session, present=present)
+    return reported, watch
+
+
+def test_a_token_is_there_as_long_as_one_session_sees_it():
+    come, gone = (TokenChange(key="alive/a", present=present) for present in (True, False))
+    both = [("alive/a", 0, True), ("alive/a", 1, True), ("alive/a", 0, False)]
+    assert seen(*both)[0] == [come]
+    assert seen(*both, ("alive/a", 1, False))[0] == [come, gone]
+    assert seen(*both, ("alive/a", 0, True), ("alive/a", 1, False))[0] == [come]
+    # What was never there, or is told twice, changes nothing.
+    assert seen(("alive/a", 0, False), ("alive/a", 0, True), ("alive/a", 0, True))[0] == [come]
+
+
+@given(
+    st.lists(
+        st.tuples(st.sampled_from(["alive/a", "alive/b"]), st.integers(0, 1), st.booleans()),
+        max_size=30,
+    )
+)
+def test_what_was_reported_of_tokens_is_what_the_sessions_see(changes):
+    truth = set()
+    for key, session, present in changes:
+        (truth.add if present else truth.discard)((key, session))
+    believed = set()
+    for change in seen(*changes)[0]:
+        (believed.add if change.present else believed.remove)(change.key)
+    assert believed == {key for key, _ in truth}
+
+
+def test_foreign_tokens_fill_a_bounded_table_and_the_rest_is_counted():
+    many = [(f"alive/{number}", 0, True) for number in range(MOST_TOKENS + 100)]
+    reported, watch = seen(*many)
+    assert len(reported) == len(watch._present) == MOST_TOKENS
+    assert watch.ignored == 100
+    # One that is known keeps its place, and the end of one that is not changes nothing.
+    watch.see("alive/0", 1, present=True)
+    watch.see(f"alive/{MOST_TOKENS + 1}", 0, present=False)
+    assert (len(watch._present), watch.ignored) == (MOST_TOKENS, 100)
+    watch.see("alive/" + "x" * 60_000, 0, present=True)
+    assert watch.ignored == 101
+
+
+async def test_tokens_of_a_client_beyond_the_most_are_counted(bus, zenoh_app):
+    changes = []
+    watch = bus.watch_tokens(f"{keys.ALIVE}/*", changes.extend)
+    liveliness = zenoh_app("client", bus.options.listen[0]).session.liveliness()
+    tokens = [
+        liveliness.declare_token(f"bot1/{keys.ALIVE}/{number}") for number in range(MOST_TOKENS + 9)
+    ]
+    await eventually(lambda: watch.ignored == 9)
+    await eventually(lambda: len(changes) == MOST_TOKENS)
+    assert bus.facts()["tokens_ignored"] == 9
+    for token in tokens:
+        token.undeclare()
+    await eventually(lambda: len(changes) == 2 * MOST_TOKENS)
+    assert not any(change.present for change in changes[MOST_TOKENS:])
+    assert not watch._present
+
+
+async def test_a_neighbour_of_both_sessions_is_there_until_the_last_connection_ends(
+    zenoh_router, zenoh_app
+):
+    """A peer that is connected to the robot and to the router that the robot joined."""
+    zenoh_router.start()
+    options = BusOptions(listen=(free_endpoint(),), connect=(zenoh_router.endpoint,))
+    async with Bus(options) as bus:
+        await eventually(lambda: bus.neighbours)
+        changes = []
+        bus.watch_neighbours(changes.extend)
+        neighbours = bus._neighbours
+        app = zenoh_app("client", options.listen[0])
+        zid = str(app.session.zid())
+        await eventually(lambda: changes)
+        # The other session's view comes as its listener would tell it.
+        neighbours._changed([(1, zid, "client", True)], 0)
+        neighbours._changed([(1, zid, "client", False)], 0)
+        assert zid in {each.zid for each in bus.neighbours}
+        neighbours._changed([(1, zid, "client", True)], 0)
+        app.session.close()
+        await eventually(lambda: neighbours._seen_by[zid] == {1})
+        assert zid in {each.zid for each in bus.neighbours}
+        neighbours._changed([(1, zid, "client", False)], 0)
+        assert [(each.neighbour.zid, each.present) for each in changes] == [
+            (zid, True),
+            (zid, False),
+        ]
+
+
+async def test_connections_whose_changes_were_lost_are_found_out(bus, zenoh_app):
+    changes = []
+    bus.watch_neighbours(changes.extend)
+    app = zenoh_app("client", bus.options.listen[0])
+    zid = str(app.session.zid())
+    await eventually(lambda: changes)
+    neighbours = bus._neighbours
+    ghost = "ab12"
+    neighbours._changed([(0, ghost, "client", True)], 0)
+    neighbours._changed([(0, zid, "client", False)], 0)
+    neighbours._changed([], 2)
+    assert [each.zid for each in bus.neighbours] == [zid]
+    assert [(each.neighbour.zid, each.present) for each in changes[1:]] == [
+        (ghost, True),
+        (zid, False),
+        (zid, True),
+        (ghost, False),
+    ]

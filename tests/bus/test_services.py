@@ -5,9 +5,14 @@ import pytest
 from zenoh_fixtures import eventually
 
 from yahboomd.bus import keys
-from yahboomd.bus.services import Response
+from yahboomd.bus.services import LATER, Response
+from yahboomd.bus.session import LARGE
 
 pytestmark = pytest.mark.realtime
+
+
+def harmless(payload):
+    return payload.startswith(b"harmless")
 
 
 def refusal(reason, _request):
@@ -40,7 +45,6 @@ async def test_a_request_arrives_whole_and_its_answer_goes_back_whole(bus, app):
     (request,) = requests
     assert request.key == "yahboomd/odometry/reset"
     assert request.selector == "bot1/yahboomd/odometry/reset"
-    assert request.parameters == "why=test"
     assert (request.payload, request.encoding) == (b"{}", "application/json")
     assert request.attachment == b"gid"
     assert str(reply.ok.key_expr) == "bot1/yahboomd/odometry/reset"
@@ -112,30 +116,31 @@ async def test_a_query_for_everything_reaches_no_handler(bus, app):
     assert service.counters.refused == 1
 
 
-async def test_an_estop_may_be_asked_for_by_wildcards(bus, app):
-    def engage(request):
+async def test_what_only_reads_may_be_asked_for_by_wildcards(bus, app):
+    def tell(request):
         return Response(payload=request.selector.encode())
 
-    bus.serve(keys.ESTOP, engage, fallback=refusal, wildcards=True, urgent=True)
-    assert payloads(await app.ask("*/yahboomd/estop")) == [b"*/yahboomd/estop"]
+    bus.serve(keys.CONFIG, tell, fallback=refusal, wildcards=True)
+    assert payloads(await app.ask("*/yahboomd/config")) == [b"*/yahboomd/config"]
 
 
 async def test_too_large_a_request_is_refused_by_the_fallback(bus, app):
     requests = []
     bus.serve(keys.BOARD, requests.append, fallback=refusal, max_bytes=100)
-    (answer,) = payloads(await app.ask("bot1/yahboomd/board", payload=b"x" * 101))
-    assert b"more bytes" in answer
+    for carried in ({"payload": b"x" * 101}, {"payload": b"x" * 51, "attachment": b"x" * 50}):
+        (answer,) = payloads(await app.ask("bot1/yahboomd/board", **carried))
+        assert b"more bytes" in answer
     assert requests == []
 
 
-async def test_where_any_payload_counts_too_large_a_request_arrives_empty(bus, app):
+async def test_too_large_a_request_raises_an_alarm_and_arrives_empty(bus, app):
     requests = []
 
     def engage(request):
         requests.append(request)
         return Response(payload=b"engaged")
 
-    bus.serve(keys.ESTOP, engage, fallback=refusal, max_bytes=100, keep_oversize=True)
+    bus.serve(keys.ESTOP, engage, fallback=refusal, max_bytes=100, harmless=harmless)
     assert payloads(await app.ask("bot1/yahboomd/estop", payload=b"x" * 101)) == [b"engaged"]
     assert (requests[0].oversize, requests[0].payload) == (True, b"")
     assert requests[0].head == b"x" * 16
@@ -168,6 +173,144 @@ async def test_every_one_of_too_many_queries_is_answered(bus, app):
         answers += payloads(await asyncio.to_thread(list, handler))
     assert answers.count(b"answered") == 2
     assert answers.count(b"Too many requests at once.") == 48
+
+
+async def test_an_alarm_is_told_from_what_is_harmless_as_it_arrives(bus, app):
+    def engage(request):
+        return Response(payload=b"harmless" if request.harmless else b"engaged")
+
+    bus.serve(keys.ESTOP, engage, fallback=refusal, harmless=harmless)
+    for payload, answer in {
+        b"harmless": b"harmless",
+        b"": b"engaged",
+        b"{}": b"engaged",
+        b"harmless" + b" " * 57: b"engaged",
+    }.items():
+        assert payloads(await app.ask("bot1/yahboomd/estop", payload=payload)) == [answer]
+    large = {"payload": b"harmless", "attachment": bytes(5000)}
+    assert payloads(await app.ask("bot1/yahboomd/estop", **large)) == [b"engaged"]
+    assert b"full name" in payloads(await app.ask("bot1/*/estop"))[0]
+
+
+async def test_a_flood_of_harmless_queries_refuses_no_alarm(bus, app):
+    """Each kind has a queue of its own; the alarm's is delivered first."""
+    order = []
+
+    def engage(request):
+        order.append(request.payload)
+        return Response(payload=b"answered")
+
+    service = bus.serve(keys.ESTOP, engage, fallback=refusal, pending=2, harmless=harmless)
+    for _ in range(50):
+        app.session.get("bot1/yahboomd/estop", payload=b"harmless", timeout=20)
+    waiting = app.session.get("bot1/yahboomd/estop", payload=b"stop", timeout=20)
+    pause = threading.Event()
+    while len(service._alarms._entries) < 1 or service.counters.refused < 48:
+        pause.wait(0.001)
+    assert payloads(await asyncio.to_thread(list, waiting)) == [b"answered"]
+    await eventually(lambda: len(order) == 3)
+    assert order == [b"stop", b"harmless", b"harmless"]
+
+
+async def test_an_alarm_is_raised_where_its_answer_finds_no_place(bus, app):
+    """Of too many the last are refused, behind others that raise the alarm for them."""
+    order = []
+
+    def engage(request):
+        order.append(request.payload)
+        return Response(payload=b"engaged")
+
+    service = bus.serve(keys.ESTOP, engage, fallback=refusal, pending=2, harmless=harmless)
+    handlers = [
+        app.session.get("bot1/yahboomd/estop", payload=b"%d" % number, timeout=20)
+        for number in range(5)
+    ]
+    pause = threading.Event()
+    while service.counters.refused < 3:
+        pause.wait(0.001)
+    assert order == []
+    answers = [payloads(await asyncio.to_thread(list, handler)) for handler in handlers]
+    assert answers == [[b"engaged"]] * 2 + [[b"Too many requests at once."]] * 3
+    assert order == [b"0", b"1"]
+
+
+@pytest.mark.parametrize(
+    "carried",
+    [{"payload": bytes(15_000_000)}, {"attachment": bytes(15_000_000)}, {"parameters": True}],
+    ids=["payload", "attachment", "parameters"],
+)
+async def test_few_large_queries_are_kept_and_all_of_them_raise_the_alarm(bus, app, carried):
+    requests, refused = [], []
+
+    def engage(request):
+        requests.append(request)
+        return Response(payload=b"engaged")
+
+    estop = bus.serve(keys.ESTOP, engage, fallback=refusal, harmless=harmless)
+    board = bus.serve(keys.BOARD, refused.append, fallback=refusal)
+    count = LARGE + 3
+    carried = dict(carried)
+    parameters = "?long=" + "x" * 15_000_000 if carried.pop("parameters", False) else ""
+    pause = threading.Event()
+    handlers = []
+    for number in range(count):
+        handlers.append(app.session.get(f"bot1/{keys.ESTOP}{parameters}", timeout=20, **carried))
+        while len(estop._alarms._entries) <= number:
+            pause.wait(0.001)
+    # Those that were not kept are here without their query, and the loop has seen none yet.
+    kept = [pending.query is not None for pending in estop._alarms._entries]
+    assert kept == [True] * LARGE + [False] * 3
+    other = app.session.get(f"bot1/{keys.BOARD}{parameters}", timeout=20, **carried)
+    while not board._lane._entries:
+        pause.wait(0.001)
+    assert board._lane._entries[0].query is None
+    answers = [payloads(await asyncio.to_thread(list, handler)) for handler in handlers]
+    assert answers == [[b"engaged"]] * LARGE + [[]] * 3
+    assert len(requests) == count
+    assert await asyncio.to_thread(list, other) == []
+    assert refused == []
+    await eventually(lambda: (estop.counters.unsent, board.counters.unsent) == (3, 1))
+    # The places are free again.
+    assert payloads(await app.ask(f"bot1/{keys.ESTOP}?small")) == [b"engaged"]
+    await eventually(lambda: bus._answering.large._value == LARGE)
+
+
+async def test_an_acknowledgement_does_not_wait_for_other_answers(bus, app):
+    bus.serve(
+        keys.ESTOP, lambda _: Response(payload=b"engaged"), fallback=refusal, harmless=harmless
+    )
+    go = threading.Event()
+    # As if the answers' thread were held up by an asker that froze.
+    bus._answering.answers.send(go.wait)
+    assert payloads(await app.ask(f"bot1/{keys.ESTOP}")) == [b"engaged"]
+    go.set()
+
+
+async def test_a_handler_whose_answers_take_long_holds_few_queries(bus, app):
+    """What the handler did at once is done; the answer says that there are too many."""
+    go, begun = asyncio.Event(), []
+
+    def handle(request):
+        begun.append(request)
+
+        async def later():
+            await go.wait()
+            return Response(payload=b"later")
+
+        return later()
+
+    bus.serve(keys.ESTOP, handle, fallback=refusal, pending=LATER, harmless=harmless)
+    count = LATER + 5
+    handlers = []
+    for number in range(count):
+        handlers.append(app.session.get(f"bot1/{keys.ESTOP}", timeout=20))
+        await eventually(lambda number=number: len(begun) > number)
+    for handler in handlers[LATER:]:
+        answers = payloads(await asyncio.to_thread(list, handler))
+        assert answers == [b"Too many requests at once."]
+    go.set()
+    for handler in handlers[:LATER]:
+        assert payloads(await asyncio.to_thread(list, handler)) == [b"later"]
 
 
 async def test_a_request_under_way_is_answered_when_the_bus_closes(bus, app):

@@ -204,8 +204,10 @@ async def test_an_open_that_never_returns_is_given_up(tmp_path):
 async def test_nothing_of_a_closed_bus_stays():
     before = {thread.name for thread in threading.enumerate()}
     descriptors = []
+    # Reserving a port takes a descriptor of its own.
+    options = BusOptions(listen=(free_endpoint(),), connect=(free_endpoint(),))
     for _ in range(3):
-        bus = Bus(BusOptions(listen=(free_endpoint(),), connect=(free_endpoint(),)))
+        bus = Bus(options)
         await bus.open()
         bus.subscribe(keys.CMD_VEL, lambda batch: None)
         bus.serve(keys.ESTOP, lambda _: Response(payload=b""), fallback=refusal)
@@ -375,3 +377,26 @@ async def test_close_that_does_not_end_in_time_is_reported(caplog):
     assert not await bus.close()
     assert "did not close" in caplog.text
     await eventually(lambda: not any(t.name == "bus-close" for t in threading.enumerate()))
+
+
+async def test_150_silent_connections_keep_nobody_out(bus, zenoh_app):
+    host, _, port = bus.options.listen[0].removeprefix("tcp/").partition(":")
+    silent = [socket.create_connection((host, int(port))) for _ in range(150)]
+    try:
+        app = zenoh_app("client", bus.options.listen[0])
+        await eventually(lambda: str(app.session.zid()) in {n.zid for n in bus.neighbours})
+        # They do not hold their places for long.
+        await eventually(lambda: all(_ended(each) for each in silent))
+    finally:
+        for each in silent:
+            each.close()
+
+
+def _ended(connection):
+    connection.setblocking(False)
+    try:
+        return connection.recv(1) == b""
+    except BlockingIOError:
+        return False
+    except ConnectionError:
+        return True

@@ -1,4 +1,5 @@
 import asyncio
+import threading
 
 import pytest
 import zenoh
@@ -82,18 +83,51 @@ async def test_too_large_a_payload_is_counted_and_not_delivered(bus, zenoh_app):
 
 async def test_where_any_payload_counts_one_that_is_too_large_arrives_empty(bus, zenoh_app):
     arrivals = []
-    bus.subscribe(keys.ESTOP, arrivals.extend, max_bytes=100, urgent=True, keep_oversize=True)
+    bus.subscribe(keys.CMD_VEL, arrivals.extend, max_bytes=100, keep_oversize=True)
     session = zenoh_app("client", bus.options.listen[0]).session
-    session.put("bot1/yahboomd/estop", b"x" * 1_000_000)
+    session.put("bot1/cmd_vel", b"x" * 1_000_000)
     (arrival,) = await eventually(lambda: arrivals)
     assert arrival.oversize
     assert arrival.payload == b""
 
 
+async def test_an_attachment_counts_as_much_as_the_payload(bus, zenoh_app):
+    arrivals = []
+    bus.subscribe(keys.CMD_VEL, arrivals.extend, max_bytes=100, keep_oversize=True)
+    session = zenoh_app("client", bus.options.listen[0]).session
+    for size in (15_000_000, 51, 50):
+        session.put(
+            "bot1/cmd_vel",
+            b"x" * 50,
+            attachment=b"y" * size,
+            congestion_control=zenoh.CongestionControl.BLOCK,
+        )
+    await eventually(lambda: len(arrivals) == 3)
+    assert [arrival.oversize for arrival in arrivals] == [True, True, False]
+    assert [arrival.attachment for arrival in arrivals] == [None, None, b"y" * 50]
+
+
+async def test_nothing_large_is_kept_while_the_loop_stands_still(bus, zenoh_app):
+    """Looked at as it arrives: what waits for the loop is small already."""
+    subscription = bus.subscribe(keys.CMD_VEL, lambda _: None, keep_oversize=True)
+    session = zenoh_app("client", bus.options.listen[0]).session
+    pause = threading.Event()
+    for _ in range(3):
+        session.put(
+            "bot1/cmd_vel",
+            b"{}",
+            attachment=bytes(15_000_000),
+            congestion_control=zenoh.CongestionControl.BLOCK,
+        )
+    while subscription.counters.received < 3:
+        pause.wait(0.001)
+    assert [sample for sample, _ in subscription._lane._entries] == [None] * 3
+
+
 async def test_a_deletion_arrives_as_an_empty_payload(bus, zenoh_app):
     arrivals = []
-    bus.subscribe(keys.ESTOP, arrivals.extend)
-    zenoh_app("client", bus.options.listen[0]).session.delete("bot1/yahboomd/estop")
+    bus.subscribe(keys.CMD_VEL, arrivals.extend)
+    zenoh_app("client", bus.options.listen[0]).session.delete("bot1/cmd_vel")
     (arrival,) = await eventually(lambda: arrivals)
     assert arrival.payload == b""
 
@@ -114,8 +148,11 @@ async def test_a_flood_on_one_key_does_not_hold_up_another(bus, zenoh_app):
     """By order: the e-stop sent in the middle of a flood is there before the flood is through."""
     flood, order = [], []
     subscription = bus.subscribe(keys.CMD_VEL, lambda batch: flood.extend(a.payload for a in batch))
-    bus.subscribe(
-        keys.ESTOP, lambda batch: order.append(flood[-1] if flood else b"-1"), urgent=True
+    bus.alarm(
+        keys.ESTOP,
+        lambda *_: order.append(flood[-1] if flood else b"-1"),
+        lambda _: None,
+        harmless=lambda _: False,
     )
     flooder = zenoh_app("client", bus.options.listen[0]).session
     operator = zenoh_app("client", bus.options.listen[0]).session
@@ -180,11 +217,21 @@ async def test_a_backlog_of_a_stalled_link_is_no_flood(bus, zenoh_app):
     assert subscription.counters.floods == 0
 
 
-async def test_a_full_ring_tells_of_a_loss(bus):
+class Ring:
+    """What a ring of Zenoh's looks like to who takes from it."""
+
+    def __init__(self, samples):
+        self.samples = list(samples)
+
+    def try_recv(self):
+        return self.samples.pop(0) if self.samples else None
+
+
+async def test_a_full_ring_tells_of_a_loss_and_large_samples_are_let_go_at_once(bus):
     samples = []
     bus._sessions[0].declare_subscriber("x", samples.append)
-    for _ in range(RING):
-        bus._sessions[0].put("x", b"x")
+    for size in (1, 20, 1, 1):
+        bus._sessions[0].put("x", b"x" * size)
     await eventually(lambda: len(samples) == RING)
     inbox, batches = Inbox(), []
     subscription = Subscription(
@@ -196,12 +243,14 @@ async def test_a_full_ring_tells_of_a_loss(bus):
         stamp_ns=lambda timestamp: None,
         depth=64,
         max_bytes=10,
-        urgent=False,
-        keep_oversize=False,
+        keep_oversize=True,
     )
-    subscription._take(samples)
-    subscription._take(samples[:-1])
+    drained = subscription._drain(Ring(samples))
+    assert [sample is None for sample, _ in drained[0]] == [False, True, False, False]
+    subscription._deliver_drained(*drained)
+    subscription._deliver_drained(*subscription._drain(Ring(samples[:-1])))
     assert [(len(batch), batch[0].dropped) for batch in batches] == [(RING, 1), (RING - 1, 0)]
+    assert subscription.counters.oversize == 2
     subscription.close()
     inbox.close()
 

@@ -3,14 +3,48 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import pytest
 from fake_daemon import fake_daemon
+from real_robot import RealRobot
 from simulated_board import simulated_board
 from terminal_process import terminal
 
+from yahboomd import program
+from yahboomd.cli.main import main
+
 __all__ = ["fake_daemon", "simulated_board", "terminal", "yahboomd"]
+
+
+@pytest.fixture(autouse=True)
+def _is_on_the_path(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Commands in texts are named as where yahboomd is on the PATH, wherever the tests run."""
+    monkeypatch.setattr(program, "name", lambda: "yahboomd")
+
+
+@pytest.fixture(scope="module")
+def one_robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealRobot]:
+    """A real daemon on a simulated board for many tests, which leave it ready to drive.
+
+    Tests that use it are marked ``xdist_group("one_robot")``: they share its state.
+    """
+    made = RealRobot(tmp_path_factory.mktemp("robot"))
+    made.daemon.says("Connected to")
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def on_robot(one_robot: RealRobot, monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
+    """Run a command on that robot in this process; its exit status."""
+    for name in [each for each in os.environ if each.startswith("YAHBOOMD_")]:
+        monkeypatch.delenv(name)
+
+    def run(*arguments: str) -> int:
+        return main([*arguments, "--connect", one_robot.endpoint])
+
+    return run
 
 
 @pytest.fixture

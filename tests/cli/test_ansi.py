@@ -27,12 +27,5 @@ def test_no_line_is_longer_than_its_room(parts: list[tuple[str, str]], width: in
     assert len(ESCAPES.sub("", ansi.paint(parts, width))) <= width
 
 
-@given(st.text())
-def test_what_comes_over_the_bus_cannot_command_the_terminal(text: str) -> None:
-    assert "\x1b" not in ansi.plain(text)
-    assert ansi.plain(text).isprintable()
-    assert len(ansi.plain(text)) == len(text)
-
-
 def test_a_frame_clears_each_line_before_it_writes_it_and_all_below() -> None:
     assert ansi.frame(["one", "two", "three"], 2) == "\x1b[H\x1b[2Kone\r\n\x1b[2Ktwo\x1b[0J"

@@ -48,7 +48,7 @@ def test_check_warns_of_what_works_and_may_surprise(empty, capsys):
     shown = capsys.readouterr()
     assert shown.out.startswith("ok: ")
     assert shown.err.startswith("warning: ")
-    assert "whoever reaches it can drive" in shown.err
+    assert "every program that reaches it can drive" in shown.err
 
 
 def test_show_prints_what_can_be_used_as_a_file(empty, tmp_path, capsys):

@@ -47,7 +47,9 @@ def test_every_key_that_moves_has_words() -> None:
     for key in MOVES:
         teleop = Teleop(linear_m_s=0.3, angular_rad_s=1.0)
         teleop.press(key, 0)
-        assert drive_screen.words(teleop.command(0)) not in {"moving", "nothing commanded"}
+        motion = teleop.motion(0)
+        assert motion is not None
+        assert drive_screen.words(motion[0]) not in {"moving", "nothing commanded"}
 
 
 def test_a_stop_and_nothing_are_told_apart() -> None:
@@ -69,8 +71,11 @@ def test_a_daemon_that_went_is_told() -> None:
 
 def test_a_key_that_nobody_listens_on_is_told_while_a_daemon_is_there() -> None:
     live, silent = daemon.driving(0).view(0), daemon.driving(0).view(5 * S)
-    words = "Nobody listens on cmd_vel/mine"
-    assert words in drawn(live, key="cmd_vel/mine", heard=False)
+    words = "The daemon accepts no commands on cmd_vel/mine"
+    text = drawn(live, key="cmd_vel/mine", heard=False)
+    assert words in text
+    assert "--set 'command.sources.\"cmd_vel/mine\".priority=10'" in text
+    assert "--set 'command.sources.joy.priority=10'" in drawn(live, key="joy", heard=False)
     assert words not in drawn(live, key="cmd_vel/mine", heard=True)
     assert words not in drawn(silent, key="cmd_vel/mine", heard=False)
 

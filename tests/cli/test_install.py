@@ -108,6 +108,37 @@ def test_the_manager_reads_the_files_before_it_starts_anything(
     assert order == sorted(order)
 
 
+def test_man_pages_and_completions_are_put_in_place_and_restart_nothing(
+    tmp_path: Path, as_root: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    install(system(tmp_path, Commands(), live=True))
+    share = tmp_path / "usr/local/share"
+    assert (share / "man/man1/yahboomd-stop.1").read_text().startswith(".TH YAHBOOMD")
+    (share / "zsh/site-functions/_yahboomd").write_text("of an older version\n")
+    fish = tmp_path / "etc/fish/completions/yahboomd.fish"
+    fish.unlink()
+    capsys.readouterr()
+    run = Commands()
+
+    assert install(system(tmp_path, run, live=True)) == 0
+
+    assert (share / "zsh/site-functions/_yahboomd").read_text().startswith("#compdef yahboomd")
+    assert fish.read_text().startswith("#")
+    assert f"unchanged    {share}/man/man1" in capsys.readouterr().out
+    assert "systemctl start yahboomd.service" in run.ran
+
+
+def test_a_folder_for_man_pages_that_cannot_be_written_hinders_no_installation(
+    tmp_path: Path, as_root: None, monkeypatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    usual = command._writable
+    monkeypatch.setattr(command, "_writable", lambda path: "usr" not in path.parts and usual(path))
+    assert install(system(tmp_path, Commands(), live=True)) == 0
+    assert "left out     " in capsys.readouterr().out
+    assert not (tmp_path / "usr").exists()
+    assert (tmp_path / UNIT).exists()
+
+
 def test_it_says_where_to_look(
     tmp_path: Path, as_root: None, capsys: pytest.CaptureFixture[str]
 ) -> None:

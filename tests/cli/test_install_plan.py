@@ -27,6 +27,7 @@ def test_on_an_empty_system_everything_is_new(tmp_path: Path) -> None:
     assert fates(tmp_path) == {
         "yahboomd.service": "new",
         "yahboomd@.service": "new",
+        "yahboomd-metrics.service": "new",
         "95-yahboomd.rules": "new",
         "yahboomd.conf": "new",
         "config.toml": "new",
@@ -59,10 +60,11 @@ def test_every_command_of_the_units_is_the_program_that_installs(tmp_path: Path)
         for file in install_plan.planned_files(tmp_path, PROGRAM, packaged=False)
         if file.path.suffix == ".service"
     ]
-    for unit in units:
-        assert f"ExecStart={PROGRAM} run " in unit
-        assert f"exec {PROGRAM} stop " in unit
-        assert install_plan.UNIT_PROGRAM not in unit
+    daemons = [unit for unit in units if f"ExecStart={PROGRAM} run " in unit]
+    assert len(daemons) == 2
+    assert all(f"exec {PROGRAM} stop " in unit for unit in daemons)
+    assert sum(f"ExecStart={PROGRAM} metrics " in unit for unit in units) == 1
+    assert not any(install_plan.UNIT_PROGRAM in unit for unit in units)
 
 
 def test_the_files_of_a_package_are_the_packages_business(tmp_path: Path) -> None:

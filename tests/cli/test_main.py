@@ -1,9 +1,12 @@
 from __future__ import annotations
 
 import argparse
+import os
+import stat
 import subprocess
 import sys
 import types
+from pathlib import Path
 
 import pytest
 from zenoh_fixtures import free_endpoint
@@ -181,6 +184,41 @@ def test_a_reader_that_leaves_is_no_error(tmp_path):
         complaint = process.stderr.read()
         assert process.wait(60) == 141
     assert complaint == b""
+
+
+@pytest.fixture
+def full_disk(tmp_path):
+    """A file to which nothing can be written."""
+    usual = Path("/dev/full")
+    if usual.is_char_device():
+        return usual
+    made = tmp_path / "full"
+    try:
+        os.mknod(made, 0o666 | stat.S_IFCHR, os.makedev(1, 7))
+        made.open("w").close()
+    except PermissionError:
+        pytest.skip("there is no /dev/full, and this user may not make one")
+    return made
+
+
+def test_a_full_disk_is_a_sentence(full_disk):
+    with full_disk.open("w") as output:
+        done = subprocess.run(
+            [sys.executable, "-m", "yahboomd", "completions", "bash"],
+            stdout=output,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+    assert done.returncode == 74
+    assert done.stderr == "yahboomd: the output cannot be written: No space left on device.\n"
+
+
+def test_a_closed_output_is_no_error():
+    command = f"{sys.executable} -m yahboomd completions bash >&-"
+    done = subprocess.run(["sh", "-c", command], stderr=subprocess.PIPE, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")
 
 
 def test_the_package_itself_can_be_run(yahboomd):

@@ -15,8 +15,11 @@ def test_who_drives_is_told_with_what_is_known_of_since_when() -> None:
 
 
 def test_nobody_drives_without_a_driver() -> None:
-    assert facts.driver(View(phase="live", status=daemon.status(driver=None))) == "nobody drives"
-    assert facts.driver(View(phase="waiting")) == "nobody drives"
+    assert (
+        facts.driver(View(phase="live", status=daemon.status(driver=None)))
+        == "no source has control"
+    )
+    assert facts.driver(View(phase="waiting")) == "no source has control"
 
 
 def test_the_board_is_named_with_dialect_firmware_and_port() -> None:

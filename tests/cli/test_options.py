@@ -2,12 +2,14 @@ from __future__ import annotations
 
 import argparse
 import tomllib
+from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from yahboomd.cli import options
+from yahboomd.config import load
 from yahboomd.errors import ConfigError
 
 
@@ -87,9 +89,40 @@ def test_an_endpoint_that_cannot_work_is_refused_as_an_option(parse, capsys):
     assert "protocol/address, such as tcp/127.0.0.1:7447" in words
 
 
-@settings(deadline=None)
 @given(
     st.text(st.characters(min_codepoint=32, exclude_characters="\x7f", exclude_categories=["Cs"]))
 )
 def test_any_text_is_quoted_as_toml(text):
     assert tomllib.loads(f"text = {options.quoted(text)}")["text"] == text
+
+
+def test_a_client_takes_namespace_and_file_from_the_configuration(tmp_path: Path) -> None:
+    (tmp_path / "zenoh.json5").write_text("{}")
+    config = load(
+        None,
+        environ={},
+        overrides=["zenoh.namespace=bot1", f"zenoh.config={tmp_path / 'zenoh.json5'}"],
+    )
+    made = options.client_options(("tcp/10.0.0.1:7447",), config)
+    assert made.connect == ("tcp/10.0.0.1:7447",)
+    assert made.namespace == "bot1"
+    assert made.config_file == tmp_path / "zenoh.json5"
+    assert not made.enforces
+
+
+@pytest.mark.parametrize("text", ["-1", "nan", "3601", "soon", ""])
+def test_what_is_no_duration_is_a_mistake(text: str) -> None:
+    with pytest.raises(argparse.ArgumentTypeError):
+        options.seconds(text)
+
+
+def test_a_duration_may_be_zero() -> None:
+    assert (options.seconds("0"), options.seconds("1e3")) == (0.0, 1000.0)
+
+
+@pytest.mark.parametrize("text", ["-1", "-.5", "-8.66e-17", "-1.", "-2E+3"])
+def test_negative_numbers_are_values_however_they_are_written(text: str) -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--place", nargs=2, type=float)
+    options.take_negative_numbers(parser)
+    assert parser.parse_args(["--place", text, "1"]).place == [float(text), 1.0]

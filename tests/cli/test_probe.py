@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 from pathlib import Path
 
 import pytest
 from real_robot import free_endpoint
 
 from yahboomd.cli.main import main
+from yahboomd.link import latency_timer
 
 pytestmark = pytest.mark.realtime
 
@@ -86,7 +88,12 @@ def test_a_held_port_without_a_daemon_names_its_holder(simulated_board, capsys) 
     endpoint = free_endpoint()
     options = ["--set", f'zenoh.listen=["{endpoint}"]', "--set", "zenoh.connect=[]"]
     assert main(["probe", "--port", board.port, *options]) == 69
-    assert f"(pid {board.owner.pid})" in capsys.readouterr().err
+    words = capsys.readouterr().err
+    assert f"(pid {board.owner.pid})" in words
+    assert f"End the other: kill {board.owner.pid}" in words
+    assert "use its bus instead" not in words
+    assert main(["probe", "--write", "--port", board.port, *options]) == 69
+    assert f"End the other: kill {board.owner.pid}" in capsys.readouterr().err
     assert not board.stands
 
 
@@ -115,6 +122,32 @@ def test_a_daemon_is_asked_for_its_board_where_no_port_is_named_or_found(
     assert "Plug the board in" in capsys.readouterr().err
 
 
+def test_a_daemon_without_a_board_is_said_to_have_none(real_robot, capsys) -> None:
+    robot = real_robot()
+    robot.daemon.says("Connected")
+    robot.simulation.end()
+    robot.daemon.says("went away")
+    assert main(["probe", "--connect", robot.endpoint]) == 69
+    words = capsys.readouterr().err
+    assert f"The daemon at {robot.endpoint} has no board." in words
+    assert "`yahboomd probe --list` the ports" in words
+    assert "runs here: " not in words
+
+
+def test_a_daemon_of_another_namespace_is_named_where_no_port_is_found(
+    real_robot, capsys, tmp_path, monkeypatch
+) -> None:
+    monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path / "run"))
+    robot = real_robot(run=["--namespace", "bot1"])
+    robot.daemon.says("Connected")
+    nowhere = ["--set", "zenoh.connect=[]", "--set", f'zenoh.listen=["{free_endpoint()}"]']
+    assert main(["probe", *nowhere]) == 69
+    words = capsys.readouterr().err
+    assert f"bot1 (pid {robot.daemon.process.pid}, {robot.port}) runs here: " in words
+    assert f"probe --namespace bot1 --connect {robot.endpoint}`" in words
+    assert "Plug the board in" not in words
+
+
 def test_a_board_that_is_silent_is_said_so_with_what_to_check(simulated_board, capsys) -> None:
     board = simulated_board("--do", "hang")
     assert main(["probe", "--port", board.port]) == 69
@@ -133,6 +166,31 @@ def test_what_is_no_port_is_explained(capsys) -> None:
     assert "Is the path right?" in capsys.readouterr().err
     assert main(["probe", "--port", "/nonexistent"]) == 69
     assert "/nonexistent: there is no such port." in capsys.readouterr().err
+
+
+def test_a_latency_timer_is_named_with_the_line_that_sets_it(
+    simulated_board, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    board = simulated_board()
+    timer = tmp_path / os.path.basename(os.path.realpath(board.port)) / "latency_timer"
+    timer.parent.mkdir()
+    timer.write_text("16\n")
+    monkeypatch.setattr(latency_timer, "SYSFS", tmp_path)
+    assert main(["probe", "--port", board.port, "--json"]) == 0
+    advice = json.loads(capsys.readouterr().out)["advice"]
+    assert any('ATTR{latency_timer}="1"' in each for each in advice)
+    assert main(["probe", "--port", board.port]) == 0
+    assert f"    {latency_timer.RULE}\n" in capsys.readouterr().out
+
+
+def test_what_a_board_says_of_itself_commands_no_terminal(simulated_board, capsys) -> None:
+    board = simulated_board("--firmware", "1.7.3\x1b[2J\x1b]0;mine\x07")
+    assert main(["probe", "--port", board.port]) == 0
+    told = capsys.readouterr()
+    assert "firmware 1.7.3" in told.out
+    assert all(line.isprintable() for line in (told.out + told.err).splitlines())
+    assert main(["probe", "--port", board.port, "--json"]) == 0
+    assert "\x1b" not in capsys.readouterr().out
 
 
 def test_the_list_opens_nothing(capsys) -> None:

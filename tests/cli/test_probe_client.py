@@ -69,5 +69,7 @@ async def test_the_daemon_that_is_there_is_asked() -> None:
         assert asked.port == "/dev/board"
         assert asked.found == examination(FACTS)
         told = ServiceReply(success=False, message="No board is connected.")
-        assert await ask_board((endpoint,), Config()) is None
+        without_board = await ask_board((endpoint,), Config())
+        assert without_board is not None
+        assert without_board.found is None
     assert await ask_board((endpoint,), Config()) is None

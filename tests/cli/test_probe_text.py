@@ -57,7 +57,7 @@ def test_what_was_not_told_is_left_out_or_said() -> None:
         "settings    none: a board of this dialect stores nothing",
     ]
     row = SettingRow(name="encoder lines", command="mline", have=None, want=11, differs=False)
-    assert shown(row) == ("not told", "11")
+    assert shown(row) == ("not known", "11")
 
 
 def test_differences_alone_leave_the_board_ready() -> None:
@@ -93,4 +93,6 @@ def test_ports_are_listed_with_the_name_that_stays() -> None:
     assert "CH340" in lines[1]
     assert lines[2].endswith("/dev/yahboom_driver")
     assert lines[3].split() == ["/dev/ttyACM0", "GPS"]
-    assert listing([], "/dev/yahboom_driver", "") == ["No serial port is on USB."]
+    assert listing([], "/dev/yahboom_driver", "") == [
+        "No serial port is on USB, nor on the computer itself."
+    ]

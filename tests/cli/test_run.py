@@ -8,9 +8,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from real_robot import Process, free_endpoint
+from real_robot import Process, free_endpoint, wait_for
 
 from yahboomd.cli.main import main
+from yahboomd.cli.unresponsive import process_state
 from yahboomd.daemon.service import Daemon
 
 pytestmark = pytest.mark.realtime
@@ -85,7 +86,7 @@ def test_a_bug_ends_it_with_its_traceback_and_a_status_of_its_own(
     monkeypatch.setattr(Daemon, "run", run)
     assert main(["run", *alone]) == os.EX_SOFTWARE
     said = capsys.readouterr().err
-    assert "the wheels were told to stop" in said
+    assert "a stop was sent to the wheels" in said
     assert "ZeroDivisionError: a bug" in said
 
 
@@ -108,3 +109,21 @@ def test_the_help_shows_how_to_start_and_where_it_is_reached() -> None:
     )
     assert "yahboomd run --port /dev/ttyUSB0" in done.stdout
     assert "tcp/127.0.0.1:7448" in done.stdout
+
+
+@pytest.mark.parametrize("frozen", [False, True])
+def test_a_second_daemon_on_the_listen_port_names_the_command_that_ends_the_first(
+    started: Callable[..., Process], frozen: bool
+) -> None:
+    first = started("--port", "/dev/not-there")
+    first.says("Listening")
+    pid = first.process.pid
+    if frozen:
+        first.process.send_signal(signal.SIGSTOP)
+        wait_for(lambda: process_state(pid) == "T", "it is frozen")
+    second = started("--port", "/dev/not-there-either")
+    assert second.end_by_itself() == 69
+    assert f"yahboomd (pid {pid}) listens there already." in second.output
+    wanted = f"`kill -CONT {pid}`, or end it: kill -9 {pid}" if frozen else f"End it: kill {pid}"
+    assert wanted in second.output
+    first.process.send_signal(signal.SIGCONT)

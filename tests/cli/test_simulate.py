@@ -65,6 +65,7 @@ def test_without_a_link_it_names_the_systems_own_port(start: object) -> None:
     [
         (["--wheel-radius", "0"], "wheel_radius_m must be positive"),
         (["--loss", "2"], "loss is a share"),
+        (["--tick-period", "-1"], "tick_period_s cannot be -1.0"),
         (["--ticks", "1,2"], "four whole numbers"),
         (["--ticks", "1,2,3,99999999999"], "32 bits"),
         (["--flash", "colour=1"], "knows no colour"),

@@ -14,9 +14,10 @@ from yahboomd.bus import keys
 from yahboomd.bus.options import BusOptions
 from yahboomd.bus.services import Response
 from yahboomd.bus.session import Bus
-from yahboomd.cli.stop_client import SAMPLES, Refused, engage, nobody, release
+from yahboomd.cli.stop_client import engage, no_daemon, release
+from yahboomd.client.async_robot import STANDING_SAMPLES
 from yahboomd.config import Config
-from yahboomd.errors import BusError
+from yahboomd.errors import BusError, Refused
 from yahboomd.messages.codecs import encode
 from yahboomd.messages.native import ServiceReply, WheelsSample
 
@@ -105,7 +106,7 @@ async def test_the_stop_is_engaged_and_the_wheels_are_watched_until_they_stand(r
 
 
 async def test_one_slow_sample_among_fast_ones_is_no_standstill(robot) -> None:
-    robot([0.0] * (SAMPLES - 1) + [0.5])
+    robot([0.0] * (STANDING_SAMPLES - 1) + [0.5])
     done = await engage((robot.endpoint,), CONFIG, within_s=1.0)
     assert done is not None
     assert not done.stood
@@ -118,7 +119,7 @@ async def test_a_daemon_without_a_board_is_not_said_to_have_standing_wheels(robo
     done = await engage((robot.endpoint,), CONFIG, within_s=1.0)
     assert done is not None
     assert not done.stood
-    assert "tells nothing of the wheels (No board yet.): look at them" in done.words
+    assert "cannot see whether the wheels stand. Look at them" in done.words
 
 
 async def test_nobody_is_told_where_nobody_listens() -> None:
@@ -145,5 +146,5 @@ async def test_another_robots_daemon_is_left_alone(robot) -> None:
 
 
 def test_the_message_names_every_place_that_was_tried() -> None:
-    assert "tcp/a:1 or tcp/b:2" in str(nobody(("tcp/a:1", "tcp/b:2")))
-    assert msgspec.json.encode(nobody(("tcp/a:1",)).exit_code) == b"69"
+    assert "tcp/a:1 or tcp/b:2" in str(no_daemon(("tcp/a:1", "tcp/b:2")))
+    assert msgspec.json.encode(no_daemon(("tcp/a:1",)).exit_code) == b"69"

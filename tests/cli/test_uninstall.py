@@ -53,7 +53,8 @@ def test_services_are_stopped_while_their_units_are_known(system: System, ran: l
     wants.mkdir()
     (wants / "yahboomd@front.service").symlink_to("/dev/null")
     uninstall(system)
-    assert ran[0] == "systemctl disable --now yahboomd.service yahboomd@front.service"
+    units = "yahboomd.service yahboomd@front.service yahboomd-metrics.service"
+    assert ran[0] == f"systemctl disable --now {units}"
     assert "systemctl daemon-reload" in ran[1:]
 
 

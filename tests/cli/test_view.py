@@ -1,11 +1,16 @@
 from __future__ import annotations
 
 from yahboomd.cli.view import LINK_COUNTS, REFUSALS, View, WheelView
-from yahboomd.messages.samples import REFUSED
+from yahboomd.messages import status_fields
 
 
-def test_every_reason_to_refuse_a_payload_has_words() -> None:
-    assert {sample.reason for sample in REFUSED.values()} <= set(REFUSALS)
+def test_every_reason_to_refuse_a_command_has_words() -> None:
+    assert set(REFUSALS) == set(status_fields.REFUSALS)
+
+
+def test_every_trouble_of_the_line_is_a_counter_of_the_status() -> None:
+    counters = status_fields.ZEROS["link"] | status_fields.ZEROS["command"]
+    assert {name for group in LINK_COUNTS.values() for name in group} <= set(counters)
 
 
 def test_no_counter_is_told_twice() -> None:

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 from pydantic import ValidationError
 
-from yahboomd.config.hardware import PRESETS, Board, Chassis, MotorEntry, Serial
+from yahboomd.config.hardware import PRESETS, Board, Chassis, MotorEntry, Serial, preset_motors
 from yahboomd.config.models import WHEELS
 from yahboomd.protocol.registry import DIALECTS
 from yahboomd.protocol.settings import PROFILES
@@ -90,3 +90,33 @@ def test_whole_numbers_will_do_where_numbers_are_expected():
 def test_a_configuration_does_not_change():
     with pytest.raises(ValidationError, match="frozen"):
         Board().profile = "310"  # type: ignore[misc]
+
+
+@pytest.mark.parametrize(
+    "chassis",
+    [
+        {"preset": "4wd", "motors": {"right": [{"position": 4, "command_sign": -1}]}},
+        # From --set, the default of the whole table comes along.
+        {
+            "preset": "4wd",
+            "motors": {
+                "left": [{"position": 1}],
+                "right": [{"position": 4, "command_sign": -1}],
+            },
+        },
+    ],
+)
+def test_a_motor_mounted_the_other_way_round_stands_beside_a_preset(chassis):
+    motors = preset_motors(Chassis.model_validate(chassis))
+    assert motors["left"] == PRESETS["4wd"][1]["left"]
+    assert [(entry.position, entry.name) for entry in motors["right"]] == [
+        (3, "front_right"),
+        (4, "rear_right"),
+    ]
+    assert [entry.command_sign for entry in motors["right"]] == [1, -1]
+
+
+def test_a_motor_beside_a_preset_may_have_a_name_of_its_own():
+    motors = {"right": [{"position": 4, "name": "back_right"}]}
+    chassis = Chassis.model_validate({"preset": "4wd", "motors": motors})
+    assert preset_motors(chassis)["right"][1].name == "back_right"

@@ -28,6 +28,19 @@ def test_a_byte_order_mark_and_windows_line_ends_are_no_mistake(layers, tmp_path
     ("content", "line", "expected"),
     [
         (b"[log]\nlevel = \n", 2, "not valid TOML at line 2, column 9: invalid value"),
+        (
+            b"[serial]\nport = /dev/ttyUSB0 # the board\n",
+            2,
+            'not valid TOML at line 2, column 8: invalid value; text needs quotes: "/dev/ttyUSB0"',
+        ),
+        (
+            b"[chassis]\npreset = 4wd\n",
+            2,
+            (
+                "not valid TOML at line 2, column 11: expected newline or end of document after a "
+                'statement; text needs quotes: "4wd"'
+            ),
+        ),
         (b"[log]\n[log]\n", 2, "not valid TOML at line 2, column 5: cannot declare log twice"),
         (b'[log]\nlevel = """\n', 2, "not valid TOML at line 2: unterminated string"),
         (b"[log]\nlevel = '\xff'\n", 2, "not UTF-8 (byte 0xff); save the file as UTF-8"),

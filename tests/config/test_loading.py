@@ -128,10 +128,14 @@ def test_a_list_without_quotes_is_checked_all_the_same(complaints):
     assert "zenoh.listen[0]: expected an endpoint" in line
 
 
-def test_a_limits_table_in_a_file_replaces_its_default_whole(given):
-    limits = given("[limits]\nlinear = { velocity = 0.5 }\n").config.limits
+@pytest.mark.parametrize(
+    "text", ["[limits]\nlinear = { velocity = 0.5 }\n", "[limits.linear]\nvelocity = 0.5\n"]
+)
+def test_a_limit_in_a_file_keeps_the_other_limits_of_its_axis(given, text):
+    limits = given(text).config.limits
     assert limits.linear.velocity == 0.5
-    assert limits.linear.acceleration is None
+    assert limits.linear.acceleration == 2.5
+    assert limits.linear.deceleration == 5.0
     assert limits.linear.jerk is None
     assert limits.angular == Config().limits.angular
 
@@ -232,7 +236,6 @@ def attempt(path: Path | None, **how) -> Config | str:
         return error.message
 
 
-@settings(deadline=None)
 @given(st.lists(st.tuples(places, toml_values), max_size=4))
 def test_any_value_at_any_key_gives_a_config_or_a_config_error(pairs):
     lines = [f"{place} = {value}" for place, value in pairs]
@@ -240,7 +243,7 @@ def test_any_value_at_any_key_gives_a_config_or_a_config_error(pairs):
     assert isinstance(outcome, Config) or len(outcome.split("\n")) > 1
 
 
-@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 @given(st.one_of(st.binary(), st.lists(st.tuples(places, toml_values), max_size=4)))
 def test_any_file_gives_a_config_or_a_config_error(tmp_path, content):
     if isinstance(content, list):

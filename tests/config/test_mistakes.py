@@ -13,6 +13,10 @@ from yahboomd.config.mistakes import Mistake, section_of, shown, slot, suggestio
         ("[command]\ntimeout = 1.0\n", 'command.timeout: unknown key; did you mean "timeout_s"?'),
         ("[command]\nframe_id = 'x'\n", 'command.frame_id: unknown key; "frame_id" belongs to'),
         ("motors = 3\n", 'motors: unknown section; "motors" belongs to [chassis]'),
+        (
+            "[chassis]\ncommand_sign = -1\n",
+            "belongs to each entry of chassis.motors: { position = \u2026, command_sign = \u2026 }",
+        ),
         ("[log]\nxyzzy = 1\n", "log.xyzzy: unknown key; known here: level"),
         ("serial = 3\n", "serial: expected a table { port, baudrate, dialect, "),
         ("[serial]\nbaudrate = '115200'\n", 'got "115200" (a number takes no quotes)'),

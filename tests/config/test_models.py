@@ -132,8 +132,12 @@ def test_robots_on_one_machine_have_latches_of_their_own():
     paths = {
         config(zenoh={"namespace": name}).latch_path({}, user_id=0)
         for name in ("", "a", "a/b", "a_b", "a.b")
+    } | {
+        config(serial={"port": port}).latch_path({}, user_id=0)
+        for port in ("/dev/ttyUSB0", "/dev/ttyUSB1", "/tmp/board", f"/dev/{'x' * 4000}")
     }
-    assert len(paths) == 5
+    assert len(paths) == 9
+    assert all(len(path.name) < 256 for path in paths)
     assert {path.parent for path in paths} == {Path("/run/yahboomd")}
 
 

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import tomllib
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from yahboomd.config.positions import key_lines
@@ -89,7 +89,6 @@ values = st.recursive(
 )
 
 
-@settings(deadline=None)
 @given(st.lists(st.tuples(keys, values), max_size=6), st.sampled_from(["", "[t]\n", "[[t]]\n"]))
 def test_the_lines_of_any_document_are_those_where_its_keys_stand(pairs, header):
     text = header + "\n".join(f"{key} = {value}" for key, value in pairs)
@@ -106,7 +105,6 @@ def test_the_lines_of_any_document_are_those_where_its_keys_stand(pairs, header)
             assert name in rows[line - 1]
 
 
-@settings(deadline=None)
 @given(st.text(alphabet="[]{}=\"'#.,\n\\ab1 \t", max_size=60))
 def test_text_that_is_no_toml_does_not_raise(text):
     assert isinstance(key_lines(text), dict)

@@ -81,3 +81,18 @@ def test_the_summary_says_what_was_changed_from_outside(given):
 @pytest.mark.parametrize("mode", ["client"])
 def test_the_summary_of_a_client_listens_on_nothing(given, mode):
     assert "Listens on nothing" in summary(given("", f"zenoh.mode={mode}"))
+
+
+def test_the_summary_names_motors_that_are_mounted_the_other_way_round(given):
+    text = summary(
+        given(
+            """
+            [chassis]
+            preset = "4wd"
+            motors.left = [{ position = 1, command_sign = -1, encoder_sign = -1 }]
+            motors.right = [{ position = 4, encoder_sign = -1 }]
+            """
+        )
+    )
+    assert "front_left on M1 (reversed), rear_left on M2, front_right on M3" in text
+    assert "rear_right on M4 (encoder reversed)" in text

@@ -37,9 +37,18 @@ def test_presets_need_nothing_else(preset):
     assert findings(Config.model_validate({"chassis": {"preset": preset}})) == []
 
 
-def test_a_preset_contradicts_other_motors_and_kinematics():
+def test_a_preset_contradicts_other_kinematics_wheels_and_positions():
     chassis = {"preset": "4wd", "kinematics": "mecanum", "motors": MECANUM}
-    assert set(found(chassis=chassis)) == {"chassis.kinematics", "chassis.motors"}
+    lines = found(chassis=chassis)
+    assert lines.keys() == {"chassis.kinematics", *(f"chassis.motors.{wheel}" for wheel in MECANUM)}
+    assert lines["chassis.kinematics"].endswith("which is skid_steer; leave out one")
+    lines = found(chassis={"preset": "2wd", "motors": {"left": [{"position": 2}]}})
+    (words,) = lines.values()
+    assert "has M1 there" in words
+    assert 'replace preset by kinematics = "differential" and name all motors' in words
+    twice = [{"position": 4, "encoder_sign": -1}, {"position": 4, "command_sign": -1}]
+    lines = found(chassis={"preset": "4wd", "motors": {"right": twice}})
+    assert lines == {"chassis.motors.right[1].position": "position 4 is named twice"}
 
 
 def test_a_preset_may_stand_beside_its_own_motors():
@@ -234,6 +243,11 @@ def test_more_than_the_board_can_do_and_a_stall_that_is_never_seen_are_warnings(
 
 
 def test_the_odometry_believes_the_speeds_that_are_allowed():
+    lines = found(limits={"linear": {"velocity": 3.0}})
+    words = lines["odometry.max_wheel_speed_m_s"]
+    assert words.endswith(
+        "got 2; raise it too: --set odometry.max_wheel_speed_m_s=4, or lower the velocity"
+    )
     lines = found(odometry={"max_wheel_speed_m_s": 1.0})
     assert set(lines) == {"odometry.max_wheel_speed_m_s"}
     assert found(odometry={"max_wheel_speed_m_s": 1.1}) == {}
@@ -267,3 +281,16 @@ def test_a_frame_has_one_parent():
     assert set(lines) == {f"ros2.static_transforms[{index}].child" for index in (1, 2, 3)}
     assert "static_transforms[0]" in lines["ros2.static_transforms[1].child"]
     assert "odometry.child_frame_id" in lines["ros2.static_transforms[2].child"]
+
+
+def test_a_motor_of_a_wheel_that_the_preset_lists_under_its_side_is_named_with_its_place():
+    lines = found(chassis={"preset": "4wd", "motors": {"front_left": [{"position": 1}]}})
+    assert lines["chassis.motors.front_left"] == (
+        'preset "4wd" has the wheels left, right: with 4wd the motors are lists under left and '
+        "right: motors.left = [{ position = 1, \u2026 }]"
+    )
+
+
+def test_one_side_alone_without_a_preset_names_the_preset_that_keeps_the_other():
+    lines = found(chassis={"motors": {"left": [{"position": 1, "command_sign": -1}]}})
+    assert 'set chassis.preset = "2wd" and name only' in lines["chassis.motors.right"]

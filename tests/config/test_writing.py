@@ -68,7 +68,8 @@ def test_every_value_is_followed_by_its_origin(given):
     text = as_toml(loaded.config, origins=loaded.origins)
     (linear,) = [line for line in text.split("\n") if line.startswith("linear = ")]
     assert linear.startswith(
-        "linear = { velocity = 0.5, jerk = 3.0 }  # --set limits.linear.jerk=3"
+        "linear = { velocity = 0.5, acceleration = 2.5, deceleration = 5.0, jerk = 3.0 }"
+        "  # --set limits.linear.jerk=3"
     )
     assert linear.endswith("config.toml:2")
     assert 'level = "debug"  # YAHBOOMD_LOG__LEVEL' in text

@@ -10,8 +10,10 @@ import pytest
 from yahboomd.clock import LoopClock, SystemClock
 from yahboomd.config import Config, load
 from yahboomd.daemon import assembly
+from yahboomd.daemon.latch_file import LatchFile
 from yahboomd.errors import PortMissing
 from yahboomd.link import port_note
+from yahboomd.link.port_identity import identify
 from yahboomd.link.port_note import PortNote
 from yahboomd.simulation.virtual_time import on_virtual_time
 
@@ -81,10 +83,16 @@ async def test_how_the_port_was_opened_is_noted_for_the_stop_after_a_kill(tmp_pa
     environ = {"RUNTIME_DIRECTORY": str(tmp_path)}
     settings = config(f"serial.port={os.ttyname(slave)}", "serial.baudrate=57600")
     port = await assembly.opener(settings, SystemClock(), environ)()
+    device = identify(os.fstat(slave))
     port.close()
     os.close(slave)
     os.close(master)
-    assert port_note.read(environ) == PortNote(settings.serial.port, 57600, True, False, False)
+    (note,) = port_note.read(str(tmp_path))
+    assert note == PortNote(
+        settings.serial.port,
+        *(57600, True, False, False, device, os.getpid()),
+        listen=settings.zenoh.listen,
+    )
 
 
 @on_virtual_time
@@ -92,3 +100,26 @@ async def test_an_engaged_latch_is_found_where_the_configuration_says(tmp_path: 
     (tmp_path / "estop").write_text('{"by": "somebody"}')
     latch = assembly.latch(config(f"estop.latch_file={tmp_path / 'estop'}"), LoopClock(), {})
     assert latch.engaged
+
+
+@pytest.mark.parametrize(
+    ("settings", "engaged"),
+    [
+        ((), True),
+        (("serial.port=/dev/ttyUSB0",), True),
+        (("serial.port=/tmp/board",), False),
+        (("zenoh.namespace=bot1",), False),
+    ],
+)
+@on_virtual_time
+async def test_a_simulated_board_and_another_namespace_have_latches_of_their_own(
+    tmp_path: Path, settings: tuple[str, ...], engaged: bool
+) -> None:
+    environ = {"RUNTIME_DIRECTORY": str(tmp_path)}
+    LatchFile(tmp_path / "estop").engage("an earlier version")
+    latch = assembly.latch(config(*settings), LoopClock(), environ)
+    assert latch.engaged is engaged
+    if engaged:
+        assert latch.settle()
+        assert latch.release(()).released
+        assert not assembly.latch(config(*settings), LoopClock(), environ).engaged

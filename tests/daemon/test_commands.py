@@ -10,8 +10,10 @@ from yahboomd.bus.subscriptions import Arrival
 from yahboomd.daemon.commands import CommandIntake
 from yahboomd.drive.arbiter import Arbiter
 from yahboomd.drive.arbitration import Source
+from yahboomd.messages.status_fields import REFUSALS
 
 MS = 1_000_000
+NONE_REFUSED = dict.fromkeys(REFUSALS, 0)
 
 
 class Hand:
@@ -38,6 +40,7 @@ class Scene:
             self.arbiter,
             self.clock,  # type: ignore[arg-type]
             holonomic=holonomic,
+            notice_pause=lambda: None,
             step=self.step,
         )
         self.take = self.intake.handler("cmd_vel")
@@ -69,6 +72,23 @@ def test_what_was_overrun_is_counted() -> None:
     facts = scene.intake.facts()
     assert facts["received"] == 4
     assert facts["overrun"] == 3
+
+
+def test_commands_that_were_lost_unread_count_as_motion() -> None:
+    scene = Scene()
+    scene.take([scene.arrival(b'{"vx": 0.0}')])
+    assert scene.arbiter.moving_sources(scene.clock.now) == ()
+    scene.take([scene.arrival(b'{"vx": 0.0}', dropped=1)])
+    assert scene.arbiter.moving_sources(scene.clock.now) == ("cmd_vel",)
+
+
+@pytest.mark.parametrize(
+    ("payload", "oversize"), [(b"{", False), (b'{"vx": "0.3"}', False), (b"", True)]
+)
+def test_commands_that_cannot_be_read_count_as_motion(payload: bytes, oversize: bool) -> None:
+    scene = Scene()
+    scene.take([scene.arrival(payload, oversize=oversize)])
+    assert scene.arbiter.moving_sources(scene.clock.now) == ("cmd_vel",)
 
 
 def test_two_hundred_old_commands_at_once_move_nothing() -> None:
@@ -122,10 +142,16 @@ def test_every_source_has_its_own_account() -> None:
             "accepted": 1,
             "overrun": 2,
             "vy_ignored": 1,
-            "refused": {"unknown_encoding": 1},
+            "refused": NONE_REFUSED | {"unknown_encoding": 1},
         },
         # Nobody of that name may drive in this scene.
-        "cmd_vel/teleop": {"received": 2, "refused": {"unknown_source": 1, "not_finite": 1}},
+        "cmd_vel/teleop": {
+            "received": 2,
+            "accepted": 0,
+            "overrun": 0,
+            "vy_ignored": 0,
+            "refused": NONE_REFUSED | {"unknown_source": 1, "not_finite": 1},
+        },
     }
     # In all, every one that came is either accepted, refused or lost.
     assert facts["received"] == facts["accepted"] + facts["refused"] + facts["overrun"]

@@ -2,29 +2,76 @@
 
 from __future__ import annotations
 
+import os
+import stat
+import subprocess
+import sys
 from pathlib import Path
+from urllib.parse import quote
 
 import pytest
 
 from yahboomd.daemon.latch_file import LatchFile
 
+FULL = """
+import sys
+from pathlib import Path
+from yahboomd.daemon.latch_file import LatchFile
+folder = Path(sys.argv[1])
+(folder / "everything").write_bytes(b"") if sys.argv[2] == "names" else None
+try:
+    with open(folder / "everything", "wb", buffering=0) as file:
+        while True:
+            file.write(bytes(4096))
+except OSError:
+    pass
+try:
+    LatchFile(folder / "estop").engage("a query")
+except OSError as error:
+    print("full", error.errno)
+else:
+    print(LatchFile(folder / "estop").load())
+(folder / "everything").unlink()
+LatchFile(folder / "estop").engage("a query")
+print(LatchFile(folder / "estop").load())
+print(sorted(path.name for path in folder.iterdir()))
+"""
+
+
+def on_a_small_disk(folder: Path, options: str, what: str) -> list[str]:
+    """Run FULL on a file system of one page, in a mount namespace of its own."""
+    command = f"mount -t tmpfs -o {options} tmpfs {folder} && exec {sys.executable} -c '{FULL}'"
+    ran = subprocess.run(
+        ["unshare", "-m", "sh", "-c", f"{command} {folder} {what}"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if ran.returncode:
+        pytest.skip(f"no file system can be mounted here: {ran.stderr.strip()}")
+    return ran.stdout.splitlines()
+
 
 def test_an_engaged_latch_is_remembered_with_who_engaged_it(tmp_path: Path) -> None:
     path = tmp_path / "run" / "estop"
-    assert LatchFile(path).engage("a query")
+    LatchFile(path).engage("a query")
+    assert LatchFile(path).load() == "a query"
+    LatchFile(path).engage("another one")
     assert LatchFile(path).load() == "a query"
 
 
 def test_a_released_latch_is_forgotten(tmp_path: Path) -> None:
     file = LatchFile(tmp_path / "estop")
     file.engage("a query")
-    assert file.release()
+    file.release()
     assert file.load() is None
-    assert file.release()
+    file.release()
 
 
-def test_without_a_file_nothing_is_engaged(tmp_path: Path) -> None:
-    assert LatchFile(tmp_path / "estop").load() is None
+def test_without_a_file_or_a_folder_nothing_is_engaged(tmp_path: Path) -> None:
+    for path in (tmp_path / "estop", tmp_path / "none" / "estop"):
+        LatchFile(path, port="").release()
+        assert LatchFile(path, port="").load() is None
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"[]", b"\xff\xfe", b'{"engaged": true}'])
@@ -34,14 +81,105 @@ def test_a_damaged_file_counts_as_engaged(tmp_path: Path, content: bytes) -> Non
     assert LatchFile(path).load() is not None
 
 
-def test_a_folder_that_cannot_be_written_is_told_and_raises_nothing(
+@pytest.mark.parametrize("kind", ["fifo", "link", "folder"])
+def test_what_is_no_file_counts_as_engaged_and_does_not_hang_the_start(
+    tmp_path: Path, kind: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "estop"
+    {"fifo": os.mkfifo, "link": lambda at: at.symlink_to("gone"), "folder": Path.mkdir}[kind](path)
+    assert str(LatchFile(path).load()).startswith("unknown")
+    assert f"{path} " in caplog.text
+    # It is on file, in its way.
+    LatchFile(path).engage("a query")
+
+
+def test_a_folder_that_cannot_be_written_raises(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(OSError, match="file"):
+        LatchFile(tmp_path / "file" / "estop").engage("a query")
+
+
+def test_a_folder_that_another_user_made_counts_as_engaged_and_is_named(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    (tmp_path / "file").touch()
-    assert not LatchFile(tmp_path / "file" / "estop").engage("a query")
-    assert "would not survive a restart" in caplog.text
+    tmp_path.chmod(0o1777)
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "yahboomd-0").symlink_to("elsewhere")
+    file = LatchFile(tmp_path / "yahboomd-0" / "estop")
+    assert file.load() == "unknown (its folder cannot be used)"
+    assert "estop.latch_file = " in caplog.text
+    with pytest.raises(PermissionError):
+        file.engage("a query")
 
 
-def test_no_half_written_file_is_left_behind(tmp_path: Path) -> None:
+def test_a_disk_that_is_full_has_room_for_the_name_and_that_is_enough(tmp_path: Path) -> None:
+    first, second, names = on_a_small_disk(tmp_path, "size=4k", "content")
+    assert first == "unknown (its file is damaged)"
+    assert second == first
+    assert names == "['estop']"
+
+
+def test_a_disk_without_room_for_a_name_is_written_once_there_is_room(tmp_path: Path) -> None:
+    first, second, names = on_a_small_disk(tmp_path, "size=8k,nr_inodes=2", "names")
+    assert first == "full 28"
+    assert second == "a query"
+    assert names == "['estop']"
+
+
+def test_nothing_but_the_latch_is_left_behind_and_what_was_is_removed(tmp_path: Path) -> None:
+    (tmp_path / ".estop-a_b2c3d4").touch()
+    (tmp_path / ".estop-mine").touch()
+    LatchFile(tmp_path / "estop").load()
     LatchFile(tmp_path / "estop").engage("a query")
-    assert [path.name for path in tmp_path.iterdir()] == ["estop"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [".estop-mine", "estop"]
+
+
+def named(folder: Path, port: str) -> LatchFile:
+    return LatchFile(folder / f"estop{'@' if port else ''}{quote(port, safe='')}", port=port)
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("/dev/ttyUSB0", "/dev/ttyUSB1"),
+        ("/tmp/board", "/dev/ttyUSB0"),
+        ("/tmp/board", ""),
+        ("", "/tmp/board"),
+        ("/tmp/one", "/tmp/two"),
+    ],
+)
+def test_robots_on_different_ports_have_latches_of_their_own(
+    tmp_path: Path, one: str, other: str
+) -> None:
+    named(tmp_path, one).engage("a query")
+    assert named(tmp_path, other).load() is None
+    named(tmp_path, other).engage("another")
+    named(tmp_path, other).release()
+    assert named(tmp_path, one).load() == "a query"
+
+
+@pytest.mark.parametrize(
+    ("one", "other"), [("", "/dev/ttyUSB0"), ("/dev/ttyUSB0", ""), ("/dev/../dev/x", "/dev/x")]
+)
+def test_what_may_be_the_same_board_by_another_name_stays_engaged_until_released(
+    tmp_path: Path, one: str, other: str
+) -> None:
+    """Also a latch of an earlier version, whose name did not have the port in it."""
+    named(tmp_path, one).engage("a query")
+    assert named(tmp_path, other).load() == "a query"
+    named(tmp_path, other).release()
+    assert named(tmp_path, one).load() is None
+
+
+def test_the_latch_of_another_namespace_is_another_robots(tmp_path: Path) -> None:
+    LatchFile(tmp_path / "estop.a", port="").engage("a query")
+    assert LatchFile(tmp_path / "estop", port="").load() is None
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only root makes a device, and could remove one")
+def test_a_device_in_the_place_of_the_file_is_not_removed(tmp_path: Path) -> None:
+    path = tmp_path / "estop"
+    os.mknod(path, 0o666 | stat.S_IFCHR, os.makedev(1, 3))
+    with pytest.raises(OSError, match=r"a device; set estop\.latch_file"):
+        LatchFile(path).release()
+    assert path.is_char_device()

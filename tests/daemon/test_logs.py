@@ -86,3 +86,18 @@ def test_a_reader_that_is_gone_disturbs_nobody(log: logging.Logger) -> None:
         configure("info", {}, stream)
         log.info("to nobody")
         flush()
+
+
+@pytest.mark.parametrize("journal", [False, True])
+def test_no_line_can_command_a_terminal(log: logging.Logger, tmp_path: Path, journal: bool) -> None:
+    with (tmp_path / "log").open("w+") as stream:
+        status = os.fstat(stream.fileno())
+        device = f"{status.st_dev}:{status.st_ino}"
+        configure("info", {"JOURNAL_STREAM": device} if journal else {}, stream)
+        log.warning("neighbour %s joined\nand %s", "\x1b[2J", "\x9bleft\x07")
+        flush()
+        stream.seek(0)
+        lines = stream.read().splitlines()
+    assert len(lines) == 2
+    assert all(line.isprintable() for line in lines)
+    assert lines[0].endswith("neighbour ?[2J joined")

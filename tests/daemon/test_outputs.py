@@ -12,12 +12,13 @@ from robot_bench import Heard, RobotBench
 
 from yahboomd.clock import LoopClock
 from yahboomd.daemon.outputs import EVENTS_A_SECOND, Events
-from yahboomd.model import Event
+from yahboomd.messages.event_kinds import KINDS
+from yahboomd.model import Event, EventKind
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 
-def event(kind: str = "board_reset", severity: str = "warning") -> Event:
-    return Event(kind=kind, severity=severity, message=f"{kind} it is.")  # type: ignore[arg-type]
+def event(kind: EventKind = "board_reset") -> Event:
+    return Event(kind=kind, severity=KINDS[kind].severities[0], message=f"{kind} it is.")
 
 
 class Gate:
@@ -68,8 +69,8 @@ async def test_after_a_second_a_kind_is_told_again() -> None:
 async def test_an_event_is_logged_as_grave_as_it_is(caplog: pytest.LogCaptureFixture) -> None:
     gate = Gate()
     with caplog.at_level(logging.INFO):
-        for severity in ("info", "warning", "error"):
-            gate.events.tell(event(severity=severity))
+        for kind in ("connected", "board_reset", "disconnected"):
+            gate.events.tell(event(kind))
     assert [record.levelname for record in caplog.records] == ["INFO", "WARNING", "ERROR"]
-    assert {record.getMessage() for record in caplog.records} == {"board_reset it is."}
+    assert caplog.records[0].getMessage() == "connected it is."
     assert gate.heard.changes == 3

@@ -36,9 +36,9 @@ def outlets() -> dict[str, Outlet]:
 @pytest.fixture
 async def publisher(outlets: dict[str, Outlet]) -> Publisher:
     return Publisher(
-        lambda key, _message: outlets.setdefault(key, Outlet()),
+        lambda key: outlets.setdefault(key, Outlet()),
         encoding="json",
-        stamps=WallStamps(LoopClock()),
+        stamps=WallStamps(LoopClock(), lambda _event: None),
         period_ns=20 * MS,
         frame_id="odom",
         child_frame_id="base_link",
@@ -117,3 +117,23 @@ def test_readings_that_jitter_around_the_beat_all_pass() -> None:
     pace = Pace(20 * MS)
     jitter = (0, 3, -3, 2, -2)
     assert all(pace.due((n * 20 + jitter[n % 5]) * MS) for n in range(100))
+
+
+async def test_the_newest_sample_is_known_without_any_subscriber(
+    publisher: Publisher, outlets: dict[str, Outlet]
+) -> None:
+    assert publisher.newest("yahboomd/pose") is None
+    publisher.estimate(estimate(0), (0.3, 0.4))
+    published = outlets["yahboomd/pose"].payloads[-1]
+    assert msgspec.json.decode(msgspec.json.encode(publisher.newest("yahboomd/pose"))) == published
+    for outlet in outlets.values():
+        outlet.has_subscribers = False
+    publisher.estimate(estimate(20 * MS), (0.5, 0.6))
+    publisher.battery(7.4)
+    newest = {
+        key: publisher.newest(f"yahboomd/{key}") for key in ("pose", "twist", "wheels", "battery")
+    }
+    assert newest["pose"].seq == newest["twist"].seq == newest["wheels"].seq == 2
+    assert newest["wheels"].command_m_s == (0.5, 0.6)
+    assert newest["battery"].volts == 7.4
+    assert outlets["yahboomd/pose"].payloads == [published]

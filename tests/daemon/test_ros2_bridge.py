@@ -60,6 +60,8 @@ async def test_samples_go_out_on_the_plain_key(bus: Bus, app: ZenohApp) -> None:
     await eventually(lambda: outlet.has_subscribers)
     outlet.put(b"\0\1\0\0cdr")
     (sample,) = await eventually(lambda: heard)
+    assert sample.priority == zenoh.Priority.DATA_HIGH
+    assert sample.congestion_control == zenoh.CongestionControl.DROP
     assert sample.payload.to_bytes() == b"\0\1\0\0cdr"
     assert str(sample.encoding) == "application/cdr;nav_msgs/msg/Odometry"
     assert sample.attachment is None

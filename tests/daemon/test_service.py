@@ -16,8 +16,10 @@ import pytest
 import zenoh
 from zenoh_fixtures import eventually, free_endpoint
 
+from yahboomd.bus.publishers import PRIORITIES
 from yahboomd.clock import Schedule, SystemClock
 from yahboomd.config import load
+from yahboomd.daemon.key_table import OUTPUTS
 from yahboomd.daemon.service import Daemon
 from yahboomd.errors import BusError
 from yahboomd.simulation.memory import MemoryPort
@@ -39,6 +41,7 @@ class Running:
             f"estop.latch_file={folder / 'estop'}",
         ]
         self.config = load(None, environ={}, overrides=overrides)
+        environ = {"RUNTIME_DIRECTORY": str(folder / "run"), **environ}
         self.daemon = Daemon(self.config, environ=environ, clock=SystemClock(), opener=self.open)
         self.task = asyncio.create_task(self.daemon.run())
         self.samples: dict[str, list[zenoh.Sample]] = {}
@@ -102,18 +105,22 @@ async def running(tmp_path: Path) -> AsyncIterator[Running]:
     await running.end()
 
 
-async def test_every_native_key_carries_its_one_type_and_encoding(running: Running) -> None:
+async def test_every_native_key_carries_its_one_type_and_encoding_with_its_qos(
+    running: Running,
+) -> None:
     await running.state("standing")
-    wanted = {
-        "pose": "application/json;PoseSample",
-        "twist": "application/json;TwistSample",
-        "wheels": "application/json;WheelsSample",
-        "battery": "application/json;BatterySample",
-        "status": "application/json;StatusSample",
-    }
-    await eventually(lambda: set(wanted) <= set(running.samples))
-    for name, encoding in wanted.items():
-        assert {str(sample.encoding) for sample in running.samples[name]} == {encoding}
+    await running.ask("yahboomd/odometry/reset")
+    await eventually(lambda: {key.partition("/")[2] for key in OUTPUTS} <= set(running.samples))
+    for key, output in OUTPUTS.items():
+        for sample in running.samples[key.partition("/")[2]]:
+            assert str(sample.encoding) == f"application/json;{output.message.__name__}"
+            assert sample.priority == PRIORITIES[output.priority]
+            blocks = sample.congestion_control == zenoh.CongestionControl.BLOCK
+            assert blocks == output.reliable
+    for key in ("yahboomd/pose", "yahboomd/board", "yahboomd/estop"):
+        (reply,) = await asyncio.to_thread(lambda key=key: list(running.session.get(f"bot1/{key}")))
+        assert reply.ok.priority == PRIORITIES["data"]
+        assert reply.ok.congestion_control == zenoh.CongestionControl.BLOCK
 
 
 async def test_the_log_says_where_it_listens_and_for_whom(
@@ -248,7 +255,7 @@ async def test_a_bus_that_cannot_be_opened_is_told_bare(tmp_path: Path) -> None:
         overrides=["zenoh.mode=client", f'zenoh.connect=["{free_endpoint()}"]'],
     )
     with pytest.raises(BusError):
-        await Daemon(config, environ={}).run()
+        await Daemon(config, environ={"RUNTIME_DIRECTORY": str(tmp_path)}).run()
 
 
 async def test_a_service_is_ready_once_the_port_that_it_listens_on_is_free(tmp_path: Path) -> None:
@@ -271,7 +278,8 @@ async def test_a_service_is_ready_once_the_port_that_it_listens_on_is_free(tmp_p
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind(str(tmp_path / "notify"))
         manager.setblocking(False)
-        daemon = Daemon(config, environ={"NOTIFY_SOCKET": manager.getsockname()})
+        environ = {"RUNTIME_DIRECTORY": str(tmp_path), "NOTIFY_SOCKET": manager.getsockname()}
+        daemon = Daemon(config, environ=environ)
         with socket.create_server((host, int(port))):
             task = asyncio.create_task(daemon.run())
             await eventually(hear)

@@ -6,10 +6,13 @@ import asyncio
 from pathlib import Path
 from typing import Any
 
+import msgspec
 from robot_bench import RobotBench
+from status_check import assert_registered
 
 from yahboomd.bus.presence import Neighbour
 from yahboomd.daemon.status import Status
+from yahboomd.messages.status_fields import ZEROS
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 
@@ -47,6 +50,14 @@ async def test_without_a_board_it_says_what_is_waited_for(tmp_path: Path) -> Non
 
 
 @on_virtual_time
+async def test_every_counter_is_present_from_the_first_status_on(tmp_path: Path) -> None:
+    async with RobotBench(tmp_path) as bench:
+        sample = msgspec.to_builtins(status(bench).sample())
+        sample["bus"]["local_socket"] = ""
+        assert_registered(sample, set())
+
+
+@on_virtual_time
 async def test_while_driving_it_names_the_driver_and_every_counter(tmp_path: Path) -> None:
     async with RobotBench(tmp_path) as bench:
         await bench.ready()
@@ -59,6 +70,7 @@ async def test_while_driving_it_names_the_driver_and_every_counter(tmp_path: Pat
         assert int(str(sample.link["readings"])) > 50
         assert sample.command["accepted"] == 20
         assert sample.bus == {
+            **ZEROS["bus"],
             "zid": "abc",
             "routers": "tcp/127.0.0.1:7447",
             "neighbours": 2,

@@ -25,6 +25,8 @@ class Missing:
     async def run(self) -> None:
         raise self._error()
 
+    left_standing: bool | None = None
+
     def facts(self) -> dict[str, int]:
         return {"bytes": 1}
 

@@ -24,6 +24,7 @@ class Told:
 
     def __init__(self) -> None:
         self.words: list[object] = []
+        self.noisy = False
 
     def drive(self, units: Counts) -> None:
         self.words.append(units)
@@ -62,7 +63,7 @@ def standing(wheels: Wheels, from_ms: int, to_ms: int) -> None:
 
 def test_speeds_become_units_at_the_positions_of_the_motors(board: Told) -> None:
     wheels = make(board)
-    wheels.turn((0.3, -0.2), 0)
+    wheels.turn((0.3, -0.2))
     assert board.words == [(300, 0, -200, 0)]
     assert wheels.command_m_s == (0.3, -0.2)
     assert wheels.in_motion
@@ -70,7 +71,7 @@ def test_speeds_become_units_at_the_positions_of_the_motors(board: Told) -> None
 
 def test_an_immediate_stop_goes_before_everything_and_is_said_again(board: Told) -> None:
     wheels = make(board)
-    wheels.turn((0.3, 0.3), 0)
+    wheels.turn((0.3, 0.3))
     board.words.clear()
     for ms in range(0, 250, 20):
         assert wheels.stand(ms * MS, at_once=True) is None
@@ -80,7 +81,7 @@ def test_an_immediate_stop_goes_before_everything_and_is_said_again(board: Told)
 
 def test_a_ramp_that_ends_at_zero_needs_no_stop_before_everything(board: Told) -> None:
     wheels = make(board)
-    wheels.turn((0.01, 0.01), 0)
+    wheels.turn((0.01, 0.01))
     wheels.stand(20 * MS, at_once=False)
     assert "brake" not in board.words
     assert board.words[-1] == (0, 0, 0, 0)
@@ -88,7 +89,7 @@ def test_a_ramp_that_ends_at_zero_needs_no_stop_before_everything(board: Told) -
 
 def test_a_stop_that_is_obeyed_is_not_said_again(board: Told) -> None:
     wheels = make(board)
-    wheels.turn((0.3, 0.3), 0)
+    wheels.turn((0.3, 0.3))
     wheels.stand(0, at_once=True)
     standing(wheels, 10, 100)
     assert wheels.stopped
@@ -100,7 +101,7 @@ def test_a_stop_that_is_obeyed_is_not_said_again(board: Told) -> None:
 
 def test_a_stop_that_is_not_obeyed_cuts_the_motors_after_600_ms(board: Told) -> None:
     wheels = make(board)
-    wheels.turn((0.3, 0.3), 0)
+    wheels.turn((0.3, 0.3))
     faults = []
     for ms in range(0, 1000, 10):
         wheels.measure(ms * MS, (0.3, 0.3), (ms, ms))
@@ -112,9 +113,24 @@ def test_a_stop_that_is_not_obeyed_cuts_the_motors_after_600_ms(board: Told) -> 
     assert board.words[board.words.index("cut") :] == ["cut", "release"]
 
 
+def test_wheels_that_slow_down_too_slowly_are_cut_and_not_accused(board: Told) -> None:
+    wheels = make(board)
+    wheels.turn((0.5, 0.5))
+    for ms in range(0, 2000, 10):
+        speed = 0.5 * 0.997**ms
+        wheels.measure(ms * MS, (speed, speed), (ms, ms))
+        assert wheels.stand(ms * MS, at_once=True) is None
+        assert ("cut" in board.words) == (ms >= 600)
+    assert board.words[board.words.index("cut") :] == ["cut", "release"]
+    assert wheels._counters["slow_stops"] == 1
+    # Nobody needs to clear anything: it drives again.
+    wheels.turn((0.3, 0.3))
+    assert board.words[-1] == (300, 0, 300, 0)
+
+
 def test_motors_are_let_go_once_they_stand_where_that_is_wanted(board: Told) -> None:
     wheels = make(board, "release")
-    wheels.turn((0.3, 0.3), 0)
+    wheels.turn((0.3, 0.3))
     wheels.stand(0, at_once=False)
     assert board.words[-1] == (0, 0, 0, 0)
     standing(wheels, 10, 100)
@@ -125,13 +141,13 @@ def test_motors_are_let_go_once_they_stand_where_that_is_wanted(board: Told) -> 
 def test_a_new_motion_ends_the_cut(board: Told) -> None:
     wheels = make(board)
     wheels.cut(0)
-    wheels.turn((0.1, 0.1), 10 * MS)
+    wheels.turn((0.1, 0.1))
     assert board.words == ["cut", "release", (100, 0, 100, 0)]
 
 
 def test_without_a_board_nothing_is_commanded(board: Told) -> None:
     wheels = make(board)
-    wheels.turn((0.3, 0.3), 0)
+    wheels.turn((0.3, 0.3))
     wheels.detach()
     assert wheels.command_m_s == (0.0, 0.0)
     assert wheels.measured_m_s is None
@@ -152,7 +168,8 @@ def test_motors_that_never_counted_for_their_commands_are_let_go_rather_than_hel
     board: Told,
 ) -> None:
     wheels = make(board)
-    wheels.turn((0.05, 0.05), 0)
+    wheels.turn((0.05, 0.05))
+    wheels.sent((50, 0, 50, 0), 0)
     for ms in range(0, 300, 10):
         wheels.measure(ms * MS, (0.05, 0.0), (ms, 0))
     wheels.stand(300 * MS, at_once=False)
@@ -167,16 +184,36 @@ def test_a_wheel_that_turns_against_its_command_is_a_fault(board: Told) -> None:
     wheels = make(board)
     kinds: set[str] = set()
     for ms in range(0, 1500, 10):
-        wheels.turn((0.3, 0.3), ms * MS)
+        wheels.turn((0.3, 0.3))
+        wheels.sent((300, 0, 300, 0), ms * MS)
         for fault in wheels.measure(ms * MS, (-0.4, 0.3), (-ms, ms)):
             kinds.add(fault.kind)
             assert fault.motor == "left"
     assert "runaway_against" in kinds
 
 
+def test_no_wheel_is_held_against_a_command_that_was_not_sent(board: Told) -> None:
+    wheels = make(board)
+    wheels.sent((0, 0, 0, 0), 0)
+    wheels.turn((0.3, 0.3))
+    for ms in range(0, 1000, 10):
+        assert wheels.measure(ms * MS, (0.0, 0.0), (0, 0)) == ()
+    # A stop that goes before it is no motion either.
+    wheels.sent((0, 0, 0, 0), 1000 * MS)
+    for ms in range(1000, 2000, 10):
+        assert wheels.measure(ms * MS, (0.0, 0.0), (0, 0)) == ()
+    wheels.sent((300, 0, 300, 0), 2000 * MS)
+    kinds = {
+        fault.kind
+        for ms in range(2000, 3000, 10)
+        for fault in wheels.measure(ms * MS, (0.0, 0.0), (0, 0))
+    }
+    assert kinds == {"no_counts"}
+
+
 def test_wheels_without_a_board_are_accused_of_nothing(board: Told) -> None:
     wheels = make(board)
-    wheels.turn((0.3, 0.3), 0)
+    wheels.turn((0.3, 0.3))
     wheels.detach()
     faults = [wheels.measure(ms * MS, (0.0, 0.0), (0, 0)) for ms in range(10, 600, 10)]
     assert not any(faults)

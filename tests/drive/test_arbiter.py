@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import pytest
 from hypothesis import given
@@ -152,7 +153,6 @@ def test_a_backlog_of_200_old_commands_in_4_ms_after_a_stall_moves_nothing(
         decision = arbiter.current(now_ns)
         assert (decision.twist, decision.ramp, decision.why) == (STANDSTILL, False, "revoked")
     assert arbiter.current(5 * S + MS).driver is None
-    assert arbiter.moving_sources(5 * S + 4 * MS) == ()
 
 
 def test_a_backlog_handed_over_in_one_piece_is_never_in_effect(arbiter: Arbiter) -> None:
@@ -262,6 +262,105 @@ def test_who_commands_motion_is_known_even_where_it_has_no_effect(arbiter: Arbit
     arbiter.offer("cmd_vel", FORWARD, 0)
     assert arbiter.moving_sources(MS) == ("cmd_vel",)
     assert arbiter.moving_sources(S) == ()
+
+
+def refused_as_lower_priority(arbiter: Arbiter, now_ns: int) -> None:
+    arbiter.offer("cmd_vel/teleop", STANDSTILL, now_ns)
+    assert reason(arbiter.offer("cmd_vel", FORWARD, now_ns)) == "lower_priority"
+
+
+def refused_as_backlog(arbiter: Arbiter, now_ns: int) -> None:
+    for _ in range(8):
+        refused = arbiter.offer("cmd_vel", FORWARD, now_ns)
+    assert reason(refused) == "backlog"
+
+
+def refused_as_out_of_order(arbiter: Arbiter, now_ns: int) -> None:
+    arbiter.offer("cmd_vel", STANDSTILL, now_ns, EPOCH_NS, stamp_is_message=True)
+    late = arbiter.offer("cmd_vel", FORWARD, now_ns, EPOCH_NS - 1, stamp_is_message=True)
+    assert reason(late) == "out_of_order"
+
+
+def refused_as_stale(arbiter: Arbiter, now_ns: int) -> None:
+    arbiter.offer("cmd_vel", STANDSTILL, now_ns - S, EPOCH_NS, stamp_is_message=True)
+    late = arbiter.offer("cmd_vel", FORWARD, now_ns, EPOCH_NS + 1, stamp_is_message=True)
+    assert reason(late) == "stale"
+
+
+def forgotten(arbiter: Arbiter, now_ns: int) -> None:
+    arbiter.offer("cmd_vel", FORWARD, now_ns)
+    arbiter.forget_commands(now_ns)
+
+
+def followed_by_zero(arbiter: Arbiter, now_ns: int) -> None:
+    arbiter.offer("cmd_vel", FORWARD, now_ns)
+    arbiter.offer("cmd_vel", STANDSTILL, now_ns)
+
+
+def lost_unread(arbiter: Arbiter, now_ns: int) -> None:
+    arbiter.note_motion("cmd_vel", now_ns)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        refused_as_lower_priority,
+        refused_as_backlog,
+        refused_as_out_of_order,
+        refused_as_stale,
+        forgotten,
+        followed_by_zero,
+        lost_unread,
+    ],
+)
+def test_a_source_commands_motion_for_a_second_after_any_command_that_asks_for_it(
+    arbiter: Arbiter, command: Callable[[Arbiter, int], None]
+) -> None:
+    command(arbiter, 5 * S)
+    assert arbiter.moving_sources(6 * S - 1) == ("cmd_vel",)
+    assert arbiter.moving_sources(6 * S) == ()
+
+
+def test_a_source_that_commands_zero_commands_no_motion(arbiter: Arbiter) -> None:
+    for n in range(100):
+        arbiter.offer("cmd_vel", STANDSTILL, n * MS)
+    assert arbiter.moving_sources(100 * MS) == ()
+
+
+@pytest.mark.parametrize("copies", [2, 8, 32])
+def test_copies_that_carry_one_stamp_are_one_command_and_drive_from_the_first(
+    arbiter: Arbiter, copies: int
+) -> None:
+    for now_ns in range(5 * S, 8 * S, 50 * MS):
+        for copy in range(copies):
+            taken = arbiter.offer(
+                "cmd_vel", FORWARD, now_ns + copy * 50_000, EPOCH_NS + now_ns, stamp_is_message=True
+            )
+            assert isinstance(taken, Accepted)
+    assert arbiter.counters["revoked"] == 0
+
+
+def test_a_backlog_of_copies_moves_nothing(arbiter: Arbiter) -> None:
+    # Given at 50 Hz from second 1 to 5, each passed on eight times, delivered at second 6.
+    for n in range(200):
+        for copy in range(8):
+            now_ns, given_ns = 6 * S + n * 20_000 + copy * 1000, S + n * 20 * MS
+            arbiter.offer("cmd_vel", FORWARD, now_ns, EPOCH_NS + given_ns, stamp_is_message=True)
+    assert arbiter.current(6 * S + 4 * MS).twist == STANDSTILL
+
+
+@pytest.mark.parametrize("copies", [8, 16, 32])
+@pytest.mark.parametrize("rate_hz", [10, 20, 50])
+def test_copies_without_a_stamp_drive_after_the_first_timeout(
+    arbiter: Arbiter, copies: int, rate_hz: int
+) -> None:
+    verdicts = []
+    for n in range(5 * rate_hz):
+        for copy in range(copies):
+            now_ns = 5 * S + n * S // rate_hz + copy * 100_000
+            verdicts.append((now_ns, arbiter.offer("cmd_vel", FORWARD, now_ns)))
+    later = [taken for now_ns, taken in verdicts if now_ns > 5 * S + 650 * MS]
+    assert all(isinstance(taken, Accepted) for taken in later)
 
 
 def test_forgotten_commands_move_nothing_and_anybody_may_take_over(arbiter: Arbiter) -> None:

@@ -64,6 +64,28 @@ def test_a_flood_is_refused_for_as_long_as_it_lasts() -> None:
     assert set(verdicts[MOST + 1 :]) == {"refuse"}
 
 
+def test_a_flood_of_one_command_is_refused_for_as_long_as_it_lasts() -> None:
+    gate = BacklogGate(500 * MS)
+    verdicts = [gate.arrive(n * MS, alike=n > 0) for n in range(10_000)]
+    assert set(verdicts[MOST + 1 :]) == {"refuse"}
+
+
+@pytest.mark.parametrize("row", [100, 1000])
+def test_a_long_backlog_that_says_one_thing_is_refused_while_it_comes_in_pieces(row: int) -> None:
+    gate = BacklogGate(500 * MS)
+    times = [piece * 100 * MS + n * 10_000 for piece in range(20) for n in range(row)]
+    verdicts = [gate.arrive(now_ns, alike=now_ns > 0) for now_ns in times]
+    assert verdicts.count("pass") <= 20 * MOST
+
+
+def test_a_copy_is_judged_as_its_original_was() -> None:
+    gate = BacklogGate(500 * MS)
+    assert [gate.arrive(0), gate.arrive(1, copy=True)] == ["pass", "pass"]
+    for n in range(MOST + 1):
+        gate.arrive(n)
+    assert gate.arrive(MS, copy=True) == "refuse"
+
+
 def test_a_burst_in_a_running_stream_is_no_backlog() -> None:
     gate = BacklogGate(500 * MS)
     times = itertools.chain(range(0, S, 20 * MS), range(S, S + 10 * MS, MS))

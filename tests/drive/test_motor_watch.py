@@ -172,6 +172,27 @@ def test_a_wheel_that_turns_against_a_steady_command_is_cut_within_150_ms() -> N
     assert crosses_ns <= found[0][0] <= crosses_ns + 150 * MS
 
 
+@pytest.mark.parametrize("lag_s", [0.6, 0.7])
+def test_a_wheel_that_still_rolls_the_old_way_and_slows_down_is_not_accused(lag_s: float) -> None:
+    model = WheelModel(lag_s=lag_s, delay_s=0.1)
+    commands: list[tuple[int, float | None]] = [(0, 0.8), (3 * S, -0.8), (6 * S, 0.0)]
+    assert not drive(model, commands, until_ns=7 * S)
+
+
+@pytest.mark.parametrize(("falls", "cut_s"), [(0.0, 0.2), (0.7, 0.22), (1.5, 0.75)])
+def test_a_wheel_that_hardly_slows_down_is_cut_at_once_and_any_other_after_half_a_second(
+    falls: float, cut_s: float
+) -> None:
+    check = WheelsCheck(["left"], latency_s=0.0)
+    check.command(0, [-0.3])
+    cuts = []
+    for n in range(100):
+        speed = 0.6 * math.exp(-falls * n / 50)
+        if check.measure(n * 20 * MS, [speed], [round(speed * 100)]):
+            cuts.append(n * 0.02)
+    assert cuts == [pytest.approx(cut_s, abs=0.06)]
+
+
 def test_a_wheel_with_swapped_phases_is_cut_as_soon_as_it_starts() -> None:
     model = WheelModel(broken="backward", broken_from_ns=S)
     found = drive(model, [(S, 0.3)], until_ns=2 * S)
@@ -199,6 +220,23 @@ def test_missing_counts_are_noticed_after_150_ms_or_30_mm_whichever_is_later(
     assert after_s <= waited_s <= after_s + 0.1
 
 
+@pytest.mark.parametrize("held_ms", [160, 250, 400])
+def test_counts_that_were_held_back_are_no_silence(held_ms: int) -> None:
+    check = WheelsCheck(["left"], latency_s=0.06)
+    check.command(0, [0.3])
+    now_ns, found = S, []
+    for step_ms in [10] * 20 + [held_ms] + [10] * 6 + [held_ms] + [10] * 20:
+        now_ns += step_ms * MS
+        found += check.measure(now_ns, [0.3], [round(0.3 * step_ms / 1e3 / METRES_PER_TICK)])
+    assert not found
+    # An encoder that dies then is noticed as soon as ever.
+    died_ns = now_ns
+    while not found:
+        now_ns += 10 * MS
+        found += check.measure(now_ns, [0.0], [0])
+    assert now_ns - died_ns <= 150 * MS
+
+
 def test_an_encoder_that_dies_in_motion_is_noticed() -> None:
     model = WheelModel(broken="no_encoder", broken_from_ns=2 * S)
     found = drive(model, [(0, 0.3)], until_ns=3 * S)
@@ -206,11 +244,56 @@ def test_an_encoder_that_dies_in_motion_is_noticed() -> None:
     assert found[0][0] <= 2 * S + 200 * MS
 
 
-def test_below_the_least_speed_missing_counts_prove_nothing_for_100_mm() -> None:
-    assert drive(WheelModel(broken="blocked"), [(0, 0.07)], until_ns=1400 * MS) == []
-    found = drive(WheelModel(broken="blocked"), [(0, 0.07)], until_ns=5 * S)
+@pytest.mark.parametrize(
+    ("speed", "after_s"), [(0.07, 0.64), (0.03, 1.5), (0.0125, 2.0), (0.015, 1.75)]
+)
+def test_below_the_least_speed_missing_counts_are_noticed_after_45_mm_or_1750_ms(
+    speed: float, after_s: float
+) -> None:
+    found = drive(WheelModel(broken="blocked"), [(0, speed)], until_ns=5 * S)
     assert [fault.kind for _, fault in found] == ["no_counts"]
-    assert found[0][0] * 0.07 / S == pytest.approx(0.1, abs=0.01)
+    assert found[0][0] / S == pytest.approx(after_s, abs=0.1)
+
+
+def test_a_crawl_that_turns_back_once_owes_what_is_left_of_both_ways() -> None:
+    # 9 mm one way and 19 mm the other: the loop's sum has not broken the wheel loose.
+    turned = [(0, -0.0075), (1200 * MS, 0.03)]
+    assert not drive(WheelModel(broken="blocked"), turned, until_ns=1850 * MS)
+    found = drive(WheelModel(broken="blocked"), turned, until_ns=4 * S)
+    assert [fault.kind for _, fault in found] == ["no_counts"]
+
+
+@pytest.mark.parametrize(("speed", "half_ms"), [(0.03, 600), (0.03, 1000), (0.07, 300)])
+def test_a_crawl_to_and_fro_is_noticed_after_twice_the_way(speed: float, half_ms: int) -> None:
+    there_and_back = [(n * half_ms * MS, (speed, -speed)[n % 2]) for n in range(20)]
+    found = drive(WheelModel(broken="no_encoder"), there_and_back, until_ns=6 * S)
+    assert [fault.kind for _, fault in found][:1] == ["no_counts"]
+    assert found[0][0] <= 2300 * MS
+
+
+def test_a_step_without_counts_that_proves_earlier_ones_is_silence() -> None:
+    check = WheelsCheck(["left"])
+    check.command(0, [0.3])
+    # The first reading begins, and pairs of the others prove motion.
+    for n in range(51):
+        assert not check.measure(n * 20 * MS, [0.3], [38])
+    last_ns = 50 * 20 * MS
+    # One count of an encoder that died, then 200 ms of which no answer arrived.
+    assert not check.measure(last_ns + 20 * MS, [0.3], [38])
+    assert check.measure(last_ns + 220 * MS, [0.0], [0])
+
+
+def test_a_garbled_count_does_not_begin_the_silence_again() -> None:
+    check = WheelsCheck(["left"])
+    check.command(0, [0.05])
+    for n in range(200):
+        # One digit a tenth of a second is garbled, and taken back by the next reading.
+        ticks = {5: 7, 6: -7}.get(n % 10, 0)
+        found = check.measure(n * 10 * MS, [0.0], [ticks])
+        if found:
+            assert n * 10 == pytest.approx(900, abs=100)
+            return
+    pytest.fail("nothing was found")
 
 
 @pytest.mark.parametrize(("before_m_s", "found_ms"), [(0.3, 150), (-0.3, 300)])

@@ -25,6 +25,7 @@ def test_a_motor_owes_what_was_commanded_since_it_last_counted(travel_ms: int, o
     assert check.owing is owing
     # A sign of motion settles it; so does a new beginning.
     check.measure((travel_ms + 80) * MS, [0.0, 0.0], [0, 2])
+    check.measure((travel_ms + 90) * MS, [0.0, 0.0], [0, 0])
     assert not check.owing
 
 

@@ -31,6 +31,7 @@ class InnerDaemon:
             f"estop.latch_file={folder / 'estop'}",
         ]
         config = load(None, environ={}, overrides=overrides)
+        environ = {"RUNTIME_DIRECTORY": str(folder / "run"), **environ}
         self.daemon = Daemon(config, environ=environ, clock=SystemClock(), opener=self._open)
         self.task = asyncio.create_task(self.daemon.run())
         self.session: zenoh.Session

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import asyncio
 import json
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from fault_bench import MS, FaultBench, first_stop_ns, is_stop
+from fault_bench import DIALECTS, MS, FaultBench, first_stop_ns, is_stop
 from real_robot import Client, RealRobot, wait_for
 from stalled_relay import StalledRelay
 
+from yahboomd.bus.subscriptions import Arrival
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 
@@ -161,7 +163,7 @@ async def test_status_names_every_reason_to_stand(tmp_path: Path) -> None:
     async with robot(tmp_path) as bench:
         assert "No board yet" in bench.controller.state()[1]
         await bench.ready()
-        assert bench.controller.state() == ("standing", "Nobody commands anything.")
+        assert bench.controller.state() == ("standing", "No source commands motion.")
         await bench.drive(0.5, 0.3)
         state, why = bench.controller.state()
         assert (state, why) == ("driving", "cmd_vel drives.")
@@ -189,6 +191,149 @@ async def test_nobody_can_release_an_estop_while_anybody_commands_motion(tmp_pat
             assert not bench.operator.release_estop()[0]
             await asyncio.sleep(0.05)
         assert bench.standing
+
+
+def copies(bench: FaultBench, command: bytes, times: int) -> None:
+    """One command, delivered several times, as the ROS 2 bridge may do."""
+    arrival = Arrival(
+        key="cmd_vel", payload=command, stamp_ns=None, arrived_ns=bench.clock.now_ns()
+    )
+    bench.intake.handler("cmd_vel")([arrival] * times)
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize("times", [1, 8, 32])
+@on_virtual_time
+async def test_no_release_starts_the_wheels_however_often_each_command_is_delivered(
+    tmp_path: Path, times: int, dialect: str
+) -> None:
+    async with robot(tmp_path, dialect=dialect) as bench:
+        await bench.ready()
+        bench.operator.engage_estop("somebody")
+        for n in range(100):
+            copies(bench, b'{"vx": 0.3}', times)
+            # At every phase between two commands, from the first one on.
+            await asyncio.sleep(0.001 * (n % 50))
+            released, why = bench.operator.release_estop()
+            assert not released
+            assert "cmd_vel commands motion" in why
+            await asyncio.sleep(0.001 * (50 - n % 50))
+        assert bench.standing
+        await asyncio.sleep(1.0)
+        assert bench.operator.release_estop()[0]
+
+
+@pytest.mark.parametrize("times", [2, 8, 32])
+@pytest.mark.parametrize("stamped", [True, False])
+@on_virtual_time
+async def test_commands_that_are_delivered_several_times_drive(
+    tmp_path: Path, times: int, stamped: bool
+) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        revoked = 0
+        for n in range(60):
+            if n == 13:
+                # Copies without a stamp may be a backlog for the first timeout.
+                revoked = bench.arbiter.counters["revoked"]
+                assert revoked == 0 or not (stamped or times == 2)
+            stamp = f', "stamp_ns": {bench.clock.wall_ns()}' if stamped else ""
+            copies(bench, b'{"vx": 0.3%s}' % stamp.encode(), times)
+            await asyncio.sleep(0.05)
+        assert min(bench.rim_speeds) > 0.25
+        assert bench.arbiter.counters["revoked"] == revoked
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_no_release_starts_the_wheels_just_after_a_silent_board_came_back(
+    tmp_path: Path, dialect: str
+) -> None:
+    async with robot(tmp_path, dialect=dialect) as bench:
+        await bench.ready()
+        bench.operator.engage_estop("somebody")
+        bench.do("mute 3")
+        for _ in range(200):
+            bench.command(0.3)
+            for _ in range(10):
+                await asyncio.sleep(0.005)
+                assert not bench.operator.release_estop()[0]
+        assert bench.events("connected")[1:]
+        assert bench.standing
+
+
+@on_virtual_time
+async def test_a_command_that_arrived_before_a_release_and_is_handled_after_it_moves_nothing(
+    tmp_path: Path,
+) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        bench.operator.engage_estop("somebody")
+        await asyncio.sleep(1.0)
+        arrived_ns = bench.clock.now_ns()
+        await asyncio.sleep(0.001)
+        assert bench.operator.release_estop()[0]
+        waited = Arrival(
+            key="cmd_vel", payload=b'{"vx": 0.3}', stamp_ns=None, arrived_ns=arrived_ns
+        )
+        bench.intake.handler("cmd_vel")([waited])
+        assert bench.arbiter.current(bench.clock.now_ns()).twist.is_zero
+        await asyncio.sleep(0.5)
+        assert bench.standing
+        await bench.drive(1.0, 0.3)
+        assert min(bench.rim_speeds) > 0.2
+
+
+@on_virtual_time
+async def test_a_fault_is_not_cleared_within_a_second_of_a_refused_command(tmp_path: Path) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        bench.do("encoder-dead left")
+        await bench.drive(2.0, 0.3)
+        assert bench.controller.state()[0] == "fault"
+        await asyncio.sleep(2.0)
+        copies(bench, b'{"vx": 0.3}', 32)
+        assert bench.arbiter.current(bench.clock.now_ns()).twist.is_zero
+        cleared, why = bench.operator.release_estop()
+        assert not cleared
+        assert "cmd_vel commands motion" in why
+        await asyncio.sleep(1.0)
+        assert bench.operator.release_estop()[0]
+
+
+@pytest.mark.realtime
+@pytest.mark.parametrize(("times", "period_s"), [(8, 0.05), (1, 0.8), (100, 0.01)])
+def test_no_release_starts_the_wheels_while_a_real_client_commands_motion(
+    real_robot: Callable[..., RealRobot],
+    client: Callable[..., Client],
+    times: int,
+    period_s: float,
+) -> None:
+    robot = real_robot()
+    app, operator = (client("client", robot.endpoint) for _ in range(2))
+    app.in_state("standing")
+    assert operator.ask("yahboomd/estop")["success"]
+    ended = threading.Event()
+
+    def command() -> None:
+        while not ended.is_set():
+            for _ in range(times):
+                app.session.put("cmd_vel", b'{"vx": 0.3}')
+            time.sleep(period_s)
+
+    driver = threading.Thread(target=command)
+    driver.start()
+    try:
+        wait_for(lambda: app.latest("status")["command"].get("received"), "a command is heard")
+        for _ in range(30):
+            answer = operator.ask("yahboomd/estop/reset")
+            assert not answer["success"]
+            assert "cmd_vel commands motion" in answer["message"]
+    finally:
+        ended.set()
+        driver.join()
+    wait_for(lambda: operator.ask("yahboomd/estop/reset")["success"], "the release")
+    assert max(map(abs, robot.settled_truth().travel_m)) < 0.001
 
 
 @pytest.mark.realtime

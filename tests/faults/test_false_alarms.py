@@ -9,10 +9,12 @@ import asyncio
 import json
 import random
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from fault_bench import DIALECTS, FaultBench
 
+from yahboomd.drive.faults import FaultKind
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 
@@ -32,7 +34,10 @@ BASES: dict[str, list[str]] = {
         f"chassis.motors={{{CORNERS}}}",
     ],
 }
-UNLIMITED = ["limits.linear={}", "limits.angular={}"]
+UNLIMITED = [
+    "limits.linear={velocity=1.9, acceleration=1e6, deceleration=1e6}",
+    "limits.angular={velocity=1e6, acceleration=1e6, deceleration=1e6}",
+]
 QUICK, USUAL, SLUGGISH = (0.03, 1750), (0.06, 1950), (0.1, 2050)
 SPEEDS = [0.0, 0.02, 0.05, 0.08, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5]
 TURNS = [0.0, 0.0, 0.3, 1.0, 3.0, 6.0, 12.0]
@@ -119,3 +124,42 @@ async def test_a_robot_that_was_let_go_may_be_pushed_about(tmp_path: Path) -> No
         assert set(bench.heard.kinds) == ORDINARY
         await bench.drive(1.0, 0.3)
         assert min(bench.rim_speeds) > 0.2
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_a_start_that_the_port_holds_back_accuses_no_wheel(
+    tmp_path: Path, dialect: str
+) -> None:
+    async with base(tmp_path, "differential", dialect, USUAL, 0, UNLIMITED) as bench:
+        await bench.ready()
+        await asyncio.sleep(0.5)
+        assert bench.port is not None
+        # The kernel takes nothing for a while, which is too short for it to be stuck.
+        bench.port.pending = 1
+        await bench.drive(0.25, 0.3)
+        bench.port.pending = 0
+        await bench.drive(1.0, 0.3)
+        assert set(bench.heard.kinds) == ORDINARY
+        assert min(bench.rim_speeds) > 0.25
+
+
+@pytest.mark.parametrize("loss", [0.02, 0.05])
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_a_line_that_loses_bytes_is_blamed_for_what_healthy_wheels_make_of_them(
+    tmp_path: Path, dialect: str, loss: float
+) -> None:
+    async with base(tmp_path, "differential", dialect, USUAL, 3, UNLIMITED) as bench:
+        await bench.ready()
+        bench.robot.impairments.change(loss=loss)
+        for _ in range(24):
+            await bench.drive(0.6, 0.4)
+            await bench.drive(0.6, -0.4)
+            await asyncio.sleep(0.8)
+        assert not set(bench.heard.kinds) & set(get_args(FaultKind))
+        assert bench.controller.state()[0] != "fault"
+        # The line is blamed, and it drives again without a person.
+        assert bench.controller.counters["noisy_cuts"] == len(bench.events("line_noisy"))
+        # Where it loses much, streamed counts show it.
+        assert dialect == "polled" or loss < 0.05 or bench.events("line_noisy")

@@ -102,7 +102,7 @@ async def test_a_second_request_to_end_does_not_break_the_stop_off(inner: Any) -
             task.cancel()
     await inner.task
     assert inner.standing
-    assert inner.ports[-1].frames[-2:] == [b"$pwm:0,0,0,0#", b"$upload:0,0,0#"]
+    assert inner.ports[-1].frames[-2:] == [b"$upload:0,0,0#", b"$pwm:0,0,0,0#"]
 
 
 async def test_the_watchdog_is_fed_by_control_steps_alone(

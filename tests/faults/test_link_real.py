@@ -30,9 +30,9 @@ def robot(real_robot: Callable[..., RealRobot]) -> RealRobot:
 
 
 @pytest.fixture
-def young(real_robot: Callable[..., RealRobot]) -> RealRobot:
+def young(request: pytest.FixtureRequest, real_robot: Callable[..., RealRobot]) -> RealRobot:
     """A board whose counters are so near to zero that they prove nothing about a reset."""
-    return real_robot(simulate=["--wheel-separation", "0.15"])
+    return real_robot(simulate=["--wheel-separation", "0.15", "--dialect", request.param])
 
 
 @pytest.fixture
@@ -51,9 +51,7 @@ def cpu_s(pid: int) -> float:
 def assert_at_truth(app: Client, robot: RealRobot) -> None:
     """The pose that is published now is where the robot stands."""
     truth = robot.settled_truth()
-    count = len(app.samples["pose"])
-    wait_for(lambda: len(app.samples["pose"]) > count + 10, "fresh poses")
-    pose = app.latest("pose")
+    pose = app.pose_at(truth)
     assert math.hypot(pose["x"] - truth.x, pose["y"] - truth.y) < 0.008
 
 
@@ -91,6 +89,23 @@ def test_an_unplugged_board_is_found_again_on_another_device_and_nothing_is_lost
     assert_at_truth(app, robot)
 
 
+@pytest.mark.parametrize("young", ["streamed"], indirect=True)
+def test_a_stream_that_ran_on_while_the_plug_was_out_keeps_the_pose_near_zero_too(
+    young: RealRobot, client: Callable[..., Client]
+) -> None:
+    app = client("client", young.endpoint)
+    app.in_state("standing")
+    app.drive(DRIVE, 1.0)
+    assert young.do("unplug 1").startswith("ok")
+    app.in_state("waiting")
+    app.in_state("standing")
+    assert_at_truth(app, young)
+    [event] = [e for e in app.samples["events"] if e["kind"].startswith("odometry_")]
+    assert (event["kind"], event["data"]["cause"]) == ("odometry_bridged", "gap_kept")
+    assert_no_jump(app.samples["pose"])
+
+
+@pytest.mark.parametrize("young", ["polled"], indirect=True)
 def test_where_the_counters_may_have_been_reset_the_pose_holds_and_an_event_says_what_is_unknown(
     young: RealRobot, client: Callable[..., Client]
 ) -> None:
@@ -102,9 +117,7 @@ def test_where_the_counters_may_have_been_reset_the_pose_holds_and_an_event_says
     before = app.latest("pose")
     app.in_state("standing")
     truth = young.settled_truth()
-    count = len(app.samples["pose"])
-    wait_for(lambda: len(app.samples["pose"]) > count + 10, "fresh poses")
-    after = app.latest("pose")
+    after = app.pose_at(truth)
     [event] = [e for e in app.samples["events"] if e["kind"] == "odometry_discontinuity"]
     assert event["data"]["cause"] == "gap_lost"
     assert "The pose holds" in event["message"]
@@ -192,7 +205,7 @@ def test_a_port_that_takes_nothing_keeps_the_daemon_neither_from_its_work_nor_fr
             time.sleep(0.05)
         assert app.ask("yahboomd/estop")["success"]
         began_s = time.monotonic()
-        assert robot.daemon.end() == 0
+        assert robot.daemon.end() == os.EX_TEMPFAIL
         print(f"ended {time.monotonic() - began_s:.1f} s after SIGTERM, with the port stuck")
     finally:
         robot.simulation.process.send_signal(signal.SIGCONT)

@@ -225,7 +225,7 @@ async def test_a_stop_under_way_is_not_broken_off_by_being_asked_again(tmp_path:
             bench.tasks[0].cancel()
             await asyncio.sleep(0.007)
         await asyncio.gather(bench.tasks[0], return_exceptions=True)
-        assert bench.frames[-3:] == [CUT, CUT, b"$upload:0,0,0#"]
+        assert bench.frames[-3:] == [CUT, b"$upload:0,0,0#", CUT]
         assert bench.standing
 
 
@@ -250,7 +250,7 @@ async def test_wheels_that_the_end_stops_are_not_accused_of_disobeying_the_appli
     async with robot(tmp_path, dialect=dialect, time_constant_s=0.01) as bench:
         await bench.ready()
         await bench.drive(1.0, 0.4)
-        assert min(bench.rim_speeds) > 0.3
+        assert min(bench.rim_speeds) > 0.2
         bench.heard.events.clear()
         bench.do("turning left 0.08")
         await end(bench)

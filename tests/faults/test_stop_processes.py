@@ -6,8 +6,10 @@ times; those are printed.
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import os
+import resource
 import signal
 import socket
 import subprocess
@@ -18,18 +20,21 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from real_robot import DRIVER, Client, Process, RealRobot, wait_for
+from real_robot import DRIVER, Client, Process, RealRobot, free_endpoint, wait_for
+from terminal_process import TerminalProcess, terminal
 
 pytestmark = pytest.mark.realtime
+
+__all__ = ["terminal"]
 
 FAST = b'{"vx": 0.4}'
 
 
 @contextlib.contextmanager
-def driver(endpoint: str) -> Iterator[subprocess.Popen[bytes]]:
+def driver(endpoint: str, key: str = "cmd_vel") -> Iterator[subprocess.Popen[bytes]]:
     """A process that commands motion for as long as it lives."""
     process = subprocess.Popen(
-        [sys.executable, "-c", DRIVER, endpoint, "cmd_vel"],
+        [sys.executable, "-c", DRIVER, endpoint, key],
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
     )
@@ -84,6 +89,144 @@ def test_a_signal_stops_the_wheels_before_the_daemon_ends(
     # They stand because they were told to: no wheel is accused of it.
     assert "are commanded" not in robot.daemon.output
     assert "is commanded" not in robot.daemon.output
+
+
+@pytest.fixture
+def no_core() -> Iterator[None]:
+    """Signals that dump a core end processes here."""
+    limits = resource.getrlimit(resource.RLIMIT_CORE)
+    resource.setrlimit(resource.RLIMIT_CORE, (0, limits[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_CORE, limits)
+
+
+DEADLY = [
+    *("SIGQUIT", "SIGUSR1", "SIGUSR2", "SIGALRM", "SIGXCPU", "SIGVTALRM", "SIGPROF", "SIGIO"),
+    *("SIGSTKFLT", "SIGPWR", "SIGRTMIN", "SIGRTMAX"),
+]
+
+
+@pytest.mark.usefixtures("no_core")
+@pytest.mark.parametrize("name", DEADLY)
+def test_any_signal_that_kills_stops_the_wheels_first_and_kills_then(
+    robot: RealRobot, name: str
+) -> None:
+    number = getattr(signal, name)
+    with driver(robot.endpoint):
+        driven(robot)
+        assert robot.daemon.end(number) == -number
+        assert max(map(abs, robot.settled_truth().speed_m_s)) < 0.03
+    assert f"{name}: stopping the wheels" in robot.daemon.output
+    assert "Traceback" not in robot.daemon.output
+
+
+def stopped(robot: RealRobot) -> bool:
+    stat = Path(f"/proc/{robot.daemon.process.pid}/stat").read_text()
+    return stat.rpartition(")")[2].split()[0] == "T"
+
+
+@pytest.mark.parametrize("name", ["SIGTSTP", "SIGTTIN", "SIGTTOU"])
+def test_a_signal_that_suspends_stops_the_wheels_first_and_old_commands_stay_without_effect(
+    robot: RealRobot, client: Callable[..., Client], name: str
+) -> None:
+    process = robot.daemon.process
+    with driver(robot.endpoint):
+        driven(robot)
+        # An impatient person presses it several times.
+        for _ in range(3):
+            process.send_signal(getattr(signal, name))
+        wait_for(lambda: stopped(robot), "it is suspended")
+        assert max(map(abs, robot.truth()[-1].speed_m_s)) < 0.03
+        # While it sleeps the port is free: the wheels can be stopped by others.
+        stop = Process("stop", "--direct", "--port", str(robot.port))
+        assert stop.end_by_itself() == 0, stop.output
+    before = robot.settled_truth()
+    # Written while it could still write.
+    robot.daemon.says("Suspended. SIGCONT (fg, bg) continues it.")
+    process.send_signal(signal.SIGCONT)
+    robot.daemon.says("Continued")
+    app = client("client", robot.endpoint)
+    app.in_state("standing")
+    assert robot.settled_truth().ticks == before.ticks
+    # And it drives again, by new commands.
+    with driver(robot.endpoint):
+        driven(robot)
+    assert robot.daemon.output.count(f"{name}: stopping the wheels") == 1
+    assert "Traceback" not in robot.daemon.output
+
+
+@pytest.mark.parametrize(("key", "then"), [("\x1a", "stopped"), ("\x1c", "3")])
+async def test_ctrl_z_and_ctrl_backslash_at_a_real_terminal_stop_the_wheels_first(
+    robot: RealRobot, terminal: Callable[..., TerminalProcess], tmp_path: Path, key: str, then: str
+) -> None:
+    assert await asyncio.to_thread(robot.daemon.end) == 0
+    shell = terminal(
+        code=f"""
+import os, signal, subprocess, sys
+# A shell with job control, and one job.
+signal.signal(signal.SIGTTOU, signal.SIG_IGN)
+job = subprocess.Popen([sys.executable, "-m", "yahboomd", "run", "--port", {str(robot.port)!r},
+    "--set", 'zenoh.listen=["{robot.endpoint}"]', "--set", "zenoh.connect=[]",
+    "--set", "estop.latch_file={tmp_path / "estop"}"], process_group=0,
+    preexec_fn=lambda: signal.signal(signal.SIGTTOU, signal.SIG_DFL))
+os.tcsetpgrp(0, job.pid)
+_, status = os.waitpid(job.pid, os.WUNTRACED)
+os.tcsetpgrp(0, os.getpgrp())
+print("job", "stopped" if os.WIFSTOPPED(status) else os.WTERMSIG(status), flush=True)
+job.kill()
+"""
+    )
+    await shell.shows("Connected")
+    with driver(robot.endpoint):
+        await asyncio.to_thread(driven, robot)
+        shell.type(key)
+        await shell.shows("job ")
+        assert max(map(abs, robot.truth()[-1].speed_m_s)) < 0.03
+    assert f"job {then}" in shell.screen
+
+
+def test_a_daemon_that_is_continued_before_it_was_suspended_goes_on(
+    robot: RealRobot, client: Callable[..., Client]
+) -> None:
+    with driver(robot.endpoint):
+        driven(robot)
+        robot.daemon.process.send_signal(signal.SIGTSTP)
+        robot.daemon.says("then suspending")
+        robot.daemon.process.send_signal(signal.SIGCONT)
+        robot.daemon.says("Continued before it was suspended")
+        driven(robot)
+    assert not stopped(robot)
+
+
+def test_a_daemon_that_cannot_see_the_wheels_stand_is_not_suspended_and_ends_with_75(
+    robot: RealRobot,
+) -> None:
+    with driver(robot.endpoint):
+        driven(robot)
+        robot.do("unplug")
+        robot.daemon.says("went away")
+        robot.daemon.process.send_signal(signal.SIGTSTP)
+        robot.daemon.says("Not suspended")
+        assert not stopped(robot)
+        assert robot.daemon.end() == os.EX_TEMPFAIL
+    assert "did not see the wheels stand" in robot.daemon.output
+
+
+@pytest.mark.parametrize("stall_s", [1.0, 2.0])
+def test_an_end_while_the_port_takes_no_output_says_whether_the_wheels_stood(
+    robot: RealRobot, stall_s: float
+) -> None:
+    with driver(robot.endpoint):
+        driven(robot)
+        robot.do(f"stall {stall_s}")
+        status = robot.daemon.end()
+    # A pseudo-terminal tells nothing of what it holds back: what counts is what the counters show.
+    assert status in {0, os.EX_TEMPFAIL}
+    if status == os.EX_TEMPFAIL:
+        assert "did not see the wheels stand" in robot.daemon.output
+        stop = Process("stop", "--direct", "--port", str(robot.port))
+        assert stop.end_by_itself() == 0, stop.output
+    robot.settled_truth()
 
 
 def test_impatient_signals_do_not_break_the_stop_off(robot: RealRobot) -> None:
@@ -270,3 +413,289 @@ def test_an_engaged_estop_outlives_a_kill(robot: RealRobot, client: Callable[...
     with driver(robot.endpoint):
         time.sleep(0.5)
     assert max(robot.settled_truth().travel_m) == pytest.approx(0.0, abs=1e-6)
+
+
+def stop(robot: RealRobot, *options: str) -> Process:
+    """`yahboomd stop` for this robot, to its end."""
+    ran = Process(
+        "stop",
+        *("--port", str(robot.port)),
+        *("--set", f'zenoh.listen=["{robot.endpoint}"]', "--set", "zenoh.connect=[]", *options),
+        environ=robot.environ,
+    )
+    ran.end_by_itself()
+    return ran
+
+
+@contextlib.contextmanager
+def locked_out(robot: RealRobot) -> Iterator[None]:
+    """150 connections that say nothing: no other Zenoh session opens."""
+    host, _, port = robot.endpoint.removeprefix("tcp/").rpartition(":")
+    silent = []
+    try:
+        for _ in range(150):
+            silent.append(socket.socket())
+            silent[-1].setblocking(False)
+            silent[-1].connect_ex((host, int(port)))
+        yield
+    finally:
+        for each in silent:
+            each.close()
+
+
+@pytest.fixture
+def local_robot(
+    tmp_path: Path, real_robot: Callable[..., RealRobot], client: Callable[..., Client]
+) -> RealRobot:
+    """A robot whose local socket is in a folder of the test's."""
+    robot = real_robot(environ={"RUNTIME_DIRECTORY": str(tmp_path / "run")})
+    client("client", robot.endpoint).in_state("standing")
+    return robot
+
+
+def test_a_stop_on_this_machine_needs_no_zenoh_session(local_robot: RealRobot) -> None:
+    with driver(local_robot.endpoint), locked_out(local_robot):
+        driven(local_robot)
+        ran = stop(local_robot)
+        assert ran.process.returncode == 0, ran.output
+        # Named by itself, not as a client of the bus.
+        assert "yahboomd stop` (" in ran.output
+        assert "The wheels stand." in ran.output
+        # It is latched: the client goes on commanding.
+        local_robot.settled_truth()
+
+
+def test_a_frozen_daemon_is_named_with_what_ends_it(local_robot: RealRobot) -> None:
+    pid = local_robot.daemon.process.pid
+    with driver(local_robot.endpoint):
+        driven(local_robot)
+        local_robot.daemon.process.send_signal(signal.SIGSTOP)
+        ran = stop(local_robot)
+        assert ran.process.returncode == 69, ran.output
+        assert f"yahboomd (pid {pid}) is frozen (stopped by a signal, state T)" in ran.output
+        assert f"kill -9 {pid}; " in ran.output
+        assert f"stop --port {local_robot.port}" in ran.output
+        # As it says.
+        local_robot.daemon.end(signal.SIGKILL)
+        ran = stop(local_robot)
+        assert ran.process.returncode == 0, ran.output
+        local_robot.settled_truth()
+
+
+def test_a_frozen_daemon_that_goes_on_obeys_the_stop_that_it_was_sent(
+    local_robot: RealRobot, client: Callable[..., Client]
+) -> None:
+    app = client("client", local_robot.endpoint)
+    with driver(local_robot.endpoint):
+        driven(local_robot)
+        local_robot.daemon.process.send_signal(signal.SIGSTOP)
+        assert stop(local_robot).process.returncode == 69
+        local_robot.daemon.process.send_signal(signal.SIGCONT)
+        assert "`yahboomd stop` (" in app.in_state("estopped")["why"]
+        local_robot.settled_truth()
+
+
+def test_a_frozen_daemon_without_its_socket_is_named_by_the_port_that_it_holds(
+    local_robot: RealRobot, tmp_path: Path
+) -> None:
+    pid = local_robot.daemon.process.pid
+    (tmp_path / "run" / "stop.sock").unlink()
+    local_robot.daemon.process.send_signal(signal.SIGSTOP)
+    ran = stop(local_robot)
+    local_robot.daemon.process.send_signal(signal.SIGCONT)
+    assert ran.process.returncode == 69, ran.output
+    assert f"(pid {pid}) is frozen (stopped by a signal, state T)" in ran.output
+    assert f"kill -9 {pid}; " in ran.output
+
+
+def test_the_socket_of_a_killed_daemon_is_taken_over_and_a_living_ones_is_not(
+    local_robot: RealRobot, real_robot: Callable[..., RealRobot], tmp_path: Path
+) -> None:
+    run = tmp_path / "run"
+    other = real_robot(environ=local_robot.environ, run=["--namespace", "bot1"])
+    other.daemon.says("Connected")
+    names = {"stop.sock", f"stop-{other.daemon.process.pid}.sock"}
+    assert {path.name for path in run.glob("stop*")} == names
+    # Each is reached by what it is called.
+    assert stop(other, "--namespace", "bot1").process.returncode == 0
+    assert "Emergency stop engaged" not in local_robot.daemon.output
+    local_robot.daemon.end(signal.SIGKILL)
+    local_robot.start_daemon().says("Connected")
+    assert {path.name for path in run.glob("stop*")} == names
+    ran = stop(local_robot)
+    assert ran.process.returncode == 0, ran.output
+
+
+def test_a_daemon_of_another_namespace_is_named_where_none_answers(
+    real_robot: Callable[..., RealRobot], tmp_path: Path
+) -> None:
+    environ = {"RUNTIME_DIRECTORY": str(tmp_path / "run")}
+    robot = real_robot(environ=environ, run=["--namespace", "bot1"])
+    robot.daemon.says("Connected")
+    nowhere = ("--set", "zenoh.connect=[]", "--set", f'zenoh.listen=["{robot.endpoint}"]')
+    ran = Process("stop", "--namespace", "bot2", *nowhere, environ=environ)
+    assert ran.end_by_itself() == 69
+    pid = robot.daemon.process.pid
+    assert f"bot1 (pid {pid}, {robot.port}) runs here: " in ran.output
+    assert "stop --namespace bot1`" in ran.output
+    assert "Plug the board in" not in ran.output
+    ran = Process("stop", "--release", "--namespace", "bot2", *nowhere, environ=environ)
+    assert ran.end_by_itself() == 69
+    assert f"stop --release --namespace bot1 --connect {robot.endpoint}`" in ran.output
+
+
+def named(*robots: RealRobot) -> tuple[str, ...]:
+    """Options that mean these robots and no other of the machine, and name no port."""
+    listen = ", ".join(f'"{robot.endpoint}"' for robot in robots)
+    return ("--set", f"zenoh.listen=[{listen}]", "--set", "zenoh.connect=[]")
+
+
+def test_after_sigkill_a_plain_stop_finds_the_port_that_only_the_daemon_was_given(
+    local_robot: RealRobot,
+) -> None:
+    with driver(local_robot.endpoint):
+        driven(local_robot)
+        local_robot.daemon.end(signal.SIGKILL)
+    ran = Process("stop", *named(local_robot), environ=local_robot.environ)
+    assert ran.end_by_itself() == 0, ran.output
+    assert f"{local_robot.port} (streamed board): the wheels stand" in ran.output
+    local_robot.settled_truth()
+
+
+def test_an_end_in_order_leaves_nothing_to_stop(local_robot: RealRobot) -> None:
+    assert local_robot.daemon.end() == 0
+    ran = Process("stop", *named(local_robot), environ=local_robot.environ)
+    assert ran.end_by_itself() == 69, ran.output
+    # ExecStopPost= finds its port all the same.
+    ran = Process("stop", "--direct", environ=local_robot.environ)
+    assert ran.end_by_itself() == 0, ran.output
+    assert str(local_robot.port) in ran.output
+
+
+@pytest.fixture
+def neighbour(
+    local_robot: RealRobot, real_robot: Callable[..., RealRobot], client: Callable[..., Client]
+) -> RealRobot:
+    """Another robot, whose daemon has the same runtime folder."""
+    other = real_robot(environ=local_robot.environ, run=["--namespace", "bot1"])
+    client("client", other.endpoint, "bot1/yahboomd").in_state("standing")
+    return other
+
+
+def test_a_plain_stop_covers_the_board_of_a_killed_daemon_beside_a_living_one(
+    local_robot: RealRobot, real_robot: Callable[..., RealRobot], client: Callable[..., Client]
+) -> None:
+    other = real_robot(environ=local_robot.environ)
+    client("client", other.endpoint).in_state("standing")
+    with driver(local_robot.endpoint), driver(other.endpoint):
+        driven(local_robot)
+        driven(other)
+        local_robot.daemon.end(signal.SIGKILL)
+        assert turning(local_robot)
+        ran = Process("stop", *named(local_robot, other), environ=local_robot.environ)
+        assert ran.end_by_itself() == 0, ran.output
+        assert "yahboomd stop` (" in ran.output
+        assert f"{local_robot.port} (streamed board): the wheels stand" in ran.output
+        local_robot.settled_truth()
+        other.settled_truth()
+
+
+def test_a_direct_stop_stops_the_killed_daemons_board_and_leaves_a_living_neighbours_alone(
+    local_robot: RealRobot, neighbour: RealRobot
+) -> None:
+    with driver(local_robot.endpoint), driver(neighbour.endpoint, "bot1/cmd_vel"):
+        driven(local_robot)
+        driven(neighbour)
+        local_robot.daemon.end(signal.SIGKILL)
+        ran = Process("stop", "--direct", environ=local_robot.environ)
+        assert ran.end_by_itself() == 0, ran.output
+        assert str(local_robot.port) in ran.output
+        assert str(neighbour.port) not in ran.output
+        local_robot.settled_truth()
+        assert turning(neighbour)
+
+
+def test_a_daemon_that_waits_for_the_port_of_another_need_not_show_standing_wheels(
+    local_robot: RealRobot,
+) -> None:
+    waiting = Process(
+        "run",
+        *("--port", str(local_robot.port), "--set", f'zenoh.listen=["{free_endpoint()}"]'),
+        *("--set", "zenoh.connect=[]"),
+        environ=local_robot.environ,
+    )
+    try:
+        waiting.says("the port is held")
+        with driver(local_robot.endpoint):
+            driven(local_robot)
+            ran = stop(local_robot)
+            assert ran.process.returncode == 0, ran.output
+            assert (
+                f"yahboomd (pid {waiting.process.pid}, {local_robot.port}) does not" in ran.output
+            )
+            local_robot.settled_truth()
+    finally:
+        waiting.end()
+
+
+def test_a_named_port_stops_no_daemon_on_another_port(local_robot: RealRobot) -> None:
+    board, port = os.openpty()
+    try:
+        with driver(local_robot.endpoint):
+            driven(local_robot)
+            arguments = ("stop", *named(local_robot), "--port", os.ttyname(port))
+            ran = Process(*arguments, environ=local_robot.environ)
+            # It takes that port, where no board answers.
+            assert ran.end_by_itself() == 1, ran.output
+            assert turning(local_robot)
+    finally:
+        os.close(board)
+        os.close(port)
+    assert "Emergency stop engaged" not in local_robot.daemon.output
+
+
+def test_a_release_that_names_a_port_releases_no_daemon_on_another_port(
+    local_robot: RealRobot,
+) -> None:
+    assert stop(local_robot).process.returncode == 0
+    board, port = os.openpty()
+    try:
+        release = ("stop", "--release", *named(local_robot), "--port")
+        ran = Process(*release, os.ttyname(port), environ=local_robot.environ)
+        assert ran.end_by_itself() == 69, ran.output
+        assert f"is not on {os.ttyname(port)}: nothing was released" in ran.output
+    finally:
+        os.close(board)
+        os.close(port)
+    assert "released" not in local_robot.daemon.output
+    ran = Process(*release, str(local_robot.port), environ=local_robot.environ)
+    assert ran.end_by_itself() == 0, ran.output
+
+
+def test_a_frozen_daemon_is_named_where_its_address_was_asked(local_robot: RealRobot) -> None:
+    pid = local_robot.daemon.process.pid
+    local_robot.daemon.process.send_signal(signal.SIGSTOP)
+    ran = Process("stop", "--connect", local_robot.endpoint, environ=local_robot.environ)
+    status = ran.end_by_itself()
+    local_robot.daemon.process.send_signal(signal.SIGCONT)
+    assert status == 69, ran.output
+    assert f"yahboomd (pid {pid}) is frozen (stopped by a signal, state T)" in ran.output
+    assert f"stop --port {os.path.realpath(local_robot.port)}" in ran.output
+
+
+def test_a_daemon_with_a_runtime_folder_of_its_own_is_named_with_the_command_that_reaches_it(
+    local_robot: RealRobot, tmp_path: Path
+) -> None:
+    nowhere = ("--set", f'zenoh.listen=["{free_endpoint()}"]', "--set", "zenoh.connect=[]")
+    ran = Process("stop", *nowhere, environ={"RUNTIME_DIRECTORY": str(tmp_path / "other")})
+    assert ran.end_by_itself() == 69, ran.output
+    port = os.path.realpath(local_robot.port)
+    assert f"yahboomd (pid {local_robot.daemon.process.pid}) holds {port}" in ran.output
+    assert f"RUNTIME_DIRECTORY={tmp_path / 'run'} " in ran.output
+    # As it says.
+    ran = Process("stop", "--port", port, environ=local_robot.environ)
+    assert ran.end_by_itself() == 0, ran.output
+    # And as that says.
+    again = ran.output.partition("To drive again: ")[2].partition("stop ")[2].split()
+    ran = Process("stop", *again, environ=local_robot.environ)
+    assert ran.end_by_itself() == 0, ran.output

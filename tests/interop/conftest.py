@@ -17,6 +17,7 @@ from typing import Any
 
 import pytest
 import zenoh
+from zenoh_fixtures import free_endpoint
 
 from yahboomd.messages import cdr, ros2
 
@@ -43,15 +44,10 @@ def built(name: str) -> Path:
     return path
 
 
-def free_port() -> int:
-    with closing(socket.socket()) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 def free_domain() -> int:
     """A DDS domain whose ports nobody uses: they are fixed, 250 to a domain from 7400 on."""
-    first = os.getpid() % 100
+    # Workers that run side by side begin ten domains apart.
+    first = 10 * int(os.environ.get("PYTEST_XDIST_WORKER", f"gw{os.getpid()}")[2:]) % 100
     for domain in (1 + (first + step) % 100 for step in range(100)):
         with ExitStack() as stack:
             try:
@@ -327,7 +323,7 @@ class Bridge:
     program: Path
     log: Path
     config: Path = EXAMPLE
-    port: int = field(default_factory=free_port)
+    port: int = field(default_factory=lambda: int(free_endpoint().rpartition(":")[2]))
     domain: int = field(default_factory=free_domain)
     process: subprocess.Popen[bytes] | None = None
 
@@ -402,7 +398,7 @@ class Router:
 @pytest.fixture
 def router() -> Iterator[Router]:
     """A router as rmw_zenoh's daemon is one: it listens, forwards, and says nothing itself."""
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    endpoint = free_endpoint()
     config = zenoh.Config()
     config.insert_json5("mode", '"router"')
     config.insert_json5("listen/endpoints", json.dumps([endpoint]))

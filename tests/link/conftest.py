@@ -58,7 +58,7 @@ class RecordingPort:
 
     def __init__(self, clock: HandClock) -> None:
         self._clock = clock
-        self.pending = 0
+        self.queued = 0
         self.sent: list[tuple[int, bytes]] = []
 
     def write(self, data: bytes) -> None:

@@ -113,7 +113,7 @@ async def test_a_conversation_that_is_cancelled_stops_the_wheels() -> None:
     task.cancel()
     await asyncio.gather(task, return_exceptions=True)
     assert port.closed
-    assert port.frames[-2:] == [b"$pwm:0,0,0,0#", b"$upload:0,0,0#"]
+    assert port.frames[-2:] == [b"$upload:0,0,0#", b"$pwm:0,0,0,0#"]
     assert max(map(abs, board.rim_speeds)) < 0.03
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from yahboomd.errors import ConfigError, PortMissing
-from yahboomd.link.discovery import Candidate, candidates, choose, explain, without_driver
+from yahboomd.link.discovery import Candidate, candidates, choose, explain, on_board, without_driver
 
 NOWHERE = "/nonexistent/yahboom_driver"
 
@@ -77,3 +77,39 @@ def test_a_board_with_a_tty_is_nothing_to_complain_about(tmp_path: Path) -> None
 def test_looking_at_this_machine_does_not_fail() -> None:
     assert isinstance(candidates(), tuple)
     assert "gone" in explain(PortMissing("gone."))
+
+
+def tty(sysfs: Path, name: str, *, kind: str | None = "4", place: str = "serial0") -> None:
+    """A terminal as the kernel shows it."""
+    device, folder = sysfs / "devices" / place / name, sysfs / "class" / name
+    device.mkdir(parents=True)
+    folder.mkdir(parents=True)
+    (folder / "device").symlink_to(device)
+    if kind is not None:
+        (folder / "type").write_text(f"{kind}\n")
+
+
+def test_ports_of_the_computer_itself_are_listed_where_there_is_hardware(tmp_path: Path) -> None:
+    tty(tmp_path, "ttyTHS1", kind="20")
+    tty(tmp_path, "ttyAMA0", kind="32")
+    tty(tmp_path, "ttyS0")
+    tty(tmp_path, "ttyS9", kind="0")
+    tty(tmp_path, "rfcomm0", kind=None)
+    tty(tmp_path, "ttyUSB0", kind=None, place="usb1/1-2")
+    tty(tmp_path, "ttyprintk", kind=None)
+    (tmp_path / "class" / "console").mkdir()
+    found = on_board(tmp_path / "class")
+    assert [each.path for each in found] == [
+        "/dev/rfcomm0",
+        "/dev/ttyAMA0",
+        "/dev/ttyS0",
+        "/dev/ttyTHS1",
+    ]
+    assert found[-1].description == "on the computer itself"
+    assert not any(each.is_ch340 for each in found)
+
+
+def test_ports_of_the_computer_itself_are_never_chosen(tmp_path: Path) -> None:
+    tty(tmp_path, "ttyTHS1")
+    with pytest.raises(PortMissing):
+        choose("", on_board(tmp_path / "class"), udev_name=NOWHERE)

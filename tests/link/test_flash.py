@@ -90,7 +90,7 @@ async def test_the_motors_are_let_go_and_streams_off_before_the_first_value() ->
     storing = await stored(board, P520)
     assert storing.complete
     before = board.frames[: board.frames.index(b"$deadzone:1900#")]
-    assert before[-3:] == [b"$pwm:0,0,0,0#", b"$pwm:0,0,0,0#", b"$upload:0,0,0#"]
+    assert before[-3:] == [b"$pwm:0,0,0,0#", b"$upload:0,0,0#", b"$pwm:0,0,0,0#"]
 
 
 @on_virtual_time

@@ -25,7 +25,7 @@ class Script:
 
     name = "/dev/script"
     byte_ns = byte_time_ns(115200)
-    pending = 0
+    queued = 0
 
     def __init__(self, *answers: bytes) -> None:
         self.answers = list(answers)

@@ -12,7 +12,7 @@ from yahboomd.errors import BoardSilent
 from yahboomd.link.poller import REARM_AFTER_S, SILENT_AFTER_S, Poller
 from yahboomd.model import EncoderReading
 from yahboomd.protocol.registry import DIALECTS
-from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.simulation.virtual_time import VirtualTimeLoop, on_virtual_time
 
 
 class Pen:
@@ -43,12 +43,14 @@ class Scene:
     def __init__(self, dialect: str, period_ns: int = 20_000_000) -> None:
         self.pen = Pen()
         self.readings: list[EncoderReading] = []
+        self.armed: list[int] = []
         self.poller = Poller(
             self.pen,  # type: ignore[arg-type]
             LoopClock(),
             DIALECTS[dialect],
             period_ns=period_ns,
             on_reading=self.readings.append,
+            on_armed=lambda: self.armed.append(LoopClock().now_ns()),
             port=self.pen,  # type: ignore[arg-type]
         )
         self.task = asyncio.create_task(self.poller.run())
@@ -105,12 +107,37 @@ async def test_a_stream_that_pauses_is_armed_again_and_the_gap_is_marked() -> No
     scene.hear()
     await scene.end()
     assert [reading.after_gap for reading in scene.readings] == [True, True, False]
+    assert len(scene.armed) == 1
+
+
+@on_virtual_time
+async def test_only_the_first_reading_says_that_the_stream_ran_before() -> None:
+    scene = Scene("streamed")
+    scene.poller.unbroken = True
+    scene.hear()
+    scene.hear()
+    await scene.end()
+    assert [reading.unbroken for reading in scene.readings] == [True, False]
 
 
 @on_virtual_time
 async def test_silence_ends_it() -> None:
     scene = Scene("streamed")
     with pytest.raises(BoardSilent, match="/dev/x: the board sent no counts"):
+        await asyncio.wait_for(scene.task, SILENT_AFTER_S + 0.5)
+
+
+@pytest.mark.parametrize("dialect", ["polled", "streamed"])
+@on_virtual_time
+async def test_a_time_in_which_this_process_did_not_run_is_no_silence(dialect: str) -> None:
+    scene = Scene(dialect)
+    scene.hear()
+    loop = asyncio.get_running_loop()
+    assert isinstance(loop, VirtualTimeLoop)
+    loop.freeze(5.0)
+    await asyncio.sleep(0.2)
+    assert scene.pen.told == []
+    with pytest.raises(BoardSilent):
         await asyncio.wait_for(scene.task, SILENT_AFTER_S + 0.5)
 
 

@@ -6,45 +6,66 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.link.port_note import PortNote, read, write
+from yahboomd.link.port_identity import Device
+from yahboomd.link.port_note import PortNote, end, folder_of, read, write
 
-NOTE = PortNote("/dev/yahboom_driver", 115200, True, False, False)
+DEVICE = Device(48128, "6:1034", "1-2 1a86:7523")
+NOTE = PortNote("/dev/yahboom_driver", 115200, True, False, False, DEVICE)
 
 
 def test_what_was_noted_is_read(tmp_path: Path) -> None:
-    environ = {"RUNTIME_DIRECTORY": str(tmp_path)}
+    assert write(NOTE, str(tmp_path))
 
-    assert write(NOTE, environ)
-
-    assert read(environ) == NOTE
-    assert [each.name for each in tmp_path.iterdir()] == ["port"]
+    assert read(str(tmp_path)) == [NOTE]
+    assert [each.name for each in tmp_path.iterdir()] == ["port@%2Fdev%2Fyahboom_driver"]
 
 
-def test_a_newer_note_replaces_an_older_one(tmp_path: Path) -> None:
-    environ = {"RUNTIME_DIRECTORY": str(tmp_path)}
-    write(NOTE, environ)
+def test_each_daemon_has_a_note_of_its_own_and_one_for_its_newest_port_alone(
+    tmp_path: Path,
+) -> None:
+    one = NOTE._replace(pid=1, namespace="a/b", listen=("tcp/x:1",))
+    other = NOTE._replace(pid=2, path="/dev/ttyUSB1")
+    for note in (one._replace(path="/dev/ttyUSB0"), other, one):
+        assert write(note, str(tmp_path))
 
-    write(NOTE._replace(path="/dev/ttyUSB1"), environ)
-
-    assert read(environ) == NOTE._replace(path="/dev/ttyUSB1")
-
-
-def test_of_several_folders_the_first_is_used(tmp_path: Path) -> None:
-    write(NOTE, {"RUNTIME_DIRECTORY": f"{tmp_path}:/run/other"})
-
-    assert (tmp_path / "port").exists()
+    assert sorted(read(str(tmp_path))) == sorted([one, other])
+    assert {each.name for each in tmp_path.iterdir()} == {
+        "port.a%2Fb@%2Fdev%2Fyahboom_driver",
+        "port@%2Fdev%2FttyUSB1",
+    }
 
 
-def test_without_a_service_manager_nothing_is_noted() -> None:
-    assert not write(NOTE, {})
-    assert read({}) is None
+def test_an_end_in_order_is_noted_for_this_daemon_alone(tmp_path: Path) -> None:
+    one, other = NOTE._replace(pid=1), NOTE._replace(pid=2, path="/dev/ttyUSB1")
+    write(one, str(tmp_path))
+    write(other, str(tmp_path))
+
+    end(str(tmp_path), 1)
+
+    assert {note.pid: note.ended for note in read(str(tmp_path))} == {1: True, 2: False}
+    # It has the port again.
+    write(one, str(tmp_path))
+    assert not any(note.ended for note in read(str(tmp_path)))
+
+
+def test_of_several_folders_the_first_is_used() -> None:
+    assert folder_of({"RUNTIME_DIRECTORY": "/run/one:/run/other"}) == "/run/one"
+    assert folder_of({}) == ""
+    assert read("") == []
+
+
+def test_a_note_of_an_earlier_version_names_no_device_and_no_daemon(tmp_path: Path) -> None:
+    (tmp_path / "port").write_text(
+        '{"path": "/dev/yahboom_driver", "baudrate": 115200, "dtr": true, "rts": false, '
+        '"hangup_on_close": false}'
+    )
+
+    assert read(str(tmp_path)) == [NOTE._replace(device=None)]
 
 
 def test_a_folder_that_cannot_be_written_is_no_error(tmp_path: Path) -> None:
-    environ = {"RUNTIME_DIRECTORY": str(tmp_path / "missing")}
-
-    assert not write(NOTE, environ)
-    assert read(environ) is None
+    assert not write(NOTE, str(tmp_path / "missing"))
+    assert read(str(tmp_path / "missing")) == []
 
 
 @pytest.mark.parametrize(
@@ -59,12 +80,20 @@ def test_a_folder_that_cannot_be_written_is_no_error(tmp_path: Path) -> None:
         '{"path": 1, "baudrate": 115200, "dtr": true, "rts": false, "hangup_on_close": false}',
         '{"path": "/dev/a", "baudrate": true, "dtr": 1, "rts": false, "hangup_on_close": false}',
         '{"path": "a", "baudrate": 1, "dtr": true, "rts": true, "hangup_on_close": false, "x": 1}',
+        (
+            '{"path": "a", "baudrate": 1, "dtr": true, "rts": true, "hangup_on_close": false, '
+            '"device": [1, 2, 3]}'
+        ),
+        (
+            '{"path": "a", "baudrate": 1, "dtr": true, "rts": true, "hangup_on_close": false, '
+            '"device": 7}'
+        ),
     ],
 )
-def test_a_damaged_note_is_none(tmp_path: Path, text: str) -> None:
+def test_a_damaged_note_is_left_out(tmp_path: Path, text: str) -> None:
     (tmp_path / "port").write_bytes(text.encode("utf-8", "surrogateescape"))
 
-    assert read({"RUNTIME_DIRECTORY": str(tmp_path)}) is None
+    assert read(str(tmp_path)) == []
 
 
 def test_reading_it_loads_nothing_that_takes_long() -> None:

@@ -16,6 +16,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from yahboomd.link import seize as seizing
 from yahboomd.link.seize import FIRST_WORDS, SPACING_S, seize
 from yahboomd.protocol.framing import RESYNC
 from yahboomd.protocol.registry import CONNECT_SPACING_NS, CONNECT_STOP
@@ -168,3 +169,50 @@ def test_a_pseudo_terminal_whose_owner_was_killed_can_be_taken_without_being_roo
         [sys.executable, "-c", script], capture_output=True, text=True, check=False
     )
     assert done.stdout == "taken\ntaken\n", done.stderr
+
+
+@pytest.fixture
+def held(device: Device, monkeypatch: pytest.MonkeyPatch) -> threading.Event:
+    """The pty tells what it holds, as a serial port does; set once it was asked for something."""
+    ioctl = fcntl.ioctl
+    asked = threading.Event()
+
+    def telling(fd: int, request: int, argument: bytes | int = 0) -> object:
+        if request != termios.TIOCOUTQ:
+            return ioctl(fd, request, argument)
+        answer = ioctl(device.master, termios.FIONREAD, argument)
+        if any(answer):  # type: ignore[arg-type]
+            asked.set()
+        return answer
+
+    monkeypatch.setattr(fcntl, "ioctl", telling)
+    return asked
+
+
+@pytest.mark.realtime
+def test_first_words_that_the_port_held_up_are_said_again_each_by_itself(
+    device: Device, held: threading.Event
+) -> None:
+    said: list[bytes] = []
+
+    def line() -> None:
+        held.wait()
+        while sum(map(len, said)) < 2 * len(b"".join(FIRST_WORDS)):
+            said.append(os.read(device.master, 4096))
+
+    reader = threading.Thread(target=line)
+    reader.start()
+    os.close(seize(device.path).fd)
+    reader.join()
+    assert tuple(said) == FIRST_WORDS * 2
+
+
+@pytest.mark.realtime
+def test_a_port_that_never_sends_the_first_words_is_given_up(
+    device: Device, held: threading.Event, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(seizing, "SENT_WITHIN_S", 0.05)
+    with pytest.raises(OSError, match="takes no output") as caught:
+        seize(device.path)
+    assert caught.value.errno == errno.ETIMEDOUT
+    assert held.is_set()

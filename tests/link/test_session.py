@@ -5,11 +5,13 @@ from __future__ import annotations
 import asyncio
 import itertools
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
-from board_bench import Bench
+from board_bench import Bench, BoardPort
 
 from yahboomd.errors import BoardError, BoardSilent, PortLost
+from yahboomd.link import latency_timer
 from yahboomd.link.session import SessionOptions
 from yahboomd.model import EncoderReading
 from yahboomd.protocol.settings import PROFILES
@@ -129,7 +131,7 @@ async def test_a_session_leaves_with_the_motors_let_go_and_the_stream_off() -> N
         await board.connected()
         await board.stop()
         assert board.port is not None
-        assert board.port.frames[-3:] == [b"$pwm:0,0,0,0#", b"$pwm:0,0,0,0#", b"$upload:0,0,0#"]
+        assert board.port.frames[-3:] == [b"$pwm:0,0,0,0#", b"$upload:0,0,0#", b"$pwm:0,0,0,0#"]
 
 
 @pytest.mark.parametrize("how", ["raises", "is cancelled"])
@@ -213,6 +215,74 @@ async def test_a_board_that_resets_is_noticed_and_armed_again() -> None:
         assert sum(each.after_reset for each in board.recorder.readings) == 1
 
 
+@pytest.mark.parametrize(("timer", "times"), [("16\n", 1), ("1\n", 0), (None, 0)])
+@on_virtual_time
+async def test_a_latency_timer_is_named_once_for_each_connection(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, timer: str | None, times: int
+) -> None:
+    monkeypatch.setattr(latency_timer, "SYSFS", tmp_path)
+    (tmp_path / "simulated").mkdir()
+    if timer is not None:
+        (tmp_path / "simulated" / "latency_timer").write_text(timer)
+    async with bench("streamed") as board:
+        await board.connected()
+        await asyncio.sleep(3.0)
+        kinds = [event.kind for event in board.recorder.events]
+        assert kinds == ["latency_timer"] * times
+
+
+class LateBoard(Bench):
+    """Everything takes its time on the way; some lines of the board do not arrive."""
+
+    def __init__(self, rtt_ms: int, without: bytes = b"") -> None:
+        impairments = ImpairmentOptions(delay_s=rtt_ms / 2000)
+        super().__init__(SimulationOptions(impairments=impairments))
+        emit = self.robot.board.emit
+        self.robot.board.emit = lambda data, now_ns: emit(  # type: ignore[method-assign]
+            data.replace(without, b"") if without else data, now_ns
+        )
+
+
+@pytest.mark.parametrize("without", [b"", b"read_flash:OK!\r\n", b"wheel_diameter:67.000\r\n"])
+@pytest.mark.parametrize("rtt_ms", [0, 20, 28, 80, 200, 260, 400, 500])
+@on_virtual_time
+async def test_late_answers_to_what_was_asked_twice_are_no_reset(
+    rtt_ms: int, without: bytes
+) -> None:
+    board = LateBoard(rtt_ms, without)
+    async with board:
+        await asyncio.sleep(4.0)
+        assert board.recorder.resets == []
+        assert board.session.facts().get("board_resets", 0) == 0
+        # Without the diameter no wheel may turn; else the board is ready.
+        assert bool(board.recorder.readings) == (b"diameter" not in without)
+
+
+@pytest.mark.parametrize("rtt_ms", [0, 28, 500])
+@on_virtual_time
+async def test_a_reset_is_noticed_however_long_the_line_is(rtt_ms: int) -> None:
+    async with LateBoard(rtt_ms) as board:
+        await board.connected()
+        await asyncio.sleep(2.0)
+        board.robot.brown_out(board.now_ns())
+        await board.until(lambda: board.recorder.resets, within_s=2.0)
+        await asyncio.sleep(2.0)
+        board.robot.reset(board.now_ns())
+        await board.until(lambda: len(board.recorder.resets) == 2, within_s=2.0)
+
+
+@pytest.mark.parametrize("fault", ["reset", "brown_out"])
+@on_virtual_time
+async def test_a_reset_just_after_connecting_is_noticed_or_armed_again(fault: str) -> None:
+    async with bench("streamed") as board:
+        await board.connected()
+        getattr(board.robot, fault)(board.now_ns())
+        count = len(board.recorder.readings)
+        await board.until(lambda: len(board.recorder.readings) > count + 10, within_s=1.0)
+        first = board.recorder.readings[count]
+        assert first.after_reset or first.after_gap
+
+
 @on_virtual_time
 async def test_a_reset_whose_notice_is_lost_is_armed_again_after_the_silence() -> None:
     async with bench("streamed") as board:
@@ -230,6 +300,69 @@ async def test_the_voltage_is_asked_for() -> None:
     async with bench("streamed", battery_period_s=1.0) as board:
         await board.until(lambda: len(board.recorder.volts) >= 3)
         assert all(5.0 < volts < 13.0 for volts in board.recorder.volts)
+
+
+class SilentBattery(Bench):
+    """A board that leaves the question for its voltage unanswered."""
+
+    async def open(self) -> BoardPort:
+        port = await super().open()
+        write = port.write
+        self.asked_ns: list[int] = []
+
+        def without(data: bytes) -> None:
+            if data == b"$read_vol#":
+                self.asked_ns.append(self.now_ns())
+                port.written.append((self.now_ns(), data))
+            else:
+                write(data)
+
+        port.write = without  # type: ignore[method-assign]
+        return port
+
+
+@on_virtual_time
+async def test_a_reversal_is_on_the_wire_within_the_spacing_while_the_voltage_is_not_told() -> None:
+    worst_ns, back = 0, b"$spd:-300,0,-300,0#"
+    for phase_ms in range(0, 320, 8):
+        async with SilentBattery() as board:
+            await board.until(lambda board=board: board.port is not None)
+            await board.until(lambda board=board: board.asked_ns)
+            assert board.port is not None
+            board.session.drive((300, 0, 300, 0))
+            await asyncio.sleep(phase_ms / 1000)
+            commanded_ns = board.now_ns()
+            board.session.drive((-300, 0, -300, 0))
+            await board.until(lambda board=board: back in board.port.frames)
+            at_ns = next(ns for ns, data in board.port.written if data == back)
+            worst_ns = max(worst_ns, at_ns - commanded_ns)
+    print(f"a reversal waited for {worst_ns / 1e6:.1f} ms at most")
+    assert worst_ns <= 20_000_000 + 12 * BoardPort.byte_ns
+
+
+@on_virtual_time
+async def test_a_voltage_that_is_not_told_is_asked_for_ever_less_and_said_once() -> None:
+    # Whole lines at a time: five minutes of them are many.
+    whole_lines = ImpairmentOptions(chunk_s=0.005)
+    async with SilentBattery(SimulationOptions(impairments=whole_lines)) as board:
+        await board.connected()
+        await asyncio.sleep(300.0)
+        waits_s = [round((b - a) / 1e9) for a, b in itertools.pairwise(board.asked_ns)]
+        assert waits_s[:6] == [5, 10, 20, 40, 80, 120]
+        assert [each.kind for each in board.recorder.events] == ["battery_unanswered"]
+        assert "board.battery_period_s = 0" in board.recorder.events[0].message
+        assert board.session.facts()["battery_unanswered"] >= 6
+
+
+@on_virtual_time
+async def test_a_voltage_that_is_told_late_is_asked_for_as_often() -> None:
+    async with bench("streamed") as board:
+        await board.connected()
+        board.robot.impairments.change(delay_s=0.4)
+        told = len(board.recorder.volts)
+        await board.until(lambda: len(board.recorder.volts) >= told + 4, 30.0)
+        assert board.session.facts()["answers_late"] >= 3
+        assert not board.session.facts().get("battery_unanswered")
 
 
 @on_virtual_time
@@ -307,6 +440,21 @@ async def test_a_line_that_loses_every_fiftieth_byte_still_drives_and_counts(dia
         await board.until(lambda: sum(board.session.facts().get(each, 0) for each in spoilt) > 0)
         board.session.drive((0, 0, 0, 0))
         await board.until(lambda: max(map(abs, board.rim_speeds)) < 0.03)
+
+
+@on_virtual_time
+async def test_damages_count_for_ten_seconds_and_five_of_them_make_a_line_noisy() -> None:
+    async with bench("streamed") as board:
+        await board.connected()
+        assert board.port is not None
+        for damages in range(1, 20):
+            board.port._memory.on_data(b"$MAll:1,$")
+            assert board.session.damages == min(damages, 16)
+            assert board.session.noisy == (damages >= 5)
+        await asyncio.sleep(9.9)
+        assert board.session.noisy
+        await asyncio.sleep(0.2)
+        assert (board.session.damages, board.session.noisy) == (0, False)
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)

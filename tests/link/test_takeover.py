@@ -58,7 +58,7 @@ async def test_it_leaves_with_the_motors_let_go_and_the_stream_off() -> None:
     board = LinkBench()
     await board.drive()
     await taken_over(board)
-    assert board.frames[-3:] == [b"$pwm:0,0,0,0#", b"$pwm:0,0,0,0#", b"$upload:0,0,0#"]
+    assert board.frames[-3:] == [b"$pwm:0,0,0,0#", b"$upload:0,0,0#", b"$pwm:0,0,0,0#"]
     board.robot.advance(board.now_ns)
     assert board.robot.board.streams == (False, False, False)  # type: ignore[attr-defined]
     assert all(motor.pwm == 0 for motor in board.robot.plant.motors)

@@ -106,10 +106,119 @@ async def test_an_answer_that_never_comes_is_counted_and_opens_the_line(
     waiting = asyncio.create_task(writer.request(b"$read_vol#", lambda _: False, 0.1))
     await settle()
     writer.velocity(b"$a#")
+    await advance(clock, 90)
+    assert not waiting.done()
+    again = asyncio.create_task(writer.request(b"$read_flash#", lambda _: False, 0.1))
+    await advance(clock, 40)
+    assert await waiting is False
+    assert port.frames[:3] == [b"$read_vol#", b"$a#", b"$read_flash#"]
+    assert writer.counters["answers_missed"] == 1
+    again.cancel()
+    await asyncio.gather(again, return_exceptions=True)
+
+
+@pytest.mark.parametrize("phase_ms", range(0, 330, 3))
+async def test_a_reversal_waits_for_the_mailbox_alone_at_every_phase_of_an_unanswered_question(
+    writer: Any, port: Any, clock: Any, phase_ms: int
+) -> None:
+    writer.velocity(b"$ahead#")
+    await advance(clock, 25)
+    waiting = asyncio.create_task(writer.request(b"$read_vol#", lambda _: False, 0.3))
+    await advance(clock, phase_ms)
+    commanded_ns = clock.ns
+    writer.velocity(b"$back#")
+    await advance(clock, 60)
+    back_ns = next(at_ns for at_ns, frame in port.sent if frame == b"$back#")
+    # The frame before it, whichever that is, and the distance behind it.
+    assert back_ns - commanded_ns <= len(b"$read_vol#") * port.byte_ns + 20 * MS + MS
+    waiting.cancel()
+    await asyncio.gather(waiting, return_exceptions=True)
+
+
+async def test_a_velocity_does_not_fall_into_the_answer_to_a_question(
+    writer: Any, port: Any, clock: Any
+) -> None:
+    waiting = asyncio.create_task(writer.request(b"$read_vol#", lambda _: False, 0.3))
+    await settle()
+    writer.velocity(b"$a#")
+    await advance(clock, 40)
+    (asked_ns, _), (velocity_ns, _) = port.sent
+    assert velocity_ns - asked_ns >= len(b"$read_vol#") * port.byte_ns + 20 * MS
+    waiting.cancel()
+    await asyncio.gather(waiting, return_exceptions=True)
+
+
+async def test_a_late_answer_does_not_shorten_the_distance_behind_a_velocity(
+    writer: Any, port: Any, clock: Any
+) -> None:
+    waiting = asyncio.create_task(
+        writer.request(b"$read_vol#", lambda said: isinstance(said, Battery), 0.3)
+    )
+    await settle()
+    writer.velocity(b"$a#")
+    await advance(clock, 22)
+    assert port.frames[-1] == b"$a#"
+    writer.heard(Battery(volts=7.4))
+    assert await waiting is True
+    writer.velocity(b"$b#")
+    await advance(clock, 40)
+    (_, _), (a_ns, _), (b_ns, _) = port.sent[:3]
+    assert b_ns - a_ns >= 20 * MS + 3 * port.byte_ns
+
+
+async def test_an_answer_that_comes_after_its_time_is_counted(
+    writer: Any, port: Any, clock: Any
+) -> None:
+    waiting = asyncio.create_task(
+        writer.request(b"$read_vol#", lambda said: isinstance(said, Battery), 0.1)
+    )
     await advance(clock, 130)
     assert await waiting is False
-    assert port.frames == [b"$read_vol#", b"$a#"]
-    assert writer.counters["answers_missed"] == 1
+    writer.heard(Battery(volts=7.4))
+    writer.heard(Battery(volts=7.4))
+    assert writer.counters["answers_late"] == 1
+
+
+async def test_a_late_answer_to_one_question_does_not_let_a_velocity_into_the_next(
+    writer: Any, port: Any, clock: Any
+) -> None:
+    waiting = asyncio.create_task(
+        writer.request(b"$read_vol#", lambda said: isinstance(said, Battery), 0.3)
+    )
+    await settle()
+    # The answer to an earlier one arrives before this one has left.
+    writer.heard(Battery(volts=7.4))
+    writer.velocity(b"$a#")
+    await advance(clock, 30)
+    assert await waiting is True
+    (asked_ns, _), (velocity_ns, _) = port.sent
+    assert velocity_ns - asked_ns >= len(b"$read_vol#") * port.byte_ns
+
+
+async def test_what_expects_no_answer_passes_an_unanswered_question(
+    writer: Any, port: Any, clock: Any
+) -> None:
+    waiting = asyncio.create_task(writer.request(b"$read_vol#", lambda _: False, 0.3))
+    await settle()
+    writer.tell(b"$upload:1,0,0#")
+    await advance(clock, 25)
+    assert port.frames == [b"$read_vol#", b"$upload:1,0,0#"]
+    waiting.cancel()
+    await asyncio.gather(waiting, return_exceptions=True)
+
+
+async def test_a_velocity_that_is_lost_beside_a_question_is_said_again(
+    writer: Any, port: Any, clock: Any
+) -> None:
+    waiting = asyncio.create_task(writer.request(b"$read_vol#", lambda _: False, 0.3))
+    await settle()
+    writer.velocity(b"$a#")
+    await advance(clock, 30)
+    writer.heard(CommandLost(text="fail,Command not found!"))
+    await advance(clock, 20)
+    assert port.frames == [b"$read_vol#", b"$a#", b"$a#"]
+    waiting.cancel()
+    await asyncio.gather(waiting, return_exceptions=True)
 
 
 async def test_a_lost_command_is_said_again_at_once(writer: Any, port: Any, clock: Any) -> None:
@@ -129,6 +238,20 @@ async def test_a_poll_blocks_the_line_until_its_answer(writer: Any, port: Any, c
     assert port.frames == [b"$read#"]
     writer.heard(COUNTS)
     assert port.frames == [b"$read#", b"$a#"]
+
+
+@pytest.mark.parametrize("phase_ms", range(0, 120, 3))
+async def test_a_velocity_waits_20_ms_at_most_for_the_answer_to_a_slow_poll(
+    writer: Any, port: Any, clock: Any, phase_ms: int
+) -> None:
+    writer.set_spacing(0)
+    writer.poll(b"$read#", 100 * MS)
+    await advance(clock, phase_ms)
+    commanded_ns = clock.ns
+    writer.velocity(b"$a#")
+    await advance(clock, 40)
+    assert port.frames[1] == b"$a#"
+    assert port.sent[1][0] - commanded_ns <= len(b"$read#") * port.byte_ns + 20 * MS + MS
 
 
 async def test_a_poll_that_came_early_goes_with_the_answer_to_the_one_before(
@@ -158,14 +281,14 @@ async def test_a_poll_that_is_never_answered_does_not_block_for_ever(
 async def test_a_full_port_takes_nothing_more_and_is_counted(
     writer: Any, port: Any, clock: Any
 ) -> None:
-    port.pending = 10
+    port.queued = 10
     writer.velocity(b"$a#")
     writer.velocity(b"$b#")
     assert port.frames == []
-    assert writer.facts()["port_full"] >= 1
+    assert writer.facts()["port_held"] == 1
     assert writer.facts()["velocities_replaced"] == 1
-    port.pending = 0
-    await advance(clock, 5)
+    port.queued = 0
+    await advance(clock, 25)
     assert port.frames == [b"$b#"]
 
 
@@ -198,7 +321,7 @@ async def test_a_writer_that_is_closed_says_nothing_that_waited(
 async def test_a_port_that_takes_nothing_for_300_ms_is_given_up(port: Any, clock: Any) -> None:
     writer = Writer(port, clock, resend_ns=100 * MS, spacing_ns=20 * MS)
     task = asyncio.create_task(writer.run())
-    port.pending = 15
+    port.queued = 15
     writer.velocity(b"$a#")
     await advance(clock, 290)
     assert not task.done()
@@ -211,10 +334,10 @@ async def test_a_port_that_is_full_for_a_moment_is_not_given_up(
     writer: Any, port: Any, clock: Any
 ) -> None:
     for _ in range(5):
-        port.pending = 15
+        port.queued = 15
         writer.velocity(b"$a#")
         await advance(clock, 200)
-        port.pending = 0
+        port.queued = 0
         await advance(clock, 200)
     assert len(port.frames) >= 5
 
@@ -233,6 +356,21 @@ async def test_a_late_answer_belongs_to_the_question_that_was_asked_first(
     assert writer.answered_poll_ns() is None
 
 
+async def test_answers_that_were_held_back_for_a_second_find_their_questions(
+    writer: Any, port: Any, clock: Any
+) -> None:
+    asked_ns = []
+    for number in range(25):
+        if number == 2:
+            # The first is answered late, so that another one waits when the silence begins.
+            assert writer.answered_poll_ns() == asked_ns.pop(0)
+        writer.poll(b"$read#", 10 * MS)
+        asked_ns.append(writer.poll_heard_ns)
+        await advance(clock, 40)
+    assert len(set(asked_ns)) == 24
+    assert [writer.answered_poll_ns() for _ in asked_ns] == asked_ns
+
+
 async def test_a_question_whose_answer_was_lost_is_forgotten_after_a_while(
     writer: Any, port: Any, clock: Any
 ) -> None:
@@ -242,3 +380,33 @@ async def test_a_question_whose_answer_was_lost_is_forgotten_after_a_while(
         lost = clock.ns < 1_000_000_000 + 50 * MS
         asked_ns = None if lost else writer.answered_poll_ns()
     assert asked_ns == writer.poll_heard_ns
+
+
+async def test_a_stop_waits_for_what_the_kernel_holds_and_goes_before_what_waited_longer(
+    writer: Any, port: Any, clock: Any
+) -> None:
+    port.queued = 18
+    writer.velocity(b"$a#")
+    writer.stop((b"$stop#",))
+    await advance(clock, 250)
+    assert port.frames == []
+    port.queued = 0
+    await advance(clock, 60)
+    assert port.frames == [b"$stop#"]
+
+
+async def test_a_port_that_is_slow_is_reported_once_with_its_rate(port: Any, clock: Any) -> None:
+    rates: list[float] = []
+    writer = Writer(port, clock, resend_ns=100 * MS, spacing_ns=20 * MS, on_slow=rates.append)
+    task = asyncio.create_task(writer.run())
+    for _ in range(3):
+        writer.velocity(b"$spd:300,0,300,0#")
+        port.queued = 17
+        await advance(clock, 170)
+        port.queued = 0
+        await advance(clock, 50)
+    assert len(rates) == 1
+    assert 90 < rates[0] < 110
+    assert writer.facts()["port_slow"] >= 2
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)

@@ -22,6 +22,7 @@ from yahboomd.messages.codecs import (
     encode_reply,
     encoding_name,
     encoding_of,
+    estop_by,
     is_release_attempt,
 )
 from yahboomd.messages.native import (
@@ -64,6 +65,8 @@ def twist(*six, order="<"):
 @given(finite, finite, finite, stamps_ns, words, st.sampled_from(["json", "msgpack"]))
 def test_a_command_survives_the_round_trip(vx, vy, wz, stamp_ns, source, encoding):
     sent = VelocityCommand(vx=vx, vy=vy, wz=wz, stamp_ns=stamp_ns, source=source)
+    if source is not None:
+        source = "".join(c if c.isprintable() else "?" for c in source)
     assert decode_command(encode(sent, encoding)) == ReceivedCommand(
         vx=vx, vy=vy, wz=wz, stamp_ns=stamp_ns, source=source, encoding=encoding
     )
@@ -285,8 +288,8 @@ def test_a_pose_request_survives_the_round_trip(encoding):
     [
         (b'{"x": 1, "y": 2}', "wrong_type"),
         (b'{"x": 1, "y": 2, "theta": NaN}', "not_finite"),
-        (pack({"x": 1, "y": 2, "theta": math.inf}), "not_finite"),
-        (pack({"x": 0, "y": 0, "theta": 0, "covariance": [math.nan] * 9}), "not_finite"),
+        (pack({"x": 1, "y": 2, "theta": math.inf}), "wrong_type"),
+        (pack({"x": 0, "y": 0, "theta": 0, "covariance": [math.nan] * 9}), "wrong_type"),
         (b'{"x": 0, "y": 0, "theta": 0, "covariance": [1, 2]}', "wrong_type"),
         (b'{"x":0,"y":0,"theta":0,"covariance":[1,0,0,0,-1,0,0,0,1]}', "wrong_type"),
         (cdr.trigger_request(), "unknown_encoding"),
@@ -312,6 +315,24 @@ def test_a_bad_pose_request_is_refused_with_its_reason(payload, expected):
 def test_a_well_formed_false_is_a_release_attempt(payload):
     assert is_release_attempt(payload)
     assert is_release_attempt(payload, query=True)
+
+
+@pytest.mark.parametrize(
+    ("payload", "by"),
+    [
+        (b'{"by": "the red button"}', "the red button"),
+        (b'{"engaged": true, "by": "yahboomd drive"}', "yahboomd drive"),
+        (pack({"by": "the red button"}), "the red button"),
+        (b"", ""),
+        (b"stop", ""),
+        (b"[1]", ""),
+        (b'{"by": 3}', ""),
+        (b'{"by": "red \\u001b[2J"}', ""),
+        (b'{"by": "' + b"x" * 100 + b'"}', "x" * 64),
+    ],
+)
+def test_who_asks_for_the_estop_is_read_where_it_is_a_printable_text(payload, by):
+    assert estop_by(payload) == by
 
 
 @pytest.mark.parametrize(
@@ -381,3 +402,10 @@ def test_an_encoding_is_told_by_the_first_byte_behind_white_space(payload):
     elif payload.startswith(b"\0"):
         expected = "cdr"
     assert encoding_of(payload) == expected
+
+
+def test_a_label_with_control_characters_is_taken_without_them() -> None:
+    payload = b'{"vx": 0.1, "source": "\\u001b[2J joystick"}'
+    command = decode_command(payload)
+    assert isinstance(command, ReceivedCommand)
+    assert command.source == "?[2J joystick"

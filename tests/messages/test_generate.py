@@ -55,6 +55,33 @@ def test_schemas_refuse_what_the_daemon_refuses(name, instance):
         Draft202012Validator(generate.schema(name)).validate(instance)
 
 
+def parts(node):
+    """Every schema within a schema."""
+    if isinstance(node, list):
+        for item in node:
+            yield from parts(item)
+    elif isinstance(node, dict):
+        yield node
+        for item in node.values():
+            yield from parts(item)
+
+
+@pytest.mark.parametrize("name", MESSAGES)
+def test_schemas_keep_to_forms_that_generators_of_types_understand(name):
+    for part in parts(generate.schema(name)):
+        assert "prefixItems" not in part
+        assert part.get("items") is not False
+        assert part.get("maximum", 0) <= 2**53
+        assert part.get("type") != "integer" or part["format"] == "int64"
+        assert not {"anyOf", "oneOf", "allOf"} & part.keys() or {"type": "null"} in part["anyOf"]
+
+
+def test_a_covariance_has_nine_numbers_in_its_schema():
+    covariance = generate.schema("PoseSample")["properties"]["covariance"]
+    assert (covariance["minItems"], covariance["maxItems"]) == (9, 9)
+    assert covariance["items"] == {"type": "number"}
+
+
 @pytest.mark.parametrize("name", MESSAGES)
 def test_schemas_let_messages_grow(name):
     grown = {**msgspec.to_builtins(samples.NATIVE[name]), "a_later_field": 1}

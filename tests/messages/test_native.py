@@ -20,7 +20,7 @@ FIELDS = {
     "BatterySample": "stamp_ns volts",
     "EventSample": "stamp_ns kind severity message wheel data",
     "StatusSample": "stamp_ns state driver since_ns why board link command bus driver_since_ns",
-    "EstopRequest": "engaged",
+    "EstopRequest": "engaged by",
     "SetPoseRequest": "x y theta covariance",
     "ServiceReply": "success message data",
 }
@@ -106,10 +106,10 @@ def test_an_event_leaves_out_what_it_does_not_have():
         "severity": "warning",
         "message": "It reset.",
     }
-    whole = Event(kind="stall", severity="error", message="!", wheel="left", data={"ticks": 0})
+    whole = Event(kind="no_counts", severity="error", message="!", wheel="left", data={"ticks": 0})
     assert wire(native.event_sample(whole, stamp_ns=9)) == {
         "stamp_ns": 9,
-        "kind": "stall",
+        "kind": "no_counts",
         "severity": "error",
         "message": "!",
         "wheel": "left",

@@ -78,8 +78,9 @@ def _stream(
     ppm: float = 0.0,
     loss: float = 0.0,
     seed: int = 0,
+    tick_ms: float = 10.0,
 ) -> Iterator[Line]:
-    """What a board sends that renews its totals every 10 ms of its own clock.
+    """What a board sends that renews its totals every so often by its own clock.
 
     Args:
         rate: Ticks a second of the left and the right wheel, over seconds.
@@ -90,15 +91,17 @@ def _stream(
         ppm: How much too long the board's ticks are.
         loss: The share of lines that get lost.
         seed: For the phases of the three clocks.
+        tick_ms: The board renews its totals so often; 0 renews them with every line.
     """
     chance = random.Random(seed)
-    tick_ms = 10.0 * (1.0 + ppm * 1e-6)
+    every_line = not tick_ms
+    tick_ms = (tick_ms or gap_ms) * (1.0 + ppm * 1e-6)
     next_ms = chance.uniform(0.0, tick_ms)
     sampled_ms = next_ms - tick_ms
     flush_ms = chance.uniform(0.0, timer_ms)
     totals = [chance.random(), chance.random()]
     counts = (0, 0, 0, 0)
-    sent_ms = chance.uniform(0.0, 10.0)
+    sent_ms = next_ms if every_line else chance.uniform(0.0, 10.0)
     held: list[tuple[tuple[int, int, int, int], float, float]] = []
 
     def line(counts: tuple[int, int, int, int], sampled: float, received: float) -> Line:
@@ -108,7 +111,7 @@ def _stream(
         return Line(reading, START_NS + round(sampled * 1e6))
 
     while sent_ms < seconds * 1e3:
-        while next_ms <= sent_ms:
+        while next_ms <= sent_ms + 1e-6:
             for index, speed in enumerate(rate((next_ms - tick_ms / 2) * 1e-3)):
                 totals[index] += speed * tick_ms * 1e-3
             counts = (math.floor(totals[0]), math.floor(totals[1]), 0, 0)

@@ -4,6 +4,8 @@ import random
 from itertools import pairwise
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from yahboomd.odometry.board_clock import PolledClock, StreamedClock
 
@@ -201,12 +203,16 @@ def test_after_a_break_the_step_is_the_time_since_the_last_stamp():
     first = clock.observe(START_NS)
     again = clock.restart(START_NS + 500 * MS)
     assert first.step_ns == 0
-    assert again.step_ns == again.stamp_ns - first.stamp_ns == 500 * MS
+    # It may have been held back: when it was sampled is open for all of that time.
+    assert again.step_ns == again.unsure_ns == START_NS + 500 * MS - first.stamp_ns
+    assert again.stamp_ns == first.stamp_ns
 
 
 def test_a_clock_goes_on_after_the_stamps_of_another():
     last_ns = START_NS + 3 * MS
-    assert StreamedClock(TICK_NS, last_ns).observe(START_NS).stamp_ns > last_ns
+    streamed = StreamedClock(TICK_NS, last_ns)
+    assert streamed.observe(START_NS).stamp_ns == last_ns
+    assert streamed.observe(START_NS + 20 * MS, ticks=40).stamp_ns > last_ns
     assert PolledClock(last_ns).observe(START_NS).step_ns == 0
     assert PolledClock(last_ns).observe(START_NS + 5 * MS).stamp_ns > last_ns
 
@@ -263,3 +269,117 @@ def test_a_request_that_the_board_heard_late_leaves_time_for_what_was_travelled(
     needs_ns = 0.9 * (sent_ns - last_ns)
     instant = clock.observe(sent_ns, requested_ns, least_ns=needs_ns)
     assert needs_ns <= instant.step_ns <= sent_ns - last_ns
+
+
+def test_answers_that_left_before_the_newest_question_are_no_prompt_ones():
+    clock = PolledClock()
+    for n in range(20):
+        asked_ns = START_NS + 20 * n * MS
+        clock.observe(asked_ns + 400_000, asked_ns, earliest_ns=asked_ns)
+    # They come in one burst. The newest question was not asked when they left.
+    for n in range(20):
+        left_ns = asked_ns + 1000 * MS + n * 2 * MS
+        earliest_ns = asked_ns + 20 * n * MS
+        instant = clock.observe(left_ns, left_ns, earliest_ns=earliest_ns)
+        assert instant.unsure_ns >= left_ns - earliest_ns - 400_000
+
+
+# The law: stamps increase, and none is later than its line
+
+
+steps = st.one_of(
+    st.tuples(st.just("lines"), st.integers(1, 60)),
+    st.tuples(st.just("lost"), st.integers(1, 200)),
+    st.tuples(st.just("held"), st.integers(1, 400)),
+)
+
+
+@settings(max_examples=150)
+@given(
+    plan=st.lists(steps, min_size=1, max_size=8),
+    tick_ms=st.sampled_from([0.0, 5.0, 10.0, 20.0, 40.0]),
+    gap_ms=st.floats(2.3, 11.0),
+    wire=st.floats(0.0, 1.0),
+    speed=st.floats(0.0, 0.004),
+)
+def test_no_stamp_is_later_than_its_line_whatever_is_held_back_or_lost(
+    plan, tick_ms, gap_ms, wire, speed
+):
+    """``wire``: how far apart held lines arrive, as a share of their distance when sent."""
+    clock = StreamedClock(TICK_NS)
+    sent_ms, free_ms, accepted = 0.0, 0.0, 0
+    last_ns = 0
+    for kind, count in [("lines", 60), *plan, ("lines", 60)]:
+        until_ms = sent_ms + count * gap_ms
+        for _ in range(count):
+            sent_ms += gap_ms
+            if kind == "lost":
+                continue
+            free_ms = max(sent_ms if kind == "lines" else until_ms, free_ms + wire * gap_ms)
+            sampled_ms = sent_ms // tick_ms * tick_ms if tick_ms else sent_ms
+            counts = int(sampled_ms * speed * 1e3)
+            arrival_ns = START_NS + round(free_ms * MS)
+            instant = clock.observe(arrival_ns, ticks=counts - accepted)
+            if not instant.step_ns:
+                continue
+            if last_ns:
+                assert last_ns < instant.stamp_ns <= arrival_ns
+            last_ns, accepted = instant.stamp_ns, counts
+
+
+@settings(max_examples=150)
+@given(
+    answers=st.lists(
+        st.tuples(st.integers(1, 120), st.integers(0, 300), st.integers(0, 40)), max_size=60
+    )
+)
+def test_no_stamp_is_later_than_its_answer(answers):
+    clock = PolledClock()
+    sent_ns = last_ns = START_NS
+    for after_ms, asked_ms, least_ms in answers:
+        sent_ns += after_ms * MS
+        requested_ns = sent_ns - (asked_ms % 25) * MS
+        instant = clock.observe(
+            sent_ns,
+            requested_ns,
+            least_ns=min(least_ms, after_ms) * MS,
+            earliest_ns=min(requested_ns, sent_ns - asked_ms * MS),
+        )
+        if instant.step_ns:
+            assert last_ns < instant.stamp_ns <= sent_ns
+            last_ns = instant.stamp_ns
+
+
+# The board's tick, whatever it is
+
+
+@pytest.mark.parametrize("tick_ms", [5.0, 20.0, 40.0])
+def test_another_period_is_measured(kit, tick_ms):
+    heard = Heard(kit.stream(steady, seconds=8.0, seed=3, tick_ms=tick_ms), after_s=5.0)
+    assert heard.clock.fits
+    assert heard.clock.period_ns == tick_ms * MS
+    assert heard.clock.take_notice() == "period"
+    assert heard.steps_ns == pytest.approx(heard.truth_ns, rel=1e-3)
+    assert max(map(abs, heard.locked_ms + heard.other_ms)) < tick_ms + 3.0
+
+
+@pytest.mark.parametrize("gap_ms", [2.4613, 5.917])
+def test_totals_that_are_new_in_every_line_have_no_tick(kit, gap_ms):
+    heard = Heard(kit.stream(steady, seconds=60.0, seed=3, tick_ms=0.0, gap_ms=gap_ms), after_s=4.0)
+    assert not heard.clock.fits
+    assert heard.clock.take_notice() == "unfit"
+    assert heard.clock.take_notice() is None
+    assert heard.steps_ns == pytest.approx(heard.truth_ns, rel=1e-3)
+    # A minute later the stamps are as good as at the beginning.
+    assert max(map(abs, heard.other_ms)) < gap_ms
+
+
+@pytest.mark.parametrize("timer_ms", [0.0, 1.0007, 4.003, 16.0041])
+@pytest.mark.parametrize("loss", [0.0, 0.2])
+def test_the_period_of_a_good_board_is_never_doubted(kit, timer_ms, loss):
+    for profile in (steady, stop_and_go, crawl):
+        lines = kit.stream(
+            profile, seconds=20.0, timer_ms=timer_ms, loss=loss, gap_ms=5.917, seed=5
+        )
+        clock = Heard(lines).clock
+        assert (clock.fits, clock.period_ns, clock.take_notice()) == (True, TICK_NS, None)

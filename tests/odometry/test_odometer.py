@@ -283,6 +283,40 @@ def test_unplugged_and_plugged_in_what_may_be_a_reset_is_not_counted(rig):
     assert deviation == pytest.approx(SPEED_MAX * 3.01 / math.sqrt(3.0), rel=0.02)
 
 
+def test_a_stream_that_ran_on_shows_that_there_was_no_reset_however_near_to_zero(rig, kit):
+    last = straight(rig, start=2_000)
+    rig.odometer.armed()
+    rig.feed(last + 900, last + 910, after_ms=3000.0, after_gap=True, unbroken=True)
+    rig.feed(last + 930, last + 940)
+    rig.feed(last + 960, last + 970)
+    rig.check_no_jump()
+    rig.check_covariance_grew()
+    assert rig.causes == ["gap_kept"]
+    assert rig.estimates[-1].motor_ticks == (49 * 30 + 960, 49 * 30 + 970)
+
+
+def test_a_stream_that_was_armed_and_not_heard_before_shows_nothing(rig):
+    last = straight(rig, start=2_000)
+    before = rig.estimates[-1]
+    # A connection that broke before a reading came, and the next one.
+    rig.odometer.armed()
+    rig.odometer.armed()
+    rig.feed(last + 900, last + 910, after_ms=3000.0, after_gap=True, unbroken=True)
+    rig.feed(last + 930, last + 940)
+    rig.feed(last + 930, last + 940)
+    assert rig.causes == ["gap_lost"]
+    assert rig.estimates[-1].pose == before.pose
+
+
+def test_a_silence_before_it_is_settled_takes_the_proof_back(rig):
+    last = straight(rig, start=2_000)
+    rig.odometer.armed()
+    rig.feed(last + 900, last + 910, after_ms=3000.0, after_gap=True, unbroken=True)
+    rig.feed(last + 930, last + 940, after_ms=400.0, after_gap=True)
+    rig.feed(last + 960, last + 970)
+    assert rig.causes == ["gap_lost"]
+
+
 def test_silence_is_a_gap_without_being_told(rig):
     last = straight(rig)
     rig.feed(last + 500, last + 500, after_ms=600.0)

@@ -10,7 +10,7 @@ from yahboomd.clock import LoopClock
 from yahboomd.link.handshake import Identity
 from yahboomd.link.port import byte_time_ns
 from yahboomd.link.session import Session, SessionOptions
-from yahboomd.model import EncoderReading, Event
+from yahboomd.model import Counts, EncoderReading, Event
 from yahboomd.simulation.memory import MemoryPort
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
@@ -21,7 +21,7 @@ class BoardPort:
 
     name = "/dev/simulated"
     byte_ns = byte_time_ns(115200)
-    pending = 0
+    queued = 0
 
     def __init__(self, robot: SimulatedRobot) -> None:
         self._memory = MemoryPort(robot)
@@ -43,6 +43,9 @@ class BoardPort:
 
     def look(self) -> None:
         """None is kept."""
+
+    def discard(self) -> None:
+        """Nothing waits."""
 
     async def drain(self, timeout_s: float) -> bool:
         await asyncio.sleep(0.005)
@@ -68,9 +71,13 @@ class Recorder:
         self.volts: list[float] = []
         self.resets: list[str] = []
         self.events: list[Event] = []
+        self.sent_units: list[Counts | None] = []
 
     def connected(self, session: Session, identity: Identity) -> None:
         self.identities.append(identity)
+
+    def armed(self) -> None:
+        pass
 
     def reading(self, reading: EncoderReading) -> None:
         self.readings.append(reading)
@@ -83,6 +90,9 @@ class Recorder:
 
     def event(self, event: Event) -> None:
         self.events.append(event)
+
+    def sent(self, units: Counts | None) -> None:
+        self.sent_units.append(units)
 
     def leaving(self) -> None:
         pass

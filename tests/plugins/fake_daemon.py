@@ -47,7 +47,11 @@ class FakeDaemon:
         """Begin, or begin anew."""
         self._bus = Bus(BusOptions(listen=(self.endpoint,), connect=(), namespace=self.namespace))
         await self._bus.open()
-        self._bus.subscribe(keys.CMD_VEL_TELEOP, self._take)
+        for key in (keys.CMD_VEL, keys.CMD_VEL_TELEOP):
+            self._bus.subscribe(key, self._take)
+        self._bus.token(keys.ALIVE)
+        self._bus.token(keys.holder_key(keys.ALIVE, self._bus.zid))
+        self._bus.serve(keys.STATUS, self._tell_status, fallback=_refuse)
         self._bus.serve(keys.ESTOP, self._estop, fallback=_refuse)
         self._bus.serve(keys.ESTOP_RESET, self._reset, fallback=_refuse)
         self._task = asyncio.create_task(self._publish(self._bus))
@@ -89,6 +93,9 @@ class FakeDaemon:
 
     def _take(self, arrivals: list[Arrival]) -> None:
         self.commands += [msgspec.json.decode(arrival.payload) for arrival in arrivals]
+
+    def _tell_status(self, _request: Request) -> Response:
+        return Response(payload=encode(self.status, "json"))
 
     def _estop(self, request: Request) -> Response:
         self.asked.append(request.key)

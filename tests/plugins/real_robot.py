@@ -19,7 +19,10 @@ from typing import Any
 
 import pytest
 import zenoh
+from event_check import assert_registered
+from zenoh_fixtures import free_endpoint
 
+from benchmarks.soak.processes import BOARD_NICE, DAEMON_NICE, prefer
 from yahboomd.simulation.truth import TruthSample, read_truth
 
 PATIENCE_S = 60.0
@@ -104,6 +107,7 @@ class RealRobot:
         simulate: More arguments of ``yahboomd simulate``.
         run: More arguments of ``yahboomd run``.
         port: Where the daemon looks for the board, if not where it is.
+        environ: More of the daemon's environment.
     """
 
     def __init__(
@@ -113,6 +117,7 @@ class RealRobot:
         simulate: Sequence[str] = (),
         run: Sequence[str] = (),
         port: str | None = None,
+        environ: dict[str, str] | None = None,
     ) -> None:
         self.folder = folder
         self.port = folder / "board"
@@ -122,12 +127,14 @@ class RealRobot:
         self._daemon_port = port or str(self.port)
         self._run_arguments = tuple(run)
         self._daemons: list[Process] = []
-        self.environ: dict[str, str] = {}
+        self.environ: dict[str, str] = environ or {}
         self.simulation = Process(
             "simulate",
             *("--link", str(self.port), "--truth", str(self.truth_path)),
             *("--control", str(self.control_path), *simulate),
         )
+        # A real board shares no processor with what keeps this machine busy.
+        prefer(self.simulation.process, BOARD_NICE)
         self.simulation.says("is at")
         self.daemon = self.start_daemon()
 
@@ -140,6 +147,8 @@ class RealRobot:
             *("--set", f"estop.latch_file={self.folder / 'estop'}", *self._run_arguments),
             environ=self.environ,
         )
+        # As the service runs.
+        prefer(self.daemon.process, DAEMON_NICE)
         self._daemons.append(self.daemon)
         return self.daemon
 
@@ -153,6 +162,10 @@ class RealRobot:
     def truth(self) -> list[TruthSample]:
         """Where the robot truly was, so far."""
         return read_truth(self.truth_path)
+
+    def travelled_m(self) -> float:
+        """How far its wheels have rolled so far, added up."""
+        return sum(self.truth()[-1].travel_m)
 
     def settled_truth(self) -> TruthSample:
         """Where it truly is, once it stands."""
@@ -170,6 +183,8 @@ class RealRobot:
         """End both."""
         for daemon in self._daemons:
             daemon.end()
+            # pytest shows it where the test failed.
+            print(daemon.output)
         self.simulation.end()
 
 
@@ -196,6 +211,12 @@ class Client:
         wait_for(lambda: self.samples.get(name), f"a sample of {name}")
         return self.samples[name][-1]
 
+    def pose_at(self, truth: TruthSample) -> dict[str, Any]:
+        """A pose that was sampled at a moment of the truth, or later."""
+        stamp_ns = truth.t_ns + time.time_ns() - time.monotonic_ns()
+        wait_for(lambda: self.latest("pose")["stamp_ns"] >= stamp_ns, "a pose of that moment")
+        return self.latest("pose")
+
     def in_state(self, state: str) -> dict[str, Any]:
         """Wait for a state; the status that tells it."""
 
@@ -212,6 +233,18 @@ class Client:
             self.session.put(key, payload)
             time.sleep(0.05)
 
+    def drive_until(
+        self, payload: bytes, condition: Callable[[], Any], what: str, key: str = "cmd_vel"
+    ) -> None:
+        """Say one command about 20 times a second until something is true."""
+
+        def found() -> bool:
+            self.session.put(key, payload)
+            time.sleep(0.04)
+            return bool(condition())
+
+        wait_for(found, what)
+
     def ask(self, key: str, payload: bytes | None = None) -> dict[str, Any]:
         """Ask a service."""
         for reply in self.session.get(key, payload=payload, timeout=20.0):
@@ -221,8 +254,10 @@ class Client:
         pytest.fail(f"{key} did not answer")
 
     def close(self) -> None:
-        """End the session."""
+        """End the session; all events that came fit their registry."""
         self.session.close()
+        for event in self.samples.get("events", ()):
+            assert_registered(event)
 
 
 def _opened(config: zenoh.Config) -> zenoh.Session | None:
@@ -230,13 +265,6 @@ def _opened(config: zenoh.Config) -> zenoh.Session | None:
         return zenoh.open(config)
     except zenoh.ZError:
         return None
-
-
-def free_endpoint() -> str:
-    """A loopback endpoint that nobody listens on."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 @pytest.fixture

@@ -7,7 +7,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Self
 
+import msgspec
 from board_bench import BoardPort
+from event_check import assert_registered
 
 from yahboomd.bus.subscriptions import Arrival
 from yahboomd.clock import LoopClock, Schedule
@@ -43,6 +45,7 @@ class Heard:
         self.volts.append(volts)
 
     def event(self, event: Event) -> None:
+        assert_registered(msgspec.structs.asdict(event) | {"stamp_ns": 0})
         self.events.append(event)
 
     def changed(self) -> None:
@@ -90,6 +93,7 @@ class RobotBench:
             self.arbiter,
             self.clock,
             holonomic=self.config.kinematics().holonomic,
+            notice_pause=self.controller.notice_pause,
             step=self.controller.step_soon,
         )
         self.supervisor = Supervisor(
@@ -119,6 +123,7 @@ class RobotBench:
             task.cancel()
             await asyncio.gather(task, return_exceptions=True)
         self.controller.close()
+        self.latch.settle()
 
     async def _control(self) -> None:
         schedule = Schedule(self.clock, assembly.command_period_ns(self.config))

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from real_robot import Process, wait_for
 
+from benchmarks.soak.processes import BOARD_NICE, prefer
 from yahboomd.simulation.truth import TruthSample, read_truth
 
 _DRIVER = """
@@ -41,6 +42,7 @@ class SimulatedBoard:
         self.process = Process(
             "simulate", "--link", self.port, "--truth", str(self.truth_path), *options
         )
+        prefer(self.process.process, BOARD_NICE)
         self.process.says("is at")
         self.owner: subprocess.Popen[str] | None = None
 

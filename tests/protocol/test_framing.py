@@ -205,3 +205,15 @@ def test_no_bytes_raise_and_no_item_hides_a_steering_byte(data):
 def test_a_resync_is_long_enough_for_the_board():
     assert set(RESYNC) == {0x0A}
     assert len(RESYNC) > 52
+
+
+@given(st.lists(st.binary(max_size=40) | st.sampled_from([b"$", b"#", b"\n", b"\x1b[2J"])))
+def test_no_text_of_a_board_can_command_a_terminal(parts: list[bytes]) -> None:
+    for item in Framer().feed(b"".join(parts)):
+        texts = (item.text,) if isinstance(item, TextLine) else (item.name, item.args)
+        assert all(c.isprintable() or c == "\t" for text in texts for c in text)
+
+
+def test_a_version_with_an_escape_sequence_is_still_read() -> None:
+    [item] = Framer().feed(b"Motor_Version:1.7.3\x1b]0;mine\x07\r\n")
+    assert item == TextLine(text="Motor_Version:1.7.3\ufffd]0;mine\ufffd", size=30, trailing=0)

@@ -104,15 +104,17 @@ def authority(tmp_path_factory: pytest.TempPathFactory) -> Authority:
 
 @pytest.fixture
 def guarded(real_robot: Callable[..., RealRobot], tmp_path: Path) -> Callable[..., RealRobot]:
-    """Starts a robot behind a Zenoh file: ``guarded(text, "tls")``; its endpoint is set."""
+    """Starts a robot behind a Zenoh file: ``guarded(text, "tls")``; its endpoint is set.
 
-    def start(zenoh_file: str, protocol: str) -> RealRobot:
+    More endpoints to listen on may follow.
+    """
+
+    def start(zenoh_file: str, protocol: str, *more: str) -> RealRobot:
         path = tmp_path / "zenoh.json5"
         path.write_text(zenoh_file)
         endpoint = free_endpoint().replace("tcp/127.0.0.1", f"{protocol}/localhost")
-        robot = real_robot(
-            run=["--set", f'zenoh.listen=["{endpoint}"]', "--set", f"zenoh.config={path}"]
-        )
+        listen = json.dumps([endpoint, *more])
+        robot = real_robot(run=["--set", f"zenoh.listen={listen}", "--set", f"zenoh.config={path}"])
         robot.endpoint = endpoint
         robot.daemon.says("Connected")
         return robot

@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
+import resource
+import socket
+import ssl
+import subprocess
+import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 import zenoh
-from real_robot import RealRobot, wait_for
+from real_robot import RealRobot, free_endpoint, wait_for
 
 from yahboomd.cli.main import main
+from yahboomd.client import NoDaemon, Robot
 
 pytestmark = pytest.mark.realtime
+
+FLOOD = Path(__file__).parents[1] / "plugins" / "zenoh_flood_process.py"
 
 HERE = {
     "    subjects: [\n": '{ id: "here", interfaces: ["lo"] },',
@@ -82,6 +93,8 @@ def test_a_viewer_is_refused_cmd_vel_and_the_services_and_still_reads_the_pose(
     assert sum(robot.settled_truth().travel_m) > 0.3
     viewer.sees_poses()
     assert viewer.poses[-1]["x"] > 0.15
+    (newest,) = viewer.ask("yahboomd/pose")
+    assert newest["x"] > 0.15
 
     (answer,) = viewer.ask("yahboomd/estop")
     assert answer["success"]
@@ -93,6 +106,32 @@ def test_a_viewer_is_refused_cmd_vel_and_the_services_and_still_reads_the_pose(
     )
     operator.drive()
     assert sum(robot.settled_truth().travel_m) > driven + 0.3
+
+
+def test_the_python_client_drives_with_the_papers_of_its_file_and_a_viewer_reads(
+    house: tuple[RealRobot, Callable[[str], dict[str, Any]]], tmp_path: Path
+) -> None:
+    robot, papers = house
+
+    def program(name: str) -> Robot:
+        config = zenoh.Config()
+        for key, value in papers(name).items():
+            config.insert_json5(key, json.dumps(value))
+        file = tmp_path / f"{name}.json5"
+        file.write_text(str(config))
+        return Robot(robot.endpoint, zenoh_file=file, wait_s=30.0)
+
+    with program("viewer") as viewer, program("operator") as operator:
+        assert viewer.alive
+        assert viewer.pose is not None
+        viewer.drive(0.3, for_s=60.0)
+        with pytest.raises(NoDaemon):
+            viewer.release()
+        assert operator.drive(0.3, for_s=60.0)
+        wait_for(lambda: robot.travelled_m() > 0.1, "it drives")
+        assert viewer.estop("the viewer")
+        assert operator.standing(within_s=30.0)
+        assert viewer.status is not None
 
 
 def test_somebody_who_is_known_and_named_in_no_rule_may_do_nothing(
@@ -175,3 +214,122 @@ def test_a_certificate_of_another_authority_is_none(
     with pytest.raises(zenoh.ZError):
         app(robot.endpoint, papers)
     app(robot.endpoint, authority.shown_by("operator")).sees_poses()
+
+
+def test_a_viewer_who_floods_the_estop_costs_the_operator_none_of_his_stops(
+    house: tuple[RealRobot, Callable[[str], dict[str, Any]]], app: Callable[..., Any]
+) -> None:
+    """Stopping is every known client's right, so the rules let the flood through."""
+    robot, papers = house
+    operator = app(robot.endpoint, papers("operator"))
+    seen: list[dict[str, Any]] = []
+    operator.session.declare_subscriber(
+        "yahboomd/status", lambda sample: seen.append(json.loads(bytes(sample.payload)))
+    )
+    flood = {
+        "endpoint": robot.endpoint,
+        "settings": papers("viewer"),
+        "key": "yahboomd/estop",
+        "how": "put",
+        "payload": '{"engaged": false}',
+        "hz": 1_000_000,
+    }
+    with subprocess.Popen(
+        [sys.executable, str(FLOOD), json.dumps(flood)], stdout=subprocess.PIPE
+    ) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline()
+            wait_for(
+                lambda: seen and seen[-1]["command"].get("release_refused", 0) > 2_000, "the flood"
+            )
+            assert seen[-1]["state"] != "estopped"
+            for _ in range(8):
+                operator.session.put("yahboomd/estop", b"{}")
+                wait_for(lambda: seen[-1]["state"] == "estopped", "the stop")
+                (answer,) = operator.ask("yahboomd/estop/reset")
+                assert answer["success"]
+                wait_for(lambda: seen[-1]["state"] == "standing", "the release")
+        finally:
+            process.kill()
+    assert seen[-1]["command"]["estops"] == 8
+
+
+def test_a_flood_without_certificates_keeps_neither_the_connected_nor_this_machine_from_stopping(
+    guarded: Callable[..., RealRobot],
+    example: Callable[..., str],
+    app: Callable[..., Any],
+    authority: Any,
+) -> None:
+    """Zenoh waits a tenth of a second after each handshake that fails, on that port alone."""
+    text = example(
+        "zenoh-mtls.json5",
+        ca_pem=authority.path("ca.pem"),
+        robot_pem=authority.path("robot.pem"),
+        robot_key=authority.path("robot.key"),
+    )
+    for found, added in HERE.items():
+        text = text.replace(found, found + added)
+    here = free_endpoint()
+    robot = guarded(text, "tls", here)
+    operator = app(robot.endpoint, authority.shown_by("operator"))
+    port = int(robot.endpoint.rpartition(":")[2])
+    trusting = ssl.create_default_context(cafile=authority.path("ca.pem"))
+    ended, refused = threading.Event(), list[str]()
+
+    def attempt() -> None:
+        while not ended.is_set():
+            try:
+                with (
+                    socket.create_connection(("localhost", port), timeout=1.0) as plain,
+                    trusting.wrap_socket(plain, server_hostname="localhost") as connection,
+                ):
+                    connection.recv(1)
+            except OSError as error:
+                refused.append(str(error))
+
+    threads = [threading.Thread(target=attempt) for _ in range(30)]
+    for thread in threads:
+        thread.start()
+    try:
+        wait_for(lambda: len(refused) > 60, "a flood")
+        (answer,) = operator.ask("yahboomd/estop")
+        assert answer["success"]
+        (answer,) = operator.ask("yahboomd/estop/reset")
+        assert answer["success"]
+        (answer,) = app(here).ask("yahboomd/estop")
+        assert answer["success"]
+    finally:
+        ended.set()
+        for thread in threads:
+            thread.join()
+
+
+def test_connections_that_wait_by_the_hundred_leave_a_descriptor_for_the_port(
+    guarded: Callable[..., RealRobot], example: Callable[..., str], authority: Any
+) -> None:
+    """A replug in motion, while 1,200 clients without a certificate say nothing."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if hard != resource.RLIM_INFINITY and hard < 4096:
+        pytest.skip("this machine allows too few descriptors")
+    text = example(
+        "zenoh-mtls.json5",
+        ca_pem=authority.path("ca.pem"),
+        robot_pem=authority.path("robot.pem"),
+        robot_key=authority.path("robot.key"),
+    )
+    with contextlib.ExitStack() as stack:
+        stack.callback(resource.setrlimit, resource.RLIMIT_NOFILE, (soft, hard))
+        # What most systems begin a process with.
+        resource.setrlimit(resource.RLIMIT_NOFILE, (1024, hard))
+        robot = guarded(text, "tls")
+        resource.setrlimit(resource.RLIMIT_NOFILE, (4096, hard))
+        port = int(robot.endpoint.rpartition(":")[2])
+        for _ in range(1_200):
+            stack.enter_context(socket.create_connection(("localhost", port)))
+        descriptors = Path(f"/proc/{robot.daemon.process.pid}/fd")
+        wait_for(lambda: len(list(descriptors.iterdir())) > 1_100, "all of them are accepted")
+        assert robot.do("unplug 0.5").startswith("ok")
+        wait_for(lambda: robot.daemon.output.count("Connected") == 2, "the port is open again")
+    assert "Too many open files" not in robot.daemon.output
+    assert "Traceback" not in robot.daemon.output

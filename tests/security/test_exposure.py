@@ -75,6 +75,6 @@ def test_a_port_that_others_reach_is_found_by_this_test_and_told_by_the_daemon(
     real_robot: Callable[..., RealRobot], client: Callable[..., Client]
 ) -> None:
     robot = real_robot(run=["--set", 'zenoh.listen=["tcp/0.0.0.0:0"]'])
-    robot.daemon.says("whoever reaches it can drive this robot")
+    robot.daemon.says("every program that reaches it can drive")
     robot.daemon.says("Connected")
     assert {host for host, _ in reachable(robot.daemon.process.pid)["tcp"]} == {"0.0.0.0"}

@@ -25,7 +25,10 @@ FRAGMENTS = st.sampled_from(
 
 
 @both
-@settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=50,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
 @given(noise=st.lists(st.one_of(FRAGMENTS, st.binary(max_size=20)), max_size=20))
 def test_no_bytes_disturb_a_board_for_good(
     bench: MakeBench, dialect: str, noise: list[bytes]

@@ -80,6 +80,19 @@ def test_the_board_is_muted_and_made_to_babble(bench: MakeBench) -> None:
     assert len(desk.run(0.1)) > 1000
 
 
+def test_output_stalls_input_is_held_and_answers_are_lost_until_all_is_cleared(
+    bench: MakeBench,
+) -> None:
+    desk = bench()
+    for line in ("stall 5", "hold 5", "unanswered $Battery 0.5"):
+        assert tell(desk, line) == "ok"
+    line = desk.robot.impairments
+    assert line.stalled_until_ns == line.held_until_ns == desk.now_ns + 5_000_000_000
+    assert line.unanswered == {b"$Battery": 0.5}
+    assert tell(desk, "clear") == "ok"
+    assert (line.stalled_until_ns, line.held_until_ns, line.unanswered) == (0, 0, {})
+
+
 def test_the_pose_is_told_as_json(bench: MakeBench) -> None:
     desk = bench()
     answer = tell(desk, "pose")
@@ -93,11 +106,19 @@ def test_the_battery_is_set(bench: MakeBench) -> None:
     assert desk.send(b"$read_vol#") == b"$Battery:6.5V#\r\n"
 
 
+def test_the_period_of_the_totals_is_set_on_a_board_that_has_one(bench: MakeBench) -> None:
+    desk = bench(tick_period_s=1.0)
+    assert tell(desk, "tick-period 0.02 0.005") == "ok"
+    assert desk.robot.board.next_ns <= desk.now_ns + 10_000_000
+    assert tell(bench(dialect="polled"), "tick-period 0.02").startswith("error ")
+
+
 @pytest.mark.parametrize(
     "line",
     [
         *("", "explode", "loss", "loss x", "loss 2", "loss -1", "mute", "delay -1", "stalled"),
         *("stalled middle", "battery nan", "unplug 1e99", "chunk inf"),
+        *("stall", "hold -1", "unanswered", "unanswered $Battery", "unanswered $Battery 2"),
     ],
 )
 def test_wrong_lines_are_answered_with_an_error(bench: MakeBench, line: str) -> None:

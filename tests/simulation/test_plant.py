@@ -66,3 +66,12 @@ def test_the_battery_sags_under_load() -> None:
     assert base.volts == 7.4
     base.set_outputs((PWM_MAX, 0, PWM_MAX, 0))
     assert base.volts < 7.2
+
+
+def test_a_weaker_supply_makes_the_motors_slower() -> None:
+    base = plant(rated_volts=12.0, battery_volts=12.0)
+    base.set_outputs((PWM_MAX, 0, PWM_MAX, 0))
+    base.advance(1_000_000_000)
+    base.battery_volts = 8.0
+    base.advance(2_000_000_000)
+    assert base.motors[0].speed_m_s == pytest.approx(1.15 * 8.0 / 12.0, abs=0.001)

@@ -183,6 +183,23 @@ async def test_a_host_that_floods_is_held_back_by_its_own_buffer(tmp_path: Path)
         host.close()
 
 
+async def test_while_the_port_takes_nothing_what_the_host_writes_stays_in_the_kernel(
+    tmp_path: Path,
+) -> None:
+    async with served(tmp_path / "board") as port:
+        host = Host(tmp_path / "board")
+        host.write(b"$read_vol#")
+        await host.until(b"$Battery")
+        assert port.command("stall 1000") == "ok"
+        host.write(b"\n" * 64)
+        await eventually(lambda: unread(port._master) == 64)
+        host.write(b"$read_flash#")
+        await eventually(lambda: unread(port._master) == 64 + len(b"$read_flash#"))
+        assert port.command("stall 0") == "ok"
+        await host.until(b"Motor_Version")
+        host.close()
+
+
 async def test_a_port_without_a_host_is_looked_at_now_and_then_only(tmp_path: Path) -> None:
     async with served(tmp_path / "board") as port:
         await exchange(tmp_path / "board", b"$read_vol#", b"$Battery")
@@ -231,6 +248,19 @@ async def test_a_file_in_the_place_of_the_link_is_not_touched(tmp_path: Path) ->
     with pytest.raises(ConfigError, match="is no link"):
         await serve(SimulatedRobot(), link=link)
     assert link.read_text() == "precious"
+
+
+async def test_a_second_board_neither_takes_nor_removes_the_link_of_the_first(
+    tmp_path: Path,
+) -> None:
+    link = tmp_path / "board"
+    async with served(link, truth=tmp_path / "truth") as port:
+        with pytest.raises(ConfigError, match=r"Another simulated board runs behind .*board\."):
+            await serve(SimulatedRobot(), link=link, truth=tmp_path / "truth")
+        assert str(link.readlink()) == port.name
+        await exchange(link, b"$read_vol#", b"$Battery")
+    async with served(link) as port:
+        await exchange(link, b"$read_vol#", b"$Battery")
 
 
 async def test_a_link_that_was_left_behind_is_taken_over(tmp_path: Path) -> None:

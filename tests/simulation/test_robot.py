@@ -132,6 +132,37 @@ def test_a_muted_board_still_listens(bench: MakeBench) -> None:
     assert desk.send(b"$read_vol#") != b""
 
 
+def test_a_port_that_takes_nothing_passes_on_what_has_queued_when_it_takes_again(
+    bench: MakeBench,
+) -> None:
+    desk = bench()
+    desk.robot.stall(desk.now_ns, 0.5)
+    desk.send(b"$pwm:0,0,7,0#", 0.4)
+    assert desk.robot.plant.motors[1].pwm == 0
+    assert desk.robot.host_backlog_ns(desk.now_ns) == pytest.approx(100_000_000, abs=2_000_000)
+    desk.run(0.2)
+    assert desk.robot.plant.motors[1].pwm == 7
+
+
+def test_what_is_held_back_arrives_whole_and_at_once(bench: MakeBench) -> None:
+    desk = bench(dialect="polled")
+    end_ns = desk.now_ns + 500_000_000
+    desk.robot.hold(desk.now_ns, 0.5)
+    for _ in range(5):
+        assert desk.send(b"$read#", 0.05) == b""
+    assert desk.run(0.5) == b"$data:0,0,0,0#" * 5
+    assert {at_ns for at_ns, _ in desk.chunks} == {end_ns}
+
+
+def test_answers_of_one_kind_are_lost_and_others_arrive(bench: MakeBench) -> None:
+    desk = bench()
+    desk.robot.impairments.unanswered[b"$Battery"] = 1.0
+    assert desk.send(b"$read_vol#") == b""
+    assert b"Motor_Version" in desk.send(b"$read_flash#", 0.1)
+    desk.robot.impairments.clear()
+    assert desk.send(b"$read_vol#") == b"$Battery:7.4V#\r\n"
+
+
 def test_babble_fills_the_wire_and_ends(bench: MakeBench) -> None:
     desk = bench()
     desk.robot.babble(desk.now_ns, 1.0)

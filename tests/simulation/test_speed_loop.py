@@ -6,17 +6,25 @@ import pytest
 
 from yahboomd.simulation.flash import tuning
 from yahboomd.simulation.motors import FAULTS, HEALTHY, PWM_MAX
-from yahboomd.simulation.options import FlashContent, SimulationOptions
+from yahboomd.simulation.options import PLAIN_GAIN, QUICK_GAIN, FlashContent, SimulationOptions
 from yahboomd.simulation.plant import Plant
 from yahboomd.simulation.speed_loop import TICK_NS, MotorControl, SpeedLoop
 
 
 class Rig:
-    def __init__(self, flash: FlashContent | None = None, totals: int = 0) -> None:
-        self.plant = Plant(SimulationOptions(), Random(0))
+    def __init__(
+        self,
+        flash: FlashContent | None = None,
+        totals: int = 0,
+        *,
+        gain: float = QUICK_GAIN,
+        wired_type: int = 1,
+        **options: float,
+    ) -> None:
+        self.plant = Plant(SimulationOptions(**options), Random(0))  # type: ignore[arg-type]
         self.plant.start(0)
-        self.control = MotorControl(self.plant, (totals,) * 4)
-        self.tuning = tuning(flash or FlashContent(), 1)
+        self.control = MotorControl(self.plant, (totals,) * 4, gain)
+        self.tuning = tuning(flash or FlashContent(), wired_type)
         self.now_ns = 0
 
     def run(self, seconds: float) -> list[float]:
@@ -25,6 +33,7 @@ class Rig:
         for _ in range(round(seconds * 100)):
             self.now_ns += TICK_NS
             self.control.tick(self.now_ns, self.tuning)
+            self.control.renew_totals(self.now_ns, self.tuning)
             speeds.append(self.plant.motors[0].speed_m_s)
         return speeds
 
@@ -91,11 +100,28 @@ def test_a_stored_zero_runs_away(zero: str) -> None:
     assert rig.run(1.0)[-1] > 1.1
 
 
-@pytest.mark.parametrize("motor_type", [2, 3])
-def test_a_type_that_does_not_fit_the_wiring_runs_away(motor_type: int) -> None:
-    rig = Rig(FlashContent(motor_type=motor_type))
+def test_a_type_that_does_not_fit_the_wiring_runs_away() -> None:
+    rig = Rig(FlashContent(motor_type=2))
     rig.go(100)
     assert rig.run(3.0)[-1] < -1.1
+
+
+def test_a_tt_motor_on_a_board_set_for_a_520_turns_backward_and_counts_forward() -> None:
+    rig = Rig(wired_type=3)
+    rig.go(300)
+    assert rig.run(2.0)[-1] == pytest.approx(-0.3, abs=0.03)
+    assert rig.control.totals[0] > 1000
+
+
+@pytest.mark.parametrize("volts", [12.0, 8.0])
+def test_the_plain_law_needs_more_than_600_ms_from_half_a_metre_a_second(volts: float) -> None:
+    rig = Rig(gain=PLAIN_GAIN, rated_volts=12.0, battery_volts=volts)
+    rig.go(500)
+    rig.run(3.0)
+    rig.go(0)
+    speeds = rig.run(2.0)
+    assert speeds[60] > 0.03
+    assert speeds[-1] < 0.03
 
 
 def test_a_held_wheel_winds_up_and_leaps_when_freed() -> None:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -365,3 +366,51 @@ def test_the_flash_survives_a_reset(bench: MakeBench) -> None:
     desk.robot.reset(desk.now_ns)
     desk.run(0.2)
     assert b"Pulse_Line:13\r\n" in desk.send(b"$read_flash#", 0.1)
+
+
+# The period of the totals.
+
+
+def renewals_ms(desk: Any, seconds: float) -> list[int]:
+    """After how many milliseconds the totals of a turning board changed, each time."""
+    board = board_of(desk)
+    found, before = [], board.totals
+    for ms in range(1, round(seconds * 1000) + 1):
+        desk.run(0.001)
+        if board.totals != before:
+            found.append(ms)
+            before = board.totals
+    return found
+
+
+@pytest.mark.parametrize("period_ms", [5, 10, 20, 40])
+def test_the_totals_are_renewed_at_the_period_that_was_asked_for(
+    bench: MakeBench, period_ms: int
+) -> None:
+    desk = bench(tick_period_s=period_ms / 1000)
+    desk.send(b"$upload:1,0,0#", 0.1)
+    desk.send(b"$spd:500,0,500,0#", 1.0)
+    found = renewals_ms(desk, 1.0)
+    assert {b - a for a, b in pairwise(found)} == {period_ms}
+    assert desk.speeds() == pytest.approx([0.5, 0.5], abs=0.03)
+
+
+def test_a_period_of_zero_renews_the_totals_with_every_line(bench: MakeBench) -> None:
+    desk = bench(tick_period_s=0.0, initial_ticks=(123456, 0, 123456, 0))
+    desk.send(b"$upload:1,0,0#", 0.1)
+    lines = [line for line in desk.send(b"$spd:500,0,500,0#", 2.0).split(b"\r\n") if line]
+    turning = lines[len(lines) // 2 : -1]
+    assert len(set(turning)) == len(turning) > 100
+
+
+def test_an_irregular_period_is_never_shorter_and_can_be_set_while_it_runs(
+    bench: MakeBench,
+) -> None:
+    desk = bench()
+    desk.send(b"$upload:1,0,0#", 0.1)
+    desk.send(b"$spd:500,0,500,0#", 1.0)
+    desk.robot.set_tick_period(desk.now_ns, 0.02, 0.01)
+    desk.run(0.1)
+    gaps = {b - a for a, b in pairwise(renewals_ms(desk, 1.0))}
+    assert len(gaps) > 4
+    assert 20 <= min(gaps) <= max(gaps) <= 31

@@ -10,7 +10,13 @@ import pytest
 
 from yahboomd.clock import LoopClock, Schedule
 from yahboomd.simulation import virtual_time
-from yahboomd.simulation.virtual_time import START_NS, Deadlock, on_virtual_time, run
+from yahboomd.simulation.virtual_time import (
+    START_NS,
+    Deadlock,
+    VirtualTimeLoop,
+    on_virtual_time,
+    run,
+)
 
 
 def test_an_hour_passes_in_no_time() -> None:
@@ -23,6 +29,22 @@ def test_an_hour_passes_in_no_time() -> None:
     before = time.monotonic()
     assert run(main()) == pytest.approx(3600)
     assert time.monotonic() - before < 60
+
+
+def test_what_is_due_while_the_loop_is_frozen_runs_late_and_in_order() -> None:
+    async def main() -> list[tuple[str, float]]:
+        loop = asyncio.get_running_loop()
+        assert isinstance(loop, VirtualTimeLoop)
+        start, rang = loop.time(), []
+        for name, delay in (("b", 0.2), ("a", 0.1), ("c", 3.0)):
+            loop.call_later(delay, lambda name=name: rang.append((name, loop.time() - start)))
+        loop.freeze(2.0)
+        await asyncio.sleep(1.5)
+        return rang
+
+    rang = run(main())
+    assert [name for name, _ in rang] == ["a", "b", "c"]
+    assert [at for _, at in rang] == pytest.approx([2.0, 2.0, 3.0], abs=1e-6)
 
 
 def test_timers_run_in_order_and_at_their_time() -> None:

@@ -65,3 +65,14 @@ def test_a_pose_that_somebody_sets_is_no_jump_and_the_next_one_is_watched_again(
     assert watch.found == []
     watch.see(sample(4, 1.0))
     assert [jump.kind for jump in watch.found] == ["position"]
+
+
+def test_a_stamp_in_the_future_is_found() -> None:
+    watch = PoseWatch()
+    first, second = sample(1, 0.0), sample(2, 0.0)
+    watch.see(first, first.stamp_ns + 1_000_000)
+    watch.see(second, second.stamp_ns - 1_000_000)
+    assert watch.found == []
+    third = sample(3, 0.0)
+    watch.see(third, third.stamp_ns - 30_000_000)
+    assert [(jump.kind, jump.step) for jump in watch.found] == [("future", 0.03)]

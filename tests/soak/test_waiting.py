@@ -3,7 +3,7 @@ from __future__ import annotations
 import os
 import threading
 
-from benchmarks.soak.waiting import Waiting, longest_wait_ns, waits_ns
+from benchmarks.soak.waiting import Waiting, held_by_the_kernel, longest_wait_ns, waits_ns
 
 SAMPLES = [
     (0, {"1": 100, "2": 0}),
@@ -39,3 +39,7 @@ def test_a_stretch_that_has_just_ended_is_told_at_once() -> None:
         assert waiting.within_s(0, 1) >= 0.0
     finally:
         waiting.close()
+
+
+def test_a_process_that_sleeps_or_runs_is_not_held_by_the_kernel() -> None:
+    assert held_by_the_kernel([os.getpid(), 2**22 + 1]) == []

@@ -283,3 +283,31 @@ def _listeners(machine) -> str:
 def _environment(setting: str) -> str:
     escaped = setting.replace('"', '\\"')
     return f'Environment="{escaped}"'
+
+
+@main_claim
+def test_the_metrics_are_off_until_enabled_and_outlive_the_daemon(bench) -> None:
+    machine = bench.machine
+    unit = "yahboomd-metrics.service"
+    ask = "import urllib.request as r; print(r.urlopen('http://127.0.0.1:9448/metrics').read().decode())"
+
+    def page() -> str:
+        return machine.run(PYTHON, "-c", ask, check=False)
+
+    assert machine.run("systemctl", "is-enabled", unit, check=False).strip() == "disabled"
+    assert machine.show(unit, "ActiveState") == "inactive"
+    machine.run("systemctl", "enable", "--now", unit)
+    try:
+        wait_until(lambda: 'yahboomd_up{robot="yahboomd"} 1' in page(), "the daemon is seen")
+        # Under all that shields it from the system, with a user of its own.
+        assert 'yahboomd_board_info{robot="yahboomd",port="/dev/' in page()
+        # The range of users that systemd makes for a service alone.
+        assert 61184 <= int(machine.show(unit, "UID")) <= 65519
+        machine.run("systemctl", "stop", SERVICE)
+        wait_until(lambda: 'yahboomd_up{robot="yahboomd"} 0' in page(), "it is seen to be gone")
+        machine.run("systemctl", "kill", "--signal=SIGKILL", unit)
+        machine.run("systemctl", "start", SERVICE)
+        wait_until(lambda: 'yahboomd_up{robot="yahboomd"} 1' in page(), "both are back")
+    finally:
+        machine.run("systemctl", "disable", "--now", unit)
+    bench.drive()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -53,11 +54,12 @@ class MakeRun:
 def started(tmp_path: Path) -> Iterator[Callable[..., tuple[MakeRun, str]]]:
     running: list[MakeRun] = []
 
-    def start(*arguments: str) -> tuple[MakeRun, str]:
+    def start(*arguments: str, latch: bool = True) -> tuple[MakeRun, str]:
         endpoint = free_endpoint()
-        settings = (f'zenoh.listen=["{endpoint}"]', "zenoh.connect=[]")
-        latch = f"estop.latch_file={tmp_path / 'estop'}"
-        sets = [word for each in (*settings, latch) for word in ("--set", each)]
+        settings = [f'zenoh.listen=["{endpoint}"]', "zenoh.connect=[]"]
+        if latch:
+            settings.append(f"estop.latch_file={tmp_path / 'estop'}")
+        sets = [word for each in settings for word in ("--set", each)]
         running.append(MakeRun(*arguments, *sets))
         return running[-1], endpoint
 
@@ -74,9 +76,71 @@ def test_without_a_port_a_board_is_simulated_and_the_robot_can_be_driven(
     app.in_state("standing")
     app.drive(b'{"vx": 0.3}', 0.5)
     wait_for(lambda: app.latest("pose")["x"] > 0.05, "it moved")
-    assert ".venv/bin/yahboomd drive" in made.output
+    wait_for(lambda: ".venv/bin/yahboomd drive" in made.output, "the invitation")
     assert made.end() == 0
     assert "Traceback" not in made.output
+
+
+@pytest.mark.parametrize("preset", ["4wd", "mecanum"])
+def test_the_simulated_board_has_the_motors_of_the_configuration(
+    started: Callable[..., tuple[MakeRun, str]],
+    client: Callable[..., Client],
+    tmp_path: Path,
+    preset: str,
+) -> None:
+    config = tmp_path / "robot.toml"
+    base = "wheel_base_m = 0.17\n" if preset == "mecanum" else ""
+    config.write_text(f'[chassis]\npreset = "{preset}"\nwheel_separation_m = 0.17\n{base}')
+    made, endpoint = started("--config", str(config))
+    app = client("client", endpoint)
+    app.in_state("standing")
+    app.drive(b'{"vx": 0.3}', 1.0)
+    wait_for(lambda: app.latest("pose")["x"] > 0.1, "it moved")
+    assert len(app.latest("wheels")["names"]) == 4
+    assert all(ticks > 0 for ticks in app.latest("wheels")["ticks"])
+    assert app.latest("status")["state"] != "fault"
+    assert made.end() == 0
+
+
+def test_the_emergency_stop_of_a_simulated_robot_goes_with_it(
+    started: Callable[..., tuple[MakeRun, str]], client: Callable[..., Client]
+) -> None:
+    made, endpoint = started(latch=False)
+    app = client("client", endpoint)
+    app.in_state("standing")
+    assert app.ask("yahboomd/estop")["success"]
+    latch = Path(app.ask("yahboomd/config")["data"]["estop"]["latch_file"])
+    assert latch.exists()
+    assert made.end() == 0
+    assert not latch.parent.exists()
+
+
+@pytest.mark.parametrize("name", ["SIGHUP", "SIGQUIT", "SIGUSR1"])
+def test_a_signal_ends_the_daemon_first_and_leaves_no_board_behind(
+    started: Callable[..., tuple[MakeRun, str]], client: Callable[..., Client], name: str
+) -> None:
+    made, endpoint = started()
+    client("client", endpoint).in_state("standing")
+    number = getattr(signal, name)
+    made.process.send_signal(number)
+    made.process.send_signal(number)
+    made.process.wait(60)
+    # Nothing holds the pipe any more: daemon and board are gone.
+    assert made.end() == (0 if name == "SIGHUP" else 128 + number)
+    assert made.output.count(f"{name}: stopping the wheels") == 1
+    assert "Traceback" not in made.output
+
+
+def test_a_signal_that_arrives_twice_is_logged_once(
+    started: Callable[..., tuple[MakeRun, str]], client: Callable[..., Client]
+) -> None:
+    """As from `make`, which passes on what its whole group has had."""
+    made, endpoint = started()
+    client("client", endpoint).in_state("standing")
+    for _ in range(3):
+        made.process.terminate()
+    assert made.end() == 0
+    assert made.output.count("SIGTERM: stopping the wheels") == 1
 
 
 def test_a_port_that_is_named_is_taken_and_nothing_simulated(
@@ -96,4 +160,15 @@ def test_a_mistake_in_the_options_ends_it_with_the_daemons_status(
     made, _ = started("--set", "chassis.wheel_separation_m=-1")
     assert made.process.wait(60) == 78
     assert "chassis.wheel_separation_m" in made.output
+    assert "second terminal" not in made.output
     assert "Traceback" not in made.output
+
+
+def test_where_the_daemon_does_not_start_no_one_is_invited_to_drive_it() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        listen = f"zenoh.listen=tcp/127.0.0.1:{taken.getsockname()[1]}"
+        made = MakeRun("--set", listen, "--set", "zenoh.connect=[]")
+        assert made.process.wait(60) == 69
+        assert made.end() == 69
+    assert "cannot listen" in made.output
+    assert "second terminal" not in made.output

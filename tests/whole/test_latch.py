@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 from real_robot import Client, RealRobot, wait_for
@@ -31,8 +32,32 @@ def test_the_emergency_stop_is_still_engaged_after_a_restart(
     assert robot.settled_truth().travel_m == pytest.approx(stood.travel_m, abs=0.001)
     wait_for(lambda: second.ask("yahboomd/estop/reset")["success"], "the release")
     second.in_state("standing")
-    second.drive(b'{"vx": 0.3}', 0.5)
-    assert sum(robot.settled_truth().travel_m) > sum(stood.travel_m) + 0.1
+    goal_m = sum(stood.travel_m) + 0.1
+    second.drive_until(b'{"vx": 0.3}', lambda: robot.travelled_m() > goal_m, "it drives again")
+
+
+def test_an_emergency_stop_that_could_not_be_written_is_written_when_it_can_be(
+    real_robot: Callable[..., RealRobot], client: Callable[..., Client], tmp_path: Path
+) -> None:
+    disk = tmp_path / "disk"
+    # A file where a folder is needed: nothing can be written, for root neither.
+    disk.touch()
+    robot = real_robot(run=["--set", f"estop.latch_file={disk / 'estop'}"])
+    first = client("client", robot.endpoint)
+    # What cannot be read counts as engaged, and is not released.
+    assert "its folder cannot be used" in first.in_state("estopped")["why"]
+    assert "not on file" in first.in_state("estopped")["why"]
+    assert not first.ask("yahboomd/estop/reset")["success"]
+    assert first.latest("status")["command"]["estop_not_on_file"] == 1
+    disk.unlink()
+    assert first.ask("yahboomd/estop")["success"]
+    wait_for((disk / "estop").exists, "the latch is on file")
+    robot.daemon.end(signal.SIGKILL)
+    robot.start_daemon()
+    second = client("client", robot.endpoint)
+    second.in_state("estopped")
+    assert second.ask("yahboomd/estop/reset")["success"]
+    second.in_state("standing")
 
 
 def test_a_second_daemon_under_the_same_name_is_an_event_to_both(
@@ -43,7 +68,7 @@ def test_a_second_daemon_under_the_same_name_is_an_event_to_both(
     app.in_state("standing")
     joined = f'zenoh.connect=["{one.endpoint}"]'
     two = real_robot(run=["--namespace", "bot1", "--set", joined])
-    words = "uses the same namespace: both obey the same commands"
+    words = "uses the same namespace: what reaches both moves both"
     two.daemon.says(words)
     one.daemon.says(words)
     wait_for(

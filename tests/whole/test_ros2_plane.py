@@ -71,9 +71,9 @@ class Told(FaultBench):
         self.oracle = Oracle()
         self.kept: dict[str, tuple[str, Kept]] = {}
         publisher = Publisher(
-            lambda _key, _message: Kept(),
+            lambda _key: Kept(),
             encoding="json",
-            stamps=WallStamps(self.clock),
+            stamps=WallStamps(self.clock, self.heard.event),
             period_ns=round(1e9 / self.config.odometry.publish_rate_hz),
             frame_id="odom",
             child_frame_id="base_link",

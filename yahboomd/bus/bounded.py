@@ -3,11 +3,44 @@
 from __future__ import annotations
 
 import asyncio
+import atexit
 import threading
 from collections.abc import Callable
 from typing import TypeVar
 
+from yahboomd.clock import SystemClock, nanoseconds, seconds
+
 Result = TypeVar("Result")
+
+EXIT_S = 2.0
+"""How long the end of the process waits for calls that are still going on."""
+
+_running = set[threading.Thread]()
+
+
+@atexit.register
+def _await_calls() -> None:
+    """Let calls return before the interpreter is torn down.
+
+    A thread that comes back from Zenoh during it is ended by unwinding through Rust, which aborts
+    the process (signal 6), whatever status it was to end with.
+    """
+    clock = SystemClock()
+    deadline_ns = clock.now_ns() + nanoseconds(EXIT_S)
+    for thread in list(_running):
+        thread.join(max(0.0, seconds(deadline_ns - clock.now_ns())))
+
+
+def _start(run: Callable[[], None], name: str) -> None:
+    def enter() -> None:
+        thread = threading.current_thread()
+        _running.add(thread)
+        try:
+            run()
+        finally:
+            _running.discard(thread)
+
+    threading.Thread(target=enter, name=name, daemon=True).start()
 
 
 async def bounded(
@@ -19,14 +52,14 @@ async def bounded(
 ) -> Result:
     """Run ``call`` in a thread of its own and wait for it no longer than ``timeout_s``.
 
-    The thread is a daemon: unlike one of an executor's it keeps neither the loop nor the process
-    from ending when the call never returns.
+    The thread is a daemon: unlike one of an executor's it keeps neither the loop nor, for longer
+    than ``EXIT_S``, the process from ending when the call never returns.
 
     Args:
         call: What to run.
         timeout_s: The longest wait, in seconds.
         name: The thread's name.
-        late: Given the result when nobody waits for it any more (called in the thread).
+        late: Called in the thread with a result that came after the timeout.
 
     Raises:
         TimeoutError: The call had not returned in time. It goes on in its thread.
@@ -38,7 +71,7 @@ async def bounded(
     def settle(result: Result | None, error: BaseException | None) -> None:
         if future.done():
             if error is None and late is not None:
-                threading.Thread(target=late, args=(result,), name=name, daemon=True).start()
+                _start(lambda: late(result), name)  # type: ignore[arg-type]
         elif error is not None:
             future.set_exception(error)
         else:
@@ -57,7 +90,7 @@ async def bounded(
             if error is None and late is not None:
                 late(result)  # type: ignore[arg-type]
 
-    threading.Thread(target=run, name=name, daemon=True).start()
+    _start(run, name)
     # Not wait_for: up to Python 3.11 it forgets a cancellation that comes with the result.
     try:
         async with asyncio.timeout(timeout_s):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 
+from yahboomd.bus.presence import TokenWatch
 from yahboomd.bus.publishers import BusPublisher
 from yahboomd.bus.services import Service
 from yahboomd.bus.subscriptions import Subscription
@@ -14,7 +15,7 @@ def facts(declared: Iterable[object]) -> dict[str, int]:
     """Sum their counters up.
 
     Of samples that were taken nothing is said: their takers count them. What a ring of Zenoh's
-    loses in a flood nobody knows; ``samples_dropped`` holds one at least for each look at a full
+    loses in a flood is unknown; ``samples_dropped`` holds one at least for each look at a full
     ring.
 
     Args:
@@ -34,4 +35,6 @@ def facts(declared: Iterable[object]) -> dict[str, int]:
             found["requests_refused"] += each.counters.refused
             found["requests_failed"] += each.counters.failed
             found["answers_unsent"] += each.counters.unsent
+        elif isinstance(each, TokenWatch):
+            found["tokens_ignored"] += each.ignored
     return dict(found)

@@ -1,4 +1,4 @@
-"""Zenoh's errors, told so that a person knows what to do."""
+"""Zenoh's errors, in words that help a person."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ def open_failure(error: Exception, options: BusOptions) -> BusError:
     if "Unable to connect" in text:
         return BusError(
             f"No Zenoh router answers at {', '.join(options.connect)}.",
-            remedy="Start it first, or set zenoh.mode to 'router', which waits for nobody.",
+            remedy="Start it first, or set zenoh.mode to 'router', which does not wait.",
         )
     if "not supported for" in text:
         return BusError(
             f"An endpoint names a protocol that this Zenoh does not have: {_short(text)}.",
-            remedy="tcp, udp, ws, tls, quic and unixsock-stream are there.",
+            remedy="tcp, udp, tls, quic and unixsock-stream are there.",
         )
     return BusError(
         f"The Zenoh session cannot be opened: {_short(text)}.",

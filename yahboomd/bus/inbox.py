@@ -25,7 +25,7 @@ import msgspec
 Item = TypeVar("Item")
 
 DEPTH = 64
-"""Entries a lane holds unless told otherwise, and the most that a turn of the loop delivers."""
+"""Entries a lane holds by default, and the most that one iteration of the loop delivers."""
 
 
 class LaneCounters(msgspec.Struct, kw_only=True):

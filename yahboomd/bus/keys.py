@@ -21,6 +21,9 @@ BATTERY = "yahboomd/battery"
 STATUS = "yahboomd/status"
 EVENTS = "yahboomd/events"
 
+SAMPLES = (POSE, TWIST, WHEELS, BATTERY, STATUS)
+"""What is published again and again: the newest sample can be asked for, too."""
+
 ESTOP = "yahboomd/estop"
 ESTOP_RESET = "yahboomd/estop/reset"
 ODOMETRY_RESET = "yahboomd/odometry/reset"
@@ -38,7 +41,7 @@ ROS_BATTERY_STATE = "battery_state"
 ROS_DIAGNOSTICS = "diagnostics"
 
 # Zenoh's rules for a key without wildcards: chunks that are not empty, none of `*`, `$`, `?`, `#`.
-# `@` opens a chunk that wildcards do not reach; a robot that is hidden by accident helps nobody.
+# `@` opens a chunk that wildcards do not reach; a robot must not be hidden by accident.
 _CHUNK = re.compile(r"[^*$?#/@\s\x00-\x1f][^*$?#/\s\x00-\x1f]*\Z")
 
 
@@ -62,7 +65,7 @@ def full_key(namespace: str, key: str) -> str:
 
 
 def holder_key(key: str, zid: str) -> str:
-    """The key of the token by which one holder of ``key`` is told from another.
+    """The key of the token that distinguishes one holder of ``key`` from another.
 
     Tokens of two sessions on one and the same key are one token to those who watch: the second is
     not announced, and when one of the two ends, the end is announced though the other lives on.

@@ -1,6 +1,6 @@
-"""What the bus is told when it is made, and how that becomes a configuration of Zenoh's.
+"""The options of the bus, and the Zenoh configuration that they become.
 
-The defaults make a robot that nobody reaches over the network: a router on loopback, without
+The defaults make a robot that cannot be reached over the network: a router on loopback, without
 scouting. Zenoh's own would listen on every interface and answer to multicast.
 """
 
@@ -19,7 +19,7 @@ from yahboomd.errors import BusError
 
 Mode: TypeAlias = Literal["router", "peer", "client"]
 
-_ADDRESSED = ("tcp", "udp", "tls", "quic", "ws", "wss")
+_ADDRESSED = ("tcp", "udp", "tls", "quic")
 """Protocols whose address is a host and a port."""
 
 _OWN_SETTINGS = {
@@ -101,6 +101,28 @@ def is_local(endpoint: str) -> bool:
         return False
 
 
+def admitted(options: BusOptions, endpoint: str = "") -> str:
+    """Who may use the bus through ``endpoint``, as a clause: "every user can drive".
+
+    Args:
+        options: How the bus is; its file must be readable.
+        endpoint: Where the session listens; empty for a router that it joins.
+    """
+    config = _from_file(options.config_file, zenoh.Config())
+
+    def is_set(key: str) -> bool:
+        return config.get_json(key) not in {"null", "false", '""'}
+
+    if is_set("access_control/enabled"):
+        return f"the access control in {options.config_file} decides who can drive"
+    if endpoint and is_set("transport/auth/usrpwd/dictionary_file"):
+        return f"every user that {options.config_file} names can drive"
+    tls = endpoint.partition("/")[0] in {"tls", "quic"}
+    if tls and is_set("transport/link/tls/enable_mtls"):
+        return f"every certificate that {options.config_file} accepts can drive"
+    return "every program that reaches it can drive"
+
+
 def endpoint_problem(endpoint: str) -> str | None:
     """Why ``endpoint`` cannot work; None when it looks right.
 
@@ -140,7 +162,7 @@ def zenoh_config(options: BusOptions, *, uplink: bool = False) -> zenoh.Config:
     for key, value in (_uplink(options) if uplink else _always(options)).items():
         config.insert_json5(key, json.dumps(value))
     for key, value in _unless_set(options, uplink=uplink).items():
-        # What the file sets to Zenoh's own default cannot be told from what it does not set.
+        # A default of Zenoh's in the file cannot be distinguished from a value that is not set.
         if config.get_json(key) == plain.get_json(key):
             config.insert_json5(key, json.dumps(value))
     return config
@@ -185,6 +207,11 @@ def _unless_set(options: BusOptions, *, uplink: bool) -> dict[str, Any]:
         },
         # A latched publisher's cache is kept by timestamps.
         "timestamping/enabled": True,
+        # Connections on which nothing is said, or not enough, hold a place so long (10 s by
+        # default), and beyond so many (100) each new one is closed at once: 150 silent ones locked
+        # everybody out.
+        "transport/unicast/accept_timeout": 3000,
+        "transport/unicast/accept_pending": 500,
         "transport/shared_memory/enabled": False,
         "transport/link/tx/lease": max(1, round(options.lease_s * 1000)),
         # A connection that takes nothing for so long is given up by what waits for it (5 s by

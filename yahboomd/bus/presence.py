@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from typing import TypeAlias
 
@@ -29,7 +30,7 @@ class Token:
     def __init__(self, key: str) -> None:
         self.key = key
         self._open = True
-        # A token that nobody holds on to is undeclared when it is collected.
+        # A token without a reference is undeclared when it is collected.
         self._tokens: list[zenoh.LivelinessToken] = []
 
     def attach(self, session: zenoh.Session) -> None:
@@ -45,12 +46,18 @@ class Token:
         self._tokens.clear()
 
 
-Seen: TypeAlias = tuple[int, zenoh.Sample]
-"""A token's change and the session that saw it, counted from 0."""
+MOST_TOKENS = 256
+"""Tokens that a watch keeps; more are counted. Anybody may declare any number of them."""
+
+LONGEST_KEY = 512
+"""Characters of a token's key; a longer one is counted like one too many."""
 
 
 class TokenWatch:
     """Tokens that match a pattern. Made by ``Bus.watch_tokens``.
+
+    What is present is kept in Zenoh's threads, so that no change is lost on the way to the loop,
+    which compares it with what it reported last.
 
     Args:
         pattern: The key expression in full.
@@ -61,29 +68,50 @@ class TokenWatch:
     def __init__(
         self, pattern: str, handler: Callable[[list[TokenChange]], None], inbox: Inbox
     ) -> None:
+        self.ignored = 0
+        """Tokens that were not kept because there were too many or their keys were too long."""
         self._pattern = pattern
         self._handler = handler
         self._inbox = inbox
         self._open = True
-        self._lane: Lane[Seen] = inbox.lane(self._changed, depth=1024)
+        self._lane: Lane[None] = inbox.lane(self._compare, depth=1)
         self._subscribers: list[zenoh.Subscriber[None]] = []
         # A token is there as long as one session sees it.
-        self._present: dict[str, set[int]] = {}
+        self._present: dict[str, frozenset[int]] = {}
+        self._reported = set[str]()
+        self._lock = threading.Lock()
 
     def attach(self, session: zenoh.Session) -> None:
         """Look in this session too; those that exist already come first."""
         if not self._open:
             return
-        lane, index = self._lane, len(self._subscribers)
+        index = len(self._subscribers)
 
         def changed(sample: zenoh.Sample) -> None:
-            lane.offer((index, sample))
+            self.see(str(sample.key_expr), index, present=sample.kind == zenoh.SampleKind.PUT)
 
         self._subscribers.append(
             session.liveliness().declare_subscriber(
                 self._pattern, Callback(changed, indirect=False), history=True
             )
         )
+
+    def see(self, key: str, session: int, *, present: bool) -> None:
+        """A session saw a token come or go; from any thread."""
+        with self._lock:
+            seen = self._present.get(key, frozenset())
+            if not present:
+                seen = seen - {session}
+            elif seen or (len(self._present) < MOST_TOKENS and len(key) <= LONGEST_KEY):
+                seen = seen | {session}
+            else:
+                self.ignored += 1
+                return
+            if seen:
+                self._present[key] = seen
+            else:
+                self._present.pop(key, None)
+        self._lane.offer(None)
 
     def close(self) -> None:
         """Look no more."""
@@ -93,21 +121,13 @@ class TokenWatch:
         self._subscribers.clear()
         self._inbox.remove(self._lane)
 
-    def _changed(self, batch: list[Seen], _lost: int) -> None:
-        changes = list[TokenChange]()
-        for index, sample in batch:
-            key = str(sample.key_expr)
-            seen = self._present.setdefault(key, set())
-            before = bool(seen)
-            if sample.kind == zenoh.SampleKind.PUT:
-                seen.add(index)
-            else:
-                seen.discard(index)
-            if bool(seen) != before:
-                changes.append(TokenChange(key=key, present=bool(seen)))
-            if not seen:
-                del self._present[key]
-        if changes:
+    def _compare(self, _batch: list[None], _merged: int) -> None:
+        with self._lock:
+            present = set(self._present)
+        gone = [TokenChange(key=key, present=False) for key in sorted(self._reported - present)]
+        come = [TokenChange(key=key, present=True) for key in sorted(present - self._reported)]
+        self._reported = present
+        if changes := gone + come:
             self._handler(changes)
 
 
@@ -132,8 +152,9 @@ class NeighbourChange(msgspec.Struct, frozen=True, kw_only=True):
     present: bool
 
 
-Transported: TypeAlias = tuple[zenoh.Session, zenoh.TransportEvent]
-"""A connection that was made or lost, and the session that it belongs to."""
+Transported: TypeAlias = tuple[int, str, str, bool]
+"""The number of a session of ours, the id and the kind of the one at the other end of a connection,
+and whether the connection was made or lost."""
 
 
 class Neighbours:
@@ -141,7 +162,10 @@ class Neighbours:
 
     def __init__(self) -> None:
         self._lane: Lane[Transported] | None = None
+        # One may be connected to both of our sessions, and is gone when it is connected to none.
         self._present: dict[str, Neighbour] = {}
+        self._seen_by: dict[str, set[int]] = {}
+        self._sessions: list[zenoh.Session] = []
         self._watchers: list[Callable[[list[NeighbourChange]], None]] = []
         self._own = frozenset[int]()
         self._stampers = frozenset[int]()
@@ -154,18 +178,22 @@ class Neighbours:
         """Follow this session's connections too."""
         self._own |= {stamp_id(str(session.zid()))}
         self._update_stampers()
+        index = len(self._sessions)
+        self._sessions.append(session)
         if (lane := self._lane) is None:
             return
 
         def changed(event: zenoh.TransportEvent) -> None:
-            lane.offer((session, event))
+            transport = event.transport
+            made = event.kind == zenoh.SampleKind.PUT
+            lane.offer((index, str(transport.zid), str(transport.whatami), made))
 
         session.info.declare_transport_events_listener(
             Callback(changed, indirect=False), history=True
         )
 
     def watch(self, watcher: Callable[[list[NeighbourChange]], None]) -> None:
-        """Have changes told to ``watcher`` too, on the loop."""
+        """Report changes to ``watcher`` too, on the loop."""
         self._watchers.append(watcher)
 
     def now(self) -> tuple[Neighbour, ...]:
@@ -185,24 +213,39 @@ class Neighbours:
             return None
         return timestamp.get_time_as_ntp64().as_nanos()
 
-    def _changed(self, batch: list[Transported], _lost: int) -> None:
-        changes = [change for session, event in batch if (change := self._change(session, event))]
+    def _changed(self, batch: list[Transported], lost: int) -> None:
+        events = [*batch, *self._missed()] if lost else batch
+        changes = [change for event in events if (change := self._change(*event))]
         self._update_stampers()
         if changes:
             for watcher in self._watchers:
                 watcher(changes)
 
-    def _change(
-        self, session: zenoh.Session, event: zenoh.TransportEvent
-    ) -> NeighbourChange | None:
-        zid = str(event.transport.zid)
-        if event.kind == zenoh.SampleKind.DELETE:
+    def _missed(self) -> list[Transported]:
+        """What must have been lost, from what is connected now."""
+        missed = list[Transported]()
+        for index, session in enumerate(self._sessions):
+            now = {str(each.zid): str(each.whatami) for each in session.info.transports()}
+            missed += [(index, zid, kind, True) for zid, kind in now.items()]
+            known = [zid for zid, sessions in self._seen_by.items() if index in sessions]
+            missed += [(index, zid, "", False) for zid in known if zid not in now]
+        return missed
+
+    def _change(self, index: int, zid: str, kind: str, made: bool) -> NeighbourChange | None:
+        seen_by = self._seen_by.setdefault(zid, set())
+        if not made:
+            seen_by.discard(index)
+            if seen_by:
+                return None
+            del self._seen_by[zid]
             gone = self._present.pop(zid, None)
             return None if gone is None else NeighbourChange(neighbour=gone, present=False)
+        seen_by.add(index)
         if zid in self._present:
             return None
-        address = next((link.dst for link in session.info.links() if str(link.zid) == zid), "")
-        neighbour = Neighbour(zid=zid, kind=str(event.transport.whatami), address=address)
+        links = self._sessions[index].info.links()
+        address = next((link.dst for link in links if str(link.zid) == zid), "")
+        neighbour = Neighbour(zid=zid, kind=kind, address=address)
         self._present[zid] = neighbour
         return NeighbourChange(neighbour=neighbour, present=True)
 

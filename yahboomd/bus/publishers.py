@@ -178,7 +178,7 @@ class BusPublisher:
 
     def _put(self, payload: bytes, attachment: bytes | None) -> bool:
         taken = False
-        # Where nobody listens a put costs all the same (45 us).
+        # A put without a subscriber costs the same (45 us).
         listened = [outlet for outlet in self._outlets if outlet.matching]
         for outlet in listened or self._outlets:
             try:

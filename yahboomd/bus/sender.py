@@ -1,6 +1,6 @@
 """A thread that does what may block, in order, so that the loop never waits for a connection.
 
-Whatever Zenoh is told not to drop it holds back while a connection is full: a subscriber that froze
+Zenoh holds back what it must not drop while a connection is full: a subscriber that froze
 held ``put`` for five seconds, until its connection was given up.
 """
 
@@ -11,7 +11,7 @@ import threading
 from collections.abc import Callable
 
 _WAITING = 256
-"""Calls that wait for the thread; beyond it the caller is told at once that there are too many."""
+"""Calls that wait for the thread; beyond it the call is refused at once."""
 
 
 class Sender:

@@ -9,13 +9,16 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Callable
+import threading
+from collections.abc import Awaitable, Callable, Coroutine
 from typing import TypeAlias
 
 import msgspec
 import zenoh
 from zenoh.handlers import Callback
 
+from yahboomd.bus.alarms import Harmless, raises_alarm
+from yahboomd.bus.carried import carried_bytes
 from yahboomd.bus.inbox import Inbox, Lane
 from yahboomd.bus.sender import Sender
 
@@ -27,6 +30,12 @@ HEAD_BYTES = 16
 _HEAD_OF_BYTES = 65_536
 """Of a larger payload not even the beginning is looked at: it can only be copied whole."""
 
+TOO_MANY = "Too many requests at once."
+"""The reason of a refusal whose query was not looked at on the loop."""
+
+LATER = 64
+"""Requests of one service whose answers are still awaited; each keeps its query."""
+
 
 class Request(msgspec.Struct, frozen=True, kw_only=True):
     """A query as it arrived.
@@ -34,24 +43,24 @@ class Request(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         key: The service's key, as it was declared.
         selector: The key that was asked for; differs from the service's where it has wildcards.
-        parameters: What stood behind the ``?``.
         payload: Its bytes; empty for none.
         encoding: What the asker says that they are; empty for none.
         attachment: The asker's attachment.
         arrived_ns: When it arrived here; monotonic nanoseconds.
-        oversize: More bytes than the service takes: ``payload`` is empty. Only a service with
-            ``keep_oversize`` sees such a request.
+        oversize: Payload and attachment have more bytes than the service takes: both are empty.
+            Only an alarm's service sees such a request.
+        harmless: It raises no alarm. Decided when it arrived; only an alarm's service asks.
         head: The first bytes, of one that is oversize too: its answer is to be in its encoding.
     """
 
     key: str
     selector: str
-    parameters: str
     payload: bytes
     encoding: str
     attachment: bytes | None
     arrived_ns: int
     oversize: bool = False
+    harmless: bool = False
     head: bytes = b""
 
 
@@ -78,7 +87,7 @@ class ServiceCounters(msgspec.Struct, kw_only=True):
         answered: Answers sent, the fallback's included.
         refused: Queries answered by the fallback: too many, too large, a key with wildcards.
         failed: Queries whose handler raised or was cancelled.
-        unsent: Answers that could not be sent.
+        unsent: Answers that could not be sent, or had no query left to go to.
     """
 
     requests: int = 0
@@ -89,11 +98,36 @@ class ServiceCounters(msgspec.Struct, kw_only=True):
 
 
 class Pending(msgspec.Struct, frozen=True, kw_only=True):
-    """A query on its way to the loop."""
+    """A query on its way to the loop.
 
-    query: zenoh.Query
+    Attributes:
+        query: The query; None where it was too large to be kept.
+        arrived_ns: When it arrived here; monotonic nanoseconds.
+        oversize: It carries more bytes than the service takes.
+        harmless: It raises no alarm.
+        large: It holds one of the places of large queries, until it is answered.
+    """
+
+    query: zenoh.Query | None
     arrived_ns: int
-    oversize: bool
+    oversize: bool = False
+    harmless: bool = False
+    large: bool = False
+
+
+class Answering(msgspec.Struct, frozen=True, kw_only=True):
+    """What the services of a bus share.
+
+    Attributes:
+        answers: Sends answers.
+        acknowledgements: Sends those to queries that raise an alarm: they wait for no other answer.
+        large: Places for queries that carry more than services take, or an unknown amount. A query
+            can only be answered while all that it carries is kept.
+    """
+
+    answers: Sender
+    acknowledgements: Sender
+    large: threading.Semaphore
 
 
 class Service:
@@ -106,13 +140,13 @@ class Service:
         fallback: Answers for it when it does not.
         wildcards: Whether ``**`` may ask: else somebody who lists the network would reset the
             odometry by it.
-        keep_oversize: Hand over requests that are too large, without their payload.
-        answers: Sends them.
+        harmless: Makes it the service of an alarm: every query on its own key raises it but those
+            whose payload this recognises. Decided as a query arrives, in Zenoh's thread.
+        answering: Sends the answers.
         inbox: Brings the queries to the loop.
         now_ns: Stamps what arrives.
         pending: Queries that wait for the loop.
-        max_bytes: The largest payload taken.
-        urgent: Before all that is not.
+        max_bytes: The most that payload and attachment may have together.
         complete: Declared as complete.
     """
 
@@ -124,13 +158,12 @@ class Service:
         fallback: Fallback,
         *,
         wildcards: bool,
-        keep_oversize: bool,
-        answers: Sender,
+        harmless: Harmless | None,
+        answering: Answering,
         inbox: Inbox,
         now_ns: Callable[[], int],
         pending: int,
         max_bytes: int,
-        urgent: bool,
         complete: bool,
     ) -> None:
         self.name = name
@@ -139,26 +172,26 @@ class Service:
         self._handler = handler
         self._fallback = fallback
         self._wildcards = wildcards
-        self._keep_oversize = keep_oversize
-        self._answers = answers
+        self._harmless = harmless
+        self._answering = answering
         self._tasks = set[asyncio.Task[None]]()
         self._now_ns = now_ns
         self._max_bytes = max_bytes
         self._complete = complete
-        self._lane: Lane[Pending] = inbox.lane(
-            self.handle, depth=pending, urgent=urgent, refuse=self.refuse
+        self._lane: Lane[Pending] = inbox.lane(self.handle, depth=pending, refuse=self.refuse)
+        # A query that finds this one full is refused, and raises the alarm all the same: so do
+        # those that fill it, and they are still to be delivered.
+        self._alarms: Lane[Pending] = inbox.lane(
+            self.handle, depth=pending, urgent=True, refuse=self.refuse
         )
 
     def attach(self, session: zenoh.Session) -> None:
         """Answer in this session too."""
-        lane, now_ns, max_bytes = self._lane, self._now_ns, self._max_bytes
 
         def arrived(query: zenoh.Query) -> None:
-            payload, attachment = query.payload, query.attachment
-            size = 0 if payload is None else len(payload)
-            if attachment is not None:
-                size = max(size, len(attachment))
-            lane.offer(Pending(query=query, arrived_ns=now_ns(), oversize=size > max_bytes))
+            pending = self._admit(query)
+            lane = self._lane if pending.harmless else self._alarms
+            lane.offer(pending)
 
         session.declare_queryable(
             self.key, Callback(arrived, indirect=False), complete=self._complete
@@ -169,10 +202,10 @@ class Service:
         for pending in batch:
             self._handle(pending)
 
-    def refuse(self, pending: Pending, reason: str = "Too many requests at once.") -> None:
+    def refuse(self, pending: Pending, reason: str = TOO_MANY) -> None:
         """Answer by the fallback; from any thread."""
         self.counters.refused += 1
-        self._answer(pending.query, self._instead(pending, reason))
+        self._answer(pending, self._instead(pending, reason))
 
     def close(self) -> tuple[asyncio.Task[None], ...]:
         """Cancel what is under way; each is answered. Returns the tasks, to be waited for."""
@@ -180,24 +213,46 @@ class Service:
             task.cancel()
         return tuple(self._tasks)
 
+    def _admit(self, query: zenoh.Query) -> Pending:
+        """Decide all that depends on what a query carries, before anything of it is kept."""
+        oversize = carried_bytes(query) > self._max_bytes
+        raised = (
+            self._harmless is not None
+            and str(query.key_expr) == self.key
+            and raises_alarm(query, self._harmless)
+        )
+        # Parameters may be as long as a message can be, and only a copy would show how long.
+        large = oversize or not query.parameters.is_empty()
+        kept = not large or self._answering.large.acquire(blocking=False)
+        return Pending(
+            query=query if kept else None,
+            arrived_ns=self._now_ns(),
+            oversize=oversize,
+            harmless=not raised,
+            large=large and kept,
+        )
+
     def _handle(self, pending: Pending) -> None:
-        query = pending.query
-        selector = str(query.key_expr)
-        if pending.oversize and not self._keep_oversize:
+        if pending.harmless and (pending.oversize or pending.query is None):
             self.refuse(pending, "The request has more bytes than this service takes.")
             return
-        if selector != self.key and not self._wildcards:
+        request = _request(self.name, self.key, pending)
+        if request.selector != self.key and not self._wildcards:
             self.refuse(pending, f"Ask for {self.key} by its full name, without wildcards.")
             return
         self.counters.requests += 1
         try:
-            answer = self._handler(_request(self.name, selector, pending))
+            answer = self._handler(request)
         except Exception:
             self._fail(pending)
             log.exception("The service %s failed", self.key)
             return
         if isinstance(answer, Response):
-            self._answer(query, answer)
+            self._answer(pending, answer)
+            return
+        if len(self._tasks) >= LATER and isinstance(answer, Coroutine):
+            answer.close()
+            self.refuse(pending)
             return
         task = asyncio.ensure_future(self._later(pending, answer))
         self._tasks.add(task)
@@ -213,26 +268,30 @@ class Service:
             self._fail(pending)
             log.exception("The service %s failed", self.key)
             return
-        self._answer(pending.query, response)
+        self._answer(pending, response)
 
     def _fail(self, pending: Pending, reason: str = "The service failed; see its log.") -> None:
         self.counters.failed += 1
-        self._answer(pending.query, self._instead(pending, reason))
+        self._answer(pending, self._instead(pending, reason))
 
     def _instead(self, pending: Pending, reason: str) -> Response:
-        # What asked is told the reason in its own encoding: a ROS 2 client that is sent anything
+        # The reason goes back in the encoding of the request: a ROS 2 client that is sent anything
         # else waits for ever.
-        selector = str(pending.query.key_expr)
-        return self._fallback(reason, _request(self.name, selector, pending))
+        return self._fallback(reason, _request(self.name, self.key, pending))
 
-    def _answer(self, query: zenoh.Query, response: Response) -> None:
-        if not self._answers.send(lambda: self._send(query, response)):
+    def _answer(self, pending: Pending, response: Response) -> None:
+        answering = self._answering
+        sender = answering.answers if pending.harmless else answering.acknowledgements
+        if not sender.send(lambda: self._send(pending, response)):
             self.counters.unsent += 1
-            query.drop()
+            self._let_go(pending)
 
-    def _send(self, query: zenoh.Query, response: Response) -> None:
+    def _send(self, pending: Pending, response: Response) -> None:
+        if pending.query is None:
+            self.counters.unsent += 1
+            return
         try:
-            query.reply(
+            pending.query.reply(
                 self.key,
                 response.payload,
                 encoding=response.encoding or None,
@@ -243,24 +302,41 @@ class Service:
             self.counters.unsent += 1
             log.debug("No answer on %s: %s", self.key, error)
         finally:
-            # The asker waits until the query ends here, not until the answer comes.
-            query.drop()
+            self._let_go(pending)
+
+    def _let_go(self, pending: Pending) -> None:
+        # The asker waits until the query ends here, not until the answer comes.
+        if pending.query is not None:
+            pending.query.drop()
+        if pending.large:
+            self._answering.large.release()
 
 
-def _request(name: str, selector: str, pending: Pending) -> Request:
+def _request(name: str, key: str, pending: Pending) -> Request:
     query = pending.query
+    if query is None:
+        return Request(
+            key=name,
+            selector=key,
+            payload=b"",
+            encoding="",
+            attachment=None,
+            arrived_ns=pending.arrived_ns,
+            oversize=pending.oversize,
+            harmless=pending.harmless,
+        )
     payload, attachment = query.payload, query.attachment
     data = b""
     if payload is not None and (not pending.oversize or len(payload) <= _HEAD_OF_BYTES):
         data = payload.to_bytes()
     return Request(
         key=name,
-        selector=selector,
-        parameters=str(query.parameters),
+        selector=str(query.key_expr),
         payload=b"" if pending.oversize else data,
         encoding="" if query.encoding is None else str(query.encoding),
         attachment=None if attachment is None or pending.oversize else attachment.to_bytes(),
         arrived_ns=pending.arrived_ns,
         oversize=pending.oversize,
+        harmless=pending.harmless,
         head=data[:HEAD_BYTES],
     )

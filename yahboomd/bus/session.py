@@ -12,12 +12,15 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import threading
 from collections.abc import Callable
 from typing import Protocol, Self, TypeVar
 
 import zenoh
 
+from yahboomd.bus.alarms import Alarm, Harmless
 from yahboomd.bus.bounded import bounded
+from yahboomd.bus.carried import MAX_BYTES
 from yahboomd.bus.facts import facts
 from yahboomd.bus.failures import open_failure
 from yahboomd.bus.hangup import hang_up_stuck
@@ -34,7 +37,7 @@ from yahboomd.bus.presence import (
 )
 from yahboomd.bus.publishers import BusPublisher, PriorityName
 from yahboomd.bus.sender import Sender
-from yahboomd.bus.services import Fallback, Handler, Service
+from yahboomd.bus.services import Answering, Fallback, Handler, Service
 from yahboomd.bus.subscriptions import Arrival, Subscription
 from yahboomd.bus.uplink import open_uplink
 from yahboomd.clock import Clock, SystemClock
@@ -42,8 +45,8 @@ from yahboomd.errors import BusError
 
 log = logging.getLogger(__name__)
 
-MAX_BYTES = 4096
-"""The largest payload that a subscription or service takes unless told otherwise."""
+LARGE = 2
+"""Queries kept at once that carry more than services take, to be refused in words."""
 
 
 class Declared(Protocol):
@@ -72,8 +75,13 @@ class Bus:
         self._inbox: Inbox | None = None
         self._uplink: asyncio.Task[None] | None = None
         self._closed = True
-        # Two: an e-stop's acknowledgement is not to wait behind an event for somebody who froze.
-        self._answers = Sender("bus-answers")
+        # Three: an e-stop's acknowledgement waits neither behind an event nor behind an answer for
+        # an application that froze.
+        self._answering = Answering(
+            answers=Sender("bus-answers"),
+            acknowledgements=Sender("bus-acknowledgements"),
+            large=threading.Semaphore(LARGE),
+        )
         self._reliable = Sender("bus-reliable")
         self._neighbours = Neighbours()
         self._declared: list[Declared] = [self._neighbours]
@@ -152,8 +160,9 @@ class Bus:
         hang_up_stuck(
             lambda: [(link.src, link.dst) for session in sessions for link in session.info.links()]
         )
-        for sender in (self._answers, self._reliable):
-            sender.close(self.options.close_timeout_s / 4)
+        answering = self._answering
+        for sender in (answering.acknowledgements, answering.answers, self._reliable):
+            sender.close(self.options.close_timeout_s / 6)
         for session in sessions:
             session.close()
 
@@ -170,6 +179,10 @@ class Bus:
             each.attach(session)
 
     def _declare(self, declaration: Declaration) -> Declaration:
+        # A client subscribes again and again.
+        self._declared = [
+            each for each in self._declared if not (isinstance(each, Subscription) and each.closed)
+        ]
         for session in self._sessions:
             declaration.attach(session)
         self._declared.append(declaration)
@@ -235,7 +248,6 @@ class Bus:
         *,
         depth: int = DEPTH,
         max_bytes: int = MAX_BYTES,
-        urgent: bool = False,
         keep_oversize: bool = False,
     ) -> Subscription:
         """Have samples delivered to ``handler`` on the loop, oldest first, all pending at once.
@@ -245,10 +257,9 @@ class Bus:
             handler: Takes at most ``depth`` arrivals in a call. Where more came, the oldest were
                 dropped and the first of the batch says how many.
             depth: Samples kept for it.
-            max_bytes: The largest payload taken; larger ones are counted and not copied.
-            urgent: Delivered before and between all that are not.
-            keep_oversize: Deliver also those that are too large, without their payload, for
-                keys on which any payload counts.
+            max_bytes: The most that payload and attachment may have together; larger samples are
+                counted and not kept.
+            keep_oversize: Deliver also those that are too large, without their payload.
         """
         return self._declare(
             Subscription(
@@ -260,9 +271,29 @@ class Bus:
                 stamp_ns=self._neighbours.sent_ns,
                 depth=depth,
                 max_bytes=max_bytes,
-                urgent=urgent,
                 keep_oversize=keep_oversize,
             )
+        )
+
+    def alarm(
+        self,
+        key: str,
+        raised: Callable[[int, int], None],
+        ignored: Callable[[int], None],
+        *,
+        harmless: Harmless,
+    ) -> Alarm:
+        """Have every sample on ``key`` raise an alarm, unless it is recognised as harmless.
+
+        Args:
+            key: The key, without wildcards.
+            raised: Called on the loop before everything else, with the number of alarms since its
+                last call, and how many of them went unread because they were too long.
+            ignored: Called on the loop with the number of harmless samples.
+            harmless: Recognises their payloads; called in Zenoh's threads.
+        """
+        return self._declare(
+            Alarm(self.key(key), raised, ignored, harmless=harmless, inbox=self._ready())
         )
 
     def serve(
@@ -273,12 +304,11 @@ class Bus:
         fallback: Fallback,
         pending: int = 16,
         max_bytes: int = MAX_BYTES,
-        urgent: bool = False,
         wildcards: bool = False,
-        keep_oversize: bool = False,
+        harmless: Harmless | None = None,
         complete: bool = True,
     ) -> Service:
-        """Answer queries on ``key``; every query gets an answer.
+        """Answer queries on ``key``; every query gets an answer, unless it carries too much.
 
         Args:
             key: The key, without wildcards.
@@ -286,11 +316,14 @@ class Bus:
             fallback: Makes the answer where the handler does not: it failed, too much is pending,
                 the request is too large or was not meant for this key alone.
             pending: Queries that wait for the loop; more are answered by the fallback.
-            max_bytes: The largest payload taken.
-            urgent: Delivered before and between all that are not.
+            max_bytes: The most that payload and attachment may have together. Few larger queries
+                are kept at once; the others end without an answer.
             wildcards: Whether a query on ``**`` and the like may reach the handler.
-            keep_oversize: Hand over requests that are too large, without their payload.
-            complete: Declared as complete: it alone is asked where several could answer.
+            harmless: Makes it the service of an alarm, which every query raises whose payload this
+                does not recognise: those are delivered before everything else, those that are too
+                large without their payload.
+            complete: Declared as complete: an asker who does not ask for all reaches it alone.
+                Where it is not, such an asker reaches all services of that key.
         """
         return self._declare(
             Service(
@@ -299,13 +332,12 @@ class Bus:
                 handler,
                 fallback,
                 wildcards=wildcards,
-                keep_oversize=keep_oversize,
-                answers=self._answers,
+                harmless=harmless,
+                answering=self._answering,
                 inbox=self._ready(),
                 now_ns=self._clock.now_ns,
                 pending=pending,
                 max_bytes=max_bytes,
-                urgent=urgent,
                 complete=complete,
             )
         )

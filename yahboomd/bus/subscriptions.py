@@ -19,6 +19,7 @@ import msgspec
 import zenoh
 from zenoh.handlers import Callback, Handler, RingChannel
 
+from yahboomd.bus.carried import carried_bytes
 from yahboomd.bus.inbox import Inbox, Lane
 
 log = logging.getLogger(__name__)
@@ -29,17 +30,15 @@ FLOOD = 256
 
 WINDOW_NS = 100_000_000
 
-RING = 32
-"""Samples kept of a flood between two looks at it."""
+RING = 4
+"""Samples kept of a flood between two looks at it. Zenoh keeps them whole, whatever they carry: so
+few of them bound what a flood of the largest messages can hold."""
 
-LOOK_S = 0.01
+LOOK_S = 0.005
 """Between two looks. A control period of 20 ms still finds the newest command."""
 
-QUIET = 10
-"""Fewer samples than this in a look are no flood any more (1 kHz) ..."""
-
-QUIET_LOOKS = 50
-"""... once so many looks in a row have found no more."""
+QUIET_LOOKS = 100
+"""The flood is over when so many looks in a row have found no full ring (less than 800 Hz)."""
 
 Received: TypeAlias = tuple[zenoh.Sample | None, int]
 """A sample and when it arrived; None stands for one that was too large."""
@@ -50,15 +49,15 @@ class Arrival(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         key: The key that was subscribed to, as the subscriber wrote it (below the namespace).
-        payload: Its bytes. (What the sender says that they are is no authority, and nobody asks.)
+        payload: Its bytes. (The Encoding that the sender names is not trusted, and not read.)
         stamp_ns: When it was sent, as the sender's Zenoh session says; Unix nanoseconds of *its*
-            clock. None where nobody stamped it before it reached the nearest router or us.
+            clock. None if it had no stamp before it reached the nearest router or us.
         arrived_ns: When it arrived here; monotonic nanoseconds.
         dropped: Samples of this subscription lost since the arrival before this one, because more
             came than the loop took.
-        oversize: More bytes than the subscription takes; ``payload`` is empty then. Only a
-            subscription with ``keep_oversize`` sees such a sample at all.
-        attachment: The sender's attachment, where it has one of no more bytes than the payload may.
+        oversize: Payload and attachment have more bytes than the subscription takes; ``payload`` is
+            empty then. Only a subscription with ``keep_oversize`` sees such a sample at all.
+        attachment: The sender's attachment, where it has one.
     """
 
     key: str
@@ -81,8 +80,7 @@ class Subscription:
         now_ns: Stamps what arrives.
         stamp_ns: When a sample was sent, as far as its timestamp tells.
         depth: Samples kept for the handler.
-        max_bytes: The largest payload taken.
-        urgent: Before all that is not.
+        max_bytes: The most that payload and attachment may have together.
         keep_oversize: Deliver also what is too large, without its payload.
     """
 
@@ -97,7 +95,6 @@ class Subscription:
         stamp_ns: Callable[[zenoh.Timestamp | None], int | None],
         depth: int,
         max_bytes: int,
-        urgent: bool,
         keep_oversize: bool,
     ) -> None:
         self.name = name
@@ -108,7 +105,7 @@ class Subscription:
         self._stamp_ns = stamp_ns
         self._max_bytes = max_bytes
         self._keep_oversize = keep_oversize
-        self._lane: Lane[Received] = inbox.lane(self._deliver, depth=depth, urgent=urgent)
+        self._lane: Lane[Received] = inbox.lane(self._deliver, depth=depth)
         self.counters = self._lane.counters
         self._open = True
         self._sessions: list[zenoh.Session] = []
@@ -130,6 +127,11 @@ class Subscription:
             self._direct.append(self._listen(session))
 
     @property
+    def closed(self) -> bool:
+        """Whether it has ended."""
+        return not self._open
+
+    @property
     def flooded(self) -> bool:
         """Whether more comes than is taken sample by sample."""
         return bool(self._rings)
@@ -149,7 +151,7 @@ class Subscription:
 
         def arrived(sample: zenoh.Sample) -> None:
             # The payload is read on the loop: what a flood loses was never copied.
-            if len(sample.payload) <= max_bytes:
+            if carried_bytes(sample) <= max_bytes:
                 lane.offer((sample, now_ns()))
             elif keep_oversize:
                 lane.offer((None, now_ns()))
@@ -196,35 +198,42 @@ class Subscription:
         self._look = asyncio.get_running_loop().call_later(LOOK_S, self._look_into_rings)
 
     def _look_into_rings(self) -> None:
-        batches = [_drain(ring) for ring in self._rings]
-        quiet = all(len(samples) < QUIET for samples in batches)
+        batches = [self._drain(ring) for ring in self._rings]
+        quiet = all(taken < RING for _, taken in batches)
         self._quiet_looks = self._quiet_looks + 1 if quiet else 0
         if self._quiet_looks >= QUIET_LOOKS:
             log.info("%s is no longer flooded", self.name)
             self._look = None
             direct = [self._listen(session) for session in self._sessions]
-            batches += [_drain(ring) for ring in self._rings]
+            batches += [self._drain(ring) for ring in self._rings]
             self._let_go()
             self._direct = direct
         else:
             self._look = asyncio.get_running_loop().call_later(LOOK_S, self._look_into_rings)
-        for samples in batches:
-            self._take(samples)
+        for batch, taken in batches:
+            self._deliver_drained(batch, taken)
 
-    def _take(self, samples: list[zenoh.Sample]) -> None:
+    def _drain(self, ring: zenoh.Subscriber[Handler[zenoh.Sample]]) -> tuple[list[Received], int]:
+        """What a ring holds, and how many samples that were; large ones go at once."""
         now_ns = self._now_ns()
         batch = list[Received]()
-        for sample in samples:
-            self.counters.received += 1
-            fits = len(sample.payload) <= self._max_bytes
-            if not fits:
+        taken = 0
+        while taken < RING and (sample := ring.try_recv()) is not None:
+            taken += 1
+            if carried_bytes(sample) <= self._max_bytes:
+                batch.append((sample, now_ns))
+            else:
                 self.counters.oversize += 1
-            if fits or self._keep_oversize:
-                batch.append((sample if fits else None, now_ns))
+                if self._keep_oversize:
+                    batch.append((None, now_ns))
+        self.counters.received += taken
+        return batch, taken
+
+    def _deliver_drained(self, batch: list[Received], taken: int) -> None:
         if not batch:
             return
-        # How many a full ring has lost nobody knows: one at least.
-        lost = int(len(samples) >= RING)
+        # A full ring does not count its losses: one at least.
+        lost = int(taken >= RING)
         self.counters.dropped += lost
         self.counters.delivered += len(batch)
         self.counters.batches += 1
@@ -242,8 +251,6 @@ class Subscription:
                 oversize=True,
             )
         attachment = sample.attachment
-        if attachment is not None and len(attachment) > self._max_bytes:
-            attachment = None
         return Arrival(
             key=self.name,
             payload=sample.payload.to_bytes(),
@@ -252,10 +259,3 @@ class Subscription:
             dropped=dropped,
             attachment=None if attachment is None else attachment.to_bytes(),
         )
-
-
-def _drain(ring: zenoh.Subscriber[Handler[zenoh.Sample]]) -> list[zenoh.Sample]:
-    samples = list[zenoh.Sample]()
-    while len(samples) < RING and (sample := ring.try_recv()) is not None:
-        samples.append(sample)
-    return samples

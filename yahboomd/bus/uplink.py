@@ -20,7 +20,7 @@ from yahboomd.bus.options import BusOptions, zenoh_config
 log = logging.getLogger(__name__)
 
 RETRY_S = 0.5
-"""Between two tries. One that finds nobody costs 0.2 ms."""
+"""Between two tries. One without an answer costs 0.2 ms."""
 
 
 async def open_uplink(options: BusOptions) -> zenoh.Session:
@@ -28,7 +28,7 @@ async def open_uplink(options: BusOptions) -> zenoh.Session:
 
     Afterwards the session finds a router that went and came again by itself.
     """
-    told = False
+    reported = False
     while True:
         try:
             return await bounded(
@@ -38,9 +38,9 @@ async def open_uplink(options: BusOptions) -> zenoh.Session:
                 late=lambda session: session.close(),
             )
         except (zenoh.ZError, TimeoutError) as error:
-            if not told:
+            if not reported:
                 log.debug("No router at %s yet: %s", ", ".join(options.connect), error)
-                told = True
+                reported = True
         await asyncio.sleep(RETRY_S)
 
 

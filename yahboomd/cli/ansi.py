@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from yahboomd.program import plain
+
 ENTER = "\x1b[?1049h\x1b[?25l"
 """A screen of its own, without a cursor."""
 
@@ -24,11 +26,6 @@ _CODES = {
 
 Part = tuple[str, str]
 """A text and its style, such as ``bold red``; empty for none."""
-
-
-def plain(text: str) -> str:
-    """Text without control characters: what comes over the bus must not command a terminal."""
-    return text if text.isprintable() else "".join(c if c.isprintable() else " " for c in text)
 
 
 def paint(parts: Sequence[Part], width: int, *, colours: bool = True) -> str:

@@ -11,7 +11,8 @@ from collections.abc import Sequence
 from rich.cells import cell_len
 from rich.text import Text
 
-from yahboomd.cli.ansi import Part, plain
+from yahboomd.cli.ansi import Part
+from yahboomd.program import plain
 
 QUIET = "bright_black"
 """The style of what is there to be overlooked."""

@@ -7,13 +7,25 @@ import sys
 
 from yahboomd.cli.options import add_config_options, read_config
 
+EPILOG = """\
+examples:
+  yahboomd config check                           the file that the service reads
+  yahboomd config show --origin --config robot.toml
+  yahboomd config reference --toml > robot.toml   every key, commented
+
+exit status:
+  0    the configuration can be used
+  78   it has mistakes: each is on a line
+"""
+
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command and its four verbs."""
     parser = subparsers.add_parser(
         "config",
         description="Check, show and explain the configuration. Nothing is opened or moved.",
-        epilog="A configuration with mistakes ends with exit status 78, each mistake on a line.",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
 

@@ -14,9 +14,9 @@ from typing import Any, TypeVar
 import msgspec
 
 from yahboomd.bus import keys
-from yahboomd.cli.incoming import read_sample
 from yahboomd.cli.rates import Rate, Rise, Scale
 from yahboomd.cli.view import LINK_COUNTS, REFUSALS, Count, EventView, View, WheelView
+from yahboomd.client.incoming import read_sample
 from yahboomd.messages.native import (
     BatterySample,
     EventSample,
@@ -43,7 +43,7 @@ MAX_TRAIL = 4096
 class Dashboard:
     """Takes samples as they arrive, and tells what they amount to.
 
-    All times are monotonic nanoseconds of whoever watches, except for stamps inside the samples,
+    All times are monotonic nanoseconds of the watching program, except for the stamps of samples,
     which are compared with each other alone: the daemon's clock may be another machine's.
     """
 
@@ -98,7 +98,7 @@ class Dashboard:
         """How things look at ``now_ns``.
 
         Args:
-            now_ns: Monotonic nanoseconds of whoever watches.
+            now_ns: Monotonic nanoseconds of the watching program.
             connected: Whether there is a connection that samples could come over.
         """
         events = _event_views(self._events, now_ns)
@@ -151,7 +151,6 @@ class Dashboard:
             self._driver_seen_to_begin = before is not None
         self._status, self._status_ns = status, now_ns
         self._readings.total(_number(status.link, "readings"), now_ns)
-        # The daemon names a counter once it has counted something.
         self._commands.total(_number(status.command, "received") or 0, now_ns)
         facts = {**status.command, **status.link}
         for name in {*REFUSALS, *(each for names in LINK_COUNTS.values() for each in names)}:
@@ -163,7 +162,7 @@ class Dashboard:
 
     def _take_pose(self, pose: PoseSample, arrived_ns: int) -> None:
         if self._pose is not None and pose.seq < self._pose.seq:
-            # A daemon that was started anew: it was never on that path.
+            # A daemon that was restarted: it was never on that path.
             self._trail.clear()
         self._poses.total(pose.seq, arrived_ns)
         self._pose, self._pose_ns = pose, arrived_ns

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from yahboomd.cli.options import (
     add_bus_options,
     add_config_options,
+    client_options,
     daemon_endpoints,
     read_config,
 )
@@ -39,8 +40,15 @@ keys:
   r                      release the emergency stop, or clear a fault
   q, Ctrl-C              quit; the robot stops
 
-example:
+examples:
+  yahboomd drive                                  the daemon on this machine
   yahboomd drive --linear 0.2 --connect tcp/192.168.1.5:7447
+
+exit status:
+  0    you quit, or its terminal went; the robot was stopped
+  2    it has no terminal
+  69   the bus can never be reached like this
+  78   a mistake in the configuration
 """
 
 
@@ -78,7 +86,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 
 def run(args: argparse.Namespace) -> int:
-    """Drive until told to quit.
+    """Drive until a person or a signal ends it.
 
     Raises:
         ConfigError: The configuration cannot be used.
@@ -93,7 +101,6 @@ def run(args: argparse.Namespace) -> int:
         return USAGE
     config = read_config(args).config
     from yahboomd.bus.keys import name_problem
-    from yahboomd.cli.bus_client import client_options
     from yahboomd.cli.teleop import Teleop
     from yahboomd.errors import ConfigError
 
@@ -121,5 +128,5 @@ async def _run(options: BusOptions, teleop: Teleop, source: str) -> None:
     from yahboomd.clock import SystemClock
 
     clock = SystemClock()
-    async with Feed(options, clock) as feed:
+    async with Feed(options, clock, source=source, label="yahboomd drive") as feed:
         await Driver(feed, teleop, clock, source).run()

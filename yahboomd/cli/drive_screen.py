@@ -59,7 +59,7 @@ def screen(
         said: What the last request brought, with its style.
         width: Columns of the terminal.
         height: Its lines: what does not fit below is left out, the legend first.
-        colours: Whether the terminal is to be told any.
+        colours: Whether the terminal shows any.
     """
     lines: list[list[Part]] = [
         [(" yahboomd drive ", "bold reverse"), (f"  {robot}  on {key}", "dim")],
@@ -132,8 +132,11 @@ def _trouble(view: View, key: str, *, heard: bool) -> list[list[Part]]:
     """What keeps commands from being heard at all."""
     if heard or view.phase != "live":
         return []
-    sentence = f"Nobody listens on {key}: add it to [command.sources] of the daemon."
-    return [[("          ", ""), (sentence, "bold red")]]
+    name = key if "/" not in key else f'"{key}"'
+    return [
+        [(f"          The daemon accepts no commands on {key}. Start it with:", "bold red")],
+        [(f"          --set 'command.sources.{name}.priority=10'", "bold")],
+    ]
 
 
 def _wrapped(

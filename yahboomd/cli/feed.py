@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+import math
 from typing import Self
 
 from yahboomd.bus import keys
 from yahboomd.bus.options import BusOptions
+from yahboomd.bus.presence import Neighbour
 from yahboomd.bus.subscriptions import Arrival
-from yahboomd.cli.bus_client import MAX_BYTES, BusClient, reach
 from yahboomd.cli.dashboard import Dashboard
+from yahboomd.cli.unresponsive import FROZEN, is_yahboomd, listener, process_state
 from yahboomd.cli.view import View
 from yahboomd.cli.words import listed
+from yahboomd.client import AsyncRobot
+from yahboomd.client.connection import MAX_BYTES
+from yahboomd.client.streams import Newest
 from yahboomd.clock import Clock
+from yahboomd.program import pasteable
 
-PATIENCE_NS = 2_000_000_000
-"""A daemon tells its status twice a second: after so long without one, none is there."""
+LOOK_NS = 1_000_000_000
+"""Between two looks at which process listens where the daemon is expected."""
 
 
 class Feed:
@@ -27,22 +32,26 @@ class Feed:
     Args:
         options: Of a client.
         clock: Stamps what arrives.
+        source: The key to command on, where it commands.
+        label: Who commands, for people.
 
     Attributes:
         dashboard: What the samples amount to.
-        client: The session, once it is open.
-        news: Set when a status or an event came; whoever waits for it clears it.
+        client: The robot; its session opens when a router answers.
+        news: Set when a status or an event came; the waiting task clears it.
     """
 
-    def __init__(self, options: BusOptions, clock: Clock) -> None:
+    def __init__(
+        self, options: BusOptions, clock: Clock, *, source: str = keys.CMD_VEL, label: str = ""
+    ) -> None:
         self.options = options
         self.dashboard = Dashboard()
-        self.client: BusClient | None = None
+        self.client = AsyncRobot(options, source=source, label=label, clock=clock)
         self.news = asyncio.Event()
         self._clock = clock
-        self._newest: dict[str, Callable[[], bytes | None]] = {}
-        self._why = ""
-        self._opened_ns = 0
+        self._look_ns = 0
+        self._listener: int | None = None
+        self._newest: dict[str, Newest] = {}
         self._reaching: asyncio.Task[None] | None = None
 
     async def __aenter__(self) -> Self:
@@ -53,16 +62,14 @@ class Feed:
         if self._reaching is not None:
             self._reaching.cancel()
             await asyncio.gather(self._reaching, return_exceptions=True)
-        if self.client is not None:
-            await self.client.close()
+        await self.client.close()
 
     def view(self, now_ns: int) -> View:
         """How things look now; a lost connection is known before the daemon is missed."""
-        for key, take in self._newest.items():
-            if (payload := take()) is not None:
+        for key, newest in self._newest.items():
+            if (payload := newest.take()) is not None:
                 self.dashboard.take(key, payload, now_ns)
-        connected = self.client is not None and bool(self.client.neighbours)
-        return self.dashboard.view(now_ns, connected=connected)
+        return self.dashboard.view(now_ns, connected=bool(self._neighbours))
 
     def check(self) -> None:
         """Raise what makes it impossible ever to reach the bus.
@@ -77,9 +84,12 @@ class Feed:
     def robot(self) -> str:
         """Whom this is about, such as ``bot1 at tcp/127.0.0.1:7448``."""
         name = self.options.namespace or "yahboomd"
-        neighbours = () if self.client is None else self.client.neighbours
-        known = tuple(each.address for each in neighbours if each.address)
+        known = tuple(each.address for each in self._neighbours if each.address)
         return f"{name} at {listed(known or self.options.connect)}"
+
+    @property
+    def _neighbours(self) -> tuple[Neighbour, ...]:
+        return self.client.bus.neighbours if self.client.is_open else ()
 
     @property
     def wanted(self) -> str:
@@ -89,27 +99,28 @@ class Feed:
     @property
     def why(self) -> str:
         """Why nothing comes yet, where something is known about it."""
-        if self.client is None:
-            return self._why
-        if not self.client.neighbours:
-            return f"The connection to {self.wanted} is lost; it is made again by itself."
-        if self._clock.now_ns() - self._opened_ns < PATIENCE_NS:
-            return "The connection is there; listening …"
-        below = f" below the namespace {self.options.namespace!r}" if self.options.namespace else ""
-        return (
-            f"A Zenoh router answers, but no yahboomd speaks there{below}. "
-            "Is it another --namespace?"
-        )
+        problem = self.client.problem
+        if self.client.is_open:
+            return (
+                f"{problem} Is it another --namespace?" if "router answers" in problem else problem
+            )
+        if (now_ns := self._clock.now_ns()) >= self._look_ns:
+            # It goes through the files of all processes: not for each screen.
+            self._look_ns, self._listener = now_ns + LOOK_NS, listener(self.options.connect)
+        pid = self._listener
+        if pid is not None and is_yahboomd(pid) and process_state(pid) in FROZEN:
+            return (
+                f"yahboomd (pid {pid}) listens at {self.wanted} and is suspended. "
+                f"Continue it with `fg` or `kill -CONT {pid}`."
+            )
+        return pasteable(f"{problem} `yahboomd run` starts a daemon.") if problem else ""
 
     async def _reach(self) -> None:
-        client = await reach(self.options, waiting=self._waiting)
-        self.client, self._opened_ns = client, self._clock.now_ns()
+        await self.client.join(math.inf)
+        bus = self.client.bus
         for key in (keys.STATUS, keys.EVENTS, keys.BATTERY):
-            client.subscribe(key, self._take, max_bytes=MAX_BYTES)
-        self._newest = {key: client.newest(key) for key in (keys.POSE, keys.TWIST, keys.WHEELS)}
-
-    def _waiting(self, why: str) -> None:
-        self._why = why
+            bus.subscribe(key, self._take, max_bytes=MAX_BYTES)
+        self._newest = {key: Newest(bus, key) for key in (keys.POSE, keys.TWIST, keys.WHEELS)}
 
     def _take(self, arrivals: list[Arrival]) -> None:
         for arrival in arrivals:

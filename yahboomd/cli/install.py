@@ -17,9 +17,9 @@ from yahboomd.cli import install_plan
 from yahboomd.cli.install_plan import PlannedFile
 
 DESCRIPTION = """\
-Install the service: unit, udev rule, system user, and a default /etc/yahboomd/config.toml. An
-existing configuration is kept. The service starts now, at each boot, and when the board is plugged
-in. Doing it again changes nothing that is in place.
+Install the service: unit, udev rule, system user, a default /etc/yahboomd/config.toml, man pages
+and completions. An existing configuration is kept. The service starts now, at each boot, and when
+the board is plugged in. Doing it again changes nothing that is in place.
 """
 
 EPILOG = """\
@@ -28,6 +28,12 @@ examples:
   sudo yahboomd install                one board
   sudo yahboomd install --instance front --port /dev/serial/by-path/...
                                        one of several boards, as yahboomd@front
+
+exit status:
+  0    everything is in place, and the service runs
+  1    the service does not run
+  77   it needs root: put sudo in front
+  78   the service could not run like this; the message says why
 """
 
 UDEV = Path("/run/udev/control")
@@ -58,7 +64,7 @@ class System(NamedTuple):
     run: Runner
     dry: bool
 
-    def told(self, *command: str) -> bool:
+    def ran(self, *command: str) -> bool:
         """Run a command and say so; whether it did its work."""
         words = shlex.join(command)
         if self.dry:
@@ -140,11 +146,12 @@ def install(system: System, *, instance: str | None = None, port: str | None = N
     print(f"Installing {unit}, which runs {system.program}:")
     for file in files:
         _put(file, dry=system.dry)
+    _put_shared(install_plan.shared_plan(system.root, packaged=system.packaged), dry=system.dry)
     if system.live:
         return _start(system, unit, files)
     offline = ("--root", str(system.root)) if system.root != Path("/") else ()
     if shutil.which("systemctl"):
-        system.told("systemctl", *offline, "enable", unit)
+        system.ran("systemctl", *offline, "enable", unit)
     print("Nothing is started: systemd does not run this system. The user of the service is made")
     print("at its next boot.")
     return os.EX_OK
@@ -207,27 +214,47 @@ def _put(file: PlannedFile, *, dry: bool) -> None:
     if dry:
         print(f"  would {verb:<7}{file.path}")
         return
+    _write(file)
+    print(f"  {'wrote' if file.fate == 'new' else 'replaced':<13}{file.path}")
+
+
+def _put_shared(files: list[PlannedFile], *, dry: bool) -> None:
+    """Put man pages and completions in place, with a line for each folder."""
+    for folder in dict.fromkeys(file.path.parent for file in files):
+        other = [file for file in files if file.path.parent == folder and file.fate != "unchanged"]
+        if not other:
+            print(f"  unchanged    {folder}")
+        elif not _writable(folder):
+            print(f"  left out     {folder}   (it cannot be written)")
+        elif dry:
+            print(f"  would write  {folder}   (files: {len(other)})")
+        else:
+            for file in other:
+                _write(file)
+            print(f"  wrote        {folder}   (files: {len(other)})")
+
+
+def _write(file: PlannedFile) -> None:
     file.path.parent.mkdir(parents=True, exist_ok=True)
     beside = file.path.with_name(f".{file.path.name}.new")
     beside.write_text(file.text, encoding="utf-8")
     beside.chmod(0o644)
     beside.replace(file.path)
-    print(f"  {'wrote' if file.fate == 'new' else 'replaced':<13}{file.path}")
 
 
 def _start(system: System, unit: str, files: list[PlannedFile]) -> int:
     ready = system.packaged or (
-        system.told("systemd-sysusers", str(system.root / "etc/sysusers.d/yahboomd.conf"))
-        and system.told("systemctl", "daemon-reload")
+        system.ran("systemd-sysusers", str(system.root / "etc/sysusers.d/yahboomd.conf"))
+        and system.ran("systemctl", "daemon-reload")
     )
     # A container has no udev.
     if UDEV.exists() and not system.packaged:
-        system.told("udevadm", "control", "--reload")
+        system.ran("udevadm", "control", "--reload")
         # A board that is plugged in already gets its name now.
-        system.told("udevadm", "trigger", "--subsystem-match=usb", "--attr-match=idVendor=1a86")
-        system.told("udevadm", "trigger", "--subsystem-match=tty")
+        system.ran("udevadm", "trigger", "--subsystem-match=usb", "--attr-match=idVendor=1a86")
+        system.ran("udevadm", "trigger", "--subsystem-match=tty")
     changed = any(file.fate in {"new", "changed"} for file in files)
-    started = system.told("systemctl", "enable", unit) and system.told(
+    started = system.ran("systemctl", "enable", unit) and system.ran(
         "systemctl", "restart" if changed else "start", unit
     )
     name = unit.removesuffix(".service")

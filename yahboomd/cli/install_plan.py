@@ -22,10 +22,17 @@ UNIT_PROGRAM = "/usr/bin/yahboomd"
 FILES: Mapping[str, str] = {
     "yahboomd.service": "etc/systemd/system/yahboomd.service",
     "yahboomd@.service": "etc/systemd/system/yahboomd@.service",
+    "yahboomd-metrics.service": "etc/systemd/system/yahboomd-metrics.service",
     "95-yahboomd.rules": "etc/udev/rules.d/95-yahboomd.rules",
     "yahboomd.sysusers.conf": "etc/sysusers.d/yahboomd.conf",
 }
 """Our own files, replaced at each installation: source to place, below the root."""
+
+SHARE = "usr/local/share"
+"""Where man and the shells look for what an administrator installed."""
+
+FISH = "etc/fish/completions/yahboomd.fish"
+"""fish looks below /usr/local only where XDG_DATA_DIRS names it, which it does not over SSH."""
 
 CONFIG = "etc/yahboomd/config.toml"
 """A person's file: written once, then kept."""
@@ -55,7 +62,7 @@ class PlannedFile(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         path: Where, with the root in front.
         text: Its content.
-        fate: What becomes of it: written anew or over an older one, as it should be already, or
+        fate: What becomes of it: written as new or over an older one, as it should be already, or
             a person's own and left alone.
     """
 
@@ -94,6 +101,18 @@ def planned_files(root: Path, program: Path, *, packaged: bool) -> list[PlannedF
     ]
     files.append(_planned(root / CONFIG, data_text("config.toml"), keep=True))
     return files
+
+
+def shared_plan(root: Path, *, packaged: bool) -> list[PlannedFile]:
+    """Man pages and completions, which the service does without; arguments as above."""
+    if packaged:
+        return []
+    from yahboomd.cli.completion_scripts import PLACES
+    from yahboomd.cli.shared_files import shared_files
+
+    texts = {f"{SHARE}/{name}": text for name, text in shared_files().items()}
+    texts[FISH] = texts.pop(f"{SHARE}/{PLACES['fish']}")
+    return [_planned(root / place, text) for place, text in texts.items()]
 
 
 def instance_file(root: Path, name: str, port: str) -> PlannedFile:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import errno
 import importlib
 import os
 import signal
@@ -18,6 +19,7 @@ from typing import NoReturn, Protocol, cast
 
 from yahboomd import __version__
 from yahboomd.errors import YahboomdError
+from yahboomd.program import pasteable, readable
 
 COMMANDS = {
     "run": "drive the board: the daemon itself",
@@ -25,15 +27,25 @@ COMMANDS = {
     "stop": "stop the wheels, through the daemon or on the port itself",
     "monitor": "watch a running daemon: pose, wheels, battery, who drives",
     "drive": "drive the robot with the keyboard",
+    "status": "print what a daemon does, and whether it can drive",
+    "pose": "print where the robot is, or set it",
+    "send": "drive for a number of seconds",
+    "call": "call a service of the daemon",
+    "events": "print events as they happen",
+    "metrics": "serve what the daemon counts, for Prometheus and Grafana",
     "probe": "find the port, name the board, explain what is wrong",
     "config": "check, show and explain the configuration",
     "install": "install the service: at boot, or as the board is plugged in",
     "uninstall": "take the service away again",
+    "completions": "print what completes commands in bash, zsh or fish",
 }
 """Every subcommand with its line in the help."""
 
 EXTRAS = {"rich": "monitor", "matplotlib": "plot", "uvloop": "uvloop"}
 """Packages that are installed only when asked for, with the name of the extra."""
+
+FULL = (errno.ENOSPC, errno.EDQUOT)
+"""What a full disk answers."""
 
 USAGE = 2
 """What argparse itself ends with when it cannot make sense of the arguments."""
@@ -117,30 +129,35 @@ def _end_at_once(status: int) -> NoReturn:
 def _run(arguments: list[str]) -> int:
     try:
         status = _dispatch(arguments)
-        sys.stdout.flush()
+        # None where the caller has closed it (`>&-`).
+        if sys.stdout is not None:
+            sys.stdout.flush()
     except YahboomdError as error:
         _say(str(error))
         return error.exit_code
     except KeyboardInterrupt:
         return 128 + signal.SIGINT
     except BrokenPipeError:
-        # The reader (head, less) has left. Python would complain once more when it flushes at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        # The reader (head, less) has left.
+        _drop_output()
         return 128 + signal.SIGPIPE
+    except OSError as error:
+        if error.errno not in FULL or error.filename is not None:
+            raise
+        _drop_output()
+        _say(f"the output cannot be written: {error.strerror}.")
+        return os.EX_IOERR
     return status
+
+
+def _drop_output() -> None:
+    # Python would complain once more when it flushes at exit.
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _dispatch(arguments: list[str]) -> int:
     name = next((word for word in arguments if not word.startswith("-")), None)
-    parser = argparse.ArgumentParser(
-        prog="yahboomd",
-        description="Drives Yahboom encoder motor boards: velocity commands in over Zenoh, exact "
-        "odometry out.",
-        epilog=EPILOG,
-        formatter_class=_OneLineEach,
-    )
-    parser.add_argument("--version", action="version", version=f"yahboomd {__version__}")
-    subparsers = parser.add_subparsers(dest="command", metavar="COMMAND")
+    parser, subparsers = _bare_parser()
     command: Command | None = None
     for known, line in COMMANDS.items():
         if known == name:
@@ -154,7 +171,7 @@ def _dispatch(arguments: list[str]) -> int:
             subparsers.add_parser(known, help=line)
     args, unknown = parser.parse_known_args(arguments)
     if unknown:
-        # Told with the usage of the command, not with that of all commands.
+        # Shown with the usage of the command, not with that of all commands.
         (subparsers.choices[name] if command is not None and name else parser).error(
             f"unrecognized arguments: {' '.join(unknown)}"
         )
@@ -168,6 +185,33 @@ def _dispatch(arguments: list[str]) -> int:
             raise
         _say(_missing(args.command, error))
         return os.EX_UNAVAILABLE
+
+
+def whole_parser() -> argparse.ArgumentParser:
+    """The parser with every command's options, for what describes the command line."""
+    parser, subparsers = _bare_parser()
+    for name in COMMANDS:
+        _load(name).add_parser(subparsers)
+    return parser
+
+
+def _bare_parser() -> tuple[
+    argparse.ArgumentParser, argparse._SubParsersAction[argparse.ArgumentParser]
+]:
+    parser = argparse.ArgumentParser(
+        prog="yahboomd",
+        description="Drives Yahboom encoder motor boards: velocity commands in over Zenoh, exact "
+        "odometry out.",
+        epilog=EPILOG,
+        formatter_class=_OneLineEach,
+    )
+    parser.add_argument(
+        "--version",
+        action="version",
+        version=f"yahboomd {__version__}",
+        help="show the version and exit",
+    )
+    return parser, parser.add_subparsers(dest="command", metavar="COMMAND")
 
 
 def _load(name: str) -> Command:
@@ -185,7 +229,7 @@ def _missing(command: str, error: ModuleNotFoundError) -> str:
 
 
 def _say(message: str) -> None:
-    print(f"yahboomd: {message}", file=sys.stderr)
+    print(f"yahboomd: {pasteable(readable(message))}", file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import math
 import os
 import signal
 import sys
@@ -15,8 +14,10 @@ from yahboomd.cli.keyboard import wish
 from yahboomd.cli.options import (
     add_bus_options,
     add_config_options,
+    client_options,
     daemon_endpoints,
     read_config,
+    seconds,
 )
 from yahboomd.errors import BusError
 
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 
 REDRAW_S = 0.1
 CALM_S = 0.5
-"""Between two looks while nothing moves and nothing is told."""
+"""Between two updates while nothing moves and nothing is reported."""
 
 LINE_S = 1.0
 COMPLETE_S = 1.0
@@ -50,6 +51,11 @@ examples:
 
 Late beats are those that the robot's computer was too busy for.
 q or Ctrl-C ends it.
+
+exit status:
+  0    you ended it, or --once has printed everything
+  69   --once found no daemon, or the bus can never be reached like this
+  78   a mistake in the configuration
 """
 
 
@@ -72,7 +78,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--timeout",
         metavar="S",
-        type=_seconds,
+        type=seconds,
         default=5.0,
         help="how long --once waits for a daemon, in seconds (default: %(default)s)",
     )
@@ -81,11 +87,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 
 def run(args: argparse.Namespace) -> int:
-    """Watch until told to end.
+    """Watch until a person or a signal ends it.
 
     Raises:
         ConfigError: The configuration cannot be used.
-        BusError: The bus can never be reached like this; or nobody is there to be seen once.
+        BusError: The bus can never be reached like this; or no daemon is there to be shown once.
         ModuleNotFoundError: A screen was wanted, and rich is not installed.
     """
     on_screen = (
@@ -95,24 +101,13 @@ def run(args: argparse.Namespace) -> int:
         and os.environ.get("TERM", "dumb") != "dumb"
     )
     if on_screen:
-        # Missing, it is told before anything is opened.
+        # Missing, it is reported before anything is opened.
         import rich  # noqa: F401
     config = read_config(args).config
-    from yahboomd.cli.bus_client import client_options
 
     options = client_options(daemon_endpoints(args, config), config)
     once_s = args.timeout if args.once else None
     return asyncio.run(_run(options, once_s=once_s, on_screen=on_screen))
-
-
-def _seconds(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0.0 <= value <= 3600.0:
-        raise argparse.ArgumentTypeError(f"{text} is no number of seconds from 0 to 3600")
-    return value
 
 
 async def _run(options: BusOptions, *, once_s: float | None, on_screen: bool) -> int:
@@ -162,7 +157,7 @@ async def _once(feed: Feed, clock: Clock, ended: asyncio.Event, within_s: float)
         elif now_ns > until_ns:
             raise BusError(
                 f"No daemon was heard at {feed.wanted} within {within_s:g} s.",
-                remedy=f"{feed.why} `yahboomd run` starts one.",
+                remedy=feed.why,
             )
         await _pause(ended, 0.05)
     return 128 + signal.SIGINT

@@ -7,13 +7,14 @@ from typing import Any
 
 from yahboomd.cli.view import Count, View
 from yahboomd.cli.words import duration, rate
+from yahboomd.program import pasteable
 
 
 def driver(view: View) -> str:
     """Who drives, and since when."""
     status = view.status
     if status is None or status.driver is None:
-        return "nobody drives"
+        return "no source has control"
     over = "over " if view.driver_at_least else ""
     return f"{status.driver} has control for {over}{duration(view.driver_s)}"
 
@@ -22,7 +23,7 @@ def lost_sight(view: View) -> str:
     """What a person may have to do when the daemon falls silent; empty where nothing moved."""
     if view.status is None or view.status.state not in {"driving", "stopping"}:
         return ""
-    return (
+    return pasteable(
         f"It was {view.status.state}: if the wheels still turn, run `yahboomd stop` on the robot, "
         "or switch the motors' supply off."
     )

@@ -5,9 +5,9 @@ from __future__ import annotations
 import time
 
 from yahboomd.cli import monitor_facts as facts
-from yahboomd.cli.ansi import plain
 from yahboomd.cli.view import EventView, View
 from yahboomd.cli.words import degrees, duration
+from yahboomd.program import plain
 
 
 def snapshot(view: View, *, where: str) -> str:

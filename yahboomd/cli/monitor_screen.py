@@ -63,7 +63,7 @@ def waiting(view: View, *, where: str, width: int, height: int, why: str = "") -
     sentences += [(each, "yellow") for each in textwrap.wrap(why, inside)]
     if view.unreadable:
         sentences.append((f"{view.unreadable} samples came that cannot be read", "red"))
-    sentences += [("", ""), ("yahboomd run starts one; q ends this", QUIET)]
+    sentences += [("", ""), ("q ends this", QUIET)]
     lines = [line((words.center(inside), style)) for words, style in sentences]
     above = max(0, (height - 2 - len(lines)) // 2)
     return stacked(
@@ -205,7 +205,7 @@ def _events(view: View, width: int, height: int) -> list[Text]:
     for event in reversed(view.events):
         if len(lines) == room:
             break
-        # The newest is told in full, the older ones in a line each.
+        # The newest is shown in full, the older ones in a line each.
         lines += _event(event, width - 4, 1 if lines else min(3, room))
     lines = lines or [line(("nothing since this monitor was started", QUIET))]
     return framed(lines, width=width, height=height, title="events")

@@ -3,23 +3,53 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from yahboomd.bus.options import BusOptions
     from yahboomd.config import Config, Loaded
 
 
-def add_config_options(parser: argparse.ArgumentParser) -> None:
-    """``--config FILE`` and ``--set SECTION.KEY=VALUE``."""
+NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
+
+
+def take_negative_numbers(parser: argparse.ArgumentParser) -> None:
+    """Have ``-1e-16`` taken for a number; argparse takes it for an option."""
+    parser._negative_number_matcher = NEGATIVE  # noqa: SLF001 - there is no public way
+
+
+def seconds(text: str) -> float:
+    """A duration from an option."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 <= value <= 3600.0:
+        raise argparse.ArgumentTypeError(f"{text} is no number of seconds from 0 to 3600")
+    return value
+
+
+def add_config_options(parser: argparse.ArgumentParser, *, overrides: bool = True) -> None:
+    """``--config FILE`` and ``--set SECTION.KEY=VALUE``.
+
+    Args:
+        parser: Of a command.
+        overrides: Whether there is ``--set``; a command may need the word for something else.
+    """
     parser.add_argument(
         "--config",
         metavar="FILE",
         type=Path,
         help="configuration to read (default: /etc/yahboomd/config.toml, if it exists)",
     )
+    if not overrides:
+        parser.set_defaults(overrides=[])
+        return
     parser.add_argument(
         "--set",
         metavar="SECTION.KEY=VALUE",
@@ -46,6 +76,11 @@ def add_bus_options(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="name of the robot, short for --set zenoh.namespace=NAME",
     )
+    add_connect_option(parser)
+
+
+def add_connect_option(parser: argparse.ArgumentParser) -> None:
+    """``--connect ENDPOINT``, which may be repeated."""
     parser.add_argument(
         "--connect",
         metavar="ENDPOINT",
@@ -81,7 +116,7 @@ def read_config(args: argparse.Namespace, environ: Mapping[str, str] | None = No
 
 
 def daemon_endpoints(args: argparse.Namespace, config: Config) -> tuple[str, ...]:
-    """Where a client reaches the daemon: as told, else where the configuration has it listen.
+    """Where a client reaches the daemon: as given, else where the configuration has it listen.
 
     An address that means "every interface" is reached on this machine.
     """
@@ -92,6 +127,25 @@ def daemon_endpoints(args: argparse.Namespace, config: Config) -> tuple[str, ...
         for endpoint in (config.zenoh.listen if config.zenoh.mode != "client" else ())
     )
     return tuple(dict.fromkeys((*own, *config.zenoh.connect)))
+
+
+def client_options(endpoints: tuple[str, ...], config: Config) -> BusOptions:
+    """A client of the daemon that a configuration describes.
+
+    Args:
+        endpoints: Where it is reached.
+        config: Names the namespace, and Zenoh's own file.
+    """
+    import logging
+
+    from yahboomd.client import connecting
+
+    # What the client would log, commands show in words of their own.
+    logging.getLogger("yahboomd.client").addHandler(logging.NullHandler())
+    zenoh = config.zenoh
+    return connecting.client_options(
+        endpoints, namespace=zenoh.namespace, zenoh_file=zenoh.config or None
+    )
 
 
 def _endpoint(text: str) -> str:

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import msgspec
 
-from yahboomd.cli import probe_report, probe_text
+from yahboomd.cli import probe_report, probe_text, stop_local
 from yahboomd.cli.options import (
     add_bus_options,
     add_config_options,
@@ -22,6 +22,8 @@ from yahboomd.cli.options import (
 )
 from yahboomd.cli.probe_report import Report, StoredValue
 from yahboomd.cli.probe_write import Printed, agreed, stored_value
+from yahboomd.cli.stop_port import pids
+from yahboomd.cli.unresponsive import FROZEN, process_state, true_names
 from yahboomd.clock import SystemClock
 from yahboomd.config import Config
 from yahboomd.errors import (
@@ -32,10 +34,11 @@ from yahboomd.errors import (
     PortMissing,
     YahboomdError,
 )
-from yahboomd.link import diagnosis, discovery, flash, probing
+from yahboomd.link import diagnosis, discovery, flash, latency_timer, probing
 from yahboomd.link.port import Port, PortOptions, open_port
 from yahboomd.link.port_errors import holders
 from yahboomd.link.session import Opener
+from yahboomd.program import readable
 from yahboomd.protocol.settings import BoardSettings, check_storable
 
 FOUND_WANTING = 1
@@ -53,8 +56,12 @@ examples:
   yahboomd probe --write                  store the configured profile's settings on the board
   yahboomd probe --write --set board.profile=310
 
-exit status: 0 the board may be driven; 1 it must not, as it is; 69 no port, a held one, or no
-board; 77 no permission; 78 a mistake in the configuration, or several boards to choose from.
+exit status:
+  0    the board may be driven
+  1    it must not be, as it is
+  69   no port, a held one, or no board
+  77   no permission
+  78   a mistake in the configuration, or several boards to choose from
 """
 
 
@@ -119,7 +126,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _list(*, as_json: bool) -> int:
-    found = discovery.candidates()
+    found = (*discovery.candidates(), *discovery.on_board())
     if as_json:
         print(_json(Report(ports=found)))
     else:
@@ -144,10 +151,12 @@ def _probe(args: argparse.Namespace) -> int:
     except (PortBusy, PortMissing, ConfigError) as error:
         # A port that was named and is not there is no matter of a daemon's.
         ask = not args.write and (not port or isinstance(error, PortBusy))
-        told = _ask_daemon(args, config, port, want) if ask else None
-        if told is None:
-            raise (_with_hints(error, port) if port else error) from error
-        report = told
+        reported = _ask_daemon(args, config, port, want) if ask else None
+        if reported is None:
+            if port:
+                raise _with_hints(error, port) from error
+            raise (error if args.write else _with_daemons(error)) from error
+        report = reported
     except LinkError as error:
         raise _with_hints(error, port) from error
     if not args.json:
@@ -192,7 +201,7 @@ def _report(
     reopened: probing.Reopening | None,
     want: BoardSettings,
 ) -> Report:
-    return probe_report.report(
+    report = probe_report.report(
         found,
         reopened,
         port=port,
@@ -201,6 +210,10 @@ def _report(
         want=want,
         wanted_dialect=config.serial.dialect,
     )
+    late = latency_timer.describe(port)
+    if late is None:
+        return report
+    return msgspec.structs.replace(report, advice=(*report.advice, late))
 
 
 def _opener(port: str, config: Config, clock: SystemClock) -> Opener:
@@ -223,8 +236,30 @@ def _with_hints(error: YahboomdError, port: str) -> YahboomdError:
     """The same error, with what this machine's state adds to it."""
     if not isinstance(error, LinkError):
         return error
+    if isinstance(error, PortBusy):
+        return _held(error, tuple(map(true_names, holders(port))))
     hints = diagnosis.hints(error, port, found=discovery.candidates())
     return type(error)(error.message, remedy=" ".join(hints) or error.remedy)
+
+
+def _held(error: PortBusy, who: tuple[str, ...]) -> PortBusy:
+    """The same error, with the command that ends each holder."""
+    commands = [
+        f"kill -CONT {pid} (it is suspended), then kill {pid}"
+        if process_state(pid) in FROZEN
+        else f"kill {pid}"
+        for pid in pids(who)
+    ]
+    remedy = " ".join(diagnosis.busy(who))
+    if commands:
+        remedy += f" One program at a time can use the board. End the other: {'; '.join(commands)}"
+    return PortBusy(true_names(error.message), remedy=remedy.strip())
+
+
+def _with_daemons(error: YahboomdError) -> YahboomdError:
+    """The same error, with the daemons of this machine, one of which may have the board."""
+    found = [robot for robot in stop_local.find(os.environ) if not robot.silent]
+    return type(error)(error.message, remedy=stop_local.there(found, "probe") or error.remedy)
 
 
 def _ask_daemon(
@@ -240,16 +275,27 @@ def _ask_daemon(
     """
     from yahboomd.cli.probe_client import ask_board
 
-    told = asyncio.run(ask_board(daemon_endpoints(args, config), config))
-    if told is None:
+    endpoints = daemon_endpoints(args, config)
+    reported = asyncio.run(ask_board(endpoints, config))
+    if reported is None or (port and reported.found is None):
+        # A port that another program holds is the news then.
         return None
-    port = port or told.port
-    who = ", ".join(holders(port)) or "another process"
+    if reported.found is None:
+        where = " or ".join(endpoints)
+        raise PortMissing(
+            f"The daemon at {where} has no board.",
+            remedy="Plug the board in, power it, and look at the port that the daemon is set to: "
+            "`yahboomd monitor` shows why it waits, `yahboomd probe --list` the ports.",
+        )
+    port = port or reported.port
+    who = true_names(", ".join(holders(port))) or "another process"
     held = (
         f"The port is held by {who}, and this is what the daemon knows over the bus. With the "
         "daemon ended, probe also tells whether the counters survive a reopening."
     )
-    return msgspec.structs.replace(_report(port, config, told.found, None, want), advice=(held,))
+    return msgspec.structs.replace(
+        _report(port, config, reported.found, None, want), advice=(held,)
+    )
 
 
 # Storing.
@@ -290,7 +336,7 @@ def _say(args: argparse.Namespace, words: str) -> None:
 
 
 def _json(report: Report) -> str:
-    return msgspec.json.format(msgspec.json.encode(report), indent=2).decode()
+    return readable(msgspec.json.format(msgspec.json.encode(report), indent=2).decode())
 
 
 def _width() -> int:
@@ -309,9 +355,9 @@ _COLOURS = {
 
 
 def _painted(lines: Sequence[str]) -> list[str]:
+    painted = [readable(line) for line in lines]
     if not sys.stdout.isatty() or os.environ.get("NO_COLOR"):
-        return list(lines)
-    painted = list(lines)
+        return painted
     for pattern, code in _COLOURS.items():
         painted = [re.sub(pattern, f"\x1b[{code}m\\g<0>\x1b[0m", line) for line in painted]
     return painted

@@ -8,8 +8,9 @@ from typing import Any, NamedTuple
 import msgspec
 
 from yahboomd.bus import keys
-from yahboomd.cli.bus_client import BusClient, client_options
-from yahboomd.cli.incoming import read_sample
+from yahboomd.cli.options import client_options
+from yahboomd.client import AsyncRobot
+from yahboomd.client.incoming import read_sample
 from yahboomd.config import Config
 from yahboomd.errors import BusError
 from yahboomd.link.conversation import Heard
@@ -20,45 +21,44 @@ from yahboomd.protocol.registry import DIALECTS
 from yahboomd.protocol.settings import BoardSettings
 
 
-class Told(NamedTuple):
+class Reported(NamedTuple):
     """What a daemon says of its board.
 
     Attributes:
         port: The port that it holds.
-        found: The board's facts, as if it had been asked itself.
+        found: The board's facts, as if it had been asked itself; None while it has no board.
     """
 
     port: str
-    found: Examination
+    found: Examination | None
 
 
-async def ask_board(endpoints: tuple[str, ...], config: Config) -> Told | None:
-    """Ask for the board's facts; None where no daemon answers, or its board is not there.
+async def ask_board(endpoints: tuple[str, ...], config: Config) -> Reported | None:
+    """Ask for the board's facts; None where no daemon answers.
 
     Args:
         endpoints: Where the daemon is reached.
         config: Names the namespace, and Zenoh's own file.
     """
-    client = BusClient(client_options(endpoints, config))
+    robot = AsyncRobot(client_options(endpoints, config))
     try:
-        await client.open()
+        await robot.join(0.0)
+        payloads = await robot.ask(keys.BOARD)
     except BusError:
         return None
-    try:
-        payloads = await client.ask(keys.BOARD)
     finally:
-        await client.close()
-    replies = (read_sample(payload, ServiceReply) for payload in payloads)
+        await robot.close()
+    replies = [read_sample(payload, ServiceReply) for payload in payloads]
     for reply in replies:
         if reply is not None and reply.success:
             found = examination(reply.data)
             if found is not None:
-                return Told(str(reply.data.get("port", "")), found)
-    return None
+                return Reported(str(reply.data.get("port", "")), found)
+    return Reported("", None) if any(replies) else None
 
 
 def examination(facts: Mapping[str, Any]) -> Examination | None:
-    """What a daemon told of its board, as if it had been asked on the port.
+    """A daemon's report of its board, as if it had been asked on the port.
 
     Args:
         facts: The data of ``yahboomd/board``.

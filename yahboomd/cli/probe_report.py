@@ -111,10 +111,10 @@ def report(
     want: BoardSettings,
     wanted_dialect: str,
 ) -> Report:
-    """Put together what a board told and what it means.
+    """Put together a board's answers and what they mean.
 
     Args:
-        found: What the board told; it has answered.
+        found: The board's answers.
         reopening: What opening the port once more did.
         port: The port, as it was named.
         device: The device behind it.
@@ -201,7 +201,7 @@ def _advice(found: Examination, reopening: Reopening | None) -> Iterable[str]:
         )
     elif reopening.survival == "unknown" and reopening.near_zero:
         yield (
-            "The counters are near zero, so it cannot be told whether opening the port resets "
+            "The counters are near zero, so it is unknown whether opening the port resets "
             "the board: turn a wheel by hand, half a turn, and probe again."
         )
 

@@ -8,13 +8,14 @@ from collections.abc import Sequence
 from yahboomd.cli.probe_report import Report, SettingRow
 from yahboomd.link.discovery import Candidate
 from yahboomd.link.probing import Survival
+from yahboomd.program import pasteable
 from yahboomd.protocol.dialect import SettingValue
 from yahboomd.protocol.settings import MOTOR_TYPES
 
 REOPEN: dict[Survival, str] = {
     "kept": "the counters survive closing and opening the port",
-    "reset": "the board starts anew when its port is opened: the counters are lost",
-    "unknown": "nobody can tell yet whether the counters survive it",
+    "reset": "the board restarts when its port is opened: the counters are lost",
+    "unknown": "not known yet whether the counters survive it",
 }
 DIFFERS = "differs"
 READY = "Ready to drive."
@@ -79,14 +80,17 @@ def verdict(found: Report, width: int = 100) -> list[str]:
         )
     lines = [NOT_READY if found.problems else READY]
     for point in points:
+        # Behind the first line stands what is pasted as it is.
+        sentence, *verbatim = pasteable(point).splitlines()
         lines += textwrap.wrap(
-            point,
+            sentence,
             width,
             initial_indent="  - ",
             subsequent_indent="    ",
             break_long_words=False,
             break_on_hyphens=False,
         )
+        lines += [f"    {line}" for line in verbatim]
     return lines
 
 
@@ -94,7 +98,7 @@ def listing(found: Sequence[Candidate], udev_name: str, target: str) -> list[str
     """The serial ports of this machine, in lines.
 
     Args:
-        found: Those on USB.
+        found: Those on USB, and those on the computer itself.
         udev_name: The name that the udev rule gives the board.
         target: What that name stands for; empty where it does not exist.
     """
@@ -104,13 +108,13 @@ def listing(found: Sequence[Candidate], udev_name: str, target: str) -> list[str
         for name in (udev_name if each.path == target else each.by_path or "",)
     ]
     if not rows:
-        return ["No serial port is on USB."]
+        return ["No serial port is on USB, nor on the computer itself."]
     return columns([("port", "what it is", "a name that stays"), *rows])
 
 
 def shown(row: SettingRow) -> tuple[str, str]:
     """Both values of a setting: what the board stores, and what it should."""
-    have = "not told" if row.have is None else _value(row.command, row.have)
+    have = "not known" if row.have is None else _value(row.command, row.have)
     want = "left as it is" if row.want is None else _value(row.command, row.want)
     return have, want
 

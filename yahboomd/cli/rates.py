@@ -20,9 +20,9 @@ class Rate:
         self._total = 0
 
     def total(self, total: int | None, now_ns: int) -> None:
-        """It has happened so often by now; None where nobody knows.
+        """It has happened so often by now; None for unknown.
 
-        A counter that fell was started anew, and one that was not told for longer than the window
+        A counter that fell was restarted, and one that did not come for longer than the window
         stood still or was away: the average begins again with it.
         """
         silent = bool(self._points) and now_ns - self._points[-1][0] > self._window_ns

@@ -6,14 +6,19 @@ import argparse
 import asyncio
 import logging
 import os
+import re
 import sys
 
 from yahboomd.cli.options import add_config_options, add_port_option, read_config
+from yahboomd.cli.unresponsive import FROZEN, is_yahboomd, process_state
+from yahboomd.errors import BusError
 
 DESCRIPTION = """\
 Own the board's serial port, drive its wheels from velocity commands on the Zenoh bus, and publish
 pose, twist, wheels, battery, status and events. It runs until SIGTERM, SIGINT or SIGHUP and stops
-the wheels first. A board that is not there is waited for.
+the wheels first, as on any signal but SIGKILL, SIGSTOP, and those of a fault of the program
+(SIGSEGV, SIGBUS, SIGILL, SIGFPE, SIGABRT, SIGSYS, SIGTRAP): after these `yahboomd stop` stops them.
+A board that is not there is waited for.
 """
 
 EPILOG = """\
@@ -23,6 +28,14 @@ examples:
   yahboomd run --port /tmp/board --set chassis.wheel_separation_m=0.2
 
 On the same machine, Zenoh clients reach the daemon at tcp/127.0.0.1:7448.
+
+exit status:
+  0    ended by SIGTERM, SIGINT or SIGHUP; the wheels were seen to stand
+  69   the bus cannot be opened
+  70   a fault of yahboomd; a stop was sent to the wheels
+  75   ended, and the wheels were not seen to stand: look at them
+  78   a mistake in the configuration
+Any other signal that ends it ends it by that signal, once the wheels were stopped.
 """
 
 
@@ -42,16 +55,19 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run until told to stop.
+    """Run until a signal ends it.
 
     Raises:
         ConfigError: The configuration cannot be used.
         BusError: The Zenoh session cannot be opened.
     """
     loaded = read_config(args)
+    from yahboomd.daemon.descriptors import make_room
     from yahboomd.daemon.logs import configure, flush
     from yahboomd.daemon.service import Daemon
+    from yahboomd.daemon.signals import die_of
 
+    make_room()
     configure(loaded.config.log.level, os.environ, sys.stderr)
     log = logging.getLogger("yahboomd")
     for warning in loaded.warnings:
@@ -64,8 +80,20 @@ def run(args: argparse.Namespace) -> int:
             await daemon.run()
         except BaseExceptionGroup:
             # A mistake of ours, not of the user: the whole of it belongs into the log.
-            log.critical("yahboomd failed; the wheels were told to stop", exc_info=True)
+            log.critical("yahboomd failed; a stop was sent to the wheels", exc_info=True)
             status = os.EX_SOFTWARE
+        if status == os.EX_OK and not daemon.left_standing:
+            log.critical(
+                "yahboomd ends with status %d: it did not see the wheels stand. Look at them; "
+                "`yahboomd stop --direct` stops them.",
+                os.EX_TEMPFAIL,
+            )
+            status = os.EX_TEMPFAIL
+        if daemon.fatal_signal is not None:
+            # It asked for more than an end; the wheels were stopped first.
+            flush()
+            die_of(daemon.fatal_signal)
+            status = 128 + daemon.fatal_signal
         if not daemon.left_clean:
             log.warning("the bus does not close; the wheels are stopped, and the process ends here")
             flush()
@@ -74,5 +102,24 @@ def run(args: argparse.Namespace) -> int:
 
     try:
         return asyncio.run(main())
+    except BusError as error:
+        raise _explained(error) from error
     finally:
         flush()
+
+
+def _explained(error: BusError) -> BusError:
+    """The same error, with the command that ends or continues a process on the listen port."""
+    found = re.search(
+        r"the process (?P<name>.+) \((?P<pid>\d+)\) listens there already", str(error)
+    )
+    if found is None:
+        return error
+    pid = int(found["pid"])
+    name = "yahboomd" if is_yahboomd(pid) else found["name"]
+    message = error.message.replace(f"the process {found['name']} ({pid})", f"{name} (pid {pid})")
+    instead = "Or give this one another port: --set zenoh.listen=tcp/127.0.0.1:7449"
+    if process_state(pid) in FROZEN:
+        remedy = f"It is suspended. Continue it with `fg` or `kill -CONT {pid}`, or end it: kill -9"
+        return BusError(message, remedy=f"{remedy} {pid}\n{instead}")
+    return BusError(message, remedy=f"End it: kill {pid}\n{instead}")

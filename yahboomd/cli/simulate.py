@@ -10,6 +10,8 @@ from pathlib import Path
 
 import msgspec
 
+from yahboomd import program
+from yahboomd.cli.options import add_config_options, read_config
 from yahboomd.errors import ConfigError
 from yahboomd.simulation.control import HELP
 from yahboomd.simulation.options import FlashContent, ImpairmentOptions, SimulationOptions
@@ -26,6 +28,9 @@ a first drive, each line in a terminal of its own:
   yahboomd simulate --link /tmp/board
   yahboomd run --port /tmp/board
 
+a robot with the motors and the chassis of a configuration:
+  yahboomd simulate --link /tmp/board --config robot.toml
+
 a line that loses bytes, and a wheel whose encoder is dead from the start:
   yahboomd simulate --link /tmp/board --loss 0.02 --do 'encoder-dead left'
 
@@ -35,7 +40,11 @@ disturb it while it runs, by one command a line on the control socket:
 c.connect("/tmp/board.control"); c.send(b"unplug 2\\n"); print(c.recv(99).decode(), end="")'
 
 control commands, for --control and --do:
-{"".join(f"  {line}" + chr(10) for line in HELP.splitlines())}"""
+{"".join(f"  {line}" + chr(10) for line in HELP.splitlines())}
+exit status:
+  0    ended by Ctrl-C, SIGTERM or SIGHUP
+  78   an option, or the configuration, cannot be used
+"""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -78,7 +87,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="a control command to carry out at the start; may be repeated",
     )
 
-    what = parser.add_argument_group("what it is")
+    add_config_options(parser)
+    what = parser.add_argument_group(
+        "what it is (motors, wheels and chassis are as --config and --set say, where one is given)"
+    )
     what.add_argument(
         "--dialect",
         choices=("streamed", "polled"),
@@ -89,8 +101,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "--drive",
         choices=("differential", "skid_steer", "mecanum"),
         default=robot.drive,
-        help="differential: left on M1, right on M3; the others: M1 to M4 as the vendor has them "
-        "(default: %(default)s)",
+        help="the geometry (default: %(default)s); differential: left on M1, right on M3; the "
+        "others: M1 to M4 as the vendor has them",
     )
     what.add_argument(
         "--wheel-radius",
@@ -161,6 +173,22 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="stream lines at the rate of a real board, or one right after the other",
     )
 
+    what.add_argument(
+        "--tick-period",
+        metavar="S",
+        type=float,
+        default=robot.tick_period_s,
+        help="how often a streamed board renews its totals, 0 for with every line "
+        "(default: %(default)s)",
+    )
+    what.add_argument(
+        "--tick-jitter",
+        metavar="S",
+        type=float,
+        default=robot.tick_jitter_s,
+        help="each of these periods is up to so much longer, at random",
+    )
+
     bad = parser.add_argument_group("what is wrong with the line")
     bad.add_argument(
         "--seed",
@@ -221,7 +249,8 @@ async def _serve(robot: SimulatedRobot, args: argparse.Namespace) -> int:
         name = port.name if args.link is None else f"{args.link} ({port.name})"
         reach = port.name if args.link is None else args.link
         print(
-            f"A simulated {args.dialect} board is at {name}; drive it: yahboomd run --port {reach}",
+            f"A simulated {robot.options.dialect} board is at {name}; drive it: "
+            f"{program.name()} run --port {reach}",
             flush=True,
         )
 
@@ -245,6 +274,18 @@ async def _serve(robot: SimulatedRobot, args: argparse.Namespace) -> int:
 
 
 def _options(args: argparse.Namespace) -> SimulationOptions:
+    options = _given(args)
+    if not (args.config or args.overrides):
+        return options
+    from yahboomd.cli.simulated_robot import as_configured
+
+    robot = as_configured(read_config(args).config, options)
+    values = msgspec.structs.asdict(_flash(args.flash)) if args.flash else {}
+    stored = {name: values[name] for name in (each.partition("=")[0] for each in args.flash)}
+    return msgspec.structs.replace(robot, flash=msgspec.structs.replace(robot.flash, **stored))
+
+
+def _given(args: argparse.Namespace) -> SimulationOptions:
     return SimulationOptions(
         dialect=args.dialect,
         drive=args.drive,
@@ -258,6 +299,8 @@ def _options(args: argparse.Namespace) -> SimulationOptions:
         firmware=args.firmware,
         initial_ticks=_ticks(args.ticks),
         stream_pace=args.stream_pace,
+        tick_period_s=args.tick_period,
+        tick_jitter_s=args.tick_jitter,
         seed=args.seed,
         impairments=ImpairmentOptions(
             loss=args.loss,

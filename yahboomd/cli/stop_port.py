@@ -7,27 +7,35 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import errno
 import os
 import signal
 import sys
+import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from yahboomd.cli.options import read_config
+from yahboomd.cli.unresponsive import FROZEN, process_state, true_names, unresponsive
 from yahboomd.errors import ConfigError, LinkError, PortBusy
-from yahboomd.link import port_note
-from yahboomd.link.seize import PATIENCE_S, Seized, seize
+from yahboomd.link import port_identity, port_note
+from yahboomd.link.port_note import PortNote
+from yahboomd.link.seize import PATIENCE_S, RETRY_S, OtherDevice, Seized, seize
+from yahboomd.program import pasteable, readable
 
 if TYPE_CHECKING:
     from yahboomd.config import Config
     from yahboomd.link.takeover import TakeoverReport
 
-_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_SIGNALS = (
+    *(signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP),
+    *(signal.SIGTTIN, signal.SIGTTOU, signal.SIGUSR1, signal.SIGUSR2, signal.SIGALRM),
+)
 
 
 @contextlib.contextmanager
 def undisturbed() -> Iterator[None]:
-    """Go on to the end whoever is impatient: it takes some seconds at most."""
+    """Go on to the end whatever signal comes: it takes some seconds at most."""
     before = {number: signal.signal(number, signal.SIG_IGN) for number in _SIGNALS}
     try:
         yield
@@ -37,35 +45,102 @@ def undisturbed() -> Iterator[None]:
 
 
 def needs_no_configuration(args: argparse.Namespace) -> bool:
-    """Whether the port was named, and nobody asked for another way to open it."""
-    told = args.config or args.overrides or any(name.startswith(_SERIAL) for name in os.environ)
-    return bool(args.port) and not told
+    """Whether the port was named, and no other way to open it."""
+    configured = (
+        args.config or args.overrides or any(name.startswith(_SERIAL) for name in os.environ)
+    )
+    return bool(args.port) and not configured
 
 
 def configuration(args: argparse.Namespace) -> Config:
     """The configuration; a broken one must not keep the wheels turning."""
+    from yahboomd.config import Config
+
+    return readable_configuration(args) or Config()
+
+
+def readable_configuration(args: argparse.Namespace) -> Config | None:
+    """The configuration; None, and a warning, for a broken one."""
     try:
         return read_config(args).config
     except ConfigError as error:
-        from yahboomd.config import Config
-
         warn(f"{error}\nStopping with the defaults instead.")
-        return Config()
+        return None
 
 
-def take_noted(args: argparse.Namespace) -> Seized | None:
-    """Take the port as the daemon that was killed had it, if it left a note of that.
+def take_noted(args: argparse.Namespace) -> list[Seized]:
+    """Take each port that a daemon had that was killed, as its note in the runtime folder says.
 
-    That is so for ``ExecStopPost=`` of the service. Where the note does not lead to a port, the
-    configuration has to.
+    That is so for ``ExecStopPost=`` of the service. Where no note leads to a port, the
+    configuration has to. Where it leads to another device, that one is left alone: udev may have
+    given the name away.
+
+    Raises:
+        LinkError: A path is another device's by now, and the board's is not there.
     """
-    note = None if args.port or args.overrides else port_note.read(os.environ)
-    if note is None:
-        return None
+    notes = [] if args.port or args.overrides else port_note.read(port_note.folder_of(os.environ))
+    # Those of daemons that ended in order only where there is no other.
+    waiting = [note for note in notes if not note.ended] or notes
+    several = len(waiting) > 1
+    seized: list[Seized] = []
+    trouble: LinkError | None = None
+    deadline = time.monotonic() + PATIENCE_S
+    while True:
+        held = []
+        for note in waiting:
+            try:
+                found = take_note(note)
+            except PortBusy:
+                # By a neighbour that lives, or by the killed one for a moment yet.
+                held.append(note)
+            except LinkError as error:
+                trouble = error
+            else:
+                seized += [found] if found is not None else []
+        if not held or time.monotonic() >= deadline:
+            break
+        waiting = held
+        time.sleep(RETRY_S)
+    if not seized and trouble is not None:
+        raise trouble
+    for note in held if several and seized else ():
+        if process_state(note.pid) not in {"R", "S"}:
+            warn(f"{note.path} is held by another process, so no stop was sent there.")
+    return seized
+
+
+def take_note(note: PortNote) -> Seized | None:
+    """Take the port that a note leads to; ``None`` where it leads to none.
+
+    Raises:
+        PortBusy: Another process holds it.
+        LinkError: The path is another device's by now, and the board's is not there.
+    """
     try:
-        return seize(**note._asdict())
-    except OSError:
+        return seize(**note.options(), patience_s=0.0)
+    except OSError as error:
+        if isinstance(error, BlockingIOError) or error.errno == errno.EBUSY:
+            raise PortBusy(f"{note.path} is held by another process.") from error
+        if note.device is None:
+            return None
+        other = isinstance(error, OtherDevice)
+    found = port_identity.find(note.device)
+    if found is not None:
+        try:
+            seized = seize(**note._replace(path=found).options())
+        except OSError as error:
+            raise _explained(found, error, ()) from error
+        warn(f"{note.path} no longer leads to the board, which is {found} now: stopped there.")
+        return seized
+    if not other:
         return None
+    was = note.device.usb or f"number {os.major(note.device.number)}:{os.minor(note.device.number)}"
+    raise LinkError(
+        f"{note.path} is another device than the one that the daemon drove ({was}), which is not "
+        "there any more. Nothing was said to the other one.",
+        remedy="If the wheels turn, switch the motors' supply off, or plug the board in again and "
+        "run `yahboomd stop --port PATH`; `yahboomd probe --list` names the ports.",
+    )
 
 
 def take(
@@ -114,7 +189,12 @@ def _explained(path: str, error: OSError, asked: tuple[str, ...]) -> LinkError:
     why = explained(path, error)
     if not isinstance(why, PortBusy):
         return why
-    who = holders(path)
+    who = tuple(map(true_names, holders(path)))
+    why = PortBusy(true_names(why.message), remedy=why.remedy)
+    for name, pid in zip(who, pids(who), strict=True):
+        if (state := process_state(pid)) in FROZEN:
+            message, remedy = unresponsive(name, pid, state, f"yahboomd stop --port {path}")
+            return PortBusy(f"{why.message} {message}", remedy=remedy)
     if not any(each.startswith("yahboomd ") for each in who):
         hints = " ".join(busy(who))
         return PortBusy(
@@ -123,7 +203,9 @@ def _explained(path: str, error: OSError, asked: tuple[str, ...]) -> LinkError:
     if asked:
         return PortBusy(
             f"{why.message} It does not answer at {' or '.join(asked)}.",
-            remedy=f"Only it can stop the wheels, and does so as it ends: {end(who)}",
+            remedy=f"Only it can stop the wheels, and does so as it ends: {end(who)}\n"
+            f"Where it does not end within 5 s: kill -9 {end(who).removeprefix('kill ')}; "
+            f"yahboomd stop --port {path}",
         )
     return PortBusy(
         why.message,
@@ -134,8 +216,12 @@ def _explained(path: str, error: OSError, asked: tuple[str, ...]) -> LinkError:
 
 def end(who: tuple[str, ...]) -> str:
     """The command that ends the holders of a port, named as ``name (pid N)``."""
-    pids = " ".join(each.rpartition("pid ")[2].rstrip(")") for each in who)
-    return f"kill {pids}" if pids else "kill PID"
+    return f"kill {' '.join(map(str, pids(who)))}" if who else "kill PID"
+
+
+def pids(who: tuple[str, ...]) -> list[int]:
+    """The ids of processes that are named as ``name (pid N)``."""
+    return [int(each.rpartition("pid ")[2].rstrip(")")) for each in who]
 
 
 def tell(report: TakeoverReport) -> bool:
@@ -150,12 +236,19 @@ def tell(report: TakeoverReport) -> bool:
 
 def describe(report: TakeoverReport) -> str:
     """How a stop on the port went, in words."""
+    if report.stood is None and (readers := _readers(report.port)):
+        return (
+            f"{report.port}: a stop was sent, but {' and '.join(readers)} also "
+            f"read{'s' if len(readers) == 1 else ''} this port and may have taken the board's "
+            f"answers, so the wheels were not seen to stand. End it: {end(readers)}; then "
+            f"yahboomd stop --port {report.port}"
+        )
     if report.dialect is None:
         from yahboomd.link.diagnosis import what_was_heard
 
         return (
-            f"{report.port}: both dialects' stop was said, but no board answers, so nobody can "
-            f"tell whether the wheels stand. {what_was_heard(report.heard)}"
+            f"{report.port}: the stop of both dialects was sent, but no board answers: whether the "
+            f"wheels stand is unknown. {what_was_heard(report.heard)}"
         )
     where = f"{report.port} ({report.dialect} board)"
     if report.stood is None:
@@ -170,9 +263,16 @@ def describe(report: TakeoverReport) -> str:
     return f"{where}: the wheels stand, {after}{released}."
 
 
+def _readers(port: str) -> tuple[str, ...]:
+    """Other processes that have the port open, without a lock."""
+    from yahboomd.link.port_errors import holders
+
+    return tuple(map(true_names, holders(port)))
+
+
 def warn(words: str) -> None:
     """Say it where errors are said."""
-    print(f"yahboomd: {words}", file=sys.stderr)
+    print(f"yahboomd: {pasteable(readable(words))}", file=sys.stderr)
 
 
 _SERIAL = "YAHBOOMD_SERIAL_"

@@ -9,7 +9,7 @@ from __future__ import annotations
 import msgspec
 
 from yahboomd.cli.keyboard import Wish, direction, wish
-from yahboomd.model import STANDSTILL, Twist2d
+from yahboomd.model import Twist2d
 
 MS = 1_000_000
 
@@ -22,9 +22,6 @@ REPEATING_NS = 300 * MS
 SHORTEST_NS = 250 * MS
 """How long a repeat counts at least: a remote terminal hands several over at a time."""
 
-ZEROS_NS = 300 * MS
-"""How long zero is commanded after motion. Then nothing is: others may drive again."""
-
 FASTER = 1.1
 MIN_SCALE, MAX_SCALE = 0.05, 10.0
 
@@ -33,7 +30,7 @@ class TeleopView(msgspec.Struct, frozen=True, kw_only=True):
     """What is commanded, and the speeds that a key stands for.
 
     Attributes:
-        twist: The command now; None while nothing is published.
+        twist: What is published now, zeros after motion included; None for nothing.
         linear_m_s: Speed of the keys that go somewhere.
         angular_rad_s: Speed of the keys that turn.
     """
@@ -58,7 +55,6 @@ class Teleop:
         self._key: str | None = None
         self._pressed_ns = 0
         self._until_ns = 0
-        self._zero_until_ns: int | None = None
 
     def press(self, key: str, now_ns: int) -> Wish:
         """A key came.
@@ -74,29 +70,27 @@ class Teleop:
             factor = FASTER if wanted == "faster" else 1.0 / FASTER
             self._scale = min(max(self._scale * factor, MIN_SCALE), MAX_SCALE)
         else:
-            self.stop(now_ns)
+            self.stop()
         return wanted
 
-    def stop(self, now_ns: int) -> None:
-        """Command zero, for a moment."""
+    def stop(self) -> None:
+        """No key is held any more."""
         self._key = None
-        self._zero_until_ns = now_ns + ZEROS_NS
 
-    def command(self, now_ns: int) -> Twist2d | None:
-        """The velocity to publish at this moment; None for none."""
-        if self._key is not None and now_ns >= self._until_ns:
-            self.stop(now_ns)
-        if self._key is not None:
-            return self._twist(self._key)
-        if self._zero_until_ns is None or now_ns >= self._zero_until_ns:
-            self._zero_until_ns = None
+    def motion(self, now_ns: int) -> tuple[Twist2d, int] | None:
+        """What the held key asks for, and until when, unless it is pressed again; None for none."""
+        if self._key is None or now_ns >= self._until_ns:
             return None
-        return STANDSTILL
+        return self._twist(self._key), self._until_ns
 
-    def view(self, now_ns: int) -> TeleopView:
-        """What there is to show."""
+    def view(self, twist: Twist2d | None) -> TeleopView:
+        """What there is to show.
+
+        Args:
+            twist: What is published now.
+        """
         return TeleopView(
-            twist=self.command(now_ns),
+            twist=twist,
             linear_m_s=self._linear_m_s * self._scale,
             angular_rad_s=self._angular_rad_s * self._scale,
         )

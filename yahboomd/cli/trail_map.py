@@ -57,7 +57,7 @@ def trail_map(
     cells = [[0] * width for _ in range(height)]
     before = trail[0]
     for point in trail:
-        # Between two looks at the pose it drove; a pose that was set anew it did not drive to.
+        # Between two poses it drove, but not to one that was set.
         start = before if math.dist(before, point) < JUMP_M else point
         for column, row in _between(dot(*start), dot(*point)):
             cells[row // 4][column // 2] |= _DOTS[column % 2][row % 4]

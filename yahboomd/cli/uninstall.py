@@ -10,8 +10,21 @@ from yahboomd.cli import install_plan
 from yahboomd.cli.install import UDEV, System, add_system_options, complain, system_of
 
 DESCRIPTION = """\
-Stop the service, the wheels first, and remove unit, udev rule and user file. The configuration in
-/etc/yahboomd and the state in /var/lib/yahboomd are kept, and so is the program itself.
+Stop the service, the wheels first, and remove unit, udev rule, user file, man pages and
+completions. The configuration in /etc/yahboomd and the state in /var/lib/yahboomd are kept, and so
+is the program itself.
+"""
+
+EPILOG = """\
+examples:
+  yahboomd uninstall --dry-run               say what would be done
+  sudo yahboomd uninstall                    the service, and everything that install wrote
+  sudo yahboomd uninstall --instance front   only yahboomd@front
+
+exit status:
+  0    it is gone
+  77   it needs root: put sudo in front
+  78   it came as a Debian package, or there is no such instance
 """
 
 
@@ -20,6 +33,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser = subparsers.add_parser(
         "uninstall",
         description=DESCRIPTION,
+        epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_system_options(parser)
@@ -51,13 +65,16 @@ def uninstall(system: System, *, instance: str | None = None) -> int:
         _end(system, [f"yahboomd@{instance}.service"])
         print(f"Kept: {system.root / 'etc/yahboomd' / f'{instance}.toml'}")
         return os.EX_OK
-    _end(system, ["yahboomd.service", *_instances(system.root)])
+    _end(system, ["yahboomd.service", *_instances(system.root), *_metrics(system.root)])
     for place in install_plan.FILES.values():
         _remove(system.root / place, dry=system.dry)
+    for file in install_plan.shared_plan(system.root, packaged=system.packaged):
+        if file.path.exists():
+            _remove(file.path, dry=system.dry)
     if system.live:
-        system.told("systemctl", "daemon-reload")
+        system.ran("systemctl", "daemon-reload")
         if UDEV.exists():
-            system.told("udevadm", "control", "--reload")
+            system.ran("udevadm", "control", "--reload")
     print(
         "Kept: /etc/yahboomd, /var/lib/yahboomd* and the user yahboomd. To have them gone too:\n"
         "  sudo rm -r /etc/yahboomd /var/lib/yahboomd*; sudo userdel yahboomd"
@@ -67,15 +84,21 @@ def uninstall(system: System, *, instance: str | None = None) -> int:
 
 def _end(system: System, units: list[str]) -> None:
     if system.live:
-        system.told("systemctl", "disable", "--now", *units)
+        system.ran("systemctl", "disable", "--now", *units)
     elif system.root != Path("/"):
-        system.told("systemctl", "--root", str(system.root), "disable", *units)
+        system.ran("systemctl", "--root", str(system.root), "disable", *units)
 
 
 def _instances(root: Path) -> list[str]:
     """The enabled services of single boards."""
     wants = root / "etc/systemd/system/multi-user.target.wants"
     return sorted(link.name for link in wants.glob("yahboomd@*.service"))
+
+
+def _metrics(root: Path) -> list[str]:
+    """The service of the metrics; an older installation has none."""
+    name = "yahboomd-metrics.service"
+    return [name] if (root / install_plan.FILES[name]).exists() else []
 
 
 def _remove(path: Path, *, dry: bool) -> None:

@@ -36,6 +36,7 @@ REFUSALS = {
     "out_of_order": "out of order",
     "from_the_future": "from the future",
     "backlog": "held up",
+    "after_pause": "from before a pause",
     "lower_priority": "outranked",
     "not_standing": "too early",
 }

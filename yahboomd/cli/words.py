@@ -22,7 +22,7 @@ SEVERITIES = {"info": "blue", "warning": "yellow", "error": "red"}
 def duration(s: float) -> str:
     """A duration that a person takes in at a glance: ``4.2 s``, ``3 min 05 s``, ``2 h 07 min``."""
     if s < 60.0:
-        # 59.96 would be rounded to a minute that nobody writes like that.
+        # 59.96 would be rounded to a minute, which is not written like that.
         return f"{min(s, 59.9):.1f} s"
     minutes, rest_s = divmod(int(s), 60)
     if minutes < 60:
@@ -45,7 +45,7 @@ def degrees(theta_rad: float) -> str:
 
 
 def rate(per_s: float | None, what: str) -> str:
-    """A rate, or a dash while nobody can tell."""
+    """A rate, or a dash while it is unknown."""
     return f"{'-' if per_s is None else f'{per_s:.0f}'} {what}/s"
 
 

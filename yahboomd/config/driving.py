@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Literal
 
-from pydantic import Field
+from pydantic import Field, ValidationInfo, field_validator
 
 from yahboomd.config.values import AbsolutePath, Positive, Section, SourceKey
 from yahboomd.drive import limiter as drive
 
 
 class AxisLimits(Section):
-    """The limits of one axis; what is missing is unlimited."""
+    """The limits of one axis; without a jerk, the acceleration may change at once."""
 
     velocity: Positive | None = Field(
         default=None, description="Greatest speed: m/s (linear), rad/s (angular)."
@@ -39,7 +40,8 @@ class AxisLimits(Section):
 class Limits(Section):
     """Limits of the base's motion.
 
-    A table that is given replaces its default whole; a missing entry in it is unlimited; jerk too.
+    Each entry that is given replaces its default, and the others stay. To drive without a ramp,
+    give an acceleration that no base reaches, such as 1e6.
     """
 
     linear: AxisLimits = Field(
@@ -51,6 +53,15 @@ class Limits(Section):
         description="Turning: rad/s, rad/s^2, rad/s^2, rad/s^3.",
     )
 
+    @field_validator("linear", "angular", mode="before")
+    @classmethod
+    def _over_the_default(cls, given: object, info: ValidationInfo) -> object:
+        # A person who lowers the speed must not lose the ramps by it.
+        default = cls.model_fields[info.field_name or ""].default
+        if not isinstance(given, Mapping):
+            return given
+        return {**default.model_dump(exclude_none=True), **given}
+
 
 class Source(Section):
     """One key that may command the wheels."""
@@ -59,7 +70,7 @@ class Source(Section):
         default=10,
         ge=-1_000_000,
         le=1_000_000,
-        description="The larger number wins; among equals whoever holds control keeps it.",
+        description="The larger number wins; among equals the source in control keeps it.",
     )
     timeout_s: float | None = Field(
         default=None,
@@ -99,7 +110,7 @@ class Command(Section):
     )
     stamps: Literal["relative", "absolute", "ignore"] = Field(
         default="relative",
-        description="How the age of a command is told from its stamp. relative: against the "
+        description="How the age of a command follows from its stamp. relative: against the "
         "source's own clock, which need not agree with ours; absolute: against this machine's "
         "clock; ignore: every command counts as new.",
     )
@@ -147,5 +158,5 @@ class Estop(Section):
         default="",
         description="File that remembers an engaged emergency stop over a restart. Empty: estop "
         "in $RUNTIME_DIRECTORY, else in /run/yahboomd (root), $XDG_RUNTIME_DIR/yahboomd or "
-        "/tmp/yahboomd-<user id>; with the namespace in its name.",
+        "/tmp/yahboomd-<user id>; with the namespace and the port in its name.",
     )

@@ -144,12 +144,14 @@ class Chassis(Section):
     """The geometry of the base, and which motor turns which wheel.
 
     Wheels are `left` and `right` (differential, skid_steer), or `front_left`, `rear_left`,
-    `front_right` and `rear_right` (mecanum). Given motors replace the default whole.
+    `front_right` and `rear_right` (mecanum). Given motors replace the default whole; beside a
+    preset they change the motors of the same position, and the others stay: `preset = "4wd"` and
+    `motors.right = [{ position = 4, command_sign = -1, encoder_sign = -1 }]`.
     """
 
     preset: Annotated[str, Choice(("", "2wd", "4wd", "mecanum"))] = Field(
         default="",
-        description="Sets kinematics and motors in one word, where these are at their defaults. "
+        description="Sets kinematics and motors in one word. "
         "2wd: the article's, left on M1, right on M3. 4wd: the vendor's, skid steer, M1 left "
         "front, M2 left rear, M3 right front, M4 right rear. mecanum: the same places.",
     )
@@ -238,3 +240,33 @@ PRESETS: dict[str, tuple[str, dict[str, tuple[MotorEntry, ...]]]] = {
     ),
 }
 """Kinematics and motors of the known builds: the article's, and the vendor's with four wheels."""
+
+
+def given_motors(chassis: Chassis) -> dict[str, tuple[MotorEntry, ...]]:
+    """The wheels whose motors a person has written, which is not seen where they wrote a default.
+
+    A key from ``--set`` brings the default of its whole table along.
+    """
+    default = Chassis().motors
+    return {
+        wheel: entries for wheel, entries in chassis.motors.items() if entries != default.get(wheel)
+    }
+
+
+def preset_motors(chassis: Chassis) -> dict[str, tuple[MotorEntry, ...]]:
+    """The preset's motors, with what a person has written of single ones in their place."""
+    given = given_motors(chassis)
+    return {
+        wheel: tuple(
+            next(
+                (
+                    entry if entry.name else entry.model_copy(update={"name": usual.name})
+                    for entry in given.get(wheel, ())
+                    if entry.position == usual.position
+                ),
+                usual,
+            )
+            for usual in entries
+        )
+        for wheel, entries in PRESETS[chassis.preset][1].items()
+    }

@@ -26,6 +26,12 @@ DEEPEST = 20
 """Levels of tables and lists that are looked at."""
 
 _SYNTAX = re.compile(r"(?P<why>.*) \(at (?:line (?P<line>\d+), column (?P<column>\d+)|.*)\)")
+_BARE_TEXT = re.compile(
+    r"""\s*[\w."'-]+\s*=\s*(?!true\b|false\b|inf\b|nan\b)"""
+    r"""(?P<text>[\w./:~@+-]*[A-Za-z/][\w./:~@+ -]*)(?:#.*)?"""
+)
+"""A line of TOML whose value is text without its quotes."""
+
 _TUPLE = re.compile(r"\((?:'[^']*'(?:, |,)?)+\)")
 _KEY_PART = re.compile(r"""\s*(?:"([^"]*)"|'([^']*)'|([^."'=]+?))\s*(?:\.|$)""")
 
@@ -45,7 +51,7 @@ class Origin:
 
 
 NOWHERE = Origin(-1, 0, "")
-"""Of a value that nobody wrote: a default."""
+"""The source of a default."""
 
 
 @dataclass
@@ -246,4 +252,7 @@ def _syntax(name: str, message: str, text: str) -> tuple[Origin, str]:
     why = at["why"][:1].lower() + at["why"][1:]
     # tomllib shows a key as Python does: ('chassis', 'motors').
     why = _TUPLE.sub(lambda found: ".".join(re.findall(r"'([^']*)'", found[0])), why)
+    value = _BARE_TEXT.fullmatch(text.split("\n")[line - 1])
+    if value is not None:
+        why += f'; text needs quotes: "{value["text"].strip()}"'
     return Origin(0, line, f"{name}:{line}"), f"not valid TOML at line {line}{column}: {why}"

@@ -13,7 +13,8 @@ from pydantic_core import ErrorDetails
 
 from yahboomd.config.layers import Origin, plain
 from yahboomd.config.models import Config
-from yahboomd.config.values import BARE_KEY, Choice, Place, expected, toml_string, unwrap
+from yahboomd.config.values import BARE_KEY, Choice, Place, dotted, expected, toml_string, unwrap
+from yahboomd.config.writing import entry_model
 
 
 @dataclass(frozen=True, order=True)
@@ -135,11 +136,25 @@ def _unknown(place: Place) -> str:
     if around is None or not hasattr(around.annotation, "model_fields"):
         return f"unknown {kind}"
     known = tuple(around.annotation.model_fields)
+    if entries := _entries_with(name, around.annotation, place[:-1]):
+        return f'unknown {kind}; "{name}" belongs to each entry of {entries}'
     close = difflib.get_close_matches(name.lower(), known, n=1, cutoff=0.6)
     home = section_of(name)
     if not close and home is not None:
         return f'unknown {kind}; "{name}" belongs to [{home}]'
     return f"unknown {kind}{suggestion(name, known)}"
+
+
+def _entries_with(name: str, section: type[BaseModel], place: Place) -> str:
+    """The table of a section whose entries have a key of that name; empty where none has."""
+    for key, info in section.model_fields.items():
+        holds_entries = typing.get_origin(unwrap(info.annotation)[0]) in {dict, tuple}
+        model = entry_model(info) if holds_entries else None
+        if model is not None and name in model.model_fields:
+            needed = [each for each, field in model.model_fields.items() if field.is_required()]
+            words = ", ".join(f"{each} = \u2026" for each in dict.fromkeys((*needed, name)))
+            return f"{dotted((*place, key))}: {{ {words} }}"
+    return ""
 
 
 def _key_words(place: Place) -> str:

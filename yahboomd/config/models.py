@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from hashlib import sha256
 from pathlib import Path
 from urllib.parse import quote
 
 from pydantic import Field
 
 from yahboomd.config.driving import Command, Estop, Faults, Limits
-from yahboomd.config.hardware import CUSTOM, PRESETS, Board, Chassis, MotorEntry, Serial
+from yahboomd.config.hardware import (
+    CUSTOM,
+    PRESETS,
+    Board,
+    Chassis,
+    MotorEntry,
+    Serial,
+    preset_motors,
+)
 from yahboomd.config.outputs import Log, Odometry, Ros2, Zenoh
 from yahboomd.config.values import Section
 from yahboomd.drive.arbitration import Source
@@ -53,8 +62,7 @@ class Config(Section):
 
     def motor_entries(self) -> dict[str, tuple[MotorEntry, ...]]:
         """The motors by wheel, a preset taken in."""
-        chassis = self.chassis
-        return PRESETS[chassis.preset][1] if chassis.preset else chassis.motors
+        return preset_motors(self.chassis) if self.chassis.preset else self.chassis.motors
 
     def kinematics(self) -> Kinematics:
         """The drive geometry, calibration included."""
@@ -141,21 +149,34 @@ class Config(Section):
     def latch_path(self, environ: Mapping[str, str], *, user_id: int) -> Path:
         """The file that remembers an engaged emergency stop over a restart.
 
-        Robots that share a machine differ by their namespace.
+        Robots that share a machine differ by their namespace or their port.
 
         Args:
-            environ: For ``RUNTIME_DIRECTORY`` (the service manager's) and ``XDG_RUNTIME_DIR``.
-            user_id: Of the process; root has a directory of its own.
+            environ: As for :func:`runtime_folder`.
+            user_id: As for :func:`runtime_folder`.
         """
         if self.estop.latch_file:
             return Path(self.estop.latch_file)
-        if given := environ.get("RUNTIME_DIRECTORY", "").split(":")[0]:
-            folder = Path(given)
-        elif user_id == 0:
-            folder = Path("/run/yahboomd")
-        elif session := environ.get("XDG_RUNTIME_DIR"):
-            folder = Path(session) / "yahboomd"
-        else:
-            folder = Path(f"/tmp/yahboomd-{user_id}")  # noqa: S108 - named by user, made private
-        suffix = f".{quote(self.zenoh.namespace, safe='')}" if self.zenoh.namespace else ""
-        return folder / f"estop{suffix}"
+        name, port = "estop", quote(self.serial.port, safe="")
+        if self.zenoh.namespace:
+            name += f".{quote(self.zenoh.namespace, safe='')}"
+        if port:
+            # A file's name has 255 bytes at most.
+            name += f"@{port if len(port) <= 120 else sha256(port.encode()).hexdigest()}"
+        return runtime_folder(environ, user_id=user_id) / name
+
+
+def runtime_folder(environ: Mapping[str, str], *, user_id: int) -> Path:
+    """The folder of the emergency stop's memory and of the local socket.
+
+    Args:
+        environ: For ``RUNTIME_DIRECTORY`` (the service manager's) and ``XDG_RUNTIME_DIR``.
+        user_id: Of the process; root has a folder of its own.
+    """
+    if given := environ.get("RUNTIME_DIRECTORY", "").split(":")[0]:
+        return Path(given)
+    if user_id == 0:
+        return Path("/run/yahboomd")
+    if session := environ.get("XDG_RUNTIME_DIR"):
+        return Path(session) / "yahboomd"
+    return Path(f"/tmp/yahboomd-{user_id}")  # noqa: S108 - checked before it is used

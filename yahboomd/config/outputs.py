@@ -71,13 +71,13 @@ class Zenoh(Section):
     listen: tuple[Endpoint, ...] = Field(
         default=("tcp/127.0.0.1:7448",),
         strict=False,
-        description="Where applications reach the daemon. Whoever reaches it can drive: beyond "
+        description="Where applications reach the daemon. Any program there can drive: beyond "
         "this machine, use TLS and access control.",
     )
     connect: tuple[Endpoint, ...] = Field(
         default=("tcp/127.0.0.1:7447",),
         strict=False,
-        description="Routers to join when they are there, never waited for. Whoever reaches such "
+        description="Routers to join when they are there, never waited for. Any program at such "
         "a router can drive.",
     )
     namespace: Key = Field(

@@ -12,6 +12,7 @@ from yahboomd.config.models import Config
 from yahboomd.config.rules import RULES
 from yahboomd.config.values import expected
 from yahboomd.config.writing import as_toml, doc, entry_model, inline
+from yahboomd.model import Motor
 
 HEADER = """\
 The configuration of yahboomd, with every key at its default. What stands in a line that starts
@@ -41,9 +42,10 @@ Values in the environment and after `--set` are read as TOML where they are TOML
 `-` goes in quotes: `--set 'command.sources."cmd_vel/teleop".priority=5'`. A list of texts needs
 neither brackets nor quotes there: `--set zenoh.listen=tcp/127.0.0.1:7449`.
 
-In a file, a table that is given replaces its default whole: `linear = { velocity = 0.5 }` leaves
-the acceleration unlimited, and a file that names one source has that one only. A single key from
-the environment or `--set` changes that key alone.
+An entry that is given replaces its default, and the others stay: `linear = { velocity = 0.5 }`
+keeps the ramps. Two tables are replaced whole in a file: `command.sources` (a file that names one
+source has only that one) and `chassis.motors` (unless `chassis.preset` is set, which it changes
+motor by motor). A single key from the environment or `--set` changes that key alone.
 
 ```
 yahboomd config check      whether the configuration can be used; else every mistake, with its line
@@ -95,7 +97,7 @@ def summary(loaded: Loaded) -> str:
     source = "the defaults" if loaded.path is None else str(loaded.path)
     if elsewhere := sorted({at.words for at in loaded.origins.values() if not at.in_file}):
         source += f", changed by {', '.join(elsewhere)}"
-    wheels = ", ".join(f"{motor.name} on M{motor.position}" for motor in motors)
+    wheels = ", ".join(f"{motor.name} on M{motor.position}{_reversed(motor)}" for motor in motors)
     radii = {f"{1000.0 * motor.radius_m:.4g}" for motor in motors}
     rank = sorted(config.command.sources.items(), key=lambda item: -item[1].priority)
     keys = ", ".join(f"{config.key(name)} (priority {source.priority})" for name, source in rank)
@@ -104,9 +106,15 @@ def summary(loaded: Loaded) -> str:
         f"{source}. A {kinematics.name} base, "
         f"{1000.0 * config.chassis.wheel_separation_m:.4g} mm between the wheels, wheel radius "
         f"{' and '.join(sorted(radii))} mm, {config.ticks_per_revolution():.6g} counts per turn "
-        f"(profile {config.board.profile}): {wheels}. Driven by {keys or 'nobody'}. "
+        f"(profile {config.board.profile}): {wheels}. Driven by {keys or 'no source'}. "
         f"Listens on {listens or 'nothing'}, joins {', '.join(config.zenoh.connect) or 'nothing'}."
     )
+
+
+def _reversed(motor: Motor) -> str:
+    parts = (("command", motor.command_sign), ("encoder", motor.encoder_sign))
+    found = [name for name, sign in parts if sign < 0]
+    return "" if not found else f" ({'' if len(found) == 2 else f'{found[0]} '}reversed)"
 
 
 def _table(model: type[BaseModel]) -> Iterator[str]:

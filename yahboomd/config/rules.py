@@ -7,11 +7,12 @@ every key that it looked at, so that a key whose own value was wrong is not blam
 from __future__ import annotations
 
 import difflib
+import math
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from yahboomd.config.hardware import CUSTOM, PRESETS, Chassis
+from yahboomd.config.hardware import CUSTOM, PRESETS, Chassis, given_motors
 from yahboomd.config.models import WHEELS, Config
 from yahboomd.config.values import ENDPOINT, HOST_AND_PORT, Place, dotted, is_topic, number
 from yahboomd.protocol.settings import NO_ENCODER_TYPE
@@ -56,16 +57,44 @@ _PROFILE: Place = ("board", "profile")
 
 
 def presets(config: Config) -> Iterator[Finding]:
-    """A preset fills in what is at its default, and contradicts anything else that is given."""
-    chassis, plain = config.chassis, Chassis()
+    """A preset keeps its kinematics, its wheels and their positions; what else is given goes in."""
+    chassis = config.chassis
     if not chassis.preset:
         return
     kinematics, motors = PRESETS[chassis.preset]
-    words = f'contradicts preset "{chassis.preset}"; leave out one of them'
-    if chassis.kinematics not in {plain.kinematics, kinematics}:
+    if chassis.kinematics not in {Chassis().kinematics, kinematics}:
+        words = f'contradicts preset "{chassis.preset}", which is {kinematics}; leave out one'
         yield Finding(_KINEMATICS, words, (_PRESET,))
-    if chassis.motors not in (plain.motors, motors):
-        yield Finding(_MOTORS, words, (_PRESET,))
+    for wheel, entries in given_motors(chassis).items():
+        usual = [entry.position for entry in motors.get(wheel, ())]
+        if not usual:
+            words = f'preset "{chassis.preset}" has the wheels {", ".join(motors)}'
+            at = [
+                (side, each.position)
+                for side, group in motors.items()
+                for each in group
+                if each.name == wheel
+            ]
+            for side, position in at:
+                words += (
+                    f": with {chassis.preset} the motors are lists under {' and '.join(motors)}: "
+                    f"motors.{side} = [{{ position = {position}, \u2026 }}]"
+                )
+            yield Finding((*_MOTORS, wheel), words, (_PRESET,))
+        for index, entry in enumerate(entries):
+            if entry.position in (other.position for other in entries[:index]):
+                words = f"position {entry.position} is named twice"
+                yield Finding((*_MOTORS, wheel, index, "position"), words, (_PRESET,))
+            if usual and entry.position not in usual:
+                words = (
+                    f'preset "{chassis.preset}" has {_places(usual)} there; for motors at other '
+                    f'places, replace preset by kinematics = "{kinematics}" and name all motors'
+                )
+                yield Finding((*_MOTORS, wheel, index, "position"), words, (_PRESET,))
+
+
+def _places(positions: list[int]) -> str:
+    return " and ".join(f"M{position}" for position in positions)
 
 
 def wheels(config: Config) -> Iterator[Finding]:
@@ -74,7 +103,7 @@ def wheels(config: Config) -> Iterator[Finding]:
     known, entries = WHEELS[name], config.motor_entries()
     beside = (_KINEMATICS, _PRESET)
     if config.chassis.motors == Chassis().motors and set(known).isdisjoint(entries):
-        # Nobody chose these motors: what is missing is said once, with the shortest way.
+        # These motors were not chosen: what is missing is said once, with the shortest way.
         preset = next(preset for preset, (kind, _) in PRESETS.items() if kind == name)
         words = f"missing; a {name} base has the wheels {', '.join(known)}: name their motors"
         yield Finding(_MOTORS, f'{words}, or set chassis.preset = "{preset}"', beside)
@@ -87,7 +116,11 @@ def wheels(config: Config) -> Iterator[Finding]:
             yield Finding((*_MOTORS, wheel), words, beside)
     for wheel in known:
         if wheel not in entries:
-            words = f"missing; a {name} base has the wheels {', '.join(known)}"
+            preset = next(preset for preset, (kind, _) in PRESETS.items() if kind == name)
+            words = (
+                f"missing; a {name} base has the wheels {', '.join(known)}: name the motors of "
+                f'each, or set chassis.preset = "{preset}" and name only those that differ'
+            )
             yield Finding((*_MOTORS, wheel), words, (_MOTORS, *beside))
         elif len(entries[wheel]) > 1 and name != "skid_steer":
             words = f"expected one motor, got {len(entries[wheel])}; several on a side are "
@@ -171,7 +204,11 @@ def speeds(config: Config) -> Iterator[Finding]:
     fastest: Place = ("odometry", "max_wheel_speed_m_s")
     if velocity is not None and velocity >= config.odometry.max_wheel_speed_m_s:
         words = f"expected more than limits.linear.velocity ({number(velocity)}), got "
-        yield Finding(fastest, f"{words}{number(config.odometry.max_wheel_speed_m_s)}", (place,))
+        words += (
+            f"{number(config.odometry.max_wheel_speed_m_s)}; raise it too: --set "
+            f"odometry.max_wheel_speed_m_s={math.floor(velocity) + 1}, or lower the velocity"
+        )
+        yield Finding(fastest, words, (place,))
     least: Place = ("faults", "min_speed_m_s")
     if velocity is not None and velocity < config.faults.min_speed_m_s:
         words = f"above limits.linear.velocity ({number(velocity)}): a stall is never noticed"
@@ -197,7 +234,7 @@ def timeouts(config: Config) -> Iterator[Finding]:
         words = f"expected less than {dotted(place)} ({given[place]}), got {command.resend_s}"
         yield Finding(resend, words, (place,))
     if not command.sources:
-        words = "there is none, so nobody can drive"
+        words = "there is none, so no program can drive"
         yield Finding(("command", "sources"), words, is_warning=True)
 
 
@@ -239,13 +276,13 @@ def bus(config: Config) -> Iterator[Finding]:
             yield Finding(listen, words, (mode,))
         return
     if not (zenoh.listen or zenoh.connect or zenoh.config):
-        words = "expected an endpoint: nobody can reach a bus that neither listens nor connects"
+        words = "expected an endpoint: no program reaches a bus that neither listens nor connects"
         yield Finding(listen, words, (connect, ("zenoh", "config")))
     for endpoint in zenoh.listen:
         if endpoint in zenoh.connect:
             yield Finding(connect, f"{endpoint} is in zenoh.listen as well", (listen,))
         if not zenoh.config and not _is_local(endpoint):
-            words = f"{endpoint} is open to the network: whoever reaches it can drive"
+            words = f"{endpoint} is open to the network: every program that reaches it can drive"
             yield Finding(listen, words, is_warning=True)
 
 

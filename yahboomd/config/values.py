@@ -101,8 +101,8 @@ def is_topic(text: str) -> bool:
 
 ENDPOINT = re.compile(r"(?P<protocol>[a-z_-]+)/(?P<address>[^?#\s]+)(\?[^#\s]*)?(#\S*)?")
 HOST_AND_PORT = re.compile(r"(?P<host>\[[0-9A-Fa-f:.%a-z]+\]|[^:\[\]/]+):(?P<port>[0-9]{1,5})")
-PROTOCOLS = ("tcp", "udp", "tls", "quic", "ws", "unixsock-stream")
-"""What the Zenoh wheel has compiled in."""
+PROTOCOLS = ("tcp", "udp", "tls", "quic", "unixsock-stream")
+"""What the Zenoh wheel has compiled in, and clients in other languages speak as well."""
 
 
 def _is_endpoint(text: str) -> bool:

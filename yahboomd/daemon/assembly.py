@@ -10,9 +10,10 @@ from msgspec import structs
 
 from yahboomd.bus.options import BusOptions
 from yahboomd.clock import Clock, nanoseconds
-from yahboomd.config import Config
+from yahboomd.config import Config, runtime_folder
 from yahboomd.daemon.control import Controller
 from yahboomd.daemon.control_options import ControlOptions
+from yahboomd.daemon.folder import check_folder
 from yahboomd.daemon.latch import EstopLatch
 from yahboomd.daemon.latch_file import LatchFile
 from yahboomd.daemon.outputs import Outputs
@@ -22,6 +23,7 @@ from yahboomd.drive.standing import STANDING_M_S
 from yahboomd.link import port_note
 from yahboomd.link.discovery import candidates, choose
 from yahboomd.link.port import Port, PortOptions, open_port
+from yahboomd.link.port_identity import identify
 from yahboomd.link.session import Listener, Opener, Session, SessionOptions
 from yahboomd.odometry.odometer import Odometer, OdometerOptions
 
@@ -53,7 +55,7 @@ def odometer(config: Config) -> Odometer:
 
 
 def control_options(config: Config) -> ControlOptions:
-    """What the control path is told."""
+    """The control path's options."""
     return ControlOptions(
         kinematics=config.kinematics(),
         motors=config.motors(),
@@ -72,8 +74,9 @@ def control_options(config: Config) -> ControlOptions:
 
 def latch(config: Config, clock: Clock, environ: Mapping[str, str]) -> EstopLatch:
     """The e-stop as it was left."""
-    file = LatchFile(config.latch_path(environ, user_id=os.getuid()))
-    return EstopLatch(file, clock.now_ns())
+    path = config.latch_path(environ, user_id=os.getuid())
+    port = None if config.estop.latch_file else config.serial.port
+    return EstopLatch(LatchFile(path, port=port), clock.now_ns())
 
 
 def controller(
@@ -110,10 +113,30 @@ def opener(config: Config, clock: Clock, environ: Mapping[str, str] | None = Non
             hangup_on_close=serial.hangup_on_close,
         )
         port = await open_port(options, clock)
-        port_note.write(port_note.PortNote(**structs.asdict(options)), environ or {})
+        if environ is not None:
+            _note(options, config, environ)
         return port
 
     return open_it
+
+
+def _note(options: PortOptions, config: Config, environ: Mapping[str, str]) -> None:
+    """Note how the port was opened, and which device it is."""
+    folder = runtime_folder(environ, user_id=os.getuid())
+    try:
+        device = identify(os.stat(options.path))
+        check_folder(folder)
+    except OSError:
+        # Unplugged just now: the session will hear of it. Or the folder is another user's.
+        return
+    note = port_note.PortNote(
+        **structs.asdict(options),
+        device=device,
+        pid=os.getpid(),
+        namespace=config.zenoh.namespace,
+        listen=tuple(config.zenoh.listen),
+    )
+    port_note.write(note, str(folder))
 
 
 def session_options(config: Config) -> SessionOptions:

@@ -12,6 +12,7 @@ from yahboomd.drive.arbiter import Arbiter
 from yahboomd.drive.arbitration import Accepted
 from yahboomd.messages.codecs import Refusal, decode_command
 from yahboomd.messages.ros2 import parse_attachment
+from yahboomd.messages.status_fields import REFUSALS, ZEROS
 from yahboomd.model import Twist2d
 
 
@@ -22,15 +23,23 @@ class CommandIntake:
         arbiter: Decides who drives.
         clock: For the wall time that absolute stamps are compared with.
         holonomic: Whether a sideways velocity means anything.
+        notice_pause: Looks whether this process stood still; called before anything is offered.
         step: Runs a control step; called once for what arrived together.
     """
 
     def __init__(
-        self, arbiter: Arbiter, clock: Clock, *, holonomic: bool, step: Callable[[], None]
+        self,
+        arbiter: Arbiter,
+        clock: Clock,
+        *,
+        holonomic: bool,
+        notice_pause: Callable[[], None],
+        step: Callable[[], None],
     ) -> None:
         self._arbiter = arbiter
         self._clock = clock
         self._holonomic = holonomic
+        self._notice_pause = notice_pause
         self._step = step
         self.counters: Counter[str] = Counter()
         self._by_source: dict[str, Counter[str]] = {}
@@ -44,8 +53,10 @@ class CommandIntake:
             attached: rmw_zenoh's nodes send on this key: what they attach to each sample says when
                 it was sent, where the message does not.
         """
+        self._by_source.setdefault(source, Counter())
 
         def take(arrivals: list[Arrival]) -> None:
+            self._notice_pause()
             for arrival in arrivals:
                 self._take(source, arrival, _attached_ns(arrival) if attached else None)
             self._step()
@@ -71,6 +82,8 @@ class CommandIntake:
         self._count(source, "received", 1 + arrival.dropped)
         if arrival.dropped:
             self._count(source, "overrun", arrival.dropped)
+            # What was lost unread was probably a command like the others.
+            self._arbiter.note_motion(source, arrival.arrived_ns)
         if arrival.oversize:
             self._refuse(source, "oversize", "the payload has more bytes than a command may")
             return
@@ -99,6 +112,8 @@ class CommandIntake:
             self._refused(source, verdict.reason, verdict.detail)
 
     def _refuse(self, source: str, reason: str, detail: str) -> None:
+        # What cannot be read was to be a command, and the next one may be one that can.
+        self._arbiter.note_motion(source, self._clock.now_ns())
         self.counters[reason] += 1
         self._arbiter.note_refusal(self._clock.now_ns(), reason)
         self._refused(source, reason, detail)
@@ -110,10 +125,7 @@ class CommandIntake:
 
     def _count(self, source: str, what: str, times: int = 1) -> None:
         self.counters[what] += times
-        mine = self._by_source.get(source)
-        if mine is None:
-            mine = self._by_source[source] = Counter()
-        mine[what] += times
+        self._by_source[source][what] += times
 
 
 _REFUSED = "refused/"
@@ -127,7 +139,7 @@ def _by_reason(counters: Counter[str]) -> dict[str, Any]:
         if name.startswith(_REFUSED)
     }
     plain = {name: count for name, count in counters.items() if not name.startswith(_REFUSED)}
-    return {**plain, "refused": refused}
+    return {**ZEROS["sources"], **plain, "refused": {**dict.fromkeys(REFUSALS, 0), **refused}}
 
 
 def _attached_ns(arrival: Arrival) -> int | None:

@@ -1,4 +1,4 @@
-"""The control path: from who may drive to what the board is told, and from counts to estimates.
+"""The control path: from the command in control to the board's, and from counts to estimates.
 
 It runs at a fixed rate, and once more at once for every command that arrives. Whatever forbids
 motion (the e-stop, a hold, a board that is not ready) is looked at first in every step, and ends
@@ -14,13 +14,23 @@ from yahboomd.daemon.control_options import ControlOptions
 from yahboomd.daemon.fit import fit
 from yahboomd.daemon.latch import EstopLatch
 from yahboomd.daemon.outputs import Events, Outputs
+from yahboomd.daemon.pauses import Pauses
 from yahboomd.daemon.resets import Resets
 from yahboomd.daemon.wheels import Wheels
 from yahboomd.drive import standing
 from yahboomd.drive.arbiter import Arbiter
 from yahboomd.drive.arbitration import Decision
+from yahboomd.drive.doubts import Doubts
 from yahboomd.drive.faults import Fault
-from yahboomd.drive.holds import BOARD_RESET, BOARD_UNFIT, FAULT, WAITING_FOR_BOARD, Hold, Holds
+from yahboomd.drive.holds import (
+    BOARD_RESET,
+    BOARD_UNFIT,
+    FAULT,
+    LINE_NOISY,
+    WAITING_FOR_BOARD,
+    Hold,
+    Holds,
+)
 from yahboomd.drive.kinematics import desaturate, desaturate_twist, wheel_speeds
 from yahboomd.drive.limiter import Limiter
 from yahboomd.errors import YahboomdError
@@ -31,7 +41,10 @@ from yahboomd.odometry.odometer import Odometer
 
 SOONEST_S = 0.002
 """Extra control steps, for commands that arrive, are at least so far apart: more than the board
-can be told, and a bound on what a flood of commands can cost."""
+can be sent, and a bound on what a flood of commands can cost."""
+
+DOUBTFUL_S = 0.5
+"""How long the wheels stand after a cut that may be the line's fault: they roll out meanwhile."""
 
 
 class Controller:
@@ -74,6 +87,7 @@ class Controller:
             options.linear, options.angular, longest_step_s=max(0.1, 2 * options.period_s)
         )
         self._holds = Holds()
+        self._doubts = Doubts()
         self._events = Events(clock, outputs, self.counters)
         self._resets = Resets(
             clock,
@@ -82,6 +96,13 @@ class Controller:
             holds=self._holds,
             events=self._events,
             outputs=outputs,
+        )
+        self._pauses = Pauses(
+            clock,
+            nanoseconds(options.period_s),
+            arbiter=arbiter,
+            wheels=self._wheels,
+            events=self._events,
         )
         self._decision = Decision()
         self._stepped_ns = clock.now_ns()
@@ -99,6 +120,7 @@ class Controller:
 
     def step(self) -> None:
         """Decide what the wheels do now, and tell the board."""
+        self.notice_pause()
         now_ns = self._clock.now_ns()
         dt_s = seconds(now_ns - self._stepped_ns)
         self._stepped_ns = now_ns
@@ -111,7 +133,7 @@ class Controller:
             self._stand(now_ns, at_once=True)
         else:
             self._drive(decision, now_ns, dt_s)
-        # Only what was measured after the wheels were told to stand shows that they do.
+        # Only readings after the stop was sent show that the wheels stand.
         wheels = self._wheels
         self._arbiter.observe_wheels(
             now_ns,
@@ -123,6 +145,17 @@ class Controller:
         # Silence is acted upon when it is due, not at the beat after it.
         due_ns = self._arbiter.deadline_ns
         self._alarm.set(due_ns if due_ns is not None and due_ns > now_ns else None)
+
+    def notice_pause(self) -> None:
+        """Look whether this process stood still; before anything is used that may have waited."""
+        if not self._pauses.notice():
+            return
+        now_ns = self._clock.now_ns()
+        self.counters["pauses"] += 1
+        # The board may have spoken: its counts have their time again from here on.
+        self._seen_ns = now_ns
+        if self._arbiter.current(now_ns).why != "driving":
+            self._stand(now_ns, at_once=True)
 
     def _look(self, now_ns: int) -> None:
         """Does anybody see the wheels?"""
@@ -137,7 +170,7 @@ class Controller:
             self._outputs.changed()
 
     def step_soon(self) -> None:
-        """A command arrived: step at once, but not more often than the board could be told."""
+        """A command arrived: step at once, but not more often than a command could be sent."""
         now_ns = self._clock.now_ns()
         soonest_ns = self._extra_ns + nanoseconds(SOONEST_S)
         if now_ns >= soonest_ns:
@@ -168,7 +201,9 @@ class Controller:
         limited = self._limiter.step(wish, dt_s)
         speeds, _ = desaturate(wheel_speeds(kinematics, limited), limits)
         if any(speeds):
-            self._wheels.turn(speeds, now_ns)
+            self._wheels.turn(speeds)
+            if max(map(abs, speeds)) >= self._options.min_speed_m_s:
+                self._doubts.drive(nanoseconds(dt_s))
         else:
             self._stand(now_ns, at_once=False)
 
@@ -179,12 +214,41 @@ class Controller:
 
     def _trouble(self, fault: Fault, now_ns: int) -> None:
         """What follows from a wheel that lies."""
-        self._tell(fault)
         if self._options.cuts(fault):
             self._limiter.halt()
             self._wheels.cut(now_ns)
-            self._holds.put(Hold(kind=FAULT, message=fault.message, since_ns=now_ns))
+            hold = self._doubtful(fault, now_ns) or Hold(
+                kind=FAULT, message=fault.message, since_ns=now_ns
+            )
+            self._holds.put(hold)
+            if hold.kind == FAULT:
+                self._tell(fault)
             self._outputs.changed()
+        elif self._wheels.noisy:
+            self.counters["noisy_doubts"] += 1
+        else:
+            self._tell(fault)
+
+    def _doubtful(self, fault: Fault, now_ns: int) -> Hold | None:
+        """The hold for what the line may have done; ``None`` where the wheel is to blame."""
+        if self._doubts.blame(now_ns, fault, damages=self._wheels.damages):
+            return None
+        self.counters["noisy_cuts"] += 1
+        words = (
+            "The line to the board loses or alters bytes, and a wheel did not do what was sent: "
+            "the motors are cut for a moment. Check the USB cable, its shield and its distance "
+            f"from the motors' wires. If it goes on: {fault.message}"
+        )
+        self.event(Event(kind="line_noisy", severity="warning", message=words, wheel=fault.motor))
+        self._wheels.forget()
+        # A board that was reset without a word has forgotten its motors, and obeys no speed.
+        self._wheels.rearm()
+        return Hold(
+            kind=LINE_NOISY,
+            message=words,
+            since_ns=now_ns,
+            until_ns=now_ns + nanoseconds(DOUBTFUL_S),
+        )
 
     def _tell(self, fault: Fault) -> None:
         self.counters[fault.kind] += 1
@@ -193,7 +257,7 @@ class Controller:
     # What the link tells (link.session.Listener).
 
     def connected(self, session: Session, identity: Identity) -> None:
-        """A board is there: may its wheels turn, and in which units are they told to?"""
+        """A board is there: may its wheels turn, and in which units are they commanded?"""
         now_ns = self._clock.now_ns()
         self._arbiter.forget_commands(now_ns)
         self._odometer.set_sample_period(identity.dialect.sample_period_ns)
@@ -219,12 +283,18 @@ class Controller:
         self.event(Event(kind="connected", severity="info", message=words))
         self._outputs.changed()
 
+    def armed(self) -> None:
+        """The board is asked to stream its counts."""
+        self._odometer.armed()
+
     def reading(self, reading: EncoderReading) -> None:
         """Counts arrived: where is the robot now?"""
+        self.notice_pause()
         update = self._odometer.update(reading)
         for event in update.events:
             self.event(event)
-            self._resets.interrupted(event, reading.ticks, self._raw_ticks)
+            paused = self._pauses.just_ended(reading.received_ns)
+            self._resets.interrupted(event, reading.ticks, self._raw_ticks, paused=paused)
         estimate = update.estimate
         if estimate is None:
             return
@@ -245,19 +315,25 @@ class Controller:
             self._outputs.changed()
         self._outputs.estimate(estimate, self._wheels.command_m_s)
 
+    def sent(self, units: Counts | None) -> None:
+        """Wheels are held against a command from the moment at which it was written."""
+        self._wheels.sent(units, self._clock.now_ns())
+
     def battery(self, volts: float) -> None:
         """The voltage of the motors' supply."""
         self.volts = volts
         self._outputs.battery(volts)
 
     def board_reset(self, version: str) -> None:
-        """The board started anew: its motors are free, and what it was told is forgotten."""
-        self._resets.told(version)
+        """The board restarted: its motors are free, and its command is lost."""
+        self._resets.announced(version)
 
     def leaving(self) -> None:
         """The session with the board ends, and stops the wheels by itself."""
         self._was_connected = self._was_connected or self._wheels.attached
         self._wheels.detach()
+        # It arms the board as well, to see the wheels stand.
+        self._odometer.armed()
         self._limiter.halt()
         self._wait("The connection to the board is being ended.")
         self._outputs.changed()
@@ -283,7 +359,7 @@ class Controller:
         self._holds.put(Hold(kind=WAITING_FOR_BOARD, message=words, since_ns=now_ns))
 
     def bus_lost(self) -> None:
-        """Nobody is connected any more: what was commanded is over, at once."""
+        """No client is connected any more: its commands are over, at once."""
         self._arbiter.forget_commands(self._clock.now_ns())
         if any(self._wheels.command_m_s):
             self.counters["bus_lost"] += 1
@@ -326,7 +402,12 @@ class Controller:
 
     def facts(self) -> dict[str, int]:
         """Counters of the control path and of the odometry."""
-        return {**self.counters, **self._odometer.counters}
+        return {
+            **self.counters,
+            **self._odometer.counters,
+            "board_tick_ns": self._odometer.tick_period_ns or 0,
+            **self._latch.facts(),
+        }
 
     @property
     def decision(self) -> Decision:

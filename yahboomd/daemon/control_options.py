@@ -1,4 +1,4 @@
-"""What the control path is told about its robot."""
+"""The control path's options: facts of its robot."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from yahboomd.protocol.settings import MotorProfile
 
 
 class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """What the control path is told about this robot.
+    """Facts of this robot that the control path needs.
 
     Attributes:
         kinematics: The drive geometry.
@@ -27,7 +27,7 @@ class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
         turns_without_command: What follows from a wheel that turns by itself.
         min_speed_m_s: Commands below it prove nothing about counts that stay away.
         period_s: From one control step to the next.
-        blind_s: Without counts for so long it stands: wheels that nobody sees are not driven.
+        blind_s: Without counts for so long it stands: unseen wheels are not driven.
     """
 
     kinematics: Kinematics

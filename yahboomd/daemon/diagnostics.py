@@ -81,7 +81,7 @@ class Diagnostics:
 
 
 def levels(entries: list[Diagnostic]) -> tuple[int, ...]:
-    """What is told at once when it changes, rather than at the next turn."""
+    """Facts whose change is published at once, rather than at the next beat."""
     return tuple(entry.level for entry in entries)
 
 
@@ -92,7 +92,7 @@ def _base(sample: StatusSample) -> tuple[int, str]:
 def _base_facts(sample: StatusSample) -> dict[str, Any]:
     return {
         "state": sample.state,
-        "driver": sample.driver or "nobody",
+        "driver": sample.driver or "none",
         "since_s": round(max(0, sample.stamp_ns - sample.since_ns) / 1e9, 1),
     }
 

@@ -1,4 +1,4 @@
-"""Whether a board fits the robot that was configured, and in which units its wheels are told."""
+"""Whether a board fits the configured robot, and in which units its wheels are commanded."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Fit(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         units: For each motor, command units for 1 m/s at the rim; empty where it must not move.
-        wheel_limits: The fastest that each wheel can be told to turn, m/s.
+        wheel_limits: The fastest that each wheel can be commanded to turn, m/s.
         wrong: Why its wheels must not turn, a sentence each with the remedy; empty where they may.
     """
 
@@ -41,7 +41,7 @@ def fit(
     """Hold a board against the configuration.
 
     Args:
-        identity: What the board told.
+        identity: The board's answers.
         kinematics: The drive geometry.
         motors: The configured motors.
         profile: Their kind.

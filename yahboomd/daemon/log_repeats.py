@@ -1,4 +1,4 @@
-"""A fault that comes again and again is told some times, then counted.
+"""A fault that comes again and again is logged some times, then counted.
 
 A board whose supply sags resets every second, for hours; each reset has three lines to say. The
 journal of a robot lies on an SD card.
@@ -10,7 +10,7 @@ import logging
 import re
 from collections import OrderedDict
 
-TOLD = 5
+WRITTEN = 5
 """So many lines of a kind are written within a window."""
 
 WINDOW_S = 60.0
@@ -25,7 +25,7 @@ class RepeatFilter(logging.Filter):
     """Lets some lines of a kind through in each minute, and says how many it did not.
 
     Lines are of a kind when they differ in their numbers only. Time is the record's own; DEBUG is
-    for whoever wants every line.
+    for a person who wants every line.
     """
 
     def __init__(self) -> None:
@@ -44,26 +44,26 @@ class RepeatFilter(logging.Filter):
             self._kinds.popitem(last=False)
         # A clock that was set back begins a window, too.
         if not 0.0 <= record.created - kind.since_s < WINDOW_S:
-            untold, kind.untold = kind.untold, 0
-            kind.since_s, kind.told = record.created, 0
-            if untold:
-                _say(record, message, f"({untold} more like it before)")
-        elif kind.told == TOLD:
-            kind.untold += 1
+            unwritten, kind.unwritten = kind.unwritten, 0
+            kind.since_s, kind.written = record.created, 0
+            if unwritten:
+                _say(record, message, f"({unwritten} more like it before)")
+        elif kind.written == WRITTEN:
+            kind.unwritten += 1
             return False
-        kind.told += 1
-        if kind.told == TOLD:
+        kind.written += 1
+        if kind.written == WRITTEN:
             _say(record, record.getMessage(), "(more like it within a minute are only counted)")
         return True
 
 
 class _Kind:
-    __slots__ = ("since_s", "told", "untold")
+    __slots__ = ("since_s", "unwritten", "written")
 
     def __init__(self, since_s: float) -> None:
         self.since_s = since_s
-        self.told = 0
-        self.untold = 0
+        self.written = 0
+        self.unwritten = 0
 
 
 def _say(record: logging.LogRecord, message: str, more: str) -> None:

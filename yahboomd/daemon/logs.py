@@ -1,7 +1,7 @@
 """Log lines: with priorities for the journal, readable on a terminal, and never waited for.
 
-A pipe that nobody reads and a terminal that was stopped (Ctrl-S) take no more bytes, and whoever
-writes to them waits. That must not be the loop that stops wheels: a thread writes.
+A pipe without a reader and a terminal that was stopped (Ctrl-S) take no more bytes, and a write to
+them waits. That must not be the loop that stops wheels: a thread writes.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from collections.abc import Mapping
 from typing import TextIO
 
 from yahboomd.daemon.log_repeats import RepeatFilter
+from yahboomd.program import pasteable, readable
 
 PRIORITIES = {
     logging.DEBUG: 7,
@@ -73,8 +74,8 @@ class PatientHandler(logging.Handler):
             line = self._lines.get()
             lost, self.lost = self.lost, 0
             if lost:
-                line = f"({lost} lines were lost here: nobody read them)\n{line}"
-            # A reader that is gone cannot be told so.
+                line = f"({lost} lines were lost here: they were not read)\n{line}"
+            # A reader that is gone cannot be warned.
             with contextlib.suppress(OSError, ValueError):
                 self._write(fd, line)
             self._lines.task_done()
@@ -88,13 +89,21 @@ class PatientHandler(logging.Handler):
             data = data[os.write(fd, data) :]
 
 
+class TerminalFormatter(logging.Formatter):
+    """Lines for a person, with commands as this terminal knows them."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """The record."""
+        return pasteable(readable(super().format(record)))
+
+
 class JournalFormatter(logging.Formatter):
     """Each line behind its priority; time and name are the journal's to add."""
 
     def format(self, record: logging.LogRecord) -> str:
         """The record, every line of it with the priority."""
         prefix = f"<{PRIORITIES.get(record.levelno, 6)}>"
-        return "\n".join(prefix + line for line in super().format(record).splitlines())
+        return "\n".join(prefix + line for line in readable(super().format(record)).splitlines())
 
 
 def configure(level: str, environ: Mapping[str, str], stream: TextIO) -> None:
@@ -111,13 +120,13 @@ def configure(level: str, environ: Mapping[str, str], stream: TextIO) -> None:
         handler.setFormatter(JournalFormatter("%(message)s"))
     else:
         handler.setFormatter(
-            logging.Formatter("%(asctime)s %(levelname)-7s %(message)s", datefmt="%H:%M:%S")
+            TerminalFormatter("%(asctime)s %(levelname)-7s %(message)s", datefmt="%H:%M:%S")
         )
     root = logging.getLogger("yahboomd")
     root.handlers[:] = [handler]
     root.setLevel(level.upper())
     root.propagate = False
-    # asyncio reports what nobody caught; such a line must reach the same reader.
+    # asyncio reports uncaught errors; such a line must reach the same reader.
     logging.getLogger("asyncio").handlers[:] = [handler]
 
 

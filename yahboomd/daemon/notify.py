@@ -1,4 +1,4 @@
-"""What systemd is told: ready, alive, and in words what the daemon is waiting for.
+"""Messages to systemd: ready, alive, and in words what the daemon is waiting for.
 
 The protocol is a datagram on the socket that ``NOTIFY_SOCKET`` names (sd_notify(3)). Without one
 nothing is sent.
@@ -78,7 +78,7 @@ class Notifier:
 
 
 def _watchdog_ns(environ: Mapping[str, str]) -> int | None:
-    """How often the watchdog wants to be fed; ``None`` where nobody waits for us to."""
+    """How often the watchdog wants to be fed; ``None`` without a watchdog."""
     try:
         interval_us = int(environ.get("WATCHDOG_USEC", ""))
         owner = int(environ.get("WATCHDOG_PID", str(os.getpid())))

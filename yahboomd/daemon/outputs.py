@@ -1,7 +1,7 @@
 """Who hears what comes of the control path, and how much of it.
 
-Estimates go straight to whoever hears them; events pass a gate, for a fault may repeat faster than
-anybody reads.
+Estimates go straight to their readers; events pass a gate, for a fault may repeat faster than a
+person reads.
 """
 
 from __future__ import annotations

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from functools import partial
+from typing import NamedTuple, Protocol
 
 import msgspec
 
@@ -12,7 +13,6 @@ from yahboomd.daemon.stamps import WallStamps
 from yahboomd.messages.codecs import NativeEncoding, encode
 from yahboomd.messages.native import (
     BatterySample,
-    EventSample,
     PoseSample,
     StatusSample,
     TwistSample,
@@ -38,7 +38,7 @@ class Outlet(Protocol):
         ...
 
 
-OpenOutlet = Callable[[str, type[msgspec.Struct]], Outlet]
+OpenOutlet = Callable[[str], Outlet]
 
 
 class Pace:
@@ -62,6 +62,15 @@ class Pace:
             return False
         self._due_ns += self._period_ns
         return True
+
+
+class _Reading(NamedTuple):
+    """What the samples of one reading are made of."""
+
+    stamp_ns: int
+    seq: int
+    estimate: OdometryEstimate
+    command: tuple[float, ...]
 
 
 class Publisher:
@@ -94,17 +103,23 @@ class Publisher:
         self._frame_id = frame_id
         self._child_frame_id = child_frame_id
         self._motor_names = motor_names
-        self._pose = outlet(keys.POSE, PoseSample)
-        self._twist = outlet(keys.TWIST, TwistSample)
-        self._wheels = outlet(keys.WHEELS, WheelsSample)
-        self._battery = outlet(keys.BATTERY, BatterySample)
-        self._status = outlet(keys.STATUS, StatusSample)
-        self._events = outlet(keys.EVENTS, EventSample)
+        self._pose = outlet(keys.POSE)
+        self._twist = outlet(keys.TWIST)
+        self._wheels = outlet(keys.WHEELS)
+        self._battery = outlet(keys.BATTERY)
+        self._status = outlet(keys.STATUS)
+        self._events = outlet(keys.EVENTS)
         self._seq = 0
+        # Made when somebody asks: at 50 Hz few of them are ever asked for.
+        self._newest: dict[str, Callable[[], msgspec.Struct]] = {}
 
     def facts(self) -> dict[str, int]:
-        """How many readings went out, and how often the wall clock ran back under their stamps."""
-        return {"published": self._seq, "stamps_held_back": self._stamps.held_back}
+        """Readings that went out, stamps that were held back, and steps of the wall clock."""
+        return {
+            "published": self._seq,
+            "stamps_held_back": self._stamps.held_back,
+            "clock_steps": self._stamps.steps,
+        }
 
     def estimate(self, estimate: OdometryEstimate, command_m_s: tuple[float, ...]) -> int | None:
         """Publish one reading's pose, twist and wheels, if it is due.
@@ -116,45 +131,64 @@ class Publisher:
             return None
         stamp_ns = self._stamps.of(estimate.stamp_ns)
         self._seq += 1
-        seq = self._seq
+        reading = _Reading(stamp_ns=stamp_ns, seq=self._seq, estimate=estimate, command=command_m_s)
+        self._newest[keys.POSE] = partial(self._pose_of, reading)
+        self._newest[keys.TWIST] = partial(self._twist_of, reading)
+        self._newest[keys.WHEELS] = partial(self._wheels_of, reading)
         if self._pose.has_subscribers:
-            pose = pose_sample(
-                estimate,
-                stamp_ns=stamp_ns,
-                seq=seq,
-                frame_id=self._frame_id,
-                child_frame_id=self._child_frame_id,
-            )
-            self._pose.put(encode(pose, self._encoding))
+            self._pose.put(encode(self._pose_of(reading), self._encoding))
         if self._twist.has_subscribers:
-            twist = twist_sample(
-                estimate, stamp_ns=stamp_ns, seq=seq, frame_id=self._child_frame_id
-            )
-            self._twist.put(encode(twist, self._encoding))
+            self._twist.put(encode(self._twist_of(reading), self._encoding))
         if self._wheels.has_subscribers:
-            wheels = wheels_sample(
-                estimate,
-                stamp_ns=stamp_ns,
-                seq=seq,
-                names=self._motor_names,
-                command_m_s=command_m_s,
-            )
-            self._wheels.put(encode(wheels, self._encoding))
+            self._wheels.put(encode(self._wheels_of(reading), self._encoding))
         return stamp_ns
 
     def battery(self, volts: float) -> int:
         """Publish the voltage; returns the stamp that it went out with."""
         stamp_ns = self._stamps.now()
+        sample = BatterySample(stamp_ns=stamp_ns, volts=volts)
+        self._newest[keys.BATTERY] = lambda: sample
         if self._battery.has_subscribers:
-            sample = BatterySample(stamp_ns=stamp_ns, volts=volts)
             self._battery.put(encode(sample, self._encoding))
         return stamp_ns
 
     def status(self, sample: StatusSample) -> None:
         """Publish how things stand."""
+        self._newest[keys.STATUS] = lambda: sample
         self._status.put(encode(sample, self._encoding))
+
+    def newest(self, key: str) -> msgspec.Struct | None:
+        """The newest sample of a key, whether it had subscribers or not; None before the first."""
+        make = self._newest.get(key)
+        return None if make is None else make()
 
     def event(self, event: Event) -> None:
         """Publish something that happened."""
         sample = event_sample(event, stamp_ns=self._stamps.now())
         self._events.put(encode(sample, self._encoding))
+
+    def _pose_of(self, reading: _Reading) -> PoseSample:
+        return pose_sample(
+            reading.estimate,
+            stamp_ns=reading.stamp_ns,
+            seq=reading.seq,
+            frame_id=self._frame_id,
+            child_frame_id=self._child_frame_id,
+        )
+
+    def _twist_of(self, reading: _Reading) -> TwistSample:
+        return twist_sample(
+            reading.estimate,
+            stamp_ns=reading.stamp_ns,
+            seq=reading.seq,
+            frame_id=self._child_frame_id,
+        )
+
+    def _wheels_of(self, reading: _Reading) -> WheelsSample:
+        return wheels_sample(
+            reading.estimate,
+            stamp_ns=reading.stamp_ns,
+            seq=reading.seq,
+            names=self._motor_names,
+            command_m_s=reading.command,
+        )

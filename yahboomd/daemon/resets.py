@@ -1,6 +1,6 @@
-"""A board that starts anew: how that is noticed, and what follows.
+"""A board that restarts: how that is noticed, and what follows.
 
-It says so itself, or its counters do. Its motors are free then, and what it was told is forgotten.
+It announces it, or its counters show it. Its motors are free then, and its command is lost.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ class Resets:
 
     Args:
         clock: What tells the time.
-        wheels: Are let go, and told anew.
+        wheels: Are let go, and commanded again.
         limiter: Begins again from standstill.
         holds: Where the rest after a reset is put, and the fault after too many.
         events: Tell of it.
@@ -43,25 +43,32 @@ class Resets:
         self._outputs = outputs
         self._watch = ResetWatch()
 
-    def told(self, version: str) -> None:
-        """The board said that it started anew."""
+    def announced(self, version: str) -> None:
+        """The board announced a restart."""
         self._started_anew(f"The board reset itself (firmware {version})")
 
-    def interrupted(self, event: Event, ticks: Counts, before: Counts) -> None:
+    def interrupted(
+        self, event: Event, ticks: Counts, before: Counts, *, paused: bool = False
+    ) -> None:
         """Counts that do not go on may be all that is seen of a reset.
 
         Args:
             event: What the odometer says of them.
             ticks: What the board counts now.
             before: What it counted last.
+            paused: This process did not run meanwhile, which explains a gap without a reset.
         """
         cause = (event.data or {}).get("cause")
         # After a silence the odometer cannot count from zero, but zero is where they came from.
         fell = max(map(abs, ticks)) < max(map(abs, before))
-        if cause == "reset_unseen" or (cause == "gap_lost" and fell and self._wheels.in_motion):
+        gap_by_reset = cause == "gap_lost" and fell and self._wheels.in_motion and not paused
+        if cause == "reset_unseen" or gap_by_reset:
+            if self._wheels.noisy:
+                # Digits that were lost on their way look the same: they do not add up to a loop.
+                self._watch.clear()
             self._started_anew("The board reset itself without a word")
         if cause in {"reset_unseen", "gap_lost", "rebased"}:
-            # A polled board that is not told its motors' type turns no wheel; what the wheels did
+            # A polled board without its motors' type turns no wheel; what the wheels did
             # not do until now is no fault of theirs.
             self._wheels.forget()
             self._wheels.rearm()

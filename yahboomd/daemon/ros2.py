@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from yahboomd.bus import keys
 from yahboomd.bus.session import Bus
 from yahboomd.bus.subscriptions import Arrival
 from yahboomd.clock import Clock
 from yahboomd.config import Config
 from yahboomd.config.outputs import StaticTransform
 from yahboomd.config.values import is_topic
+from yahboomd.daemon.key_table import OFFERS
 from yahboomd.daemon.publisher import Outlet
 from yahboomd.daemon.ros2_bridge import BridgeWay
 from yahboomd.daemon.ros2_native import NativeWay
@@ -23,11 +23,7 @@ COMMANDS = Qos(reliable=False, depth=1)
 """Only the newest counts; and it becomes the QoS of the bridge's DDS reader, which so takes the
 commands of any writer, reliable or not."""
 
-SERVICES = {
-    keys.ESTOP: ros2.SET_BOOL,
-    keys.ESTOP_RESET: ros2.TRIGGER,
-    keys.ODOMETRY_RESET: ros2.TRIGGER,
-}
+SERVICES = {key: offer.ros_type for key, offer in OFFERS.items() if offer.ros_type}
 """The services whose requests ROS 2 has types for."""
 
 Handler = Callable[[list[Arrival]], None]
@@ -51,7 +47,7 @@ def start(
         commands: What to hand a source's commands to that arrive natively.
 
     Returns:
-        What is to be told of readings and status. Without any way it publishes nothing.
+        Publishes readings and status. Without any way it publishes nothing.
     """
     bridge = BridgeWay(bus, config.ros2.distro) if config.ros2.bridge else None
     native = None
@@ -67,7 +63,7 @@ def start(
     def open_topic(topic: str, ros_type: str, qos: Qos) -> tuple[Outlet, ...]:
         return tuple(way.publisher(topic, ros_type, qos) for way in ways)
 
-    # What is asked and commanded comes before what is told: the e-stop first.
+    # Services and commands come before samples: the e-stop first.
     for key, ros_type in SERVICES.items():
         if bridge is not None:
             bridge.service(key, ros_type)

@@ -23,7 +23,7 @@ from yahboomd.messages.ros2 import EndpointKind, Node, Qos
 SERVICE_QOS = Qos(depth=10)
 
 _NOBODY = ros2.Attachment(sequence=1, stamp_ns=0, gid=bytes(ros2.GID_BYTES))
-"""Stands in where a request has no attachment: whoever sent it is no client of rmw_zenoh's."""
+"""Stands in where a request has no attachment: its sender is no client of rmw_zenoh's."""
 
 
 class TakesAttachments(Protocol):

@@ -6,20 +6,15 @@ from typing import Protocol
 
 import msgspec
 
+from yahboomd.bus import keys
 from yahboomd.clock import Clock, nanoseconds
 from yahboomd.daemon.diagnostics import Diagnostics, levels
+from yahboomd.daemon.key_table import ROS_TOPICS
 from yahboomd.daemon.publisher import Outlet, Pace
-from yahboomd.messages import cdr, planar, ros2
+from yahboomd.messages import cdr, planar
 from yahboomd.messages.native import StatusSample
 from yahboomd.messages.ros2 import Qos
 from yahboomd.model import OdometryEstimate
-
-TF = "tf"
-TF_STATIC = "tf_static"
-
-SENSOR = Qos(depth=10)
-TRANSFORMS = Qos(depth=100)
-LATCHED = Qos(latched=True, depth=1)
 
 DIAGNOSTICS_EVERY_S = 1.0
 
@@ -103,18 +98,19 @@ class RosPublisher:
     """
 
     def __init__(self, open_topic: OpenTopic, topics: Topics, clock: Clock) -> None:
-        def opened(topic: str, ros_type: str, qos: Qos = SENSOR) -> Spread:
-            return Spread(open_topic(topic, ros_type, qos)) if topic else Spread()
+        def opened(topic: str, default: str) -> Spread:
+            row = ROS_TOPICS[default]
+            return Spread(open_topic(topic, row.ros_type, row.qos)) if topic else Spread()
 
         frames = topics.frame_id, topics.child_frame_id
         self._clock = clock
         self._radii_m = topics.radii_m
-        self._odom = opened(topics.odom, ros2.ODOMETRY)
-        self._tf = opened(TF if topics.transform else "", ros2.TF_MESSAGE, TRANSFORMS)
-        self._joints = opened(topics.joint_states, ros2.JOINT_STATE)
-        self._battery = opened(topics.battery_state, ros2.BATTERY_STATE)
-        self._diagnostics = opened(topics.diagnostics, ros2.DIAGNOSTIC_ARRAY)
-        self._static = opened(TF_STATIC if topics.static else "", ros2.TF_MESSAGE, LATCHED)
+        self._odom = opened(topics.odom, keys.ROS_ODOM)
+        self._tf = opened(keys.ROS_TF if topics.transform else "", keys.ROS_TF)
+        self._joints = opened(topics.joint_states, keys.ROS_JOINT_STATES)
+        self._battery = opened(topics.battery_state, keys.ROS_BATTERY_STATE)
+        self._diagnostics = opened(topics.diagnostics, keys.ROS_DIAGNOSTICS)
+        self._static = opened(keys.ROS_TF_STATIC if topics.static else "", keys.ROS_TF_STATIC)
         self._fixed = _fixed(topics.static, clock.wall_ns()) if topics.static else b""
         self._encode_odom = planar.odometry(*frames)
         self._encode_tf = planar.transform(*frames)
@@ -125,10 +121,10 @@ class RosPublisher:
         self._levels: tuple[int, ...] = ()
 
     def place(self) -> None:
-        """Publish the frames that do not move. Whoever comes later is given them from a cache.
+        """Publish the frames that do not move. A late reader gets them from a cache.
 
-        They are said again with the diagnostics all the same: a bridge that is a router and starts
-        anew may not ask the cache.
+        They are published again with the diagnostics all the same: a bridge that is a router and
+        restarts may not ask the cache.
         """
         if self._fixed:
             self._static.put(self._fixed)

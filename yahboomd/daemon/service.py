@@ -5,37 +5,38 @@ from __future__ import annotations
 import asyncio
 import gc
 import logging
-import signal
+import os
 from collections.abc import Mapping
 from typing import Any
 
-import msgspec
-
 from yahboomd.bus import keys
+from yahboomd.bus.options import admitted
 from yahboomd.bus.presence import NeighbourChange, TokenChange
 from yahboomd.bus.publishers import BusPublisher
 from yahboomd.bus.session import Bus
 from yahboomd.clock import Clock, Schedule, SystemClock, nanoseconds
-from yahboomd.config import Config
+from yahboomd.config import Config, runtime_folder
 from yahboomd.daemon import assembly, ros2
 from yahboomd.daemon.clocks import ClockWatch
 from yahboomd.daemon.commands import CommandIntake
 from yahboomd.daemon.control import Controller
+from yahboomd.daemon.key_table import OUTPUTS
+from yahboomd.daemon.local_stop import LocalStop
 from yahboomd.daemon.notify import Notifier
 from yahboomd.daemon.opening import open_bus
 from yahboomd.daemon.operator import Operator
 from yahboomd.daemon.publisher import Publisher
 from yahboomd.daemon.services import Services
+from yahboomd.daemon.signals import Signals
 from yahboomd.daemon.stamps import WallStamps
 from yahboomd.daemon.status import Status
 from yahboomd.daemon.supervisor import Supervisor
+from yahboomd.link import port_note
 from yahboomd.link.session import Opener
 from yahboomd.messages.codecs import encoding_name
 from yahboomd.model import Event, OdometryEstimate
 
 log = logging.getLogger(__name__)
-
-SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
 STATUS_EVERY_S = 0.5
 
@@ -63,16 +64,25 @@ class Daemon:
         self._clock = clock or SystemClock()
         self._opener = opener or assembly.opener(config, self._clock, environ)
         self._stop = asyncio.Event()
+        self._signals = Signals(self.stop)
         self._status_due = asyncio.Event()
         self._others: set[str] = set()
         self._callback_failed = asyncio.Event()
         self.left_clean = True
         """Whether the bus could be closed; where not, only ``os._exit`` ends the process."""
+        self.left_standing = True
+        """Whether the wheels were seen to stand in the end, as far as this daemon moved them."""
 
     def stop(self, why: str) -> None:
-        """Ask the daemon to end; the wheels are stopped first."""
-        log.info("%s: stopping the wheels, then ending.", why)
-        self._stop.set()
+        """Ask the daemon to end; the wheels are stopped first. Asked again, it changes nothing."""
+        if not self._stop.is_set():
+            log.info("%s: stopping the wheels, then ending.", why)
+            self._stop.set()
+
+    @property
+    def fatal_signal(self) -> int | None:
+        """The signal that ended it, where that asks for more than an orderly end."""
+        return self._signals.fatal
 
     async def run(self) -> None:
         """Serve until a signal or :meth:`stop`.
@@ -82,8 +92,7 @@ class Daemon:
                 a minute.
         """
         loop = asyncio.get_running_loop()
-        for number in SIGNALS:
-            loop.add_signal_handler(number, self.stop, number.name)
+        self._signals.install()
         loop.set_exception_handler(self._uncaught)
         notifier = Notifier(self._environ)
         bus = Bus(assembly.bus_options(self._config), clock=self._clock)
@@ -94,23 +103,23 @@ class Daemon:
             notifier.stopping()
             self.left_clean = await bus.close()
             notifier.close()
-            for number in SIGNALS:
-                loop.remove_signal_handler(number)
+            self._signals.remove()
 
     def _uncaught(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
         """An error in a callback, which has no task to fail: the daemon ends as if it had one."""
         loop.default_exception_handler(context)
-        # What a transport reports its owner hears, too; a result that nobody wants moves nothing.
+        # What a transport reports its owner hears, too; a result without a reader moves nothing.
         if not context.keys() & {"transport", "future", "task"}:
             self._callback_failed.set()
 
     async def _serve(self, bus: Bus, notifier: Notifier) -> None:
         config, clock = self._config, self._clock
         arbiter = assembly.arbiter(config)
+        self._stamps = WallStamps(clock, self._clock_stepped)
         self._publisher = Publisher(
-            lambda key, message: self._open_outlet(bus, key, message),
+            lambda key: self._open_outlet(bus, key),
             encoding=config.zenoh.encoding,
-            stamps=WallStamps(clock),
+            stamps=self._stamps,
             period_ns=nanoseconds(1.0 / config.odometry.publish_rate_hz),
             frame_id=config.odometry.frame_id,
             child_frame_id=config.odometry.child_frame_id,
@@ -124,10 +133,18 @@ class Daemon:
             arbiter,
             clock,
             holonomic=config.kinematics().holonomic,
+            notice_pause=controller.notice_pause,
             step=controller.step_soon,
         )
         supervisor = Supervisor(
             lambda: assembly.session(config, clock, controller, self._opener), clock, controller
+        )
+        operator = Operator(clock, controller=controller, arbiter=arbiter, latch=latch)
+        local = self._local = LocalStop(
+            runtime_folder(self._environ, user_id=os.getuid()),
+            engage=operator.engage_estop,
+            remembered=operator.remembered,
+            facts=lambda: self._identity(supervisor),
         )
         status = Status(
             clock,
@@ -135,15 +152,17 @@ class Daemon:
             intake=intake,
             supervisor=supervisor,
             bus=bus,
-            more_bus_facts=self._publisher.facts,
+            more_bus_facts=lambda: {**self._publisher.facts(), **local.facts()},
         )
         services = Services(
-            Operator(clock, controller=controller, arbiter=arbiter, latch=latch),
+            operator,
             encoding=config.zenoh.encoding,
             config=lambda: config.model_dump(mode="json", exclude_none=True),
             board=status.board,
+            newest=self._publisher.newest,
         )
         # The e-stop is there before anything can be commanded.
+        await local.open()
         services.serve(bus)
         for source in config.command.sources:
             bus.subscribe(source, intake.handler(source), keep_oversize=True)
@@ -160,7 +179,13 @@ class Daemon:
         try:
             await self._run_tasks(controller, supervisor, status, notifier)
         finally:
+            local.close()
             controller.close()
+            latch.settle()
+            self.left_standing = supervisor.left_standing
+            if self.left_standing:
+                folder = runtime_folder(self._environ, user_id=os.getuid())
+                port_note.end(str(folder), os.getpid())
 
     async def _run_tasks(
         self, controller: Controller, supervisor: Supervisor, status: Status, notifier: Notifier
@@ -173,18 +198,38 @@ class Daemon:
                 tasks.create_task(self._callback_failed.wait(), name="callback"),
             ]
             asked = tasks.create_task(self._stop.wait(), name="stop")
-            done, _ = await asyncio.wait(
-                [asked, board, *others], return_when=asyncio.FIRST_COMPLETED
-            )
-            if asked not in done:
-                # A task group goes on without a task that was cancelled alone. Not this one.
-                raise RuntimeError(f"the task {done.pop().get_name()} ended by itself")
-            # The session's end stops the wheels and looks whether they stand; meanwhile counts
-            # still become poses, and the watchdog is fed.
-            board.cancel()
-            await asyncio.wait([board])
-            for task in others:
+            self._signals.at_once = False
+            while True:
+                suspend = tasks.create_task(self._signals.suspend.wait(), name="suspend")
+                done, _ = await asyncio.wait(
+                    [asked, suspend, board, *others], return_when=asyncio.FIRST_COMPLETED
+                )
+                if not done <= {asked, suspend}:
+                    # A task group goes on without a task that was cancelled alone. Not this one.
+                    raise RuntimeError(f"the task {done.pop().get_name()} ended by itself")
+                # The session's end stops the wheels and looks whether they stand; meanwhile counts
+                # still become poses, and the watchdog is fed.
+                board.cancel()
+                await asyncio.wait([board])
+                if self._stop.is_set():
+                    break
+                self._suspend(supervisor)
+                board = tasks.create_task(supervisor.run(), name="supervisor")
+            for task in (suspend, *others):
                 task.cancel()
+
+    def _suspend(self, supervisor: Supervisor) -> None:
+        """Suspend the process, now that the wheels stand; the board is connected again after it."""
+        if not self._signals.suspend.is_set():
+            log.info("Continued before it was suspended.")
+        elif supervisor.left_standing:
+            self._signals.freeze()
+        else:
+            self._signals.resume()
+            log.error(
+                "Not suspended: the wheels were not seen to stand, and nothing could stop them. "
+                "Look at them; end yahboomd, or suspend it again once the board is back."
+            )
 
     async def _control(self, controller: Controller, notifier: Notifier) -> None:
         schedule = Schedule(self._clock, assembly.command_period_ns(self._config))
@@ -205,6 +250,7 @@ class Daemon:
         alarm = self._clock.alarm(self._status_due.set)
         try:
             while True:
+                self._stamps.follow()
                 sample = status.sample()
                 self._publisher.status(sample)
                 self._ros2.status(sample)
@@ -216,10 +262,25 @@ class Daemon:
         finally:
             alarm.close()
 
+    def _identity(self, supervisor: Supervisor) -> dict[str, Any]:
+        """Which robot this is, for a process of this machine."""
+        session, configured = supervisor.session, self._config.serial.port
+        ports = (configured, "" if session is None else session.port_name)
+        state, why = self._controller.state()
+        return {
+            "daemon": "yahboomd",
+            "namespace": self._config.zenoh.namespace,
+            "ports": [port for port in dict.fromkeys(ports) if port],
+            "listen": list(self._config.zenoh.listen),
+            "state": state,
+            "why": why,
+        }
+
     # What the control path tells (control.Outputs).
 
     def estimate(self, estimate: OdometryEstimate, command_m_s: tuple[float, ...]) -> None:
         """A new reading."""
+        self._local.observe(estimate.motor_speed_m_s)
         stamp_ns = self._publisher.estimate(estimate, command_m_s)
         if stamp_ns is not None:
             self._ros2.estimate(estimate, stamp_ns)
@@ -232,25 +293,34 @@ class Daemon:
         """Something happened."""
         self._publisher.event(event)
 
+    def _clock_stepped(self, event: Event) -> None:
+        self._controller.event(event)
+
     def changed(self) -> None:
         """Tell the status now rather than at its next turn."""
         self._status_due.set()
 
     # The bus.
 
-    def _open_outlet(self, bus: Bus, key: str, message: type[msgspec.Struct]) -> BusPublisher:
-        # Telemetry never waits for a subscriber: the wheels hang on the same thread.
-        return bus.publisher(key, encoding=encoding_name(message, self._config.zenoh.encoding))
+    def _open_outlet(self, bus: Bus, key: str) -> BusPublisher:
+        output = OUTPUTS[key]
+        return bus.publisher(
+            key,
+            encoding=encoding_name(output.message, self._config.zenoh.encoding),
+            reliable=output.reliable,
+            priority=output.priority,
+        )
 
     def _announce(self, bus: Bus) -> None:
         own = keys.holder_key(keys.ALIVE, bus.zid)
+        self._admitted = admitted(bus.options)
         bus.token(keys.ALIVE)
         bus.token(own)
         bus.watch_tokens(f"{keys.ALIVE}/*", lambda changes: self._holders(bus, changes))
         bus.watch_neighbours(lambda changes: self._neighbours(bus, changes))
         for endpoint in bus.options.listening:
             if endpoint in bus.options.exposed:
-                log.warning("Listening on %s: whoever reaches it can drive this robot.", endpoint)
+                log.warning("Listening on %s: %s.", endpoint, admitted(bus.options, endpoint))
             else:
                 log.info("Listening on %s, for this machine alone.", endpoint)
 
@@ -264,8 +334,9 @@ class Daemon:
             elif zid not in self._others:
                 self._others.add(zid)
                 words = (
-                    f"Another yahboomd ({zid}) uses the same namespace: both obey the same "
-                    "commands. Give each robot its own zenoh.namespace."
+                    f"Another yahboomd ({zid}) uses the same namespace: what reaches both moves "
+                    "both, and an emergency stop may reach one alone. Give each robot its own "
+                    "namespace, such as --set zenoh.namespace=bot2."
                 )
                 self._controller.event(
                     Event(kind="second_daemon", severity="warning", message=words)
@@ -278,13 +349,13 @@ class Daemon:
                 continue
             where = neighbour.address or neighbour.zid
             if change.present:
-                words = f"Joined the router at {where}: whoever reaches it can drive this robot."
+                words = f"Joined the router at {where}: {self._admitted}."
                 event = Event(kind="router_joined", severity="warning", message=words)
             else:
                 words = f"The router at {where} is gone; it is joined again when it comes back."
                 event = Event(kind="router_lost", severity="info", message=words)
             self._controller.event(event)
         if not bus.neighbours:
-            # Nobody is left who could command, or take a command back.
+            # No client is left that could command, or take a command back.
             self._controller.bus_lost()
         self.changed()

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
+from functools import partial
 from typing import Any
 
+import msgspec
+
 from yahboomd.bus import keys
-from yahboomd.bus.services import Request, Response
+from yahboomd.bus.alarms import READ_BYTES
+from yahboomd.bus.services import TOO_MANY, Request, Response
 from yahboomd.bus.session import Bus
-from yahboomd.bus.subscriptions import Arrival
+from yahboomd.daemon.key_table import OFFERS
 from yahboomd.daemon.operator import Operator
 from yahboomd.messages.codecs import (
     Encoding,
@@ -18,12 +22,15 @@ from yahboomd.messages.codecs import (
     encode_reply,
     encoding_name,
     encoding_of,
+    estop_by,
     is_release_attempt,
 )
+from yahboomd.messages.codecs import encode as encode_sample
 from yahboomd.messages.native import ServiceReply
 from yahboomd.model import Pose2d
 
 Facts = Callable[[], dict[str, Any]]
+Newest = Callable[[str], msgspec.Struct | None]
 Action = Callable[[Request], ServiceReply]
 """Does what is asked, and says what became of it."""
 Answer = Callable[[Request, ServiceReply], Response]
@@ -38,15 +45,23 @@ class Services:
         encoding: How a request without a recognisable payload is answered.
         config: The effective configuration, for ``yahboomd/config``.
         board: What is known of the board, for ``yahboomd/board``.
+        newest: The newest sample of a key that is published.
     """
 
     def __init__(
-        self, operator: Operator, *, encoding: NativeEncoding, config: Facts, board: Facts
+        self,
+        operator: Operator,
+        *,
+        encoding: NativeEncoding,
+        config: Facts,
+        board: Facts,
+        newest: Newest,
     ) -> None:
         self._operator = operator
         self._encoding: NativeEncoding = encoding
         self._config = config
         self._board = board
+        self._newest = newest
         self.actions: dict[str, Action] = {
             keys.ESTOP: self._estop_query,
             keys.ESTOP_RESET: self._estop_reset,
@@ -59,9 +74,13 @@ class Services:
 
     def serve(self, bus: Bus) -> None:
         """Declare everything on an open session; the e-stop first."""
-        bus.subscribe(keys.ESTOP, self._estop_samples, urgent=True, keep_oversize=True)
+        bus.alarm(
+            keys.ESTOP, self._estop_samples, self._release_samples, harmless=is_release_attempt
+        )
         for key, action in self.actions.items():
             self.offer(bus, key, action)
+        for key in keys.SAMPLES:
+            bus.serve(key, self._sample, fallback=self._refuse, wildcards=True)
 
     def offer(
         self, bus: Bus, key: str, action: Action, answer: Answer | None = None, *, at: str = ""
@@ -77,29 +96,58 @@ class Services:
         """
         encode = answer or self._answer
         estop = key == keys.ESTOP
+
+        async def acknowledged(request: Request, reply: ServiceReply) -> Response:
+            words = await self._operator.remembered(reply.message)
+            return encode(request, msgspec.structs.replace(reply, message=words))
+
+        def respond(request: Request) -> Response | Awaitable[Response]:
+            reply = action(request)
+            # The wheels are stopped; the acknowledgement follows when the latch is on file.
+            later = estop and reply.success
+            return acknowledged(request, reply) if later else encode(request, reply)
+
         bus.serve(
             at or key,
-            lambda request: encode(request, action(request)),
+            respond,
             fallback=lambda reason, request: encode(
-                request, ServiceReply(success=False, message=reason)
+                request, ServiceReply(success=False, message=_refusal(reason, request))
             ),
-            urgent=estop,
-            keep_oversize=estop,
-            wildcards=key in _READ_ONLY,
+            wildcards=OFFERS[key].wildcards,
+            harmless=partial(is_release_attempt, query=True) if estop else None,
+            # A client that names no target reaches one service that is complete, or all that are
+            # not: two daemons on one key must both stop. rmw_zenoh asks only complete ones.
+            complete=not estop or bool(at),
         )
 
-    def _estop_samples(self, arrivals: list[Arrival]) -> None:
-        for arrival in arrivals:
-            if not arrival.oversize and is_release_attempt(arrival.payload):
-                self._operator.refuse_release("a sample on yahboomd/estop")
-            else:
-                self._operator.engage_estop("a sample on yahboomd/estop")
+    def _sample(self, request: Request) -> Response:
+        """The newest sample of the key, as it was published or would have been."""
+        sample = self._newest(request.key)
+        if sample is None:
+            return self._refuse(f"There was no sample on {request.key} yet.", request)
+        return Response(
+            payload=encode_sample(sample, self._encoding),
+            encoding=encoding_name(type(sample), self._encoding),
+        )
+
+    def _refuse(self, reason: str, request: Request) -> Response:
+        return self._answer(request, ServiceReply(success=False, message=reason))
+
+    def _estop_samples(self, count: int, unread: int) -> None:
+        self._operator.engage_estop("a sample on yahboomd/estop", times=count, unread=unread)
+
+    def _release_samples(self, count: int) -> None:
+        self._operator.refuse_release("a sample on yahboomd/estop", times=count)
 
     def _estop_query(self, request: Request) -> ServiceReply:
-        if not request.oversize and is_release_attempt(request.payload, query=True):
+        if request.harmless:
             words = self._operator.refuse_release("a query on yahboomd/estop")
             return ServiceReply(success=False, message=words)
-        words = self._operator.engage_estop("a query on yahboomd/estop")
+        unread = request.oversize or len(request.payload) > READ_BYTES
+        by = "a query on yahboomd/estop"
+        if not unread and (name := estop_by(request.payload)):
+            by = name
+        words = self._operator.engage_estop(by, unread=int(unread))
         return ServiceReply(success=True, message=words)
 
     def _estop_reset(self, _request: Request) -> ServiceReply:
@@ -127,7 +175,7 @@ class Services:
     def _tell_board(self, _request: Request) -> ServiceReply:
         data = self._board()
         known = bool(data.get("dialect"))
-        words = "What the board told at connecting." if known else "No board is connected."
+        words = "What the board answered at connecting." if known else "No board is connected."
         return ServiceReply(success=known, message=words, data=data)
 
     def _answer(self, request: Request, reply: ServiceReply) -> Response:
@@ -140,4 +188,7 @@ class Services:
         )
 
 
-_READ_ONLY = frozenset({keys.CONFIG, keys.BOARD})
+def _refusal(reason: str, request: Request) -> str:
+    if reason == TOO_MANY and not request.harmless:
+        return f"{reason} The emergency stop is engaged all the same: yahboomd/status shows it."
+    return reason

@@ -11,6 +11,7 @@ from yahboomd.daemon.commands import CommandIntake
 from yahboomd.daemon.control import Controller
 from yahboomd.daemon.supervisor import Supervisor
 from yahboomd.messages.native import StatusSample
+from yahboomd.messages.status_fields import ZEROS
 
 
 class Status:
@@ -52,22 +53,23 @@ class Status:
         state, why = self._controller.state()
         if state != self._state:
             self._state = state
-            self._since_ns = now_ns
+            self._since_ns = clock_ns
         return StatusSample(
             stamp_ns=now_ns,
             state=state,
             driver=decision.driver,
             driver_since_ns=None if since_ns is None else now_ns - (clock_ns - since_ns),
-            since_ns=self._since_ns,
+            # Counted on the clock that is never set.
+            since_ns=now_ns - (clock_ns - self._since_ns),
             why=why,
             board=self.board(),
-            link=dict(self._supervisor.facts()),
-            command={**self._intake.facts(), **self._controller.facts()},
+            link={**ZEROS["link"], **self._supervisor.facts()},
+            command={**ZEROS["command"], **self._intake.facts(), **self._controller.facts()},
             bus=self.bus(),
         )
 
     def board(self) -> dict[str, Any]:
-        """What the board told of itself; empty while none is there."""
+        """The board's answers about itself; empty while none is there."""
         session = self._supervisor.session
         identity = None if session is None else session.identity
         if session is None or identity is None:
@@ -97,6 +99,7 @@ class Status:
             each.address or each.zid for each in self._bus.neighbours if each.kind == "router"
         ]
         return {
+            **ZEROS["bus"],
             "zid": self._bus.zid,
             "routers": ", ".join(routers),
             "neighbours": len(self._bus.neighbours),

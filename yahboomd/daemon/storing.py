@@ -34,7 +34,7 @@ def storing_opener(
     """
 
     async def open_it() -> Port:
-        # A board that stores nothing is told its motors at each connection.
+        # A board that stores nothing is sent its motors at each connection.
         with contextlib.suppress(BoardStoresNothing):
             await store(opener, clock, want, _Told(tell))
         return await opener()

@@ -1,6 +1,6 @@
 """Keeps a session with the board, for ever: opens, serves, and after a fault tries again.
 
-It alone reconnects. A port that is missing is looked for with bounded back-off; one fault is told
+It alone reconnects. A port that is missing is looked for with bounded back-off; one fault is logged
 once, and counted while it repeats.
 """
 
@@ -54,6 +54,8 @@ class Supervisor:
         self._said: str | None = None
         self._denied = False
         self.session: Session | None = None
+        self.left_standing = True
+        """Whether the wheels were seen to stand at the end of the last session that moved them."""
         self.counters: Counter[str] = Counter()
 
     async def run(self) -> None:
@@ -90,6 +92,8 @@ class Supervisor:
     def _keep(self, session: Session) -> None:
         self.counters.update(session.facts())
         self.session = None
+        if session.left_standing is not None:
+            self.left_standing = session.left_standing
         if session.identity is not None:
             self.counters["sessions"] += 1
 
@@ -101,7 +105,7 @@ class Supervisor:
         if just_there:
             log.debug("not yet: %s", words)
         elif was_connected:
-            # The watcher told that a session ended; from here on only what is new is told.
+            # The watcher logged that a session ended; from here on only news is logged.
             self._said = None
         elif words != self._said:
             self._said = words

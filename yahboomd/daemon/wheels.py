@@ -1,4 +1,4 @@
-"""What the board is told: speeds, standstill and its proof, and the cut.
+"""Commands to the board: speeds, standstill and its proof, and the cut.
 
 It decides nothing about who may drive. It sees to it that a stop is obeyed: said before everything
 else where it must not wait, said again until the counters show it, and ended by letting the motors
@@ -23,6 +23,19 @@ from yahboomd.model import Counts, Kinematics, Motor
 STOP_REPEAT_S = 0.1
 """How often an immediate stop is said before everything else until the counters obey."""
 
+WAITED_NS = 100_000_000
+"""After a pause of this process counts that waited come for so long."""
+
+LATE_NS = 60_000_000
+"""A reading that took so long was held up on its way, and so, perhaps, was what was sent."""
+
+SAID_AGAIN_NS = 150_000_000
+"""Frames that were held up arrive together, and the board keeps one of them: the others are said
+again within so long."""
+
+STOP_HELD_UP_NS = 600_000_000
+"""A stop that was held up has its time from then on."""
+
 AtRest = Literal["hold", "release"]
 
 
@@ -43,6 +56,16 @@ class Board(Protocol):
 
     def release(self) -> None:
         """Say until replaced that the motors are let go."""
+        ...
+
+    @property
+    def noisy(self) -> bool:
+        """Whether commands may not arrive as they were sent."""
+        ...
+
+    @property
+    def damages(self) -> int:
+        """How often the line damaged something lately."""
         ...
 
     def rearm(self) -> None:
@@ -84,16 +107,19 @@ class Wheels:
         self._board: Board | None = None
         self._released = False
         self._stop_due_ns: int | None = None
+        self._held_up_ns = 0
         self._ticks: tuple[int, ...] | None = None
+        self._waited_ns = 0
         self.fit: Fit = no_board(kinematics)
         self.zeros = (0.0,) * len(motors)
         self.command_m_s = self.zeros
         self.measured_m_s: tuple[float, ...] | None = None
+        self._said: tuple[Counts, tuple[float, ...]] = ((0, 0, 0, 0), self.zeros)
 
     # The board comes and goes.
 
     def attach(self, board: Board, fit: Fit) -> None:
-        """A board is there; it was told to stop while it was connected."""
+        """A board is there; it was stopped while it was connected."""
         self._board = board
         self.fit = fit
         self._released = False
@@ -102,7 +128,7 @@ class Wheels:
         self._proven.forget()
 
     def detach(self) -> None:
-        """There is no board any more, and nobody knows what the wheels do."""
+        """There is no board any more, and it is unknown what the wheels do."""
         self._board = None
         self.command_m_s = self.zeros
         self.measured_m_s = None
@@ -114,18 +140,28 @@ class Wheels:
             self._board.rearm()
 
     @property
+    def noisy(self) -> bool:
+        """Whether the line to the board damages what it carries."""
+        return self._board is not None and self._board.noisy
+
+    @property
+    def damages(self) -> int:
+        """How often the line from the board damaged something lately."""
+        return 0 if self._board is None else self._board.damages
+
+    @property
     def attached(self) -> bool:
         """Whether a board is there."""
         return self._board is not None
 
-    # What they are told.
+    # Commands.
 
-    def turn(self, speeds: tuple[float, ...], now_ns: int) -> None:
+    def turn(self, speeds: tuple[float, ...]) -> None:
         """Turn: rim speed of each wheel of the geometry, m/s."""
         self._stop_watch.cancel()
         self._stop_due_ns = None
         self._released = False
-        self._say(speeds, now_ns)
+        self._say(speeds)
 
     def stand(self, now_ns: int, *, at_once: bool) -> Fault | None:
         """Stand, and see that it is obeyed; called in every step while the wheels are to stand.
@@ -135,7 +171,8 @@ class Wheels:
             at_once: Say it before everything that waits, and again until it is obeyed.
 
         Returns:
-            The fault of a stop that is not obeyed in time, once; the motors are cut with it.
+            The fault of a stop that is not obeyed, once. The motors are cut with it, and also,
+            without a fault, where the wheels slow down and need longer than a stop may take.
         """
         moved = any(self.command_m_s)
         board = self._board
@@ -143,8 +180,8 @@ class Wheels:
             self.command_m_s = self.zeros
             return None
         if not self.fit.units:
-            # Whoever leans on a wheel wakes the speed loop of a board with such settings, even at
-            # a commanded zero: it is told no speed at all.
+            # A person who leans on a wheel wakes the speed loop of a board with such settings,
+            # even at a commanded zero: it is sent no speed at all.
             if not self._released:
                 self.release(now_ns)
             return None
@@ -160,9 +197,12 @@ class Wheels:
             board.brake()
             self._counters["stops_said"] += 1
             self._stop_due_ns = now_ns + nanoseconds(STOP_REPEAT_S)
-        fault = watch.check(now_ns)
-        if fault is not None:
+        due = watch.state == "stopping"
+        doubtful = self.noisy or now_ns < self._held_up_ns + STOP_HELD_UP_NS
+        fault = watch.check(now_ns, noisy=doubtful)
+        if fault is not None or (due and watch.state == "overdue"):
             self.cut(now_ns)
+            self._counters["slow_stops"] += fault is None
         elif not self._released:
             # Of a wheel that never counted for its commands the counters prove no standstill, and
             # the board's speed loop would keep it as fast as it is.
@@ -170,7 +210,7 @@ class Wheels:
             if let_go and watch.state == "stopped":
                 self.release(now_ns)
             else:
-                self._say((0.0,) * len(self._kinematics.wheels), now_ns)
+                self._say((0.0,) * len(self._kinematics.wheels))
         return fault
 
     def stop_anew(self, now_ns: int) -> None:
@@ -194,10 +234,34 @@ class Wheels:
         self._counters["cuts"] += 1
         self.release(now_ns)
 
+    def sent(self, units: Counts | None, now_ns: int) -> None:
+        """Hold the wheels against what was written to the port, and against nothing else.
+
+        Args:
+            units: The speeds of all positions, as the board takes them; ``None``: let go.
+            now_ns: When.
+        """
+        said, speeds_m_s = self._said
+        # What was not said last is a stop, which goes before it.
+        if units is not None and units != said:
+            speeds_m_s = self.zeros
+        self._check.command(now_ns, None if units is None else speeds_m_s)
+
     def forget(self) -> None:
         """What was seen of the wheels so far proves nothing about what comes."""
         self._check.reset()
         self._proven.forget()
+
+    def paused(self, now_ns: int) -> None:
+        """This process did not run: what comes now is of then, and proves nothing.
+
+        A stop that is under way is said again, and has its time again.
+        """
+        self.forget()
+        self._waited_ns = now_ns + WAITED_NS
+        self._stop_watch.restart(now_ns)
+        if self._stop_watch.state == "stopping":
+            self._stop_due_ns = now_ns
 
     # What they do.
 
@@ -226,15 +290,27 @@ class Wheels:
         before, self._ticks = self._ticks or ticks, ticks
         deltas = tuple(b - a for a, b in zip(before, ticks, strict=True))
         if self._board is None:
-            # Whoever let go of the board stops its wheels; they obey no command of ours.
+            # The session that closed the board stops its wheels; they obey no command of ours.
             return ()
+        if (received_ns or stamp_ns) < self._waited_ns:
+            self.forget()
+            return ()
+        asked_ns = stamp_ns if sampled_ns is None else sampled_ns[0]
+        # Where answers are lost one seems late as well; there a speed is repeated every 25 ms.
+        if received_ns is not None and received_ns - asked_ns > LATE_NS and not self.noisy:
+            self._held_up_ns = received_ns + SAID_AGAIN_NS
         self._stop_watch.measure(stamp_ns, speeds_m_s)
         proven = None
         if sampled_ns is not None:
             # With nothing to compare with yet, no speed is proven.
             proven = self._proven.see(*sampled_ns, ticks) or self.zeros
         return self._check.measure(
-            stamp_ns, speeds_m_s, deltas, proven_m_s=proven, received_ns=received_ns
+            stamp_ns,
+            speeds_m_s,
+            deltas,
+            proven_m_s=proven,
+            received_ns=received_ns,
+            held_up=stamp_ns < self._held_up_ns,
         )
 
     @property
@@ -248,9 +324,9 @@ class Wheels:
         measured = self.measured_m_s or ()
         return any(self.command_m_s) or any(abs(speed) > STANDING_M_S for speed in measured)
 
-    def _say(self, speeds: tuple[float, ...], now_ns: int) -> None:
+    def _say(self, speeds: tuple[float, ...]) -> None:
         self.command_m_s = motor_speeds(self._motors, speeds)
         if self._board is not None and self.fit.units:
-            self._board.drive(channel_commands(self._motors, speeds, self.fit.units))
-        # After the frame: a command waits for nothing that it does not need.
-        self._check.command(now_ns, self.command_m_s)
+            units = channel_commands(self._motors, speeds, self.fit.units)
+            self._said = (units, self.command_m_s)
+            self._board.drive(units)

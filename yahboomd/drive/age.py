@@ -42,7 +42,7 @@ class AgeJudge:
 
     A stamp before the newest one is refused, ``out_of_order``: the newer command stands. Where the
     sender's clock was set back, that lasts until nothing has come in order for one timeout, by when
-    the source's command has run out; then its history starts anew. The same stamp again is no
+    the source's command has run out; then its history starts again. The same stamp again is no
     newer and no older: it is judged by its age like any other, and lives no longer for it.
 
     Args:
@@ -56,6 +56,10 @@ class AgeJudge:
         self._timeout_ns = timeout_ns
         self._histories = {True: _History(), False: _History()}
 
+    def forget(self) -> None:
+        """Begin new histories: our own clock stood still while the sender's went on."""
+        self._histories = {True: _History(), False: _History()}
+
     def judge(
         self, now_ns: int, stamp_ns: int | None, *, by_sender: bool, wall_ns: int | None = None
     ) -> Age | AgeRefusal:
@@ -63,8 +67,8 @@ class AgeJudge:
 
         Args:
             now_ns: Monotonic nanoseconds.
-            stamp_ns: When it was given, on the giver's clock. ``None`` and 0 (what ROS sends where
-                nobody stamped) are no stamp.
+            stamp_ns: When it was given, on the giver's clock. ``None`` and 0 (what ROS sends
+                without a stamp) are no stamp.
             by_sender: The stamp came in the message, not from the transport.
             wall_ns: What ``absolute`` compares with: now, on the clock that the sender shares;
                 ``now_ns`` where absent.
@@ -78,7 +82,7 @@ class AgeJudge:
             history.differences.clear()
         ours_ns = now_ns if wall_ns is None else wall_ns
         if self._policy == "absolute" and stamp_ns - ours_ns > self._timeout_ns:
-            # Before it is remembered: what is refused puts nobody else's commands out of order.
+            # Before it is remembered: a refused command puts no other command out of order.
             return "from_the_future"
         history.newest_stamp_ns = stamp_ns
         history.in_order_ns = now_ns

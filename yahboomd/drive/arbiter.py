@@ -1,6 +1,6 @@
 """Who drives: one source at a time, by priority, for as long as its commands are fresh.
 
-- The larger priority takes control at once. Among equals whoever holds it keeps it, and a zero
+- The larger priority takes control at once. Among equals the source in control keeps it, and a zero
   command holds it too.
 - Otherwise control changes hands only from standstill: the holder's last command ran out, the
   wheels were commanded to zero and measured standing, and a command given after that arrives.
@@ -8,8 +8,9 @@
   order or part of a backlog is refused (:mod:`~yahboomd.drive.age`,
   :mod:`~yahboomd.drive.backlog`).
 
-Commands that are refused for want of priority are remembered as what their source wishes, because
-an emergency stop may not be released while anyone commands motion.
+Every command that asks for motion is remembered for a second, whatever became of it: an emergency
+stop must not be released while a source commands motion, and a command that was refused as stale,
+as a copy or for its priority may be followed by one that is accepted.
 """
 
 from __future__ import annotations
@@ -36,6 +37,10 @@ if TYPE_CHECKING:
 RECENT_NS = 2_000_000_000
 """What :meth:`Arbiter.recent_refusals` looks back on."""
 
+MOVING_NS = 1_000_000_000
+"""A source commands motion until so long after its last command that asked for any. Several periods
+of every sender worth the name, and copies of a command come within a few milliseconds."""
+
 
 class _Line(msgspec.Struct, kw_only=True):
     source: Source
@@ -44,6 +49,15 @@ class _Line(msgspec.Struct, kw_only=True):
     gate: BacklogGate
     deadman: Deadman
     wish: Twist2d | None = None
+    moved_ns: int | None = None
+    latest: Twist2d | None = None
+    latest_stamp_ns: int | None = None
+
+    def commands_motion(self, now_ns: int) -> bool:
+        wish = self.wish
+        if wish is not None and not wish.is_zero and not self.deadman.expired(now_ns):
+            return True
+        return self.moved_ns is not None and now_ns - self.moved_ns < MOVING_NS
 
 
 class _Handover(msgspec.Struct, frozen=True, kw_only=True):
@@ -59,7 +73,7 @@ class Arbiter:
     Args:
         sources: Everybody who may.
         on_timeout: Whether silence ends in a ramp or a halt.
-        stamps: How the age of a command is told.
+        stamps: How the age of a command is judged.
 
     Raises:
         ConfigError: Two sources of one name, or a timeout that is not positive.
@@ -99,6 +113,7 @@ class Arbiter:
         self._handover: _Handover | None = None
         self._revoked = False
         self._timeout_counted = False
+        self._waited_since_ns = self._waited_ns = 0
 
     def offer(
         self,
@@ -132,22 +147,35 @@ class Arbiter:
         """
         line = self._lines.get(source)
         if line is None:
-            return self._refuse(now_ns, source, "unknown_source", "Nobody of that name may drive.")
+            why = "No configured source has that name."
+            return self._refuse(now_ns, source, "unknown_source", why)
         if not all(map(math.isfinite, (twist.vx, twist.vy, twist.wz))):
             return self._refuse(now_ns, source, "not_finite", f"{twist} is not a finite velocity.")
+        if not twist.is_zero:
+            self.note_motion(source, now_ns)
         if stamp_is_message or self._stamps == "absolute":
             # Stamps of the transport may run ahead of their sender's clock by half a second.
             line.offset.saw(now_ns, stamp_ns, wall_ns)
         age = line.judge.judge(now_ns, stamp_ns, by_sender=stamp_is_message, wall_ns=wall_ns)
+        alike = arrivals == 1 and twist == line.latest
+        stamped = stamp_ns is not None and stamp_ns > 0 and self._stamps != "ignore"
         verdict = line.gate.arrive(
-            now_ns, arrivals=arrivals, proven=isinstance(age, Age) and age.proven
+            now_ns,
+            arrivals=arrivals,
+            proven=isinstance(age, Age) and age.proven,
+            copy=stamped and alike and stamp_ns == line.latest_stamp_ns,
+            alike=alike,
         )
+        line.latest, line.latest_stamp_ns = twist, stamp_ns
         if verdict != "pass":
             revoked = verdict == "revoke" and self._revoke(line, now_ns)
             detail = "It came in a burst after a silence: old commands that had been held up."
             return self._refuse(now_ns, source, "backlog", detail, revoked=revoked)
         if not isinstance(age, Age):
             return self._refuse(now_ns, source, age, _AGE_DETAILS[age])
+        if not (twist.is_zero or age.proven) and self._waited_since_ns < now_ns <= self._waited_ns:
+            detail = "It may have waited while yahboomd did not run, and no stamp shows its age."
+            return self._refuse(now_ns, source, "after_pause", detail)
         given_ns = now_ns - age.age_ns
         refusal = self._may_drive(line, now_ns, given_ns)
         line.wish = twist
@@ -220,12 +248,14 @@ class Arbiter:
         return None if self._holder is None else self._holder.deadman.deadline_ns
 
     def moving_sources(self, now_ns: int) -> tuple[str, ...]:
-        """Who commands motion at present, whether it has an effect or not."""
-        return tuple(
-            name
-            for name, line in self._lines.items()
-            if line.wish is not None and not line.wish.is_zero and not line.deadman.expired(now_ns)
-        )
+        """The sources that command motion, or did within the last second, obeyed or refused."""
+        return tuple(name for name, line in self._lines.items() if line.commands_motion(now_ns))
+
+    def note_motion(self, source: str, now_ns: int) -> None:
+        """Remember that a source commands motion: by a command, or by one that was lost unread."""
+        line = self._lines.get(source)
+        if line is not None and (line.moved_ns is None or now_ns > line.moved_ns):
+            line.moved_ns = now_ns
 
     def note_refusal(self, now_ns: int, reason: str) -> None:
         """A command was refused before it came here: it explains a robot that stands as well."""
@@ -237,18 +267,19 @@ class Arbiter:
 
     def clock_offsets_s(self, now_ns: int) -> dict[str, float]:
         """The clock of each source that stamped commands lately, less ours; seconds."""
-        told = {name: line.offset.ahead_s(now_ns) for name, line in self._lines.items()}
-        return {name: ahead_s for name, ahead_s in told.items() if ahead_s is not None}
+        found = {name: line.offset.ahead_s(now_ns) for name, line in self._lines.items()}
+        return {name: ahead_s for name, ahead_s in found.items() if ahead_s is not None}
 
     def clock_warnings(self, now_ns: int) -> dict[str, str]:
         """For each source whose clock does not agree with ours: how far it is off, what it does."""
-        told = {name: line.offset.warning(now_ns) for name, line in self._lines.items()}
-        return {name: words for name, words in told.items() if words is not None}
+        found = {name: line.offset.warning(now_ns) for name, line in self._lines.items()}
+        return {name: words for name, words in found.items() if words is not None}
 
     def forget_commands(self, now_ns: int) -> None:
-        """Drop every command and whoever holds control, as if nobody had commanded anything yet.
+        """Drop every command and the holder of control, as if there had been no command yet.
 
-        For when the bus is lost, or the board was away: what was commanded before is over.
+        For when the bus is lost, or the board was away: what was commanded before is over. That a
+        source commanded motion is remembered all the same.
         """
         for line in self._lines.values():
             line.wish = None
@@ -256,6 +287,30 @@ class Arbiter:
         self._holder = self._last = self._handover = None
         self._revoked = False
         self._since_ns = self._free_ns = now_ns
+
+    def paused(
+        self, since_ns: int, until_ns: int, *, waited_ns: int, clock_stood: bool = False
+    ) -> None:
+        """This process did not run: commands that waited come now, as if they were new.
+
+        Those that ask for motion are refused unless the sender's stamp proves their age.
+
+        Args:
+            since_ns: The latest moment when it ran; monotonic nanoseconds.
+            until_ns: When it ran again.
+            waited_ns: For so long from then on what arrives may have waited.
+            clock_stood: Monotonic time stood still meanwhile: every command of before is over, and
+                the differences between its sender's clock and ours are void.
+        """
+        self._waited_since_ns, self._waited_ns = since_ns, until_ns + waited_ns
+        for line in self._lines.values():
+            if line.commands_motion(since_ns):
+                # It may go on commanding motion, unseen.
+                line.moved_ns = until_ns
+            if clock_stood:
+                line.judge.forget()
+        if clock_stood:
+            self.forget_commands(until_ns)
 
     def _may_drive(self, line: _Line, now_ns: int, given_ns: int) -> Refused | None:
         name, holder = line.source.name, self._holder
@@ -295,7 +350,7 @@ class Arbiter:
         self.counters["revoked"] += 1
         before, since_ns = self._handover, line.gate.watching_since_ns
         if before is not None and since_ns is not None and before.at_ns >= since_ns:
-            # It took control with the backlog: whoever had it has it still, with its newest wish,
+            # It took control with the backlog: the source before keeps it, with its newest wish,
             # which may be one that was refused meanwhile.
             self._holder = self._lines[before.previous] if before.previous else None
             self._since_ns = before.previous_since_ns

@@ -18,6 +18,7 @@ Reason: TypeAlias = Literal[
     "out_of_order",
     "from_the_future",
     "backlog",
+    "after_pause",
     "lower_priority",
     "not_standing",
 ]
@@ -74,8 +75,8 @@ class Decision(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         twist: The wish, not limited yet.
-        driver: Who holds control; ``None`` where nobody does.
-        since_ns: Since when; where nobody does, since when nobody does (``None``: ever).
+        driver: The source in control; ``None`` for none.
+        since_ns: Since when; without one, since when there is none (``None``: ever).
         timed_out: The last command ran out.
         ramp: Whether the way to ``twist`` may be a ramp; else the wheels stand at once.
         why: In one word, what the wish follows from.

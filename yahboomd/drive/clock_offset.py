@@ -1,10 +1,10 @@
-"""How far the clock of whoever commands is from ours, as its stamps tell, and what follows.
+"""How far the clock of a command source is from ours, by its stamps, and what follows.
 
 A stamp says when its sender's clock thought it was. Less our own time at its arrival, that is the
 clocks' difference, short of the way; the largest of the last ten seconds had the shortest way.
 Nothing is refused on account of it here: the age of a command is judged by
-:mod:`~yahboomd.drive.age`. But whoever wonders why a robot stands, or why its transforms do not fit
-those of another machine, is told the number.
+:mod:`~yahboomd.drive.age`. The number is published for a person who wonders why a robot stands, or
+why its transforms do not fit those of another machine.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class ClockOffset:
     def saw(self, now_ns: int, stamp_ns: int | None, wall_ns: int | None) -> None:
         """Take a stamp in that arrived at ``now_ns`` (monotonic), ``wall_ns`` by our clock.
 
-        No stamp, and 0 (what ROS sends where nobody stamped), tell nothing.
+        No stamp, and 0 (what ROS sends without a stamp), mean nothing.
         """
         if stamp_ns is not None and stamp_ns > 0 and wall_ns is not None:
             self._behind.add(now_ns, wall_ns - stamp_ns)

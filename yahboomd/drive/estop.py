@@ -18,7 +18,7 @@ class Latched(msgspec.Struct, frozen=True, kw_only=True):
     """An emergency stop in force.
 
     Attributes:
-        reason: Why, in the words of whoever engaged it.
+        reason: Why, in the words of the person or program that engaged it.
         by: Who did, such as the key or the command.
         since_ns: Since when; monotonic nanoseconds (which outlive a restart of the service, as the
             runtime directory does).
@@ -75,8 +75,9 @@ class EmergencyStop:
             return Release(
                 released=False,
                 message=(
-                    f"Still engaged: {', '.join(moving)} commands motion, and the robot would "
-                    "start at once. Let go of the controls first."
+                    f"Still engaged: {', '.join(moving)} commands motion, or did within the last "
+                    "second, and the robot might start at once. Let go of the controls, wait a "
+                    "second, then release it again."
                 ),
             )
         by = self.latched.by

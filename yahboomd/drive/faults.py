@@ -34,6 +34,7 @@ class Fault(msgspec.Struct, frozen=True, kw_only=True):
             ``faults.stall`` says; ``report``: tell, and go on.
         commanded_m_s: Rim speed that was commanded.
         measured_m_s: Rim speed that was measured.
+        certain: It lasted so long that commands which were lost or altered do not explain it.
     """
 
     kind: FaultKind
@@ -42,6 +43,7 @@ class Fault(msgspec.Struct, frozen=True, kw_only=True):
     action: Action
     commanded_m_s: float = 0.0
     measured_m_s: float = 0.0
+    certain: bool = False
 
     def event(self) -> Event:
         """The same as an event for the bus."""

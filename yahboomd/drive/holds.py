@@ -1,6 +1,6 @@
 """Reasons for which the robot stands although somebody may command it: each with its own end.
 
-A hold is data: put on by whoever knows the reason, taken off by the same or by time. While any is
+A hold is data: put on by the part that knows the reason, taken off by it or by time. While any is
 active the wheels stand.
 """
 
@@ -18,6 +18,8 @@ BOARD_RESET = "board_reset"
 """The board reset itself a moment ago."""
 BOARD_UNFIT = "board_unfit"
 """The board's settings would make wheels run away; ends when it is connected with better ones."""
+LINE_NOISY = "line_noisy"
+"""A wheel did not do what was sent, on a line that damages what it carries; ends by itself."""
 FAULT = "fault"
 """Something is broken; only a person ends this one."""
 
@@ -56,7 +58,7 @@ class Holds:
         return self._holds.pop(kind, None) is not None
 
     def has(self, kind: str) -> bool:
-        """Whether this reason is in force, or was and nobody has looked since it ended."""
+        """Whether this reason is in force, or ended since the last call."""
         return kind in self._holds
 
     def active(self, now_ns: int) -> tuple[Hold, ...]:

@@ -95,7 +95,7 @@ class Limiter:
         return self.reset(STANDSTILL)
 
     def reset(self, twist: Twist2d) -> Twist2d:
-        """Go on from ``twist``, without acceleration: what the wheels were really told."""
+        """Go on from ``twist``, without acceleration: what was really sent to the wheels."""
         self._vx.reset(twist.vx)
         self._vy.reset(twist.vy)
         self._wz.reset(twist.wz)

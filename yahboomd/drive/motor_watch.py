@@ -1,4 +1,4 @@
-"""One motor: what it was told against what it does.
+"""One motor: its command against what it does.
 
 What makes this hard is that healthy motors do not follow at once: they start after 0.02 to 0.4 s
 and lag behind. So the measurement is not held against the command of the moment but against every
@@ -29,15 +29,27 @@ SPEED_MARGIN_M_S = 0.1
 # poll period and the velocity's filter a few more milliseconds; 40 ms remain to make sure that it
 # was not one garbled reading.
 SURE_AFTER_NS = 40_000_000
+# A motor slower than any believed still obeys where it loses speed at this rate: a time constant of
+# a second. One that runs away gains speed, or keeps it.
+SLOWED = 0.96
+SLOWS_FOR_NS = 500_000_000
 NO_COUNTS_NS = 150_000_000
 NO_COUNTS_M = 0.03
 # A wheel that rolled the other way before takes twice as long to start: the output of the board's
 # loop comes from the far edge of the motor's dead zone.
 TURNING_ROUND = 2
 # Below the least speed a healthy motor may take its time: the board's loop adds up the way that is
-# owed until the wheel breaks loose. With the default gains that is after some 15 mm, and full power
-# comes at 83 mm: what has not counted by then is blocked, or runs away unseen.
-CRAWL_NO_COUNTS_M = 0.1
+# owed until the wheel breaks loose. With the default gains that takes 15 mm, and up to twice as
+# much where it sticks after a jerk. An unseen wheel grows faster with every millimetre more, so it
+# is bounded by travel, and by time.
+CRAWL_NO_COUNTS = ((500_000_000, 0.045), (1_750_000_000, 0.025))
+# To and fro it may never break loose, but an unseen wheel runs at every turn: bounded by twice the
+# way in all.
+TO_AND_FRO = 2
+COUNTED_NS = 20_000_000
+# While the line stands still both ways a wheel shows nothing, and obeys nothing. Not for ever: a
+# line that stutters must not hide a dead encoder.
+HELD_UP_NS = 1_000_000_000
 # An encoder that rests on an edge may flicker by one count for ever.
 COUNTS_OF_MOTION = 2
 CREEPING_NS = 600_000_000
@@ -78,10 +90,15 @@ class MotorWatch:
         self._low = min(0.0, measured_m_s, commanded)
         self._measured = measured_m_s
         self._begin_silence()
-        self.owed_m = 0.0
+        self.owed_m = self._owed_signed_m = 0.0
+        self._owed_ns = self._owed_one_way_ns = 0
+        self._held_up_ns = 0
         self._owed_ticks = 0
+        self._owed_ticks_before = 0
         self._rolled = 0
         self._outside_ns: int | None = None
+        self._left_ns = 0
+        self._outside_m_s = 0.0
         self._creeping_ns: int | None = None
         self._slow_ns: int | None = None
         self._known: set[FaultKind] = set()
@@ -89,7 +106,7 @@ class MotorWatch:
             self._witnesses.forget()
 
     def command(self, now_ns: int, speed_m_s: float | None) -> None:
-        """Tell what the board was told; ``None`` where the motor was let go."""
+        """Record what was sent to the board; ``None`` where the motor was let go."""
         if speed_m_s == self._commanded:
             return
         if self._commanded is None and speed_m_s is not None:
@@ -109,7 +126,14 @@ class MotorWatch:
             self._witnesses.hear(received_ns, ticks)
 
     def measure(
-        self, before_ns: int, now_ns: int, speed: float, ticks: int, proven: float
+        self,
+        before_ns: int,
+        now_ns: int,
+        speed: float,
+        ticks: int,
+        proven: float,
+        *,
+        held_up: bool = False,
     ) -> list[Fault]:
         """Judge a reading.
 
@@ -118,7 +142,8 @@ class MotorWatch:
             now_ns: When it sampled this one.
             speed: Measured rim speed, positive forward; m/s.
             ticks: What was counted in between.
-            proven: The least that the speed can be: nobody is cut for more.
+            proven: The least that the speed can be: no wheel is cut for more.
+            held_up: The line was held up: the command may not have been there yet.
 
         Returns:
             The troubles that began with it.
@@ -136,7 +161,7 @@ class MotorWatch:
         found = (
             self._runaway(now_ns, proven),
             self._creeping(now_ns, speed),
-            self._silence(now_ns - before_ns, steady, ticks),
+            self._silence(now_ns - before_ns, steady, ticks, held_up=held_up),
             self._off_speed(now_ns, speed),
         )
         return [fault for fault in found if fault is not None]
@@ -166,8 +191,14 @@ class MotorWatch:
             self._known -= {"runaway_against", "runaway_fast"}
             return None
         if self._outside_ns is None:
-            self._outside_ns = now_ns
+            self._outside_ns = self._left_ns = now_ns
+            self._outside_m_s = abs(self._measured)
         if now_ns - self._outside_ns < SURE_AFTER_NS:
+            return None
+        slows = abs(self._measured) <= SLOWED * self._outside_m_s
+        if slows and now_ns - self._left_ns < SLOWS_FOR_NS:
+            self._outside_ns = now_ns
+            self._outside_m_s = abs(self._measured)
             return None
         if self._known & {"runaway_against", "runaway_fast"}:
             return None
@@ -193,30 +224,63 @@ class MotorWatch:
     def _begin_silence(self) -> None:
         self._silent_ns = 0
         self._silent_m = 0.0
-        self._counted = 0
 
-    def _silence(self, step_ns: int, steady: float, ticks: int) -> Fault | None:
+    def _silence(self, step_ns: int, steady: float, ticks: int, *, held_up: bool) -> Fault | None:
+        if held_up and self._held_up_ns < HELD_UP_NS:
+            self._held_up_ns += step_ns
+            step_ns = 0
         step_m = abs(steady) * step_ns / NS_PER_S
-        self._counted += ticks
+        self._owed_ticks_before = self._owed_ticks
         self._owed_ticks += ticks
-        self.owed_m += step_m
+        self._owe(steady, step_ns)
         # Motion either way is motion: a wheel that still rolls out after a change of direction is
-        # not silent, and one that turns against its command is found by its speed.
-        if abs(self._owed_ticks) >= COUNTS_OF_MOTION:
+        # not silent, and one that turns against its command is found by its speed. Two readings
+        # have to agree on it: a digit that was garbled on its way is no motion.
+        if min(abs(self._owed_ticks), abs(self._owed_ticks_before)) >= COUNTS_OF_MOTION:
             self._rolled = self._owed_ticks
-            self.owed_m = 0.0
-            self._owed_ticks = 0
+            self.owed_m = self._owed_signed_m = 0.0
+            self._owed_ns = self._owed_one_way_ns = 0
+            self._owed_ticks = self._owed_ticks_before = 0
+            self._begin_silence()
             self._known.discard("no_counts")
-        if abs(steady) < self._min_speed_m_s or abs(self._counted) >= COUNTS_OF_MOTION:
+            # A step that ends with counts was no silence, however long they were held back.
+            self._held_up_ns = 0
+            if ticks:
+                step_m *= min(1.0, COUNTED_NS / max(step_ns, 1))
+                step_ns = min(step_ns, COUNTED_NS)
+        if abs(steady) < self._min_speed_m_s:
             self._begin_silence()
         else:
             self._silent_ns += step_ns
             self._silent_m += step_m
         times = TURNING_ROUND if self._rolled * steady < 0.0 else 1
         proven = self._silent_ns >= times * NO_COUNTS_NS and self._silent_m >= times * NO_COUNTS_M
-        if not proven and self.owed_m < CRAWL_NO_COUNTS_M:
+        times = TURNING_ROUND if self._rolled * self._owed_signed_m < 0.0 else 1
+        crawled = any(
+            (
+                self._owed_one_way_ns >= times * least_ns
+                and abs(self._owed_signed_m) >= times * least_m
+            )
+            or (self._owed_ns >= least_ns and self.owed_m >= TO_AND_FRO * least_m)
+            for least_ns, least_m in CRAWL_NO_COUNTS
+        )
+        if not proven and not crawled:
             return None
-        return self._new("no_counts", "policy", self._measured)
+        if abs(self._owed_ticks) >= COUNTS_OF_MOTION > abs(self._owed_ticks_before):
+            # Counts that were held back for so long arrive in one reading: the next one tells
+            # whether they are motion or a garbled digit.
+            return None
+        return self._new("no_counts", "policy", self._measured, certain=crawled)
+
+    def _owe(self, steady: float, step_ns: int) -> None:
+        # The board's loop adds up the way with its sign: a command back takes away what was owed.
+        step_m = steady * step_ns / NS_PER_S
+        before, self._owed_signed_m = self._owed_signed_m, self._owed_signed_m + step_m
+        if before * self._owed_signed_m <= 0.0:
+            self._owed_one_way_ns = 0
+        self.owed_m += abs(step_m)
+        self._owed_ns += step_ns if steady else 0
+        self._owed_one_way_ns += step_ns if steady else 0
 
     def _off_speed(self, now_ns: int, speed: float) -> Fault | None:
         slowest = max(self._low, -self._high)
@@ -230,7 +294,9 @@ class MotorWatch:
             return None
         return self._new("off_speed", "report", speed)
 
-    def _new(self, kind: FaultKind, action: Action, measured: float) -> Fault | None:
+    def _new(
+        self, kind: FaultKind, action: Action, measured: float, *, certain: bool = False
+    ) -> Fault | None:
         if kind in self._known:
             return None
         self._known.add(kind)
@@ -239,7 +305,7 @@ class MotorWatch:
             name=self._name,
             commanded=commanded,
             measured=measured,
-            least=max(self.owed_m, self._silent_m) * 1e3,
+            least=max(abs(self._owed_signed_m), self._silent_m) * 1e3,
         )
         return Fault(
             kind=kind,
@@ -248,6 +314,7 @@ class MotorWatch:
             action=action,
             commanded_m_s=commanded,
             measured_m_s=measured,
+            certain=certain,
         )
 
 

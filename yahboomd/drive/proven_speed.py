@@ -1,7 +1,7 @@
 """The least speed that counts prove, however late the readings came.
 
 Between the moment at which a board was asked and the one at which its answer was there, it sampled
-its counters; nobody knows when. On a machine that is busy that may be a while, and the speed that
+its counters; when is unknown. On a machine that is busy that may be a while, and the speed that
 follows from one guess of it may be several times the true one. Counts over the longest time in
 which they can have been counted are never too fast: what is to stop a robot should be proven.
 """
@@ -32,7 +32,7 @@ class ProvenSpeeds:
         self._past: deque[tuple[int, tuple[int, ...]]] = deque()
 
     def forget(self) -> None:
-        """Begin anew: nobody knows what happened since."""
+        """Begin again: it is unknown what happened since."""
         self._past.clear()
 
     def see(

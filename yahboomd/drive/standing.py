@@ -1,4 +1,4 @@
-"""Why the robot does not move, in words: the first question of whoever stands in front of it.
+"""Why the robot does not move, in words: the first question of the person in front of it.
 
 All reasons are given, not only the first, in the order in which they have to be dealt with.
 """
@@ -126,7 +126,7 @@ def _not_commanded(decision: Decision) -> list[Reason]:
     age = "" if decision.age_ns is None else f" {_seconds(decision.age_ns)} ago"
     match decision.why:
         case "no_command":
-            message = "Nobody commands anything."
+            message = "No source commands motion."
         case "timed_out":
             message = f"{decision.source} fell silent: its last command was given{age}."
         case "revoked":

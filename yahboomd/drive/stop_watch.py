@@ -1,12 +1,14 @@
 """Whether a stop was obeyed: commanded is not stopped.
 
-After a zero command the wheels have to be measured standing within 0.6 s; where they do not, the
-motors are cut. A single slow reading is no standstill: a wheel that swings through zero shows one,
-too.
+After a zero command the wheels have to be measured standing within 0.6 s; where they are not, the
+stop is overdue and the motors are cut. A wheel that slows down obeys, however long the board's own
+loop or its momentum take: it is cut, and not accused. One reading proves neither a standstill, as a
+wheel that swings through zero shows a slow one, too, nor motion: a digit may be garbled.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from yahboomd.drive.faults import Fault
@@ -20,6 +22,10 @@ StopState: TypeAlias = Literal["idle", "stopping", "stopped", "overdue"]
 NS_PER_S = 1_000_000_000
 # Two readings at the slowest poll worth running, several at the usual ones.
 SETTLED_NS = 30_000_000
+# Under the board's loop a wheel that obeys has lost far more than this of its speed within 0.6 s.
+SLOWED = 0.7
+# A wheel that was let go rolls out by its friction alone.
+ROLLS_OUT = 0.9
 
 
 class StopWatch:
@@ -31,7 +37,7 @@ class StopWatch:
 
     Attributes:
         state: ``idle`` where no stop is under way; ``stopping``; ``stopped``: measured;
-            ``overdue``: not obeyed in time. Wheels that stand at last are ``stopped``, however
+            ``overdue``: not standing in time. Wheels that stand at last are ``stopped``, however
             late.
     """
 
@@ -40,22 +46,26 @@ class StopWatch:
         self._motors = tuple(motors)
         self._within_ns = round(within_s * NS_PER_S)
         self._begun_ns = 0
+        self._judged_ns: int | None = 0
         self._still_ns: int | None = None
-        self._latest: tuple[float, ...] | None = None
-
-    @property
-    def deadline_ns(self) -> int | None:
-        """When the wheels have to stand: check again then at the latest; ``None``: no matter."""
-        return self._begun_ns + self._within_ns if self.state == "stopping" else None
+        self._latest: deque[tuple[float, ...]] = deque(maxlen=2)
+        self._fastest: tuple[float, ...] = ()
 
     def begin(self, now_ns: int) -> None:
         """Zero was commanded at ``now_ns``. A stop that is under way keeps its own deadline."""
         if self.state in {"stopping", "overdue"}:
             return
         self.state = "stopping"
-        self._begun_ns = now_ns
+        self._begun_ns = self._judged_ns = now_ns
         self._still_ns = None
-        self._latest = None
+        self._latest.clear()
+        self._fastest = (0.0,) * len(self._motors)
+
+    def restart(self, now_ns: int) -> None:
+        """Give a stop that is under way its time again: no reading came meanwhile."""
+        if self.state == "stopping":
+            self.state = "idle"
+            self.begin(now_ns)
 
     def cancel(self) -> None:
         """Motion is commanded again."""
@@ -68,7 +78,8 @@ class StopWatch:
         """
         if self.state not in {"stopping", "overdue"} or stamp_ns < self._begun_ns:
             return self.state
-        self._latest = tuple(measured_m_s)
+        self._latest.append(tuple(measured_m_s))
+        self._fastest = tuple(map(max, self._fastest, map(abs, measured_m_s)))
         if any(abs(speed) >= STANDING_M_S for speed in measured_m_s):
             self._still_ns = None
         elif self._still_ns is None:
@@ -77,35 +88,77 @@ class StopWatch:
             self.state = "stopped"
         return self.state
 
-    def check(self, now_ns: int) -> Fault | None:
-        """The fault of a stop that is overdue, once, whether readings arrive or not."""
-        if self.state != "stopping" or now_ns - self._begun_ns < self._within_ns:
+    def check(self, now_ns: int, *, noisy: bool = False) -> Fault | None:
+        """Judge a stop that is due; :attr:`state` is ``overdue`` from then on.
+
+        Args:
+            now_ns: Now.
+            noisy: The stop may not have arrived, so that nothing is said of the wheels before the
+                cut was sent for as long.
+
+        Returns:
+            The fault of a wheel that did not obey, once, whether readings arrive or not; ``None``
+            as long as every wheel that turns slows down.
+        """
+        if self.state not in {"stopping", "overdue"} or self._judged_ns is None:
+            return None
+        if now_ns - self._judged_ns < self._within_ns:
             return None
         if self._still_ns is not None and now_ns - self._still_ns < 2 * SETTLED_NS:
             # They stand; the reading that proves it is on its way.
             return None
+        again = self.state == "overdue"
+        slowed = ROLLS_OUT if again else SLOWED
         self.state = "overdue"
-        after_s = self._within_ns / NS_PER_S
-        if self._latest is None or self._still_ns is not None:
+        after_s = (now_ns - self._begun_ns) / NS_PER_S
+        if noisy and not again:
+            self._judge_later(now_ns)
+            return None
+        if len(self._latest) < 2 or self._still_ns is not None:
+            if noisy:
+                # Answers are lost. A board that stays silent is noticed by others.
+                self._judge_later(now_ns)
+                return None
+            self._judged_ns = None
             return Fault(
                 kind="stop_not_obeyed",
                 motor=None,
                 message=(
-                    f"No reading shows whether the wheels stand {after_s:g} s after the stop: the "
-                    "motors are cut. Check the cable and the board."
+                    f"No reading shows whether the wheels stand {after_s:.1f} s after the stop: "
+                    "the motors are cut. Check the cable and the board."
                 ),
                 action="cut",
             )
-        speed, name = max(
-            zip(self._latest, self._motors, strict=True), key=lambda pair: abs(pair[0])
+        speed, name, fastest = max(
+            zip(map(_agreed, *self._latest), self._motors, self._fastest, strict=True),
+            key=lambda wheel: abs(wheel[0]) - slowed * wheel[2],
         )
+        if abs(speed) <= max(slowed * fastest, STANDING_M_S):
+            self._judge_later(now_ns)
+            return None
+        self._judged_ns = None
         return Fault(
             kind="stop_not_obeyed",
             motor=name,
             message=(
-                f"{name} still turns at {speed:.2f} m/s {after_s:g} s after the stop: the motors "
-                "are cut. Check this wheel's encoder and its plug."
+                f"{name} still turns at {speed:.2f} m/s {after_s:.1f} s after the stop and does "
+                "not slow down: the motors are cut. Check this wheel's encoder and its plug, and "
+                "whether something else turns it."
             ),
             action="cut",
             measured_m_s=speed,
         )
+
+    def _judge_later(self, now_ns: int) -> None:
+        self._judged_ns = now_ns
+        self._fastest = (
+            tuple(map(abs, self._latest[-1])) if self._latest else (0.0,) * len(self._motors)
+        )
+        self._latest.clear()
+
+
+def _agreed(before: float, speed: float) -> float:
+    """The slower of two speeds; standstill where they contradict each other."""
+    if before * speed <= 0.0:
+        return 0.0
+    return min(before, speed, key=abs)

@@ -55,7 +55,7 @@ class WheelsCheck:
         self._measured_ns: int | None = None
 
     def command(self, now_ns: int, speeds_m_s: Sequence[float] | None) -> None:
-        """Tell what the board was told.
+        """Record what was sent to the board.
 
         Args:
             now_ns: When; monotonic nanoseconds.
@@ -73,6 +73,7 @@ class WheelsCheck:
         *,
         proven_m_s: Sequence[float] | None = None,
         received_ns: int | None = None,
+        held_up: bool = False,
     ) -> tuple[Fault, ...]:
         """Judge a reading.
 
@@ -82,15 +83,16 @@ class WheelsCheck:
             measured_m_s: Rim speed of each motor, positive forward.
             ticks: What each motor counted since the last reading, positive forward.
             proven_m_s: The least that the speeds can be (:mod:`~yahboomd.drive.proven_speed`), for
-                a board whose readings may be stamped too early or too late: nobody is cut for more.
+                a board whose readings may be stamped too early or too late; none is cut for more.
             received_ns: When it arrived, where that is known besides the stamp.
+            held_up: The line was held up, so that commands may not have been there yet.
 
         Returns:
             The troubles that began with it.
         """
         before, self._measured_ns = self._measured_ns, stamp_ns
         if before is None or stamp_ns - before > GAP_NS:
-            # Nobody knows what the wheels did meanwhile.
+            # It is unknown what the wheels did meanwhile.
             for watch, speed in zip(self._watches, measured_m_s, strict=True):
                 watch.begin(speed)
             return ()
@@ -104,7 +106,9 @@ class WheelsCheck:
             for watch, speed, count, proven in zip(
                 self._watches, measured_m_s, ticks, proven_m_s or measured_m_s, strict=True
             )
-            for fault in watch.measure(before, stamp_ns, speed, count, _nearer(speed, proven))
+            for fault in watch.measure(
+                before, stamp_ns, speed, count, _nearer(speed, proven), held_up=held_up
+            )
         ]
         silent = [fault for fault in faults if fault.kind == "no_counts"]
         if len(silent) == len(self._watches) > 1:

@@ -41,7 +41,7 @@ class Witnesses:
         self._total = 0
 
     def forget(self) -> None:
-        """Begin anew: nobody knows what the wheel did."""
+        """Begin again: it is unknown what the wheel did."""
         self._heard.clear()
 
     def hear(self, at_ns: int, ticks: int) -> None:

@@ -12,13 +12,14 @@ from typing import Any, Self, TypeVar
 
 import msgspec
 
-from yahboomd.clock import Clock, nanoseconds, seconds, sleep_until
+from yahboomd.clock import Clock, nanoseconds, sleep_until
 from yahboomd.errors import PortLost
 from yahboomd.link import handshake
 from yahboomd.link.handshake import Ears
 from yahboomd.link.port import Port
-from yahboomd.link.port_errors import lost
+from yahboomd.link.port_errors import lost, takes_no_output
 from yahboomd.link.standstill import StandstillWatch
+from yahboomd.link.start_notices import StartNotices
 from yahboomd.link.stopping import DRAIN_S, StopReport, bring_to_rest, stop_unidentified
 from yahboomd.link.writer import Writer
 from yahboomd.model import Counts
@@ -26,29 +27,22 @@ from yahboomd.protocol.dialect import (
     Battery,
     Decoded,
     Dialect,
-    Reply,
-    Setting,
     Totals,
-    VersionLine,
 )
 from yahboomd.protocol.framing import Framer, FramerCounters
-from yahboomd.protocol.registry import CONNECT_SPACING_NS
 from yahboomd.protocol.settings import BoardSettings
 from yahboomd.protocol.texts import decode_text
 
 T = TypeVar("T")
 
 STILL_TICKS_PER_S = 100.0
-"""Below it a wheel counts as standing where nobody knows the wheels: six counts in the watch's
+"""Below it a wheel counts as standing where no wheel is configured: six counts in the watch's
 window, at most 25 mm/s at the rim with any of the vendor's gears that has an encoder."""
 
 ASK_ATTEMPTS = 3
 COUNTERS_WITHIN_S = 0.1
 BATTERY_WITHIN_S = 0.15
 POLL_PERIOD_S = 0.02
-SPACING_S = seconds(CONNECT_SPACING_NS)
-
-COAST_WITHIN_S = 1.0
 
 KEPT_BYTES = 512
 
@@ -59,7 +53,7 @@ class Heard(msgspec.Struct, kw_only=True):
     Attributes:
         start: The first bytes, half a kilobyte at most.
         counters: What the framer made of everything.
-        resets: How often the board announced that it has started anew.
+        resets: How often the board announced a restart.
     """
 
     start: bytes = b""
@@ -85,7 +79,7 @@ class Conversation:
         self._ears: Ears | None = None
         self._writer: Writer | None = None
         self._writing: asyncio.Task[None] | None = None
-        self._answering = False
+        self._notices = StartNotices()
         self._at_rest = False
         self._gone: asyncio.Future[PortLost]
         self.watch = StandstillWatch(still_ticks_per_s)
@@ -109,8 +103,8 @@ class Conversation:
                 await asyncio.gather(self._writing, return_exceptions=True)
             self._port.close()
             self._gone.cancel()
-            # pyserial-asyncio lets go of the device at the loop's next turn: whoever opens it
-            # again must not find it held by us.
+            # pyserial-asyncio closes the device in the loop's next iteration: a process
+            # that opens it again must not find it held by us.
             await asyncio.sleep(0)
             await asyncio.sleep(0)
 
@@ -131,8 +125,8 @@ class Conversation:
             BoardError: It answered in the other dialect than the wanted one.
             PortLost: The port went away.
         """
-        if stop_first:
-            await self._unless_lost(stop_unidentified(self._port, self._clock))
+        if stop_first and not await self._unless_lost(stop_unidentified(self._port, self._clock)):
+            raise takes_no_output(self.port_name)
         dialect = await self._unless_lost(
             handshake.identify(self._port, self._clock, wanted, self._hear)
         )
@@ -209,7 +203,9 @@ class Conversation:
             PortLost: The port went away.
         """
         assert self.dialect is not None, "identify comes first"
-        self.report = await self._unless_lost(self._rest(self.dialect))
+        self.report = await self._unless_lost(
+            bring_to_rest(self._port, self._clock, self.dialect, self.watch)
+        )
         self._at_rest = True
         return self.report
 
@@ -230,26 +226,12 @@ class Conversation:
 
     # Leaving.
 
-    async def _rest(self, dialect: Dialect) -> StopReport:
-        report = await bring_to_rest(self._port, self._clock, dialect, self.watch)
-        if report.stood is True or dialect.cut is None:
-            return report
-        # Let go but not seen to stand: they coast, or the cut was lost.
-        start_ns = self._clock.now_ns()
-        stood = await self.watch_wheels(COAST_WITHIN_S)
-        took_s = report.took_s + seconds(self._clock.now_ns() - start_ns)
-        for frame in (dialect.cut, dialect.cut, *dialect.disarm):
-            self._port.write(frame)
-            await self._pause(len(frame) * seconds(self._port.byte_ns) + SPACING_S)
-        flushed = await self._port.drain(DRAIN_S)
-        return msgspec.structs.replace(report, stood=stood, took_s=took_s, flushed=flushed)
-
     async def _say_goodbye(self) -> None:
         if self.dialect is None:
             await stop_unidentified(self._port, self._clock)
             await self._port.drain(DRAIN_S)
         else:
-            self.report = await self._rest(self.dialect)
+            self.report = await bring_to_rest(self._port, self._clock, self.dialect, self.watch)
 
     # What comes in.
 
@@ -268,19 +250,12 @@ class Conversation:
                     self.watch.see(decoded.ticks, now_ns - item.trailing * self._port.byte_ns)
             else:
                 decoded = decode_text(getattr(item, "text", ""))
-            self._notice_reset(decoded)
+            if self._notices.judge(decoded) != "none":
+                # Maybe an answer that lost its first line; the counters tell, where it matters.
+                self.heard.resets += 1
+                self.watch.forget()
             if self._writer is not None:
                 self._writer.heard(decoded)
-
-    def _notice_reset(self, decoded: Decoded) -> None:
-        """The version is a part of the settings, and the banner of a board that starts."""
-        if isinstance(decoded, Reply):
-            self._answering = decoded.command == "read_flash"
-        elif isinstance(decoded, Setting) and decoded.name == "pid":
-            self._answering = False
-        elif isinstance(decoded, VersionLine) and (decoded.after_reset or not self._answering):
-            self.heard.resets += 1
-            self.watch.forget()
 
     def _hear(self, ears: Ears | None) -> None:
         self._ears = ears

@@ -54,7 +54,7 @@ def hints(
     if isinstance(error, BoardSilent) and heard is not None:
         return (what_was_heard(heard),)
     if type(error) is LinkError:
-        return ("Is the path right? `yahboomd probe --list` names the serial ports on USB.",)
+        return ("Is the path right? `yahboomd probe --list` names the serial ports.",)
     return ()
 
 

@@ -52,6 +52,32 @@ def candidates() -> tuple[Candidate, ...]:
     return tuple(sorted(found, key=lambda each: (not each.is_ch340, each.path)))
 
 
+def on_board(sysfs: Path = Path("/sys/class/tty")) -> tuple[Candidate, ...]:
+    """The serial ports of the computer itself (pins, RS-232, Bluetooth), a board on one perhaps.
+
+    Never opened unless named: something else may be wired to them, or the console.
+    """
+    found = []
+    for port in sorted(sysfs.glob("*/device")):
+        name = port.parent.name
+        real = os.path.realpath(port)
+        try:
+            # The kernel shows places for ports that are not there.
+            there = int((port.parent / "type").read_text(encoding="ascii")) != 0
+        except (OSError, ValueError):
+            there = name.startswith("rfcomm")
+        if there and "/usb" not in real:
+            found.append(
+                Candidate(
+                    path=f"/dev/{name}",
+                    description="on the computer itself",
+                    is_ch340=False,
+                    by_path=None,
+                )
+            )
+    return tuple(found)
+
+
 def choose(configured: str, found: Iterable[Candidate], *, udev_name: str = UDEV_NAME) -> str:
     """The port to open.
 

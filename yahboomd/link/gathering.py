@@ -44,7 +44,7 @@ class Gathering:
             trailing: Bytes that came with it, behind the ``#``.
 
         Returns:
-            Whether :attr:`least` has changed, and the port is to be told.
+            Whether :attr:`least` has changed, and the port must be set to it.
         """
         at_end = trailing <= self._line_end
         if size != self._size:

@@ -60,7 +60,7 @@ async def identify(
     """Find out which dialect the board speaks.
 
     Args:
-        port: The open port; the wheels were told to stop.
+        port: The open port; a stop was sent.
         clock: What tells the time.
         wanted: ``auto``, or the only dialect to accept.
         hear: Sets (or clears) who hears what comes.
@@ -104,7 +104,7 @@ async def identify(
     raise BoardSilent(
         f"{port.name}: no board answers here; heard {heard}.",
         remedy="Is it powered, is this its port, is the baud rate 115200, is it a Yahboom "
-        "4-channel driver? The wheels stay stopped.",
+        "4-channel driver? No counts come, so whether its wheels stand is unknown: look at them.",
     )
 
 
@@ -156,7 +156,7 @@ async def read_settings(
         heard: What it has said already.
 
     Raises:
-        BoardSilent: It was asked often enough and never told everything.
+        BoardSilent: It was asked often enough and did not answer all questions.
     """
     if dialect.read_settings is None:
         return None

@@ -2,12 +2,15 @@
 
 - **stop** overtakes everything, and wipes the velocity that it contradicts;
 - **velocity** is a slot: the newest wins, and it is said again until replaced, since the board may
-  drop one and nobody would know;
+  drop one and its caller would not know;
 - **configuration** is first in, first out, each waiting for its answer.
 
 The request for counters of a board that is polled is a slot beside them. So that a flood of
-velocities cannot starve the poll, nor the poll the configuration, nobody but a stop goes twice in a
+velocities cannot starve the poll, nor the poll the configuration, only a stop goes twice in a
 row while another waits.
+
+A question that waits for its answer holds back other questions, and a velocity only as long as the
+board's mailbox needs: somebody may have to brake meanwhile.
 """
 
 from __future__ import annotations
@@ -61,12 +64,12 @@ class Outgoing(msgspec.Struct, frozen=True, kw_only=True):
 class Outbox:
     """The lanes. It writes nothing and asks no clock: the writer does.
 
-    Args:
+    Attributes:
         resend_ns: How often the current velocity is said again.
     """
 
     def __init__(self, *, resend_ns: int) -> None:
-        self._resend_ns = resend_ns
+        self.resend_ns = resend_ns
         self._stops: deque[bytes] = deque()
         self._velocity: bytes | None = None
         self._velocity_due_ns: int | None = None
@@ -113,7 +116,7 @@ class Outbox:
         self._requests.append(request)
 
     def withdraw(self, request: Request) -> None:
-        """Take a request back that nobody waits for any more."""
+        """Take a request back whose caller does not wait any more."""
         if request in self._requests:
             self._requests.remove(request)
 
@@ -122,22 +125,27 @@ class Outbox:
         """Whether a stop waits."""
         return bool(self._stops)
 
-    @property
-    def waiting(self) -> bool:
-        """Whether anything is due now or queued."""
-        return bool(self._stops or self._requests or self._poll or self._velocity_due_ns == 0)
+    def due_ns(self, *, asking: bool) -> int | None:
+        """When the next frame is due; 0 for at once, ``None`` where nothing waits.
 
-    @property
-    def resend_at_ns(self) -> int | None:
-        """When the current velocity is to be said again."""
+        Args:
+            asking: As for :meth:`take`.
+        """
+        if self._stops or (self._poll is not None and not asking) or self._may_request(asking):
+            return 0
         return self._velocity_due_ns
 
-    def take(self, now_ns: int, *, busy: bool) -> Outgoing | None:
+    def _may_request(self, asking: bool) -> bool:
+        # What expects no answer cannot be confused with the one that is awaited.
+        return bool(self._requests) and not (asking and self._requests[0].timeout_ns > 0)
+
+    def take(self, now_ns: int, *, busy: bool, asking: bool = False) -> Outgoing | None:
         """The frame to send now, if any.
 
         Args:
             now_ns: Now.
-            busy: A command is in flight whose answer has not come: only a stop may go.
+            busy: The board may be at work on a question: only a stop may go.
+            asking: A question was not answered yet: no other one may go.
         """
         if self._stops:
             return self._sent(Outgoing(lane=Lane.STOP, frame=self._stops.popleft()))
@@ -147,9 +155,9 @@ class Outbox:
         ready: list[Lane] = []
         if self._velocity_due_ns is not None and self._velocity_due_ns <= now_ns:
             ready.append(Lane.VELOCITY)
-        if self._poll is not None:
+        if self._poll is not None and not asking:
             ready.append(Lane.POLL)
-        if self._requests:
+        if self._may_request(asking):
             ready.append(Lane.CONFIGURATION)
         if not ready:
             return None
@@ -159,7 +167,7 @@ class Outbox:
     def _pick(self, lane: Lane, now_ns: int) -> Outgoing:
         if lane is Lane.VELOCITY:
             assert self._velocity is not None
-            self._velocity_due_ns = now_ns + self._resend_ns
+            self._velocity_due_ns = now_ns + self.resend_ns
             return Outgoing(lane=lane, frame=self._velocity)
         if lane is Lane.POLL:
             assert self._poll is not None

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 
-from yahboomd.clock import Clock, Schedule, seconds
+from yahboomd.clock import PAUSE_NS, Clock, Schedule, seconds
 from yahboomd.errors import BoardSilent
 from yahboomd.link.port import Port
 from yahboomd.link.writer import Writer
@@ -24,7 +24,7 @@ WATCH_NS = 50_000_000
 """To see that a stream still comes, one need not look at the rate at which others are polled."""
 
 UNHEARD_REPEATS = 3
-"""What nobody answers, and a noisy line may lose, is said so often."""
+"""A command without an answer, which a noisy line may lose, is sent so often."""
 
 SILENT_AFTER_S = 1.0
 """No counts for so long: the board is gone, whatever the port says."""
@@ -39,7 +39,12 @@ class Poller:
         dialect: How the board is spoken to.
         period_ns: From poll to poll.
         on_reading: Hears every reading.
-        port: Looked at for what was too little to be told of.
+        on_armed: Called whenever the board is asked to stream its counts.
+        port: Asked for bytes that were too few to wake the reader.
+        unbroken: Whether they came before it was asked.
+
+    Attributes:
+        unbroken: As given, until the first reading has carried it.
     """
 
     def __init__(
@@ -50,7 +55,9 @@ class Poller:
         *,
         period_ns: int,
         on_reading: Callable[[EncoderReading], None],
+        on_armed: Callable[[], None],
         port: Port,
+        unbroken: bool = False,
     ) -> None:
         self._writer = writer
         self._clock = clock
@@ -59,15 +66,17 @@ class Poller:
         # A slow schedule need not wait its whole period for an answer that was lost.
         self._answer_ns = min(max(period_ns, 20_000_000), 100_000_000)
         self._on_reading = on_reading
+        self._on_armed = on_armed
         self._port = port
         self._heard_ns = clock.now_ns()
         self._rearmed_ns = 0
         self._after_reset = False
         self._after_gap = True
+        self.unbroken = unbroken
         self.counters: Counter[str] = Counter()
 
     def board_reset(self) -> None:
-        """The board said that it started anew: its counters did, and its stream is off."""
+        """The board announced a restart: its counters are zero, and its stream is off."""
         self._after_reset = True
         self._heard_ns = self._clock.now_ns()
         self.arm()
@@ -92,8 +101,9 @@ class Poller:
             earliest_ns=earliest_ns,
             after_reset=self._after_reset,
             after_gap=self._after_gap,
+            unbroken=self.unbroken,
         )
-        self._after_reset = False
+        self._after_reset = self.unbroken = False
         self._after_gap = False
         self._on_reading(reading)
 
@@ -109,8 +119,11 @@ class Poller:
             while True:
                 due_ns = await schedule.beat()
                 self.counters["polls_late"] = schedule.missed
+                if schedule.late_ns > PAUSE_NS:
+                    # This process did not run: that is no silence of the board's.
+                    self._heard_ns = max(self._heard_ns, self._clock.now_ns())
                 if self._heard_ns < looked_ns:
-                    # Less may have come than the kernel was told to wait for.
+                    # Fewer bytes may have come than the kernel waits for.
                     self._port.look()
                 looked_ns = due_ns
                 self._look()
@@ -128,7 +141,7 @@ class Poller:
         if silent_s > SILENT_AFTER_S:
             raise BoardSilent(
                 f"{self._port.name}: the board sent no counts for {silent_s:.1f} s.",
-                remedy="Is it powered? The port is opened anew.",
+                remedy="Is it powered? The port is opened again.",
             )
         since_arm_s = seconds(self._clock.now_ns() - self._rearmed_ns)
         if since_arm_s > REARM_AFTER_S:
@@ -139,6 +152,7 @@ class Poller:
     def arm(self) -> None:
         """Tell the board how to count, and to send what it counts."""
         self._rearmed_ns = self._clock.now_ns()
+        self._on_armed()
         # A stream that does not come is noticed and armed again; of a motor type that got lost
         # nothing tells but wheels that do not turn, so it is said more than once.
         repeats = 1 if self._dialect.poll is None else UNHEARD_REPEATS

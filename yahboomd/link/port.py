@@ -6,10 +6,11 @@ are mended here, at the edge:
 - its ``write`` waits for the loop to report the port writable; a frame that finds the port free is
   written at once, and its buffer takes only what the kernel did not;
 - its close calls ``tcdrain`` on the loop's thread, and the kernel waits again for output that
-  nobody takes: both are cut short by discarding the output first, so draining is ours to do, with
+  is not read: both are cut short by discarding the output first, so draining is ours to do, with
   a deadline (:meth:`SerialPort.drain`);
-- a read that fails while output is waiting makes it wait for the output first; where nobody takes
-  that, ``connection_lost`` never comes: reading errors are reported from the serial object itself.
+- a read that fails while output is waiting makes it wait for the output first; where the device
+  takes nothing, ``connection_lost`` never comes: reading errors are reported from the serial
+  object itself.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ import serial
 import serial_asyncio
 
 from yahboomd.clock import NS_PER_S, Clock
-from yahboomd.link.draining import drained, in_kernel
+from yahboomd.link.draining import drained, drop, in_kernel
 from yahboomd.link.port_errors import explained
 from yahboomd.link.seize import keep_out
 
@@ -77,8 +78,8 @@ class Port(Protocol):
         ...
 
     @property
-    def pending(self) -> int:
-        """Bytes written here and not yet taken by the system."""
+    def queued(self) -> int:
+        """Bytes written here and not on the wire yet, as far as the system knows."""
         ...
 
     def listen(
@@ -97,6 +98,10 @@ class Port(Protocol):
 
     def look(self) -> None:
         """Hear what is there now, however little."""
+        ...
+
+    def discard(self) -> None:
+        """Drop what is not on the wire, where the driver can: it may cut a frame in half."""
         ...
 
     async def drain(self, timeout_s: float) -> bool:
@@ -120,7 +125,8 @@ class _Serial(serial.Serial):
             return os.read(self.fileno(), size) or super().read(size)
         except BlockingIOError:
             return b""
-        except (serial.SerialException, OSError) as error:
+        except (serial.SerialException, OSError, ValueError) as error:
+            # A ValueError is select's, of a descriptor beyond 1023.
             if self.on_broken is not None:
                 self.on_broken(error)
             raise serial.SerialException(str(error)) from error
@@ -138,9 +144,8 @@ class _Serial(serial.Serial):
 
     def close(self) -> None:
         if self.is_open and self.fd is not None:
-            # The kernel, too, would wait for output that nobody takes.
-            with contextlib.suppress(OSError, termios.error):
-                termios.tcflush(self.fd, termios.TCOFLUSH)
+            # The kernel, too, would wait for output that the device does not read.
+            drop(self.fd)
             with contextlib.suppress(OSError):
                 fcntl.ioctl(self.fd, termios.TIOCNXCL)
         super().close()
@@ -192,6 +197,16 @@ class SerialPort(asyncio.Protocol):
             return 0
         return cast(int, self._transport.get_write_buffer_size())
 
+    @property
+    def queued(self) -> int:
+        """See :class:`Port`."""
+        return 0 if self._lost else self.pending + in_kernel(self._fd)
+
+    def discard(self) -> None:
+        """See :class:`Port`."""
+        if not self._lost:
+            drop(self._fd)
+
     def write(self, data: bytes) -> None:
         """See :class:`Port`."""
         if self._lost or self._transport is None:
@@ -240,7 +255,7 @@ class SerialPort(asyncio.Protocol):
         """See :class:`Port`."""
 
         def waiting() -> int | None:
-            return None if self._lost else self.pending + in_kernel(self._fd)
+            return None if self._lost else self.queued
 
         return await drained(self._clock, waiting, byte_ns=self.byte_ns, timeout_s=timeout_s)
 

@@ -9,6 +9,15 @@ import os
 from yahboomd.errors import LinkError, PortBusy, PortDenied, PortLost, PortMissing
 
 
+def takes_no_output(path: str) -> PortLost:
+    """The error of a port that sends nothing of what was written."""
+    return PortLost(
+        f"{path}: the port takes no output.",
+        remedy="It is opened again, which drops what it holds back. If that repeats, look at the "
+        "USB cable, the hub and the adapter.",
+    )
+
+
 def explained(path: str, error: Exception) -> LinkError:
     """Why a port cannot be opened, as the error to raise."""
     code = getattr(error, "errno", None)
@@ -16,7 +25,8 @@ def explained(path: str, error: Exception) -> LinkError:
     if code in {errno.ENOENT, errno.ENODEV, errno.ENXIO, errno.EIO}:
         return PortMissing(
             f"{path}: there is no such port.",
-            remedy="Is the board plugged in and powered? `yahboomd probe` lists the ports it sees.",
+            remedy="Is the board plugged in and powered? `yahboomd probe --list` lists the ports "
+            "it sees.",
         )
     if code in {errno.EACCES, errno.EPERM}:
         return PortDenied(
@@ -38,7 +48,7 @@ def explained(path: str, error: Exception) -> LinkError:
         )
     return LinkError(
         f"{path}: the port cannot be used: {words}.",
-        remedy="Is the path right? `yahboomd probe --list` names the serial ports on USB.",
+        remedy="Is the path right? `yahboomd probe --list` names the serial ports.",
     )
 
 

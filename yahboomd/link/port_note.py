@@ -1,9 +1,9 @@
-"""How the daemon opened its port, noted for whoever must stop the wheels after it.
+"""How a daemon opened its port, noted for the process that must stop the wheels after it.
 
 ``ExecStopPost=`` of the service runs ``yahboomd stop --direct`` when the daemon was killed. Every
 millisecond until the first stop is distance, and reading the configuration would take several
-times as long as all else before it. So the daemon leaves a note in ``$RUNTIME_DIRECTORY``, which
-is read with nothing but what Python has at hand. Without a service manager there is no note.
+times as long as all else before it. So each daemon leaves a note in its runtime folder, one for
+each port, which is read with nothing but what Python has at hand.
 """
 
 from __future__ import annotations
@@ -11,13 +11,16 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+from yahboomd.link.port_identity import Device
 
 NAME = "port"
+MAX_BYTES = 4096
 
 
 class PortNote(NamedTuple):
-    """What :func:`yahboomd.link.seize.seize` takes.
+    """A port, how it was opened, and by which daemon.
 
     Attributes:
         path: The device, as it was named: a link stays a link.
@@ -25,6 +28,12 @@ class PortNote(NamedTuple):
         dtr: State of DTR.
         rts: State of RTS.
         hangup_on_close: Whether closing drops DTR.
+        device: Which one it was: its name may be another's by now. None in a note of an earlier
+            version.
+        pid: Of the daemon.
+        namespace: The robot's name.
+        listen: Where the daemon listens for Zenoh.
+        ended: The daemon ended in order, and its wheels were seen to stand.
     """
 
     path: str
@@ -32,40 +41,97 @@ class PortNote(NamedTuple):
     dtr: bool
     rts: bool
     hangup_on_close: bool
+    device: Device | None = None
+    pid: int = 0
+    namespace: str = ""
+    listen: tuple[str, ...] = ()
+    ended: bool = False
+
+    def options(self) -> dict[str, Any]:
+        """What :func:`yahboomd.link.seize.seize` takes."""
+        return dict(zip(self._fields[:6], self[:6], strict=True))
 
 
-def write(note: PortNote, environ: Mapping[str, str]) -> bool:
-    """Leave the note; whether it is there now. Never raises: it only saves time."""
-    place = _place(environ)
-    if place is None:
-        return False
-    if read(environ) == note:
-        return True
-    beside = f"{place}.new"
+def write(note: PortNote, folder: str) -> bool:
+    """Leave the note; whether it is there now. Never raises: without it the configuration is read.
+
+    Notes of this process on other ports are removed: it has one port at a time.
+    """
+    from urllib.parse import quote
+
+    port = quote(note.path, safe="")[-120:]
+    name = f"{NAME}{'.' if note.namespace else ''}{quote(note.namespace, safe='')[:80]}@{port}"
     try:
-        with open(beside, "w", encoding="utf-8") as file:
-            json.dump(note._asdict(), file)
-        os.replace(beside, place)
+        for place, other in _found(folder):
+            if other == note:
+                return True
+            if os.path.basename(place) != name and note.pid and other.pid == note.pid:
+                os.unlink(place)
+        _put(os.path.join(folder, name), note)
     except OSError:
-        # Then the configuration is read, as it would be without this file.
         return False
     return True
 
 
-def read(environ: Mapping[str, str]) -> PortNote | None:
-    """The note, if there is one that can be used."""
-    place = _place(environ)
-    if place is None:
-        return None
+def end(folder: str, pid: int) -> None:
+    """Note that this process ended in order, with standing wheels. Never raises."""
+    for place, note in _found(folder):
+        if note.pid == pid:
+            try:
+                _put(place, note._replace(ended=True))
+            except OSError:
+                return
+
+
+def read(folder: str) -> list[PortNote]:
+    """The notes that can be used."""
+    return [note for _, note in _found(folder)]
+
+
+def folder_of(environ: Mapping[str, str]) -> str:
+    """The runtime folder that a service manager gives; empty without one."""
+    # Where a unit has several, systemd separates them by colons.
+    return environ.get("RUNTIME_DIRECTORY", "").split(":")[0]
+
+
+def _put(place: str, note: PortNote) -> None:
+    beside = f"{place}.{os.getpid()}.new"
+    with open(beside, "w", encoding="utf-8") as file:
+        json.dump(note._asdict(), file)
+    os.replace(beside, place)
+
+
+def _found(folder: str) -> list[tuple[str, PortNote]]:
+    """All notes, that of an earlier version, which had one name for all daemons, among them."""
     try:
-        with open(place, encoding="utf-8") as file:
-            note = PortNote(**json.load(file))
+        names = sorted(os.listdir(folder)) if folder else []
+    except OSError:
+        return []
+    places = [
+        os.path.join(folder, name)
+        for name in names
+        if (name == NAME or name.startswith((f"{NAME}@", f"{NAME}."))) and name[-4:] != ".new"
+    ]
+    return [(place, note) for place in places if (note := _note(place)) is not None]
+
+
+def _note(place: str) -> PortNote | None:
+    try:
+        # A FIFO under its name must not block.
+        fd = os.open(place, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
+        try:
+            note = PortNote(**json.loads(os.read(fd, MAX_BYTES)))
+        finally:
+            os.close(fd)
+        if note.device is not None:
+            note = note._replace(device=Device(*note.device))
+        note = note._replace(listen=tuple(note.listen))
     except (OSError, ValueError, TypeError):
         return None
-    return note if tuple(map(type, note)) == (str, int, bool, bool, bool) else None
-
-
-def _place(environ: Mapping[str, str]) -> str | None:
-    # Where a unit has several, systemd separates them by colons.
-    folder = environ.get("RUNTIME_DIRECTORY", "").split(":")[0]
-    return os.path.join(folder, NAME) if folder else None
+    if tuple(map(type, note[:5])) != (str, int, bool, bool, bool):
+        return None
+    if note.device is not None and tuple(map(type, note.device)) != (int, str, str):
+        return None
+    if (type(note.pid), type(note.namespace), type(note.ended)) != (int, str, bool):
+        return None
+    return note if all(isinstance(each, str) for each in note.listen) else None

@@ -23,14 +23,14 @@ _WRAP = 1 << 32
 
 
 class Examination(msgspec.Struct, frozen=True, kw_only=True):
-    """What a board told.
+    """The answers of a board.
 
     Attributes:
         dialect: How it is spoken to; None where nothing answered like a board.
         settings: What it stores; None where it stores nothing, or did not tell.
         volts: The supply of its motors; None where it does not tell.
         ticks: Its counters; None where they did not come.
-        standing: Whether the wheels were seen to stand; None where nobody could see it.
+        standing: Whether the wheels were seen to stand; None if no counts came.
         heard: What came from the port.
     """
 
@@ -86,7 +86,7 @@ class Reopening(msgspec.Struct, frozen=True, kw_only=True):
     """What closing and opening the port did to the counters.
 
     Attributes:
-        survival: Whether they were kept, or the board started anew; unknown where they were near
+        survival: Whether they were kept, or the board restarted; unknown where they were near
             zero already, or did not come.
         before: The counters before.
         after: The counters after.

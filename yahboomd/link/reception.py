@@ -38,6 +38,12 @@ class Reception:
         counters = self._framer.counters
         return {name: getattr(counters, name) for name in counters.__struct_fields__}
 
+    @property
+    def damage(self) -> int:
+        """How often something came in that the line has damaged."""
+        seen = self._framer.counters
+        return seen.broken_frames + seen.discarded_bytes + seen.overlong + seen.bad_bytes
+
     def gather(self, port: Port) -> None:
         """Counts come in a known dialect from now on: whole lines of them may be waited for."""
         assert self.dialect is not None

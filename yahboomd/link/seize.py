@@ -20,6 +20,8 @@ import termios
 import time
 from typing import NamedTuple
 
+from yahboomd.link.port_identity import Device, identify, same
+
 FIRST_WORDS = (b"\n" * 64 + b"$pwm:0,0,0,0#", b"$speed:0,0,0,0#")
 """A resync and the surest stop of each dialect; what either board does not know does no harm."""
 
@@ -32,11 +34,16 @@ PATIENCE_S = 1.0
 
 RETRY_S = 0.02
 WRITE_WITHIN_S = 0.1
+SENT_WITHIN_S = 3.0
 
 _PSEUDO_TERMINALS = range(136, 144)
 """The major device numbers that Linux gives them."""
 
 _HELD = (errno.EBUSY, errno.EAGAIN)
+
+
+class OtherDevice(OSError):
+    """The path leads to another device than the one that is to be stopped; nothing was said."""
 
 
 class Seized(NamedTuple):
@@ -62,6 +69,7 @@ def seize(
     dtr: bool = True,
     rts: bool = False,
     hangup_on_close: bool = False,
+    device: Device | None = None,
     patience_s: float = PATIENCE_S,
 ) -> Seized:
     """Take the port for this process alone, and stop whatever board is there.
@@ -72,15 +80,17 @@ def seize(
         dtr: State of DTR.
         rts: State of RTS.
         hangup_on_close: Whether closing drops DTR.
+        device: Speak to this one only; None for the one that the path leads to.
         patience_s: How long to try again while somebody else holds it.
 
     Raises:
+        OtherDevice: The path leads to another one than ``device``.
         OSError: It cannot be had; ``errno`` says why.
     """
     deadline = time.monotonic() + patience_s
     while True:
         try:
-            fd = _take(path, dtr=dtr, rts=rts)
+            fd = _take(path, dtr=dtr, rts=rts, device=device)
             break
         except OSError as error:
             if error.errno not in _HELD or time.monotonic() >= deadline:
@@ -89,18 +99,20 @@ def seize(
     try:
         _make_raw(fd, baudrate, hangup_on_close=hangup_on_close)
         spoken_ns = time.monotonic_ns()
-        for words in FIRST_WORDS:
-            _send(fd, words)
-            time.sleep(len(words) * 10 / baudrate + SPACING_S)
+        if _speak(fd, baudrate):
+            _speak(fd, baudrate)
     except BaseException:
         os.close(fd)
         raise
     return Seized(fd, path, baudrate, spoken_ns)
 
 
-def _take(path: str, *, dtr: bool, rts: bool) -> int:
+def _take(path: str, *, dtr: bool, rts: bool, device: Device | None) -> int:
+    # Opening alone may reset what is there.
+    _check(path, os.stat(path), device)
     fd = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
+        _check(path, os.fstat(fd), device)
         # The kernel raises both lines at every open: back to what they shall be, at once.
         for line, raised in ((termios.TIOCM_DTR, dtr), (termios.TIOCM_RTS, rts)):
             _set_line(fd, line, raised=raised)
@@ -112,11 +124,16 @@ def _take(path: str, *, dtr: bool, rts: bool) -> int:
     return fd
 
 
+def _check(path: str, status: os.stat_result, device: Device | None) -> None:
+    if device is not None and not same(device, identify(status)):
+        raise OtherDevice(errno.ENXIO, "another device has this name now", path)
+
+
 def keep_out(fd: int) -> None:
     """Keep those out who ask for no lock, until the port is closed.
 
     Not on a pseudo-terminal: there it lasts as long as the far end, so that an owner who was killed
-    would lock out all who are not root, and nobody could stop the (simulated) wheels.
+    would lock out every user but root, who alone could stop the (simulated) wheels.
     """
     if os.major(os.fstat(fd).st_rdev) not in _PSEUDO_TERMINALS:
         fcntl.ioctl(fd, termios.TIOCEXCL)
@@ -148,6 +165,24 @@ def _make_raw(fd: int, baudrate: int, *, hangup_on_close: bool) -> None:
         termios.tcflush(fd, termios.TCIOFLUSH)
     except termios.error as error:
         raise OSError(*error.args) from error
+
+
+def _speak(fd: int, baudrate: int) -> bool:
+    """Say the first words one by one; whether the port held them up.
+
+    Of a burst the board keeps the last frame only, which may be the other dialect's.
+    """
+    held = False
+    for words in FIRST_WORDS:
+        _send(fd, words)
+        time.sleep(len(words) * 10 / baudrate + SPACING_S)
+        deadline = time.monotonic() + SENT_WITHIN_S
+        while struct.unpack("i", fcntl.ioctl(fd, termios.TIOCOUTQ, b"\0\0\0\0"))[0]:
+            held = True
+            if time.monotonic() >= deadline:
+                raise OSError(errno.ETIMEDOUT, "the port takes no output")
+            time.sleep(RETRY_S / 10)
+    return held
 
 
 def _send(fd: int, data: bytes) -> None:

@@ -15,7 +15,7 @@ import termios
 from collections.abc import Callable
 
 from yahboomd.clock import Clock
-from yahboomd.link.draining import drained, in_kernel
+from yahboomd.link.draining import drained, drop, in_kernel
 from yahboomd.link.port import MAX_PENDING, byte_time_ns
 from yahboomd.link.seize import Seized
 
@@ -71,11 +71,22 @@ class SeizedPort:
     def look(self) -> None:
         """Nothing: no byte is kept."""
 
+    @property
+    def queued(self) -> int:
+        """Bytes that are not on the wire yet, as far as the system knows."""
+        return self.pending + in_kernel(self._fd) if self._open else 0
+
+    def discard(self) -> None:
+        """Drop them, where the driver can: it may cut a frame in half."""
+        if self._open:
+            self._waiting.clear()
+            drop(self._fd)
+
     async def drain(self, timeout_s: float) -> bool:
         """Wait until everything is on the wire; whether it is."""
 
         def waiting() -> int | None:
-            return self.pending + in_kernel(self._fd) if self._open else None
+            return self.queued if self._open else None
 
         return await drained(self._clock, waiting, byte_ns=self.byte_ns, timeout_s=timeout_s)
 
@@ -87,9 +98,8 @@ class SeizedPort:
         if self._loop is not None:
             self._loop.remove_reader(self._fd)
             self._loop.remove_writer(self._fd)
-        with contextlib.suppress(OSError, termios.error):
-            # Closing would wait for output that nobody takes.
-            termios.tcflush(self._fd, termios.TCOFLUSH)
+        # Closing would wait for output that the device does not read.
+        drop(self._fd)
         with contextlib.suppress(OSError):
             fcntl.ioctl(self._fd, termios.TIOCNXCL)
         os.close(self._fd)

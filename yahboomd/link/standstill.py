@@ -25,7 +25,7 @@ class StandstillWatch:
         self._readings: deque[tuple[int, Counts]] = deque()
 
     def forget(self) -> None:
-        """Judge from what comes now on (the counters started anew, or a stop was just said)."""
+        """Judge from what comes now on (the counters restarted, or a stop was just sent)."""
         self._readings.clear()
 
     def see(self, ticks: Counts, now_ns: int) -> None:

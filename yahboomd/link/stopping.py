@@ -1,6 +1,7 @@
 """The last words on a port: brake, look whether the wheels stand, let go, and get it on the wire.
 
-It writes on the port itself, past every queue: whoever was to do it regularly may be dead.
+They are written on the port itself, past every queue of ours. Each waits until the one before is on
+the wire, because the board keeps only the last of a burst; a stop that was held up is said again.
 """
 
 from __future__ import annotations
@@ -24,17 +25,27 @@ STAND_WITHIN_S = 0.6
 REPEAT_S = 0.1
 """How often the brake is said again meanwhile."""
 
+COAST_WITHIN_S = 1.0
+"""How long wheels that did not obey the brake may roll on once the motors are let go."""
+
+GIVE_UP_S = 3.0
+"""How long all of it may take where the port does not send: stalls of 2 s are outlasted."""
+
+UNIDENTIFIED_WITHIN_S = 1.0
+"""The same, for the two frames that stop a board whose dialect is not known."""
+
 RUNAWAY_TICKS_PER_S = 200.0
 """A wheel that gains so much while it is braked, and a quarter more than it had, is cut at once."""
 
 DRAIN_S = 0.2
+LOOK_NS = 2_000_000
 
 
 class StopReport(msgspec.Struct, frozen=True, kw_only=True):
     """How a stop went.
 
     Attributes:
-        stood: The counters showed standstill; ``None`` where nobody could see them.
+        stood: The counters showed standstill in the end; ``None`` where they never came.
         cut: The motors were let go because they did not obey the brake.
         flushed: Everything was on the wire in the end.
         took_s: From the first stop frame to standstill, or to giving up.
@@ -54,11 +65,11 @@ class StopReport(msgspec.Struct, frozen=True, kw_only=True):
             return "the port did not take all of it"
         if self.stood is None:
             return "no counts showed whether they stand"
-        return None if self.stood else "they still turned when the motors were let go"
+        return None if self.stood else "they still turn"
 
 
 async def undisturbed(work: Coroutine[Any, Any, None]) -> None:
-    """Finish ``work``, which is bounded in time, however often whoever waits is cancelled."""
+    """Finish ``work``, which is bounded in time, however often the caller is cancelled."""
     task = asyncio.ensure_future(work)
     disturbance: asyncio.CancelledError | None = None
     while not task.done():
@@ -71,76 +82,165 @@ async def undisturbed(work: Coroutine[Any, Any, None]) -> None:
         raise disturbance
 
 
-async def stop_unidentified(port: Port, clock: Clock) -> None:
-    """Stop a board whose dialect is not known: what either would obey, after a resync."""
-    port.write(RESYNC)
-    for frame in CONNECT_STOP:
-        port.write(frame)
-        await _pause(clock, len(frame) * port.byte_ns + CONNECT_SPACING_NS)
+class _LastWords:
+    """Writes frames one at a time, on a port that may send late or not at all.
+
+    Attributes:
+        gave_up: The port did not send in time: nothing that is written now can be relied on.
+    """
+
+    def __init__(self, port: Port, clock: Clock, *, within_s: float) -> None:
+        self._port = port
+        self._clock = clock
+        self._until_ns = clock.now_ns() + nanoseconds(within_s)
+        self._size = 0
+        self.gave_up = False
+
+    def write(self, frame: bytes) -> None:
+        """Write a frame, at once."""
+        self._size += len(frame)
+        self._port.write(frame)
+
+    async def sent(self) -> bool:
+        """Wait until it is on the wire and the board had time for it; whether it was held up."""
+        size, self._size = self._size, 0
+        await self.pause(size * self._port.byte_ns + CONNECT_SPACING_NS)
+        if not self._port.queued:
+            return False
+        while self._port.queued:
+            if self._clock.now_ns() >= self._until_ns:
+                self.gave_up = True
+                return True
+            await self.pause(LOOK_NS)
+        await self.pause(CONNECT_SPACING_NS)
+        return True
+
+    async def say(self, *frames: bytes) -> bool:
+        """Say frames, each by itself; whether any was held up."""
+        held = False
+        for frame in frames:
+            if not self.gave_up:
+                self.write(frame)
+                held |= await self.sent()
+        return held
+
+    async def pause(self, ns: int) -> None:
+        """Say nothing for a while."""
+        await sleep_until(self._clock, self._clock.now_ns() + ns)
+
+
+class _Watching:
+    """Says a stop again and again until the counters show that the wheels stand.
+
+    Attributes:
+        said: How often.
+    """
+
+    def __init__(
+        self, words: _LastWords, clock: Clock, dialect: Dialect, watch: StandstillWatch
+    ) -> None:
+        self._words = words
+        self._clock = clock
+        self._dialect = dialect
+        self._watch = watch
+        self.said = 0
+
+    async def until_still(self, stop: bytes, within_s: float, *, again: bool) -> int:
+        """Say a stop that was said once already, until the wheels stand.
+
+        Args:
+            stop: The frame.
+            within_s: How long at most, from when it was on the wire.
+            again: It was held up: say it again at once.
+
+        Returns:
+            When the wheels stood, or this gave up.
+        """
+        dialect, watch, words = self._dialect, self._watch, self._words
+        now_ns = self._clock.now_ns()
+        deadline_ns = now_ns + nanoseconds(within_s)
+        due_ns = now_ns if again else now_ns + nanoseconds(REPEAT_S)
+        arm_due_ns = now_ns
+        first: float | None = None
+        while not (watch.standing or words.gave_up) and now_ns < deadline_ns:
+            held = False
+            if now_ns >= due_ns:
+                self.said += 1
+                due_ns = now_ns + nanoseconds(REPEAT_S)
+                held = await words.say(stop)
+            elif dialect.poll is not None:
+                held = await words.say(dialect.poll)
+            elif watch.speed is None and now_ns >= arm_due_ns:
+                arm_due_ns = now_ns + nanoseconds(REPEAT_S)
+                held = await words.say(*dialect.arm)
+            else:
+                await words.pause(CONNECT_SPACING_NS)
+            now_ns = self._clock.now_ns()
+            if held:
+                # The board may have had it in one burst, of which it keeps the last.
+                due_ns, deadline_ns, first = now_ns, now_ns + nanoseconds(within_s), None
+            first = watch.speed if first is None else first
+            if stop != dialect.cut and dialect.cut is not None and _runs_away(first, watch.speed):
+                break
+        return now_ns
+
+
+async def stop_unidentified(port: Port, clock: Clock) -> bool:
+    """Stop a board whose dialect is not known: what either would obey, after a resync.
+
+    Returns:
+        Whether the port sent it, within :data:`UNIDENTIFIED_WITHIN_S`.
+    """
+    words = _LastWords(port, clock, within_s=UNIDENTIFIED_WITHIN_S)
+    words.write(RESYNC)
+    if await words.say(*CONNECT_STOP):
+        await words.say(*CONNECT_STOP)
+    return not words.gave_up
 
 
 async def bring_to_rest(
-    port: Port,
-    clock: Clock,
-    dialect: Dialect,
-    watch: StandstillWatch,
-    *,
-    verify: bool = True,
-    let_go: bool = False,
+    port: Port, clock: Clock, dialect: Dialect, watch: StandstillWatch, *, let_go: bool = False
 ) -> StopReport:
     """Brake until the counters stand, let the motors go, end the streams, and drain.
+
+    Bounded: 2 s, and :data:`GIVE_UP_S` besides on a port that does not send.
 
     Args:
         port: The open port; what the board says must still reach ``watch``.
         clock: What tells the time.
         dialect: How the board is spoken to.
         watch: Sees the counters.
-        verify: Wait for standstill (0.6 s at most); else brake once and let go at once.
         let_go: The motors are without power already: a brake would start the board's speed loop
-            again, and whoever let them go may have had a reason.
+            again, and there may have been a reason to let them go.
     """
     brake = (dialect.cut or dialect.brake) if let_go else dialect.brake
+    words = _LastWords(port, clock, within_s=GIVE_UP_S)
     start_ns = clock.now_ns()
-    deadline_ns = start_ns + nanoseconds(STAND_WITHIN_S)
     watch.forget()
     # Half a frame may be in the board's ear: inside a frame `$` is data. Newlines clear it.
-    port.write(RESYNC + brake)
-    brakes = 1
-    stood: bool | None = None
-    if verify:
-        if dialect.cut is not None:
-            await _pause(clock, CONNECT_SPACING_NS + 85 * port.byte_ns)
-            for frame in dialect.arm:
-                port.write(frame)
-        brake_due_ns = start_ns + nanoseconds(REPEAT_S)
-        first: float | None = None
-        while not watch.standing and clock.now_ns() < deadline_ns:
-            await _pause(clock, CONNECT_SPACING_NS)
-            first = watch.speed if first is None else first
-            if dialect.cut is not None and _runs_away(first, watch.speed):
-                break
-            if clock.now_ns() >= brake_due_ns:
-                port.write(brake)
-                brakes += 1
-                brake_due_ns += nanoseconds(REPEAT_S)
-            elif dialect.poll is not None:
-                port.write(dialect.poll)
-        stood = watch.standing if watch.speed is not None else None
-    took_ns = clock.now_ns() - start_ns
-    await _pause(clock, CONNECT_SPACING_NS)
+    words.write(RESYNC + brake)
+    held = await words.sent()
+    watching = _Watching(words, clock, dialect, watch)
+    until_ns = await watching.until_still(brake, STAND_WITHIN_S, again=held)
+    brakes, braked = 1 + watching.said, watch.standing
     if dialect.cut is not None:
-        # Said twice: the first may fall into the answer of what was sent before.
-        for frame in (dialect.cut, dialect.cut, *dialect.disarm):
-            port.write(frame)
-            await _pause(clock, len(frame) * port.byte_ns + CONNECT_SPACING_NS)
-    else:
-        port.write(dialect.brake)
+        held = await words.say(dialect.cut)
+        if not braked:
+            until_ns = await watching.until_still(dialect.cut, COAST_WITHIN_S, again=held)
+        await words.say(*dialect.disarm)
+    # A stop is the last word, and the last of a burst: said again where it was held up.
+    if await words.say(dialect.cut or dialect.brake):
+        await words.say(dialect.cut or dialect.brake)
+    if words.gave_up:
+        # Dropping it may cut a frame in half, and half a frame swallows the stop: newlines first.
+        port.discard()
+        port.write(RESYNC + (dialect.cut or dialect.brake))
     flushed = await port.drain(DRAIN_S)
     return StopReport(
-        stood=stood,
-        cut=stood is not True and dialect.cut is not None,
-        flushed=flushed,
-        took_s=seconds(took_ns),
+        stood=watch.standing if watch.speed is not None else None,
+        cut=not braked and dialect.cut is not None,
+        flushed=flushed and not words.gave_up,
+        took_s=seconds(until_ns - start_ns),
         brakes=brakes,
     )
 
@@ -148,7 +248,3 @@ async def bring_to_rest(
 def _runs_away(first: float | None, now: float | None) -> bool:
     """Braking makes it faster: a wheel whose encoder runs backward. Only the cut ends that."""
     return first is not None and now is not None and now > 1.25 * first + RUNAWAY_TICKS_PER_S
-
-
-async def _pause(clock: Clock, ns: int) -> None:
-    await sleep_until(clock, clock.now_ns() + ns)

@@ -1,8 +1,8 @@
 """Bring the wheels to rest on a port whose owner is gone.
 
-The board holds the last command for ever, so whoever drove it may be long dead. This does not
-depend on anything that was known before: it stops whatever board is there, finds out which one it
-is, and looks at the counters until the wheels stand.
+The board holds the last command for ever, so the process that drove it may be long dead. This
+does not depend on anything that was known before: it stops the board that is there, identifies it,
+and reads the counters until the wheels stand.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class TakeoverReport(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         port: The port, by name.
         dialect: What the board speaks; None where none answered.
-        stood: The counters showed standstill; None where nobody could see them.
+        stood: The counters showed standstill; None if no counts came.
         cut: The motors did not obey the brake, and were let go in full motion.
         within_s: From the first stop frame until standstill was seen, or it was given up.
         heard: What came from the port.

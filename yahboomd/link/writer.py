@@ -1,31 +1,44 @@
 """The first of the two coroutines that share the stream: it drains the outbox.
 
 One command is in flight at a time (the board's mailbox holds one and is wiped after each): after a
-frame the line is closed until its bytes are out and the dialect's spacing is over, and, where it
-has an answer, until that came or is overdue. A frame that finds the line free is written at once,
-from whoever brings it; the coroutine sees to those that had to wait and to what is said again.
+frame the line is closed until its bytes are out and the dialect's spacing is over. Where it has an
+answer, other questions wait until that came or is overdue, and velocities until the board can take
+one: an answer that does not come must not delay a robot that is to brake. A frame that finds the
+line free is written at once, by its caller; the coroutine sees to those that had to wait
+and to what is said again.
+
+Nothing is written while the system still holds bytes of an earlier frame: what is queued there
+cannot be taken back, so that a stop would wait behind all of it. Velocities wait in their slot, the
+newest wins, and a stop has one frame before it at most, however slowly the port sends.
 """
 
 from __future__ import annotations
 
 import asyncio
 from collections import Counter, deque
+from collections.abc import Callable
 
 from yahboomd.clock import Clock, nanoseconds
-from yahboomd.errors import PortLost
+from yahboomd.link.draining import OutputWatch
 from yahboomd.link.outbox import Answers, Lane, Outbox, Request
 from yahboomd.link.port import Port
+from yahboomd.link.port_errors import takes_no_output
 from yahboomd.protocol.dialect import CommandLost, Decoded, Deltas, Speeds, Totals
 
 AFTER_ANSWER_NS = 2_000_000
 """The board wipes its mailbox when it is through with answering, a moment after the last byte."""
 
-UNANSWERED = 16
+MAILBOX_NS = 20_000_000
+"""From the last byte of a question to the first of a velocity, where no answer came before: the
+board is through with answering by then (isolated commands at this distance: none lost)."""
+
+UNANSWERED = 256
+"""More questions than are asked until a silent board is given up: answers that were held back for
+so long come all at once, in their order."""
+
+HELD_BACK_NS = 100_000_000
 LATEST_ANSWER_NS = 300_000_000
 """No answer is later than that, however busy this machine is; those questions are forgotten."""
-
-STUCK_NS = 300_000_000
-"""A port that took nothing for so long takes nothing any more: only opening it anew helps."""
 
 
 class Writer:
@@ -36,30 +49,53 @@ class Writer:
         clock: What tells the time.
         resend_ns: How often the current velocity is said again.
         spacing_ns: From the last byte of a frame to the first of the next.
+        on_sent: Called with its lane when a frame is written to the port.
+        on_slow: Called once, with the bytes per second, where the port sends slower than its rate.
     """
 
-    def __init__(self, port: Port, clock: Clock, *, resend_ns: int, spacing_ns: int) -> None:
+    def __init__(
+        self,
+        port: Port,
+        clock: Clock,
+        *,
+        resend_ns: int,
+        spacing_ns: int,
+        on_sent: Callable[[Lane], None] = lambda _lane: None,
+        on_slow: Callable[[float], None] | None = None,
+    ) -> None:
         self._port = port
+        self._on_sent = on_sent
         self._clock = clock
         self._outbox = Outbox(resend_ns=resend_ns)
         self._spacing_ns = spacing_ns
         self._free_ns = 0
         self._flight: Request | None = None
         self._flight_until_ns: int | None = None
+        self._flight_end_ns = 0
+        self._flight_alone = False
+        self._missed: Request | None = None
+        self._hold_ns = 0
         self._polled_until_ns: int | None = None
         self._wake = asyncio.Event()
         self._alarm = clock.alarm(self._wake.set)
         self._poll_timeout_ns = 0
-        self._full_since_ns: int | None = None
+        self._output = OutputWatch(lambda: port.queued, port.byte_ns)
+        self._on_slow = on_slow
+        self._held = False
         self._closed = False
         self.poll_heard_ns = 0
         self._unanswered: deque[int] = deque(maxlen=UNANSWERED)
         self._surplus_since_ns: int | None = None
+        self._answered_ns = 0
         self.counters: Counter[str] = Counter()
 
     def facts(self) -> dict[str, int]:
         """Its counters, and how many velocities another one replaced before they went out."""
         return {**self.counters, "velocities_replaced": self._outbox.replaced}
+
+    def set_resend(self, resend_ns: int) -> None:
+        """Say the current velocity more or less often."""
+        self._outbox.resend_ns = resend_ns
 
     def set_spacing(self, spacing_ns: int) -> None:
         """Keep another distance between frames, now that the dialect is known."""
@@ -138,12 +174,16 @@ class Writer:
             return
         elif isinstance(decoded, CommandLost):
             self.counters["commands_lost"] += 1
-            if self._flight is None:
-                self._outbox.velocity_lost()
+            self._outbox.velocity_lost()
         flight = self._flight
         if flight is not None and flight.answered(decoded):
             self._land(answered=True)
-            self._free_ns = self._clock.now_ns() + AFTER_ANSWER_NS
+            if self._flight_alone:
+                # It may be the answer to an earlier question: this one has to be all there.
+                self._free_ns = max(self._clock.now_ns(), self._flight_end_ns) + AFTER_ANSWER_NS
+        elif flight is None and self._missed is not None and self._missed.answered(decoded):
+            self._missed = None
+            self.counters["answers_late"] += 1
         self._wake.set()
 
     def close(self) -> None:
@@ -161,9 +201,11 @@ class Writer:
             return None
         first_ns = asked.popleft()
         now_ns = self._clock.now_ns()
+        answered_ns, self._answered_ns = self._answered_ns, now_ns
         if not asked:
             self._surplus_since_ns = None
-        elif self._surplus_since_ns is None:
+        elif self._surplus_since_ns is None or now_ns - answered_ns >= HELD_BACK_NS:
+            # After a time without answers those that were held back come in one burst.
             self._surplus_since_ns = now_ns
         elif now_ns - self._surplus_since_ns >= LATEST_ANSWER_NS:
             asked.clear()
@@ -182,11 +224,8 @@ class Writer:
             while True:
                 self._wake.clear()
                 self._pump()
-                if self._stuck:
-                    raise PortLost(
-                        f"{self._port.name}: the port takes no output.",
-                        remedy="It is opened anew, which forgets what it holds back.",
-                    )
+                if self._output.stuck(self._clock.now_ns()):
+                    raise takes_no_output(self._port.name)
                 await self._wake.wait()
         finally:
             self._alarm.close()
@@ -196,14 +235,10 @@ class Writer:
     def _land(self, *, answered: bool) -> None:
         flight, self._flight, self._flight_until_ns = self._flight, None, None
         if flight is not None:
+            self._missed = None if answered else flight
             if not answered:
                 self.counters["answers_missed"] += 1
             flight.done(answered)
-
-    @property
-    def _stuck(self) -> bool:
-        full_ns = self._full_since_ns
-        return full_ns is not None and self._clock.now_ns() - full_ns >= STUCK_NS
 
     def _pump(self) -> None:
         if self._closed:
@@ -211,33 +246,59 @@ class Writer:
         now_ns = self._clock.now_ns()
         self._expire(now_ns)
         while now_ns >= self._free_ns:
-            if self._port.pending:
-                # The kernel is full: nothing more until it took what it has; a stop, too, could
-                # only queue behind it.
-                self.counters["port_full"] += 1
-                self._full_since_ns = self._full_since_ns or now_ns
+            if self._output.holds(now_ns):
+                # A stop, too, could only queue behind it.
+                if not self._held:
+                    self.counters["port_held"] += 1
+                self._held = True
                 self._free_ns = now_ns + 16 * self._port.byte_ns
                 break
-            self._full_since_ns = None
-            busy = self._flight is not None or self._polled_until_ns is not None
-            outgoing = self._outbox.take(now_ns, busy=busy)
+            if self._held:
+                # What was held left this moment.
+                self._held = False
+                self._notice_slowness()
+                self._free_ns = now_ns + self._spacing_ns
+                continue
+            asking = self._asking
+            busy = asking and now_ns < self._hold_ns
+            outgoing = self._outbox.take(now_ns, busy=busy, asking=asking)
             if outgoing is None:
                 break
             end_ns = now_ns + len(outgoing.frame) * self._port.byte_ns
             self._port.write(outgoing.frame)
+            self._output.wrote(len(outgoing.frame), now_ns)
             self.counters[_SENT[outgoing.lane]] += 1
+            self._on_sent(outgoing.lane)
             self._free_ns = end_ns + self._spacing_ns
+            self._flight_alone = False
             if outgoing.request is not None and outgoing.request.timeout_ns > 0:
                 self._flight = outgoing.request
                 self._flight_until_ns = end_ns + outgoing.request.timeout_ns
+                self._flight_end_ns = end_ns
+                self._flight_alone = True
+                self._hold_ns = end_ns + MAILBOX_NS
             elif outgoing.lane is Lane.POLL:
                 # The board cannot answer before the question is all there.
                 self.poll_heard_ns = end_ns
                 self._unanswered.append(end_ns)
+                self._hold_ns = end_ns + MAILBOX_NS
                 self._polled_until_ns = end_ns + self._poll_timeout_ns
             if now_ns < self._free_ns:
                 break
         self._alarm.set(self._next_ns())
+
+    @property
+    def _asking(self) -> bool:
+        return self._flight is not None or self._polled_until_ns is not None
+
+    def _notice_slowness(self) -> None:
+        rate = self._output.slow_bytes_per_s
+        if rate is not None:
+            self.counters["port_slow"] += 1
+            self._output.slow_bytes_per_s = None
+            if self._on_slow is not None:
+                on_slow, self._on_slow = self._on_slow, None
+                on_slow(rate)
 
     def _expire(self, now_ns: int) -> None:
         if self._flight_until_ns is not None and now_ns >= self._flight_until_ns:
@@ -249,13 +310,11 @@ class Writer:
     def _next_ns(self) -> int | None:
         """When there may be something to do again."""
         moments = [each for each in (self._flight_until_ns, self._polled_until_ns) if each]
-        if self._outbox.stopping:
-            moments.append(self._free_ns)
-        elif not moments:
-            if self._outbox.waiting:
-                moments.append(self._free_ns)
-            elif (resend_ns := self._outbox.resend_at_ns) is not None:
-                moments.append(max(resend_ns, self._free_ns))
+        asking = self._asking
+        due_ns = self._outbox.due_ns(asking=asking)
+        if due_ns is not None:
+            held = asking and not self._outbox.stopping
+            moments.append(max(due_ns, self._free_ns, self._hold_ns if held else 0))
         return min(moments) if moments else None
 
 

@@ -123,7 +123,7 @@ def stamp(stamp_ns: int) -> tuple[int, int]:
 
 
 def decode_velocity(payload: bytes) -> Velocity | str:
-    """Reads a geometry_msgs/msg/Twist or TwistStamped, told apart by their length.
+    """Reads a geometry_msgs/msg/Twist or TwistStamped, distinguished by their length.
 
     Args:
         payload: Header and body, in either byte order.

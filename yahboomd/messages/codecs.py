@@ -1,4 +1,4 @@
-"""Bytes to messages and back: JSON, MessagePack and CDR, told apart by the first byte.
+"""Bytes to messages and back: JSON, MessagePack and CDR, distinguished by the first byte.
 
 Nothing here raises on what arrives: every payload becomes a message or a ``Refusal``.
 """
@@ -20,6 +20,7 @@ from yahboomd.messages.native import (
     SetPoseRequest,
     VelocityCommand,
 )
+from yahboomd.messages.set_pose import covariance_problem
 
 NativeEncoding: TypeAlias = Literal["json", "msgpack"]
 Encoding: TypeAlias = Literal["json", "msgpack", "cdr"]
@@ -175,11 +176,11 @@ def decode_set_pose(payload: bytes) -> SetPoseRequest | Refusal:
         request = _DECODE_SET_POSE[encoding](payload)
     except _BROKEN as error:
         return _why(error, payload, encoding)
-    covariance = request.covariance or ()
-    if not all(map(math.isfinite, (request.x, request.y, request.theta, *covariance))):
+    covariance = request.covariance
+    if not all(map(math.isfinite, (request.x, request.y, request.theta, *(covariance or ())))):
         return Refusal("not_finite", "a number that is not finite")
-    if any(variance < 0.0 for variance in covariance[::4]):
-        return Refusal("wrong_type", "a variance, on the diagonal of covariance, is negative")
+    if covariance is not None and (problem := covariance_problem(covariance)):
+        return Refusal("wrong_type", problem)
     return request
 
 
@@ -202,6 +203,19 @@ def is_release_attempt(payload: bytes, *, query: bool = False) -> bool:
     except _BROKEN:
         return False
     return isinstance(value, dict) and value.get("engaged") is False
+
+
+def estop_by(payload: bytes) -> str:
+    """Who asks for the emergency stop, as its payload says; empty where it says nothing."""
+    encoding = _admit(payload)
+    if isinstance(encoding, Refusal) or encoding == "cdr":
+        return ""
+    try:
+        value = _DECODE_ANY[encoding](payload)
+    except _BROKEN:
+        return ""
+    by = value.get("by") if isinstance(value, dict) else None
+    return by[:MAX_LABEL] if isinstance(by, str) and by.isprintable() else ""
 
 
 def _admit(payload: bytes) -> Encoding | Refusal:
@@ -251,8 +265,8 @@ def _from_map(command: _Command, encoding: Encoding) -> ReceivedCommand | Refusa
     stamp_ns, source = command.stamp_ns, command.source
     if stamp_ns is not None and not 0 <= stamp_ns <= INT64_MAX:
         return Refusal("wrong_type", "stamp_ns is no Unix time in nanoseconds")
-    if source is not None and len(source) > MAX_LABEL:
-        source = source[:MAX_LABEL]
+    if source is not None and not (source.isprintable() and len(source) <= MAX_LABEL):
+        source = "".join(c if c.isprintable() else "?" for c in source[:MAX_LABEL])
     return ReceivedCommand(
         vx=vx, vy=vy, wz=wz, stamp_ns=stamp_ns or None, source=source, encoding=encoding
     )

@@ -16,24 +16,30 @@ from typing import Any
 
 import msgspec
 
-from yahboomd.messages import codecs, samples
+from yahboomd.messages import codecs, event_samples, samples
+from yahboomd.messages.event_kinds import EVENTS, KINDS
 from yahboomd.messages.native import MESSAGES
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
-def _any_of(*names: str) -> list[dict[str, Any]]:
-    return [{"required": [name]} for name in names]
+BESIDE = "asyncapi.json"
+"""Is in the same folder, made by :mod:`yahboomd.daemon.asyncapi`: it needs the keys, too."""
+
+EXACT_IN_A_DOUBLE = 2**53
+"""Generators read a schema's numbers as doubles: a larger bound is another number to them."""
 
 
-# What a Struct cannot say: a command without any velocity is refused.
+def _none_of(*names: str) -> dict[str, Any]:
+    return {"properties": dict.fromkeys(names, False)}
+
+
+# What a Struct cannot say: a command without any velocity is refused. Said with `not`, which
+# generators pass over; of `anyOf` they make a type for each branch.
 _EXTRA: dict[str, dict[str, Any]] = {
-    "VelocityCommand": {"anyOf": _any_of("vx", "vy", "wz")},
+    "VelocityCommand": {"not": _none_of("vx", "vy", "wz")},
     "RosVelocityCommand": {
-        "anyOf": [
-            {"required": ["linear"], "properties": {"linear": {"anyOf": _any_of("x", "y")}}},
-            {"required": ["angular"], "properties": {"angular": {"anyOf": _any_of("z")}}},
-        ]
+        "not": {"properties": {"linear": _none_of("x", "y"), "angular": _none_of("z")}}
     },
 }
 
@@ -45,10 +51,13 @@ are in [`docs/bus.md`](../docs/bus.md). Everything here is generated, and checke
 
     python -m yahboomd.messages.generate schemas            # write
     python -m yahboomd.messages.generate --check schemas    # compare
+    python -m yahboomd.daemon.asyncapi schemas              # write asyncapi.json
 
 | where | what |
 |---|---|
+| `asyncapi.json` | the bus as an AsyncAPI document: keys, directions, messages, QoS, services |
 | `<Message>.json` | its JSON Schema (draft 2020-12): fields, types, units |
+| `events/<Message>.json` | an `EventSample` of kinds that carry `data`, with its types |
 | `samples/json/<Message>.json` | an example, byte for byte as it travels in JSON |
 | `samples/msgpack/<Message>.bin` | the same example in MessagePack |
 | `samples/cdr/<Type>.bin` | an example of a ROS 2 message in CDR, with its four-byte header |
@@ -56,7 +65,9 @@ are in [`docs/bus.md`](../docs/bus.md). Everything here is generated, and checke
 | `samples/refused.json` | velocity commands that are refused, as hexadecimal bytes, and why |
 
 ## How to use them
-1. Generate types from the schemas, or write them by hand: there are few and they are flat.
+1. Generate types from the schemas, or write them by hand: there are few, and they are flat but for
+   `RosVelocityCommand`, the groups of counters in `StatusSample`, and the `data` of events and
+   replies.
 2. Test the decoder: `samples/msgpack/X.bin` must decode to what `samples/json/X.json` holds, and
    `samples/cdr/X.bin` to the `values` of `samples/cdr/X.json`.
 3. Test the encoder by meaning, not by bytes: the order of fields, white space, and how wide a
@@ -68,8 +79,8 @@ are in [`docs/bus.md`](../docs/bus.md). Everything here is generated, and checke
 - Which encoding a sample has is its Zenoh Encoding, with the message's name behind a semicolon,
   such as `{example}`: {encodings}.
   Each key carries one type in one encoding.
-- What you send is told apart by its first byte: `{{` (after white space) is JSON, 80-8f, de or df
-  a MessagePack map, 00 CDR. At most {limit} bytes are read.
+- The first byte of what you send tells its encoding: `{{` (after white space) is JSON, 80-8f, de
+  or df a MessagePack map, 00 CDR. At most {limit} bytes are read.
 - Numbers are SI: metres, radians, m/s, rad/s. `stamp_ns` is Unix time in nanoseconds and needs 64
   bits; in JavaScript read it as a BigInt, or lose the last three digits.
 - A JSON or MessagePack number is finite: NaN and infinities are refused. Integers are welcome
@@ -81,6 +92,10 @@ are in [`docs/bus.md`](../docs/bus.md). Everything here is generated, and checke
 |---|---|
 {messages}
 
+| event with data | its `kind`s |
+|---|---|
+{events}
+
 | ROS 2 sample | type | bytes |
 |---|---|---|
 {types}
@@ -88,8 +103,8 @@ are in [`docs/bus.md`](../docs/bus.md). Everything here is generated, and checke
 
 
 def schema(name: str) -> dict[str, Any]:
-    """The JSON Schema of a native message, with its own definition on top."""
-    generated = msgspec.json.schema(MESSAGES[name])
+    """The JSON Schema of a message, with its own definition on top."""
+    generated = msgspec.json.schema(MESSAGES.get(name) or EVENTS[name])
     definitions: dict[str, Any] = generated["$defs"]
     own: dict[str, Any] = definitions.pop(name)
     result = {"$schema": DIALECT, **own, **_EXTRA.get(name, {})}
@@ -99,16 +114,41 @@ def schema(name: str) -> dict[str, Any]:
         for one in definitions.values():
             one["description"] = _unindented(one["description"])
         result["$defs"] = definitions
-    return result
+    return {key: _for_generators(value) for key, value in result.items()}
+
+
+def _for_generators(node: object) -> Any:  # noqa: ANN401 - a schema is any JSON
+    """The same schema in the forms that every generator of types understands.
+
+    A list of fixed length is a plain list (of a tuple they make ``never[]``, or nothing that
+    compiles); a group of counters is an object of whatever is in it; 64 bits are said by a format.
+    """
+    if isinstance(node, list):
+        return [_for_generators(item) for item in node]
+    if not isinstance(node, dict):
+        return node
+    form: dict[str, Any] = {key: _for_generators(value) for key, value in node.items()}
+    if "prefixItems" in form:
+        form["items"] = form.pop("prefixItems")[0]
+    if form.get("type") == "integer":
+        form["format"] = "int64"
+        if form.get("maximum", 0) > EXACT_IN_A_DOUBLE:
+            del form["maximum"]
+    if form.get("required") == []:
+        del form["required"]
+    if isinstance(form.get("additionalProperties"), dict):
+        form["additionalProperties"] = True
+    return form
 
 
 def generated() -> dict[str, bytes]:
     """Every file below the folder, by its path with forward slashes."""
     files = {"README.md": _readme().encode()}
-    for name, message in samples.NATIVE.items():
-        files[f"{name}.json"] = _pretty(schema(name))
-        files[f"samples/json/{name}.json"] = codecs.encode(message, "json")
-        files[f"samples/msgpack/{name}.bin"] = codecs.encode(message, "msgpack")
+    for folder, messages in (("", samples.NATIVE), ("events/", event_samples.SAMPLES)):
+        for name, message in messages.items():
+            files[f"{folder}{name}.json"] = _pretty(schema(name))
+            files[f"samples/json/{folder}{name}.json"] = codecs.encode(message, "json")
+            files[f"samples/msgpack/{folder}{name}.bin"] = codecs.encode(message, "msgpack")
     for name, sample in samples.CDR.items():
         files[f"samples/cdr/{name}.bin"] = sample.payload
         files[f"samples/cdr/{name}.json"] = _pretty(
@@ -152,7 +192,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     found = {
         path.relative_to(folder).as_posix(): path.read_bytes()
         for path in folder.rglob("*")
-        if path.is_file()
+        if path.is_file() and path.name != BESIDE
     }
     lines = differences(files, found)
     for line in lines:
@@ -179,6 +219,10 @@ def _unindented(text: str) -> str:
     return "\n".join(line.strip() for line in text.splitlines())
 
 
+def _kinds(event: str) -> str:
+    return ", ".join(f"`{k}`" for k, info in KINDS.items() if info.message is EVENTS[event])
+
+
 def _readme() -> str:
     meanings = {name: schema(name)["description"].partition("\n")[0] for name in samples.NATIVE}
     return _README.format(
@@ -186,6 +230,9 @@ def _readme() -> str:
         example=codecs.encoding_name("PoseSample", "json"),
         limit=codecs.MAX_PAYLOAD_BYTES,
         messages="\n".join(f"| [`{n}`]({n}.json) | {text} |" for n, text in meanings.items()),
+        events="\n".join(
+            f"| [`{name}`](events/{name}.json) | {_kinds(name)} |" for name in event_samples.SAMPLES
+        ),
         types="\n".join(
             f"| `{name}` | `{sample.ros_type}` | {len(sample.payload)} |"
             for name, sample in samples.CDR.items()

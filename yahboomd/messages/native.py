@@ -31,9 +31,11 @@ INT64_MAX = 2**63 - 1
 MAX_LABEL = 64
 """Characters of a ``source`` label that are kept; a label is for people."""
 
-_Stamp = Annotated[
-    int, Meta(ge=0, le=INT64_MAX, description="Unix time in nanoseconds; never runs backwards.")
-]
+_STAMP = (
+    "Unix time in nanoseconds; runs backwards only where the robot's clock was set back by a "
+    "second or more, once for each time (event clock_stepped)."
+)
+Stamp = Annotated[int, Meta(ge=0, le=INT64_MAX, description=_STAMP)]
 _Seq = Annotated[int, Meta(ge=0, description="Counts readings: a gap is a sample that got lost.")]
 _Vx = Annotated[float, Meta(description="Forward, m/s.")]
 _Vy = Annotated[float, Meta(description="To the left, m/s.")]
@@ -41,6 +43,14 @@ _Wz = Annotated[float, Meta(description="Counter-clockwise, rad/s.")]
 _X = Annotated[float, Meta(description="Metres.")]
 _Y = Annotated[float, Meta(description="Metres.")]
 _Theta = Annotated[float, Meta(description="Heading in radians, counter-clockwise, not wrapped.")]
+# What a client may set is bounded: from beyond, steps of millimetres or squares would be lost.
+MAX_PLACE_M = 1e8
+MAX_THETA_RAD = 1e6
+MAX_VARIANCE = 1e12
+_Place = Annotated[float, Meta(ge=-MAX_PLACE_M, le=MAX_PLACE_M, description="Metres.")]
+_V = Annotated[float, Meta(ge=0.0, le=MAX_VARIANCE)]
+_C = Annotated[float, Meta(ge=-MAX_VARIANCE, le=MAX_VARIANCE)]
+_GivenCovariance: TypeAlias = tuple[_V, _C, _C, _C, _V, _C, _C, _C, _V]
 _PoseCovariance = Annotated[
     Matrix3, Meta(description="Over (x, y, theta), row by row: m^2, m rad, rad^2.")
 ]
@@ -91,7 +101,7 @@ class RosVelocityCommand(msgspec.Struct, frozen=True, kw_only=True):
 class PoseSample(msgspec.Struct, frozen=True, kw_only=True):
     """Where the base is. One for each encoder reading; its twist has the same stamp and seq."""
 
-    stamp_ns: _Stamp
+    stamp_ns: Stamp
     seq: _Seq
     frame_id: Annotated[str, Meta(description="The frame of x, y and theta.")]
     child_frame_id: Annotated[str, Meta(description="The frame that is there: the base.")]
@@ -104,7 +114,7 @@ class PoseSample(msgspec.Struct, frozen=True, kw_only=True):
 class TwistSample(msgspec.Struct, frozen=True, kw_only=True):
     """How the base moves, in its own frame, as the encoders tell."""
 
-    stamp_ns: _Stamp
+    stamp_ns: Stamp
     seq: _Seq
     frame_id: Annotated[str, Meta(description="The frame of the velocities: the base.")]
     vx: _Vx
@@ -116,7 +126,7 @@ class TwistSample(msgspec.Struct, frozen=True, kw_only=True):
 class WheelsSample(msgspec.Struct, frozen=True, kw_only=True):
     """Every motor's wheel; the lists have one entry for each name, in the same order."""
 
-    stamp_ns: _Stamp
+    stamp_ns: Stamp
     seq: _Seq
     names: tuple[str, ...]
     ticks: Annotated[
@@ -131,15 +141,17 @@ class WheelsSample(msgspec.Struct, frozen=True, kw_only=True):
 class BatterySample(msgspec.Struct, frozen=True, kw_only=True):
     """The battery as the board measures it."""
 
-    stamp_ns: _Stamp
+    stamp_ns: Stamp
     volts: Annotated[float, Meta(description="Volts.")]
 
 
 class EventSample(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """Something that happened once: a discontinuity, a fault, its end."""
 
-    stamp_ns: _Stamp
-    kind: Annotated[str, Meta(description="A stable word in snake_case, such as board_reset.")]
+    stamp_ns: Stamp
+    kind: Annotated[
+        str, Meta(description="A stable word, such as board_reset; docs/events.md has them all.")
+    ]
     severity: Severity
     message: Annotated[str, Meta(description="One sentence for people.")]
     wheel: Annotated[str | None, Meta(description="The motor concerned, by name.")] = None
@@ -151,7 +163,7 @@ class EventSample(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
 class StatusSample(msgspec.Struct, frozen=True, kw_only=True):
     """Health, counters, who drives, and why the robot stands."""
 
-    stamp_ns: _Stamp
+    stamp_ns: Stamp
     state: Annotated[
         State,
         Meta(
@@ -168,7 +180,7 @@ class StatusSample(msgspec.Struct, frozen=True, kw_only=True):
     bus: Annotated[Group, Meta(description="The Zenoh session: routers, samples, drops.")]
     driver_since_ns: Annotated[
         int | None,
-        Meta(description="Since when the driver has control, or nobody has; none for ever."),
+        Meta(description="Since when the driver has control, or no source has; none for ever."),
     ] = None
 
 
@@ -179,17 +191,34 @@ class EstopRequest(msgspec.Struct, frozen=True, kw_only=True):
     """
 
     engaged: bool = True
+    by: Annotated[
+        str | None,
+        Meta(
+            description="Who or what asks, for people. Read where the whole payload has 64 bytes "
+            "at most."
+        ),
+    ] = None
 
 
 class SetPoseRequest(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """Asks odometry to go on from this pose."""
 
-    x: _X
-    y: _Y
-    theta: _Theta
+    x: _Place
+    y: _Place
+    theta: Annotated[
+        float,
+        Meta(
+            ge=-MAX_THETA_RAD,
+            le=MAX_THETA_RAD,
+            description="Heading in radians, counter-clockwise, not wrapped.",
+        ),
+    ]
     covariance: Annotated[
-        Matrix3 | None,
-        Meta(description="Over (x, y, theta), row by row; absent: known exactly."),
+        _GivenCovariance | None,
+        Meta(
+            description="Over (x, y, theta), row by row, symmetric and positive semidefinite; "
+            "absent: known exactly."
+        ),
     ] = None
 
 

@@ -79,11 +79,11 @@ NATIVE: dict[str, msgspec.Struct] = {
         BatterySample(stamp_ns=STAMP_NS, volts=11.75),
         EventSample(
             stamp_ns=STAMP_NS,
-            kind="stall",
+            kind="no_counts",
             severity="error",
-            message="The left wheel is commanded and does not turn; the robot was stopped.",
+            message="left is commanded 0.50 m/s and its encoder shows no motion.",
             wheel="left",
-            data={"command_m_s": 0.5, "ticks": 0},
+            data={"commanded_m_s": 0.5, "measured_m_s": 0.0},
         ),
         StatusSample(
             stamp_ns=STAMP_NS,
@@ -116,7 +116,7 @@ NATIVE: dict[str, msgspec.Struct] = {
             },
             bus={"zid": "a1b2c3", "routers": "", "neighbours": 1, "puts": 500, "put_errors": 0},
         ),
-        EstopRequest(),
+        EstopRequest(by="the red button"),
         SetPoseRequest(x=1.0, y=2.0, theta=1.5),
         ServiceReply(success=True, message="The pose was set.", data={"x": 1.0, "y": 2.0}),
     )

@@ -26,7 +26,15 @@ EDGE_MAX_NS = 10_000_000
 """Delays are below 16 ms, 8 on the average: what is left over beyond is a line that was lost."""
 
 BREAK_NS = 40_000_000
-"""A line so far from where it was expected starts the filter anew."""
+"""A line so far from where it was expected starts the filter again."""
+
+SETTLE_NS = 25_000_000
+RUSH = 1.4
+"""After a break, lines that come faster than this for so long were held back with others: when
+they left is not known, and the line is not steady."""
+
+RUSH_MOST_NS = 500_000_000
+"""No backlog takes longer to arrive; a board that keeps sending faster has changed its rate."""
 
 
 class Arrivals:
@@ -37,6 +45,14 @@ class Arrivals:
         self._gap: float | None = None
         self._edge = 0.0
         self._rough = 0.0  # how far from whole gaps lines come, on the average
+        self._broken = 0.0  # arrival of the first line after a break
+        self._since: float | None = None  # since when lines are counted to see how fast they come
+        self._lines = 0
+
+    @property
+    def steady(self) -> bool:
+        """Whether lines come as fast as they are sent, and not from a backlog."""
+        return self._since is None
 
     @property
     def gap(self) -> float:
@@ -48,22 +64,20 @@ class Arrivals:
         """How long after its tick a line may come: the gap between lines, and their delays."""
         return (self._gap or 0.0) - 2.0 * self._edge
 
-    def forget(self) -> None:
-        """Start anew with the next line."""
-        self._mean = None
-        self._gap = None
-
     def add(self, arrival: float) -> float:
         """Take in a line and say when it left; never later than it came."""
         if self._mean is None:
             self._mean = arrival
             return arrival + self._edge
         if self._gap is None:
-            self._gap = arrival - self._mean
+            self._gap = max(0.0, min(arrival - self._mean, BREAK_NS))
+        if self._since is not None:
+            return self._settle(arrival, self._since)
         expected = self._mean + self._gap
         off = arrival - expected
         if abs(off) > BREAK_NS:
-            self._mean = arrival
+            self._broken = self._since = arrival
+            self._lines = 0
             return arrival + self._edge
         if self._gap:
             lost = self._gap * math.floor(off / self._gap + 0.5)
@@ -77,3 +91,20 @@ class Arrivals:
         self._gap = max(0.0, self._gap + BETA * off)
         self._edge = max(min(arrival - self._mean, self._edge * FADE), -EDGE_MAX_NS)
         return min(arrival, self._mean + self._edge)
+
+    def _settle(self, arrival: float, since: float) -> float:
+        assert self._gap is not None
+        took = arrival - since
+        if took < 0.0:
+            # The next read of a backlog: bytes that came behind were taken off its arrival.
+            self._since, self._lines = arrival, 0
+        else:
+            self._lines += 1
+            if took >= SETTLE_NS:
+                if arrival - self._broken > RUSH_MOST_NS:
+                    self._gap = took / self._lines
+                if self._lines * self._gap <= RUSH * took:
+                    self._since, self._mean = None, arrival
+                else:
+                    self._since, self._lines = arrival, 0
+        return arrival + self._edge

@@ -17,7 +17,7 @@ wheels' own error. With the error of heading ``e`` (Gaussian, variance ``s``), t
 
 and E exp(ike) = exp(-k*k*s/2), so that all second moments of w and e follow exactly, step by step,
 from E w, E conj(w) (exp(ie) - 1) and E w (exp(ie) - 1), which are kept beside them. They are taken
-about the pose that is told: the mean shortening is part of the error.
+about the published pose: the mean shortening is part of the error.
 """
 
 from __future__ import annotations
@@ -35,6 +35,9 @@ NOISE_M = 1e-5
 
 SIDEWAYS_M_S = 1e-3
 """Standard deviation of the sideways speed of a base that cannot move sideways."""
+
+SHORTEST_SHARE = 0.05
+"""A window whose length is not known is taken to be no shorter than this part of it."""
 
 TURN_VARIANCE_MAX = math.pi * math.pi / 3.0
 """A heading of which nothing at all is known: evenly spread over the circle."""
@@ -67,7 +70,7 @@ class Covariance:
     def __init__(
         self, kinematics: Kinematics, motors: tuple[Motor, ...], *, noise_m: float = NOISE_M
     ) -> None:
-        factors = motor_factors(kinematics, motors)
+        self._factors = factors = motor_factors(kinematics, motors)
         sharing = [sum(other.wheel == motor.wheel for other in motors) for motor in motors]
         # A wheel's factors are its motor's times the number of motors on it. Motors of one side
         # slip together, so a side has one noise, from the mean distance of its motors.
@@ -87,14 +90,17 @@ class Covariance:
 
     @property
     def pose(self) -> Matrix3:
-        """Covariance of the pose about the pose that is told, row by row."""
+        """Covariance of the pose about the published pose, row by row."""
         xt, yt = self._wt.real, self._wt.imag
-        xx, yy = 0.5 * (self._ww + self._w2.real), 0.5 * (self._ww - self._w2.real)
+        # Where one is larger by many orders, rounding the sum may lose the other.
+        least = self._floor[0]
+        xx = max(least, 0.5 * (self._ww + self._w2.real))
+        yy = max(least, 0.5 * (self._ww - self._w2.real))
         xy = 0.5 * self._w2.imag
         return (xx, xy, xt, xy, yy, yt, xt, yt, self._tt)
 
     def set_pose(self, theta: float, covariance: Matrix3 | None = None) -> None:
-        """Start anew from a given pose.
+        """Restart from a given pose.
 
         The counters' own resolution is added: the baseline is known to a tick only.
 
@@ -214,7 +220,7 @@ class Covariance:
         self._add(variance, min(self._turn_per_metre * variance, TURN_VARIANCE_MAX))
 
     def bridge(self, arc: Arc) -> float:
-        """Grow by the unknown order of what was counted while nobody looked.
+        """Grow by the unknown order of what was counted unobserved.
 
         The counters tell how far the robot went and how far it turned, not which came first: the
         true end lies up to half the turn to either side of the arc's.
@@ -244,6 +250,8 @@ class Covariance:
                 yt += ayt * distance
                 tt += att * distance
         rate = (1e9 / window.span_ns) ** 2
+        if window.unsure_ns or window.rough_ns:
+            return self._unsure_twist(window, (xx, xy, xt, yy, yt, tt))
         return (
             xx * rate,
             xy * rate,
@@ -255,3 +263,25 @@ class Covariance:
             yt * rate,
             tt * rate,
         )
+
+    def _unsure_twist(self, window: Window, counts: Six) -> Matrix3:
+        """The same where the window's length is not known: every component scales with it."""
+        span_ns = window.span_ns
+        shortest_ns = max(span_ns - window.unsure_ns, SHORTEST_SHARE * span_ns)
+        # The speed may be as much larger as the window may be shorter: that is two deviations.
+        scale = 0.5 * (span_ns / shortest_ns - 1.0)
+        scale = scale * scale + (window.rough_ns / span_ns) ** 2
+        rate = (1e9 / shortest_ns) ** 2
+        x = y = turn = 0.0
+        for (along, across, turning), delta in zip(self._factors, window.deltas, strict=True):
+            x += along * delta
+            y += across * delta
+            turn += turning * delta
+        scale *= (1e9 / span_ns) ** 2
+        xx, xy, xt, yy, yt, tt = (
+            rate * count + scale * product
+            for count, product in zip(
+                counts, (x * x, x * y, x * turn, y * y, y * turn, turn * turn), strict=True
+            )
+        )
+        return (xx, xy, xt, xy, yy + self._sideways, yt, xt, yt, tt)

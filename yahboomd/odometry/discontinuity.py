@@ -7,6 +7,7 @@ where it was all the same.
 from __future__ import annotations
 
 from yahboomd.model import Event
+from yahboomd.odometry.board_clock import Notice
 from yahboomd.odometry.encoders import Outcome
 
 RESET_SPEED_M_S = 0.1
@@ -42,15 +43,15 @@ def unknown_m(outcome: Outcome, gap_s: float, *, fastest_m_s: float, speed_max_m
 def event(
     outcome: Outcome, *, gap_s: float, lost_m: float, counted_m: float, unsure_m: float
 ) -> Event:
-    """What is told of it: a warning where something was lost.
+    """How it is reported: a warning where something was lost.
 
     Args:
         outcome: What ended.
         gap_s: From the last reading before it to the first after it.
         lost_m: Up to how much of each wheel's travel is unknown.
         counted_m: The farthest that a wheel was counted to have rolled in between.
-        unsure_m: How far from the pose the base may be, as nobody saw in which order it went and
-            turned.
+        unsure_m: How far from the pose the base may be, since it is unknown in which order it went
+            and turned.
     """
     happened, done = _WORDS[outcome]
     lost = "" if not lost_m else f" Up to {lost_m:.2f} m of each wheel's travel are unknown."
@@ -65,6 +66,31 @@ def event(
             "counted_m": round(counted_m, 6),
             "unsure_m": round(unsure_m, 6),
         },
+    )
+
+
+def clock_event(notice: Notice, period_ms: float) -> Event:
+    """What is published when the board turns out to have another tick, or none.
+
+    Args:
+        notice: What was found out.
+        period_ms: The period that yahboomd uses from now on.
+    """
+    if notice == "period":
+        return Event(
+            kind="board_clock_period",
+            severity="info",
+            message=f"The board renews its counts every {period_ms:g} ms. yahboomd stamps poses by "
+            "this tick from now on; nothing needs to be done.",
+            data={"period_ms": period_ms},
+        )
+    return Event(
+        kind="board_clock_unfit",
+        severity="warning",
+        message="The board's counts follow no regular tick. yahboomd stamps poses by the arrival "
+        "of its lines instead, and takes speeds over a longer time. Firmware 1.7.3 has a tick of "
+        "10 ms; `yahboomd probe` shows the board's version.",
+        data={"period_ms": None},
     )
 
 
@@ -83,7 +109,7 @@ _WORDS: dict[Outcome, tuple[str, str]] = {
     ),
     "gap_lost": (
         "Counts were missing for a while, and the board may have been reset meanwhile.",
-        "The pose holds; set it anew if the robot was moved.",
+        "The pose holds; set it again if the robot was moved.",
     ),
     "rebased": (
         "The counters jumped farther than the wheels can roll, and stayed there.",

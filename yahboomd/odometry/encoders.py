@@ -36,7 +36,7 @@ STRAY_M_S = 0.25
 STRAY_NS = 8_000_000
 STRAY_MOST_M = 0.025
 """A step that ends so far from where the wheel was heading waits for others to agree: a little, and
-more with the time that it had to change its speed, and with its pace, as nobody knows to the
+more with the time that it had to change its speed, and with its pace, since it is not known to the
 millisecond when a board sampled. A wheel that is blocked or let go strays as well, and is believed
 one reading later; a digit that was garbled on its way is contradicted by that."""
 
@@ -101,14 +101,15 @@ class Encoders:
         self._ticks_per_m = tuple(1.0 / motor.metres_per_tick for motor in motors)
         self._zero = (0,) * len(motors)
         self._still = (0.0,) * len(motors)
-        # Counts in a nanosecond, of the last three steps and their median; after a break nobody
-        # knows them.
+        # Counts in a nanosecond, of the last three steps and their median; unknown after a
+        # break.
         self._paces: tuple[tuple[float, ...], ...] = ()
         self._pace = self._still
         self._turned = False
         self._last: Counts | None = None
         self._suspect: tuple[Counts, int, int] | None = None
         self._notice: Notice = "none"
+        self._unbroken = False
         self.totals: tuple[int, ...] = self._zero
 
     @property
@@ -121,10 +122,16 @@ class Encoders:
         """What was announced and is not settled yet."""
         return self._notice
 
-    def announce(self, notice: Notice) -> None:
-        """Remember a reset or a gap until two readings settle it; a reset outweighs a gap."""
+    def announce(self, notice: Notice, *, unbroken: bool = False) -> None:
+        """Remember a reset or a gap until two readings settle it; a reset outweighs a gap.
+
+        Args:
+            notice: What happened.
+            unbroken: The board was certainly not reset in that gap.
+        """
         if self._last is not None and self._notice != "reset" and notice != "none":
             self._notice = notice
+            self._unbroken = unbroken
             self._suspect = None
 
     def least_ns(self, deltas: tuple[int, ...]) -> float:
@@ -307,7 +314,7 @@ class Encoders:
             untouched = not any(travel) and max(map(abs, from_zero)) >= UNMISTAKABLE_TICKS
             # Beyond half the range the counters may have gone round more than once.
             fits = self.least_ns(travel) <= room_ns < HALF * min(self._ns_per_tick)
-            if untouched or (fits and not near_zero):
+            if untouched or (fits and (self._unbroken or not near_zero)):
                 return Verdict(outcome="gap_kept", ticks=ticks, deltas=travel)
             return Verdict(outcome="gap_lost", ticks=ticks, deltas=self._zero)
         announced = self._notice == "reset"

@@ -39,7 +39,11 @@ from yahboomd.odometry.velocity import (
 )
 
 UNSEEN_NS = 150_000_000
-"""In a longer step a base may go and turn in an order that nobody saw."""
+"""In a longer step a base may go and turn in an unknown order."""
+
+SHORTEST_ASKED_NS = 15_000_000
+"""A board that is asked renews its totals every 10 ms at times that it does not tell: counts over
+less than this, as after a break, make no speed."""
 
 
 class OdometerOptions(msgspec.Struct, frozen=True, kw_only=True):
@@ -129,6 +133,8 @@ class Odometer:
         self._radians = tuple(2.0 * math.pi / motor.ticks_per_revolution for motor in motors)
         self._stamp_ns = 0
         self._heard_ns = 0
+        self._asked = False
+        self._armed = 0
         self._doubt: Doubt | None = None
         self._speeds: tuple[float, ...] = (0.0,) * len(motors)
         self.estimate: OdometryEstimate | None = None
@@ -143,6 +149,8 @@ class Odometer:
                 "odometry_gaps",
                 "odometry_rebased",
                 "odometry_taken_back",
+                "odometry_unsure",
+                "board_clock_changes",
             ),
             0,
         )
@@ -158,15 +166,26 @@ class Odometer:
         """How much slower the board's clock runs than the host's; 0 while unknown."""
         return self._clock.drift_ppm
 
+    @property
+    def tick_period_ns(self) -> int | None:
+        """How often the board renews its totals, as measured; None where no regular tick fits."""
+        clock = self._clock
+        return clock.period_ns if isinstance(clock, StreamedClock) and clock.fits else None
+
     def set_sample_period(self, period_ns: int | None) -> None:
         """Tell how often the board renews its totals; None for a board that is asked."""
         if period_ns == self._period_ns:
             return
         self._period_ns = period_ns
+        self._velocity.rough_ns = 0
         if period_ns is None:
             self._clock = PolledClock(self._stamp_ns)
         else:
             self._clock = StreamedClock(period_ns, self._stamp_ns)
+
+    def armed(self) -> None:
+        """The board was asked to stream: lines from now on prove no more than that."""
+        self._armed += 1
 
     def reset(self) -> None:
         """Declare that the base stands at the origin. Totals go on."""
@@ -196,6 +215,16 @@ class Odometer:
         Returns:
             A new estimate where the reading tells something new, and what happened.
         """
+        update = self._update(reading)
+        clock = self._clock
+        if isinstance(clock, StreamedClock) and (notice := clock.take_notice()) is not None:
+            self.counters["board_clock_changes"] += 1
+            self._velocity.rough_ns = 0 if clock.fits else clock.period_ns
+            event = discontinuity.clock_event(notice, clock.period_ns * 1e-6)
+            update = msgspec.structs.replace(update, events=(*update.events, event))
+        return update
+
+    def _update(self, reading: EncoderReading) -> Update:
         counters = self.counters
         counters["odometry_readings"] += 1
         sent_ns = reading.sent_ns
@@ -204,11 +233,14 @@ class Odometer:
         if reading.after_reset:
             encoders.announce("reset")
         elif reading.after_gap or sent_ns - self._heard_ns > self._options.silence_ns:
-            encoders.announce("gap")
+            # A stream that ran before it was armed was on since the last reading that counted.
+            encoders.announce("gap", unbroken=reading.unbroken and self._armed <= 1)
         self._heard_ns = sent_ns
+        self._asked = reading.requested_ns is not None
         if encoders.repeats(reading.ticks):
             # What a board that streams says most of the time: nothing is to be judged.
-            instant = clock.observe(sent_ns, reading.requested_ns)
+            self._armed = 0
+            instant = clock.observe(sent_ns, reading.requested_ns, earliest_ns=reading.earliest_ns)
             if instant.step_ns:
                 return self._travel(encoders.unmoved(), instant)
             counters["odometry_repeated"] += 1
@@ -218,12 +250,15 @@ class Odometer:
         else:
             elapsed_ns = clock.guess_ns(sent_ns, reading.requested_ns) - self._stamp_ns
         verdict = encoders.judge(reading.ticks, sent_ns, elapsed_ns)
+        if verdict.outcome != "held":
+            self._armed = 0
         if verdict.outcome == "travel":
             instant = clock.observe(
                 sent_ns,
                 reading.requested_ns,
                 ticks=verdict.farthest,
                 least_ns=verdict.least_ns,
+                earliest_ns=reading.earliest_ns,
             )
             if not instant.step_ns:
                 counters["odometry_repeated"] += 1
@@ -233,8 +268,16 @@ class Odometer:
             counters["odometry_held"] += 1
             if encoders.notice == "none":
                 counters["odometry_rejected"] += 1
+            clock.pass_over(sent_ns)
             return NOTHING
-        return self._discontinuity(verdict, clock.restart(sent_ns, reading.requested_ns))
+        if verdict.outcome == "gap_kept":
+            farthest = max(map(abs, verdict.deltas))
+            instant = clock.resume(
+                sent_ns, reading.requested_ns, ticks=farthest, earliest_ns=reading.earliest_ns
+            )
+        else:
+            instant = clock.restart(sent_ns, reading.requested_ns, earliest_ns=reading.earliest_ns)
+        return self._discontinuity(verdict, instant)
 
     def _travel(self, verdict: Verdict, instant: Instant) -> Update:
         encoders = self._encoders
@@ -250,8 +293,18 @@ class Odometer:
             self._covariance.step(deltas, arc)
             if instant.step_ns > UNSEEN_NS:
                 self._covariance.bridge(arc)
-        window = self._velocity.step(totals, instant.step_ns)
+        window = self._velocity.step(totals, instant.step_ns, instant.unsure_ns)
         self._stamp_ns = instant.stamp_ns
+        if instant.unsure_ns:
+            self.counters["odometry_unsure"] += 1
+            if isinstance(self._clock, StreamedClock):
+                # The end of a burst: the next reading has a speed again, from here.
+                self._velocity.interrupt(totals)
+                return NOTHING
+        if not window.span_ns:
+            return NOTHING
+        if self._asked and self.estimate is not None and window.span_ns < SHORTEST_ASKED_NS:
+            return NOTHING
         self.counters["odometry_estimates"] += 1
         return Update(estimate=self._estimate(window))
 
@@ -313,7 +366,7 @@ class Odometer:
         self._encoders.accept(verdict)
         totals = self._encoders.totals
         self._integrator.interrupt()
-        self._velocity.interrupt(totals)
+        self._velocity.interrupt(None if instant.unsure_ns else totals)
         self._doubt = None
         if verdict.outcome == "baseline":
             return NOTHING

@@ -4,6 +4,9 @@ Law: a speed is counts over whole time on the board, taken over as short a windo
 count in 10 ms is already 16 mm/s, so slow motion needs a longer look than fast motion: the window
 grows backwards until the busiest motor has ``enough_ticks`` counts in it, or it is ``longest_ns``
 long. The speed belongs to the middle of the window.
+
+Where it is not known when the board sampled, counts are taken over the longest time that they can
+have needed, and the window says how much shorter it may have been. No window begins there.
 """
 
 from __future__ import annotations
@@ -25,10 +28,14 @@ class Window(NamedTuple):
     Attributes:
         span_ns: Its length; 0 before there are two readings.
         deltas: Signed counts of each motor in it.
+        unsure_ns: How much shorter it may have been.
+        rough_ns: Standard deviation of its length.
     """
 
     span_ns: int
     deltas: tuple[int, ...]
+    unsure_ns: int = 0
+    rough_ns: int = 0
 
 
 class Velocity:
@@ -40,6 +47,10 @@ class Velocity:
         shortest_ns: The window is at least so long, where readings allow.
         longest_ns: It grows no longer than this, unless readings lie farther apart.
         enough_ticks: It need not grow once the busiest motor has so many counts in it.
+
+    Attributes:
+        rough_ns: How well the time of each reading is known, where that is worth speaking of; the
+            window is the longest then.
     """
 
     def __init__(
@@ -59,21 +70,37 @@ class Velocity:
         self._enough_ticks = enough_ticks
         self._readings: deque[tuple[int, tuple[int, ...]]] = deque()
         self._time_ns = 0
+        self._kept = True
+        self.rough_ns = 0
 
-    def interrupt(self, totals: tuple[int, ...]) -> None:
-        """Start anew from a reading that does not continue the one before."""
+    def interrupt(self, totals: tuple[int, ...] | None) -> None:
+        """Start again from a reading that does not continue the one before.
+
+        Args:
+            totals: Its totals; None where its time is not known, so that no speed begins there.
+        """
         self._readings.clear()
-        self._readings.append((self._time_ns, totals))
+        if totals is not None:
+            self._readings.append((self._time_ns, totals))
 
     def take_back(self) -> None:
         """The latest reading was wrong: no speed is taken from it any more."""
-        if self._readings:
+        if self._readings and self._kept:
             self._readings.pop()
 
-    def step(self, totals: tuple[int, ...], step_ns: int) -> Window:
-        """Take in the totals after a step of ``step_ns`` on the board's clock."""
+    def step(self, totals: tuple[int, ...], step_ns: int, unsure_ns: int = 0) -> Window:
+        """Take in the totals after a step on the board's clock.
+
+        Args:
+            totals: Signed counts of each motor.
+            step_ns: How long the step took; at the longest, where that is not known.
+            unsure_ns: How much shorter it may have been.
+        """
         now_ns = self._time_ns = self._time_ns + step_ns
         readings = self._readings
+        self._kept = not unsure_ns
+        if unsure_ns:
+            return self._window(totals, readings[-1] if readings else None, unsure_ns)
         # The one reading that reaches back over the longest window stays.
         while len(readings) > 1 and now_ns - readings[1][0] >= self._longest_ns:
             readings.popleft()
@@ -87,15 +114,24 @@ class Velocity:
                 if span_ns > self._longest_ns and reading is not chosen:
                     break
                 chosen = reading
-                if span_ns >= self._shortest_ns and self._enough(totals, reading[1]):
+                if (
+                    span_ns >= self._shortest_ns
+                    and not self.rough_ns
+                    and self._enough(totals, reading[1])
+                ):
                     break
+        window = self._window(totals, chosen, 0)
         readings.append((now_ns, totals))
-        if chosen is None:
+        return window
+
+    def _window(
+        self, totals: tuple[int, ...], since: tuple[int, tuple[int, ...]] | None, unsure_ns: int
+    ) -> Window:
+        if since is None:
             return Window(0, self._zero)
-        then_ns, then = chosen
-        return Window(
-            now_ns - then_ns, tuple([now - past for now, past in zip(totals, then, strict=True)])
-        )
+        then_ns, then = since
+        deltas = tuple([now - past for now, past in zip(totals, then, strict=True)])
+        return Window(self._time_ns - then_ns, deltas, unsure_ns, self.rough_ns)
 
     def _enough(self, now: tuple[int, ...], then: tuple[int, ...]) -> bool:
         enough = self._enough_ticks

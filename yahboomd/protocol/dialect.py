@@ -92,7 +92,7 @@ class Setting(msgspec.Struct, frozen=True, kw_only=True):
 class VersionLine(msgspec.Struct, frozen=True, kw_only=True):
     """The firmware's version: part of the stored settings, or the banner of a board that starts.
 
-    Where nobody asked for the settings it is a banner, and the counters run from zero again.
+    Where the settings were not asked for it is a banner, and the counters run from zero again.
 
     Attributes:
         version: Such as ``1.7.3``.
@@ -273,5 +273,5 @@ class Dialect(Protocol):
         ...
 
     def for_profile(self, profile: MotorProfile) -> Dialect:
-        """The same dialect, for boards that must be told the motor type at each start."""
+        """The same dialect, for boards that must be sent the motor type at each start."""
         ...

@@ -13,6 +13,9 @@ as ``Set mtype:OK!``, ended by CR LF. Three bytes steer the framer, wherever the
 - LF ends everything. Held text becomes a line. Half a frame becomes a line as well, ``$``
   included: a board that resets while it sends glues its start-up banner to the half frame, and
   that notice must not be lost. It cannot be mistaken for an answer, since none starts with ``$``.
+
+Here bytes become text, which people read on terminals and in logs: control characters, with which
+a board could command a terminal, are replaced like bytes that are not ASCII.
 """
 
 from __future__ import annotations
@@ -40,6 +43,10 @@ _WHOLE = re.compile(rb"\$([^$#\n]*)#(\r\n)?")
 _DOLLAR: Final = ord("$")
 _HASH: Final = ord("#")
 _PLAIN: Final = bytes(range(0x20, 0x7F)) + b"\t\r\n"
+# What is no text becomes no ASCII, so that decoding replaces it.
+_READABLE: Final = bytes(
+    byte if byte in _PLAIN and byte not in b"\r\n" else 0xFF for byte in range(256)
+)
 
 
 class Frame(msgspec.Struct, frozen=True, kw_only=True):
@@ -47,7 +54,8 @@ class Frame(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         name: What stands before the first colon, or all of it where there is none.
-        args: What stands behind the first colon. Bytes that are not ASCII appear as U+FFFD.
+        args: What stands behind the first colon. Bytes that are neither printable ASCII nor tab
+            appear as U+FFFD.
         size: Bytes on the wire from ``$`` to ``#``, both included.
         trailing: Bytes of the same chunk behind the ``#``: they arrived later.
     """
@@ -62,7 +70,7 @@ class TextLine(msgspec.Struct, frozen=True, kw_only=True):
     """A line that is no frame, without its line end; never empty.
 
     Attributes:
-        text: The line. Bytes that are not ASCII appear as U+FFFD.
+        text: The line. Bytes that are neither printable ASCII nor tab appear as U+FFFD.
         size: Bytes on the wire, the line end included.
         trailing: Bytes of the same chunk behind the line end: they arrived later.
     """
@@ -204,7 +212,7 @@ class Framer:
 
     def _frame(self, inside: bytes, trailing: int) -> Frame:
         self.counters.frames += 1
-        name, _, args = inside.decode("ascii", "replace").partition(":")
+        name, _, args = _text(inside).partition(":")
         return Frame(name=name, args=args, size=len(inside) + 2, trailing=trailing)
 
     def _line(self, held: bytes, trailing: int, *, broken: bool) -> TextLine | None:
@@ -215,7 +223,7 @@ class Framer:
             return None
         self.counters.broken_frames += broken
         self.counters.lines += 1
-        return TextLine(text=text.decode("ascii", "replace"), size=size, trailing=trailing)
+        return TextLine(text=_text(text), size=size, trailing=trailing)
 
     def _drop(self, held: bytes, *, broken: bool = False) -> None:
         self.counters.broken_frames += broken
@@ -223,3 +231,7 @@ class Framer:
             self.counters.discarded_bytes += len(held)
         else:
             self.counters.blank_bytes += len(held)
+
+
+def _text(data: bytes) -> str:
+    return data.translate(_READABLE).decode("ascii", "replace")

@@ -26,7 +26,7 @@ class Polled(msgspec.Struct, frozen=True, kw_only=True):
     """The dialect as data; see :class:`~yahboomd.protocol.dialect.Dialect` for the meanings.
 
     Attributes:
-        motor_type: Told to the board before anything else; 1 is the 520.
+        motor_type: Sent to the board before anything else; 1 is the 520.
     """
 
     motor_type: int = 1

@@ -16,8 +16,8 @@ DIALECTS: Final[dict[str, Dialect]] = {dialect.name: dialect for dialect in (Str
 CONNECT_STOP: Final[tuple[bytes, ...]] = tuple(
     dialect.cut or dialect.brake for dialect in DIALECTS.values()
 )
-"""The surest stop of each dialect: after a crash the wheels may still turn, whoever listens. Behind
-:data:`~yahboomd.protocol.framing.RESYNC`, :data:`CONNECT_SPACING_NS` apart."""
+"""The surest stop of each dialect: after a crash the wheels may still turn, whichever board it
+is. Behind :data:`~yahboomd.protocol.framing.RESYNC`, :data:`CONNECT_SPACING_NS` apart."""
 
 CONNECT_SPACING_NS: Final = max(dialect.spacing_ns for dialect in DIALECTS.values())
 """The gap that no dialect minds."""

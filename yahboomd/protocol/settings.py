@@ -137,7 +137,7 @@ def custom_profile(
     """The profile ``custom``: a motor that the vendor does not list.
 
     Raises:
-        ConfigError: If the board could not be told, or could not count.
+        ConfigError: If the board cannot be sent them, or could not count.
     """
     profile = MotorProfile(
         name="custom",

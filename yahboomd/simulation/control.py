@@ -26,6 +26,9 @@ brown-out [SECONDS]      take the board's supply away (0.05)
 hang                     stop the MCU with the motors as they are, until a reset
 mute SECONDS             nothing of what the board says arrives
 babble SECONDS           random bytes arrive instead
+stall SECONDS            the port takes no output, then all that has queued
+hold SECONDS             what the board says is kept, then arrives at once
+unanswered WORD SHARE    this share of the answers that begin with WORD is lost ($Battery, $data)
 unplug [SECONDS]         pull the USB plug (and put it back after SECONDS)
 replug                   put it back now
 loss SHARE               this share of bytes vanishes, each way
@@ -33,6 +36,7 @@ corruption SHARE         this share of bytes arrives with a bit flipped, each wa
 delay SECONDS [JITTER]   every chunk waits, each way
 chunk SECONDS            period in which bytes arrive; 0: each byte alone
 clear                    a perfect line again
+tick-period SECONDS [JITTER]  period in which the totals are renewed; 0: with every line
 encoder-dead MOTOR       its counts stay
 encoder-reversed MOTOR   its counts run backward
 phases-swapped MOTOR     it turns the wrong way
@@ -86,6 +90,24 @@ def _babble(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
     return ""
 
 
+def _stall(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
+    robot.stall(now_ns, _seconds(words))
+    return ""
+
+
+def _hold(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
+    robot.hold(now_ns, _seconds(words))
+    return ""
+
+
+def _unanswered(robot: SimulatedRobot, words: Words, _now_ns: int) -> str:
+    start, share = words[0].encode(), float(words[1])
+    if not 0.0 <= share <= 1.0:
+        raise ValueError(f"{share} is no share")
+    robot.impairments.unanswered[start] = share
+    return ""
+
+
 def _unplug(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
     robot.unplug(now_ns, _seconds(words) if words else None)
     return ""
@@ -119,6 +141,11 @@ def _chunk(robot: SimulatedRobot, words: Words, _now_ns: int) -> str:
 
 def _clear(robot: SimulatedRobot, _words: Words, _now_ns: int) -> str:
     robot.impairments.clear()
+    return ""
+
+
+def _tick_period(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
+    robot.set_tick_period(now_ns, _seconds(words), _seconds(words[1:], 0.0))
     return ""
 
 
@@ -173,6 +200,9 @@ COMMANDS: dict[str, Command] = {
     "hang": _hang,
     "mute": _mute,
     "babble": _babble,
+    "stall": _stall,
+    "hold": _hold,
+    "unanswered": _unanswered,
     "unplug": _unplug,
     "replug": _replug,
     "loss": _loss,
@@ -180,6 +210,7 @@ COMMANDS: dict[str, Command] = {
     "delay": _delay,
     "chunk": _chunk,
     "clear": _clear,
+    "tick-period": _tick_period,
     "turning": _turning,
     "repair": _repair,
     "battery": _battery,
@@ -207,7 +238,7 @@ async def serve_control(path: Path, answer: Callable[[str], str]) -> asyncio.Ser
                 writer.write(answer(line.decode(errors="replace").strip()).encode() + b"\n")
                 await writer.drain()
         except (ConnectionError, ValueError):
-            # The other end went away, or sent a line without an end: there is nobody to answer.
+            # The other end went away, or sent a line without an end: no answer can be sent.
             return
         finally:
             writer.close()

@@ -119,8 +119,15 @@ def tuning(content: FlashContent, wired_type: int) -> Tuning:
         # TT motors without encoder are not regulated.
         frozen=content.motor_type == 4,
         # The types differ in how their wires are arranged.
-        inverted=content.motor_type in (2, 3) and content.motor_type != wired_type,
+        inverted=(content.motor_type in _POWER_CROSSED) != (wired_type in _POWER_CROSSED),
+        counts_inverted=(content.motor_type in _PHASES_CROSSED) != (wired_type in _PHASES_CROSSED),
     )
+
+
+_POWER_CROSSED = (2, 3)
+_PHASES_CROSSED = (3,)
+"""Types whose motor wires, or encoder phases, run the other way than a 520's. A 520 on a board set
+for a 310 runs away; a TT motor on a board set for a 520 turns backward, and counts forward."""
 
 
 def confirmation(name: bytes, version: str) -> bytes:

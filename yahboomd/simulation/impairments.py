@@ -17,6 +17,9 @@ class Impairments:
         settings: Loss, corruption, delays and chunks.
         muted_until_ns: Until then nothing of what the board says arrives.
         babbles_until_ns: Until then random bytes arrive instead, as fast as the wire goes.
+        stalled_until_ns: Until then the adapter takes no output of the host.
+        held_until_ns: Until then the adapter keeps what the board says, and then delivers it all.
+        unanswered: Answers of the board that begin so are lost, each with its probability.
 
     Args:
         settings: What is wrong from the start.
@@ -27,6 +30,9 @@ class Impairments:
         self.settings = settings
         self.muted_until_ns = 0
         self.babbles_until_ns = 0
+        self.stalled_until_ns = 0
+        self.held_until_ns = 0
+        self.unanswered: dict[bytes, float] = {}
         self._random = random
 
     def change(self, **settings: float | bool) -> None:
@@ -44,6 +50,8 @@ class Impairments:
         """A perfect line from now on."""
         self.settings = ImpairmentOptions()
         self.muted_until_ns = self.babbles_until_ns = 0
+        self.stalled_until_ns = self.held_until_ns = 0
+        self.unanswered = {}
 
     @property
     def spoils(self) -> bool:
@@ -63,6 +71,13 @@ class Impairments:
         if not self.spoils:
             return data
         return bytes(b for b in (self.spoil(byte) for byte in data) if b is not None)
+
+    def swallows(self, answer: bytes) -> bool:
+        """Whether an answer of the board is lost as a whole."""
+        return any(
+            answer.startswith(start) and self._random.random() < share
+            for start, share in self.unanswered.items()
+        )
 
     def latency_ns(self) -> int:
         """What the next chunk waits besides the wire."""

@@ -1,4 +1,4 @@
-"""Files of JSON lines, written while the simulation runs and read by whoever looks at it."""
+"""Files of JSON lines, written while the simulation runs and read by other programs."""
 
 from __future__ import annotations
 

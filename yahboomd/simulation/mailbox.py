@@ -3,8 +3,8 @@
 - ``$`` opens a frame, ``#`` closes it; between them everything is data, ``$`` and newlines too.
 - Outside a frame everything is ignored.
 - A frame of more than 51 characters is given up at its 52nd.
-- A finished frame overwrites whatever is in the mailbox, and whoever carries out a command wipes
-  the mailbox afterwards: a frame that arrived meanwhile is found empty.
+- A finished frame overwrites whatever is in the mailbox, and the loop that carries out a command
+  wipes the mailbox afterwards: a frame that arrived meanwhile is found empty.
 """
 
 from __future__ import annotations

@@ -50,8 +50,8 @@ class MemoryPort:
         self._timer: asyncio.TimerHandle | None = None
 
     @property
-    def pending(self) -> int:
-        """Bytes that nobody has taken yet: the wire takes all at once."""
+    def queued(self) -> int:
+        """Bytes that were not read yet: the wire takes all at once."""
         return 0
 
     @property
@@ -72,7 +72,7 @@ class MemoryPort:
         now_ns = self._now_ns()
         if not self.robot.started:
             self.robot.start(now_ns)
-        # What was said while nobody listened is lost.
+        # What was sent while no process listened is lost.
         self.robot.advance(now_ns)
         if not self.robot.plugged:
             self._loop = None
@@ -130,7 +130,7 @@ class MemoryPort:
 
     def _wake(self) -> None:
         for chunk in self.robot.advance(self._now_ns()):
-            # Whoever takes a chunk may close the port.
+            # The reader of a chunk may close the port.
             if self._loop is None:
                 return
             self.on_data(chunk)

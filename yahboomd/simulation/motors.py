@@ -77,6 +77,9 @@ Drive: TypeAlias = tuple[float, float, float]
 class Motor:
     """State of one motor. Rim speeds and travel are true ones, positive forward.
 
+    Attributes:
+        supply: The voltage of its supply as a share of the one that its law holds for.
+
     Args:
         law: Its numbers.
         phase: Where between two counts the encoder starts, 0 to 1.
@@ -86,6 +89,7 @@ class Motor:
         self.law = law
         self.faults = HEALTHY
         self.pwm = 0
+        self.supply = 1.0
         self.speed_m_s = 0.0
         self.travel_m = 0.0
         self._encoder_ticks = phase
@@ -140,7 +144,11 @@ class Motor:
             return 0.0, law.time_constant_s, 0.0
         share = min(1.0, effect / (PWM_MAX - law.dead_zone))
         sign = law.command_sign * (-1 if faults.phases_swapped else 1)
-        return math.copysign(share * law.max_speed_m_s, output * sign), law.time_constant_s, 0.0
+        return (
+            math.copysign(share * self.supply * law.max_speed_m_s, output * sign),
+            law.time_constant_s,
+            0.0,
+        )
 
     def _ticks_per_metre(self) -> float:
         faults = self.faults

@@ -15,6 +15,13 @@ DriveName: TypeAlias = Literal["differential", "skid_steer", "mecanum"]
 Corner: TypeAlias = Literal["left", "right", "front_left", "rear_left", "front_right", "rear_right"]
 StreamPace: TypeAlias = Literal["measured", "wire"]
 
+QUICK_GAIN = 4.0
+"""PWM units per mm/s of error and unit of gain: the default gains settle within 0.1 to 0.3 s."""
+
+PLAIN_GAIN = 1.0
+"""The law as it stands: from 0.5 m/s the default gains need more than 0.6 s to a standstill, as the
+vendor's firmware does."""
+
 
 class Wiring(msgspec.Struct, frozen=True, kw_only=True):
     """One motor, where it sits and how it is connected.
@@ -113,7 +120,7 @@ class SimulationOptions(msgspec.Struct, frozen=True, kw_only=True):
         dialect: Which firmware the board runs.
         drive: The geometry.
         wiring: The motors; None takes the usual ones of the drive.
-        motor_type: What the motors are (1: 520), whatever the board was told.
+        motor_type: What the motors are (1: 520), whatever the board was set to.
         lines: Encoder lines per turn of the motor.
         ratio: The true gear ratio, which need not be whole.
         wheel_radius_m: The true radius of the wheels.
@@ -123,12 +130,17 @@ class SimulationOptions(msgspec.Struct, frozen=True, kw_only=True):
         motor_dead_zone: Output below which the motors do not turn, in PWM units.
         time_constant_s: Lag of a driven motor.
         battery_volts: The battery at rest.
+        rated_volts: The supply at which full output gives ``max_speed_m_s``.
+        loop_gain: PWM units per mm/s of error and unit of gain, of the firmware's speed loop.
         flash: What the streamed board has stored.
         firmware: The version that it reports.
         initial_ticks: The counters at the start, as of a board that has run for a while.
         baud: Speed of the line, 8N1.
         stream_pace: ``measured`` sends stream lines at the rates seen on boards, ``wire`` one
             right after the other.
+        tick_period_s: How often a streamed board renews its totals; 0 renews them with every line.
+            Firmware 1.7.3 does so every 10 ms.
+        tick_jitter_s: Each of these periods is up to so much longer, at random.
         seed: Of every random thing.
         impairments: What is wrong with the line from the start.
     """
@@ -146,11 +158,15 @@ class SimulationOptions(msgspec.Struct, frozen=True, kw_only=True):
     motor_dead_zone: int = 1950
     time_constant_s: float = 0.06
     battery_volts: float = 7.4
+    rated_volts: float = 7.4
+    loop_gain: float = QUICK_GAIN
     flash: FlashContent = FlashContent()
     firmware: str = "1.7.3"
     initial_ticks: Counts = (0, 0, 0, 0)
     baud: int = 115200
     stream_pace: StreamPace = "measured"
+    tick_period_s: float = 0.01
+    tick_jitter_s: float = 0.0
     seed: int = 0
     impairments: ImpairmentOptions = ImpairmentOptions()
 
@@ -181,6 +197,8 @@ def check(options: SimulationOptions) -> None:
         ("delay_s", line.delay_s),
         ("jitter_s", line.jitter_s),
         ("chunk_s", line.chunk_s),
+        ("tick_period_s", options.tick_period_s),
+        ("tick_jitter_s", options.tick_jitter_s),
     ):
         if not (math.isfinite(seconds) and seconds >= 0.0):
             mistakes.append(f"{name} cannot be {seconds}")
@@ -197,6 +215,8 @@ def _impossible(options: SimulationOptions) -> list[tuple[str, float]]:
         ("wheel_base_m", options.wheel_base_m),
         ("max_speed_m_s", options.max_speed_m_s),
         ("time_constant_s", options.time_constant_s),
+        ("rated_volts", options.rated_volts),
+        ("loop_gain", options.loop_gain),
         ("baud", options.baud),
     )
     return [(name, value) for name, value in numbers if not (math.isfinite(value) and value > 0.0)]

@@ -28,7 +28,6 @@ class Plant:
     def __init__(self, options: SimulationOptions, random: Random) -> None:
         self.wiring: tuple[Wiring, ...] = options.motors
         self.motor_type = options.motor_type
-        self.battery_volts = options.battery_volts
         self.motors = [_motor(options, wire, random.random()) for wire in self.wiring]
         self.chassis = Chassis(
             shares(
@@ -41,8 +40,21 @@ class Plant:
         self._by_position: list[Motor | None] = [None] * CHANNELS
         for wire, motor in zip(self.wiring, self.motors, strict=True):
             self._by_position[wire.position - 1] = motor
+        self._rated_volts = options.rated_volts
+        self.battery_volts = options.battery_volts
         self._now_ns = 0
         self._started = False
+
+    @property
+    def battery_volts(self) -> float:
+        """The battery at rest. Full output turns the motors as fast as it allows."""
+        return self._battery_volts
+
+    @battery_volts.setter
+    def battery_volts(self, volts: float) -> None:
+        self._battery_volts = volts
+        for motor in self.motors:
+            motor.supply = volts / self._rated_volts
 
     def start(self, now_ns: int) -> None:
         """Time begins here."""

@@ -41,12 +41,15 @@ class PolledBoard:
         emit: Where its bytes go.
         totals: The counters at the start.
         baud: Speed of the line.
+        loop_gain: Of the speed loop.
     """
 
-    def __init__(self, *, plant: Plant, emit: Emit, totals: Counts, baud: int) -> None:
+    def __init__(
+        self, *, plant: Plant, emit: Emit, totals: Counts, baud: int, loop_gain: float
+    ) -> None:
         self.emit = emit
         self._plant = plant
-        self._control = MotorControl(plant, totals)
+        self._control = MotorControl(plant, totals, loop_gain)
         self._baud = baud
         self._motor_type = 0
         self._tuning = _tuning(0, plant.motor_type)
@@ -117,6 +120,7 @@ class PolledBoard:
                     return
                 self._tick_ns += TICK_NS
                 self._control.tick(at_ns, self._tuning)
+                self._control.renew_totals(at_ns, self._tuning)
             else:
                 if (at_ns := self._main_ns) > now_ns:
                     return

@@ -2,7 +2,7 @@
 
 - Bytes are paced on an absolute schedule; the kernel's timer wakes us when there is something to
   hand over, an incoming command wakes us at once.
-- Nobody has the port open: the board runs on, what it says is lost, and we look every few
+- No process has the port open: the board runs on, what it says is lost, and we look every few
   milliseconds whether somebody has come (a pty tells only by reading it).
 - The host does not read: what the pty does not take is lost, as with a UART.
 - The host writes faster than the wire carries: we stop reading, and the host's buffer fills.
@@ -14,7 +14,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import hashlib
 import os
+import socket
 import termios
 import tty
 from collections.abc import Callable, Sequence
@@ -93,6 +95,8 @@ class PtyPort:
     def command(self, line: str) -> str:
         """Carry out a control command, and return what it answers."""
         answer = execute(self.robot, line, self._clock.now_ns())
+        if self._stuffed():
+            self._stop_reading()
         self._schedule()
         return answer
 
@@ -106,14 +110,14 @@ class PtyPort:
             if self._master >= 0 and not self._reading and not self._stuffed():
                 self._read()
             self._schedule()
-        except Exception as why:  # noqa: BLE001 - a callback has nobody else to tell
+        except Exception as why:  # noqa: BLE001 - a callback cannot raise it
             self._fail(why)
 
     def _readable(self) -> None:
         try:
             self._read()
             self._schedule()
-        except Exception as why:  # noqa: BLE001 - a callback has nobody else to tell
+        except Exception as why:  # noqa: BLE001 - a callback cannot raise it
             self._fail(why)
 
     def _fail(self, why: Exception) -> None:
@@ -124,7 +128,9 @@ class PtyPort:
         self._alarm.set(self.robot.next_ns)
 
     def _stuffed(self) -> bool:
-        return self.robot.host_backlog_ns(self._clock.now_ns()) > BACKLOG_NS
+        now_ns = self._clock.now_ns()
+        stalled = now_ns < self.robot.impairments.stalled_until_ns
+        return stalled or self.robot.host_backlog_ns(now_ns) > BACKLOG_NS
 
     def _read(self) -> None:
         if self._master < 0:
@@ -135,7 +141,7 @@ class PtyPort:
             self._host_is_there()
             return
         except OSError:
-            # EIO: nobody has the other end open.
+            # EIO: no process has the other end open.
             self._host_is_gone()
             return
         if not data:
@@ -243,6 +249,8 @@ async def serve(
     """
     port = PtyPort(robot, link=link)
     async with contextlib.AsyncExitStack() as stack:
+        if link is not None:
+            stack.enter_context(_claim(link))
         if truth is not None:
             stack.callback(_follow(robot, truth).close)
         if heard is not None:
@@ -283,6 +291,24 @@ def _listen(port: PtyPort, path: Path) -> HeardWriter:
         ) from why
     port.on_heard = writer.write
     return writer
+
+
+def _claim(link: Path) -> socket.socket:
+    """Reserve a link for this process, until the socket is closed or the process ends.
+
+    A name in Linux's abstract socket namespace needs no file, so that nothing is left by a kill.
+    """
+    name = hashlib.sha256(os.fsencode(link.absolute())).hexdigest()
+    claim = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        claim.bind(f"\0yahboomd-simulate-{name}")
+    except OSError as why:
+        claim.close()
+        raise ConfigError(
+            f"Another simulated board runs behind {link}.",
+            remedy="End it, or give this one another --link.",
+        ) from why
+    return claim
 
 
 def _point(link: Path, target: str) -> None:

@@ -26,7 +26,7 @@ from yahboomd.simulation.truth import TruthSample
 from yahboomd.simulation.wire import Wire
 
 WAKE_NS = 10_000_000
-"""A caller need not come more often than this while nobody says anything."""
+"""A caller need not come more often than this while nothing is sent."""
 
 BUSY_WAKE_NS = 1_000_000
 BABBLE_AHEAD_NS = 2_000_000
@@ -41,7 +41,7 @@ class SimulatedRobot:
         board: The firmware.
         impairments: The state of the line.
         on_truth: Takes a sample every 10 ms.
-        on_plug: Told when the USB plug comes out (False) or goes in (True).
+        on_plug: Called when the USB plug comes out (False) or goes in (True).
 
     Args:
         options: What it is made of.
@@ -94,11 +94,12 @@ class SimulatedRobot:
         if not self._plugged:
             return
         self._run(now_ns)
-        self._to_board.send(data, now_ns + self.impairments.latency_ns())
+        taken_ns = max(now_ns, self.impairments.stalled_until_ns)
+        self._to_board.send(data, taken_ns + self.impairments.latency_ns())
 
     def host_backlog_ns(self, now_ns: int) -> int:
-        """How long the wire still needs for what the host has written."""
-        return max(0, self._to_board.idle_ns - now_ns)
+        """How long the wire still needs for what the host has written, stalls included."""
+        return max(0, self._to_board.idle_ns - now_ns, self.impairments.stalled_until_ns - now_ns)
 
     def advance(self, now_ns: int) -> list[bytes]:
         """Do what is due, and return what has arrived at the host, in its chunks."""
@@ -124,6 +125,8 @@ class SimulatedRobot:
             wake_ns = min(wake_ns, self._actions[0][0])
         if self._now_ns < self.impairments.babbles_until_ns:
             wake_ns = min(wake_ns, self._now_ns + BUSY_WAKE_NS)
+        if self._now_ns < self.impairments.stalled_until_ns:
+            wake_ns = min(wake_ns, self.impairments.stalled_until_ns)
         return max(self._now_ns + 1, min(wake_ns, self.board.speaks_ns))
 
     # What can happen to it.
@@ -156,6 +159,16 @@ class SimulatedRobot:
         self._run(now_ns)
         self.impairments.babbles_until_ns = now_ns + nanoseconds(duration_s)
 
+    def stall(self, now_ns: int, duration_s: float) -> None:
+        """Take no output of the host; afterwards the wire carries what has queued."""
+        self._run(now_ns)
+        self.impairments.stalled_until_ns = now_ns + nanoseconds(duration_s)
+
+    def hold(self, now_ns: int, duration_s: float) -> None:
+        """Keep what the board says, and deliver all of it at once afterwards."""
+        self._run(now_ns)
+        self.impairments.held_until_ns = now_ns + nanoseconds(duration_s)
+
     def unplug(self, now_ns: int, duration_s: float | None = None) -> None:
         """Pull the USB plug, and put it back after a while unless that is None."""
         self._run(now_ns)
@@ -177,6 +190,17 @@ class SimulatedRobot:
             if self.on_plug is not None:
                 self.on_plug(True)
 
+    def set_tick_period(self, now_ns: int, period_s: float, jitter_s: float = 0.0) -> None:
+        """Renew the totals at another rate; 0 renews them with every line.
+
+        Raises:
+            ValueError: A board that is polled has no such period.
+        """
+        self._run(now_ns)
+        if not isinstance(self.board, StreamedBoard):
+            raise ValueError("a polled board counts when it is asked")  # noqa: TRY004 - a command
+        self.board.set_tick_period(now_ns, nanoseconds(period_s), nanoseconds(jitter_s))
+
     def set_faults(self, motor: str, faults: MotorFaults = HEALTHY, *, now_ns: int) -> None:
         """Break or repair a motor, named by its name or position, or ``all``.
 
@@ -195,7 +219,7 @@ class SimulatedRobot:
             one.faults = faults
 
     def after(self, at_ns: int, action: Callable[[int], None]) -> None:
-        """Do something at a later moment; it is told which one."""
+        """Do something at a later moment; it is called with that moment."""
         heapq.heappush(self._actions, (at_ns, next(self._order), action))
 
     def truth(self, now_ns: int) -> TruthSample:
@@ -207,7 +231,8 @@ class SimulatedRobot:
 
     def _emit(self, data: bytes, now_ns: int) -> None:
         line = self.impairments
-        if self._plugged and now_ns >= line.muted_until_ns and now_ns >= line.babbles_until_ns:
+        silent = now_ns < line.muted_until_ns or now_ns < line.babbles_until_ns
+        if self._plugged and not silent and not line.swallows(data):
             self._to_host.send(data, now_ns)
 
     def _run(self, now_ns: int) -> None:
@@ -281,7 +306,7 @@ class SimulatedRobot:
     def _collect(self, now_ns: int) -> None:
         while not self._to_host.empty and (at_ns := self._chunk_ns()) <= now_ns:
             data = self.impairments.spoil_all(self._to_host.take(at_ns))
-            due_ns = at_ns + self.impairments.latency_ns()
+            due_ns = max(at_ns + self.impairments.latency_ns(), self.impairments.held_until_ns)
             if data:
                 # Handed over in this order, whatever the jitter.
                 self._late.append((due_ns, data))
@@ -291,7 +316,13 @@ def _board(
     options: SimulationOptions, plant: Plant, emit: Callable[[bytes, int], None], random: Random
 ) -> Board:
     if options.dialect == "polled":
-        return PolledBoard(plant=plant, emit=emit, totals=options.initial_ticks, baud=options.baud)
+        return PolledBoard(
+            plant=plant,
+            emit=emit,
+            totals=options.initial_ticks,
+            baud=options.baud,
+            loop_gain=options.loop_gain,
+        )
     return StreamedBoard(
         plant=plant,
         emit=emit,
@@ -301,4 +332,7 @@ def _board(
         baud=options.baud,
         pace=options.stream_pace,
         random=random,
+        loop_gain=options.loop_gain,
+        tick_period_ns=nanoseconds(options.tick_period_s),
+        tick_jitter_ns=nanoseconds(options.tick_jitter_s),
     )

@@ -14,6 +14,7 @@ import msgspec
 
 from yahboomd.model import CHANNELS, Counts
 from yahboomd.simulation.motors import PWM_MAX
+from yahboomd.simulation.options import QUICK_GAIN
 from yahboomd.simulation.plant import Plant
 
 TICK_NS = 10_000_000
@@ -21,10 +22,6 @@ TICK_NS = 10_000_000
 
 SPEED_MAX = 1000
 """Largest speed command, in mm/s."""
-
-GAIN = 4.0
-"""PWM units per mm/s of error and unit of gain; tuned so that the default gains settle within
-0.1 to 0.3 s, as on the real motors."""
 
 
 class Tuning(msgspec.Struct, frozen=True, kw_only=True):
@@ -39,6 +36,7 @@ class Tuning(msgspec.Struct, frozen=True, kw_only=True):
         dead_zone: PWM units added to the loop's output.
         frozen: The loop does not run, outputs stay.
         inverted: Outputs go out with the other sign, as for motors of another type.
+        counts_inverted: Counts come in with the other sign, as of motors of another type.
         zero_releases: Target 0 switches the output off instead of regulating.
     """
 
@@ -49,13 +47,19 @@ class Tuning(msgspec.Struct, frozen=True, kw_only=True):
     dead_zone: int
     frozen: bool = False
     inverted: bool = False
+    counts_inverted: bool = False
     zero_releases: bool = False
 
 
 class SpeedLoop:
-    """The loop of one motor."""
+    """The loop of one motor.
 
-    def __init__(self) -> None:
+    Args:
+        gain: PWM units per mm/s of error and unit of gain.
+    """
+
+    def __init__(self, gain: float = QUICK_GAIN) -> None:
+        self._gain = gain
         self.target_mm_s = 0
         self._output = 0.0
         self._error = 0.0
@@ -74,7 +78,7 @@ class SpeedLoop:
             + tuning.d * (error - 2.0 * self._error + self._error_before)
         )
         self._error_before, self._error = self._error, error
-        self._output = min(PWM_MAX, max(-PWM_MAX, self._output + GAIN * change))
+        self._output = min(PWM_MAX, max(-PWM_MAX, self._output + self._gain * change))
         whole = int(self._output)
         if whole == 0:
             return 0
@@ -89,15 +93,19 @@ class MotorControl:
     Args:
         plant: What is driven and sensed.
         totals: The counters at the start.
+        gain: Of the speed loops.
     """
 
-    def __init__(self, plant: Plant, totals: Counts = (0, 0, 0, 0)) -> None:
+    def __init__(
+        self, plant: Plant, totals: Counts = (0, 0, 0, 0), gain: float = QUICK_GAIN
+    ) -> None:
         self._plant = plant
         self.totals: Counts = totals
         self.deltas: Counts = (0, 0, 0, 0)
         # None: the encoders' timers start at the next interrupt.
         self._seen: Counts | None = plant.ticks
-        self._loops = [SpeedLoop() for _ in range(CHANNELS)]
+        self._renewed: Counts | None = plant.ticks
+        self._loops = [SpeedLoop(gain) for _ in range(CHANNELS)]
         self._regulates = False
 
     def restart(self) -> None:
@@ -105,7 +113,7 @@ class MotorControl:
         self.release()
         self.totals = (0, 0, 0, 0)
         self.deltas = (0, 0, 0, 0)
-        self._seen = None
+        self._seen = self._renewed = None
 
     def release(self) -> None:
         """Outputs off, no regulation."""
@@ -130,10 +138,22 @@ class MotorControl:
         self._plant.advance(now_ns)
         ticks = self._plant.ticks
         seen = ticks if self._seen is None else self._seen
-        a, b, c, d = (new - old for new, old in zip(ticks, seen, strict=True))
+        way = -1 if tuning.counts_inverted else 1
+        a, b, c, d = (way * (new - old) for new, old in zip(ticks, seen, strict=True))
         self._seen = ticks
         self.deltas = (a, b, c, d)
-        if a or b or c or d:
+        if self._regulates and not tuning.frozen:
+            self._plant.set_outputs(tuple(self._outputs(tuning)))
+
+    def renew_totals(self, now_ns: int, tuning: Tuning) -> None:
+        """Bring the totals up to what the encoders have counted by now."""
+        self._plant.advance(now_ns)
+        ticks = self._plant.ticks
+        before = ticks if self._renewed is None else self._renewed
+        self._renewed = ticks
+        if ticks != before:
+            way = -1 if tuning.counts_inverted else 1
+            a, b, c, d = (way * (new - old) for new, old in zip(ticks, before, strict=True))
             first, second, third, fourth = self.totals
             self.totals = (
                 _int32(first + a),
@@ -141,9 +161,6 @@ class MotorControl:
                 _int32(third + c),
                 _int32(fourth + d),
             )
-        if not self._regulates or tuning.frozen:
-            return
-        self._plant.set_outputs(tuple(self._outputs(tuning)))
 
     def speeds_mm_s(self, tuning: Tuning) -> tuple[float, ...]:
         """Rim speeds over the latest 10 ms, as the board believes."""

@@ -1,7 +1,8 @@
 """The board that streams its counters: the vendor's firmware, 1.7.3 as observed.
 
-Two things run on it. An interrupt every 10 ms counts and regulates (``speed_loop``). A main loop
-does one thing at a time: carry out the command in the mailbox, answer it, or send the next stream
+Two things run on it. An interrupt every 10 ms counts and regulates (``speed_loop``); on other
+firmware the totals may be renewed at another rate, or with every line. A main loop does one thing
+at a time: carry out the command in the mailbox, answer it, or send the next stream
 line; each of them blocks it until its last byte has left.
 """
 
@@ -64,6 +65,9 @@ class StreamedBoard:
         baud: Speed of the line.
         pace: How fast stream lines follow each other.
         random: Decides how long flash takes, and which commands long lines spoil.
+        loop_gain: Of the speed loop.
+        tick_period_ns: How often the totals are renewed; 0 renews them with every line.
+        tick_jitter_ns: Each of these periods is up to so much longer, at random.
     """
 
     def __init__(
@@ -77,18 +81,24 @@ class StreamedBoard:
         baud: int,
         pace: StreamPace,
         random: Random,
+        loop_gain: float,
+        tick_period_ns: int = TICK_NS,
+        tick_jitter_ns: int = 0,
     ) -> None:
         self.emit = emit
         self.flash = flash
         self.version = version
         self._plant = plant
-        self._control = MotorControl(plant, totals)
+        self._control = MotorControl(plant, totals, loop_gain)
         self._mailbox = Mailbox()
         self._baud = baud
         self._pace: StreamPace = pace
         self._random = random
         self._tuning = tuning(self.flash, self._plant.motor_type)
+        self._tick_period_ns = tick_period_ns
+        self._tick_jitter_ns = tick_jitter_ns
         self._tick_ns = NEVER
+        self._renew_ns = NEVER
         self._main_ns = NEVER
         self._then: Callable[[int], None] | None = None
         self._idle = True
@@ -112,7 +122,7 @@ class StreamedBoard:
     @property
     def next_ns(self) -> int:
         """When the next thing happens inside."""
-        return min(self._tick_ns, self._main_ns)
+        return min(self._tick_ns, self._renew_ns, self._main_ns)
 
     @property
     def speaks_ns(self) -> int:
@@ -121,7 +131,7 @@ class StreamedBoard:
 
     @property
     def totals(self) -> Counts:
-        """The counters, as the latest interrupt left them."""
+        """The counters, as they were last renewed."""
         return self._control.totals
 
     @property
@@ -133,6 +143,12 @@ class StreamedBoard:
         """Be a board that was powered long ago."""
         self._tick_ns = now_ns + TICK_NS
         self._listens_ns = now_ns
+        self.set_tick_period(now_ns, self._tick_period_ns, self._tick_jitter_ns)
+
+    def set_tick_period(self, now_ns: int, period_ns: int, jitter_ns: int = 0) -> None:
+        """Renew the totals every ``period_ns`` from now on, or with every line where that is 0."""
+        self._tick_period_ns, self._tick_jitter_ns = period_ns, jitter_ns
+        self._renew_ns = now_ns + period_ns if period_ns else NEVER
 
     def reset(self, now_ns: int, *, off_ns: int = 0, by_power: bool) -> None:
         """Lose all but the flash and start again after ``off_ns``."""
@@ -145,6 +161,7 @@ class StreamedBoard:
         awake_ns = now_ns + off_ns + BOOT_NS
         self._listens_ns = awake_ns
         self._tick_ns = awake_ns
+        self._renew_ns = awake_ns if self._tick_period_ns else NEVER
         # A software reset cuts the line end of its last words: both arrive as one line.
         banner = f"Motor_Version:{self.version}\r\n".encode()
         self._occupy(awake_ns, then=lambda at_ns: self._say(banner, at_ns, then=self._resume))
@@ -153,7 +170,7 @@ class StreamedBoard:
 
     def hang(self) -> None:
         """Stop executing, with the outputs as they are."""
-        self._tick_ns = self._main_ns = self._listens_ns = NEVER
+        self._tick_ns = self._renew_ns = self._main_ns = self._listens_ns = NEVER
 
     def receive(self, byte: int, now_ns: int) -> None:
         """One byte has arrived; it is lost while the board writes flash or starts."""
@@ -167,7 +184,14 @@ class StreamedBoard:
     def step(self, now_ns: int) -> None:
         """Do everything that is due up to ``now_ns``."""
         while True:
-            if self._tick_ns <= self._main_ns:
+            if self._renew_ns <= self._tick_ns and self._renew_ns <= self._main_ns:
+                if (at_ns := self._renew_ns) > now_ns:
+                    return
+                self._renew_ns += self._tick_period_ns
+                if self._tick_jitter_ns:
+                    self._renew_ns += self._random.randint(0, self._tick_jitter_ns)
+                self._control.renew_totals(at_ns, self._tuning)
+            elif self._tick_ns <= self._main_ns:
                 if (at_ns := self._tick_ns) > now_ns:
                     return
                 self._tick_ns += TICK_NS
@@ -225,6 +249,8 @@ class StreamedBoard:
             numbers = ",".join(f"{v:.2f}" for v in self._control.speeds_mm_s(self._tuning))
             self._line(f"$MSPD:{numbers}#\r\n", now_ns, then=self._resume)
         elif totals:
+            if not self._tick_period_ns:
+                self._control.renew_totals(now_ns, self._tuning)
             self._line(
                 self._numbers("MAll", self._control.totals),
                 now_ns,

@@ -60,7 +60,8 @@ class _Selector(selectors.BaseSelector):
         self._real.close()
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        ready = self._real.select(0)
+        # The loop's own pipe only ends a wait, and here none is.
+        ready = self._real.select(0) if len(self._real.get_map()) > 1 else []
         if ready or timeout == 0:
             return ready
         if timeout is None:
@@ -83,6 +84,10 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
     def time(self) -> float:
         """Virtual seconds."""
         return self._virtual.now_ns / NS_PER_S
+
+    def freeze(self, for_s: float) -> None:
+        """Let time pass in which nothing runs, as in a process that is stopped and goes on."""
+        self._virtual.now_ns += round(for_s * NS_PER_S)
 
 
 def run(main: Coroutine[Any, Any, T]) -> T:

@@ -1,0 +1,122 @@
+"""Which faults there are, and in which order a board goes through them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from random import Random
+
+import msgspec
+
+from benchmarks.soak import attacks, delays, faults
+from benchmarks.soak.course import Course
+
+Fault = Callable[[Course], None]
+
+FAULTS: dict[str, Fault] = {
+    "e-stop": faults.estop,
+    "command silence": faults.silence,
+    "client killed": faults.client_killed,
+    "flood": faults.flood,
+    "short mute": faults.mute_short,
+    "long mute": faults.mute_long,
+    "babble": faults.babble,
+    "short unplug": faults.unplug_short,
+    "long unplug": faults.unplug_long,
+    "byte loss": faults.loss,
+    "corruption": faults.corruption,
+    "jitter": faults.jitter,
+    "encoder dead": faults.encoder_dead,
+    "encoder reversed": faults.encoder_reversed,
+    "motor unplugged": faults.motor_unplugged,
+    "wheel stalled": faults.stalled,
+    "wheel turned": faults.turning,
+    "frozen process": delays.frozen,
+    "burst": delays.burst,
+    "another tick": delays.another_tick,
+    "lost answers": delays.lost_answers,
+    "output stall": delays.output_stall,
+    "e-stop in an output stall": delays.estop_in_output_stall,
+    "flood of the e-stop's key": attacks.key_flood,
+    "attachments": attacks.attachments,
+}
+"""Faults that daemon and board live through."""
+
+RESETS: dict[str, Fault] = {
+    "board reset": faults.reset,
+    "brown-out": faults.brown_out,
+    "reset loop": faults.reset_loop,
+    "board hangs": faults.board_hangs,
+}
+"""Faults after which the board counts from zero."""
+
+ENDING: dict[str, Fault] = {
+    "SIGTERM": faults.sigterm,
+    "SIGTERM in an output stall": delays.sigterm_in_output_stall,
+    "SIGKILL": faults.sigkill,
+    "SIGSTOP": faults.sigstop,
+    "another signal": attacks.other_signal,
+}
+"""Faults that end the daemon."""
+
+SHOWN = frozenset(
+    {
+        *("encoder dead", "encoder reversed", "motor unplugged", "wheel stalled", "wheel turned"),
+        *RESETS,
+    }
+)
+"""Those in which wheels show what they are told to have done, or a board that forgot its motors
+turns none."""
+
+STREAMED = frozenset({"another tick"})
+"""Those of a board that streams."""
+
+DIALECTS = ("streamed", "polled")
+
+
+class Turn(msgspec.Struct, frozen=True, kw_only=True):
+    """One fault of the schedule."""
+
+    kind: str
+    fault: Fault
+
+
+class Segment(msgspec.Struct, frozen=True, kw_only=True):
+    """What one board goes through."""
+
+    dialect: str
+    turns: list[Turn]
+
+
+def segments(random: Random, kinds: list[str], dialects: Sequence[str]) -> Iterator[Segment]:
+    """Every fault on both dialects, again and again, in random order.
+
+    A board takes half of the faults, the next one, of the other dialect, the other half; then the
+    halves change places. A board's resets come last: after one its counts are near zero, and
+    travel that it counted while nobody heard it can no longer be told from a reset. The faults
+    that end the daemon come in every other such cycle, so that it lives long enough in between for
+    its memory to tell something.
+
+    Args:
+        random: Shuffles.
+        kinds: Only these; empty for all.
+        dialects: What the boards speak.
+    """
+    cycle = 0
+    while True:
+        ending = ENDING if cycle % 2 == 0 or kinds else {}
+        every = [
+            Turn(kind=kind, fault=fault)
+            for kind, fault in {**FAULTS, **ending, **RESETS}.items()
+            if not kinds or kind in kinds
+        ]
+        random.shuffle(every)
+        halves = [every[0::2], every[1::2]]
+        for number in range(4):
+            half = halves[(number + number // 2) % 2]
+            random.shuffle(half)
+            half.sort(key=lambda turn: turn.kind in RESETS)
+            dialect = dialects[number % len(dialects)]
+            turns = [turn for turn in half if dialect == "streamed" or turn.kind not in STREAMED]
+            if turns:
+                yield Segment(dialect=dialect, turns=turns)
+        cycle += 1

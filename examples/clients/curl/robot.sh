@@ -1,0 +1,96 @@
+#!/usr/bin/env bash
+# Reads and drives a robot with curl, through Zenoh's REST plugin: `robot.sh square`. It needs curl and jq.
+# The contract of its commands and exit codes is in examples/clients/README.md.
+set -uo pipefail
+ROBOT="${ROBOT:-http://127.0.0.1:8080/rest}"
+PREFIX="${NAMESPACE:+$NAMESPACE/}"
+here="$(cd "$(dirname "$0")" && pwd)"
+
+usage() {
+  echo "usage: robot.sh pose | status | estop | release | set-pose X Y THETA | config | square [SIDE]" >&2
+  exit 64
+}
+
+fail() { # code, words
+  echo "$2" >&2
+  exit "$1"
+}
+
+# X-Yahboomd is what the gateway's nginx asks of programs. http_proxy would send commands somewhere else.
+request() { curl --silent --fail --noproxy '*' --header 'X-Yahboomd: curl' "$@"; }
+
+ask() { # key, request: prints the answer's payload. Without ?_raw the plugin wraps it, base64 in JSON.
+  local answer
+  answer="$(request --max-time 15 --data-binary "${2-}" "$ROBOT/$PREFIX$1?_raw")" ||
+    fail 69 "No gateway answers at $ROBOT. Is it running, and yahboomd? (yahboomd run)"
+  [[ "$answer" == \{* ]] ||
+    fail 69 "Nothing behind $ROBOT answers $PREFIX$1. Is yahboomd running, with this NAMESPACE (yahboomd run),
+and does gateway.json5 allow this key?"
+  printf '%s\n' "$answer"
+}
+
+newest() { # key
+  local answer
+  answer="$(ask "$1")" || exit
+  [ "$(jq 'has("success")' <<<"$answer")" = false ] || fail 69 "$(jq -r .message <<<"$answer")" # no sample yet
+  printf '%s\n' "$answer"
+}
+
+call() { # service, request
+  local answer
+  answer="$(ask "$@")" || exit
+  printf '%s\n' "$answer"
+  [ "$(jq .success <<<"$answer")" = true ]
+}
+
+send() { # vx, wz
+  request --max-time 0.3 --request PUT --header 'Content-Type: application/json' --output /dev/null \
+    --data "{\"vx\": $1, \"wz\": $2, \"stamp_ns\": $(date +%s%N), \"source\": \"curl\"}" "$ROBOT/${PREFIX}cmd_vel"
+}
+
+# Each pose and status that arrives makes jq print a line: `go VX WZ`, `why WORDS` or `done JSON`. Where no line comes
+# for 0.3 s, the robot is sent zero: this loop is the deadman.
+square() { # side
+  local status word one two last=0 silent=0
+  status="$(newest yahboomd/status)" || exit
+  [[ "$(jq -r .state <<<"$status")" != @(estopped|fault) ]] ||
+    fail 75 "The robot will not move. $(jq -r .why <<<"$status")"
+  exec 3< <(request --no-buffer --header 'Accept: text/event-stream' "$ROBOT/${PREFIX}yahboomd/*" |
+    jq --unbuffered --raw-input --raw-output --null-input --argjson side "$1" --from-file "$here/square.jq")
+  trap 'send 0 0' EXIT
+  trap 'exit 130' INT
+  trap 'exit 143' TERM
+  while :; do
+    if read -r -t 0.3 word one two <&3; then
+      silent=0
+    elif [ $? -le 128 ]; then # the end of the stream, not of the time
+      fail 75 "The gateway at $ROBOT ended the stream of poses; the square is given up."
+    elif [ $((silent += 1)) -gt 100 ]; then
+      fail 75 "No pose came from $ROBOT for 30 s; the square is given up."
+    else
+      word=go one=0 two=0
+    fi
+    case "$word" in
+      go) # at most 20 commands a second, of which the newest pose decides
+        [ $((${EPOCHREALTIME/[.,]/} - last)) -ge 48000 ] || continue
+        last="${EPOCHREALTIME/[.,]/}"
+        send "$one" "$two"
+        ;;
+      why) fail 75 "The robot will not move. $one $two" ;;
+      done)
+        echo "$one $two"
+        return
+        ;;
+    esac
+  done
+}
+
+case "${1-} $#" in
+  "pose 1" | "status 1") newest "yahboomd/$1" ;;
+  "estop 1") call yahboomd/estop ;;
+  "release 1") call yahboomd/estop/reset ;;
+  "config 1") call yahboomd/config ;;
+  "set-pose 4") call yahboomd/odometry/set_pose "{\"x\": $2, \"y\": $3, \"theta\": $4}" ;;
+  "square 1" | "square 2") square "${2-1}" ;;
+  *) usage ;;
+esac

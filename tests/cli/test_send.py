@@ -1,0 +1,206 @@
+"""`yahboomd send` to a real daemon on a simulated board."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+
+import pytest
+from real_robot import RealRobot, free_endpoint, wait_for
+
+from yahboomd.cli.main import main
+
+pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("one_robot")]
+
+LONG = ("send", "--vx", "0.2", "--for", "300")
+
+
+def fast(robot: RealRobot) -> bool:
+    """Whether it truly drives."""
+    return max(map(abs, robot.truth()[-1].speed_m_s)) > 0.1
+
+
+@pytest.fixture
+def sending(one_robot: RealRobot) -> Iterator[Callable[..., subprocess.Popen[str]]]:
+    """Starts the command in a process, and waits until the robot drives."""
+    processes: list[subprocess.Popen[str]] = []
+
+    def start(*arguments: str, **streams: int) -> subprocess.Popen[str]:
+        command = [*(arguments or LONG), "--connect", one_robot.endpoint]
+        processes.append(
+            subprocess.Popen(
+                [sys.executable, "-m", "yahboomd", *command],
+                text=True,
+                **{"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **streams},
+            )
+        )
+        wait_for(lambda: fast(one_robot) or processes[-1].poll() is not None, "the robot drives")
+        return processes[-1]
+
+    yield start
+    for each in processes:
+        each.kill()
+        each.communicate()
+    one_robot.settled_truth()
+
+
+def test_it_drives_for_its_time_then_stands_and_prints_nothing(
+    one_robot: RealRobot, on_robot: Callable[..., int], capsys
+) -> None:
+    before_m = one_robot.travelled_m()
+    assert on_robot("send", "--vx", "0.2", "--wz", "-0.5", "--for", "1") == 0
+    assert capsys.readouterr() == ("", "")
+    one_robot.settled_truth()
+    # Two wheels, a second at 0.2 m/s in the middle, with ramps at both ends.
+    assert 0.2 < one_robot.travelled_m() - before_m < 0.6
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP])
+def test_a_signal_stops_the_robot_before_its_time(
+    one_robot: RealRobot, sending: Callable[..., subprocess.Popen[str]], number: int
+) -> None:
+    process = sending()
+    process.send_signal(number)
+    assert process.communicate(timeout=60) == ("", "")
+    assert process.returncode == 128 + number
+    one_robot.settled_truth()
+
+
+def test_a_reader_that_leaves_stops_the_robot(
+    one_robot: RealRobot, sending: Callable[..., subprocess.Popen[str]]
+) -> None:
+    reading, writing = os.pipe()
+    process = sending(stdout=writing)
+    os.close(writing)
+    os.close(reading)
+    assert process.communicate(timeout=60)[1] == ""
+    assert process.returncode == 141
+    one_robot.settled_truth()
+
+
+def test_a_process_that_is_killed_leaves_the_robot_to_the_daemons_deadman(
+    one_robot: RealRobot, sending: Callable[..., subprocess.Popen[str]]
+) -> None:
+    process = sending()
+    process.kill()
+    process.communicate()
+    one_robot.settled_truth()
+
+
+def test_an_emergency_stop_ends_it_with_the_daemons_reason(
+    one_robot: RealRobot,
+    sending: Callable[..., subprocess.Popen[str]],
+    on_robot: Callable[..., int],
+    capsys,
+) -> None:
+    process = sending()
+    on_robot("call", "estop", '{"by": "the test"}')
+    try:
+        out, err = process.communicate(timeout=60)
+        assert (process.returncode, out) == (1, "")
+        assert err.startswith(
+            "yahboomd: The robot does not obey. Emergency stop, engaged by the test"
+        )
+        # Engaged already: nothing is sent at all.
+        assert on_robot("send", "--vx", "0.2", "--for", "1") == 1
+        assert "Nothing was sent. Emergency stop" in capsys.readouterr().err
+    finally:
+        wait_for(lambda: on_robot("call", "estop/reset") == 0, "the release")
+
+
+def test_a_source_with_a_higher_priority_ends_it(
+    one_robot: RealRobot,
+    sending: Callable[..., subprocess.Popen[str]],
+    on_robot: Callable[..., int],
+    capsys,
+) -> None:
+    low = sending()
+    arguments = ("send", "--vx", "0.1", "--for", "300", "--source", "cmd_vel/teleop")
+    high = sending(*arguments)
+    out, err = low.communicate(timeout=60)
+    assert (low.returncode, out) == (1, "")
+    assert "cmd_vel/teleop has control of the robot" in err
+    assert on_robot("send", "--vx", "0.1", "--for", "0.2") == 1
+    high.send_signal(signal.SIGTERM)
+
+
+def test_a_daemon_that_is_killed_ends_it_with_69(real_robot) -> None:
+    robot: RealRobot = real_robot()
+    robot.daemon.says("Connected to")
+    command = [sys.executable, "-m", "yahboomd", *LONG, "--connect", robot.endpoint]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        wait_for(lambda: fast(robot), "the robot drives")
+        robot.daemon.end(signal.SIGKILL)
+        err = process.communicate(timeout=60)[1]
+    assert process.returncode == 69
+    assert err.startswith("yahboomd: The daemon was lost")
+
+
+def test_a_daemon_that_is_suspended_ends_it(
+    one_robot: RealRobot,
+    on_robot: Callable[..., int],
+    sending: Callable[..., subprocess.Popen[str]],
+) -> None:
+    process = sending()
+    one_robot.daemon.process.send_signal(signal.SIGSTOP)
+    try:
+        err = process.communicate(timeout=60)[1]
+    finally:
+        one_robot.daemon.process.send_signal(signal.SIGCONT)
+    assert process.returncode == 69, err
+    assert f"yahboomd (pid {one_robot.daemon.process.pid}) is suspended" in err
+    # On a busy machine the board turned its wheels for so long that a wheel was accused.
+    one_robot.settled_truth()
+    wait_for(lambda: on_robot("stop", "--release") == 0, "it is ready to drive")
+
+
+def test_what_the_base_cannot_do_ends_it(on_robot: Callable[..., int], capsys) -> None:
+    assert on_robot("send", "--vy", "0.1", "--for", "300") == 1
+    assert "cannot drive sideways" in capsys.readouterr().err
+
+
+def test_a_command_beyond_the_limits_is_obeyed_and_said(
+    on_robot: Callable[..., int], capsys
+) -> None:
+    assert on_robot("send", "--vx", "90", "--for", "0.1") == 0
+    assert "faster than the limits" in capsys.readouterr().err
+
+
+def test_a_source_that_is_not_configured_is_refused_before_anything_is_sent(
+    on_robot: Callable[..., int], capsys
+) -> None:
+    assert on_robot("send", "--vx", "0.1", "--for", "1", "--source", "cmd_vel/nobody") == 1
+    assert "Nothing was sent." in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--vx", "0.1"],
+        ["--vx", "0.1", "--for", "0"],
+        ["--vx", "0.1", "--for", "-1"],
+        ["--vx", "0.1", "--for", "nan"],
+        ["--vx", "0.1", "--for", "1e9"],
+        ["--vx", "inf", "--for", "1"],
+        ["--vx", "fast", "--for", "1"],
+    ],
+)
+def test_a_time_and_finite_velocities_are_required(arguments: list[str], capsys) -> None:
+    with pytest.raises(SystemExit) as left:
+        main(["send", *arguments])
+    assert left.value.code == 2
+    assert capsys.readouterr().out == ""
+
+
+def test_no_velocity_is_a_mistake(capsys) -> None:
+    assert main(["send", "--for", "1"]) == 2
+    assert "give a velocity" in capsys.readouterr().err
+
+
+def test_without_a_daemon_it_ends_with_69(capsys) -> None:
+    arguments = ["--for", "1", "--timeout", "0", "--connect", free_endpoint()]
+    assert main(["send", "--vx", "-1e-3", *arguments]) == 69
+    assert "No yahboomd answers" in capsys.readouterr().err

@@ -1,0 +1,95 @@
+"""What is said of a process that does not answer."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+from pathlib import Path
+
+from real_robot import wait_for
+
+from yahboomd.cli.unresponsive import (
+    listener,
+    may_drive,
+    process_state,
+    suspended,
+    true_names,
+    unresponsive,
+)
+
+
+def test_a_stopped_process_is_seen_to_be_stopped() -> None:
+    with subprocess.Popen(["sleep", "60"]) as process:
+        process.send_signal(signal.SIGSTOP)
+        wait_for(lambda: process_state(process.pid) == "T", "it is stopped")
+        process.kill()
+
+
+def test_the_state_is_found_behind_a_name_with_brackets(tmp_path: Path) -> None:
+    (tmp_path / "12").mkdir()
+    (tmp_path / "12" / "stat").write_text("12 (a) R (b)) D 1 2 3")
+    assert process_state(12, proc=str(tmp_path)) == "D"
+    assert process_state(13, proc=str(tmp_path)) == ""
+    assert process_state(os.getpid()) == "R"
+
+
+def test_what_ends_a_frozen_process_is_no_sigterm() -> None:
+    message, remedy = unresponsive("yahboomd (pid 12)", 12, "T", "yahboomd stop --port /dev/x")
+    assert message.startswith("yahboomd (pid 12) is frozen (stopped by a signal, state T)")
+    assert "kill -9 12; yahboomd stop --port /dev/x\n" in remedy
+    assert "kill -CONT 12; yahboomd stop --port /dev/x" in remedy
+
+
+def test_what_only_does_not_answer_is_asked_to_end_first() -> None:
+    message, remedy = unresponsive("yahboomd (pid 12)", 12, "S", "yahboomd stop")
+    assert message == "yahboomd (pid 12) does not answer (state S)."
+    assert remedy.index("kill 12") < remedy.index("kill -9 12; yahboomd stop")
+
+
+def test_a_program_of_python_is_named_yahboomd_where_it_is_one(tmp_path: Path) -> None:
+    for pid, words in (
+        (1, ("/x/bin/python", "-m", "yahboomd", "run")),
+        (2, ("/x/bin/python3", "/x/bin/yahboomd", "run")),
+        (3, ("python3", "yahboomd.log")),
+    ):
+        (tmp_path / str(pid)).mkdir()
+        (tmp_path / str(pid) / "cmdline").write_text("\0".join(words) + "\0")
+    text = (
+        "held by python (pid 1), python3.11 (pid 2), python3 (pid 3), python (pid 4), cat (pid 1)"
+    )
+    assert true_names(text, proc=str(tmp_path)) == (
+        "held by yahboomd (pid 1), yahboomd (pid 2), python3 (pid 3), python (pid 4), cat (pid 1)"
+    )
+
+
+def test_the_port_on_the_command_line_tells_which_daemon_is_meant(tmp_path: Path) -> None:
+    for pid, words in (
+        (1, ("yahboomd", "run", "--port", "/dev/a")),
+        (2, ("yahboomd", "run", "--set", 'serial.port="/dev/a"')),
+        (3, ("yahboomd", "run", "--config", "robot.toml")),
+    ):
+        (tmp_path / str(pid)).mkdir()
+        (tmp_path / str(pid) / "cmdline").write_text("\0".join(words) + "\0")
+    proc = str(tmp_path)
+    assert [may_drive(pid, "/dev/a", proc=proc) for pid in (1, 2, 3)] == [True, True, True]
+    assert [may_drive(pid, "/dev/b", proc=proc) for pid in (1, 2, 3)] == [False, False, True]
+    assert may_drive(1, "", proc=proc)
+
+
+def test_a_suspended_daemon_is_continued_and_not_ended() -> None:
+    message, remedy = suspended(12, "yahboomd stop --release")
+    assert message == "yahboomd (pid 12) is suspended and cannot answer."
+    assert remedy == (
+        "Continue it with `fg` or `kill -CONT 12`, then repeat: yahboomd stop --release"
+    )
+
+
+def test_the_process_that_listens_where_a_daemon_is_expected_is_found() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        assert listener((f"tcp/127.0.0.1:{port}",)) == os.getpid()
+        assert listener((f"tcp/10.0.0.1:{port}", f"tcp/localhost:{port}")) == os.getpid()
+        assert listener((f"tcp/10.0.0.1:{port}", "unixsock-stream//run/x")) is None
+    assert listener((f"tcp/127.0.0.1:{port}",)) is None

@@ -1,0 +1,14 @@
+from __future__ import annotations
+
+import pytest
+from fake_daemon import fake_daemon
+
+from yahboomd import program
+
+__all__ = ["fake_daemon"]
+
+
+@pytest.fixture(autouse=True)
+def _is_on_the_path(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Commands in texts are named as where yahboomd is on the PATH, wherever the tests run."""
+    monkeypatch.setattr(program, "name", lambda: "yahboomd")

@@ -1,0 +1,207 @@
+"""What a daemon receives of a client, and what a program sees of a daemon."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import signal
+import sys
+from typing import Any
+
+import pytest
+from zenoh_fixtures import eventually, free_endpoint
+
+from yahboomd.bus import keys
+from yahboomd.bus.subscriptions import Subscription
+from yahboomd.client import (
+    AsyncRobot,
+    BusError,
+    EventSample,
+    NoDaemon,
+    PoseSample,
+    Refused,
+    StatusSample,
+    WheelsSample,
+    connect,
+)
+
+pytestmark = pytest.mark.realtime
+
+ZERO = (0.0, 0.0)
+
+
+@pytest.mark.parametrize("way", ["normal", "exception", "cancellation"])
+async def test_on_every_way_out_the_robot_stops(fake_daemon: Any, way: str) -> None:
+    daemon = await fake_daemon()
+
+    async def program() -> None:
+        async with connect(daemon.endpoint) as robot:
+            robot.drive(0.2, for_s=math.inf)
+            await eventually(lambda: (0.2, 0.0) in daemon.velocities)
+            if way == "exception":
+                raise LookupError
+            if way == "cancellation":
+                await asyncio.Event().wait()
+
+    running = asyncio.create_task(program())
+    await eventually(lambda: (0.2, 0.0) in daemon.velocities)
+    if way == "cancellation":
+        running.cancel()
+        # Again while it stops: it stops all the same.
+        await eventually(lambda: ZERO in daemon.velocities)
+        running.cancel()
+    await asyncio.gather(running, return_exceptions=True)
+    assert running.cancelled() or isinstance(running.exception(), LookupError | None)
+    await eventually(lambda: daemon.velocities[-3:] == [ZERO] * 3)
+
+
+async def test_a_command_ends_with_the_daemon_and_is_not_sent_when_it_is_back(
+    fake_daemon: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    daemon = await fake_daemon()
+    async with connect(daemon.endpoint) as robot:
+        robot.drive(0.2, for_s=math.inf)
+        await eventually(lambda: daemon.velocities)
+        await daemon.stop()
+        await eventually(lambda: not robot.alive)
+        assert not await robot.finished()
+        assert not robot.drive(0.3, for_s=math.inf)
+        assert robot.counters.interrupted == 1
+        assert robot.counters.dropped == 1
+        assert robot.pose is None
+        daemon.commands.clear()
+        await daemon.start()
+        await robot.wait_alive(20.0)
+        await eventually(lambda: robot.status)
+        assert daemon.velocities == []
+        assert robot.drive(0.1, for_s=math.inf)
+        await eventually(lambda: (0.1, 0.0) in daemon.velocities)
+    assert robot.counters.losses == 1
+    assert "is gone" in caplog.text
+
+
+async def test_samples_are_read_as_newest_as_stream_and_on_request(fake_daemon: Any) -> None:
+    daemon = await fake_daemon()
+    async with connect(daemon.endpoint) as robot:
+        assert robot.status == daemon.status
+        first = await eventually(lambda: robot.pose)
+        assert isinstance(first, PoseSample)
+        assert (await eventually(lambda: robot.wheels)).names == ("left", "right")
+        seqs = []
+        async for sample in robot.samples(PoseSample):
+            seqs.append(sample.seq)
+            if len(seqs) == 3:
+                break
+        assert seqs == list(range(seqs[0], seqs[0] + 3))
+        assert await robot.get(StatusSample) == daemon.status
+        events = robot.samples(EventSample)
+        coming = asyncio.create_task(anext(events))
+        # The subscription has to become known first.
+        while not coming.done():
+            daemon.tell("It rains.")
+            await asyncio.wait([coming], timeout=0.1)
+        assert coming.result().message == "It rains."
+        events.close()
+        with pytest.raises(NoDaemon):
+            await robot.get(WheelsSample, timeout_s=0.2)
+
+
+async def test_a_callback_is_called_for_each_sample_until_it_is_ended(fake_daemon: Any) -> None:
+    daemon = await fake_daemon()
+    async with connect(daemon.endpoint) as robot:
+        seqs: list[int] = []
+        end = robot.on(PoseSample, lambda pose: seqs.append(pose.seq))
+        await eventually(lambda: len(seqs) >= 3)
+        end()
+        called = len(seqs)
+        await eventually(lambda: (pose := robot.pose) and pose.seq > seqs[-1] + 1)
+    assert seqs == list(range(seqs[0], seqs[0] + called))
+
+
+async def test_services_are_called_and_a_refusal_is_raised_in_the_daemons_words(
+    fake_daemon: Any,
+) -> None:
+    daemon = await fake_daemon()
+    async with connect(daemon.endpoint) as robot:
+        assert await robot.estop() == "The emergency stop is engaged."
+        daemon.releases = False
+        with pytest.raises(Refused, match="cmd_vel commands motion"):
+            await robot.release()
+        daemon.releases = True
+        assert await robot.release() == "Released."
+    assert daemon.asked == [keys.ESTOP, keys.ESTOP_RESET, keys.ESTOP_RESET]
+
+
+async def test_entering_without_a_daemon_ends_in_an_error_with_a_remedy() -> None:
+    endpoint = free_endpoint()
+    with pytest.raises(NoDaemon, match=endpoint) as caught:
+        async with connect(endpoint, wait_s=0.0):
+            pass
+    assert caught.value.remedy
+
+
+async def test_entering_with_one_try_finds_a_daemon_that_is_there(fake_daemon: Any) -> None:
+    daemon = await fake_daemon()
+    async with connect(daemon.endpoint, wait_s=0.0) as robot:
+        assert robot.alive
+
+
+async def test_a_session_can_be_joined_without_waiting_for_the_daemon(fake_daemon: Any) -> None:
+    daemon = await fake_daemon(namespace="bot1")
+    robot: AsyncRobot = connect(daemon.endpoint, namespace="bot2")
+    await robot.join(0.0)
+    assert not robot.alive
+    assert not (await robot.request(keys.ESTOP, timeout_s=0.2)).answered
+    await robot.close()
+
+
+async def test_a_robot_is_entered_once(fake_daemon: Any) -> None:
+    daemon = await fake_daemon()
+    robot = connect(daemon.endpoint)
+    async with robot:
+        pass
+    with pytest.raises(BusError, match="entered once"):
+        await robot.join(0.0)
+
+
+async def test_streams_that_ended_leave_nothing_behind(fake_daemon: Any) -> None:
+    daemon = await fake_daemon()
+    async with connect(daemon.endpoint) as robot:
+        for _ in range(5):
+            robot.samples(PoseSample).close()
+        stream = robot.samples(PoseSample)
+        assert sum(isinstance(each, Subscription) for each in robot.bus._declared) == 2
+    # It ends with the robot, after what was kept.
+    assert all([isinstance(sample, PoseSample) async for sample in stream])
+
+
+TWO_ROBOTS = """
+import asyncio, os, signal, sys
+from yahboomd.client import connect
+async def drive(endpoint):
+    async with connect(endpoint) as robot:
+        robot.drive(0.2, for_s=60)
+        while robot.counters.published < 2:
+            await asyncio.sleep(0.01)
+        print("drives", flush=True)
+        await asyncio.Event().wait()
+async def main():
+    await asyncio.gather(*(drive(each) for each in sys.argv[1:]))
+asyncio.run(main())
+"""
+
+
+async def test_sigterm_stops_each_robot_of_a_program(fake_daemon: Any) -> None:
+    daemons = [await fake_daemon(), await fake_daemon()]
+    process = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-c", TWO_ROBOTS, *(each.endpoint for each in daemons)),
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.DEVNULL,
+    )
+    assert process.stdout is not None
+    for _ in daemons:
+        assert await process.stdout.readline() == b"drives\n"
+    process.terminate()
+    assert await process.wait() == 128 + signal.SIGTERM
+    for daemon in daemons:
+        await eventually(lambda daemon=daemon: daemon.velocities[-3:] == [ZERO] * 3)

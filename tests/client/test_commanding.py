@@ -1,0 +1,152 @@
+"""What a daemon receives of a client that drives."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from typing import Any
+
+import daemon_samples
+import pytest
+from zenoh_fixtures import eventually
+
+from yahboomd.client import AsyncRobot, PoseSample, StatusSample, connect
+from yahboomd.client.connecting import client_options
+from yahboomd.clock import SystemClock
+
+pytestmark = pytest.mark.realtime
+
+ZERO = (0.0, 0.0)
+
+
+async def test_a_command_is_repeated_for_its_time_then_zeros_end_it(fake_daemon: Any) -> None:
+    daemon = await fake_daemon()
+    async with connect(daemon.endpoint, label="a test") as robot:
+        assert robot.drive(0.2, 0.5, for_s=0.3)
+        assert robot.commanded is not None
+        assert await robot.finished()
+        assert robot.commanded is None
+        assert robot.counters.deadman == 0
+    await eventually(lambda: daemon.velocities[-1:] == [ZERO])
+    assert daemon.velocities[:2] == [(0.2, 0.5)] * 2
+    assert daemon.velocities.count(ZERO) >= 3
+    stamps = [command["stamp_ns"] for command in daemon.commands]
+    assert stamps == sorted(stamps)
+    assert daemon.commands[0]["source"] == "a test"
+
+
+async def test_without_a_time_the_deadman_ends_it_and_says_so(
+    fake_daemon: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    daemon = await fake_daemon()
+    async with connect(daemon.endpoint, deadman_s=0.2) as robot:
+        robot.drive(0.2)
+        await robot.finished()
+        assert robot.counters.deadman == 1
+    assert "drive() was not called again within 0.2 s" in caplog.text
+
+
+async def test_a_stop_is_published_at_once_and_ends(fake_daemon: Any) -> None:
+    daemon = await fake_daemon()
+    async with connect(daemon.endpoint) as robot:
+        robot.drive(0.2, for_s=math.inf)
+        await eventually(lambda: (0.2, 0.0) in daemon.velocities)
+        robot.stop()
+        assert await robot.finished()
+    assert (0.2, 0.0) not in daemon.velocities[daemon.velocities.index(ZERO) :]
+
+
+async def test_a_client_that_never_drove_publishes_nothing(fake_daemon: Any) -> None:
+    daemon = await fake_daemon()
+    async with connect(daemon.endpoint) as robot:
+        await robot.get(StatusSample)
+    assert daemon.velocities == []
+
+
+async def test_a_robot_that_will_not_move_says_why(
+    fake_daemon: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    daemon = await fake_daemon()
+    daemon.status = daemon_samples.status("fault", why="Left wheel: no counts.")
+    async with connect(daemon.endpoint) as robot:
+        robot.drive(0.2)
+        robot.drive(0.2)
+    assert caplog.text.count("The robot does not move. Left wheel: no counts.") == 1
+
+
+async def test_a_velocity_that_is_not_finite_is_refused_at_once(fake_daemon: Any) -> None:
+    daemon = await fake_daemon()
+    async with connect(daemon.endpoint) as robot:
+        with pytest.raises(ValueError, match="finite"):
+            robot.drive(math.nan)
+        with pytest.raises(ValueError, match="for_s"):
+            robot.drive(0.1, for_s=0.0)
+        with pytest.raises(ValueError, match="PoseSample"):
+            robot.samples(type(robot.counters))
+        with pytest.raises(ValueError, match="depth"):
+            robot.samples(PoseSample, depth=0)
+    assert daemon.velocities == []
+
+
+class Sleepy(SystemClock):
+    """The clock of a machine that may be suspended."""
+
+    slept_ns = 0
+
+    def suspended_ns(self) -> int:
+        return self.slept_ns
+
+
+async def test_after_a_suspend_the_robot_does_not_start_again_unasked(
+    fake_daemon: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    daemon = await fake_daemon()
+    clock = Sleepy()
+    async with AsyncRobot(client_options(daemon.endpoint), clock=clock) as robot:
+        robot.drive(0.2, for_s=60.0)
+        # The second beat is the first that can see it.
+        await eventually(lambda: robot.counters.published >= 3)
+        clock.slept_ns = 3_000_000_000
+        assert not await robot.finished()
+        assert robot.counters.interrupted == 1
+    await eventually(lambda: daemon.velocities[-3:] == [ZERO] * 3)
+    assert "did not run for 3." in caplog.text
+
+
+async def test_a_command_that_waited_for_a_program_that_did_not_run_moves_nothing(
+    fake_daemon: Any,
+) -> None:
+    daemon = await fake_daemon()
+    clock = Sleepy()
+    async with AsyncRobot(client_options(daemon.endpoint), clock=clock) as robot:
+        assert robot.drive(0.2, for_s=60.0)
+        clock.slept_ns = 3_000_000_000
+        assert not await robot.finished()
+        assert robot.counters.interrupted == 1
+        # As by a program that computed meanwhile, and knows what it commands now.
+        clock.slept_ns = 6_000_000_000
+        assert robot.drive(0.3, for_s=0.2)
+        assert await robot.finished()
+    await eventually(lambda: (0.3, 0.0) in daemon.velocities)
+    assert (0.2, 0.0) not in daemon.velocities
+
+
+async def test_a_command_that_does_not_change_keeps_its_rhythm(fake_daemon: Any) -> None:
+    daemon = await fake_daemon()
+    async with connect(daemon.endpoint, rate_hz=5.0) as robot:
+        for _ in range(20):
+            robot.drive(0.2, for_s=60.0)
+            await asyncio.sleep(0)
+        assert robot.counters.published <= 1
+        robot.drive(0.3, for_s=60.0)
+        await eventually(lambda: (0.3, 0.0) in daemon.velocities)
+
+
+async def test_a_source_that_the_daemon_does_not_know_is_named_with_what_adds_it(
+    fake_daemon: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    daemon = await fake_daemon()
+    async with connect(daemon.endpoint, source="cmd_vel/mine") as robot:
+        robot.drive(0.1, for_s=60.0)
+        await eventually(lambda: "accepts no commands on cmd_vel/mine" in caplog.text)
+    assert """--set 'command.sources."cmd_vel/mine".priority=10'""" in caplog.text

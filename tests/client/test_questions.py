@@ -1,0 +1,61 @@
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from yahboomd.bus import keys
+from yahboomd.bus.options import BusOptions
+from yahboomd.bus.services import Response
+from yahboomd.bus.session import Bus
+from yahboomd.client.questions import ask, read_answers
+from yahboomd.messages.codecs import encode
+from yahboomd.messages.native import ServiceReply
+
+
+def client(endpoint: str) -> Bus:
+    return Bus(BusOptions(mode="client", listen=(), connect=(endpoint,)))
+
+
+def test_several_answers_are_a_success_only_together() -> None:
+    yes = encode(ServiceReply(success=True, message="Stopped."), "json")
+    no = encode(ServiceReply(success=False, message="Not me."), "msgpack")
+    assert read_answers([yes, yes]).success
+    assert read_answers([yes, yes]).message == "Stopped."
+    both = read_answers([yes, no])
+    assert (both.success, both.message, both.answered) == (False, "Stopped. Not me.", 2)
+
+
+def test_an_answer_that_cannot_be_read_is_no_success() -> None:
+    answer = read_answers([b"\x00"])
+    assert not answer.success
+    assert answer.answered == 1
+
+
+def test_no_answer_is_no_success() -> None:
+    answer = read_answers([])
+    assert (answer.success, answer.answered) == (False, 0)
+    assert answer.message == "No daemon answered."
+
+
+@pytest.mark.realtime
+async def test_every_daemon_is_asked_not_the_nearest_alone(fake_daemon: Any) -> None:
+    daemon = await fake_daemon()
+    reply = Response(payload=encode(ServiceReply(success=True, message="Me too."), "json"))
+    async with client(daemon.endpoint) as other, client(daemon.endpoint) as us:
+        other.serve(keys.ESTOP, lambda _: reply, fallback=lambda *_: reply)
+        for _ in range(100):
+            # What the other serves has to become known first.
+            answer = read_answers(await ask(us.session, keys.ESTOP, urgent=True))
+            if answer.answered == 2:
+                break
+    assert answer.answered == 2
+    assert "The emergency stop is engaged." in answer.message
+    assert "Me too." in answer.message
+
+
+@pytest.mark.realtime
+async def test_a_service_that_nobody_serves_answers_nothing(fake_daemon: Any) -> None:
+    daemon = await fake_daemon()
+    async with client(daemon.endpoint) as us:
+        assert await ask(us.session, "yahboomd/nothing") == []

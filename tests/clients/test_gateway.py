@@ -1,0 +1,223 @@
+"""The gateway lets its own page and programs in, and refuses pages of other origins.
+
+Here a stand-in takes the place of zenohd and its plugins, and counts what reaches it; the tests
+with a browser have the real ones.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zenoh
+from real_robot import Client, RealRobot, free_endpoint, wait_for
+from web_gateway import EXAMPLE, Gateway, configuration
+
+pytestmark = pytest.mark.realtime
+
+FOREIGN = "http://evil.example"
+PROGRAM = {"X-Yahboomd": "1"}
+WEBSOCKET = {
+    "Connection": "Upgrade",
+    "Upgrade": "websocket",
+    "Sec-WebSocket-Version": "13",
+    "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==",
+}
+
+
+@pytest.fixture(scope="module")
+def gateway(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Gateway]:
+    made = Gateway(tmp_path_factory.mktemp("gateway"), free_endpoint())
+    yield made
+    made.close()
+
+
+def request(gateway: Gateway, path: str, method: str, headers: dict[str, str]) -> int:
+    """The status of one request."""
+    arguments = ["--request", method, "--http1.1"]
+    for name, value in headers.items():
+        arguments += ["--header", f"{name}: {value}"]
+    return gateway.curl(path, *arguments)
+
+
+def reached(gateway: Gateway) -> list[str]:
+    path = gateway.run_folder / "reached"
+    return path.read_text().splitlines() if path.exists() else []
+
+
+MOVE, RELEASE = "/rest/cmd_vel", "/rest/yahboomd/estop/reset"
+CROSS = {"Sec-Fetch-Site": "cross-site"}
+SITE = {"Origin": FOREIGN, **CROSS}
+REBOUND = {"Host": "evil.example", "Sec-Fetch-Site": "same-origin"}
+"""A name of the attacker's that resolves to this machine is of one origin with his page."""
+
+# What a browser sends for a page of another site, and what programs forge.
+REFUSED: dict[str, tuple[int, str, str, dict[str, str]]] = {
+    "a script's GET": (403, "GET", "/rest/yahboomd/status", SITE),
+    "a script's PUT": (403, "PUT", MOVE, SITE),
+    "a script's PUT with the header of programs": (403, "PUT", MOVE, {**SITE, **PROGRAM}),
+    "the same in an old browser": (403, "PUT", MOVE, {"Origin": FOREIGN, **PROGRAM}),
+    "the question before it": (403, "OPTIONS", MOVE, SITE),
+    "a form": (403, "POST", RELEASE, SITE),
+    "a form in a sandbox": (403, "POST", RELEASE, {"Origin": "null"}),
+    "an image": (403, "GET", RELEASE, CROSS),
+    "an image in an old browser": (403, "GET", RELEASE, {}),
+    "an image of another port": (403, "GET", RELEASE, {"Sec-Fetch-Site": "same-site", **PROGRAM}),
+    "a link that a person opens": (403, "GET", RELEASE, {"Sec-Fetch-Site": "none"}),
+    "a WebSocket": (403, "GET", "/zenoh", {**SITE, **WEBSOCKET}),
+    "a WebSocket in an old browser": (403, "GET", "/zenoh", {"Origin": FOREIGN, **WEBSOCKET}),
+    "a WebSocket in a sandbox": (403, "GET", "/zenoh", {"Origin": "null", **WEBSOCKET}),
+    "one of another port": (403, "GET", "/zenoh", {"Origin": "http://127.0.0.1:1", **WEBSOCKET}),
+    "no WebSocket": (426, "GET", "/zenoh", {}),
+    "a rebound name": (421, "GET", "/", REBOUND),
+    "a rebound name's WebSocket": (421, "GET", "/zenoh", {**REBOUND, **WEBSOCKET}),
+    "a rebound name's script": (421, "PUT", MOVE, {**REBOUND, **PROGRAM}),
+    "no name": (400, "PUT", MOVE, {"Host": "", **PROGRAM}),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_other_pages_send_is_refused_reaches_no_plugin_and_is_logged(
+    gateway: Gateway, name: str
+) -> None:
+    status, method, path, headers = REFUSED[name]
+    before, lines = reached(gateway), len(gateway.refused())
+    assert request(gateway, path, method, headers) == status
+    assert reached(gateway) == before
+    (line,) = wait_for(lambda: gateway.refused()[lines:], "a line in the log of refusals")
+    assert f"refused {status}" in line
+    assert f'Origin="{headers.get("Origin", "-")}"' in line
+
+
+OWN = {
+    "curl": ("/rest/yahboomd/status", "GET", PROGRAM, 200),
+    "curl that commands": ("/rest/cmd_vel", "PUT", PROGRAM, 200),
+    "a program's WebSocket": ("/zenoh", "GET", WEBSOCKET, 101),
+    "the page": ("/nginx.conf", "GET", {"Sec-Fetch-Site": "none"}, 200),
+}
+
+
+@pytest.mark.parametrize("name", OWN)
+def test_what_programs_send_gets_through(gateway: Gateway, name: str) -> None:
+    path, method, headers, status = OWN[name]
+    assert request(gateway, path, method, headers) == status
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "localhost"])
+def test_the_page_s_own_websocket_gets_through(gateway: Gateway, host: str) -> None:
+    own = {
+        "Host": f"{host}:{gateway.port}",
+        "Origin": f"http://{host}:{gateway.port}",
+        "Sec-Fetch-Site": "same-origin",
+    }
+    before = len(reached(gateway))
+    assert request(gateway, "/zenoh", "GET", {**own, **WEBSOCKET}) == 101
+    assert len(reached(gateway)) == before + 1
+
+
+def test_no_answer_allows_another_origin_to_read_it(gateway: Gateway) -> None:
+    path = gateway.folder / "headers"
+    gateway.curl("/rest/yahboomd/status", "--dump-header", str(path), "--header", "X-Yahboomd: 1")
+    text = path.read_text().lower()
+    assert " 200 " in text
+    assert "access-control-allow" not in text
+
+
+def test_the_ports_of_the_plugins_are_in_another_network(gateway: Gateway) -> None:
+    ours = os.readlink("/proc/self/ns/net")
+    # The folder's name is in the command of each socat that serves a plugin.
+    networks = {
+        name: os.readlink(f"/proc/{pid}/ns/net") for name, pid in gateway.children().items()
+    }
+    assert networks["nginx"] == ours
+    assert networks["python3" if "python3" in networks else "python"] != ours
+    # It listens on one port of this machine, on loopback.
+    with socket.socket() as probe:
+        probe.connect(("127.0.0.1", gateway.port))
+
+
+def test_ended_it_leaves_no_process_and_no_socket(tmp_path: Path) -> None:
+    made = Gateway(tmp_path, free_endpoint())
+    folder = made.run_folder
+    made.process.send_signal(signal.SIGTERM)
+    assert made.process.wait(20) == 143
+    wait_for(lambda: not made.children(), "its processes are gone")
+    assert not folder.exists()
+
+
+class Through:
+    """A session with the gateway's configuration: what its plugins can do, this can."""
+
+    def __init__(self, robot: RealRobot, *, drive: bool) -> None:
+        config = zenoh.Config.from_json5(configuration(drive=drive))
+        config.insert_json5("connect/endpoints", json.dumps([robot.endpoint]))
+        config.insert_json5("plugins_loading/enabled", "false")
+        self.session = zenoh.open(config)
+
+    def ask(self, key: str, payload: bytes | None = None) -> dict[str, Any] | None:
+        for reply in self.session.get(key, payload=payload, timeout=5.0):
+            if reply.ok is not None:
+                answer: dict[str, Any] = json.loads(bytes(reply.ok.payload))
+                return answer
+        return None
+
+
+def test_as_shipped_the_configuration_lets_clients_watch_and_stop_but_not_drive(
+    real_robot: Callable[..., RealRobot], client: Callable[..., Client]
+) -> None:
+    robot = real_robot()
+    app = client("client", robot.endpoint)
+    app.in_state("standing")
+    before = app.latest("status")["command"]["sources"]
+    through = Through(robot, drive=False)
+    try:
+        wait_for(lambda: "x" in (through.ask("yahboomd/pose") or {}), "the newest pose")
+        for _ in range(20):
+            for key in ("cmd_vel", "cmd_vel/teleop"):
+                through.session.put(key, b'{"vx": 0.3}')
+        assert through.ask("yahboomd/config") is None
+        assert through.ask("yahboomd/odometry/set_pose", b'{"x": 1, "y": 0, "theta": 0}') is None
+        stopped = through.ask("yahboomd/estop")
+        assert stopped
+        assert stopped["success"]
+        assert through.ask("yahboomd/estop/reset") is None
+        status = app.in_state("estopped")
+        # Not one of the commands came: the counters of the sources are as they were.
+        assert status["command"]["sources"] == before
+        assert robot.travelled_m() == 0.0
+    finally:
+        through.session.close()
+
+
+def test_with_its_line_switched_on_the_configuration_lets_clients_drive(
+    real_robot: Callable[..., RealRobot], client: Callable[..., Client]
+) -> None:
+    robot = real_robot()
+    app = client("client", robot.endpoint)
+    app.in_state("standing")
+    through = Through(robot, drive=True)
+    try:
+
+        def moves() -> bool:
+            through.session.put("cmd_vel", b'{"vx": 0.3}')
+            return robot.travelled_m() > 0.02
+
+        wait_for(moves, "it drives")
+        assert (through.ask("yahboomd/estop") or {})["success"]
+        wait_for(lambda: (through.ask("yahboomd/estop/reset") or {}).get("success"), "the release")
+        assert (through.ask("yahboomd/config") or {})["success"]
+    finally:
+        through.session.close()
+
+
+def test_the_page_of_clients_shows_the_deadman_of_the_web_page() -> None:
+    root = EXAMPLE.parents[2]
+    source = (root / "examples" / "clients" / "typescript" / "page.ts").read_text()
+    deadman = source[source.index("// The deadman.") : source.index("/** Let go of")].strip()
+    assert deadman in (root / "docs" / "clients.md").read_text()

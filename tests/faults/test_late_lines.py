@@ -1,0 +1,226 @@
+"""Lines that come late, and boards with another tick: stamps and speeds stay honest.
+
+On virtual time, against the ground truth of the simulated robot.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import bisect
+import itertools
+import math
+import random
+from pathlib import Path
+
+import pytest
+from fault_bench import DIALECTS, FaultBench, assert_no_jump
+
+from yahboomd.model import EncoderReading, OdometryEstimate
+from yahboomd.odometry.odometer import Update
+from yahboomd.simulation.options import SimulationOptions
+from yahboomd.simulation.truth import TruthSample
+from yahboomd.simulation.virtual_time import VirtualTimeLoop, on_virtual_time
+
+FAR = (60_000, 0, 60_000, 0)
+ALARMS = {"runaway_fast", "runaway_against", "no_counts", "off_speed"}
+
+
+class LateBench(FaultBench):
+    """Keeps by how much each stamp lies before the arrival of its line."""
+
+    def __init__(self, folder: Path, **simulation: object) -> None:
+        options = {"initial_ticks": FAR, **simulation}
+        super().__init__(folder, [], SimulationOptions(**options))  # type: ignore[arg-type]
+        self.room_ns: list[int] = []
+        update = self.controller._odometer.update
+
+        def kept(reading: EncoderReading) -> Update:
+            result = update(reading)
+            if result.estimate is not None:
+                self.room_ns.append(reading.received_ns - result.estimate.stamp_ns)
+            return result
+
+        self.controller._odometer.update = kept  # type: ignore[method-assign]
+
+    def true_at(self, estimate: OdometryEstimate) -> TruthSample:
+        return self.true_at_ns(estimate.stamp_ns)
+
+    def true_at_ns(self, at_ns: int) -> TruthSample:
+        index = bisect.bisect_right(self.truth, at_ns, key=lambda each: each.t_ns)
+        return self.truth[min(index, len(self.truth) - 1)]
+
+    def off_m_s(self, estimate: OdometryEstimate) -> float:
+        """By how much a twist is too fast."""
+        return abs(estimate.twist.vx) - abs(self.true_at(estimate).vx)
+
+
+@pytest.mark.parametrize("held_s", [0.1, 0.3, 0.6, 0.9, 1.2, 1.9])
+@on_virtual_time
+async def test_lines_that_arrive_in_one_burst_are_never_stamped_in_the_future(
+    tmp_path: Path, held_s: float
+) -> None:
+    async with LateBench(tmp_path) as bench:
+        await bench.ready()
+        await bench.drive(2.5, 0.3)
+        before = len(bench.heard.estimates)
+        bench.do(f"hold {held_s}")
+        await bench.drive(held_s + 2.0, 0.3)
+        bench.robot.advance(bench.clock.now_ns())
+        assert min(bench.room_ns) >= 0
+        for a, b in itertools.pairwise(bench.heard.estimates):
+            assert b.stamp_ns > a.stamp_ns
+        assert_no_jump(bench.heard.estimates)
+        assert max(map(bench.off_m_s, bench.heard.estimates[before:])) < 0.12
+        assert not ALARMS & set(bench.heard.kinds)
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize("for_s", [0.3, 0.6, 1.2, 1.9])
+@on_virtual_time
+async def test_after_a_frozen_process_stamps_and_speeds_are_those_of_the_board(
+    tmp_path: Path, for_s: float, dialect: str
+) -> None:
+    async with LateBench(tmp_path, dialect=dialect) as bench:
+        await bench.ready()
+        await bench.drive(2.5, 0.3)
+        before = len(bench.heard.estimates)
+        loop = asyncio.get_running_loop()
+        assert isinstance(loop, VirtualTimeLoop)
+        loop.freeze(for_s)
+        await bench.drive(2.0, 0.3)
+        bench.robot.advance(bench.clock.now_ns())
+        assert min(bench.room_ns) >= 0
+        assert max(map(bench.off_m_s, bench.heard.estimates[before:])) < 0.13
+        assert not ALARMS & set(bench.heard.kinds)
+        assert min(bench.rim_speeds) > 0.25
+
+
+@pytest.mark.parametrize("held_s", [0.05, 0.1, 0.2])
+@on_virtual_time
+async def test_answers_that_stall_publish_no_speed_that_is_too_high(
+    tmp_path: Path, held_s: float
+) -> None:
+    async with LateBench(tmp_path, dialect="polled") as bench:
+        await bench.ready()
+        await bench.drive(3.0, 0.25)
+        before = len(bench.heard.estimates)
+        bench.do(f"hold {held_s}")
+        await bench.drive(held_s + 1.0, 0.25)
+        bench.robot.advance(bench.clock.now_ns())
+        for estimate in bench.heard.estimates[before:-2]:
+            # A speed belongs to its window, and that is 100 ms long at most.
+            times = range(estimate.stamp_ns - 100_000_000, estimate.stamp_ns + 1, 10_000_000)
+            off = min((estimate.twist.vx - bench.true_at_ns(at_ns).vx for at_ns in times), key=abs)
+            deviation = math.sqrt(estimate.twist_covariance[0])
+            assert abs(off) < 3.0 * deviation + 0.03
+            assert off < 0.05
+        assert bench.controller._odometer.counters["odometry_unsure"] > 0
+
+
+@pytest.mark.parametrize("held_s", [0.35, 0.5])
+@on_virtual_time
+async def test_answers_that_stall_for_longer_are_a_gap_without_a_dash(
+    tmp_path: Path, held_s: float
+) -> None:
+    async with LateBench(tmp_path, dialect="polled") as bench:
+        await bench.ready()
+        await bench.drive(3.0, 0.25)
+        before = len(bench.heard.estimates)
+        bench.do(f"hold {held_s}")
+        await bench.drive(held_s + 2.0, 0.25)
+        bench.robot.advance(bench.clock.now_ns())
+        assert max(map(bench.off_m_s, bench.heard.estimates[before:])) < 0.1
+        assert min(bench.room_ns) >= 0
+        assert not ALARMS & set(bench.heard.kinds)
+
+
+@pytest.mark.parametrize("dialect", ["streamed", "polled"])
+@pytest.mark.parametrize("held_s", [0.16, 0.2, 0.24, 0.28])
+@on_virtual_time
+async def test_counts_that_are_held_back_accuse_no_wheel(
+    tmp_path: Path, held_s: float, dialect: str
+) -> None:
+    async with LateBench(tmp_path, dialect=dialect) as bench:
+        await bench.ready()
+        await bench.drive(2.0, -0.3)
+        for _ in range(3):
+            bench.do(f"hold {held_s}")
+            await bench.drive(held_s + 1.0, -0.3)
+        assert not ALARMS & set(bench.heard.kinds)
+
+
+@pytest.mark.parametrize(
+    ("tick_s", "jitter_s", "event", "bound_m_s"),
+    [
+        (0.01, 0.0, None, 0.02),
+        (0.005, 0.0, "board_clock_period", 0.02),
+        (0.02, 0.0, "board_clock_period", 0.02),
+        (0.04, 0.0, "board_clock_period", 0.02),
+        (0.0, 0.0, "board_clock_unfit", 0.03),
+        (0.008, 0.006, "board_clock_unfit", 0.1),
+        (0.02, 0.01, "board_clock_unfit", 0.1),
+    ],
+)
+@on_virtual_time
+async def test_whatever_the_tick_of_the_board_the_twist_is_true_and_the_pose_is_fresh(
+    tmp_path: Path, tick_s: float, jitter_s: float, event: str | None, bound_m_s: float
+) -> None:
+    async with LateBench(tmp_path, tick_period_s=tick_s, tick_jitter_s=jitter_s) as bench:
+        await bench.ready()
+        await bench.drive(6.0, 0.3)
+        settled = len(bench.heard.estimates)
+        # To and fro, so that a lag that grows has time to, and digits stay.
+        for way in (1, -1) * 4:
+            await bench.drive(4.0, 0.3 * way)
+            late_ns = bench.clock.now_ns() - bench.heard.estimates[-1].stamp_ns
+            assert late_ns < 60_000_000 + 1e9 * tick_s
+        bench.robot.advance(bench.clock.now_ns())
+        steady = [
+            estimate
+            for estimate in bench.heard.estimates[settled:-20]
+            if abs(abs(bench.true_at(estimate).vx) - 0.3) < 0.003
+        ]
+        assert len(steady) > 300
+        # A turn of direction takes longer than the window is long: only steady runs are judged.
+        worst = sorted(abs(abs(each.twist.vx) - 0.3) for each in steady)
+        assert worst[len(worst) * 98 // 100] < bound_m_s
+        assert set(bench.heard.kinds) == {"connected"} | ({event} if event else set())
+
+
+@on_virtual_time
+async def test_a_tick_that_changes_while_the_board_runs_is_noticed(tmp_path: Path) -> None:
+    async with LateBench(tmp_path) as bench:
+        await bench.ready()
+        await bench.drive(3.0, 0.3)
+        for words, tick_ns in (("0.005", 5_000_000), ("0", None), ("0.02", 20_000_000)):
+            bench.do(f"tick-period {words}")
+            await bench.drive(6.0, 0.3)
+            assert bench.controller._odometer.tick_period_ns == tick_ns
+        await asyncio.sleep(1.0)
+        kinds = ["connected", "board_clock_period", "board_clock_unfit", "board_clock_period"]
+        assert bench.heard.kinds == kinds
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("dialect", ["streamed", "polled"])
+@on_virtual_time
+async def test_starts_behind_a_line_that_stands_still_both_ways_accuse_no_wheel(
+    tmp_path: Path, dialect: str, seed: int
+) -> None:
+    chance = random.Random(seed)
+    async with LateBench(tmp_path, dialect=dialect, seed=seed) as bench:
+        await bench.ready()
+
+        async def starve() -> None:
+            while True:
+                held_s = chance.choice([0.03, 0.08, 0.15, 0.2, 0.28])
+                bench.do(f"hold {held_s}")
+                bench.do(f"stall {held_s}")
+                await asyncio.sleep(held_s + chance.choice([0.004, 0.011, 0.03]))
+
+        starving = asyncio.create_task(starve())
+        for _ in range(6):
+            await bench.drive(1.2, chance.choice([0.5, -0.5, 0.25]))
+            await bench.drive(0.8, 0.0)
+        starving.cancel()
+        assert not ALARMS & set(bench.heard.kinds), bench.heard.kinds

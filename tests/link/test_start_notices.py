@@ -1,0 +1,31 @@
+"""A banner, an answer, and what may be either."""
+
+from __future__ import annotations
+
+import pytest
+
+from yahboomd.link.start_notices import StartNotices
+from yahboomd.protocol.texts import decode_text
+
+ANSWER = ("read_flash:OK!", "Motor_Version:1.7.3", "Motor_type:1", "Dead_Zone:1600")
+
+
+@pytest.mark.parametrize(
+    ("lines", "notices"),
+    [
+        (ANSWER, ["none"] * 4),
+        (ANSWER + ANSWER, ["none"] * 8),
+        (ANSWER[1:], ["unclear", "none", "none"]),
+        (("Motor_Version:1.7.3",), ["unclear"]),
+        (("Reset MCUMotor_Version:1.7.3",), ["start"]),
+        (("read_flash:OK!", "Reset MCUMotor_Version:1.7.3"), ["none", "start"]),
+        # An answer whose version was lost does not hide the banner that comes later.
+        ((ANSWER[0], *ANSWER[2:], "Motor_Version:1.7.3"), ["none"] * 3 + ["unclear"]),
+        (("$MAll:1,2Motor_Version:1.7.3",), ["unclear"]),
+    ],
+)
+def test_only_a_version_behind_the_head_of_an_answer_is_certainly_none(
+    lines: tuple[str, ...], notices: list[str]
+) -> None:
+    found = StartNotices()
+    assert [found.judge(decode_text(line)) for line in lines] == notices

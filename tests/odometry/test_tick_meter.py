@@ -1,0 +1,61 @@
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from yahboomd.odometry.tick_meter import TickMeter
+
+MS = 1e6
+
+
+def measured(tick_ms, *, gap_ms=2.46, jitter_ms=0.0, speed=3000.0, seconds=3.0, loss=0.0):
+    """What the meter says of a wheel with ``speed`` counts a second."""
+    chance, meter, found = random.Random(1), TickMeter(), []
+    next_ms, sampled_ms, at_ms, before = 0.0, 0.0, 0.3, 0
+    while at_ms < seconds * 1e3:
+        if tick_ms:
+            while next_ms <= at_ms:
+                sampled_ms = next_ms
+                next_ms += tick_ms + chance.uniform(0.0, jitter_ms)
+        else:
+            sampled_ms = at_ms
+        counts = int(sampled_ms * speed * 1e-3)
+        if chance.random() >= loss:
+            one = meter.add(at_ms * MS, counts - before, gap_ms * MS, gap_ms * MS)
+            before = counts
+            if one is not None:
+                found.append(one)
+        at_ms += gap_ms
+    return found
+
+
+@pytest.mark.parametrize("gap_ms", [2.46, 5.917])
+@pytest.mark.parametrize("tick_ms", [5.0, 8.0, 10.0, 20.0, 40.0])
+def test_a_timer_of_whole_milliseconds_is_measured(tick_ms, gap_ms):
+    if tick_ms < gap_ms:
+        return
+    found = measured(tick_ms, gap_ms=gap_ms, seconds=5.0)
+    assert len(found) >= 2
+    assert all(one.regular and round(one.period / MS) == tick_ms for one in found)
+
+
+@pytest.mark.parametrize("gap_ms", [2.46, 5.917])
+def test_without_a_tick_nothing_is_marked(gap_ms):
+    found = measured(0.0, gap_ms=gap_ms)
+    assert len(found) >= 4
+    assert not any(one.marked for one in found)
+
+
+def test_an_irregular_tick_is_not_regular():
+    found = measured(8.0, jitter_ms=6.0, seconds=10.0)
+    assert sum(one.regular for one in found) <= len(found) // 4
+
+
+def test_lines_that_were_lost_are_counted_by_their_counts():
+    found = measured(10.0, gap_ms=5.917, loss=0.2, seconds=10.0)
+    assert all(abs(one.period - 10 * MS) < 0.2 * MS for one in found)
+
+
+def test_a_crawl_tells_nothing():
+    assert measured(10.0, speed=150.0) == []

@@ -1,0 +1,146 @@
+"""The example programs of ``examples/clients/``: how each is built and started.
+
+A row of ``PROGRAMS`` is a language. What is built goes to a cache outside the tree, once for each
+state of the sources. A language that cannot be built here says what is missing, and is skipped.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+EXAMPLES = ROOT / "examples" / "clients"
+CACHE = (
+    Path(
+        os.environ.get("YAHBOOMD_CACHE")
+        or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", "yahboomd")
+    )
+    / "clients"
+)
+
+COMMANDS = frozenset(
+    {"pose", "status", "estop", "release", "set-pose", "config", "square", "decode"}
+)
+Command = list[str]
+
+
+@dataclass(frozen=True)
+class Built:
+    """The commands that start a language's two programs.
+
+    Attributes:
+        robot: The complete one, after the contract of examples/clients/README.md.
+        arc: The short one, which docs/clients.md shows.
+        arc_source: Its file.
+    """
+
+    robot: Command
+    arc: Command
+    arc_source: Path
+
+
+class Missing(Exception):
+    """Something that a language needs is not on this machine; the message names it."""
+
+
+@dataclass(frozen=True)
+class Program:
+    """A language's example.
+
+    Attributes:
+        build: Builds it where that is needed; raises :class:`Missing` where it cannot.
+        slow: It takes minutes of compiling: only ``make clients`` runs it.
+        commands: What of the contract it can do; docs/clients.md says why not the rest.
+        gateway: How it reaches the robot through the gateway of web clients: scheme and path.
+    """
+
+    build: Callable[[], Built]
+    slow: bool = True
+    commands: frozenset[str] = COMMANDS
+    gateway: str = ""
+
+
+def needs(program: str, hint: str = "") -> str:
+    """The path of a tool."""
+    found = shutil.which(program)
+    if found is None:
+        raise Missing(f"there is no {program} here{f' ({hint})' if hint else ''}")
+    return found
+
+
+def _python(name: str) -> Built:
+    folder = EXAMPLES / name
+    arc = folder / "arc.py"
+    return Built([sys.executable, str(folder / "robot.py")], [sys.executable, str(arc)], arc)
+
+
+def _run(*command: str | Path, cwd: Path, environ: dict[str, str] | None = None) -> None:
+    """Runs a step of a build; its output is kept beside what it builds."""
+    log = CACHE / f"{cwd.name}.log"
+    with log.open("w") as output:
+        done = subprocess.run(
+            list(map(str, command)),
+            cwd=cwd,
+            env={**os.environ, **(environ or {})},
+            stdout=output,
+            stderr=output,
+            check=False,
+        )
+    if done.returncode != 0:
+        errors = [line for line in log.read_text().splitlines() if "error" in line.lower()]
+        raise Missing(f"{command[0]} failed: {errors[0] if errors else ''} (all of it: {log})")
+
+
+def _rust() -> Built:
+    cargo = needs("cargo", "https://rustup.rs")
+    folder, target = EXAMPLES / "rust", CACHE / "rust"
+    _run(cargo, "build", "--locked", cwd=folder, environ={"CARGO_TARGET_DIR": str(target)})
+    programs = target / "debug"
+    return Built(
+        [str(programs / "robot")], [str(programs / "arc")], folder / "src" / "bin" / "arc.rs"
+    )
+
+
+def _c() -> Built:
+    cmake, target = needs("cmake"), CACHE / "c"
+    needs("cc")
+    target.mkdir(exist_ok=True)
+    try:
+        _run(cmake, EXAMPLES / "c", cwd=target)
+    except Missing as missing:
+        raise Missing(
+            "CMake finds no zenoh-pico (github.com/eclipse-zenoh/zenoh-pico) or no "
+            f"jansson (Debian: libjansson-dev): {missing}"
+        ) from missing
+    _run(cmake, "--build", target, cwd=target)
+    return Built([str(target / "robot")], [str(target / "arc")], EXAMPLES / "c" / "arc.c")
+
+
+def _typescript() -> Built:
+    import web_programs
+
+    return web_programs.node_programs()
+
+
+def _curl() -> Built:
+    import web_programs
+
+    return web_programs.curl_programs()
+
+
+PROGRAMS: dict[str, Program] = {
+    "python": Program(partial(_python, "python"), slow=False),
+    "python_client": Program(partial(_python, "python_client"), slow=False),
+    "rust": Program(_rust),
+    "c": Program(_c),
+    "typescript": Program(_typescript, gateway="ws:/zenoh"),
+    # jq 1.6 has no 64-bit integers, so it decodes no stamps.
+    "curl": Program(_curl, gateway="http:/rest", commands=COMMANDS - {"decode"}),
+}

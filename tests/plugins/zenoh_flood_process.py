@@ -1,0 +1,45 @@
+"""A Zenoh client in a process of its own that sends as much as it is asked to, until it is killed.
+
+Its only argument is JSON: ``endpoint``, ``settings`` (of Zenoh), ``key``, ``how`` (``put`` or
+``get``), ``payload``, ``hz``, and ``attachment`` and ``parameters``, in bytes.
+"""
+
+import json
+import sys
+import time
+
+import zenoh
+
+
+def main() -> None:
+    what = json.loads(sys.argv[1])
+    config = zenoh.Config()
+    config.insert_json5("mode", '"client"')
+    config.insert_json5("connect/endpoints", json.dumps([what["endpoint"]]))
+    config.insert_json5("scouting/multicast/enabled", "false")
+    for name, value in what.get("settings", {}).items():
+        config.insert_json5(name, json.dumps(value))
+    attachment = bytes(what["attachment"]) if "attachment" in what else None
+    carried = {
+        "payload": what.get("payload", "").encode(),
+        "attachment": attachment,
+        "congestion_control": zenoh.CongestionControl.BLOCK,
+    }
+    selector = what["key"]
+    if "parameters" in what:
+        selector += "?" + "x" * what["parameters"]
+    with zenoh.open(config) as session:
+        print("ready", flush=True)
+        count, began = 0, time.monotonic()
+        while True:
+            if what["how"] == "put":
+                session.put(what["key"], **carried)
+            else:
+                session.get(selector, lambda reply: None, timeout=1.0, **carried)
+            count += 1
+            if count % 10 == 0 or what["hz"] < 1000:
+                time.sleep(max(0.0, count / what["hz"] - (time.monotonic() - began)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,83 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from yahboomd import program
+from yahboomd.cli.main import COMMANDS
+
+
+@pytest.fixture
+def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An environment of its own, in the folder that the person is in; not on the PATH."""
+    own = tmp_path / ".venv" / "bin" / "yahboomd"
+    own.parent.mkdir(parents=True)
+    own.touch(mode=0o755)
+    monkeypatch.setattr("sys.executable", str(own.with_name("python")))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PATH", "/nowhere")
+    return own
+
+
+def test_every_subcommand_is_known() -> None:
+    assert tuple(COMMANDS) == program.COMMANDS
+
+
+def test_an_environment_that_is_not_active_is_named_in_what_is_pasted(own: Path) -> None:
+    text = "Run `yahboomd probe --write`. To drive again: yahboomd stop --release"
+    assert program.pasteable(text) == (
+        "Run `.venv/bin/yahboomd probe --write`. To drive again: .venv/bin/yahboomd stop --release"
+    )
+
+
+def test_from_another_folder_the_whole_path_is_named(
+    own: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (own.parents[2] / "elsewhere").mkdir()
+    monkeypatch.chdir(own.parents[2] / "elsewhere")
+    assert program.pasteable("`yahboomd stop`") == f"`{own} stop`"
+
+
+def test_what_is_on_the_path_is_named_as_it_is(own: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    link = own.parents[2] / "local"
+    link.mkdir()
+    (link / "yahboomd").symlink_to(own)
+    monkeypatch.setenv("PATH", str(link))
+    assert program.pasteable("`yahboomd stop`") == "`yahboomd stop`"
+
+
+def test_another_one_on_the_path_is_not_meant(own: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    other = own.parents[2] / "other"
+    other.mkdir()
+    (other / "yahboomd").touch(mode=0o755)
+    monkeypatch.setenv("PATH", str(other))
+    assert program.pasteable("`yahboomd stop`") == "`.venv/bin/yahboomd stop`"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "yahboomd drives the wheels",
+        "the service yahboomd/estop/reset",
+        "sudo /opt/yahboomd stop",
+        ".venv/bin/yahboomd stop",
+    ],
+)
+def test_what_is_no_command_stays(own: Path, text: str) -> None:
+    assert program.pasteable(text) == text
+
+
+def test_what_is_printed_cannot_command_a_terminal() -> None:
+    text = "firmware \x1b[2J\x9b31m1.7\x7f\r: ok,\n\tgrün"
+    assert program.readable(text) == "firmware ?[2J?31m1.7??: ok,\n\tgrün"
+    assert program.readable("plain") == "plain"
+
+
+@given(st.text())
+def test_what_comes_over_the_bus_cannot_command_the_terminal(text: str) -> None:
+    assert "\x1b" not in program.plain(text)
+    assert program.plain(text).isprintable()
+    assert len(program.plain(text)) == len(text)

@@ -1,0 +1,96 @@
+"""Keys on which every sample and every query counts, unless it is recognised as harmless.
+
+The decision is made in Zenoh's thread as the payload arrives, and nothing of it is kept but that
+decision. So a flood of harmless payloads cannot push an alarm out of a queue, and an alarm never
+waits for the loop to read what came before it. What is too long to be a harmless payload raises the
+alarm unread.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+import zenoh
+from zenoh.handlers import Callback
+
+from yahboomd.bus.carried import MAX_BYTES
+from yahboomd.bus.inbox import Inbox, Lane
+
+READ_BYTES = 64
+"""The longest payload that is read; the longest honest harmless one has about 30 bytes."""
+
+Harmless: TypeAlias = Callable[[bytes], bool]
+"""Whether a payload raises no alarm. Pure and quick: it is called in Zenoh's threads."""
+
+
+def is_unread(carrier: zenoh.Sample | zenoh.Query) -> bool:
+    """Whether it carries so much that it raises an alarm unread."""
+    # Each look at a part of a message costs as much as reading a short payload does.
+    payload, attachment = carrier.payload, carrier.attachment
+    size = 0 if payload is None else len(payload)
+    if size > READ_BYTES:
+        return True
+    return attachment is not None and size + len(attachment) > MAX_BYTES
+
+
+def raises_alarm(carrier: zenoh.Sample | zenoh.Query, harmless: Harmless) -> bool:
+    """Whether it raises an alarm: without a payload too, and where an error keeps it unread."""
+    payload = carrier.payload
+    if payload is None or is_unread(carrier):
+        return True
+    try:
+        return not harmless(payload.to_bytes())
+    except Exception:  # noqa: BLE001 - raised in Zenoh's thread it would lose the alarm
+        return True
+
+
+class Alarm:
+    """A subscriber to one such key. Made by ``Bus.alarm``, which explains the arguments.
+
+    Unlike a subscription's, its samples never go into a ring of Zenoh's, which drops unread what it
+    has no room for.
+
+    Args:
+        key: The key in full.
+        raised: Called on the loop, before and between all that is not an alarm.
+        ignored: Called on the loop for harmless payloads.
+        harmless: Tells them apart.
+        inbox: Brings the decisions to the loop.
+    """
+
+    def __init__(
+        self,
+        key: str,
+        raised: Callable[[int, int], None],
+        ignored: Callable[[int], None],
+        *,
+        harmless: Harmless,
+        inbox: Inbox,
+    ) -> None:
+        self.key = key
+        self._raised = raised
+        self._ignored = ignored
+        self._harmless = harmless
+        # An entry says whether its payload went unread. Where a lane is full its entries are
+        # merged: one that is left raises the alarm for all, and their number is kept.
+        self._alarms: Lane[bool] = inbox.lane(self._deliver_alarms, urgent=True)
+        self._idle: Lane[None] = inbox.lane(self._deliver_idle, depth=1)
+
+    def attach(self, session: zenoh.Session) -> None:
+        """Listen in this session too."""
+        alarms, idle, harmless = self._alarms, self._idle, self._harmless
+
+        def arrived(sample: zenoh.Sample) -> None:
+            if raises_alarm(sample, harmless):
+                alarms.offer(is_unread(sample))
+            else:
+                idle.offer(None)
+
+        session.declare_subscriber(self.key, Callback(arrived, indirect=False))
+
+    def _deliver_alarms(self, batch: list[bool], merged: int) -> None:
+        self._raised(len(batch) + merged, sum(batch))
+
+    def _deliver_idle(self, batch: list[None], merged: int) -> None:
+        self._ignored(len(batch) + merged)

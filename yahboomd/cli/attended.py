@@ -1,0 +1,157 @@
+"""A command at work on a robot, ended in order by signals and by the loss of its output."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import logging
+import select
+import signal
+import sys
+from collections.abc import Awaitable, Callable, Iterable
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from yahboomd.cli.options import (
+    add_bus_options,
+    add_config_options,
+    client_options,
+    daemon_endpoints,
+    read_config,
+    seconds,
+)
+from yahboomd.cli.unresponsive import FROZEN, is_yahboomd, listener, process_state, suspended
+from yahboomd.errors import NoDaemon
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from yahboomd.client import AsyncRobot
+
+WAIT_S = 5.0
+
+
+def add_robot_options(parser: argparse.ArgumentParser, *, overrides: bool = True) -> None:
+    """``--timeout``, and where the daemon is.
+
+    Args:
+        parser: Of a command.
+        overrides: Whether ``--set`` changes a key of the configuration.
+    """
+    parser.add_argument(
+        "--timeout",
+        metavar="SECONDS",
+        type=seconds,
+        default=WAIT_S,
+        help="how long to wait for a daemon (default: %(default)s)",
+    )
+    add_bus_options(parser)
+    add_config_options(parser, overrides=overrides)
+
+
+def attend(
+    args: argparse.Namespace,
+    work: Callable[[AsyncRobot], Awaitable[int]],
+    *,
+    source: str = "",
+    signals: Iterable[int] = (),
+    quiet: bool = True,
+) -> int:
+    """Do some work on the robot that the shared options describe.
+
+    Args:
+        args: Parsed by a parser with :func:`add_robot_options`.
+        work: What to do; returns the exit status.
+        source: The key to command on, where it is not the default.
+        signals: These end it too, besides SIGINT, SIGTERM and SIGHUP.
+        quiet: Whether to leave out what is logged about connections.
+
+    Returns:
+        What ``work`` returned; 128 and the number of the signal that ended it.
+
+    Raises:
+        NoDaemon: No daemon is there.
+    """
+    config = read_config(args).config
+    from yahboomd.bus.keys import CMD_VEL
+    from yahboomd.client import AsyncRobot
+
+    endpoints = daemon_endpoints(args, config)
+    robot = AsyncRobot(
+        client_options(endpoints, config),
+        source=source or CMD_VEL,
+        label=f"yahboomd {args.command}",
+        wait_s=args.timeout,
+    )
+    log = logging.getLogger("yahboomd")
+    level = log.level
+    if quiet:
+        log.setLevel(logging.CRITICAL)
+    try:
+        return asyncio.run(_attended(robot, work, tuple(signals)))
+    except NoDaemon as error:
+        raise _explained(error, endpoints, f"yahboomd {args.command}") from error
+    finally:
+        log.setLevel(level)
+
+
+def _explained(error: NoDaemon, endpoints: tuple[str, ...], again: str) -> NoDaemon:
+    """The same error, or that the daemon is one of this machine and suspended."""
+    pid = listener(endpoints)
+    if pid is None or not is_yahboomd(pid) or process_state(pid) not in FROZEN:
+        return error
+    message, remedy = suspended(pid, again)
+    return NoDaemon(message, remedy=remedy)
+
+
+async def _attended(
+    robot: AsyncRobot, work: Callable[[AsyncRobot], Awaitable[int]], signals: tuple[int, ...]
+) -> int:
+    loop, task = asyncio.get_running_loop(), asyncio.current_task()
+    came: list[int] = []
+
+    def end(number: int) -> None:
+        if not came and task is not None:
+            came.append(number)
+            task.cancel()
+
+    for number in signals:
+        loop.add_signal_handler(number, end, number)
+    try:
+        with output_watched(lambda: end(signal.SIGPIPE)):
+            async with robot:
+                return await work(robot)
+    except asyncio.CancelledError:
+        if not came:
+            raise
+        return 128 + came[0]
+    finally:
+        for number in signals:
+            loop.remove_signal_handler(number)
+
+
+@contextmanager
+def output_watched(gone: Callable[[], None]) -> Iterator[None]:
+    """Call ``gone`` once when the reader of standard output leaves: a pipe's, a terminal's.
+
+    A command that prints nothing would not notice it, such as one that was started over a
+    connection which is lost. Files are not watched.
+    """
+    loop = asyncio.get_running_loop()
+    with select.epoll() as watch:
+        try:
+            # No event is asked for: what is reported in any case is an error or a hang-up.
+            watch.register(sys.stdout.fileno(), 0)
+        except (OSError, ValueError, AttributeError):
+            yield
+            return
+
+        def left() -> None:
+            loop.remove_reader(watch.fileno())
+            gone()
+
+        loop.add_reader(watch.fileno(), left)
+        try:
+            yield
+        finally:
+            loop.remove_reader(watch.fileno())

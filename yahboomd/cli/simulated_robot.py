@@ -1,0 +1,63 @@
+"""The simulated robot that fits a configuration: its motors, wheels and chassis."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, cast
+
+import msgspec
+
+from yahboomd.protocol.settings import EDGES_PER_LINE
+from yahboomd.simulation.options import (
+    Corner,
+    DialectName,
+    DriveName,
+    FlashContent,
+    SimulationOptions,
+    Wiring,
+)
+
+if TYPE_CHECKING:
+    from yahboomd.config import Config
+
+
+def as_configured(config: Config, base: SimulationOptions | None = None) -> SimulationOptions:
+    """A robot that is built as a configuration says, calibration included.
+
+    Args:
+        config: Names the motors, the chassis and the motors' profile.
+        base: What the configuration does not say; None for the usual robot.
+    """
+    base = base or SimulationOptions()
+    profile, kinematics = config.profile(), config.kinematics()
+    radius_m = config.chassis.wheel_radius_m or profile.wheel_radius_m
+    dialect = config.serial.dialect
+    return msgspec.structs.replace(
+        base,
+        dialect=base.dialect if dialect == "auto" else cast(DialectName, dialect),
+        drive=cast(DriveName, kinematics.name),
+        wiring=tuple(
+            Wiring(
+                name=motor.name,
+                position=motor.position,
+                # The geometry names its wheels by where they are.
+                corner=cast(Corner, kinematics.wheels[motor.wheel]),
+                command_sign=motor.command_sign,
+                encoder_sign=motor.encoder_sign,
+                radius_scale=motor.radius_m / radius_m,
+            )
+            for motor in config.motors()
+        ),
+        motor_type=profile.motor_type,
+        lines=profile.lines,
+        ratio=config.ticks_per_revolution() / (profile.lines * EDGES_PER_LINE),
+        wheel_radius_m=radius_m,
+        wheel_separation_m=config.chassis.wheel_separation_m
+        * config.chassis.wheel_separation_multiplier,
+        wheel_base_m=config.chassis.wheel_base_m or base.wheel_base_m,
+        flash=FlashContent(
+            motor_type=profile.motor_type,
+            lines=profile.lines,
+            ratio=int(profile.ratio),
+            wheel_diameter_mm=profile.wheel_diameter_mm,
+        ),
+    )

@@ -1,0 +1,163 @@
+"""A process that holds the port or does not answer: its name, its state, and how to end it."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import re
+import shlex
+
+FROZEN = {"T": "stopped by a signal", "t": "stopped by a debugger"}
+"""The states of a process that obeys nothing, not even SIGTERM, until it is continued."""
+
+
+def process_state(pid: int, *, proc: str = "/proc") -> str:
+    """The kernel's letter for what a process does; empty where there is no such process."""
+    try:
+        with open(f"{proc}/{pid}/stat", encoding="utf-8", errors="replace") as file:
+            # Its name stands in brackets, and may have some of its own.
+            return file.read().rpartition(")")[2].split()[0]
+    except (OSError, IndexError):
+        return ""
+
+
+def arguments(pid: int, *, proc: str = "/proc") -> list[str]:
+    """The command line of a process; empty where it cannot be read."""
+    try:
+        with open(f"{proc}/{pid}/cmdline", "rb") as file:
+            return os.fsdecode(file.read()).split("\0")[:-1]
+    except OSError:
+        return []
+
+
+def is_yahboomd(pid: int, *, proc: str = "/proc") -> bool:
+    """Whether a process runs this program, by a command of its own or as ``python -m``."""
+    return "yahboomd" in (os.path.basename(word) for word in arguments(pid, proc=proc)[:3])
+
+
+def serial_ports(pid: int, *, proc: str = "/proc") -> tuple[str, ...]:
+    """The terminals that a process has open beside its standard streams."""
+    found: dict[str, str] = {}
+    try:
+        for fd in os.listdir(f"{proc}/{pid}/fd"):
+            found[fd] = os.readlink(f"{proc}/{pid}/fd/{fd}")
+    except OSError:
+        return ()
+    standard = {found.get(fd) for fd in "012"} | {"/dev/tty", "/dev/pts/ptmx"}
+    ports = (path for path in found.values() if path.startswith(("/dev/tty", "/dev/pts/")))
+    return tuple(sorted({*ports} - standard))
+
+
+def daemons(*, proc: str = "/proc") -> list[int]:
+    """The processes of this machine that run ``yahboomd run``, as far as this user may see."""
+    pids = (int(name) for name in os.listdir(proc) if name.isdigit())
+    return [
+        pid
+        for pid in pids
+        if is_yahboomd(pid, proc=proc) and "run" in arguments(pid, proc=proc)[:4]
+    ]
+
+
+def listener(endpoints: tuple[str, ...]) -> int | None:
+    """The process of this machine that listens at one of them; None where none is seen."""
+    # Not needed, and slow to import, where a port is stopped directly.
+    from yahboomd.bus.failures import port_holder
+    from yahboomd.config.values import HOST_AND_PORT
+
+    for endpoint in endpoints:
+        place = HOST_AND_PORT.fullmatch(endpoint.removeprefix("tcp/"))
+        host = place["host"].strip("[]") if place else ""
+        if place and (host in {"localhost", "::1"} or host.startswith("127.")):
+            holder = port_holder(int(place["port"]))
+            if holder is not None:
+                return int(holder.rpartition("(")[2].rstrip(")"))
+    return None
+
+
+def reaching(pid: int, *, proc: str = "/proc") -> str:
+    """That a daemon has a port open, and the command that stops it; empty where it has none."""
+    ports = serial_ports(pid, proc=proc)
+    if not ports:
+        return ""
+    folder = ""
+    try:
+        with open(f"{proc}/{pid}/environ", "rb") as file:
+            for each in os.fsdecode(file.read()).split("\0"):
+                name, _, value = each.partition("=")
+                folder = value.split(":")[0] if name == "RUNTIME_DIRECTORY" else folder
+    except OSError:
+        pass
+    where = f"RUNTIME_DIRECTORY={shlex.quote(folder)} " if folder else ""
+    return (
+        f"yahboomd (pid {pid}) holds {ports[0]} and is reached by: "
+        f"{where}yahboomd stop --port {ports[0]}"
+    )
+
+
+def true_names(text: str, *, proc: str = "/proc") -> str:
+    """The text with each ``python (pid N)`` that runs yahboomd named so.
+
+    The kernel knows a program of Python's by the interpreter's name.
+    """
+
+    def named(found: re.Match[str]) -> str:
+        pid = found["pid"]
+        return f"yahboomd (pid {pid})" if is_yahboomd(int(pid), proc=proc) else found[0]
+
+    return _PYTHON.sub(named, text)
+
+
+def may_drive(pid: int, port: str, *, proc: str = "/proc") -> bool:
+    """Whether a daemon's command line names this port, or leaves open which one it uses.
+
+    A suspended daemon has let its port go, so its descriptors do not show it.
+    """
+    words = arguments(pid, proc=proc)
+    named = [after for word, after in itertools.pairwise(words) if word == "--port"]
+    named += [
+        word.partition("=")[2].strip("\"'")
+        for word in words
+        if word.startswith(("--port=", "serial.port="))
+    ]
+    return not named or not port or os.path.realpath(named[-1]) == os.path.realpath(port)
+
+
+def suspended(pid: int, again: str) -> tuple[str, str]:
+    """That a daemon is suspended and what a person can do, as message and remedy.
+
+    Args:
+        pid: Of the daemon.
+        again: The command to repeat once the daemon runs again.
+    """
+    return (
+        f"yahboomd (pid {pid}) is suspended and cannot answer.",
+        f"Continue it with `fg` or `kill -CONT {pid}`, then repeat: {again}",
+    )
+
+
+def unresponsive(name: str, pid: int, state: str, again: str) -> tuple[str, str]:
+    """What is wrong with it and what a person can do, as message and remedy.
+
+    Args:
+        name: The process, in a sentence.
+        pid: Its id.
+        state: From :func:`process_state`.
+        again: The command that stops the wheels once it has ended.
+    """
+    if state in FROZEN:
+        how = FROZEN[state]
+        message = f"{name} is frozen ({how}, state {state}): the wheels keep their last speed."
+        remedy = (
+            f"End it and stop the wheels: kill -9 {pid}; {again}\n"
+            f"Or let it go on, and stop it then: kill -CONT {pid}; {again}"
+        )
+        return message, remedy
+    doing = f" (state {state})" if state else ""
+    remedy = (
+        f"End it, which stops the wheels: kill {pid}\n"
+        f"Where it does not end within 5 s: kill -9 {pid}; {again}"
+    )
+    return f"{name} does not answer{doing}.", remedy
+
+
+_PYTHON = re.compile(r"\bpython[\d.]* \(pid (?P<pid>\d+)\)")

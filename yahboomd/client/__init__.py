@@ -1,0 +1,44 @@
+"""The Python client: drive a robot and read what it publishes, with asyncio or without.
+
+``async with connect(...) as robot:`` gives an :class:`AsyncRobot`; ``with Robot(...) as robot:`` is
+the same for programs without asyncio. Leaving either stops the robot. `docs/clients.md` shows both.
+"""
+
+from yahboomd.client.async_robot import AsyncRobot
+from yahboomd.client.commanding import Counters
+from yahboomd.client.connecting import connect
+from yahboomd.client.plain_robot import Robot
+from yahboomd.client.questions import Answer
+from yahboomd.client.streams import Samples
+from yahboomd.errors import BusError, NoDaemon, Refused, YahboomdError
+from yahboomd.messages.native import (
+    BatterySample,
+    EventSample,
+    PoseSample,
+    ServiceReply,
+    StatusSample,
+    TwistSample,
+    WheelsSample,
+)
+from yahboomd.model import Twist2d
+
+__all__ = [
+    "Answer",
+    "AsyncRobot",
+    "BatterySample",
+    "BusError",
+    "Counters",
+    "EventSample",
+    "NoDaemon",
+    "PoseSample",
+    "Refused",
+    "Robot",
+    "Samples",
+    "ServiceReply",
+    "StatusSample",
+    "Twist2d",
+    "TwistSample",
+    "WheelsSample",
+    "YahboomdError",
+    "connect",
+]

@@ -1,0 +1,483 @@
+"""The robot as an asyncio program sees it."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from types import TracebackType
+from typing import Any, Self, TypeVar
+
+import msgspec
+
+from yahboomd.bus import keys
+from yahboomd.bus.options import BusOptions
+from yahboomd.bus.session import Bus
+from yahboomd.bus.subscriptions import Arrival
+from yahboomd.client.commanding import Commands, Counters
+from yahboomd.client.connection import MAX_BYTES, Connection
+from yahboomd.client.endings import Endings
+from yahboomd.client.incoming import read_sample
+from yahboomd.client.questions import Answer, ask, read_answers
+from yahboomd.client.streams import DEPTH, Newest, Samples, key_of
+from yahboomd.clock import Clock, SystemClock, seconds
+from yahboomd.errors import BusError, NoDaemon, Refused
+from yahboomd.messages.codecs import encode
+from yahboomd.messages.native import (
+    BatterySample,
+    EstopRequest,
+    PoseSample,
+    SetPoseRequest,
+    StatusSample,
+    TwistSample,
+    WheelsSample,
+)
+from yahboomd.model import Twist2d
+
+Message = TypeVar("Message", bound=msgspec.Struct)
+
+ENDPOINT = "tcp/127.0.0.1:7448"
+"""Where a daemon listens by default, for this machine alone."""
+
+DEADMAN_S = 1.0
+RATE_HZ = 20.0
+WAIT_S = 5.0
+
+LISTEN_S = 1.0
+"""So long an open session listens at least, before it says that no daemon is there."""
+
+STANDING_M_S = 0.03
+"""A wheel that is slower counts as standing."""
+
+STANDING_SAMPLES = 3
+"""So many samples in a row must show it, in case one was under way when the stop was commanded."""
+
+
+class AsyncRobot:
+    """One robot, through its daemon. Made by :func:`connect`, which explains the arguments.
+
+    An asynchronous context manager: entering waits for the daemon, leaving stops the robot, also
+    after an exception, a cancellation, Ctrl-C, SIGTERM and SIGHUP. All methods belong to the event
+    loop in which it was entered.
+    """
+
+    def __init__(
+        self,
+        options: BusOptions,
+        *,
+        source: str = keys.CMD_VEL,
+        label: str = "",
+        deadman_s: float = DEADMAN_S,
+        rate_hz: float = RATE_HZ,
+        wait_s: float = WAIT_S,
+        clock: Clock | None = None,
+    ) -> None:
+        if problem := keys.name_problem(source):
+            raise ValueError(f"The source {source!r} cannot be used: {problem}.")
+        if not (deadman_s > 0.0 and 5.0 <= rate_hz <= 1000.0 and wait_s >= 0.0):
+            raise ValueError("deadman_s > 0, 5 <= rate_hz <= 1000 and wait_s >= 0 must hold.")
+        self._clock = clock or SystemClock()
+        self._connection = Connection(options, self._clock, self._presence_changed)
+        self._commands = Commands(
+            self._connection,
+            self._clock,
+            source=source,
+            label=label,
+            deadman_s=deadman_s,
+            rate_hz=rate_hz,
+        )
+        self._label = label
+        self._wait_s = wait_s
+        self._streams: list[Samples[Any]] = []
+        self._newest: dict[type[msgspec.Struct], Newest] = {}
+        self._read: dict[type[msgspec.Struct], msgspec.Struct] = {}
+        self._endings = Endings()
+        self._joined = False
+        self._closing: asyncio.Task[None] | None = None
+
+    # Entering and leaving.
+
+    async def __aenter__(self) -> Self:
+        try:
+            begun_ns = self._clock.now_ns()
+            await self.join(self._wait_s)
+            left_s = self._wait_s - seconds(self._clock.now_ns() - begun_ns)
+            await self._connection.wait_alive(max(left_s, LISTEN_S))
+            # The next one comes within half a second; where this is refused, it is waited for.
+            with suppress(NoDaemon):
+                if (status := await self.get(StatusSample)) is not None:
+                    self._connection.learn_status(status)
+        except BaseException:
+            await self.close()
+            raise
+        self._endings.begin_async()
+        return self
+
+    async def __aexit__(
+        self,
+        _type: type[BaseException] | None,
+        _error: BaseException | None,
+        _traceback: TracebackType | None,
+    ) -> None:
+        await self.close()
+
+    async def join(self, wait_s: float) -> None:
+        """Open the session without waiting for a daemon behind it; ``async with`` does both.
+
+        Args:
+            wait_s: How long a router is waited for, in seconds; 0 for one try, ``math.inf`` for
+                ever.
+
+        Raises:
+            NoDaemon: Nothing answers there in time.
+            BusError: It can never be opened like this: a wrong endpoint, namespace or file.
+        """
+        if self._joined:
+            raise BusError("A robot is entered once.", remedy="Make another one with connect().")
+        self._joined = True
+        await self._connection.open(wait_s)
+        self._commands.open()
+
+    async def close(self) -> None:
+        """Stop the robot and end the session; what ``async with`` does at its end.
+
+        A cancellation waits until it is done, which takes some 0.3 s.
+        """
+        if self._closing is None:
+            self._closing = asyncio.create_task(self._leave(), name="client-leave")
+        cancelled = False
+        while not self._closing.done():
+            try:
+                await asyncio.shield(self._closing)
+            except asyncio.CancelledError:
+                cancelled = True
+        self._endings.end()
+        if cancelled:
+            raise asyncio.CancelledError
+
+    async def _leave(self) -> None:
+        try:
+            await self._commands.close()
+        finally:
+            for stream in list(self._streams):
+                stream.close()
+            await self._connection.close()
+
+    # Presence.
+
+    @property
+    def alive(self) -> bool:
+        """Whether the daemon is there now."""
+        return self._connection.alive
+
+    @property
+    def problem(self) -> str:
+        """Why no daemon is there, in a sentence; empty while one is."""
+        return self._connection.problem
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a router answered; from then on the session reconnects by itself."""
+        return self._connection.is_open
+
+    @property
+    def bus(self) -> Bus:
+        """The session itself, for keys that have no method here.
+
+        Raises:
+            NoDaemon: It is not open.
+        """
+        return self._connection.bus
+
+    async def wait_alive(self, wait_s: float = math.inf) -> None:
+        """Wait until the daemon is there (again).
+
+        Raises:
+            NoDaemon: It is not there within ``wait_s`` seconds.
+        """
+        await self._connection.wait_alive(wait_s)
+
+    def _presence_changed(self, alive: bool) -> None:
+        self._commands.presence_changed(alive)
+        if not alive:
+            for newest in self._newest.values():
+                newest.take()
+            self._read.clear()
+
+    # Driving.
+
+    def drive(
+        self, vx: float = 0.0, wz: float = 0.0, *, vy: float = 0.0, for_s: float | None = None
+    ) -> bool:
+        """Command a velocity, repeated until the next command, a stop, or its time is over.
+
+        Without ``for_s`` it has to be called again within the deadman's time (1 s): a program that
+        hangs does not drive on. A command ends when the daemon is lost; it is never sent later.
+
+        Args:
+            vx: Forward, m/s.
+            wz: Counter-clockwise, rad/s.
+            vy: To the left, m/s; for mecanum wheels.
+            for_s: How long it is repeated, in seconds; ``math.inf`` until the next command.
+
+        Returns:
+            Whether it is sent; False while no daemon is there, then it is dropped and counted.
+
+        Raises:
+            ValueError: A velocity is not finite, or ``for_s`` is not positive.
+        """
+        return self._commands.drive(Twist2d(vx=float(vx), vy=float(vy), wz=float(wz)), for_s)
+
+    def stop(self) -> None:
+        """Command zero at once, for 0.3 s; then nothing, so that other sources may drive."""
+        self._commands.stop()
+
+    @property
+    def commanded(self) -> Twist2d | None:
+        """The velocity that is published now, zeros included; None while nothing is."""
+        return self._commands.commanded
+
+    @property
+    def heard(self) -> bool:
+        """Whether the daemon subscribes to this client's source."""
+        return self._commands.heard
+
+    @property
+    def counters(self) -> Counters:
+        """What became of this client's commands."""
+        return self._commands.counters
+
+    async def finished(self) -> bool:
+        """Wait until the latest command has ended, its zeros included.
+
+        Returns:
+            Whether it ended by its time or a stop; False where the daemon was lost, or this program
+            did not run for two seconds.
+        """
+        return await self._commands.finished()
+
+    async def standing(self, within_s: float = 2.0) -> bool:
+        """Wait until the wheels are measured to stand.
+
+        Returns:
+            Whether they do; False where they still turn after ``within_s`` seconds, or no samples
+            of them come.
+        """
+        slow = 0
+        stream = self.samples(WheelsSample)
+        try:
+            async with asyncio.timeout(within_s):
+                async for sample in stream:
+                    stands = bool(sample.speed_m_s) and _fastest_m_s(sample) < STANDING_M_S
+                    slow = slow + 1 if stands else 0
+                    if slow >= STANDING_SAMPLES:
+                        return True
+        except TimeoutError:
+            pass
+        finally:
+            stream.close()
+        return False
+
+    # Samples.
+
+    def newest(self, message: type[Message]) -> Message | None:
+        """The newest sample, such as ``robot.newest(PoseSample)``.
+
+        The first call subscribes. Nothing of Python runs when a sample comes, only when it is read.
+
+        Returns:
+            None while none came since the daemon is there.
+        """
+        if message is StatusSample:
+            return self._connection.status  # type: ignore[return-value]
+        newest = self._newest.get(message)
+        if newest is None:
+            newest = self._newest[message] = Newest(self.bus, key_of(message))
+        payload = newest.take()
+        if payload is not None and (sample := read_sample(payload, message)) is not None:
+            self._read[message] = sample
+        return self._read.get(message)  # type: ignore[return-value]
+
+    @property
+    def pose(self) -> PoseSample | None:
+        """Where the robot is, in metres and radians; see :meth:`newest`."""
+        return self.newest(PoseSample)
+
+    @property
+    def twist(self) -> TwistSample | None:
+        """How it moves, in m/s and rad/s; see :meth:`newest`."""
+        return self.newest(TwistSample)
+
+    @property
+    def wheels(self) -> WheelsSample | None:
+        """Counts, angles and speeds of each wheel; see :meth:`newest`."""
+        return self.newest(WheelsSample)
+
+    @property
+    def battery(self) -> BatterySample | None:
+        """The battery's voltage; see :meth:`newest`."""
+        return self.newest(BatterySample)
+
+    @property
+    def status(self) -> StatusSample | None:
+        """Health, counters, and why the robot stands; None while the daemon is away."""
+        return self._connection.status
+
+    def samples(self, message: type[Message], *, depth: int = DEPTH) -> Samples[Message]:
+        """Samples as they come: ``async for pose in robot.samples(PoseSample)``.
+
+        It goes on through restarts of the daemon, and ends when the robot is left.
+
+        Args:
+            message: The kind, such as ``EventSample``.
+            depth: Samples kept for a slow reader; the oldest are dropped and counted.
+
+        Raises:
+            ValueError: ``depth`` is below 1, or a daemon publishes no such message.
+        """
+        if depth < 1:
+            raise ValueError(f"depth must be 1 or more, not {depth}.")
+        stream = Samples(message, depth)
+        subscription = self.bus.subscribe(
+            key_of(message), stream.receive, depth=depth, max_bytes=MAX_BYTES
+        )
+
+        def end() -> None:
+            subscription.close()
+            self._streams.remove(stream)
+
+        stream.attach(end)
+        self._streams.append(stream)
+        return stream
+
+    def on(
+        self, message: type[Message], callback: Callable[[Message], object]
+    ) -> Callable[[], None]:
+        """Call back for each sample, on the event loop.
+
+        Args:
+            message: The kind, such as ``EventSample``.
+            callback: Has to return soon: commands are repeated by the same loop.
+
+        Returns:
+            Ends it.
+        """
+
+        def receive(arrivals: list[Arrival]) -> None:
+            for arrival in arrivals:
+                if (sample := read_sample(arrival.payload, message)) is not None:
+                    callback(sample)
+
+        return self.bus.subscribe(key_of(message), receive, max_bytes=MAX_BYTES).close
+
+    async def get(self, message: type[Message], *, timeout_s: float = 1.5) -> Message | None:
+        """Ask the daemon for its newest sample, whenever it was published.
+
+        Returns:
+            None where there was none yet.
+
+        Raises:
+            NoDaemon: No daemon answers within ``timeout_s`` seconds.
+        """
+        payloads = await self.ask(key_of(message), timeout_s=timeout_s)
+        if not payloads:
+            raise self._connection.no_daemon()
+        samples = (read_sample(payload, message) for payload in payloads)
+        return next((sample for sample in samples if sample is not None), None)
+
+    # Services.
+
+    async def ask(
+        self, key: str, payload: bytes = b"{}", *, timeout_s: float = 1.5, urgent: bool = False
+    ) -> list[bytes]:
+        """Query any key below the namespace; the payload of each answer."""
+        bus = self.bus
+        return await ask(bus.session, bus.key(key), payload, timeout_s=timeout_s, urgent=urgent)
+
+    async def request(
+        self, key: str, payload: bytes = b"{}", *, timeout_s: float = 1.5, urgent: bool = False
+    ) -> Answer:
+        """Ask a service; what became of it, as a value."""
+        return read_answers(await self.ask(key, payload, timeout_s=timeout_s, urgent=urgent))
+
+    async def call(
+        self, key: str, payload: bytes = b"{}", *, timeout_s: float = 1.5, urgent: bool = False
+    ) -> Answer:
+        """Ask a service; what became of it, where it was done.
+
+        Raises:
+            NoDaemon: No daemon answers within ``timeout_s`` seconds.
+            Refused: One answered that it does not do it; the message says why.
+        """
+        answer = await self.request(key, payload, timeout_s=timeout_s, urgent=urgent)
+        if not answer.answered:
+            raise self._connection.no_daemon()
+        if not answer.success:
+            raise Refused(answer.message)
+        return answer
+
+    async def estop(self, by: str = "") -> str:
+        """Engage the emergency stop of every daemon there; it stays until :meth:`release`.
+
+        Args:
+            by: Who or what asks, for people.
+
+        Returns:
+            The daemon's acknowledgement.
+
+        Raises:
+            NoDaemon: No daemon acknowledged it. Switch the motors' supply off.
+            Refused: One acknowledged in words that are no success.
+        """
+        if self.commanded is not None:
+            self.stop()
+        payload = encode(EstopRequest(by=by or self._label or None), "json")
+        return (await self.call(keys.ESTOP, payload, urgent=True)).message
+
+    async def release(self) -> str:
+        """Release the emergency stop, and clear a fault; the daemon's words.
+
+        Raises:
+            NoDaemon: No daemon answers.
+            Refused: A source commanded motion within the last second.
+        """
+        return (await self.call(keys.ESTOP_RESET)).message
+
+    async def reset_odometry(self) -> str:
+        """Make the pose zero; the daemon's words."""
+        return (await self.call(keys.ODOMETRY_RESET)).message
+
+    async def set_pose(
+        self, x: float, y: float, theta: float, *, covariance: Sequence[float] | None = None
+    ) -> str:
+        """Have odometry go on from this pose; the daemon's words.
+
+        Args:
+            x: Metres.
+            y: Metres.
+            theta: Radians, counter-clockwise.
+            covariance: Nine numbers over (x, y, theta), row by row; None: known exactly.
+
+        Raises:
+            Refused: A number is out of all proportion, or the covariance is none.
+        """
+        given = None if covariance is None else tuple(float(each) for each in covariance)
+        wanted = SetPoseRequest(x=x, y=y, theta=theta, covariance=given)  # type: ignore[arg-type]
+        return (await self.call(keys.ODOMETRY_SET_POSE, encode(wanted, "json"))).message
+
+    async def config(self) -> dict[str, Any]:
+        """The daemon's configuration in effect, by section and key."""
+        return (await self.call(keys.CONFIG)).data
+
+    async def board(self) -> dict[str, Any]:
+        """What is known of the board: firmware, settings, problems.
+
+        Raises:
+            Refused: No board is connected.
+        """
+        return (await self.call(keys.BOARD)).data
+
+
+def _fastest_m_s(wheels: WheelsSample) -> float:
+    return max(map(abs, wheels.speed_m_s))

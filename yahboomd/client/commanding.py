@@ -1,0 +1,276 @@
+"""Velocities out: what one client commands, repeated, dropped while no daemon is there, ended."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+
+import msgspec
+import zenoh
+
+from yahboomd.bus.bounded import bounded
+from yahboomd.bus.publishers import BusPublisher
+from yahboomd.client.connection import Connection
+from yahboomd.client.repeater import Repeater
+from yahboomd.clock import Clock, Pause, PauseWatch, Schedule, nanoseconds
+from yahboomd.messages.codecs import encode
+from yahboomd.messages.native import VelocityCommand
+from yahboomd.model import STANDSTILL, Twist2d
+
+log = logging.getLogger("yahboomd.client")
+
+SOON_NS = 5_000_000
+"""New commands are published at once, but not more often than this."""
+
+HEARD_NS = 1_000_000_000
+"""After so long it is known whether the daemon subscribes to the key."""
+
+PAUSE_NS = 2_000_000_000
+"""A program that did not run for so long has to command again: its robot stopped by itself."""
+
+LAST_PUT_S = 0.5
+"""The longest wait for the last zero to be sent, where a connection is full."""
+
+ENCODING = "application/json;VelocityCommand"
+
+LONGEST_S = 1e9
+"""What ``math.inf`` seconds become; monotonic nanoseconds are integers."""
+
+STANDS = frozenset({"waiting", "estopped", "fault"})
+"""States in which no command moves the robot."""
+
+
+class Counters(msgspec.Struct, kw_only=True):
+    """What became of the commands of one client.
+
+    Attributes:
+        published: Commands given to Zenoh, repetitions and zeros included.
+        dropped: Calls of ``drive`` while no daemon was there, and commands that Zenoh refused.
+        interrupted: Commands that ended because the daemon was lost, or because this program did
+            not run for two seconds: it was stopped or starved, or its machine was suspended.
+        deadman: Commands for motion that ended because ``drive`` was not called again.
+        losses: Times that the daemon was lost.
+    """
+
+    published: int = 0
+    dropped: int = 0
+    interrupted: int = 0
+    deadman: int = 0
+    losses: int = 0
+
+
+class Commands:
+    """The commands of one client on one key; ``AsyncRobot`` explains them.
+
+    Args:
+        connection: Carries them.
+        clock: Stamps them.
+        source: The key.
+        label: Who commands, for people.
+        deadman_s: How long a command without a time of its own lasts.
+        rate_hz: How often it is repeated.
+    """
+
+    def __init__(
+        self,
+        connection: Connection,
+        clock: Clock,
+        *,
+        source: str,
+        label: str,
+        deadman_s: float,
+        rate_hz: float,
+    ) -> None:
+        self.counters = Counters()
+        self._connection = connection
+        self._clock = clock
+        self._source = source
+        self._label = label
+        self._deadman_s = deadman_s
+        self._period_ns = nanoseconds(1.0 / rate_hz)
+        self._repeater = Repeater()
+        self._pauses = PauseWatch(clock, PAUSE_NS)
+        self._by_deadman = False
+        self._publisher: BusPublisher | None = None
+        self._repeating: asyncio.Task[None] | None = None
+        self._soon: asyncio.TimerHandle | None = None
+        self._last: Twist2d | None = None
+        self._last_ns = 0
+        self._warned = ""
+        self._closed = False
+
+    def open(self) -> None:
+        """Declare the publisher, on an open connection."""
+        self._publisher = self._connection.bus.publisher(
+            self._source, encoding=ENCODING, priority="real_time", express=True
+        )
+
+    @property
+    def heard(self) -> bool:
+        """Whether something subscribes to the key."""
+        return self._publisher is not None and self._publisher.has_subscribers
+
+    @property
+    def commanded(self) -> Twist2d | None:
+        """The velocity that is published now, zeros included; None while nothing is."""
+        return None if self._repeater.idle else self._repeater.twist or STANDSTILL
+
+    def drive(self, twist: Twist2d, for_s: float | None) -> bool:
+        """Repeat a velocity; see ``AsyncRobot.drive``."""
+        if not all(map(math.isfinite, (twist.vx, twist.vy, twist.wz))):
+            raise ValueError(f"A velocity must be finite, not {twist}.")
+        if for_s is not None and not for_s > 0.0:
+            raise ValueError(f"for_s must be positive, not {for_s}.")
+        if self._closed or not self._connection.alive:
+            self.counters.dropped += 1
+            self._warn(f"A command is dropped. {self._connection.problem}".rstrip())
+            return False
+        # A pause before this command does not end it; one after it does, even before it is sent.
+        self._pauses.look()
+        now_ns = self._clock.now_ns()
+        self._by_deadman = for_s is None
+        seconds = self._deadman_s if for_s is None else for_s
+        self._repeater.drive(twist, now_ns + nanoseconds(min(seconds, LONGEST_S)))
+        if self._soon is None and twist != self._last:
+            wait_s = max(0, self._last_ns + SOON_NS - now_ns) / 1e9
+            self._soon = asyncio.get_running_loop().call_later(wait_s, self._publish_soon)
+        self._repeat()
+        status = self._connection.status
+        if status is not None and status.state in STANDS:
+            self._warn(f"The robot does not move. {status.why}")
+        return True
+
+    def stop(self) -> None:
+        """Publish a zero at once, and some more."""
+        if self._closed or not self._connection.alive:
+            self._repeater.interrupt()
+            return
+        self._repeater.stop(self._clock.now_ns())
+        self._publish()
+        self._repeat()
+
+    def presence_changed(self, alive: bool) -> None:
+        """The daemon came or went: what was commanded before ends."""
+        self._warned = ""
+        if alive:
+            return
+        self.counters.losses += 1
+        self.counters.interrupted += self._repeater.twist is not None
+        self._repeater.interrupt()
+        self._last = None
+
+    async def finished(self) -> bool:
+        """Wait for the end of the latest command; see ``AsyncRobot.finished``."""
+        while self._repeating is not None and not self._repeating.done():
+            await asyncio.wait([self._repeating])
+        return self._repeater.ended != "interrupted"
+
+    async def close(self) -> None:
+        """Stop the robot, where this client drove it, and publish nothing more."""
+        # Where nothing is published any more, others may drive by now.
+        driving = not self._repeater.idle
+        try:
+            if self._repeater.twist is not None:
+                self.stop()
+            self._closed = True
+            await self.finished()
+        finally:
+            self._closed = True
+            for each in (self._soon, self._repeating):
+                if each is not None:
+                    each.cancel()
+            if driving and self._connection.alive:
+                await self._last_zero()
+
+    async def _last_zero(self) -> None:
+        # Of the zeros before, a full connection may have lost all; this one waits for room.
+        bus = self._connection.bus
+        key, payload = bus.key(self._source), self._encoded(STANDSTILL)
+        try:
+            await bounded(
+                lambda: bus.session.put(
+                    key,
+                    payload,
+                    encoding=ENCODING,
+                    congestion_control=zenoh.CongestionControl.BLOCK,
+                    priority=zenoh.Priority.REAL_TIME,
+                    express=True,
+                ),
+                timeout_s=LAST_PUT_S,
+                name="client-last-zero",
+            )
+        except (TimeoutError, zenoh.ZError):
+            log.warning("The last stop could not be sent; the daemon stops the robot by itself.")
+
+    def _repeat(self) -> None:
+        if self._repeating is None or self._repeating.done():
+            self._repeating = asyncio.create_task(self._repeat_until_idle(), name="client-repeat")
+
+    async def _repeat_until_idle(self) -> None:
+        schedule = Schedule(self._clock, self._period_ns)
+        begun_ns = self._clock.now_ns()
+        try:
+            while not self._repeater.idle:
+                await schedule.beat()
+                self._end_after(self._pauses.look())
+                self._publish()
+                if not self.heard and self._clock.now_ns() - begun_ns > HEARD_NS:
+                    self._warn(
+                        f"The daemon accepts no commands on {self._source}. Start it with "
+                        f"--set 'command.sources.\"{self._source}\".priority=10'."
+                    )
+        finally:
+            schedule.close()
+            self._last = None
+
+    def _end_after(self, pause: Pause | None) -> None:
+        # The robot stopped meanwhile, by itself: it does not start again unasked.
+        if pause is None or self._repeater.twist is None:
+            return
+        self.counters.interrupted += 1
+        self._repeater.stop(self._clock.now_ns(), "interrupted")
+        self._warn(
+            f"This program did not run for {pause.duration_s:.1f} s: its command has ended. "
+            "Call drive() again."
+        )
+
+    def _publish_soon(self) -> None:
+        self._end_after(self._pauses.look())
+        self._publish()
+
+    def _publish(self) -> None:
+        if self._soon is not None:
+            self._soon.cancel()
+            self._soon = None
+        before = self._repeater.twist
+        twist = self._repeater.command(self._clock.now_ns())
+        if self._by_deadman and before and not before.is_zero and not self._repeater.twist:
+            self.counters.deadman += 1
+            self._warn(
+                f"The robot stops: drive() was not called again within {self._deadman_s:g} s. "
+                "Call it more often, or say how long: drive(..., for_s=3)."
+            )
+        if twist is None or self._publisher is None:
+            return
+        if self._publisher.put(self._encoded(twist)):
+            self.counters.published += 1
+            self._last, self._last_ns = twist, self._clock.now_ns()
+        else:
+            self.counters.dropped += 1
+
+    def _encoded(self, twist: Twist2d) -> bytes:
+        command = VelocityCommand(
+            vx=twist.vx,
+            vy=twist.vy,
+            wz=twist.wz,
+            # By its stamp a command that was held up on its way is recognised, and refused.
+            stamp_ns=self._clock.wall_ns(),
+            source=self._label or None,
+        )
+        return encode(command, "json")
+
+    def _warn(self, words: str) -> None:
+        if words != self._warned:
+            self._warned = words
+            log.warning("%s", words)

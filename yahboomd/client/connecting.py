@@ -1,0 +1,73 @@
+"""From an address to a robot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from yahboomd.bus import keys
+from yahboomd.bus.options import BusOptions
+from yahboomd.client.async_robot import DEADMAN_S, ENDPOINT, RATE_HZ, WAIT_S, AsyncRobot
+
+
+def client_options(
+    endpoint: str | Sequence[str], *, namespace: str = "", zenoh_file: str | Path | None = None
+) -> BusOptions:
+    """The options of a client's session.
+
+    Args:
+        endpoint: Where the daemon or its router is reached, or several such places.
+        namespace: The robot's.
+        zenoh_file: A JSON5 file of Zenoh's: certificates, passwords. Its access control is the
+            daemon's to enforce.
+    """
+    return BusOptions(
+        mode="client",
+        listen=(),
+        connect=(endpoint,) if isinstance(endpoint, str) else tuple(endpoint),
+        namespace=namespace,
+        config_file=Path(zenoh_file) if zenoh_file else None,
+        enforces=False,
+    )
+
+
+def connect(
+    endpoint: str | Sequence[str] = ENDPOINT,
+    *,
+    namespace: str = "",
+    source: str = keys.CMD_VEL,
+    label: str = "",
+    deadman_s: float = DEADMAN_S,
+    rate_hz: float = RATE_HZ,
+    wait_s: float = WAIT_S,
+    zenoh_file: str | Path | None = None,
+) -> AsyncRobot:
+    """Make a robot for asyncio, to be entered by ``async with``.
+
+    Entering waits for the daemon; leaving stops the robot, whatever ends the block. In between the
+    connection is made again by itself when it is lost.
+
+    Args:
+        endpoint: Where the daemon or its router is reached, or several such places.
+        namespace: The robot's, as in the section ``[zenoh]`` of its configuration.
+        source: The key to command on; the daemon's ``[command.sources]`` gives it its priority.
+        label: Who commands, for people who read the daemon's status.
+        deadman_s: A command without a time of its own lasts so many seconds, unless the next comes.
+        rate_hz: How often a command is repeated. The daemon stops the robot after 0.5 s of silence.
+        wait_s: How long entering waits for the daemon, in seconds; 0 for one try, ``math.inf`` for
+            ever.
+        zenoh_file: A JSON5 file of Zenoh's, for certificates and passwords.
+
+    Raises:
+        ValueError: An argument cannot be.
+        NoDaemon: (On entering) no daemon answers there in time; the message says what to do.
+        BusError: (On entering) the endpoint, the namespace or the file cannot be used.
+    """
+    return AsyncRobot(
+        client_options(endpoint, namespace=namespace, zenoh_file=zenoh_file),
+        source=source,
+        label=label,
+        deadman_s=deadman_s,
+        rate_hz=rate_hz,
+        wait_s=wait_s,
+    )

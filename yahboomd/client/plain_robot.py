@@ -1,0 +1,406 @@
+"""The robot as a program without asyncio sees it: the same core, on a thread of its own."""
+
+from __future__ import annotations
+
+import asyncio
+import atexit
+import concurrent.futures
+import logging
+import math
+import os
+import threading
+from collections.abc import Callable, Coroutine, Iterator, Sequence
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self, TypeVar
+
+import msgspec
+
+from yahboomd.bus import keys
+from yahboomd.client.async_robot import DEADMAN_S, ENDPOINT, RATE_HZ, WAIT_S
+from yahboomd.client.commanding import Counters
+from yahboomd.client.connecting import connect
+from yahboomd.client.endings import Endings
+from yahboomd.client.questions import Answer
+from yahboomd.client.streams import DEPTH, Samples
+from yahboomd.errors import BusError, NoDaemon
+from yahboomd.messages.native import (
+    BatterySample,
+    PoseSample,
+    StatusSample,
+    TwistSample,
+    WheelsSample,
+)
+from yahboomd.model import Twist2d
+
+log = logging.getLogger("yahboomd.client")
+
+Message = TypeVar("Message", bound=msgspec.Struct)
+Result = TypeVar("Result")
+
+
+class Robot:
+    """One robot, through its daemon: ``with Robot("tcp/192.168.1.5:7448") as robot:``.
+
+    Entering waits for the daemon; leaving stops the robot, also after an exception, Ctrl-C,
+    SIGTERM and SIGHUP. Commands are repeated by a thread, so a program may sleep between them; one
+    that hangs stops driving after the deadman's time. The methods may be called from any thread.
+
+    Args:
+        endpoint: Where the daemon or its router is reached, or several such places.
+        namespace: The robot's, as in the section ``[zenoh]`` of its configuration.
+        source: The key to command on; the daemon's ``[command.sources]`` gives it its priority.
+        label: Who commands, for people who read the daemon's status.
+        deadman_s: A command without a time of its own lasts so many seconds, unless the next comes.
+        rate_hz: How often a command is repeated. The daemon stops the robot after 0.5 s of silence.
+        wait_s: How long entering waits for the daemon, in seconds; ``math.inf`` for ever.
+        zenoh_file: A JSON5 file of Zenoh's, for certificates and passwords.
+
+    Raises:
+        ValueError: An argument cannot be.
+    """
+
+    def __init__(
+        self,
+        endpoint: str | Sequence[str] = ENDPOINT,
+        *,
+        namespace: str = "",
+        source: str = keys.CMD_VEL,
+        label: str = "",
+        deadman_s: float = DEADMAN_S,
+        rate_hz: float = RATE_HZ,
+        wait_s: float = WAIT_S,
+        zenoh_file: str | Path | None = None,
+    ) -> None:
+        self._robot = connect(
+            endpoint,
+            namespace=namespace,
+            source=source,
+            label=label,
+            deadman_s=deadman_s,
+            rate_hz=rate_hz,
+            wait_s=wait_s,
+            zenoh_file=zenoh_file,
+        )
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._thread: threading.Thread | None = None
+        self._process = 0
+        # Held while work is handed to the loop, so that none is handed to one that has ended.
+        self._handing = threading.Lock()
+        self._endings = Endings()
+
+    # Entering and leaving.
+
+    def open(self) -> Self:
+        """Wait for the daemon; what ``with`` does. For notebooks: :meth:`close` has to follow.
+
+        Raises:
+            NoDaemon: No daemon answers there in time; the message says what to do.
+            BusError: The endpoint, the namespace or the file cannot be used.
+        """
+        loop = asyncio.new_event_loop()
+        self._loop = loop
+        self._process = os.getpid()
+        self._thread = threading.Thread(target=self._run, args=(loop,), daemon=True)
+        self._thread.start()
+        # A program that ends without closing it stops the robot all the same.
+        atexit.register(self.close)
+        try:
+            self._wait(self._robot.__aenter__())
+        except BaseException:
+            self.close()
+            raise
+        return self
+
+    def close(self) -> None:
+        """Stop the robot and end the session; safe to call twice, and from a callback.
+
+        Calls that wait for the robot in other threads end in a ``BusError``.
+        """
+        thread, loop = self._thread, self._loop
+        # After a fork, the session and its thread are the parent's.
+        if thread is None or loop is None or os.getpid() != self._process:
+            return
+        closing = self._hand(self._robot.close())
+        if closing is None or threading.current_thread() is thread:
+            return
+        impatience: BaseException | None = None
+        while not closing.done():
+            try:
+                concurrent.futures.wait([closing])
+            except (KeyboardInterrupt, SystemExit) as error:
+                # Ctrl-C again: the robot is stopped all the same, which is bounded in time.
+                impatience = error
+        with self._handing:
+            first, self._thread = self._thread is not None, None
+            if first:
+                loop.call_soon_threadsafe(loop.stop)
+        thread.join()
+        atexit.unregister(self.close)
+        if not closing.cancelled():
+            closing.result()
+        if impatience is not None:
+            raise impatience
+
+    def __enter__(self) -> Self:
+        self._endings.begin_plain()
+        try:
+            return self.open()
+        except BaseException:
+            self._endings.end()
+            raise
+
+    def __exit__(
+        self,
+        _type: type[BaseException] | None,
+        _error: BaseException | None,
+        _traceback: TracebackType | None,
+    ) -> None:
+        try:
+            self.close()
+        finally:
+            self._endings.end()
+
+    def _run(self, loop: asyncio.AbstractEventLoop) -> None:
+        asyncio.set_event_loop(loop)
+        try:
+            warned = False
+            while self._thread is not None:
+                try:
+                    loop.run_forever()
+                except (SystemExit, KeyboardInterrupt) as error:
+                    if not warned:
+                        warned = True
+                        name = type(error).__name__
+                        log.warning("A callback raised %s: the robot is stopped.", name)
+                    self.close()
+            # Threads that wait for the robot go on.
+            waiting = asyncio.all_tasks(loop)
+            for task in waiting:
+                task.cancel()
+            loop.run_until_complete(asyncio.gather(*waiting, return_exceptions=True))
+        finally:
+            loop.close()
+
+    # The loop's thread.
+
+    def _hand(self, work: Coroutine[Any, Any, Result]) -> concurrent.futures.Future[Result] | None:
+        """Start a coroutine in the loop's thread; None where that has ended, or never began."""
+        with self._handing:
+            if self._loop is not None and self._thread is not None:
+                return asyncio.run_coroutine_threadsafe(work, self._loop)
+        work.close()
+        return None
+
+    def _wait(self, work: Coroutine[Any, Any, Result]) -> Result:
+        """Run a coroutine in the loop's thread; its result."""
+        if self._thread is not None and os.getpid() != self._process:
+            work.close()
+            raise BusError(
+                "The robot was opened by the process that this one was forked from.",
+                remedy="Open one in this process.",
+            )
+        if self._thread is not None and threading.current_thread() is self._thread:
+            work.close()
+            raise RuntimeError("A callback of the robot's may not wait for the robot.")
+        future = self._hand(work)
+        if future is None:
+            raise BusError(
+                "The robot is not open.", remedy="Use it in `with Robot(...) as robot:`."
+            )
+        try:
+            return future.result()
+        except concurrent.futures.CancelledError:
+            raise BusError(
+                "The robot was closed while this call waited.",
+                remedy="End the threads that use it before leaving the `with` block.",
+            ) from None
+        except BaseException:
+            # Ctrl-C: the program no longer waits for it.
+            future.cancel()
+            raise
+
+    def _now(self, call: Callable[[], Result]) -> Result:
+        """Call something in the loop's thread, at once; its result."""
+        if self._thread is not None and threading.current_thread() is self._thread:
+            return call()
+
+        async def work() -> Result:
+            return call()
+
+        return self._wait(work())
+
+    # Presence.
+
+    @property
+    def alive(self) -> bool:
+        """Whether the daemon is there now."""
+        return self._robot.alive
+
+    @property
+    def problem(self) -> str:
+        """Why no daemon is there, in a sentence; empty while one is."""
+        return self._robot.problem
+
+    @property
+    def counters(self) -> Counters:
+        """What became of this program's commands."""
+        return self._robot.counters
+
+    def wait_alive(self, wait_s: float = math.inf) -> None:
+        """Wait until the daemon is there (again); ``NoDaemon`` after ``wait_s`` seconds."""
+        self._wait(self._robot.wait_alive(wait_s))
+
+    # Driving.
+
+    def drive(
+        self, vx: float = 0.0, wz: float = 0.0, *, vy: float = 0.0, for_s: float | None = None
+    ) -> bool:
+        """Command a velocity and return; see :meth:`AsyncRobot.drive`.
+
+        Args:
+            vx: Forward, m/s.
+            wz: Counter-clockwise, rad/s.
+            vy: To the left, m/s; for mecanum wheels.
+            for_s: How long it is repeated, in seconds; None: the deadman's time.
+
+        Returns:
+            Whether it is sent; False while no daemon is there, then it is dropped and counted.
+        """
+        return self._now(lambda: self._robot.drive(vx, wz, vy=vy, for_s=for_s))
+
+    def stop(self) -> None:
+        """Command zero at once, for 0.3 s; then nothing, so that other sources may drive."""
+        self._now(self._robot.stop)
+
+    @property
+    def commanded(self) -> Twist2d | None:
+        """The velocity that is published now, zeros included; None while nothing is."""
+        return self._robot.commanded
+
+    def finished(self) -> bool:
+        """Wait until the latest command has ended; see :meth:`AsyncRobot.finished`."""
+        return self._wait(self._robot.finished())
+
+    def standing(self, within_s: float = 2.0) -> bool:
+        """Wait until the wheels are measured to stand; whether they do within that time."""
+        return self._wait(self._robot.standing(within_s))
+
+    # Samples.
+
+    def newest(self, message: type[Message], *, wait_s: float = 1.5) -> Message | None:
+        """The newest sample, such as ``robot.newest(PoseSample)``.
+
+        The first call subscribes, and asks the daemon for the newest one there.
+
+        Returns:
+            None where there is none yet, or no daemon.
+        """
+        sample = self._now(lambda: self._robot.newest(message))
+        if sample is None and self.alive:
+            try:
+                return self.get(message, timeout_s=wait_s)
+            except NoDaemon:
+                return None
+        return sample
+
+    @property
+    def pose(self) -> PoseSample | None:
+        """Where the robot is, in metres and radians; see :meth:`newest`."""
+        return self.newest(PoseSample)
+
+    @property
+    def twist(self) -> TwistSample | None:
+        """How it moves, in m/s and rad/s; see :meth:`newest`."""
+        return self.newest(TwistSample)
+
+    @property
+    def wheels(self) -> WheelsSample | None:
+        """Counts, angles and speeds of each wheel; see :meth:`newest`."""
+        return self.newest(WheelsSample)
+
+    @property
+    def battery(self) -> BatterySample | None:
+        """The battery's voltage; see :meth:`newest`."""
+        return self.newest(BatterySample)
+
+    @property
+    def status(self) -> StatusSample | None:
+        """Health, counters, and why the robot stands; None while the daemon is away."""
+        return self.newest(StatusSample)
+
+    def samples(
+        self, message: type[Message], *, depth: int = DEPTH, timeout_s: float = math.inf
+    ) -> Iterator[Message]:
+        """Samples as they come: ``for pose in robot.samples(PoseSample):``.
+
+        It goes on through restarts of the daemon, and ends when the robot is left, or when none
+        came for ``timeout_s`` seconds.
+        """
+        stream = self._now(lambda: self._robot.samples(message, depth=depth))
+        return self._iterate(stream, timeout_s)
+
+    def _iterate(self, stream: Samples[Message], timeout_s: float) -> Iterator[Message]:
+        async def following() -> Message | None:
+            async with asyncio.timeout(None if timeout_s == math.inf else timeout_s):
+                return await anext(stream, None)
+
+        try:
+            while (sample := self._wait(following())) is not None:
+                yield sample
+        except (TimeoutError, BusError):
+            return
+        finally:
+            with suppress(BusError):
+                self._now(stream.close)
+
+    def on(
+        self, message: type[Message], callback: Callable[[Message], object]
+    ) -> Callable[[], None]:
+        """Call back for each sample, in the thread that repeats commands; returns what ends it.
+
+        Args:
+            message: The kind, such as ``EventSample``.
+            callback: Has to return soon. It may drive and stop, and not wait for the robot.
+        """
+        end = self._now(lambda: self._robot.on(message, callback))
+        return lambda: self._now(end)
+
+    def get(self, message: type[Message], *, timeout_s: float = 1.5) -> Message | None:
+        """Ask the daemon for its newest sample; see :meth:`AsyncRobot.get`."""
+        return self._wait(self._robot.get(message, timeout_s=timeout_s))
+
+    # Services.
+
+    def request(
+        self, key: str, payload: bytes = b"{}", *, timeout_s: float = 1.5, urgent: bool = False
+    ) -> Answer:
+        """Ask a service; what became of it, as a value."""
+        return self._wait(self._robot.request(key, payload, timeout_s=timeout_s, urgent=urgent))
+
+    def estop(self, by: str = "") -> str:
+        """Engage the emergency stop of every daemon there; see :meth:`AsyncRobot.estop`."""
+        return self._wait(self._robot.estop(by))
+
+    def release(self) -> str:
+        """Release the emergency stop, and clear a fault; ``Refused`` says why not."""
+        return self._wait(self._robot.release())
+
+    def reset_odometry(self) -> str:
+        """Make the pose zero; the daemon's words."""
+        return self._wait(self._robot.reset_odometry())
+
+    def set_pose(
+        self, x: float, y: float, theta: float, *, covariance: Sequence[float] | None = None
+    ) -> str:
+        """Have odometry go on from this pose, in metres and radians; the daemon's words."""
+        return self._wait(self._robot.set_pose(x, y, theta, covariance=covariance))
+
+    def config(self) -> dict[str, Any]:
+        """The daemon's configuration in effect, by section and key."""
+        return self._wait(self._robot.config())
+
+    def board(self) -> dict[str, Any]:
+        """What is known of the board: firmware, settings, problems."""
+        return self._wait(self._robot.board())

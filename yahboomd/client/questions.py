@@ -1,0 +1,91 @@
+"""Queries to the daemon's services, and its answers put together."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+import zenoh
+
+from yahboomd.bus.bounded import bounded
+from yahboomd.client.incoming import read_sample
+from yahboomd.messages.native import ServiceReply
+
+GRACE_S = 0.5
+"""A query that has not ended so long after its own timeout never will."""
+
+
+class Answer(msgspec.Struct, frozen=True, kw_only=True):
+    """What became of a request.
+
+    Attributes:
+        success: Whether every daemon that answered did it.
+        message: What was done, or why not, in the daemon's words; a sentence of ours where no
+            daemon answered.
+        answered: How many daemons answered.
+        data: What the first of them returned, by name.
+    """
+
+    success: bool
+    message: str
+    answered: int
+    data: dict[str, Any] = {}
+
+
+async def ask(
+    session: zenoh.Session,
+    key: str,
+    payload: bytes = b"{}",
+    *,
+    timeout_s: float = 1.5,
+    urgent: bool = False,
+) -> list[bytes]:
+    """Query a key at every daemon, off the event loop.
+
+    Args:
+        session: An open session.
+        key: The key in full.
+        payload: The request. Its encoding is also that of the answer.
+        timeout_s: The longest wait for answers.
+        urgent: Overtakes what else is under way.
+
+    Returns:
+        The payload of each answer; empty where no daemon answers in time.
+    """
+
+    def get() -> list[bytes]:
+        replies = session.get(
+            key,
+            # Every daemon that is there, not the nearest one: an emergency stop is for all.
+            target=zenoh.QueryTarget.ALL,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            timeout=timeout_s,
+            congestion_control=zenoh.CongestionControl.BLOCK,
+            priority=zenoh.Priority.REAL_TIME if urgent else zenoh.Priority.DATA,
+            express=urgent,
+            payload=payload,
+            encoding="application/json",
+        )
+        return [reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None]
+
+    try:
+        return await bounded(get, timeout_s=timeout_s + GRACE_S, name="client-ask")
+    except (TimeoutError, zenoh.ZError):
+        return []
+
+
+def read_answers(payloads: list[bytes]) -> Answer:
+    """Put the answers of a service together; one that cannot be read counts as a refusal."""
+    replies = [
+        read_sample(payload, ServiceReply)
+        or ServiceReply(success=False, message="An answer came that cannot be read.")
+        for payload in payloads
+    ]
+    if not replies:
+        return Answer(success=False, message="No daemon answered.", answered=0)
+    return Answer(
+        success=all(reply.success for reply in replies),
+        message=" ".join(dict.fromkeys(reply.message for reply in replies)),
+        answered=len(replies),
+        data=dict(replies[0].data),
+    )

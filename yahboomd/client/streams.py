@@ -1,0 +1,127 @@
+"""Samples in: as they come, over a bounded buffer that keeps the newest, or the newest alone."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Callable
+from typing import Generic, Self, TypeVar
+
+import msgspec
+from zenoh.handlers import RingChannel
+
+from yahboomd.bus import keys
+from yahboomd.bus.session import Bus
+from yahboomd.bus.subscriptions import Arrival
+from yahboomd.client.incoming import read_sample
+from yahboomd.messages.native import (
+    BatterySample,
+    EventSample,
+    PoseSample,
+    StatusSample,
+    TwistSample,
+    WheelsSample,
+)
+
+Message = TypeVar("Message", bound=msgspec.Struct)
+
+KEYS: dict[type[msgspec.Struct], str] = {
+    PoseSample: keys.POSE,
+    TwistSample: keys.TWIST,
+    WheelsSample: keys.WHEELS,
+    BatterySample: keys.BATTERY,
+    StatusSample: keys.STATUS,
+    EventSample: keys.EVENTS,
+}
+"""The key of each message that a daemon publishes."""
+
+DEPTH = 64
+"""Samples kept for a reader that is slower than they come: more than a second of poses."""
+
+
+def key_of(message: type[msgspec.Struct]) -> str:
+    """The key of a message, below the namespace.
+
+    Raises:
+        ValueError: A daemon publishes no such message.
+    """
+    key = KEYS.get(message)
+    if key is None:
+        known = ", ".join(each.__name__ for each in KEYS)
+        raise ValueError(f"{message.__name__} is not published by a daemon; these are: {known}.")
+    return key
+
+
+class Newest:
+    """The newest payload of a key, for a reader that looks less often than samples come.
+
+    Nothing of Python runs when one comes: at fifty a second on three keys, what a subscription
+    hands over one by one costs more than drawing a screen.
+
+    Args:
+        bus: An open session.
+        key: The key, below the namespace.
+    """
+
+    def __init__(self, bus: Bus, key: str) -> None:
+        self._ring = bus.session.declare_subscriber(bus.key(key), RingChannel(1))
+
+    def take(self) -> bytes | None:
+        """The newest payload; None where none came since the last call."""
+        sample = self._ring.try_recv()
+        return None if sample is None else sample.payload.to_bytes()
+
+
+class Samples(Generic[Message]):
+    """Samples of one kind, oldest first. Made by ``AsyncRobot.samples``, which explains them.
+
+    An asynchronous iterator for one reader; it ends when the robot is left or by :meth:`close`.
+
+    Attributes:
+        dropped: Samples that were lost because the reader or this process was too slow.
+        unreadable: Payloads that were no such message.
+    """
+
+    def __init__(self, message: type[Message], depth: int) -> None:
+        self.dropped = 0
+        self.unreadable = 0
+        self._message = message
+        self._kept: deque[Message] = deque(maxlen=depth)
+        self._came = asyncio.Event()
+        self._open = True
+        self._end: Callable[[], None] | None = None
+
+    def attach(self, end: Callable[[], None]) -> None:
+        """Have ``end`` called by :meth:`close`: it ends the subscription."""
+        self._end = end
+
+    def receive(self, arrivals: list[Arrival]) -> None:
+        """Keep what arrived; called on the loop."""
+        for arrival in arrivals:
+            self.dropped += arrival.dropped
+            sample = read_sample(arrival.payload, self._message)
+            if sample is None:
+                self.unreadable += 1
+                continue
+            self.dropped += len(self._kept) == self._kept.maxlen
+            self._kept.append(sample)
+        self._came.set()
+
+    def close(self) -> None:
+        """End it; what is kept can still be read."""
+        self._open = False
+        self._came.set()
+        end, self._end = self._end, None
+        if end is not None:
+            end()
+
+    def __aiter__(self) -> Self:
+        return self
+
+    async def __anext__(self) -> Message:
+        while not self._kept:
+            if not self._open:
+                raise StopAsyncIteration
+            self._came.clear()
+            await self._came.wait()
+        return self._kept.popleft()

@@ -1,0 +1,155 @@
+"""The keys of the bus: what each carries, in which direction, and with which QoS.
+
+The daemon declares what is listed here, and ``schemas/asyncapi.json`` is made of it. Zenoh delivers
+all of it over reliable links; what finds a connection full is dropped, unless it is ``reliable``.
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+from yahboomd.bus import keys
+from yahboomd.bus.publishers import PriorityName
+from yahboomd.messages import ros2
+from yahboomd.messages.native import (
+    BatterySample,
+    EstopRequest,
+    EventSample,
+    PoseSample,
+    RosVelocityCommand,
+    SetPoseRequest,
+    StatusSample,
+    TwistSample,
+    VelocityCommand,
+    WheelsSample,
+)
+from yahboomd.messages.ros2 import Qos
+
+
+class Output(msgspec.Struct, frozen=True, kw_only=True):
+    """A key on which yahboomd publishes a native message.
+
+    Attributes:
+        message: What it carries.
+        when: When it is published.
+        reliable: Waits where a connection is full; else the sample is dropped there. Telemetry
+            never waits: the thread that publishes it drives the wheels.
+        priority: Zenoh's priority.
+    """
+
+    message: type[msgspec.Struct]
+    when: str
+    reliable: bool = False
+    priority: PriorityName = "data_high"
+
+
+class Input(msgspec.Struct, frozen=True, kw_only=True):
+    """A key on which yahboomd receives samples.
+
+    Attributes:
+        messages: What it takes, in JSON or MessagePack.
+        ros_types: What it takes in CDR.
+        does: What a sample does.
+    """
+
+    messages: tuple[type[msgspec.Struct], ...]
+    ros_types: tuple[str, ...]
+    does: str
+
+
+class Offer(msgspec.Struct, frozen=True, kw_only=True):
+    """A key on which yahboomd answers queries with a ``ServiceReply``.
+
+    Attributes:
+        request: What the query carries; None where it needs no payload.
+        ros_type: The ROS 2 service that it is; empty where it is none.
+        does: What it does.
+        wildcards: Whether a query by a key expression with wildcards is answered.
+    """
+
+    request: type[msgspec.Struct] | None = None
+    ros_type: str = ""
+    does: str
+    wildcards: bool = False
+
+
+class RosTopic(msgspec.Struct, frozen=True, kw_only=True):
+    """A topic that yahboomd publishes for ROS 2, in CDR.
+
+    Attributes:
+        ros_type: Its type.
+        when: When it is published.
+        qos: As ROS 2 sees it.
+    """
+
+    ros_type: str
+    when: str
+    qos: Qos = Qos(depth=10)
+
+
+OUTPUTS: dict[str, Output] = {
+    keys.POSE: Output(message=PoseSample, when="for each new reading"),
+    keys.TWIST: Output(message=TwistSample, when="for each new reading"),
+    keys.WHEELS: Output(message=WheelsSample, when="for each new reading"),
+    keys.BATTERY: Output(message=BatterySample, when="for each voltage that the board reports"),
+    keys.STATUS: Output(message=StatusSample, when="twice a second, and when the state changes"),
+    keys.EVENTS: Output(message=EventSample, when="as they happen"),
+}
+"""What is published natively, by key. A query on :data:`~yahboomd.bus.keys.SAMPLES` is answered
+with the newest sample."""
+
+COMMAND = Input(
+    messages=(VelocityCommand, RosVelocityCommand),
+    ros_types=(ros2.TWIST, ros2.TWIST_STAMPED),
+    does="drives the robot",
+)
+
+INPUTS: dict[str, Input] = {
+    keys.CMD_VEL: COMMAND,
+    keys.CMD_VEL_TELEOP: COMMAND,
+    keys.ESTOP: Input(
+        messages=(EstopRequest,),
+        ros_types=(),
+        does="engages the emergency stop, whatever its payload; only a well-formed "
+        '`{"engaged": false}` is refused',
+    ),
+}
+"""What is received, by key; each further name in ``[command.sources]`` takes commands as well."""
+
+OFFERS: dict[str, Offer] = {
+    keys.ESTOP: Offer(
+        request=EstopRequest,
+        ros_type=ros2.SET_BOOL,
+        does="engages the emergency stop, and acknowledges",
+    ),
+    keys.ESTOP_RESET: Offer(
+        ros_type=ros2.TRIGGER,
+        does="releases the emergency stop and clears a fault, "
+        "unless a source commanded motion within the last second",
+    ),
+    keys.ODOMETRY_RESET: Offer(ros_type=ros2.TRIGGER, does="sets the pose to zero"),
+    keys.ODOMETRY_SET_POSE: Offer(request=SetPoseRequest, does="sets the pose"),
+    keys.CONFIG: Offer(does="returns the configuration in effect", wildcards=True),
+    keys.BOARD: Offer(
+        does="returns what is known of the board: firmware and settings", wildcards=True
+    ),
+}
+"""The services, by key."""
+
+ROS_TOPICS: dict[str, RosTopic] = {
+    keys.ROS_ODOM: RosTopic(ros_type=ros2.ODOMETRY, when="for each new reading"),
+    keys.ROS_TF: RosTopic(
+        ros_type=ros2.TF_MESSAGE, when="for each new reading", qos=Qos(depth=100)
+    ),
+    keys.ROS_TF_STATIC: RosTopic(
+        ros_type=ros2.TF_MESSAGE, when="once, and once a second", qos=Qos(latched=True, depth=1)
+    ),
+    keys.ROS_JOINT_STATES: RosTopic(ros_type=ros2.JOINT_STATE, when="for each new reading"),
+    keys.ROS_BATTERY_STATE: RosTopic(
+        ros_type=ros2.BATTERY_STATE, when="for each voltage that the board reports"
+    ),
+    keys.ROS_DIAGNOSTICS: RosTopic(
+        ros_type=ros2.DIAGNOSTIC_ARRAY, when="once a second, and when a level changes"
+    ),
+}
+"""What is published for ROS 2, by the names that topics have unless configured otherwise."""

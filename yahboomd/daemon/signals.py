@@ -1,0 +1,134 @@
+"""What signals ask of the daemon: to end, or to be suspended. The wheels are stopped first.
+
+The default action of almost every signal ends or suspends a process where it is, and the board
+drives on. SIGKILL and SIGSTOP cannot be caught, and after a fault of the program (SIGSEGV, SIGABRT)
+no code of it can be relied on: there the service manager stops the wheels.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import os
+import signal
+from collections.abc import Callable
+
+from yahboomd.daemon.logs import flush
+
+log = logging.getLogger(__name__)
+
+ENDING = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+"""These ask for an orderly end: status 0."""
+
+SUSPENDING = (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)
+"""What a terminal suspends its programs with."""
+
+_FAULTS = {"ABRT", "BUS", "FPE", "ILL", "SEGV"}
+_HARMLESS = {"CHLD", "CONT", "URG", "WINCH"}
+_NOT_CAUGHT = {"KILL", "STOP"}
+
+
+def _others() -> list[int]:
+    names = _FAULTS | _HARMLESS | _NOT_CAUGHT
+    left_out = {getattr(signal, f"SIG{name}") for name in names} | {*ENDING, *SUSPENDING}
+    return sorted(signal.valid_signals() - left_out)
+
+
+KILLING = _others()
+"""Every other signal whose default action ends the process: the wheels stop, and it does."""
+
+
+def deadly() -> list[int]:
+    """Every signal that would end the process now: one that is ignored stays ignored."""
+    return [*ENDING, *(each for each in KILLING if signal.getsignal(each) is signal.SIG_DFL)]
+
+
+def name_of(number: int) -> str:
+    """``SIGQUIT``; ``SIGRTMIN+1`` for those without a name of their own."""
+    with contextlib.suppress(ValueError):
+        return signal.Signals(number).name
+    return f"SIGRTMIN+{number - signal.SIGRTMIN}"
+
+
+class Signals:
+    """Handlers of every signal that would end or suspend the process.
+
+    Args:
+        end: Called with the name of a signal that asks for the end.
+
+    Attributes:
+        suspend: Set while the process is to be suspended; the wheels have to stand first.
+        fatal: The signal that the process is to die of, once the wheels stand; None for none.
+        at_once: Nothing moves yet: a suspension need not wait for the wheels.
+    """
+
+    def __init__(self, end: Callable[[str], None]) -> None:
+        self._end = end
+        self._installed: list[int] = []
+        self.suspend = asyncio.Event()
+        self.fatal: int | None = None
+        self.at_once = True
+
+    def install(self) -> None:
+        """Handle them from now on, on the running loop."""
+        loop = asyncio.get_running_loop()
+        self._installed = [*deadly(), signal.SIGCONT]
+        for number in self._installed:
+            loop.add_signal_handler(number, self._ends, number)
+        loop.add_signal_handler(signal.SIGCONT, self._continued)
+        self._await_suspension()
+        # A terminal repeats SIGTTOU as often as something writes: one byte for each is too many.
+        signal.set_wakeup_fd(signal.set_wakeup_fd(-1), warn_on_full_buffer=False)
+
+    def remove(self) -> None:
+        """Handle none any more."""
+        loop = asyncio.get_running_loop()
+        for number in (*self._installed, *SUSPENDING):
+            loop.remove_signal_handler(number)
+
+    def freeze(self) -> None:
+        """Suspend the process; returns when it goes on."""
+        log.info("Suspended. SIGCONT (fg, bg) continues it.")
+        # A thread writes the log, and is suspended with the rest.
+        flush()
+        os.kill(os.getpid(), signal.SIGSTOP)
+        self.resume()
+        log.info("Continued.")
+
+    def resume(self) -> None:
+        """Be ready for the next suspension."""
+        self.suspend.clear()
+        self._await_suspension()
+
+    def _await_suspension(self) -> None:
+        loop = asyncio.get_running_loop()
+        for number in SUSPENDING:
+            loop.add_signal_handler(number, self._suspends, number)
+
+    def _ends(self, number: int) -> None:
+        if number not in ENDING and self.fatal is None:
+            self.fatal = number
+        self._end(name_of(number))
+
+    def _suspends(self, number: int) -> None:
+        # Until that is done a background process may write to its terminal: it would be sent the
+        # same signal again and again.
+        for each in SUSPENDING:
+            signal.signal(each, signal.SIG_IGN)
+        if self.at_once:
+            self.freeze()
+        elif not self.suspend.is_set():
+            log.info("%s: stopping the wheels, then suspending.", name_of(number))
+            self.suspend.set()
+
+    def _continued(self) -> None:
+        if self.suspend.is_set():
+            # Faster than the wheels: the shell believes that it runs already.
+            self.resume()
+
+
+def die_of(number: int) -> None:
+    """End this process by the default action of a signal; returns where that is blocked."""
+    signal.signal(number, signal.SIG_DFL)
+    os.kill(os.getpid(), number)

@@ -1,0 +1,1 @@
+"""Metrics of robots, for Prometheus and its like: the page, and the door where it is read."""

@@ -1,0 +1,254 @@
+"""What is known of a robot, as metrics.
+
+Every number of the status is one: its name, kind, unit and meaning come from
+:data:`~yahboomd.messages.status_fields.FIELDS`. Numbers that FIELDS does not list (from a daemon of
+another version) are left out and counted. Texts are left out, except those that describe the board.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from itertools import islice
+from typing import TypeVar, get_args
+
+import msgspec
+
+from yahboomd.messages.native import State, StatusSample, TwistSample, WheelsSample
+from yahboomd.messages.status_fields import FIELDS, StatusField
+from yahboomd.metrics.exposition import Exposition, Kind
+
+MAX_SERIES = 64
+"""Sources, wheels and reasons that are taken from one sample: any program may have written it."""
+
+FRESH_NS = 2_000_000_000
+"""A twist or wheels sample so much older than the status says nothing about now."""
+
+_NS_PER_S = 1_000_000_000
+
+# By the unit that FIELDS names: the ending of the field, its base unit, and the factor to that.
+_UNITS: Mapping[str, tuple[str, str, float]] = {
+    "": ("", "", 1),
+    "s": ("_s", "seconds", 1),
+    "ns": ("_ns", "seconds", 1e-9),
+    "mm": ("_mm", "meters", 1e-3),
+    "V": ("volts", "volts", 1),
+    "bytes": ("bytes", "bytes", 1),
+}
+# A letter at the end of a name would be taken for a unit (d: days).
+_SPELLED = {"p": "proportional_gain", "i": "integral_gain", "d": "derivative_gain"}
+_FIELDS: Mapping[tuple[str, str], StatusField] = {
+    (field.group, field.name): field for field in FIELDS
+}
+_M_S = "meters_per_second"
+
+Item = TypeVar("Item")
+
+
+class RobotFacts(msgspec.Struct, frozen=True, kw_only=True):
+    """What is known of one robot at one moment.
+
+    Attributes:
+        name: Its namespace, or ``yahboomd``.
+        status: The newest status; None unless its daemon is alive.
+        status_age_s: For how long no new status has come; None before the first.
+        twist: The newest twist.
+        wheels: The newest wheels.
+        events: Events since this process began to listen, by kind and severity.
+        unreadable: Statuses, answers and events that were no such message.
+    """
+
+    name: str
+    status: StatusSample | None = None
+    status_age_s: float | None = None
+    twist: TwistSample | None = None
+    wheels: WheelsSample | None = None
+    events: Mapping[tuple[str, str], int] = {}
+    unreadable: int = 0
+
+
+def metric_name(field: StatusField) -> str:
+    """The name of a field's metric, without the suffix of its kind."""
+    ending, unit, _ = _UNITS[field.unit]
+    stem = _SPELLED.get(field.name, field.name.removesuffix(ending).rstrip("_"))
+    group = "source" if field.group == "sources" else field.group
+    return "_".join(part for part in ("yahboomd", group, stem, unit) if part)
+
+
+def add_robot(exposition: Exposition, robot: RobotFacts) -> None:
+    """Add the series of one robot.
+
+    A daemon that is not alive leaves ``yahboomd_up 0``, the age of its last status and what this
+    process itself has counted. Its old numbers are left out: they would look alive.
+    """
+    _RobotMetrics(exposition, robot).add()
+
+
+class _RobotMetrics:
+    """One robot on its way into an exposition."""
+
+    def __init__(self, exposition: Exposition, robot: RobotFacts) -> None:
+        self._exposition = exposition
+        self._robot = robot
+        self._unknown = 0
+
+    def add(self) -> None:
+        robot, status = self._robot, self._robot.status
+        self._gauge("yahboomd_up", "1 while the daemon answers, else 0", int(status is not None))
+        if robot.status_age_s is not None:
+            self._gauge(
+                "yahboomd_status_age_seconds",
+                "for how long no new status has come",
+                robot.status_age_s,
+                unit="seconds",
+            )
+        for (kind, severity), count in robot.events.items():
+            self._set(
+                "counter",
+                "yahboomd_events",
+                "events that were received",
+                count,
+                labels={"kind": kind, "severity": severity},
+            )
+        if status is not None:
+            self._status(status)
+            self._motion(status)
+        self._gauge(
+            "yahboomd_unknown_status_fields",
+            "numbers of the status that are left out: this version does not know them",
+            self._unknown,
+        )
+        self._set(
+            "counter",
+            "yahboomd_unreadable_samples",
+            "statuses, answers and events that could not be read",
+            robot.unreadable,
+        )
+
+    def _status(self, status: StatusSample) -> None:
+        self._gauge(
+            "yahboomd_status_timestamp_seconds",
+            "when the status was made, by the robot's clock, Unix time",
+            status.stamp_ns / _NS_PER_S,
+            unit="seconds",
+        )
+        for state in get_args(State):
+            self._gauge(
+                "yahboomd_state",
+                "1 for the state that the robot is in, 0 for the others",
+                int(state == status.state),
+                labels={"state": state},
+            )
+        self._gauge(
+            "yahboomd_state_timestamp_seconds",
+            "since when it is in this state, by the robot's clock, Unix time",
+            status.since_ns / _NS_PER_S,
+            unit="seconds",
+        )
+        self._gauge(
+            "yahboomd_estop_engaged",
+            "1 while the emergency stop is engaged",
+            int(status.state == "estopped"),
+        )
+        accounts = status.command.get("sources")
+        sources = dict(accounts) if isinstance(accounts, Mapping) else {}
+        if status.driver is not None:
+            sources.setdefault(status.driver, {})
+        for source, account in _some(sources.items()):
+            self._gauge(
+                "yahboomd_source_in_control",
+                "1 for the source of commands that has control",
+                int(source == status.driver),
+                labels={"source": source},
+            )
+            if isinstance(account, Mapping):
+                self._group("sources", account, {"source": source})
+        for group in ("board", "link", "command", "bus"):
+            self._group(group, getattr(status, group), {})
+        board = {name: str(text) for name, text in status.board.items() if _is_text("board", name)}
+        if board:
+            self._set("info", "yahboomd_board", "the board", 1, labels=board)
+
+    def _group(self, group: str, values: Mapping[str, object], labels: Mapping[str, str]) -> None:
+        """Every number of a group of the status."""
+        for name, value in values.items():
+            field = _FIELDS.get((group, name))
+            if field is None:
+                self._unknown += isinstance(value, int | float)
+            elif field.kind == "text":
+                continue
+            elif isinstance(value, Mapping) and field.per:
+                for key, each in _some(value.items()):
+                    self._field(field, each, {**labels, field.per: key})
+            else:
+                self._field(field, value, labels)
+
+    def _field(self, field: StatusField, value: object, labels: Mapping[str, str]) -> None:
+        if not isinstance(value, int | float) or field.kind == "text":
+            return
+        _, unit, factor = _UNITS[field.unit]
+        self._set(
+            field.kind, metric_name(field), field.meaning, value * factor, unit=unit, labels=labels
+        )
+
+    def _motion(self, status: StatusSample) -> None:
+        twist, wheels = self._robot.twist, self._robot.wheels
+        if twist is not None and status.stamp_ns - twist.stamp_ns < FRESH_NS:
+            for axis, value in (("x", twist.vx), ("y", twist.vy)):
+                self._gauge(
+                    "yahboomd_twist_linear_meters_per_second",
+                    "measured velocity of the base: x forward, y to the left",
+                    value,
+                    unit=_M_S,
+                    labels={"axis": axis},
+                )
+            self._gauge(
+                "yahboomd_twist_angular_radians_per_second",
+                "measured turning of the base, counter-clockwise",
+                twist.wz,
+                unit="radians_per_second",
+                labels={"axis": "z"},
+            )
+        if wheels is not None and status.stamp_ns - wheels.stamp_ns < FRESH_NS:
+            for name, meaning, speeds in (
+                ("yahboomd_wheel_speed_meters_per_second", "measured", wheels.speed_m_s),
+                ("yahboomd_wheel_command_meters_per_second", "commanded", wheels.command_m_s),
+            ):
+                for wheel, speed in _some(zip(wheels.names, speeds, strict=False)):
+                    self._gauge(
+                        name, f"{meaning} speed of the rim", speed, unit=_M_S,
+                        labels={"wheel": wheel},
+                    )  # fmt: skip
+
+    def _gauge(
+        self,
+        name: str,
+        meaning: str,
+        value: float,
+        *,
+        unit: str = "",
+        labels: Mapping[str, str] | None = None,
+    ) -> None:
+        self._set("gauge", name, meaning, value, unit=unit, labels=labels)
+
+    def _set(
+        self,
+        kind: Kind,
+        name: str,
+        meaning: str,
+        value: float,
+        *,
+        unit: str = "",
+        labels: Mapping[str, str] | None = None,
+    ) -> None:
+        self._exposition.family(name, kind, meaning, unit).set(
+            value, {"robot": self._robot.name, **(labels or {})}
+        )
+
+
+def _is_text(group: str, name: str) -> bool:
+    field = _FIELDS.get((group, name))
+    return field is not None and field.kind == "text"
+
+
+def _some(items: Iterable[Item]) -> Iterable[Item]:
+    return islice(items, MAX_SERIES)

@@ -1,0 +1,144 @@
+"""How often a board renews its totals, from the lines that show it.
+
+Law: a period is believed where the changes of the totals lie on a straight line over their number,
+as straight as the distance of the lines allows, with a slope of whole milliseconds.
+
+Only fast motion is looked at, where each renewal changes the totals. A renewal that no line showed
+makes the next change twice as large, which numbers it. Where every line brings a change of the same
+size there is no tick to be seen: the board renews its totals with each line.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+MS = 1e6
+
+FAST_TICKS = 3
+"""From so many counts a tick on, a tick without any would be a miracle."""
+
+WARM_UP = 8
+"""So many changes tell the pace; none is numbered before."""
+
+ENOUGH_TICKS = 24
+ENOUGH_NS = 400 * MS
+
+PAUSE_NS = 100 * MS
+"""Totals that stay for so long belong to wheels that stand."""
+
+MARKS_SHARE = 0.025
+"""So many of the lines at least repeat the totals or skip a tick, where there is a tick."""
+
+
+class Measured(NamedTuple):
+    """What one stretch of fast motion showed.
+
+    Attributes:
+        period: Of the changes, in nanoseconds.
+        regular: Whether a timer of whole milliseconds makes them.
+        marked: Whether lines repeated the totals or skipped a tick: without, lines and ticks
+            cannot be distinguished.
+    """
+
+    period: float
+    regular: bool
+    marked: bool
+
+
+class TickMeter:
+    """Measures the period of the totals, one stretch of fast motion after the other.
+
+    Attributes:
+        spacing: The longest time between two changes of fast motion, by the number of lines in
+            between; forgotten slowly.
+    """
+
+    def __init__(self) -> None:
+        self.spacing = 0.0
+        self._changed: float | None = None
+        self._quiet = 0
+        self._pace = 0.0
+        self._begin()
+
+    def _begin(self) -> None:
+        self._warm = 0
+        self._lines = self._marks = self._points = self._single = self._number = 0
+        self._sums = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+    def add(self, arrival: float, counts: int, gap: float, spread: float) -> Measured | None:
+        """Take in a line.
+
+        Args:
+            arrival: When it came, or left; nanoseconds.
+            counts: The largest change of any counter since the line before.
+            gap: From line to line, on the average.
+            spread: How unevenly lines come: their distance, and their delays.
+
+        Returns:
+            What was measured, where a stretch is complete.
+        """
+        changed = self._changed
+        if not counts:
+            self._lines += 1
+            self._marks += 1
+            self._quiet += 1
+            if changed is not None and arrival - changed > PAUSE_NS:
+                self._changed = None
+                self._begin()
+            return None
+        if counts < FAST_TICKS or changed is None:
+            self._changed, self._quiet = arrival if counts >= FAST_TICKS else None, 0
+            self._pace = float(counts)
+            self._begin()
+            return None
+        took = arrival - changed
+        spacing = (self._quiet + 1) * gap
+        self._changed, self._quiet = arrival, 0
+        number = max(1, round(counts / self._pace))
+        if number > 4 or took > PAUSE_NS:
+            self._pace = float(counts)
+            self._begin()
+            return None
+        self._pace += 0.5 * (counts / number - self._pace)
+        self.spacing = max(spacing, 0.98 * self.spacing)
+        if self._warm < WARM_UP:
+            self._warm += 1
+            if self._warm == WARM_UP:
+                self._lines = self._marks = 0
+                self._origin = arrival
+            return None
+        self._lines += 1
+        self._marks += number - 1
+        self._single += number == 1
+        self._number += number
+        x, y = float(self._number), arrival - self._origin
+        sx, sy, sxx, sxy, syy = self._sums
+        self._sums = (sx + x, sy + y, sxx + x * x, sxy + x * y, syy + y * y)
+        self._points += 1
+        if self._number < ENOUGH_TICKS or y < ENOUGH_NS:
+            return None
+        # Where hardly any change is a single tick, the pace was taken for half of what it is.
+        measured = self._measure(spread) if 2 * self._single > self._points else None
+        if measured is None:
+            self._pace = float(counts)
+        self._begin()
+        self._warm = WARM_UP
+        self._origin = arrival
+        return measured
+
+    def _measure(self, spread: float) -> Measured:
+        sx, sy, sxx, sxy, syy = self._sums
+        points = self._points
+        across = sxx - sx * sx / points
+        period = (sxy - sx * sy / points) / across
+        rest = max(0.0, syy - sy * sy / points - period * (sxy - sx * sy / points))
+        scatter = math.sqrt(rest / points)
+        room = max(0.006 * period, 3.0 * scatter / math.sqrt(across))
+        whole = round(period / MS) * MS
+        regular = (
+            whole >= 2 * MS
+            and abs(period - whole) <= min(room, 0.2 * MS)
+            and scatter <= 0.35 * spread + 0.4 * MS
+        )
+        return Measured(period, regular, self._marks >= MARKS_SHARE * self._lines)

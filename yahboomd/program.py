@@ -1,0 +1,72 @@
+"""Texts as a person's terminal takes them: commands that can be pasted, nothing that commands it.
+
+Texts name `yahboomd stop`; in a virtual environment that is not active, the shell knows only
+`.venv/bin/yahboomd`. What prints a text replaces the one by the other.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from pathlib import Path
+
+COMMANDS = (
+    "run",
+    "simulate",
+    "stop",
+    "monitor",
+    "drive",
+    "status",
+    "pose",
+    "send",
+    "call",
+    "events",
+    "metrics",
+    "probe",
+    "config",
+    "install",
+    "uninstall",
+    "completions",
+)
+"""The subcommands."""
+
+_PASTED = re.compile(rf"(?<![\w/.-])yahboomd (?=(?:{'|'.join(COMMANDS)})\b)")
+
+
+def readable(text: str) -> str:
+    """The text without control characters, but for line ends and tabs.
+
+    Boards, other clients of the bus and file names have a part in what is printed and logged.
+    """
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() or c in "\n\t" else "?" for c in text)
+
+
+def plain(text: str) -> str:
+    """Text without control characters: what comes over the bus must not command a terminal."""
+    return text if text.isprintable() else "".join(c if c.isprintable() else " " for c in text)
+
+
+def name() -> str:
+    """The word that starts this program from a shell in the current folder."""
+    own = Path(sys.executable).with_name("yahboomd")
+    if not own.exists():
+        return "yahboomd"
+    for folder in os.environ.get("PATH", "").split(os.pathsep):
+        found = Path(folder or ".", "yahboomd")
+        if os.access(found, os.X_OK):
+            # A package may have put a link on the PATH.
+            if found.samefile(own):
+                return "yahboomd"
+            break
+    here = Path.cwd()
+    return str(own.relative_to(here) if own.is_relative_to(here) else own)
+
+
+def pasteable(text: str) -> str:
+    """The text with every `yahboomd COMMAND` in it as the person has to type it."""
+    if _PASTED.search(text) is None or (called := name()) == "yahboomd":
+        return text
+    return _PASTED.sub(lambda _found: f"{called} ", text)
