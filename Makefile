@@ -63,7 +63,7 @@ schemas: $(VENV)/.dev ## write schemas/, generated pages of docs/, man pages and
 	$(PY) -m yahboomd.messages.pages status > docs/status.md
 	$(PY) -m yahboomd config reference > docs/configuration.md
 	$(PY) -m yahboomd config reference --toml > config.toml
-	$(PY) -m yahboomd.cli.shared_files share
+	$(PY) -m yahboomd.cli.shell.shared_files share
 
 schemas-check: $(VENV)/.dev
 	$(PY) -m yahboomd.messages.generate --check schemas

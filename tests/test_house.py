@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.cli.shared_files import shared_files
+from yahboomd.cli.shell.shared_files import shared_files
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCES = [
@@ -29,8 +29,9 @@ def test_every_test_of_a_room_belongs_to_a_source_file() -> None:
     strays = [
         path
         for room in ROOMS
-        for path in (ROOT / "tests" / room).glob("test_*.py")
-        if Path(room, path.name.removeprefix("test_")) not in SOURCES
+        for path in (ROOT / "tests" / room).rglob("test_*.py")
+        if path.relative_to(ROOT / "tests").with_name(path.name.removeprefix("test_"))
+        not in SOURCES
     ]
     assert strays == []
 

@@ -21,7 +21,7 @@ def command(monkeypatch):
     """Put a command in the place of ``drive`` that does what the test says."""
 
     def install(body, options=()):
-        module = types.ModuleType("yahboomd.cli.drive")
+        module = types.ModuleType("yahboomd.cli.screens.drive")
 
         def add_parser(subparsers):
             parser = subparsers.add_parser("drive", description="The keys are W A S D.")
@@ -30,7 +30,7 @@ def command(monkeypatch):
 
         module.add_parser = add_parser
         module.run = body
-        monkeypatch.setitem(sys.modules, "yahboomd.cli.drive", module)
+        monkeypatch.setitem(sys.modules, "yahboomd.cli.screens.drive", module)
 
     return install
 
@@ -154,7 +154,7 @@ def test_a_missing_module_that_is_no_extra_is_a_bug(command):
     [
         ("rich", "pip install 'yahboomd[monitor]'"),
         ("zenoh", "needs the Python package zenoh"),
-        ("yahboomd.cli.drive", "is not part of this installation"),
+        ("yahboomd.cli.screens.drive", "is not part of this installation"),
     ],
 )
 def test_a_command_that_cannot_be_imported_is_a_sentence(monkeypatch, capsys, missing, words):
@@ -170,10 +170,10 @@ def test_a_reader_that_leaves_is_no_error(tmp_path):
     # More than a pipe holds, so that writing meets the closed end in any case.
     script = (
         "import sys, types; from yahboomd.cli import main as cli\n"
-        "module = types.ModuleType('yahboomd.cli.drive')\n"
+        "module = types.ModuleType('yahboomd.cli.screens.drive')\n"
         "module.add_parser = lambda subparsers: subparsers.add_parser('drive') and None\n"
         "module.run = lambda args: print('x' * 10_000_000) or 0\n"
-        "sys.modules['yahboomd.cli.drive'] = module\n"
+        "sys.modules['yahboomd.cli.screens.drive'] = module\n"
         "sys.exit(cli.main(['drive']))"
     )
     with subprocess.Popen(
@@ -258,10 +258,10 @@ def test_a_bug_keeps_its_traceback_and_its_status_while_a_thread_runs():
     script = (
         "import sys, threading, types; from yahboomd.cli import main as cli\n"
         "threading.Thread(target=threading.Event().wait, daemon=True).start()\n"
-        "module = types.ModuleType('yahboomd.cli.drive')\n"
+        "module = types.ModuleType('yahboomd.cli.screens.drive')\n"
         "module.add_parser = lambda subparsers: subparsers.add_parser('drive') and None\n"
         "module.run = lambda args: 1 / 0\n"
-        "sys.modules['yahboomd.cli.drive'] = module\n"
+        "sys.modules['yahboomd.cli.screens.drive'] = module\n"
         "sys.argv[1:] = ['drive']\n"
         "sys.exit(cli.main())"
     )

@@ -46,7 +46,7 @@ def test_the_first_words_are_those_of_the_protocol() -> None:
 
 def test_nothing_that_takes_long_is_imported_before_the_first_stop() -> None:
     script = (
-        "import sys, yahboomd.cli.main, yahboomd.cli.stop\n"
+        "import sys, yahboomd.cli.main, yahboomd.cli.stop.stop\n"
         "slow = {'asyncio', 'serial', 'msgspec', 'pydantic', 'zenoh', 'ctypes', 'tomllib'}\n"
         "print(sorted(slow & set(sys.modules)))"
     )

@@ -121,8 +121,8 @@ def shell(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[Shell]:
     """A real shell with our script; its folder has a file ``robot.toml`` and a folder ``image``."""
-    from yahboomd.cli.command_tree import whole
-    from yahboomd.cli.completion_scripts import SCRIPTS
+    from yahboomd.cli.shell.command_tree import whole
+    from yahboomd.cli.shell.completion_scripts import SCRIPTS
 
     name = request.param
     if shutil.which(name) is None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from yahboomd.bus import keys
-from yahboomd.cli.dashboard import Dashboard
+from yahboomd.cli.screens.dashboard import Dashboard
 from yahboomd.messages.codecs import NativeEncoding, encode
 from yahboomd.messages.native import (
     BatterySample,

@@ -1,6 +1,6 @@
 """The ``yahboomd`` command: finds the subcommand, runs it, and says in one message what failed.
 
-Each subcommand is a module of this room with ``add_parser(subparsers)`` and ``run(args) -> int``,
+Each subcommand is a module of its name with ``add_parser(subparsers)`` and ``run(args) -> int``,
 imported when it is used: ``yahboomd --help`` must not wait for Zenoh, and a machine without the
 extras of one command must not lose the others.
 """
@@ -40,6 +40,16 @@ COMMANDS = {
     "completions": "print what completes commands in bash, zsh or fish",
 }
 """Every subcommand with its line in the help."""
+
+FOLDERS = {
+    "stop": "stop",
+    **dict.fromkeys(("monitor", "drive"), "screens"),
+    **dict.fromkeys(("status", "pose", "send", "call", "events"), "robot"),
+    "probe": "probe",
+    **dict.fromkeys(("install", "uninstall"), "service"),
+    "completions": "shell",
+}
+"""The folder of each command that has one; the others are modules of this room itself."""
 
 EXTRAS = {"rich": "monitor", "matplotlib": "plot", "uvloop": "uvloop"}
 """Packages that are installed only when asked for, with the name of the extra."""
@@ -215,7 +225,11 @@ def _bare_parser() -> tuple[
 
 
 def _load(name: str) -> Command:
-    return cast(Command, importlib.import_module(f"yahboomd.cli.{name}"))
+    return cast(Command, importlib.import_module(_module(name)))
+
+
+def _module(name: str) -> str:
+    return ".".join(filter(None, ("yahboomd.cli", FOLDERS.get(name), name)))
 
 
 def _missing(command: str, error: ModuleNotFoundError) -> str:
@@ -223,7 +237,7 @@ def _missing(command: str, error: ModuleNotFoundError) -> str:
     if package in EXTRAS:
         extra = EXTRAS[package]
         return f"`{command}` needs {package}: pip install 'yahboomd[{extra}]'"
-    if error.name == f"yahboomd.cli.{command}":
+    if error.name == _module(command):
         return f"`{command}` is not part of this installation."
     return f"`{command}` needs the Python package {error.name}, which is missing: install again."
 

@@ -1,0 +1,141 @@
+from __future__ import annotations
+
+import daemon_samples as daemon
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from yahboomd.bus import keys
+from yahboomd.cli.screens import monitor_screen
+from yahboomd.cli.screens.dashboard import Dashboard
+from yahboomd.cli.screens.view import Count, View
+from yahboomd.messages.codecs import encode
+
+S = 1_000_000_000
+
+
+def drawn(view: View, width: int = 80, height: int = 24) -> list[str]:
+    return monitor_screen.screen(view, where="bot1", width=width, height=height).plain.split("\n")
+
+
+def test_a_small_terminal_shows_all_there_is() -> None:
+    text = "\n".join(drawn(daemon.driving(0).view(0)))
+    for words in (
+        "● DRIVING for 2.0 s",
+        "cmd_vel has control for over 0.0 s",
+        "cmd_vel drives.",
+        "pose in odom",
+        "1.500 m    ± 0.020",
+        "28.6°",
+        "turning   -0.250 rad/s",
+        "left        1000   0.290 of  0.300",
+        "streamed 1.7.3 on /dev/ttyUSB0",
+        "battery 7.4 V",
+        "nothing lost, refused or missed",
+        "no command refused",
+        "The board reset itself.",
+    ):
+        assert words in text
+
+
+@pytest.mark.parametrize(("width", "height"), [(80, 24), (81, 25), (108, 30), (200, 60), (40, 10)])
+@pytest.mark.parametrize("motors", [1, 2, 4])
+def test_a_screen_fills_its_terminal_exactly(width: int, height: int, motors: int) -> None:
+    dashboard = daemon.driving(0)
+    names = tuple(f"wheel_{index}" for index in range(motors))
+    sample = daemon.wheels((0.1,) * motors, (0.2,) * motors, names)
+    dashboard.take(keys.WHEELS, encode(sample, "json"), 0)
+    lines = drawn(dashboard.view(0), width, height)
+    assert len(lines) == height
+    assert {len(line) for line in lines} == {width}
+
+
+def test_four_wheels_fit_into_a_small_terminal_with_an_event() -> None:
+    dashboard = daemon.driving(0)
+    names = ("front_left", "front_right", "rear_left", "rear_right")
+    sample = daemon.wheels((0.1,) * 4, (0.2,) * 4, names)
+    dashboard.take(keys.WHEELS, encode(sample, "json"), 0)
+    text = "\n".join(drawn(dashboard.view(0)))
+    assert all(name in text for name in names)
+    assert "The board reset itself." in text
+
+
+def test_a_wide_terminal_shows_the_path() -> None:
+    dashboard = daemon.driving(0)
+    assert "path" not in "\n".join(drawn(dashboard.view(0), 107, 30))
+    text = "\n".join(drawn(dashboard.view(0), 120, 30))
+    assert "path, x is up" in text
+    assert "a line is" in text
+
+
+def test_a_long_reason_is_told_over_several_lines() -> None:
+    dashboard = daemon.driving(0)
+    why = "The board is gone. " * 6 + "Plug it in."
+    dashboard.take(keys.STATUS, encode(daemon.status("waiting", why=why), "json"), 0)
+    lines = drawn(dashboard.view(0))
+    assert "Plug it in." in "\n".join(lines)
+    assert len(lines) == 24
+
+
+@pytest.mark.parametrize("height", [21, 22, 23, 24, 30])
+def test_the_newest_event_is_shown_however_long_it_is(height: int) -> None:
+    dashboard = daemon.driving(0)
+    dashboard.take(keys.EVENTS, encode(daemon.event("The wheel is blocked. " * 20), "json"), 0)
+    assert "The wheel is blocked." in "\n".join(drawn(dashboard.view(0), 80, height))
+
+
+def test_a_silent_daemon_is_told_and_its_numbers_are_marked_old() -> None:
+    text = "\n".join(drawn(daemon.driving(0).view(5 * S)))
+    assert "NO WORD  from the daemon for 5.0 s" in text
+    assert "it was driving" in text
+    assert "run `yahboomd stop`" in text
+    assert "pose in odom (old)" in text
+    assert "DRIVING" not in text
+
+
+@pytest.mark.parametrize(
+    ("state", "colour"),
+    [("driving", "green"), ("standing", "cyan"), ("estopped", "red"), ("fault", "red")],
+)
+def test_the_state_has_its_colour(state: str, colour: str) -> None:
+    view = View(phase="live", status=daemon.status(state))
+    text = monitor_screen.screen(view, where="bot1", width=80, height=24)
+    at = text.plain.index(f"● {state.upper()}")
+    assert any(span.start <= at < span.end and colour in str(span.style) for span in text.spans)
+
+
+def test_a_counter_that_rises_comes_first_and_in_red() -> None:
+    counts = (
+        Count(name="lost", total=7, rising=False),
+        Count(name="missed polls", total=2, rising=True),
+    )
+    view = View(phase="live", status=daemon.status(), link=counts)
+    text = monitor_screen.screen(view, where="bot1", width=80, height=24)
+    assert "missed polls 2 · lost 7" in text.plain
+    at = text.plain.index("missed polls 2")
+    assert any(span.start <= at < span.end and "red" in str(span.style) for span in text.spans)
+
+
+def test_while_it_waits_it_says_where_and_why() -> None:
+    view = View(phase="waiting", unreadable=3)
+    text = monitor_screen.waiting(
+        view, where="tcp/127.0.0.1:7448", width=80, height=24, why="No router answers."
+    ).plain
+    assert "waiting for a daemon at tcp/127.0.0.1:7448" in text
+    assert "No router answers." in text
+    assert "3 samples came that cannot be read" in text
+    assert {len(line) for line in text.split("\n")} == {80}
+
+
+@given(st.text(max_size=200), st.text(max_size=30), st.text(max_size=200))
+def test_what_comes_over_the_bus_never_breaks_the_screen(why: str, name: str, said: str) -> None:
+    dashboard = Dashboard()
+    sample = daemon.status(why=why, driver=name)
+    dashboard.take(keys.STATUS, encode(sample, "json"), 0)
+    dashboard.take(keys.WHEELS, encode(daemon.wheels(names=(name, name)), "json"), 0)
+    dashboard.take(keys.EVENTS, encode(daemon.event(said), "json"), 0)
+    text = monitor_screen.screen(dashboard.view(0), where=name, width=80, height=24)
+    lines = text.split("\n", allow_blank=True)
+    assert len(lines) == 24
+    assert all(line.plain.isprintable() for line in lines)
+    assert {line.cell_len for line in lines} == {80}

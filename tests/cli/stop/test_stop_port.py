@@ -1,0 +1,101 @@
+"""The port half of stop: which port, and what is said of the outcome."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+
+import pytest
+
+from yahboomd.cli.stop.stop_port import (
+    describe,
+    end,
+    needs_no_configuration,
+    take,
+    tell,
+    undisturbed,
+)
+from yahboomd.errors import LinkError, PortMissing
+from yahboomd.link.conversation import Heard
+from yahboomd.link.takeover import TakeoverReport
+from yahboomd.protocol.framing import FramerCounters
+
+
+def report(**facts: object) -> TakeoverReport:
+    usual: dict[str, object] = {
+        "port": "/dev/board",
+        "dialect": "streamed",
+        "stood": True,
+        "cut": False,
+        "within_s": 0.234,
+        "heard": Heard(counters=FramerCounters()),
+    }
+    return TakeoverReport(**(usual | facts))  # type: ignore[arg-type]
+
+
+def options(**given: object) -> argparse.Namespace:
+    return argparse.Namespace(**({"port": None, "config": None, "overrides": []} | given))
+
+
+def test_a_stop_that_was_seen_says_within_how_long() -> None:
+    words = describe(report())
+    assert words == (
+        "/dev/board (streamed board): the wheels stand, 0.23 s after the first stop frame."
+    )
+
+
+def test_a_stop_by_letting_go_says_that_the_brake_was_not_obeyed() -> None:
+    assert "did not obey the brake" in describe(report(cut=True))
+
+
+def test_wheels_that_still_turn_are_a_case_for_the_switch() -> None:
+    assert "switch off the supply" in describe(report(stood=False))
+
+
+def test_what_nobody_could_see_is_not_called_standing(capsys: pytest.CaptureFixture[str]) -> None:
+    assert "look at the wheels" in describe(report(stood=None))
+    silent = describe(report(dialect=None, stood=None))
+    assert "whether the wheels stand is unknown" in silent
+    assert "Not a byte came" in silent
+    assert tell(report(stood=None)) is False
+    assert capsys.readouterr().out == ""
+
+
+def test_success_goes_to_the_output_and_failure_where_errors_go(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert tell(report()) is True
+    assert tell(report(stood=False)) is False
+    told = capsys.readouterr()
+    assert told.out.count("\n") == 1
+    assert told.err.startswith("yahboomd: /dev/board")
+
+
+def test_a_named_port_needs_no_configuration_unless_one_is_named(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert needs_no_configuration(options(port="/dev/board"))
+    assert not needs_no_configuration(options())
+    assert not needs_no_configuration(options(port="/dev/board", overrides=["serial.dtr=false"]))
+    assert not needs_no_configuration(options(port="/dev/board", config="robot.toml"))
+    monkeypatch.setenv("YAHBOOMD_SERIAL__DTR", "false")
+    assert not needs_no_configuration(options(port="/dev/board"))
+
+
+def test_what_is_no_port_is_explained() -> None:
+    with pytest.raises(PortMissing, match="/nonexistent: there is no such port"):
+        take(options(port="/nonexistent"), None)
+    with pytest.raises(LinkError, match="/dev/null: this is no serial port"):
+        take(options(port="/dev/null"), None)
+
+
+def test_the_command_that_ends_the_holders_is_complete() -> None:
+    assert end(("yahboomd (pid 12)", "python (pid 7)")) == "kill 12 7"
+    assert end(()) == "kill PID"
+
+
+def test_signals_are_as_before_once_the_stop_is_over() -> None:
+    before = signal.getsignal(signal.SIGTERM)
+    with undisturbed():
+        assert signal.getsignal(signal.SIGTERM) is signal.SIG_IGN
+    assert signal.getsignal(signal.SIGTERM) is before

@@ -1,0 +1,1 @@
+"""``probe``: names the board, explains what is wrong, and stores its settings."""

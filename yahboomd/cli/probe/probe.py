@@ -1,0 +1,364 @@
+"""``yahboomd probe``: find the port, name the board, explain what is wrong, store its settings."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import os
+import re
+import shutil
+import sys
+from collections.abc import Sequence
+
+import msgspec
+
+from yahboomd.cli.options import (
+    add_bus_options,
+    add_config_options,
+    add_port_option,
+    daemon_endpoints,
+    read_config,
+)
+from yahboomd.cli.probe import probe_report, probe_text
+from yahboomd.cli.probe.probe_report import Report, StoredValue
+from yahboomd.cli.probe.probe_write import Printed, agreed, stored_value
+from yahboomd.cli.stop import stop_local
+from yahboomd.cli.stop.stop_port import pids
+from yahboomd.cli.unresponsive import FROZEN, process_state, true_names
+from yahboomd.clock import SystemClock
+from yahboomd.config import Config
+from yahboomd.errors import (
+    BoardSilent,
+    ConfigError,
+    LinkError,
+    PortBusy,
+    PortMissing,
+    YahboomdError,
+)
+from yahboomd.link import diagnosis, discovery, flash, latency_timer, probing
+from yahboomd.link.port import Port, PortOptions, open_port
+from yahboomd.link.port_errors import holders
+from yahboomd.link.session import Opener
+from yahboomd.program import readable
+from yahboomd.protocol.settings import BoardSettings, check_storable
+
+FOUND_WANTING = 1
+"""The exit status of a board that must not be driven as it is, or does not store what it should."""
+
+DESCRIPTION = """\
+Find the board's port, stop its wheels, ask it everything it can tell, and explain what is wrong.
+Nothing moves, and nothing is written to the board unless --write is given.
+"""
+
+EPILOG = """\
+examples:
+  yahboomd probe                          the only board on USB, or the one that a daemon has
+  yahboomd probe --list                   the serial ports of this machine
+  yahboomd probe --write                  store the configured profile's settings on the board
+  yahboomd probe --write --set board.profile=310
+
+exit status:
+  0    the board may be driven
+  1    it must not be, as it is
+  69   no port, a held one, or no board
+  77   no permission
+  78   a mistake in the configuration, or several boards to choose from
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the command."""
+    parser = subparsers.add_parser(
+        "probe",
+        description=DESCRIPTION,
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--list", action="store_true", help="list the serial ports, open none")
+    parser.add_argument("--json", action="store_true", help="one JSON object, for programs")
+    parser.add_argument(
+        "--write",
+        action="store_true",
+        help="store the profile's settings in the board's flash: only what differs, one value at "
+        "a time, each read back, the wheels at rest",
+    )
+    parser.add_argument(
+        "--pid",
+        metavar="P,I,D",
+        type=_gains,
+        help="with --write: the gains of the board's speed loop, too (the vendor's: 0.8,0.06,0.5); "
+        "the board restarts",
+    )
+    parser.add_argument(
+        "--yes", action="store_true", help="with --write: do not ask before storing"
+    )
+    add_port_option(parser)
+    add_config_options(parser)
+    add_bus_options(parser)
+
+
+def _gains(text: str) -> tuple[float, float, float]:
+    try:
+        p, i, d = (float(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"three numbers, as 0.8,0.06,0.5, not {text!r}") from None
+    return p, i, d
+
+
+def run(args: argparse.Namespace) -> int:
+    """Probe.
+
+    Returns:
+        0 for a board that may be driven, 1 for one that must not.
+
+    Raises:
+        LinkError: The port or the board is not to be had; with what is wrong.
+        ConfigError: The configuration has mistakes, or several ports could be the board's.
+    """
+    if args.list:
+        return _list(as_json=args.json)
+    try:
+        return _probe(args)
+    except YahboomdError as error:
+        if not args.json:
+            raise
+        print(_json(Report(error=str(error), ports=discovery.candidates())))
+        return error.exit_code
+
+
+def _list(*, as_json: bool) -> int:
+    found = (*discovery.candidates(), *discovery.on_board())
+    if as_json:
+        print(_json(Report(ports=found)))
+    else:
+        name = discovery.UDEV_NAME
+        target = os.path.realpath(name) if os.path.exists(name) else ""
+        print("\n".join(probe_text.listing(found, name, target)))
+        if hint := discovery.without_driver():
+            print(hint)
+    return os.EX_OK if found else os.EX_UNAVAILABLE
+
+
+def _probe(args: argparse.Namespace) -> int:
+    config = read_config(args).config
+    want = config.profile().settings
+    if args.pid is not None:
+        want = msgspec.structs.replace(want, pid=args.pid)
+    check_storable(want)
+    port = ""
+    try:
+        port = discovery.choose(config.serial.port, discovery.candidates())
+        report = _examine(port, config, want, reopening=not args.write)
+    except (PortBusy, PortMissing, ConfigError) as error:
+        # A port that was named and is not there is no matter of a daemon's.
+        ask = not args.write and (not port or isinstance(error, PortBusy))
+        reported = _ask_daemon(args, config, port, want) if ask else None
+        if reported is None:
+            if port:
+                raise _with_hints(error, port) from error
+            raise (error if args.write else _with_daemons(error)) from error
+        report = reported
+    except LinkError as error:
+        raise _with_hints(error, port) from error
+    if not args.json:
+        print("\n".join(_painted(probe_text.text(report))))
+    if args.write:
+        return _write(args, port, config, want, report)
+    if args.json:
+        print(_json(report))
+    else:
+        print("\n".join(("", *_painted(probe_text.verdict(report, _width())))))
+    return FOUND_WANTING if report.problems else os.EX_OK
+
+
+def _examine(port: str, config: Config, want: BoardSettings, *, reopening: bool) -> Report:
+    clock = SystemClock()
+    opener = _opener(port, config, clock)
+
+    async def both() -> tuple[probing.Examination, probing.Reopening | None]:
+        found = await probing.examine(opener, clock, want)
+        if found.dialect is None or not reopening:
+            return found, None
+        return found, await probing.reopen(opener, clock, found)
+
+    found, reopened = asyncio.run(both())
+    if found.dialect is None:
+        serial = config.serial
+        lines = ", ".join(
+            f"{name} {'on' if on else 'off'}"
+            for name, on in (("DTR", serial.dtr), ("RTS", serial.rts))
+        )
+        raise BoardSilent(
+            f"{port}: no board answers (opened at {serial.baudrate} baud, {lines}).",
+            remedy=diagnosis.what_was_heard(found.heard),
+        )
+    return _report(port, config, found, reopened, want)
+
+
+def _report(
+    port: str,
+    config: Config,
+    found: probing.Examination,
+    reopened: probing.Reopening | None,
+    want: BoardSettings,
+) -> Report:
+    report = probe_report.report(
+        found,
+        reopened,
+        port=port,
+        device=os.path.realpath(port),
+        profile=config.profile(),
+        want=want,
+        wanted_dialect=config.serial.dialect,
+    )
+    late = latency_timer.describe(port)
+    if late is None:
+        return report
+    return msgspec.structs.replace(report, advice=(*report.advice, late))
+
+
+def _opener(port: str, config: Config, clock: SystemClock) -> Opener:
+    serial = config.serial
+    options = PortOptions(
+        path=port,
+        baudrate=serial.baudrate,
+        dtr=serial.dtr,
+        rts=serial.rts,
+        hangup_on_close=serial.hangup_on_close,
+    )
+
+    async def open_it() -> Port:
+        return await open_port(options, clock)
+
+    return open_it
+
+
+def _with_hints(error: YahboomdError, port: str) -> YahboomdError:
+    """The same error, with what this machine's state adds to it."""
+    if not isinstance(error, LinkError):
+        return error
+    if isinstance(error, PortBusy):
+        return _held(error, tuple(map(true_names, holders(port))))
+    hints = diagnosis.hints(error, port, found=discovery.candidates())
+    return type(error)(error.message, remedy=" ".join(hints) or error.remedy)
+
+
+def _held(error: PortBusy, who: tuple[str, ...]) -> PortBusy:
+    """The same error, with the command that ends each holder."""
+    commands = [
+        f"kill -CONT {pid} (it is suspended), then kill {pid}"
+        if process_state(pid) in FROZEN
+        else f"kill {pid}"
+        for pid in pids(who)
+    ]
+    remedy = " ".join(diagnosis.busy(who))
+    if commands:
+        remedy += f" One program at a time can use the board. End the other: {'; '.join(commands)}"
+    return PortBusy(true_names(error.message), remedy=remedy.strip())
+
+
+def _with_daemons(error: YahboomdError) -> YahboomdError:
+    """The same error, with the daemons of this machine, one of which may have the board."""
+    found = [robot for robot in stop_local.find(os.environ) if not robot.silent]
+    return type(error)(error.message, remedy=stop_local.there(found, "probe") or error.remedy)
+
+
+def _ask_daemon(
+    args: argparse.Namespace, config: Config, port: str, want: BoardSettings
+) -> Report | None:
+    """What the daemon knows of its board; None where none answers.
+
+    Args:
+        args: Where it is asked.
+        config: Where it is asked otherwise.
+        port: The port that it holds; empty for whichever it has.
+        want: What the board should store.
+    """
+    from yahboomd.cli.probe.probe_client import ask_board
+
+    endpoints = daemon_endpoints(args, config)
+    reported = asyncio.run(ask_board(endpoints, config))
+    if reported is None or (port and reported.found is None):
+        # A port that another program holds is the news then.
+        return None
+    if reported.found is None:
+        where = " or ".join(endpoints)
+        raise PortMissing(
+            f"The daemon at {where} has no board.",
+            remedy="Plug the board in, power it, and look at the port that the daemon is set to: "
+            "`yahboomd monitor` shows why it waits, `yahboomd probe --list` the ports.",
+        )
+    port = port or reported.port
+    who = true_names(", ".join(holders(port))) or "another process"
+    held = (
+        f"The port is held by {who}, and this is what the daemon knows over the bus. With the "
+        "daemon ended, probe also tells whether the counters survive a reopening."
+    )
+    return msgspec.structs.replace(
+        _report(port, config, reported.found, None, want), advice=(held,)
+    )
+
+
+# Storing.
+
+
+def _write(
+    args: argparse.Namespace, port: str, config: Config, want: BoardSettings, report: Report
+) -> int:
+    stored: tuple[StoredValue, ...] = ()
+    after = report
+    if report.differing:
+        if not (args.yes or agreed(len(report.differing))):
+            _say(args, "Nothing was stored.")
+            return FOUND_WANTING if report.problems else os.EX_OK
+        clock = SystemClock()
+        opener = _opener(port, config, clock)
+        _say(args, "")
+        storing = asyncio.run(flash.store(opener, clock, want, None if args.json else Printed()))
+        stored = tuple(stored_value(step) for step in storing.steps)
+        after = _examine(port, config, want, reopening=False)
+    complete = all(value.outcome == "stored" for value in stored) and not after.differing
+    if args.json:
+        print(_json(msgspec.structs.replace(after, stored=stored)))
+    else:
+        if not report.settings:
+            done = "Nothing was stored: the board shows no settings."
+        elif complete:
+            done = f"The board stores the profile {after.profile}."
+        else:
+            done = "The board does not store all of it."
+        print("\n".join(("", done, *_painted(probe_text.verdict(after, _width())))))
+    return os.EX_OK if complete and not after.problems else FOUND_WANTING
+
+
+def _say(args: argparse.Namespace, words: str) -> None:
+    if not args.json:
+        print(words)
+
+
+def _json(report: Report) -> str:
+    return readable(msgspec.json.format(msgspec.json.encode(report), indent=2).decode())
+
+
+def _width() -> int:
+    return min(100, shutil.get_terminal_size((100, 24)).columns)
+
+
+# Colours, on a terminal that wants them.
+
+_COLOURS = {
+    re.escape(probe_text.READY): "1;32",
+    re.escape(probe_text.NOT_READY): "1;31",
+    rf"{probe_text.DIFFERS}$": "33",
+    r"^stored value .*": "1",
+    r"^(?:port|board|supply|counters|wheels|reopening|settings)\b(?=  )": "1",
+}
+
+
+def _painted(lines: Sequence[str]) -> list[str]:
+    painted = [readable(line) for line in lines]
+    if not sys.stdout.isatty() or os.environ.get("NO_COLOR"):
+        return painted
+    for pattern, code in _COLOURS.items():
+        painted = [re.sub(pattern, f"\x1b[{code}m\\g<0>\x1b[0m", line) for line in painted]
+    return painted

@@ -1,0 +1,1 @@
+"""``status``, ``pose``, ``send``, ``call`` and ``events``: a robot from a shell script."""

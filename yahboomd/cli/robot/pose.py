@@ -1,0 +1,120 @@
+"""``yahboomd pose``: where the robot is, or is to be."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import sys
+from typing import TYPE_CHECKING
+
+from yahboomd.cli.options import take_negative_numbers
+from yahboomd.cli.robot.attended import add_robot_options, attend
+
+if TYPE_CHECKING:
+    from yahboomd.client import AsyncRobot, PoseSample
+
+OLD = 1
+"""The exit status where the pose is old."""
+
+OLD_S = 1.0
+
+DESCRIPTION = """\
+Print where the robot is by its odometry, as three numbers: x and y in metres, the heading theta in
+radians (counter-clockwise, not wrapped). Or have odometry go on from another pose; the robot does
+not move. The first pose printed within 0.1 s after that may still be the one before.
+"""
+
+EPILOG = """\
+examples:
+  yahboomd pose
+  read x y theta < <(yahboomd pose)             in bash
+  yahboomd pose --json | jq .covariance         the whole sample, as it is on the bus
+  yahboomd pose --reset
+  yahboomd pose --set 1.2 -0.5 1.5708
+
+exit status:
+  0    done
+  1    there is no pose yet, or it is older than a second (it is printed all the same, and why);
+       with --reset and --set: the daemon refuses
+  69   no daemon is there
+  78   a mistake in the configuration
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the command."""
+    parser = subparsers.add_parser(
+        "pose",
+        description=DESCRIPTION,
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument(
+        "--json", action="store_true", help="print the sample as JSON, as it is on the bus"
+    )
+    what.add_argument("--reset", action="store_true", help="make the pose zero")
+    what.add_argument(
+        "--set",
+        nargs=3,
+        type=_number,
+        metavar=("X", "Y", "THETA"),
+        dest="pose",
+        help="go on from this pose, in metres and radians",
+    )
+    # --set is taken: the environment and --config still configure.
+    add_robot_options(parser, overrides=False)
+    take_negative_numbers(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print it, or change it.
+
+    Raises:
+        NoDaemon: No daemon is there.
+        Refused: There is no pose yet, or the daemon refuses the change.
+    """
+
+    async def work(robot: AsyncRobot) -> int:
+        if args.reset:
+            print(await robot.reset_odometry())
+        elif args.pose:
+            print(await robot.set_pose(*args.pose))
+        else:
+            return await _print(robot, as_json=args.json)
+        return os.EX_OK
+
+    return attend(args, work)
+
+
+def _number(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text} is no number")
+    return value
+
+
+async def _print(robot: AsyncRobot, *, as_json: bool) -> int:
+    from yahboomd.bus.keys import POSE, STATUS
+    from yahboomd.cli.robot.on_bus import newest, one_line
+    from yahboomd.cli.words import duration
+    from yahboomd.client import PoseSample, StatusSample
+
+    payload, pose = await newest(robot, POSE, PoseSample)
+    _, status = await newest(robot, STATUS, StatusSample)
+    print(one_line(payload) if as_json else line(pose), flush=True)
+    # Both stamps are the robot's: the clock of this machine has no part in it.
+    age_s = (status.stamp_ns - pose.stamp_ns) / 1e9
+    if age_s <= OLD_S:
+        return os.EX_OK
+    print(f"yahboomd: This pose is {duration(age_s)} old. {status.why}", file=sys.stderr)
+    return OLD
+
+
+def line(pose: PoseSample) -> str:
+    """x, y and theta with six digits, and never a negative zero."""
+    return " ".join(f"{round(each, 6) + 0.0:.6f}" for each in (pose.x, pose.y, pose.theta))

@@ -1,0 +1,197 @@
+"""``yahboomd send``: drive for a number of seconds, from a script."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import math
+import os
+import signal
+import sys
+from typing import TYPE_CHECKING
+
+from yahboomd.cli.options import take_negative_numbers
+from yahboomd.cli.robot.attended import add_robot_options, attend
+from yahboomd.errors import NoDaemon
+
+if TYPE_CHECKING:
+    from yahboomd.cli.robot.obedience import Obedience
+    from yahboomd.client import AsyncRobot, Samples, StatusSample
+
+STATUS_WITHIN_S = 3.0
+"""A status comes twice a second; a daemon without one for so long does not run."""
+
+DESCRIPTION = """\
+Drive for a number of seconds. The command is repeated twenty times a second and ends with zeros,
+however it ends: when its time is over, at Ctrl-C, SIGTERM, SIGHUP or Ctrl-Z, and when the reader of
+its output leaves, as at the end of an SSH connection. Should this process die, the daemon stops the
+robot within half a second. It prints nothing unless the robot does not obey, and says why then.
+"""
+
+EPILOG = """\
+examples:
+  yahboomd send --vx 0.2 --for 2                  forward, for two seconds
+  yahboomd send --vx 0.2 --wz 0.5 --for 2         a curve to the left
+  yahboomd send --wz -1 --for 1.57 && yahboomd pose
+
+exit status:
+  0    the robot obeyed to the end
+  1    it did not, or not to the end: stopped for an emergency, a fault, no board, another source in
+       control; the message says which. The robot was stopped
+  2    the arguments make no sense, such as no --for
+  69   no daemon is there, or it was lost
+  78   a mistake in the configuration
+  130  Ctrl-C; other signals end with 128 and their number. The robot was stopped
+  141  the reader of the output has left. The robot was stopped
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the command."""
+    parser = subparsers.add_parser(
+        "send",
+        description=DESCRIPTION,
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    for flag, unit, words in (
+        ("--vx", "M_PER_S", "forward, in m/s"),
+        ("--vy", "M_PER_S", "to the left, in m/s; for mecanum wheels"),
+        ("--wz", "RAD_PER_S", "counter-clockwise, in rad/s"),
+    ):
+        parser.add_argument(flag, metavar=unit, type=_velocity, help=words)
+    parser.add_argument(
+        "--for",
+        metavar="SECONDS",
+        dest="for_s",
+        type=_time,
+        required=True,
+        help="how long, from above 0 to 3600 seconds",
+    )
+    parser.add_argument(
+        "--source",
+        metavar="KEY",
+        default="cmd_vel",
+        help="the key to command on; the daemon's [command.sources] gives it its priority "
+        "(default: %(default)s)",
+    )
+    add_robot_options(parser)
+    take_negative_numbers(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Drive.
+
+    Raises:
+        NoDaemon: No daemon is there, or it was lost.
+        Refused: The robot does not obey.
+    """
+    if args.vx is None and args.vy is None and args.wz is None:
+        print(
+            "yahboomd send: error: give a velocity: --vx, --vy or --wz. 0 holds the robot.",
+            file=sys.stderr,
+        )
+        return 2
+    from yahboomd.bus.keys import name_problem
+    from yahboomd.daemon.signals import deadly
+    from yahboomd.errors import ConfigError
+
+    if problem := name_problem(args.source):
+        raise ConfigError(f"--source {args.source}: {problem}.")
+
+    async def work(robot: AsyncRobot) -> int:
+        return await _drive(robot, args)
+
+    # One that would suspend it ends it: a command that sleeps repeats nothing, and would go on
+    # driving when it is continued.
+    return attend(args, work, source=args.source, signals=(*deadly(), signal.SIGTSTP))
+
+
+def _velocity(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text} is no velocity")
+    return value
+
+
+def _time(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value <= 3600.0:
+        raise argparse.ArgumentTypeError(f"{text} is no number of seconds above 0, up to 3600")
+    return value
+
+
+async def _drive(robot: AsyncRobot, args: argparse.Namespace) -> int:
+    from yahboomd.cli.robot.obedience import Obedience
+    from yahboomd.client import Refused, StatusSample
+
+    before = await robot.get(StatusSample)
+    if before is None:
+        raise Refused("The daemon has published no status yet: nothing was sent.")
+    statuses = robot.samples(StatusSample)
+    if Obedience(args.source, before).trouble_before():
+        # It may be half a second old, and the e-stop released since.
+        before = await _next_status(statuses) or before
+    obedience = Obedience(args.source, before)
+    if trouble := obedience.trouble_before():
+        raise Refused(f"Nothing was sent. {trouble}")
+    robot.drive(args.vx or 0.0, args.wz or 0.0, vy=args.vy or 0.0, for_s=args.for_s)
+    lasted, trouble = await _watched(robot, obedience, statuses)
+    if not trouble and lasted:
+        # One more, which counts the last commands too.
+        last = await _next_status(statuses)
+        if last is None:
+            raise _lost()
+        trouble = obedience.trouble(last) or obedience.trouble_after()
+    if trouble:
+        raise Refused(f"The robot does not obey. {trouble}")
+    if not lasted:
+        raise _lost()
+    for words in obedience.warnings:
+        print(f"yahboomd: {words}", file=sys.stderr)
+    return os.EX_OK
+
+
+async def _watched(
+    robot: AsyncRobot, obedience: Obedience, statuses: Samples[StatusSample]
+) -> tuple[bool, str]:
+    """Watch until the command has ended; whether it lasted, and why the robot does not obey."""
+    driven = asyncio.create_task(robot.finished())
+    watched = asyncio.create_task(_trouble(obedience, statuses))
+    try:
+        await asyncio.wait((driven, watched), return_when=asyncio.FIRST_COMPLETED)
+        if watched.done():
+            robot.stop()
+        return await driven, watched.result() if watched.done() else ""
+    finally:
+        driven.cancel()
+        watched.cancel()
+        await asyncio.gather(driven, watched, return_exceptions=True)
+
+
+async def _trouble(obedience: Obedience, statuses: Samples[StatusSample]) -> str:
+    while (status := await _next_status(statuses)) is not None:
+        if trouble := obedience.trouble(status):
+            return trouble
+    raise _lost()
+
+
+async def _next_status(statuses: Samples[StatusSample]) -> StatusSample | None:
+    try:
+        async with asyncio.timeout(STATUS_WITHIN_S):
+            return await anext(statuses, None)
+    except TimeoutError:
+        return None
+
+
+def _lost() -> NoDaemon:
+    return NoDaemon(
+        "The daemon was lost, or does not run any more. One that runs stops the robot by itself.",
+        remedy="Look at it; where it moves: `yahboomd stop`.",
+    )

@@ -1,0 +1,78 @@
+"""``yahboomd status``: what a daemon does, and whether it can drive."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from typing import TYPE_CHECKING
+
+from yahboomd.cli.robot.attended import add_robot_options, attend
+
+if TYPE_CHECKING:
+    from yahboomd.client import AsyncRobot
+
+EXIT_STATUS = {"fault": 1, "estopped": 3, "waiting": 4}
+"""The exit status of each state in which the robot cannot drive."""
+
+DESCRIPTION = """\
+Print what the daemon does, why, who drives, its board, and what was lost or refused since it
+started. The exit status says whether the robot can drive. What it prints is half a second old at
+most.
+"""
+
+EPILOG = """\
+examples:
+  yahboomd status
+  yahboomd status --json | jq .command.sources    the whole sample, as it is on the bus
+  until yahboomd status > /tmp/status; do sleep 1; done
+                                                  wait until the robot can drive
+
+Late beats are polls that came late, and control steps that were left out, because the robot's
+computer was busy. docs/status.md explains every counter.
+
+exit status:
+  0    it can drive: it stands, drives, or slows down by itself
+  1    a fault: it refuses motion; the text says what to do
+  3    the emergency stop is engaged
+  4    it waits for its board
+  69   no daemon is there
+  78   a mistake in the configuration
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the command."""
+    parser = subparsers.add_parser(
+        "status",
+        description=DESCRIPTION,
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print the sample as JSON, as it is on the bus"
+    )
+    add_robot_options(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print it.
+
+    Raises:
+        NoDaemon: No daemon is there.
+    """
+
+    async def work(robot: AsyncRobot) -> int:
+        return await _print(robot, as_json=args.json)
+
+    return attend(args, work)
+
+
+async def _print(robot: AsyncRobot, *, as_json: bool) -> int:
+    from yahboomd.bus.keys import STATUS
+    from yahboomd.cli.robot.on_bus import newest, one_line
+    from yahboomd.cli.robot.status_text import text
+    from yahboomd.client import StatusSample
+
+    payload, sample = await newest(robot, STATUS, StatusSample)
+    print(one_line(payload) if as_json else text(sample), flush=True)
+    return EXIT_STATUS.get(sample.state, os.EX_OK)

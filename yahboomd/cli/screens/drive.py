@@ -1,0 +1,132 @@
+"""``yahboomd drive``: drive the robot with the keyboard."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import math
+import os
+import sys
+from typing import TYPE_CHECKING
+
+from yahboomd.cli.options import (
+    add_bus_options,
+    add_config_options,
+    client_options,
+    daemon_endpoints,
+    read_config,
+)
+
+if TYPE_CHECKING:
+    from yahboomd.bus.options import BusOptions
+    from yahboomd.cli.screens.teleop import Teleop
+
+USAGE = 2
+"""What argparse ends with too, when a command is used as it cannot be."""
+
+DESCRIPTION = """\
+Drive the robot with the keyboard, through a running daemon. Hold a key to drive; when you let go,
+the robot stops. (A terminal does not tell when a key is let go: after the first press that takes
+up to 0.7 s.) The screen says what the robot does, and why it stands where it does not move.
+"""
+
+EPILOG = """\
+keys:
+  w s a d, the arrows    forward, backward, turn left, turn right
+  u i o  j l  m , .      the same, and arcs between; J and L (shift) go sideways, on mecanum wheels
+  space, any other key   stop; held, it keeps sources of a lower priority from driving
+  + -                    faster, slower
+  e                      emergency stop: the robot stands until it is released
+  r                      release the emergency stop, or clear a fault
+  q, Ctrl-C              quit; the robot stops
+
+examples:
+  yahboomd drive                                  the daemon on this machine
+  yahboomd drive --linear 0.2 --connect tcp/192.168.1.5:7447
+
+exit status:
+  0    you quit, or its terminal went; the robot was stopped
+  2    it has no terminal
+  69   the bus can never be reached like this
+  78   a mistake in the configuration
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the command."""
+    parser = subparsers.add_parser(
+        "drive",
+        description=DESCRIPTION,
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "--linear",
+        metavar="M_PER_S",
+        type=_speed,
+        default=0.3,
+        help="speed to begin with, in m/s (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--angular",
+        metavar="RAD_PER_S",
+        type=_speed,
+        default=1.0,
+        help="turning speed to begin with, in rad/s (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--source",
+        metavar="KEY",
+        default="cmd_vel/teleop",
+        help="the key to command on; the daemon's [command.sources] gives it its priority "
+        "(default: %(default)s)",
+    )
+    add_bus_options(parser)
+    add_config_options(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Drive until a person or a signal ends it.
+
+    Raises:
+        ConfigError: The configuration cannot be used.
+        BusError: The bus can never be reached like this.
+    """
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        print(
+            "yahboomd: drive needs a terminal: its keys are read from one, and it draws on it. "
+            "Programs publish on cmd_vel instead.",
+            file=sys.stderr,
+        )
+        return USAGE
+    config = read_config(args).config
+    from yahboomd.bus.keys import name_problem
+    from yahboomd.cli.screens.teleop import Teleop
+    from yahboomd.errors import ConfigError
+
+    if problem := name_problem(args.source):
+        raise ConfigError(f"--source {args.source}: {problem}.")
+    options = client_options(daemon_endpoints(args, config), config)
+    teleop = Teleop(linear_m_s=args.linear, angular_rad_s=args.angular)
+    asyncio.run(_run(options, teleop, args.source))
+    return os.EX_OK
+
+
+def _speed(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value) or value <= 0.0:
+        raise argparse.ArgumentTypeError(f"{text} is not a speed above zero")
+    return value
+
+
+async def _run(options: BusOptions, teleop: Teleop, source: str) -> None:
+    from yahboomd.cli.screens.driver import Driver
+    from yahboomd.cli.screens.feed import Feed
+    from yahboomd.clock import SystemClock
+
+    clock = SystemClock()
+    async with Feed(options, clock, source=source, label="yahboomd drive") as feed:
+        await Driver(feed, teleop, clock, source).run()

@@ -1,0 +1,129 @@
+"""A dashboard that lives: samples come in from a daemon that may come and go."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from typing import Self
+
+from yahboomd.bus import keys
+from yahboomd.bus.options import BusOptions
+from yahboomd.bus.presence import Neighbour
+from yahboomd.bus.subscriptions import Arrival
+from yahboomd.cli.screens.dashboard import Dashboard
+from yahboomd.cli.screens.view import View
+from yahboomd.cli.unresponsive import FROZEN, is_yahboomd, listener, process_state
+from yahboomd.cli.words import listed
+from yahboomd.client import AsyncRobot
+from yahboomd.client.connection import MAX_BYTES
+from yahboomd.client.streams import Newest
+from yahboomd.clock import Clock
+from yahboomd.program import pasteable
+
+LOOK_NS = 1_000_000_000
+"""Between two looks at which process listens where the daemon is expected."""
+
+
+class Feed:
+    """Reaches for the bus in the background, and fills a dashboard once it is there.
+
+    An asynchronous context manager; leaving it closes the session.
+
+    Args:
+        options: Of a client.
+        clock: Stamps what arrives.
+        source: The key to command on, where it commands.
+        label: Who commands, for people.
+
+    Attributes:
+        dashboard: What the samples amount to.
+        client: The robot; its session opens when a router answers.
+        news: Set when a status or an event came; the waiting task clears it.
+    """
+
+    def __init__(
+        self, options: BusOptions, clock: Clock, *, source: str = keys.CMD_VEL, label: str = ""
+    ) -> None:
+        self.options = options
+        self.dashboard = Dashboard()
+        self.client = AsyncRobot(options, source=source, label=label, clock=clock)
+        self.news = asyncio.Event()
+        self._clock = clock
+        self._look_ns = 0
+        self._listener: int | None = None
+        self._newest: dict[str, Newest] = {}
+        self._reaching: asyncio.Task[None] | None = None
+
+    async def __aenter__(self) -> Self:
+        self._reaching = asyncio.create_task(self._reach(), name="feed-reach")
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        if self._reaching is not None:
+            self._reaching.cancel()
+            await asyncio.gather(self._reaching, return_exceptions=True)
+        await self.client.close()
+
+    def view(self, now_ns: int) -> View:
+        """How things look now; a lost connection is known before the daemon is missed."""
+        for key, newest in self._newest.items():
+            if (payload := newest.take()) is not None:
+                self.dashboard.take(key, payload, now_ns)
+        return self.dashboard.view(now_ns, connected=bool(self._neighbours))
+
+    def check(self) -> None:
+        """Raise what makes it impossible ever to reach the bus.
+
+        Raises:
+            BusError: A wrong endpoint, namespace or file.
+        """
+        if self._reaching is not None and self._reaching.done():
+            self._reaching.result()
+
+    @property
+    def robot(self) -> str:
+        """Whom this is about, such as ``bot1 at tcp/127.0.0.1:7448``."""
+        name = self.options.namespace or "yahboomd"
+        known = tuple(each.address for each in self._neighbours if each.address)
+        return f"{name} at {listed(known or self.options.connect)}"
+
+    @property
+    def _neighbours(self) -> tuple[Neighbour, ...]:
+        return self.client.bus.neighbours if self.client.is_open else ()
+
+    @property
+    def wanted(self) -> str:
+        """Where it is looked for."""
+        return listed(self.options.connect)
+
+    @property
+    def why(self) -> str:
+        """Why nothing comes yet, where something is known about it."""
+        problem = self.client.problem
+        if self.client.is_open:
+            return (
+                f"{problem} Is it another --namespace?" if "router answers" in problem else problem
+            )
+        if (now_ns := self._clock.now_ns()) >= self._look_ns:
+            # It goes through the files of all processes: not for each screen.
+            self._look_ns, self._listener = now_ns + LOOK_NS, listener(self.options.connect)
+        pid = self._listener
+        if pid is not None and is_yahboomd(pid) and process_state(pid) in FROZEN:
+            return (
+                f"yahboomd (pid {pid}) listens at {self.wanted} and is suspended. "
+                f"Continue it with `fg` or `kill -CONT {pid}`."
+            )
+        return pasteable(f"{problem} `yahboomd run` starts a daemon.") if problem else ""
+
+    async def _reach(self) -> None:
+        await self.client.join(math.inf)
+        bus = self.client.bus
+        for key in (keys.STATUS, keys.EVENTS, keys.BATTERY):
+            bus.subscribe(key, self._take, max_bytes=MAX_BYTES)
+        self._newest = {key: Newest(bus, key) for key in (keys.POSE, keys.TWIST, keys.WHEELS)}
+
+    def _take(self, arrivals: list[Arrival]) -> None:
+        for arrival in arrivals:
+            self.dashboard.take(arrival.key, arrival.payload, arrival.arrived_ns)
+            if arrival.key in {keys.STATUS, keys.EVENTS}:
+                self.news.set()

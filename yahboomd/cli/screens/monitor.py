@@ -1,0 +1,238 @@
+"""``yahboomd monitor``: watch a running daemon."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import os
+import signal
+import sys
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+from yahboomd.cli.options import (
+    add_bus_options,
+    add_config_options,
+    client_options,
+    daemon_endpoints,
+    read_config,
+    seconds,
+)
+from yahboomd.cli.screens.keyboard import wish
+from yahboomd.errors import BusError
+
+if TYPE_CHECKING:
+    from yahboomd.bus.options import BusOptions
+    from yahboomd.cli.screens.feed import Feed
+    from yahboomd.cli.screens.view import View
+    from yahboomd.clock import Clock
+
+REDRAW_S = 0.1
+CALM_S = 0.5
+"""Between two updates while nothing moves and nothing is reported."""
+
+LINE_S = 1.0
+COMPLETE_S = 1.0
+"""How long it waits, once one is there, for a pose and for two statuses to tell rates from."""
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+DESCRIPTION = """\
+Watch a running daemon: its state and why the robot stands, who drives, pose, twist, wheels,
+battery, the quality of the line to the board, and what happened. It only listens: nothing that
+happens here moves a wheel. A daemon that is not there is waited for.
+"""
+
+EPILOG = """\
+examples:
+  yahboomd monitor                                   the daemon on this machine
+  yahboomd monitor --connect tcp/192.168.1.5:7447    one that a router there knows
+  yahboomd monitor --once                            one look, for scripts and bug reports
+
+Late beats are those that the robot's computer was too busy for.
+q or Ctrl-C ends it.
+
+exit status:
+  0    you ended it, or --once has printed everything
+  69   --once found no daemon, or the bus can never be reached like this
+  78   a mistake in the configuration
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the command."""
+    parser = subparsers.add_parser(
+        "monitor",
+        description=DESCRIPTION,
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    form = parser.add_mutually_exclusive_group()
+    form.add_argument("--once", action="store_true", help="print everything once, and end")
+    form.add_argument(
+        "--plain",
+        action="store_true",
+        help="print lines instead of a screen, as without a terminal: each second, for each change "
+        "of state, and for each event",
+    )
+    parser.add_argument(
+        "--timeout",
+        metavar="S",
+        type=seconds,
+        default=5.0,
+        help="how long --once waits for a daemon, in seconds (default: %(default)s)",
+    )
+    add_bus_options(parser)
+    add_config_options(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Watch until a person or a signal ends it.
+
+    Raises:
+        ConfigError: The configuration cannot be used.
+        BusError: The bus can never be reached like this; or no daemon is there to be shown once.
+        ModuleNotFoundError: A screen was wanted, and rich is not installed.
+    """
+    on_screen = (
+        not args.once
+        and not args.plain
+        and sys.stdout.isatty()
+        and os.environ.get("TERM", "dumb") != "dumb"
+    )
+    if on_screen:
+        # Missing, it is reported before anything is opened.
+        import rich  # noqa: F401
+    config = read_config(args).config
+
+    options = client_options(daemon_endpoints(args, config), config)
+    once_s = args.timeout if args.once else None
+    return asyncio.run(_run(options, once_s=once_s, on_screen=on_screen))
+
+
+async def _run(options: BusOptions, *, once_s: float | None, on_screen: bool) -> int:
+    from yahboomd.cli.screens.feed import Feed
+    from yahboomd.clock import SystemClock
+
+    clock = SystemClock()
+    ended = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in SIGNALS:
+        loop.add_signal_handler(number, ended.set)
+    try:
+        async with Feed(options, clock) as feed:
+            if once_s is not None:
+                return await _once(feed, clock, ended, once_s)
+            await (_on_screen if on_screen else _lines)(feed, clock, ended)
+    finally:
+        for number in SIGNALS:
+            loop.remove_signal_handler(number)
+    return os.EX_OK
+
+
+async def _pause(ended: asyncio.Event, s: float) -> None:
+    """Wait, but not beyond the end."""
+    try:
+        async with asyncio.timeout(s):
+            await ended.wait()
+    except TimeoutError:
+        return
+
+
+async def _once(feed: Feed, clock: Clock, ended: asyncio.Event, within_s: float) -> int:
+    from yahboomd.cli.screens import monitor_lines
+    from yahboomd.clock import nanoseconds
+
+    until_ns = clock.now_ns() + nanoseconds(within_s)
+    seen_ns: int | None = None
+    while not ended.is_set():
+        feed.check()
+        now_ns = clock.now_ns()
+        view = feed.view(now_ns)
+        if view.status is not None:
+            seen_ns = now_ns if seen_ns is None else seen_ns
+            if _complete(view) or now_ns - seen_ns > nanoseconds(COMPLETE_S):
+                print(monitor_lines.snapshot(view, where=feed.robot))
+                return os.EX_OK
+        elif now_ns > until_ns:
+            raise BusError(
+                f"No daemon was heard at {feed.wanted} within {within_s:g} s.",
+                remedy=feed.why,
+            )
+        await _pause(ended, 0.05)
+    return 128 + signal.SIGINT
+
+
+def _complete(view: View) -> bool:
+    return (
+        view.pose is not None and view.readings_per_s is not None and view.poses_per_s is not None
+    )
+
+
+async def _lines(feed: Feed, clock: Clock, ended: asyncio.Event) -> None:
+    from yahboomd.cli.screens import monitor_lines
+    from yahboomd.clock import nanoseconds
+
+    said: object = None
+    due_ns = clock.now_ns()
+    while not ended.is_set():
+        feed.check()
+        feed.news.clear()
+        now_ns = clock.now_ns()
+        view = feed.view(now_ns)
+        for event in feed.dashboard.new_events(now_ns):
+            print(monitor_lines.event_line(event), flush=True)
+        status = view.status
+        if status is None:
+            words = f"waiting for a daemon at {feed.wanted} … {feed.why}".rstrip()
+            if words != said:
+                print(words, flush=True)
+            said = words
+        elif now_ns >= due_ns or said != (view.phase, status.state, status.driver):
+            print(monitor_lines.line(view), flush=True)
+            said = (view.phase, status.state, status.driver)
+            due_ns = now_ns + nanoseconds(LINE_S)
+        await _calm(ended, feed)
+
+
+async def _on_screen(feed: Feed, clock: Clock, ended: asyncio.Event) -> None:
+    from rich.console import Console
+    from rich.control import Control
+
+    from yahboomd.cli.screens import monitor_screen
+    from yahboomd.cli.screens.terminal import Keys
+
+    console = Console(highlight=False, markup=False)
+    with ExitStack() as stack:
+        if sys.stdin.isatty():
+
+            def pressed(key: str) -> None:
+                if wish(key) == "quit":
+                    ended.set()
+
+            # Also, what is typed does not appear among the numbers.
+            stack.enter_context(Keys(sys.stdin.fileno(), pressed, ended.set))
+        stack.enter_context(console.screen(hide_cursor=True))
+        while not ended.is_set():
+            feed.check()
+            feed.news.clear()
+            view = feed.view(clock.now_ns())
+            width, height = console.size
+            if view.status is None:
+                drawn = monitor_screen.waiting(
+                    view, where=feed.wanted, width=width, height=height, why=feed.why
+                )
+            else:
+                drawn = monitor_screen.screen(view, where=feed.robot, width=width, height=height)
+            console.print(Control.home(), drawn, sep="", end="", crop=True)
+            await (_pause(ended, REDRAW_S) if view.moving else _calm(ended, feed))
+
+
+async def _calm(ended: asyncio.Event, feed: Feed) -> None:
+    """Wait while nothing moves, but not when a status or an event came: each tells news."""
+    waits = [asyncio.ensure_future(each.wait()) for each in (ended, feed.news)]
+    try:
+        await asyncio.wait(waits, timeout=CALM_S, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for wait in waits:
+            wait.cancel()

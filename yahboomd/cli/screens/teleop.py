@@ -1,0 +1,107 @@
+"""Keys to velocities, with a deadman that a terminal allows. Pure; monotonic nanoseconds handed in.
+
+A held key is seen as one press, a pause, and then repeats. So the first press counts until the
+repeats must have begun; once they have, a short silence means that the key was let go.
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+from yahboomd.cli.screens.keyboard import Wish, direction, wish
+from yahboomd.model import Twist2d
+
+MS = 1_000_000
+
+FIRST_NS = 700 * MS
+"""How long a press counts. Terminals repeat a held key after 250 to 660 ms, as people set it."""
+
+REPEATING_NS = 300 * MS
+"""Presses of one key that follow each other closer than this come from a held key."""
+
+SHORTEST_NS = 250 * MS
+"""How long a repeat counts at least: a remote terminal hands several over at a time."""
+
+FASTER = 1.1
+MIN_SCALE, MAX_SCALE = 0.05, 10.0
+
+
+class TeleopView(msgspec.Struct, frozen=True, kw_only=True):
+    """What is commanded, and the speeds that a key stands for.
+
+    Attributes:
+        twist: What is published now, zeros after motion included; None for nothing.
+        linear_m_s: Speed of the keys that go somewhere.
+        angular_rad_s: Speed of the keys that turn.
+    """
+
+    twist: Twist2d | None
+    linear_m_s: float
+    angular_rad_s: float
+
+
+class Teleop:
+    """One keyboard that drives.
+
+    Args:
+        linear_m_s: Speed to begin with.
+        angular_rad_s: Turning speed to begin with.
+    """
+
+    def __init__(self, *, linear_m_s: float, angular_rad_s: float) -> None:
+        self._linear_m_s = linear_m_s
+        self._angular_rad_s = angular_rad_s
+        self._scale = 1.0
+        self._key: str | None = None
+        self._pressed_ns = 0
+        self._until_ns = 0
+
+    def press(self, key: str, now_ns: int) -> Wish:
+        """A key came.
+
+        Returns:
+            What it asks for; ``move``, ``stop``, ``faster`` and ``slower`` are done already, and
+            what remains to be done has stopped the motion too.
+        """
+        wanted = wish(key)
+        if wanted == "move":
+            self._hold(key, now_ns)
+        elif wanted in {"faster", "slower"}:
+            factor = FASTER if wanted == "faster" else 1.0 / FASTER
+            self._scale = min(max(self._scale * factor, MIN_SCALE), MAX_SCALE)
+        else:
+            self.stop()
+        return wanted
+
+    def stop(self) -> None:
+        """No key is held any more."""
+        self._key = None
+
+    def motion(self, now_ns: int) -> tuple[Twist2d, int] | None:
+        """What the held key asks for, and until when, unless it is pressed again; None for none."""
+        if self._key is None or now_ns >= self._until_ns:
+            return None
+        return self._twist(self._key), self._until_ns
+
+    def view(self, twist: Twist2d | None) -> TeleopView:
+        """What there is to show.
+
+        Args:
+            twist: What is published now.
+        """
+        return TeleopView(
+            twist=twist,
+            linear_m_s=self._linear_m_s * self._scale,
+            angular_rad_s=self._angular_rad_s * self._scale,
+        )
+
+    def _hold(self, key: str, now_ns: int) -> None:
+        gap_ns = now_ns - self._pressed_ns
+        repeats = self._key == key and gap_ns < REPEATING_NS
+        self._until_ns = now_ns + (max(SHORTEST_NS, 3 * gap_ns) if repeats else FIRST_NS)
+        self._key, self._pressed_ns = key, now_ns
+
+    def _twist(self, key: str) -> Twist2d:
+        vx, vy, wz = direction(key) or (0, 0, 0)
+        linear, angular = self._linear_m_s * self._scale, self._angular_rad_s * self._scale
+        return Twist2d(vx=vx * linear, vy=vy * linear, wz=wz * angular)

@@ -1,0 +1,1 @@
+"""``install`` and ``uninstall``: the systemd service, its user, udev rule and configuration."""

@@ -1,0 +1,282 @@
+"""``yahboomd install``: the service, started at boot and when the board is plugged in."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import yahboomd
+from yahboomd.cli.service import install_plan
+from yahboomd.cli.service.install_plan import PlannedFile
+
+DESCRIPTION = """\
+Install the service: unit, udev rule, system user, a default /etc/yahboomd/config.toml, man pages
+and completions. An existing configuration is kept. The service starts now, at each boot, and when
+the board is plugged in. Doing it again changes nothing that is in place.
+"""
+
+EPILOG = """\
+examples:
+  yahboomd install --dry-run           say what would be done
+  sudo yahboomd install                one board
+  sudo yahboomd install --instance front --port /dev/serial/by-path/...
+                                       one of several boards, as yahboomd@front
+
+exit status:
+  0    everything is in place, and the service runs
+  1    the service does not run
+  77   it needs root: put sudo in front
+  78   the service could not run like this; the message says why
+"""
+
+UDEV = Path("/run/udev/control")
+"""There while udev runs."""
+
+ALREADY = {"unchanged": "as it is", "kept": "kept, it is yours"}
+
+Runner = Callable[[Sequence[str]], int]
+"""Runs a command, and returns its exit status."""
+
+
+class System(NamedTuple):
+    """What an installation works on.
+
+    Attributes:
+        root: What takes the place of ``/``.
+        program: The ``yahboomd`` that the service runs.
+        packaged: Whether dpkg has put our files in place.
+        live: Whether this is the running system, with systemd as its manager.
+        run: Runs a command.
+        dry: Whether to say only.
+    """
+
+    root: Path
+    program: Path
+    packaged: bool
+    live: bool
+    run: Runner
+    dry: bool
+
+    def ran(self, *command: str) -> bool:
+        """Run a command and say so; whether it did its work."""
+        words = shlex.join(command)
+        if self.dry:
+            print(f"  would run    {words}")
+            return True
+        # What the command says shall follow what we said before.
+        sys.stdout.flush()
+        status = self.run(command)
+        print(f"  ran          {words}" + (f"   (status {status})" if status else ""))
+        return status == 0
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the command."""
+    parser = subparsers.add_parser(
+        "install",
+        description=DESCRIPTION,
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_system_options(parser)
+    parser.add_argument(
+        "--instance", metavar="NAME", help="one of several boards: its service is yahboomd@NAME"
+    )
+    parser.add_argument(
+        "--port", metavar="PATH", help="serial port of the instance's board, by its socket"
+    )
+
+
+def add_system_options(parser: argparse.ArgumentParser) -> None:
+    """``--dry-run`` and ``--root DIR``."""
+    parser.add_argument(
+        "--dry-run", action="store_true", help="say what would be done, and do nothing"
+    )
+    parser.add_argument(
+        "--root",
+        metavar="DIR",
+        type=Path,
+        default=Path("/"),
+        help="install into this folder instead, such as the image of another machine; nothing is "
+        "started",
+    )
+
+
+def system_of(args: argparse.Namespace) -> System:
+    """The system that the shared options describe."""
+    prefix = Path(sys.prefix)
+    return System(
+        root=args.root.absolute(),
+        program=prefix / "bin" / "yahboomd",
+        packaged=prefix == install_plan.PACKAGED,
+        live=args.root == Path("/") and Path("/run/systemd/system").is_dir(),
+        run=_run,
+        dry=args.dry_run,
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Install, or say what would be done.
+
+    Returns:
+        0, or 77 without the permission, 78 where the service could not run, 1 where it does not.
+    """
+    return install(system_of(args), instance=args.instance, port=args.port)
+
+
+def install(system: System, *, instance: str | None = None, port: str | None = None) -> int:
+    """Carry it out; see :func:`run`."""
+    trouble = _trouble(system, instance, port)
+    if trouble:
+        return complain(trouble, os.EX_CONFIG)
+    files = install_plan.planned_files(system.root, system.program, packaged=system.packaged)
+    unit = "yahboomd.service"
+    if instance is not None and port is not None:
+        files.append(install_plan.instance_file(system.root, instance, port))
+        unit = f"yahboomd@{instance}.service"
+    if not system.dry and not _may_write(files, system):
+        return complain("this needs root: put sudo in front.", os.EX_NOPERM)
+    print(f"Installing {unit}, which runs {system.program}:")
+    for file in files:
+        _put(file, dry=system.dry)
+    _put_shared(install_plan.shared_plan(system.root, packaged=system.packaged), dry=system.dry)
+    if system.live:
+        return _start(system, unit, files)
+    offline = ("--root", str(system.root)) if system.root != Path("/") else ()
+    if shutil.which("systemctl"):
+        system.ran("systemctl", *offline, "enable", unit)
+    print("Nothing is started: systemd does not run this system. The user of the service is made")
+    print("at its next boot.")
+    return os.EX_OK
+
+
+def complain(words: str, status: int) -> int:
+    """Say it where errors are said; returns the status."""
+    print(f"yahboomd: {words}", file=sys.stderr)
+    return status
+
+
+def _trouble(system: System, instance: str | None, port: str | None) -> str:
+    """Why the installation cannot be; empty where it can."""
+    if instance is None and port is not None:
+        return "--port is for --instance; one board's port is serial.port in config.toml."
+    if instance is not None:
+        if not install_plan.instance_name_is_good(instance):
+            return f"--instance takes a name such as front (letters, digits, _), not {instance!r}."
+        if port is None:
+            return f"--instance {instance} needs its --port. {_ports()}"
+        if not port.startswith("/") or '"' in port or "\\" in port:
+            return f"--port takes an absolute path, not {port!r}."
+    if system.root == Path("/"):
+        # With another root the program lies where that system will have it.
+        needed = (system.program, Path(sys.executable), Path(yahboomd.__file__))
+        hidden = install_plan.unreachable(needed)
+        if hidden is not None:
+            return (
+                f"the service runs as a user of its own, which cannot read {hidden}.\n"
+                f"{install_plan.REACH_REMEDY}"
+            )
+    return ""
+
+
+def _ports() -> str:
+    from yahboomd.link.discovery import candidates
+
+    names = [each.by_path or each.path for each in candidates()]
+    return f"Ports: {', '.join(names)}." if names else "No USB serial port is plugged in now."
+
+
+def _may_write(files: list[PlannedFile], system: System) -> bool:
+    """Whether every folder can be written, or made."""
+    if system.live and os.geteuid() != 0:
+        return False
+    return all(_writable(file.path.parent) for file in files)
+
+
+def _writable(folder: Path) -> bool:
+    while not folder.exists():
+        folder = folder.parent
+    return os.access(folder, os.W_OK)
+
+
+def _put(file: PlannedFile, *, dry: bool) -> None:
+    if file.fate in ALREADY:
+        print(f"  unchanged    {file.path}   ({ALREADY[file.fate]})")
+        return
+    verb = "write" if file.fate == "new" else "replace"
+    if dry:
+        print(f"  would {verb:<7}{file.path}")
+        return
+    _write(file)
+    print(f"  {'wrote' if file.fate == 'new' else 'replaced':<13}{file.path}")
+
+
+def _put_shared(files: list[PlannedFile], *, dry: bool) -> None:
+    """Put man pages and completions in place, with a line for each folder."""
+    for folder in dict.fromkeys(file.path.parent for file in files):
+        other = [file for file in files if file.path.parent == folder and file.fate != "unchanged"]
+        if not other:
+            print(f"  unchanged    {folder}")
+        elif not _writable(folder):
+            print(f"  left out     {folder}   (it cannot be written)")
+        elif dry:
+            print(f"  would write  {folder}   (files: {len(other)})")
+        else:
+            for file in other:
+                _write(file)
+            print(f"  wrote        {folder}   (files: {len(other)})")
+
+
+def _write(file: PlannedFile) -> None:
+    file.path.parent.mkdir(parents=True, exist_ok=True)
+    beside = file.path.with_name(f".{file.path.name}.new")
+    beside.write_text(file.text, encoding="utf-8")
+    beside.chmod(0o644)
+    beside.replace(file.path)
+
+
+def _start(system: System, unit: str, files: list[PlannedFile]) -> int:
+    ready = system.packaged or (
+        system.ran("systemd-sysusers", str(system.root / "etc/sysusers.d/yahboomd.conf"))
+        and system.ran("systemctl", "daemon-reload")
+    )
+    # A container has no udev.
+    if UDEV.exists() and not system.packaged:
+        system.ran("udevadm", "control", "--reload")
+        # A board that is plugged in already gets its name now.
+        system.ran("udevadm", "trigger", "--subsystem-match=usb", "--attr-match=idVendor=1a86")
+        system.ran("udevadm", "trigger", "--subsystem-match=tty")
+    changed = any(file.fate in {"new", "changed"} for file in files)
+    started = system.ran("systemctl", "enable", unit) and system.ran(
+        "systemctl", "restart" if changed else "start", unit
+    )
+    name = unit.removesuffix(".service")
+    print(
+        f"\nLook at it:     systemctl status {name}\n"
+        f"                journalctl -u {name} -f\n"
+        f"Configure it:   /etc/yahboomd/{_config_name(unit)}, then sudo systemctl restart {name}\n"
+        f"Stop it:        sudo systemctl stop {name}"
+    )
+    if not (ready and started):
+        return complain(f"{unit} does not run yet; see journalctl -u {name}.", 1)
+    return os.EX_OK
+
+
+def _config_name(unit: str) -> str:
+    instance = unit.removesuffix(".service").partition("@")[2]
+    return f"{instance or 'config'}.toml"
+
+
+def _run(command: Sequence[str]) -> int:
+    try:
+        # The commands are our own, and found on the administrator's PATH.
+        return subprocess.run(list(command), check=False).returncode  # noqa: S603
+    except FileNotFoundError:
+        return 127

@@ -1,0 +1,1 @@
+"""``completions`` and man pages: the command line as data, and what is written from it."""

@@ -1,0 +1,39 @@
+"""What goes below a folder ``share``: man pages, and completions for three shells.
+
+``python -m yahboomd.cli.shell.shared_files FOLDER`` writes them.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from yahboomd.cli.shell.command_tree import whole
+from yahboomd.cli.shell.completion_scripts import PLACES, SCRIPTS
+from yahboomd.cli.shell.manual import pages
+
+
+def shared_files() -> dict[str, str]:
+    """The text of each file by its path below ``share``."""
+    top = whole()
+    texts = {f"man/man1/{name}": text for name, text in pages(top).items()}
+    return texts | {place: SCRIPTS[shell](top) for shell, place in PLACES.items()}
+
+
+def main(argv: Sequence[str]) -> int:
+    """Write every file below the folder that is given, and remove those that are no more."""
+    folder = Path(argv[0])
+    texts = shared_files()
+    for old in [path for path in folder.rglob("*") if path.is_file()]:
+        if str(old.relative_to(folder)) not in texts:
+            old.unlink()
+    for name, text in texts.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))

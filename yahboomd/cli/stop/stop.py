@@ -1,0 +1,450 @@
+"""``yahboomd stop``: the wheels stand when it ends, whatever drove them.
+
+Nothing is imported here that ``--help`` does not need: with ``--port`` the first stop is on the
+wire before asyncio, pydantic and Zenoh are loaded.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+from typing import TYPE_CHECKING
+
+from yahboomd.cli.options import (
+    add_bus_options,
+    add_config_options,
+    add_port_option,
+    daemon_endpoints,
+    read_config,
+)
+from yahboomd.cli.stop.stop_port import (
+    configuration,
+    needs_no_configuration,
+    readable_configuration,
+    take,
+    take_note,
+    take_noted,
+    tell,
+    undisturbed,
+    warn,
+)
+from yahboomd.cli.unresponsive import (
+    FROZEN,
+    daemons,
+    is_yahboomd,
+    listener,
+    may_drive,
+    process_state,
+    reaching,
+    serial_ports,
+    suspended,
+    unresponsive,
+)
+from yahboomd.errors import (
+    BusError,
+    ConfigError,
+    LinkError,
+    NoDaemon,
+    PortBusy,
+    YahboomdError,
+)
+from yahboomd.link.seize import Seized
+
+if TYPE_CHECKING:
+    from yahboomd.cli.stop.stop_client import BusStop
+    from yahboomd.cli.stop.stop_local import LocalStops, Outcome, Robot
+    from yahboomd.config import Config
+    from yahboomd.link.takeover import TakeoverReport
+
+NOT_STANDING = 1
+"""The exit status where the wheels were not shown to stand."""
+
+PREFIX = "YAHBOOMD_"
+"""Variables that start so are configuration."""
+
+DESCRIPTION = """\
+Stop the wheels, and see that they stand. A running daemon engages its emergency stop, and keeps it
+until it is released. The daemons of this machine are reached over their local sockets, others over
+the bus: all of this machine, unless --port, --namespace, --config or --set says which. Where no
+daemon holds the port, the port itself is taken: the board is stopped, its counters are watched
+until the wheels stand, and its motors are let go.
+"""
+
+EPILOG = """\
+examples:
+  yahboomd stop                        whatever drives on this machine
+  yahboomd stop --namespace bot1       one of several robots
+  yahboomd stop --release              let a stopped daemon drive again
+  yahboomd stop --connect tcp/192.168.1.5:7447
+                                       a daemon on another machine
+  yahboomd stop --direct --port /dev/yahboom_driver
+                                       after a daemon was killed: ExecStopPost= of a service
+
+exit status:
+  0    the wheels stand; with --release: the emergency stop is released
+  1    they were stopped, and not seen to stand; with --release: it is refused
+  69   no port, or no daemon
+  77   no permission
+  78   a mistake in the configuration
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the command."""
+    parser = subparsers.add_parser(
+        "stop",
+        description=DESCRIPTION,
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    how = parser.add_mutually_exclusive_group()
+    how.add_argument(
+        "--direct",
+        action="store_true",
+        help="on the port only, and at once: ask no daemon. With --port no configuration is read "
+        "unless --config or --set is given. A held port is tried again for a second",
+    )
+    how.add_argument(
+        "--release",
+        action="store_true",
+        help="release the daemon's emergency stop, and clear a fault (refused while something "
+        "commands motion)",
+    )
+    add_port_option(parser)
+    add_bus_options(parser)
+    add_config_options(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Stop, or release the emergency stop.
+
+    Returns:
+        0 where the wheels were seen to stand, 1 where they were stopped and not seen to.
+
+    Raises:
+        LinkError: No daemon answers, and the port cannot be used.
+        BusError: Only a daemon was asked for, and none answers; or it refuses the release.
+    """
+    if args.release:
+        return _release(args)
+    if args.connect:
+        return _status(_bus(args))
+    with undisturbed():
+        return _status(_direct(args) if args.direct else _everywhere(args))
+
+
+def _release(args: argparse.Namespace) -> int:
+    from yahboomd.cli.stop.stop_client import release
+    from yahboomd.cli.stop.stop_local import Wanted, find
+
+    config = read_config(args).config
+    endpoints = daemon_endpoints(args, config)
+    found = find(os.environ)
+    try:
+        words = release(endpoints, config, port=args.port or "")
+    except NoDaemon as error:
+        raise _not_released(error, args, found, endpoints) from error
+    wanted = Wanted(namespace=config.zenoh.namespace, listen=endpoints)
+    answered = [robot for robot in found if not robot.silent and wanted.fits(robot)]
+    print(f"{answered[0].name}: {words}" if len(answered) == 1 else words)
+    return os.EX_OK
+
+
+def _not_released(
+    error: BusError, args: argparse.Namespace, found: list[Robot], endpoints: tuple[str, ...]
+) -> BusError:
+    """Why no daemon answers, where this machine shows it: the one that is meant, and no other."""
+    from yahboomd.cli.stop.stop_local import there
+
+    meant = [robot.pid for robot in found if robot.silent and not args.connect]
+    if args.port:
+        meant = [pid for pid in meant if may_drive(pid, args.port)]
+    if (pid := listener(endpoints)) is not None and is_yahboomd(pid):
+        meant.insert(0, pid)
+    again = _again(args)
+    for pid in meant:
+        if (state := process_state(pid)) in FROZEN:
+            message, remedy = suspended(pid, again)
+            return type(error)(message, remedy=remedy)
+        if pid != 0 and not args.namespace:
+            doing = f" (state {state})" if state else ""
+            return type(error)(
+                f"{error.message} yahboomd (pid {pid}) runs here and does not answer{doing}.",
+                remedy=f"Repeat it: {again}\nWhere that does not help, end it: kill {pid}",
+            )
+    if args.port or args.connect:
+        return error
+    others = there([robot for robot in found if not robot.silent], "stop --release")
+    return type(error)(error.message, remedy=others or error.remedy)
+
+
+def _status(stood: bool) -> int:
+    return os.EX_OK if stood else NOT_STANDING
+
+
+def _direct(args: argparse.Namespace) -> bool:
+    seized = take_noted(args)
+    if not seized:
+        config = None if needs_no_configuration(args) else configuration(args)
+        seized = [take(args, config)]
+    return _tell_all(_on_ports(seized))
+
+
+def _bus(args: argparse.Namespace) -> bool:
+    config = configuration(args)
+    endpoints = daemon_endpoints(args, config)
+    _, answer, _ = _stop([], config, endpoints)
+    if answer is None:
+        from yahboomd.cli.stop.stop_client import no_daemon
+
+        raise _deaf(no_daemon(endpoints), args, endpoints)
+    print(answer.words)
+    return answer.stood
+
+
+def _deaf(error: BusError, args: argparse.Namespace, endpoints: tuple[str, ...]) -> BusError:
+    """Why no daemon answers, where it is one of this machine."""
+    pid = listener(endpoints)
+    if pid is None or not is_yahboomd(pid):
+        return error
+    ports = serial_ports(pid)
+    again = f"yahboomd stop --port {ports[0]}" if ports else _again(args)
+    message, remedy = unresponsive(f"yahboomd (pid {pid})", pid, process_state(pid), again)
+    return type(error)(message, remedy=remedy)
+
+
+def _everywhere(args: argparse.Namespace) -> bool:
+    """The port where it is free, the daemons of this machine by their sockets, and the bus."""
+    seized: list[Seized] = []
+    trouble: YahboomdError | None = None
+    first = needs_no_configuration(args)
+    if first:
+        # Before anything else is imported or asked: a port that is free is the fastest way.
+        seized, trouble = _try_port(args, None)
+    from yahboomd.cli.stop.stop_local import LocalStops, covered
+
+    local = LocalStops()
+    config = _stop_locally(args, local)
+    if not first:
+        config = config or configuration(args)
+        seized, trouble = _try_port(args, config)
+    config = config or configuration(args)
+    of_the_dead = _take_notes(local)
+    endpoints = daemon_endpoints(args, config)
+    reports, answer, outcomes = _stop(
+        seized + of_the_dead, config, endpoints, local, port=args.port or ""
+    )
+    boards = [each.path for each in seized + of_the_dead]
+    boards += [path for each in outcomes if not each.blind for path in each.robot.ports]
+    several = len(outcomes) > 1
+    verdicts = [_tell_local(each, several) for each in outcomes if not covered(each, boards)]
+    for each in outcomes:
+        if covered(each, boards):
+            print(f"{each.robot.name} does not hold the port; its emergency stop is engaged too.")
+    if answer is not None and answer.daemons > len(outcomes):
+        print(answer.words)
+        verdicts.append(answer.stood)
+    verdicts += [tell(report) for report in reports]
+    if verdicts and len(verdicts) == len(of_the_dead) and isinstance(trouble, PortBusy):
+        # The configured port is held, and nothing that answers has stopped its board.
+        verdicts.append(_tell_busy(args, config, endpoints))
+    if verdicts:
+        verdicts += [_tell_silent(robot, args) for robot in local.silent]
+        _tell_suspended(local, args)
+        if local.wanted == type(local.wanted)():
+            over_bus = endpoints if answer is not None else ()
+            verdicts += [_tell_unreached(words) for words in _unreached(local, over_bus)]
+        return all(verdicts)
+    suspects = local.silent
+    if not isinstance(trouble, PortBusy):
+        suspects += local.unknown
+    if suspects:
+        raise _silent(suspects[0], args)
+    if not isinstance(trouble, PortBusy):
+        assert trouble is not None
+        raise _not_found(trouble, config, endpoints, local)
+    # No daemon answers: the process that held the port may have been about to end.
+    return _tell_all(_on_ports([take(args, config, asked=endpoints)]))
+
+
+def _try_port(
+    args: argparse.Namespace, config: Config | None
+) -> tuple[list[Seized], YahboomdError | None]:
+    """Take the port if it can be had at once; else why it cannot."""
+    try:
+        return [take(args, config, patience_s=0.0)], None
+    except (LinkError, ConfigError) as error:
+        return [], error
+
+
+def _take_notes(local: LocalStops) -> list[Seized]:
+    """Take the ports of daemons that were killed: nothing else stops their boards."""
+    from yahboomd.cli.stop.stop_local import notes
+
+    seized = []
+    for note in notes(os.environ, local.wanted, local.answering):
+        # A port that is held is ours already, or another process drives; one that is gone, or is
+        # another device by now, cannot be stopped any more.
+        with contextlib.suppress(LinkError):
+            found = take_note(note)
+            seized += [found] if found is not None else []
+    return seized
+
+
+def _tell_busy(args: argparse.Namespace, config: Config, endpoints: tuple[str, ...]) -> bool:
+    try:
+        return _tell_all(_on_ports([take(args, config, asked=endpoints)]))
+    except LinkError as error:
+        warn(str(error))
+        return False
+
+
+def _stop_locally(args: argparse.Namespace, local: LocalStops) -> Config | None:
+    """Engage the emergency stop of the daemons of this machine that are meant.
+
+    Returns:
+        The configuration, where it had to be read.
+    """
+    from yahboomd.cli.stop.stop_local import Wanted, find
+
+    named = args.config or args.overrides or any(name.startswith(PREFIX) for name in os.environ)
+    wanted = Wanted(port=args.port or "", namespace=args.namespace)
+    config = None
+    if named and not args.port:
+        config = readable_configuration(args)
+        if config is not None:
+            zenoh = config.zenoh
+            wanted = Wanted(config.serial.port, zenoh.namespace, zenoh.listen)
+        else:
+            from yahboomd.config import Config
+
+            config = Config()
+    local.engage(wanted, find(os.environ))
+    return config
+
+
+def _tell_local(outcome: Outcome, several: bool) -> bool:
+    words = f"{outcome.robot.name}: {outcome.words}" if several else outcome.words
+    if outcome.stood:
+        print(words)
+    else:
+        warn(words)
+    return outcome.stood
+
+
+def _tell_silent(robot: Robot, args: argparse.Namespace) -> bool:
+    warn(str(_silent(robot, args)))
+    return False
+
+
+def _unreached(local: LocalStops, over_bus: tuple[str, ...] = ()) -> list[str]:
+    """Daemons of this machine whose sockets are elsewhere, each with the command that stops it."""
+    known = {robot.pid for robot in (*local.answering, *local.silent, *local.unknown)}
+    if over_bus:
+        known.add(listener(over_bus) or 0)
+    return [words for pid in daemons() if pid not in known and (words := reaching(pid))]
+
+
+def _tell_unreached(words: str) -> bool:
+    warn(words)
+    return False
+
+
+def _tell_suspended(local: LocalStops, args: argparse.Namespace) -> None:
+    """Name suspended daemons that had no part in this stop and may have let the port go."""
+    for robot in local.unknown:
+        frozen = process_state(robot.pid) in FROZEN
+        if frozen and may_drive(robot.pid, args.port or ""):
+            warn(
+                f"yahboomd (pid {robot.pid}) is suspended: no emergency stop is engaged in it, and "
+                "once continued it obeys new commands. To engage one, continue it with `fg` or "
+                f"`kill -CONT {robot.pid}`, then repeat: {_again(args)}"
+            )
+
+
+def _silent(robot: Robot, args: argparse.Namespace) -> LinkError:
+    state = process_state(robot.pid)
+    message, remedy = unresponsive(f"yahboomd (pid {robot.pid})", robot.pid, state, _again(args))
+    return LinkError(message, remedy=remedy)
+
+
+def _again(args: argparse.Namespace) -> str:
+    """This command, to be repeated."""
+    import shlex
+
+    again = ["yahboomd", "stop", *(["--release"] if args.release else [])]
+    for option in ("port", "namespace", "config"):
+        value = getattr(args, option)
+        again += [f"--{option}", str(value)] if value else []
+    again += [word for each in args.connect or () for word in ("--connect", each)]
+    again += [word for each in args.overrides for word in ("--set", each)]
+    return shlex.join(again)
+
+
+def _not_found(
+    trouble: YahboomdError, config: Config, endpoints: tuple[str, ...], local: LocalStops
+) -> YahboomdError:
+    from yahboomd.cli.stop.stop_local import there
+
+    namespace = config.zenoh.namespace
+    below = f" below the namespace {namespace!r}" if namespace else ""
+    return type(trouble)(
+        f"No daemon answers at {' or '.join(endpoints)}{below}, and {trouble.message}",
+        remedy="\n".join(filter(None, (there(local.others, "stop"), *_unreached(local))))
+        or trouble.remedy,
+    )
+
+
+def _tell_all(reports: list[TakeoverReport]) -> bool:
+    verdicts = [tell(report) for report in reports]
+    return all(verdicts)
+
+
+def _on_ports(seized: list[Seized]) -> list[TakeoverReport]:
+    return _stop(seized, None)[0]
+
+
+def _stop(
+    seized: list[Seized],
+    config: Config | None,
+    endpoints: tuple[str, ...] = (),
+    local: LocalStops | None = None,
+    *,
+    port: str = "",
+) -> tuple[list[TakeoverReport], BusStop | None, list[Outcome]]:
+    """Stop on the ports that were taken, and on the bus, if a configuration is given.
+
+    Meanwhile the daemons that were stopped over their sockets are watched.
+    """
+    import asyncio
+
+    async def on_ports() -> list[TakeoverReport]:
+        if not seized:
+            return []
+        from yahboomd.clock import SystemClock
+        from yahboomd.link.seized import SeizedPort
+        from yahboomd.link.takeover import take_over
+
+        clock = SystemClock()
+        return await asyncio.gather(
+            *(
+                take_over(SeizedPort(each, clock), clock, spoken_ns=each.spoken_ns)
+                for each in seized
+            )
+        )
+
+    async def on_bus() -> BusStop | None:
+        if config is None:
+            return None
+        from yahboomd.cli.stop.stop_client import engage
+
+        return await engage(endpoints, config, port=port)
+
+    async def here() -> list[Outcome]:
+        return [] if local is None else await asyncio.to_thread(local.outcomes)
+
+    async def all_of_it() -> tuple[list[TakeoverReport], BusStop | None, list[Outcome]]:
+        return await asyncio.gather(on_ports(), on_bus(), here())
+
+    return asyncio.run(all_of_it())

@@ -1,0 +1,156 @@
+"""The bus half of ``yahboomd stop``: the daemon's emergency stop, engaged or released."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+
+import msgspec
+
+from yahboomd.bus import keys
+from yahboomd.cli.options import client_options
+from yahboomd.cli.stop.stop_local import release_command, same_port
+from yahboomd.cli.words import listed
+from yahboomd.client import AsyncRobot
+from yahboomd.client.incoming import read_sample
+from yahboomd.config import Config
+from yahboomd.errors import BusError, NoDaemon, Refused
+from yahboomd.messages.native import StatusSample, WheelsSample
+from yahboomd.program import pasteable
+
+STATUS_WITHIN_S = 1.5
+STAND_WITHIN_S = 2.0
+
+
+class BusStop(msgspec.Struct, frozen=True, kw_only=True):
+    """What the daemon did.
+
+    Attributes:
+        stood: Its wheels were seen to stand.
+        words: What it said and what was seen, for a person.
+        daemons: How many answered.
+    """
+
+    stood: bool
+    words: str
+    daemons: int = 1
+
+
+async def engage(
+    endpoints: tuple[str, ...],
+    config: Config,
+    *,
+    port: str = "",
+    within_s: float = STAND_WITHIN_S,
+) -> BusStop | None:
+    """Engage the emergency stop of every daemon there, and watch the wheels.
+
+    Args:
+        endpoints: Where the daemon is reached.
+        config: Names the namespace, and Zenoh's own file.
+        port: Only a daemon on this port is meant; empty for every one.
+        within_s: How long to watch for standing wheels.
+
+    Returns:
+        What came of it; None where no daemon answers.
+    """
+    robot = AsyncRobot(client_options(endpoints, config))
+    stood = False
+    try:
+        await robot.join(0.0)
+        if port and await _elsewhere(robot, port):
+            return None
+        robot.newest(WheelsSample)  # Subscribes: what the wheels did is known at the end.
+        answer = await robot.request(keys.ESTOP, b'{"by":"yahboomd stop"}', urgent=True)
+        if not answer.answered:
+            return None
+        stood = answer.success and await robot.standing(within_s)
+        wheels = robot.newest(WheelsSample)
+    except BusError:
+        return None
+    finally:
+        await robot.close()
+    again = release_command(config.zenoh.namespace, endpoints)
+    return BusStop(
+        stood=stood,
+        words=f"{answer.message} {_seen(wheels, stood=stood, again=again)}",
+        daemons=answer.answered,
+    )
+
+
+async def _elsewhere(robot: AsyncRobot, port: str) -> bool:
+    """Whether the daemons there are known to have other ports.
+
+    A slow answer is waited for: to stop the wrong robot would be a fault, too. A daemon that has
+    just started names its port once its board is identified.
+    """
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(STATUS_WITHIN_S):
+            while True:
+                payloads = await robot.ask(keys.STATUS, timeout_s=STATUS_WITHIN_S)
+                samples = [read_sample(payload, StatusSample) for payload in payloads]
+                ports = [str(each.board.get("port", "")) for each in samples if each]
+                if ports and all(ports):
+                    return not any(same_port(each, port) for each in ports)
+                await asyncio.sleep(0.1)
+    return False
+
+
+def _seen(wheels: WheelsSample | None, *, stood: bool, again: str) -> str:
+    if stood:
+        return pasteable(f"The wheels stand. To drive again: {again}")
+    if wheels is not None and wheels.speed_m_s:
+        fastest_m_s = max(map(abs, wheels.speed_m_s))
+        return f"The wheels still turn, at {fastest_m_s:.2f} m/s: switch their supply off."
+    return (
+        "The daemon receives no counts from the board, so it cannot see whether the wheels stand. "
+        "Look at them: where they turn, switch the motor supply off."
+    )
+
+
+def release(endpoints: tuple[str, ...], config: Config, *, port: str = "") -> str:
+    """Release the emergency stop; what the daemon says to it.
+
+    Args:
+        endpoints: Where the daemon is reached.
+        config: Names the namespace, and Zenoh's own file.
+        port: Only a daemon on this port is meant; empty for every one.
+
+    Raises:
+        BusError: No daemon answers, it has another port, or it refuses.
+    """
+    return asyncio.run(_release(endpoints, config, port))
+
+
+async def _release(endpoints: tuple[str, ...], config: Config, port: str) -> str:
+    robot = AsyncRobot(client_options(endpoints, config))
+    try:
+        await _join(robot, endpoints)
+        if port and await _elsewhere(robot, port):
+            raise NoDaemon(
+                f"The daemon at {listed(endpoints)} is not on {port}: nothing was released.",
+                remedy="--connect or --namespace names the daemon on that port.",
+            )
+        answer = await robot.request(keys.ESTOP_RESET)
+    finally:
+        await robot.close()
+    if not answer.answered:
+        raise no_daemon(endpoints)
+    if not answer.success:
+        raise Refused(answer.message)
+    return answer.message
+
+
+async def _join(robot: AsyncRobot, endpoints: tuple[str, ...]) -> None:
+    try:
+        await robot.join(0.0)
+    except NoDaemon as error:
+        raise no_daemon(endpoints) from error
+
+
+def no_daemon(endpoints: tuple[str, ...]) -> NoDaemon:
+    """No daemon answers, as the error to raise."""
+    return NoDaemon(
+        f"No daemon answers at {listed(endpoints)}.",
+        remedy="Is it running, under this namespace (--namespace)? --connect names another place.",
+    )
