@@ -8,7 +8,7 @@ import pytest
 
 from yahboomd.bus import keys
 from yahboomd.daemon.key_table import INPUTS, OFFERS, OUTPUTS, ROS_TOPICS
-from yahboomd.daemon.services import Services
+from yahboomd.daemon.requests import Services
 from yahboomd.messages import samples
 from yahboomd.messages.event_kinds import EVENTS
 from yahboomd.messages.native import MESSAGES, ServiceReply

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from yahboomd.clock import LoopClock
-from yahboomd.daemon.notify import Notifier
 from yahboomd.daemon.opening import BACK_OFF_S, PATIENCE_S, open_bus
+from yahboomd.daemon.process import Notifier
 from yahboomd.errors import BusError
 from yahboomd.simulation.virtual_time import on_virtual_time
 

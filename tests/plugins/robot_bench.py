@@ -17,7 +17,7 @@ from yahboomd.config import Config, load
 from yahboomd.daemon import assembly
 from yahboomd.daemon.commands import CommandIntake
 from yahboomd.daemon.control import Controller
-from yahboomd.daemon.operator import Operator
+from yahboomd.daemon.requests import Operator
 from yahboomd.daemon.supervisor import Supervisor
 from yahboomd.errors import PortMissing
 from yahboomd.messages.codecs import encode

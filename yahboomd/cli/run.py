@@ -62,10 +62,9 @@ def run(args: argparse.Namespace) -> int:
         BusError: The Zenoh session cannot be opened.
     """
     loaded = read_config(args)
-    from yahboomd.daemon.descriptors import make_room
     from yahboomd.daemon.logs import configure, flush
+    from yahboomd.daemon.process import die_of, make_room
     from yahboomd.daemon.service import Daemon
-    from yahboomd.daemon.signals import die_of
 
     make_room()
     configure(loaded.config.log.level, os.environ, sys.stderr)

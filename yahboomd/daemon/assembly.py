@@ -12,12 +12,12 @@ from yahboomd.bus.options import BusOptions
 from yahboomd.clock import Clock, nanoseconds
 from yahboomd.config import Config, runtime_folder
 from yahboomd.daemon.control import Controller
-from yahboomd.daemon.control_options import ControlOptions
+from yahboomd.daemon.fit import ControlOptions
 from yahboomd.daemon.folder import check_folder
 from yahboomd.daemon.latch import EstopLatch
 from yahboomd.daemon.latch_file import LatchFile
-from yahboomd.daemon.outputs import Outputs
-from yahboomd.daemon.storing import storing_opener
+from yahboomd.daemon.publisher import Outputs
+from yahboomd.daemon.supervisor import storing_opener
 from yahboomd.drive.arbiter import Arbiter
 from yahboomd.drive.standing import STANDING_M_S
 from yahboomd.link import port_note

@@ -1,19 +1,19 @@
-"""From what arrives on the command keys to what the arbiter is offered."""
+"""Decodes commands and offers them to the arbiter; reports clocks of sources that are off."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from yahboomd.bus.subscriptions import Arrival
-from yahboomd.clock import Clock
+from yahboomd.clock import Clock, nanoseconds
 from yahboomd.drive.arbiter import Arbiter
 from yahboomd.drive.arbitration import Accepted
 from yahboomd.messages.codecs import Refusal, decode_command
 from yahboomd.messages.ros2 import parse_attachment
 from yahboomd.messages.status_fields import REFUSALS, ZEROS
-from yahboomd.model import Twist2d
+from yahboomd.model import Event, Twist2d
 
 
 class CommandIntake:
@@ -145,3 +145,37 @@ def _by_reason(counters: Counter[str]) -> dict[str, Any]:
 def _attached_ns(arrival: Arrival) -> int | None:
     attachment = parse_attachment(arrival.attachment or b"")
     return attachment.stamp_ns if attachment is not None and attachment.stamp_ns > 0 else None
+
+
+QUIET_S = 60.0
+"""A clock that was right for so long, and is off again, is news. One that hovers is not."""
+
+
+class ClockWatch:
+    """Makes events of the warnings that hold.
+
+    Args:
+        warnings: What holds at a moment, by source.
+        tell: Takes the events.
+    """
+
+    def __init__(
+        self, warnings: Callable[[int], Mapping[str, str]], tell: Callable[[Event], None]
+    ) -> None:
+        self._warnings = warnings
+        self._tell = tell
+        self._seen_ns: dict[str, int] = {}
+
+    def look(self, now_ns: int) -> None:
+        """Look at the warnings of this moment; called now and then."""
+        for source, words in self._warnings(now_ns).items():
+            seen_ns = self._seen_ns.get(source)
+            self._seen_ns[source] = now_ns
+            if seen_ns is None or now_ns - seen_ns > nanoseconds(QUIET_S):
+                event = Event(
+                    kind="clock_offset",
+                    severity="warning",
+                    message=f"{source}: {words}",
+                    data={"source": source},
+                )
+                self._tell(event)

@@ -10,12 +10,10 @@ from __future__ import annotations
 from collections import Counter
 
 from yahboomd.clock import Clock, nanoseconds, seconds
-from yahboomd.daemon.control_options import ControlOptions
-from yahboomd.daemon.fit import fit
+from yahboomd.daemon.fit import ControlOptions, fit
+from yahboomd.daemon.interruptions import Pauses, Resets
 from yahboomd.daemon.latch import EstopLatch
-from yahboomd.daemon.outputs import Events, Outputs
-from yahboomd.daemon.pauses import Pauses
-from yahboomd.daemon.resets import Resets
+from yahboomd.daemon.publisher import Events, Outputs
 from yahboomd.daemon.wheels import Wheels
 from yahboomd.drive import standing
 from yahboomd.drive.arbiter import Arbiter
@@ -395,7 +393,7 @@ class Controller:
         self._odometer.set_pose(pose, covariance)
 
     def event(self, event: Event) -> None:
-        """Log and publish, as often as :class:`~yahboomd.daemon.outputs.Events` lets it."""
+        """Log and publish, as often as :class:`~yahboomd.daemon.publisher.Events` lets it."""
         self._events.tell(event)
 
     # What status tells.

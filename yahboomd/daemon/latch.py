@@ -1,16 +1,153 @@
-"""The e-stop with its memory: the pure latch, and the file that outlives the process."""
+"""The e-stop that outlives the process: the pure latch, and the thread that writes its file.
+
+A disk that hangs delays no stop: the thread writes, and the newest state counts. A failed write is
+retried until the latch is on file or the e-stop is released.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import logging
+import threading
 from collections.abc import Sequence
 
 from msgspec import structs
 
 from yahboomd.daemon.latch_file import LatchFile
-from yahboomd.daemon.latch_keeper import LatchKeeper
 from yahboomd.drive.estop import EmergencyStop, Latched, Release
+
+log = logging.getLogger(__name__)
+
+LOAD_WITHIN_S = 2.0
+RELEASE_WITHIN_S = 0.5
+"""The loop waits so long, and once, for the file's removal: the robot stands meanwhile, and a disk
+that takes longer hangs."""
+
+RETRY_S = 1.0
+
+
+class LatchKeeper:
+    """Keeps the file as the latch is.
+
+    Args:
+        file: The file.
+
+    Attributes:
+        failures: How often the file could not be written or removed.
+    """
+
+    def __init__(self, file: LatchFile) -> None:
+        self.failures = 0
+        self._file = file
+        self._state = threading.Condition()
+        self._by: str | None = None
+        self._wish = self._tried = self._done = 0
+        self._working = False
+        self._failing = False
+        self._hangs = False
+
+    def load(self) -> str | None:
+        """Who engaged the latch that is on file; ``None`` where it is not engaged.
+
+        A file that cannot be read in time counts as engaged.
+        """
+        found: list[str | None] = []
+        reader = threading.Thread(
+            target=lambda: found.append(self._file.load()), name="latch-load", daemon=True
+        )
+        reader.start()
+        reader.join(LOAD_WITHIN_S)
+        if found:
+            return found[0]
+        log.warning(
+            "%s could not be read within %g s: the e-stop counts as engaged",
+            self._file,
+            LOAD_WITHIN_S,
+        )
+        return "unknown (its file could not be read in time)"
+
+    def engage(self, by: str) -> None:
+        """Have it put on file; returns at once. Asked again, it is tried again at once."""
+        with self._state:
+            if by != self._by or self._tried != self._done:
+                self._ask(by)
+
+    def release(self) -> bool:
+        """Remove the file; whether it is gone. Where it is not, the caller engages again."""
+        with self._state:
+            if self._hangs:
+                return False
+            wish = self._ask(None)
+            self._hangs = not self._state.wait_for(lambda: self._tried >= wish, RELEASE_WITHIN_S)
+            return self._done >= wish
+
+    @property
+    def on_file(self) -> bool:
+        """Whether the file is as the latch is."""
+        return self._done == self._wish
+
+    def settled(self, within_s: float) -> bool:
+        """Wait until the file is as the latch is; whether it is."""
+        with self._state:
+            return self._state.wait_for(lambda: self.on_file, within_s)
+
+    def _ask(self, by: str | None) -> int:
+        self._by = by
+        self._wish += 1
+        self._state.notify_all()
+        if not self._working:
+            self._working = True
+            threading.Thread(target=self._work, name="latch-file", daemon=True).start()
+        return self._wish
+
+    def _work(self) -> None:
+        while True:
+            with self._state:
+                if self.on_file:
+                    self._working = False
+                    return
+                wish, by = self._wish, self._by
+            error: Exception | None = None
+            try:
+                if by is None:
+                    self._file.release()
+                else:
+                    self._file.engage(by)
+            except Exception as caught:  # noqa: BLE001 - the thread must live to try again
+                error = caught
+            with self._state:
+                self._tried = wish
+                self._hangs = False
+                if error is None:
+                    self._done = wish
+                self._tell(by, error)
+                self._state.notify_all()
+                if error is not None:
+                    self._await_another(wish)
+
+    def _await_another(self, wish: int) -> None:
+        self._state.wait_for(lambda: self._wish != wish, RETRY_S)
+
+    def _tell(self, by: str | None, error: Exception | None) -> None:
+        """Count, and log what changed."""
+        if error is not None:
+            self.failures += 1
+            if by is None:
+                log.warning(
+                    "%s cannot be removed (%s): the e-stop stays engaged", self._file, error
+                )
+            elif not self._failing:
+                self._failing = True
+                log.warning(
+                    "The e-stop is engaged, but %s cannot be written (%s), so it would not survive "
+                    "a restart. yahboomd tries again every second.",
+                    self._file,
+                    error,
+                )
+        elif by is not None and self._failing:
+            self._failing = False
+            log.info("The e-stop is on file now: %s", self._file)
+
 
 log = logging.getLogger(__name__)
 

@@ -12,7 +12,7 @@ import logging
 from collections.abc import Awaitable, Callable
 
 from yahboomd.clock import Clock, nanoseconds
-from yahboomd.daemon.notify import Notifier
+from yahboomd.daemon.process import Notifier
 from yahboomd.errors import BusError
 
 log = logging.getLogger(__name__)

@@ -16,18 +16,15 @@ from yahboomd.bus.publishers import BusPublisher
 from yahboomd.bus.session import Bus
 from yahboomd.clock import Clock, Schedule, SystemClock, nanoseconds
 from yahboomd.config import Config, runtime_folder
-from yahboomd.daemon import assembly, ros2
-from yahboomd.daemon.clocks import ClockWatch
-from yahboomd.daemon.commands import CommandIntake
+from yahboomd.daemon import assembly, ros2_plane
+from yahboomd.daemon.commands import ClockWatch, CommandIntake
 from yahboomd.daemon.control import Controller
 from yahboomd.daemon.key_table import OUTPUTS
 from yahboomd.daemon.local_stop import LocalStop
-from yahboomd.daemon.notify import Notifier
 from yahboomd.daemon.opening import open_bus
-from yahboomd.daemon.operator import Operator
+from yahboomd.daemon.process import Notifier, Signals
 from yahboomd.daemon.publisher import Publisher
-from yahboomd.daemon.services import Services
-from yahboomd.daemon.signals import Signals
+from yahboomd.daemon.requests import Operator, Services
 from yahboomd.daemon.stamps import WallStamps
 from yahboomd.daemon.status import Status
 from yahboomd.daemon.supervisor import Supervisor
@@ -166,7 +163,7 @@ class Daemon:
         services.serve(bus)
         for source in config.command.sources:
             bus.subscribe(source, intake.handler(source), keep_oversize=True)
-        self._ros2 = ros2.start(
+        self._ros2 = ros2_plane.start(
             bus,
             config,
             clock,

@@ -1,20 +1,77 @@
-"""Keeps a session with the board, for ever: opens, serves, and after a fault tries again.
+"""Keeps a session with the board: opens, serves, and after a fault tries again, for ever.
 
-It alone reconnects. A port that is missing is looked for with bounded back-off; one fault is logged
+Nothing else reconnects. A missing port is looked for with bounded back-off; one fault is logged
 once, and counted while it repeats.
+
+With ``board.write_settings`` the profile is stored on the board before each session, as ``yahboomd
+probe --write`` does it: the wheels at rest, value by value, each read back. A board that has the
+profile already is written nothing.
 """
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 from collections import Counter
 from collections.abc import Callable
 from typing import Protocol
 
 from yahboomd.clock import Clock, nanoseconds, sleep_until
-from yahboomd.errors import BoardError, ConfigError, LinkError, PortDenied, YahboomdError
-from yahboomd.link.session import Session
+from yahboomd.errors import (
+    BoardError,
+    BoardStoresNothing,
+    ConfigError,
+    LinkError,
+    PortDenied,
+    YahboomdError,
+)
+from yahboomd.link.flash import Progress, Step, store
+from yahboomd.link.port import Port
+from yahboomd.link.session import Opener, Session
+from yahboomd.model import Event
+from yahboomd.protocol.settings import BoardSettings
+
+
+def storing_opener(
+    opener: Opener, clock: Clock, want: BoardSettings, tell: Callable[[Event], None]
+) -> Opener:
+    """An opener that sees to the board's settings first.
+
+    A value that cannot be stored ends the storing, not the session: that looks for itself whether
+    the wheels may turn.
+
+    Args:
+        opener: Opens the port.
+        clock: What tells the time.
+        want: What the board shall store.
+        tell: Hears of every value that was, or could not be, stored.
+    """
+
+    async def open_it() -> Port:
+        # A board that stores nothing is sent its motors at each connection.
+        with contextlib.suppress(BoardStoresNothing):
+            await store(opener, clock, want, _Told(tell))
+        return await opener()
+
+    return open_it
+
+
+class _Told(Progress):
+    def __init__(self, tell: Callable[[Event], None]) -> None:
+        self._tell = tell
+
+    def step(self, step: Step, has: BoardSettings) -> None:  # noqa: ARG002 (the seam's shape)
+        frame = step.write.frame.decode("ascii")
+        if step.outcome == "stored":
+            words = f"Stored {frame} in the board's flash (board.write_settings)."
+            event = Event(kind="setting_stored", severity="info", message=words)
+        else:
+            said = f", which said {step.answer!r}" if step.answer else ""
+            words = f"The board does not store {frame}{said}. Try `yahboomd probe --write`."
+            event = Event(kind="setting_not_stored", severity="error", message=words)
+        self._tell(event)
+
 
 log = logging.getLogger(__name__)
 

@@ -93,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
         )
         return 2
     from yahboomd.bus.keys import name_problem
-    from yahboomd.daemon.signals import deadly
+    from yahboomd.daemon.process import deadly
     from yahboomd.errors import ConfigError
 
     if problem := name_problem(args.source):

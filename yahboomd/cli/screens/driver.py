@@ -14,7 +14,7 @@ from yahboomd.cli.screens.feed import Feed
 from yahboomd.cli.screens.teleop import Teleop
 from yahboomd.cli.screens.terminal import Keys
 from yahboomd.clock import Clock, Schedule, nanoseconds, seconds
-from yahboomd.daemon.signals import deadly
+from yahboomd.daemon.process import deadly
 
 REDRAW_S = 0.1
 

@@ -1,8 +1,12 @@
-"""What signals ask of the daemon: to end, or to be suspended. The wheels are stopped first.
+"""The daemon's process: its signals, its service manager, its file descriptors.
 
 The default action of almost every signal ends or suspends a process where it is, and the board
-drives on. SIGKILL and SIGSTOP cannot be caught, and after a fault of the program (SIGSEGV, SIGABRT)
-no code of it can be relied on: there the service manager stops the wheels.
+drives on: so the wheels are stopped first. SIGKILL and SIGSTOP cannot be caught, and after a fault
+of the program (SIGSEGV, SIGABRT) no code of it can be relied on: there the service manager stops
+the wheels.
+
+systemd receives datagrams on the socket that ``NOTIFY_SOCKET`` names (sd_notify(3)); without one
+nothing is sent.
 """
 
 from __future__ import annotations
@@ -11,9 +15,13 @@ import asyncio
 import contextlib
 import logging
 import os
+import re
+import resource
 import signal
-from collections.abc import Callable
+import socket
+from collections.abc import Callable, Mapping
 
+from yahboomd.clock import NS_PER_S
 from yahboomd.daemon.logs import flush
 
 log = logging.getLogger(__name__)
@@ -132,3 +140,94 @@ def die_of(number: int) -> None:
     """End this process by the default action of a signal; returns where that is blocked."""
     signal.signal(number, signal.SIG_DFL)
     os.kill(os.getpid(), number)
+
+
+_AGE = re.compile(r" \(since [^)]*\)| [\d.]+ s ago")
+
+
+class Notifier:
+    """Talks to the service manager, where there is one.
+
+    Args:
+        environ: The process's environment.
+    """
+
+    def __init__(self, environ: Mapping[str, str]) -> None:
+        address = environ.get("NOTIFY_SOCKET", "")
+        # An abstract socket is written with @ and addressed with a NUL.
+        self._address = "\0" + address[1:] if address.startswith("@") else address
+        self._socket: socket.socket | None = None
+        self._status = ""
+        self.watchdog_ns = _watchdog_ns(environ)
+        if address:
+            self._socket = socket.socket(
+                socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC | socket.SOCK_NONBLOCK
+            )
+
+    @property
+    def heard(self) -> bool:
+        """Whether there is a manager."""
+        return self._socket is not None
+
+    def ready(self) -> None:
+        """Configuration and bus stand."""
+        self._send("READY=1")
+
+    def stopping(self) -> None:
+        """The end has begun."""
+        self._send("STOPPING=1")
+
+    def status(self, words: str) -> None:
+        """Say in words what is going on; the same words again are not sent.
+
+        Nor are words that differ in an age alone: each would wake the manager and its listeners,
+        twice a second.
+        """
+        words = _AGE.sub("", words)
+        if words != self._status:
+            self._status = words
+            self._send(f"STATUS={words}")
+
+    def alive(self) -> None:
+        """Feed the watchdog."""
+        self._send("WATCHDOG=1")
+
+    def close(self) -> None:
+        """Let go of the socket."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+    def _send(self, message: str) -> None:
+        if self._socket is not None:
+            # A manager that is too busy to listen must not stop a robot's control loop.
+            with contextlib.suppress(OSError):
+                self._socket.sendto(message.encode(), self._address)
+
+
+def _watchdog_ns(environ: Mapping[str, str]) -> int | None:
+    """How often the watchdog wants to be fed; ``None`` without a watchdog."""
+    try:
+        interval_us = int(environ.get("WATCHDOG_USEC", ""))
+        owner = int(environ.get("WATCHDOG_PID", str(os.getpid())))
+    except ValueError:
+        return None
+    if interval_us <= 0 or owner != os.getpid():
+        return None
+    return interval_us * (NS_PER_S // 1_000_000)
+
+
+WANTED = 65_536
+"""Descriptors. Most systems begin a process with 1024, and let it have many more."""
+
+
+def make_room() -> None:
+    """Raise the limit of this process, as far as it may.
+
+    A connection that says nothing holds a descriptor for seconds, without having shown any
+    certificate. With none left a port that was lost cannot be opened, nor the wheels stopped.
+    """
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = WANTED if hard == resource.RLIM_INFINITY else min(WANTED, hard)
+    if soft != resource.RLIM_INFINITY and soft < wanted:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))

@@ -1,0 +1,189 @@
+"""Which signals are handled; what systemd receives, on a real datagram socket; descriptors."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import resource
+import signal
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from yahboomd.daemon.process import (
+    ENDING,
+    KILLING,
+    SUSPENDING,
+    WANTED,
+    Notifier,
+    Signals,
+    make_room,
+    name_of,
+)
+
+
+def test_every_signal_is_handled_that_can_be_and_would_end_or_suspend_the_process() -> None:
+    left = signal.valid_signals() - {*ENDING, *KILLING, *SUSPENDING}
+    assert {signal.Signals(each).name for each in left} == {
+        *("SIGKILL", "SIGSTOP"),
+        *("SIGCHLD", "SIGCONT", "SIGURG", "SIGWINCH"),
+        *("SIGABRT", "SIGBUS", "SIGFPE", "SIGILL", "SIGSEGV"),
+    }
+
+
+def test_signals_without_a_name_of_their_own_have_one() -> None:
+    assert name_of(signal.SIGQUIT) == "SIGQUIT"
+    assert name_of(signal.SIGRTMIN + 3) == "SIGRTMIN+3"
+
+
+async def test_a_signal_that_is_ignored_stays_ignored() -> None:
+    """As it is for a program that a script started in the background."""
+    before = signal.signal(signal.SIGQUIT, signal.SIG_IGN)
+    asked: list[str] = []
+    signals = Signals(asked.append)
+    try:
+        signals.install()
+        signal.raise_signal(signal.SIGQUIT)
+        signal.raise_signal(signal.SIGUSR1)
+        signal.raise_signal(signal.SIGUSR2)
+        while len(asked) < 2:
+            await asyncio.sleep(0.001)
+        assert asked == ["SIGUSR1", "SIGUSR2"]
+        # The first one decides.
+        assert signals.fatal == signal.SIGUSR1
+    finally:
+        signals.remove()
+        signal.signal(signal.SIGQUIT, before)
+    assert signal.getsignal(signal.SIGUSR1) is signal.SIG_DFL
+    assert signal.getsignal(signal.SIGTSTP) is signal.SIG_DFL
+
+
+async def test_continuing_before_the_wheels_stand_takes_a_suspension_back() -> None:
+    signals = Signals(lambda _name: None)
+    signals.at_once = False
+    try:
+        signals.install()
+        signal.raise_signal(signal.SIGTSTP)
+        await signals.suspend.wait()
+        # Meanwhile more of them change nothing.
+        assert signal.getsignal(signal.SIGTTOU) is signal.SIG_IGN
+        signal.raise_signal(signal.SIGCONT)
+        while signals.suspend.is_set():
+            await asyncio.sleep(0.001)
+        signal.raise_signal(signal.SIGTTOU)
+        await signals.suspend.wait()
+    finally:
+        signals.remove()
+
+
+@pytest.fixture
+def manager(tmp_path: Path) -> Iterator[socket.socket]:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listening:
+        listening.bind(str(tmp_path / "notify"))
+        listening.settimeout(5)
+        yield listening
+
+
+def test_every_message_reaches_the_manager(manager: socket.socket) -> None:
+    notifier = Notifier({"NOTIFY_SOCKET": manager.getsockname()})
+    notifier.ready()
+    notifier.status("waiting for the board")
+    notifier.alive()
+    notifier.stopping()
+    heard = [manager.recv(100) for _ in range(4)]
+    notifier.close()
+    assert heard == [b"READY=1", b"STATUS=waiting for the board", b"WATCHDOG=1", b"STOPPING=1"]
+
+
+def test_the_same_status_is_told_once(manager: socket.socket) -> None:
+    notifier = Notifier({"NOTIFY_SOCKET": manager.getsockname()})
+    notifier.status("driving")
+    notifier.status("driving")
+    notifier.status("standing")
+    assert [manager.recv(100), manager.recv(100)] == [b"STATUS=driving", b"STATUS=standing"]
+    notifier.close()
+
+
+def test_an_age_that_grows_is_no_news(manager: socket.socket) -> None:
+    notifier = Notifier({"NOTIFY_SOCKET": manager.getsockname()})
+    for age in ("0.0", "0.5", "12.0"):
+        notifier.status(f"waiting: no port. (since {age} s, for another 3.0 s) cmd fell silent.")
+    notifier.status("standing: cmd_vel fell silent: its last command was given 0.6 s ago.")
+    notifier.status("driving: cmd_vel drives.")
+    assert [manager.recv(200) for _ in range(3)] == [
+        b"STATUS=waiting: no port. cmd fell silent.",
+        b"STATUS=standing: cmd_vel fell silent: its last command was given.",
+        b"STATUS=driving: cmd_vel drives.",
+    ]
+    notifier.close()
+
+
+def test_an_abstract_socket_is_reached() -> None:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listening:
+        listening.bind(f"\0yahboomd-test-{os.getpid()}")
+        listening.settimeout(5)
+        notifier = Notifier({"NOTIFY_SOCKET": f"@yahboomd-test-{os.getpid()}"})
+        notifier.ready()
+        assert listening.recv(100) == b"READY=1"
+        notifier.close()
+
+
+def test_without_a_manager_nothing_happens() -> None:
+    notifier = Notifier({})
+    notifier.ready()
+    notifier.alive()
+    notifier.close()
+    assert notifier.watchdog_ns is None
+
+
+def test_a_manager_that_is_gone_disturbs_nobody(tmp_path: Path) -> None:
+    notifier = Notifier({"NOTIFY_SOCKET": str(tmp_path / "gone")})
+    notifier.ready()
+    notifier.close()
+
+
+@pytest.mark.parametrize(
+    ("environ", "expected"),
+    [
+        ({"WATCHDOG_USEC": "2000000"}, 2_000_000_000),
+        ({"WATCHDOG_USEC": "2000000", "WATCHDOG_PID": str(os.getpid())}, 2_000_000_000),
+        ({"WATCHDOG_USEC": "2000000", "WATCHDOG_PID": "1"}, None),
+        ({"WATCHDOG_USEC": "soon"}, None),
+        ({"WATCHDOG_USEC": "0"}, None),
+        ({}, None),
+    ],
+)
+def test_the_watchdog_is_fed_only_where_it_waits_for_this_process(
+    environ: dict[str, str], expected: int | None
+) -> None:
+    assert Notifier(environ).watchdog_ns == expected
+
+
+@pytest.fixture(autouse=True)
+def limits() -> Iterator[int]:
+    """The hard limit; what a test does to the soft one is taken back."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    yield hard
+    resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+
+
+def soft() -> int:
+    return resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+
+
+def test_the_limit_is_raised_as_far_as_it_may_be(limits: int) -> None:
+    resource.setrlimit(resource.RLIMIT_NOFILE, (256, limits))
+    make_room()
+    assert soft() == (WANTED if limits == resource.RLIM_INFINITY else min(WANTED, limits))
+
+
+def test_a_limit_that_is_higher_already_stays(limits: int) -> None:
+    if limits != resource.RLIM_INFINITY and limits <= WANTED:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (limits, limits))
+    else:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (WANTED + 1, limits))
+    before = soft()
+    make_room()
+    assert soft() == before
