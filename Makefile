@@ -107,7 +107,7 @@ $(VENV)/.bench: $(VENV)/.dev
 	@$(PYTHON) tools/bootstrap.py $(VENV) uvloop || echo "bench: there is no uvloop here; its rows are left out"
 	@touch $@
 
-bench: $(VENV)/.bench ## measure exactness, latency, throughput, cost and fleet; write docs/benchmarks.md (30 minutes; ARGS=--resume goes on)
+bench: $(VENV)/.bench ## measure exactness, latency, throughput, cost and fleet; write docs/benchmarks.md and docs/benchmarks/ (30 minutes; ARGS=--resume continues)
 	$(PY) -m benchmarks $(ARGS)
 
 bench-short: $(VENV)/.dev ## the same in a short form, only to see that it works

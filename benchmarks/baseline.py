@@ -1,14 +1,13 @@
 """The article's bridge and yahboomd through the same trials on the same simulated polled board.
 
-The bridge is written anew from the article's description, with its ROS calls replaced by nothing
-(a socket on loopback brings its velocities; see `benchmarks/article.py`). Both drive the board
-of `yahboomd simulate --dialect polled` on a pty, paced at 115200 baud; the truth is the
-simulator's, and so are the stamps of what is heard on the wire. Both are told the simulated
-robot's wheels. The trials run one driver after the other, the bridge first, each on a new board of
-the same seed, and once: not turn by turn, as the head of this page says of ratios, so that one
-compares two runs, up to a minute apart. yahboomd's limits of acceleration are off for the latency
-of commands, so that one command is one frame as it is in the bridge, and on in all other trials.
-The pose is compared with the truth at the end of each trial.
+The bridge is rebuilt from the article's description. Its ROS calls are left out; a socket on
+loopback brings its velocities (`benchmarks/article.py`). Both drive the board of
+`yahboomd simulate --dialect polled` on a pseudo-terminal, paced at 115200 baud. The simulator
+supplies the ground truth and the times of the bytes on the wire. Both know the simulated robot's
+wheels. The trials run one driver after the other, the bridge first, each on a new board of the same
+seed, and once, so the two runs of a comparison are up to a minute apart. yahboomd's limits of
+acceleration are off for the latency of commands, so that one command is one frame as it is in the
+bridge, and on in all other trials. The pose is compared with the truth at the end of each trial.
 """
 
 from __future__ import annotations
@@ -25,24 +24,34 @@ from pathlib import Path
 from benchmarks.drivers import ARTICLE, DRIVERS, YAHBOOMD, frames, trial
 from benchmarks.features import FEATURES
 from benchmarks.latency import UNLIMITED
-from benchmarks.report import Section, milliseconds, number, quantile
+from benchmarks.report import Section, method, milliseconds, number, quantile
 
 SHORT = 0.25
-"""How much of each drive is left in the short form."""
+"""The length of each drive in the short form."""
 
 P50 = "command to wire, p50, ms"
 POLLS = "polls a second"
+SHOWN = (
+    POLLS,
+    P50,
+    "reset in motion: drives",
+    "one digit of one answer altered: pose",
+    "0.2 % of bytes garbled: pose",
+    "unplugged for",
+    "commands end in motion",
+)
+"""Beginnings of the rows on the results page."""
 
 
 @dataclass
 class Found:
-    """What a trial found of one driver.
+    """The results of a trial with one driver.
 
     Attributes:
         figures: By row.
         said: Sentences.
-        compared: Whether a ratio means something. Of wheels that are left turning, a figure tells
-            how long somebody watched.
+        compared: Whether a ratio means anything. It does not for wheels that are left turning:
+            their figures only depend on the length of the trial.
     """
 
     figures: dict[str, str]
@@ -51,7 +60,7 @@ class Found:
 
 
 def polling_and_latency(name: str, pace: float) -> Found:
-    """Polls in a minute or so, and from the command to the frame."""
+    """Poll rate over a minute, and the latency from command to frame."""
     count = 1000 if pace == 1.0 else 10
     chance = random.Random(3)
     sent: list[tuple[int, int]] = []
@@ -61,7 +70,7 @@ def polling_and_latency(name: str, pace: float) -> Found:
         begin_ns = time.monotonic_ns()
         for n in range(count):
             units = 300 + n % 100
-            # Half a unit more: the bridge cuts decimals off.
+            # Not a whole unit, because the bridge truncates.
             sent.append((time.monotonic_ns(), units))
             run.driver.say((units + 0.4) / 1000.0)
             time.sleep(chance.uniform(0.03, 0.07))
@@ -71,7 +80,7 @@ def polling_and_latency(name: str, pace: float) -> Found:
         account = run.driver.account()
         faults = [line for line in run.process.lines if "ERROR" in line]
     for fault in faults:
-        print(name, "said:", fault, flush=True)
+        print(name, "logged:", fault, flush=True)
     polls = sum(each.data.count("$read#") for each in heard if begin_ns <= each.t_ns < end_ns)
     latencies = []
     lost = 0
@@ -96,7 +105,7 @@ def polling_and_latency(name: str, pace: float) -> Found:
     return found
 
 
-def at_start(name: str, pace: float) -> Found:  # noqa: ARG001 - there is nothing to shorten
+def at_start(name: str, pace: float) -> Found:  # noqa: ARG001 - has one length
     """Counters that are not zero."""
     with trial(name, "--ticks", "123456,0,120000,0") as run:
         time.sleep(1.0)
@@ -107,17 +116,17 @@ def at_start(name: str, pace: float) -> Found:  # noqa: ARG001 - there is nothin
     )
 
 
-def saturation(name: str, pace: float) -> Found:  # noqa: ARG001 - there is nothing to shorten
-    """More than the wheels can do: 0.9 m/s and 4 rad/s ask 1.2 m/s of the right wheel."""
+def saturation(name: str, pace: float) -> Found:  # noqa: ARG001 - has one length
+    """A command beyond the limits: 0.9 m/s with 4 rad/s needs 1.2 m/s at the right wheel."""
     with trial(name) as run:
         run.drive(1.5, 0.9, 4.0)
         _, left, right = frames(run.heard())[-1]
     wanted = 4.0 / 0.9
-    told = (right - left) / 1000.0 / 0.15 / ((left + right) / 2000.0)
+    sent = (right - left) / 1000.0 / 0.15 / ((left + right) / 2000.0)
     return Found(
         {
             "0.9 m/s with 4 rad/s: frame on the wire": f"left {left}, right {right}",
-            "the same: curvature off by, %": number(abs(told / wanted - 1.0) * 100.0),
+            "the same: curvature off by, %": number(abs(sent / wanted - 1.0) * 100.0),
         }
     )
 
@@ -149,7 +158,7 @@ def reset(name: str, pace: float) -> Found:
 
 
 def one_garbled(name: str, pace: float) -> Found:
-    """One answer has one digit altered, and is a frame like any other."""
+    """One digit of one answer is altered, and the frame is still valid."""
     with trial(name) as run:
         run.drive(3.0 * pace, 0.3)
         run.control("garble")
@@ -187,7 +196,7 @@ def unplug(name: str, pace: float) -> Found:
     return Found(
         {
             row: "never" if math.isnan(after_s) else number(after_s),
-            "the same: speed after it was then told to stand, m/s": number(speed),
+            "the same: speed after a final command to stand, m/s": number(speed),
             "the same: pose off by, m": number(error_m),
         },
         compared=False,
@@ -195,22 +204,22 @@ def unplug(name: str, pace: float) -> Found:
 
 
 def unplug_far(name: str, pace: float) -> Found:
-    """The same, with counters that no reset explains: what they show was driven."""
+    """The same, with counters far from zero, which no reset explains: they show real travel."""
     _, error_m, _ = unplugged(name, 2.0 * pace, 3.0 * pace, "120000,0,120000,0")
     row = "the same, with counters at 120000 before: pose off by, m"
     return Found({row: number(error_m)}, compared=False)
 
 
 def unplugged(name: str, out_s: float, then_s: float, ticks: str) -> tuple[float, float, float]:
-    """A drive with the plug out for a while, and an order to stand at its end.
+    """A drive during which the plug is out for a while, ended by a command to stand.
 
     Returns:
-        From the plug to the first speed frame (NaN: none came), how far the pose is off, and the
-        speed, the latter two 1.4 s after the order.
+        Seconds from the replug to the first speed frame (NaN: none came), the error of the pose,
+        and the speed, the latter two 1.4 s after the command.
     """
     with trial(name, "--ticks", ticks) as run:
         run.drive(0.5, 0.0)
-        # Where counters at the start have put the pose is another trial's.
+        # The pose that the counters caused at the start is measured by another trial.
         origin = run.driver.poses()[-1]
         run.drive(1.5, 0.3)
         run.control(f"unplug {out_s}")
@@ -222,7 +231,7 @@ def unplugged(name: str, out_s: float, then_s: float, ticks: str) -> tuple[float
 
 
 def silence(name: str, pace: float) -> Found:
-    """The application falls silent in motion."""
+    """The application stops sending in motion."""
     watched_s = 3.0 * pace
     with trial(name) as run:
         run.drive(1.5, 0.3)
@@ -257,9 +266,9 @@ TRIALS: tuple[Callable[[str, float], Found], ...] = (
 
 
 def factor(row: str, article: str, ours: str) -> str:
-    """How many times better yahboomd is; ``-`` where a figure is none, or zero.
+    """How many times better yahboomd is; ``-`` if a figure is not a positive number.
 
-    Of polls more is better, of everything else less.
+    More polls are better; of everything else, less is better.
     """
     try:
         better, worse = float(ours), float(article)
@@ -270,15 +279,18 @@ def factor(row: str, article: str, ours: str) -> str:
     return number(better / worse if row == POLLS else worse / better)
 
 
-def bench(*, short: bool, images: Path) -> Section:  # noqa: ARG001 - it has none
-    """The section."""
+def bench(*, short: bool, images: Path) -> Section:  # noqa: ARG001 - draws no picture
+    """Run all trials with both drivers."""
     section = Section(
         name="baseline",
-        title="Beside the article's bridge",
-        how=__doc__.split("\n\n", 1)[1].strip().replace("\n", " "),
+        title="Compared with the article's bridge",
+        about="The bridge of an article (*Building a ROS 2 Hardware Bridge for Yahboom 520 Motor "
+        "Drivers*), rebuilt from its description, and yahboomd drive the same simulated polled "
+        "board through the same trials, one after the other.",
+        how=method(__doc__),
     )
     turns = list(product(TRIALS, DRIVERS))
-    # In the short form nothing is proven, and they may disturb each other.
+    # The short form proves nothing: its trials may disturb each other.
     with ThreadPoolExecutor(4 if short else 1) as pool:
         found = list(pool.map(lambda turn: turn[0](turn[1], SHORT if short else 1.0), turns))
     columns: dict[str, dict[str, str]] = {name: {} for name in DRIVERS}
@@ -291,26 +303,31 @@ def bench(*, short: bool, images: Path) -> Section:  # noqa: ARG001 - it has non
         for row in each.figures
     }
     section.table(
-        "Feature by feature. Nothing is said (-) of what the bridge's ROS messages may carry "
-        "beside the pose: they are not in the bridge as it was written anew.",
+        "Features. The rebuilt bridge has no ROS messages, so what they may carry beside the pose "
+        "is marked with -.",
         ["what", "the article's bridge", "yahboomd"],
         FEATURES,
     )
     section.table(
-        "Figure by figure, the same trials in both. The last column says how many times better "
-        "yahboomd is (of polls more is better, of everything else less), where a ratio means "
-        "something.",
+        "All figures of the same trials. The last column says how many times better yahboomd is, "
+        "where a ratio means something (more polls are better; of everything else, less).",
         ["trial", "the article's bridge", "yahboomd", "times better"],
         [[row, article[row], ours[row], ratios[row]] for row in article],
     )
     section.findings.append(
-        f"A command is on the wire {ratios[P50]} times sooner at the "
-        "median, although the bridge's come over a bare socket and yahboomd's over Zenoh."
+        f"A command reaches the wire {ratios[P50]} times sooner at the median, although it comes "
+        "over Zenoh, and the bridge's over a bare socket."
     )
     section.findings.append(
-        "After the plug was out with counters near zero, a reset may have led to what they show: "
-        "yahboomd holds the pose then, and an event says how much is unknown. From 120000 no reset "
-        "explains them, and what was driven meanwhile is in the pose."
+        "After a replug with counters near zero, the board may have been reset meanwhile. yahboomd "
+        "then holds the pose, and an event gives the unknown distance. Counters near 120000 cannot "
+        "follow a reset, so the pose includes what the robot drove with the plug out."
     )
     section.findings += [said for each in found for said in each.said]
+    section.table(
+        "Some of the figures.",
+        ["trial", "the article's bridge", "yahboomd"],
+        [[row, article[row], ours[row]] for row in article if row.startswith(SHOWN)],
+        result=True,
+    )
     return section

@@ -1,12 +1,12 @@
-"""What a robot costs its computer: CPU, memory and threads, by rate and by layer.
+"""CPU, memory and threads of the daemon, by rate and by layer.
 
-CPU is what the kernel has counted for the process and its threads, over some seconds; a polled
-board is asked and pose, twist and wheels are published at the same rate to a subscriber in
-another process; a command is said 50 times a second, each other than the last. The cost of one
-command is the difference of runs with and without, so it has the noise of both, and what it costs
-that wheels turn: lines that repeat cost less. By layer: the loop's thread is sampled after every
-few milliseconds of CPU time, at rates that the kernel's tick does not divide, else the same moments
-would be met again and again; each sample belongs to the innermost function of ours.
+CPU is the kernel's account of the process and its threads over some seconds. A polled board is
+polled at the rate at which pose, twist and wheels are published to a subscriber in another process.
+Commands come 50 times a second, each different from the last. The cost of one command is the
+difference of runs with and without, so it has the noise of both. It includes that wheels turn:
+lines that repeat cost less. By layer: the event loop's thread is sampled after every few
+milliseconds of CPU time, at rates that are no multiple of the kernel's tick, because else the same
+moments would be sampled again and again. Each sample counts for the innermost function of yahboomd.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from typing import NamedTuple
 
 from benchmarks import flame, pictures, rig
 from benchmarks.latency import UNLIMITED, command, publisher
-from benchmarks.report import Section, median, number, quantile
+from benchmarks.report import Section, median, method, number, quantile
 from benchmarks.staged import STAGES
 
 COMMANDS_HZ = 50
 
 
 class Cost(NamedTuple):
-    """Of one daemon in one condition.
+    """The use of one daemon in one condition.
 
     Attributes:
-        core: Share of one core.
-        loop: Share of one core of the event loop's thread alone.
+        core: CPU as a share of one core.
+        loop: The same for the event loop's thread alone.
         rss_mb: Resident memory.
-        threads: How many.
+        threads: Number of threads.
     """
 
     core: float
@@ -52,7 +52,7 @@ def measure(
     prefix: Sequence[str] = ("-m", "yahboomd"),
     line_us: int = 5917,
 ) -> Cost:
-    """Run a daemon on a thin board and look at what it uses."""
+    """Run a daemon on a thin board and measure its use of the machine."""
     endpoint = rig.free_endpoint()
     with contextlib.ExitStack() as stack:
         where = stack.enter_context(rig.folder())
@@ -84,21 +84,23 @@ def measure(
 
 
 def main_thread_ns(pid: int) -> int:
-    """CPU of the event loop's thread so far."""
+    """CPU time of the event loop's thread so far."""
     return int(Path(f"/proc/{pid}/task/{pid}/schedstat").read_text().split()[0])
 
 
 def rates(rate_hz: float) -> tuple[str, str]:
-    """Polls and poses at one rate."""
+    """Settings for polls and poses at one rate."""
     return f"odometry.poll_rate_hz={rate_hz}", f"odometry.publish_rate_hz={rate_hz}"
 
 
 def bench(*, short: bool, images: Path) -> Section:
-    """The section."""
+    """Measure CPU, memory and threads."""
     section = Section(
         name="cost",
-        title="Cost: CPU, memory, threads, and where they go",
-        how=__doc__.split("\n\n", 1)[1].replace("\n", " "),
+        title="CPU and memory",
+        about="What the daemon costs the robot's computer, on asyncio's own event loop and on "
+        "uvloop.",
+        how=method(__doc__),
     )
     seconds = 1.0 if short else 6.0
     loops = ["asyncio"]
@@ -127,18 +129,22 @@ def bench(*, short: bool, images: Path) -> Section:
             name = f"streamed, {1e6 / line_us:.0f} lines a second, published at 50 Hz"
             rows.append([name, loop, *row(quiet, driven)])
     section.table(
-        "Percent of one core; then µs for a command, MB and a count.",
-        ["board", "event loop", "all", "of it the loop's thread", "with 50 commands/s",
-         "µs a command", "resident", "threads"],
+        "CPU in percent of one core.",
+        ["board", "event loop", "CPU", "of it the loop's thread", "CPU with 50 commands/s",
+         "µs a command", "resident MB", "threads"],
         rows,
     )  # fmt: skip
+    usual = next(each for each in rows if each[:2] == ["polled, 50 Hz", "asyncio"])
+    section.findings.append(
+        f"With a polled board and poses at 50 Hz: {usual[2]} % of a core, {usual[4]} % with "
+        f"{COMMANDS_HZ} commands a second, {usual[6]} MB of memory, {usual[7]} threads."
+    )
     for loop in loops:
         if not short:
             slope = (cores[loop, 200] - cores[loop, 20]) / 180 * 1e6
             section.findings.append(
-                f"{loop}: {number(slope)} µs of CPU for a poll with its three samples (from 20 to "
-                f"200 Hz), and {number(median(per_command[loop]))} µs for a command (the median of "
-                "the rows)."
+                f"{loop}: {number(slope)} µs of CPU for a poll with its three samples, and "
+                f"{number(median(per_command[loop]))} µs for a command."
             )
     draw(section, curves, images)
     stages(section, 2.0 if short else 20.0)
@@ -147,19 +153,19 @@ def bench(*, short: bool, images: Path) -> Section:
 
 
 def command_us(quiet: Cost, driven: Cost) -> float:
-    """What one command costs, µs of CPU."""
+    """CPU of one command in µs."""
     return (driven.core - quiet.core) / COMMANDS_HZ * 1e6
 
 
 def row(quiet: Cost, driven: Cost) -> list[str]:
-    """The figures of a row of the table."""
+    """The figures of a row of the table, behind its names."""
     shares = [number(100 * each) for each in (quiet.core, quiet.loop, driven.core)]
     cost = number(max(0.0, command_us(quiet, driven)))
     return [*shares, cost, number(quiet.rss_mb), str(quiet.threads)]
 
 
 def draw(section: Section, curves: dict[str, list[tuple[float, float]]], images: Path) -> None:
-    """CPU by the rate of polls."""
+    """Draw CPU by poll rate."""
     figure, axes = pictures.blank()
     for n, (name, points) in enumerate(curves.items()):
         axes.plot(*zip(*points, strict=True), "o-", color=pictures.COLOURS[n], label=name,
@@ -167,12 +173,12 @@ def draw(section: Section, curves: dict[str, list[tuple[float, float]]], images:
     axes.set(xlabel="polls and poses a second", ylabel="% of one core")
     axes.set_ylim(bottom=0.0)
     axes.legend(fontsize=8, frameon=False)
-    caption = "What a polled board costs, by the rate at which it is asked and published."
+    caption = "CPU with a polled board, by the rate of polls and poses."
     pictures.keep(section, figure, images, "cost.png", caption)
 
 
 def stages(section: Section, seconds: float) -> None:
-    """Where a command spends its time between Zenoh's callback and the port."""
+    """The time of each stage of a command between Zenoh's callback and the port."""
     with rig.folder() as where:
         path = where / "stages"
         prefix = ("-m", "benchmarks.staged", str(path))
@@ -185,14 +191,15 @@ def stages(section: Section, seconds: float) -> None:
         for n, stage in enumerate(STAGES)
     ]  # fmt: skip
     section.table(
-        f"From Zenoh's callback to the port, µs, of {len(spans)} commands, 50 a second.",
+        f"Stages of a command from Zenoh's callback to the port, in µs: {len(spans)} commands, 50 "
+        "a second.",
         ["stage", "p50", "p90"],
         rows,
     )
 
 
 def profile(section: Section, seconds: float, images: Path) -> None:
-    """Where the loop's thread spends its time."""
+    """The share of each room and function in the time of the event loop's thread."""
     with rig.folder() as where:
         path = where / "stacks"
         prefix = ("-m", "benchmarks.sampled", str(path))
@@ -208,7 +215,7 @@ def profile(section: Section, seconds: float, images: Path) -> None:
         [[room, number(100.0 * n / total)] for room, n in flame.by_room(stacks).most_common()],
     )
     section.table(
-        "By function, the fifteen costliest.",
+        "The fifteen costliest functions.",
         ["function", "%"],
         [
             [f"`{function}`", number(100.0 * n / total)]

@@ -1,8 +1,8 @@
-"""What the article's bridge and yahboomd can do, in the order in which somebody who chooses asks.
+"""Features of the article's bridge and of yahboomd.
 
-The bridge's cells say what ``benchmarks/article.py`` shows, which is written from the article's
-description; yahboomd's are explained in ``docs``. What a ROS message would carry beside the pose
-is not in the rebuilt bridge, so nothing is said of it.
+The bridge's cells describe ``benchmarks/article.py``, which is rebuilt from the article;
+``docs`` explains yahboomd's. The rebuilt bridge has no ROS messages, so what they may carry beside
+the pose is marked with -.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ FEATURES = [
     [
         "needs ROS 2",
         "yes: it is a node",
-        "no; is heard in ROS 2 through zenoh-bridge-ros2dds, or natively with rmw_zenoh",
+        "no; appears in ROS 2 through zenoh-bridge-ros2dds, or natively with rmw_zenoh",
     ],
-    ["dialects of the board", "polled", "polled and streamed, found out by asking"],
+    ["dialects of the board", "polled", "polled and streamed, detected"],
     [
         "who may command",
         "one topic; the last velocity counts",
@@ -21,7 +21,7 @@ FEATURES = [
     ],
     [
         "age of a command",
-        "not looked at",
+        "not checked",
         "refused when older than its timeout, by its stamp or Zenoh's; a backlog too",
     ],
     [
@@ -29,11 +29,11 @@ FEATURES = [
         "drives on",
         "ramp or halt after 0.5 s, teleop 0.3 s, each source its own",
     ],
-    ["emergency stop", "none", "latched; outlives restarts and kills of the daemon"],
+    ["emergency stop", "none", "latched; survives restarts and kills of the daemon"],
     [
         "at its end",
-        "says one speed of zero",
-        "says a stop until the counters show that the wheels stand, then closes the port",
+        "sends one speed of zero",
+        "repeats a stop until the counters show that the wheels stand, then closes the port",
     ],
     [
         "after kill -9",
@@ -62,7 +62,7 @@ FEATURES = [
     ],
     [
         "wheels that lie: dead encoder, runaway, stalled, wrong plug",
-        "not looked at",
+        "not checked",
         "stopped, named by wheel; a streamed board's motors are cut",
     ],
     [
@@ -78,7 +78,7 @@ FEATURES = [
     ["kinematics", "differential", "differential, skid steer, mecanum"],
     [
         "odometry",
-        "midpoint; the heading is summed up",
+        "midpoint; the heading is a sum of steps",
         "arc with a correction for changing curvature; the heading from whole counts",
     ],
     [
@@ -87,7 +87,7 @@ FEATURES = [
         "when the board took its counts; polled: when its answer left",
     ],
     ["covariance", "-", "of pose and twist, propagated step by step"],
-    ["battery", "not asked (the polled dialect has no answer)", "volts, of a streamed board"],
+    ["battery", "not read (the polled dialect has no answer)", "volts, of a streamed board"],
     [
         "status",
         "prints what failed",
@@ -102,4 +102,4 @@ FEATURES = [
         "both dialects, all three geometries, faults on command, ground truth",
     ],
 ]
-"""Rows: what it is about, the article's bridge, yahboomd."""
+"""Rows: feature, the article's bridge, yahboomd."""

@@ -1,14 +1,14 @@
-"""How many robots one machine and one router carry, and what a message costs.
+"""How many robots one machine and one router carry, and the cost of a message.
 
-Robots on one machine: pairs of `yahboomd simulate` and `yahboomd run`, streamed, publishing at 50
-Hz to a subscriber, more and more of them, until poses are lost or late. One router: clients with
-a namespace each put a 360-byte pose 50 times a second through one router process (a Python
-session in router mode, which is the same code as zenohd); an operator hears all of them and says
-10 commands a second to each. Robots, router and operator share the machine's two cores, so what
-saturates first is told with the CPU of each. Since that is the operator, whose Python looks at
-each pose, more are tried with thin robots and a thin operator for each 200 of them: poses are made
-once, and only those of ten in each 200 carry a new stamp and are looked at; all of them go through
-the router and are received. Everything stays on loopback and ends after some seconds.
+Robots on one machine: a growing number of pairs of `yahboomd simulate` and `yahboomd run`,
+streamed, which publish at 50 Hz to a subscriber, until poses are lost or late. One router: clients
+with a namespace each put a 360-byte pose 50 times a second through one router process (a Python
+session in router mode, which runs the same code as zenohd); an operator receives all of them and
+sends 10 commands a second to each. Robots, router and operator share the machine's two cores, so
+the CPU of each shows which one saturates first. It is the operator, whose Python reads each pose.
+Therefore larger numbers are measured with thin robots, and one thin operator for each 200 of them:
+poses are made once, and only ten robots in each 200 stamp theirs, which alone are read; all poses
+go through the router and are received. Everything stays on loopback and ends after some seconds.
 """
 
 from __future__ import annotations
@@ -22,24 +22,24 @@ from pathlib import Path
 from typing import NamedTuple
 
 from benchmarks import pictures, rig
-from benchmarks.report import Section, median, milliseconds, number
+from benchmarks.report import Section, median, method, milliseconds, number
 
 PER_PROCESS = 100
 PER_OPERATOR = 200
-"""Of thin robots: one connection carries no more, however little is done with what it brings."""
+"""Thin robots on one operator: one connection carries no more."""
 POSE_HZ = 50
 COMMANDS_HZ = 10
 
 
 class Load(NamedTuple):
-    """One step.
+    """The result of one number of robots.
 
     Attributes:
-        offered_hz: Poses a second that were to be sent.
-        result: What the operators saw.
-        router: Share of a core of the router.
-        robots: Of all robots' processes.
-        operator: Of the operators'.
+        offered_hz: Poses a second that the robots should send.
+        result: The operators' measurements.
+        router: The router's CPU, as a share of a core.
+        robots: The same for all robots' processes.
+        operator: The same for the operators.
         rss_mb: The router's resident memory.
     """
 
@@ -50,14 +50,18 @@ class Load(NamedTuple):
     operator: float
     rss_mb: float
 
+    def received(self) -> float:
+        """The share of the poses that the operators received."""
+        return self.result["poses_hz"] / self.offered_hz
+
 
 def routed(count: int, seconds: float, *, listened: bool = True, thin: bool = False) -> Load:
-    """So many robots through one router.
+    """Measure robots on one router.
 
     Args:
-        count: Robots.
-        seconds: How long.
-        listened: Somebody hears and commands them.
+        count: Number of robots.
+        seconds: Duration.
+        listened: An operator subscribes to them and commands them.
         thin: Robots and operator spend next to no Python on a pose.
     """
     how = ("thin",) if thin else ()
@@ -104,7 +108,7 @@ def routed(count: int, seconds: float, *, listened: bool = True, thin: bool = Fa
 
 
 def together(results: Sequence[dict[str, float]]) -> dict[str, float]:
-    """What all operators saw; of the ages the middle one's median, and the worst's p99."""
+    """The sum of all operators' results; the median of their medians, and the largest p99."""
     if not results:
         return {}
     return {
@@ -116,7 +120,7 @@ def together(results: Sequence[dict[str, float]]) -> dict[str, float]:
 
 
 def pairs(count: int, seconds: float) -> dict[str, float]:
-    """Simulated boards and daemons side by side."""
+    """Measure pairs of simulated board and daemon on this machine."""
     endpoints = [rig.free_endpoint() for _ in range(count)]
     with contextlib.ExitStack() as stack:
         where = stack.enter_context(rig.folder())
@@ -138,11 +142,11 @@ def pairs(count: int, seconds: float) -> dict[str, float]:
 
 
 def edge(seconds: float) -> tuple[float, float, float]:
-    """Twenty robots behind a router that thins their poses to 2 Hz on their way up.
+    """Measure twenty robots behind an edge router that passes on two poses a second of each.
 
     Returns:
-        Poses a second offered, poses a second that the operator at the upper router got, and the
-        upper router's share of a core.
+        Poses a second that they send, poses a second that an operator at the upper router
+        receives, and the upper router's CPU as a share of a core.
     """
     upper, lower = rig.free_endpoint(), rig.free_endpoint()
     load = ("-m", "benchmarks.fleet_load")
@@ -163,10 +167,10 @@ def edge(seconds: float) -> tuple[float, float, float]:
 
 
 def joined(mode: str, count: int) -> tuple[float, float, float]:
-    """Sessions that join one router.
+    """Measure sessions that join one router.
 
     Returns:
-        CPU seconds that it cost them, CPU seconds that it cost the router, the router's MB.
+        CPU seconds of the sessions, CPU seconds of the router, and the router's MB.
     """
     endpoint = rig.free_endpoint()
     load = ("-m", "benchmarks.fleet_load")
@@ -180,7 +184,7 @@ def joined(mode: str, count: int) -> tuple[float, float, float]:
 
 
 def taken(*, shared: bool, most: int) -> int:
-    """How many idle clients a router with its defaults takes; ``most`` if it refuses none."""
+    """How many idle clients a router with its defaults accepts, of ``most``."""
     endpoint = rig.free_endpoint()
     load = ("-m", "benchmarks.fleet_load")
     with rig.Process(*load, "router", endpoint) as router:
@@ -191,7 +195,7 @@ def taken(*, shared: bool, most: int) -> int:
 
 
 ROUTED = (
-    "robots", "poses/s offered", "poses/s heard", "commands/s", "p50 ms", "p99 ms", "router CPU",
+    "robots", "poses/s sent", "poses/s received", "commands/s", "p50 ms", "p99 ms", "router CPU",
     "router µs a message", "robots CPU", "operator CPU", "router MB",
 )  # fmt: skip
 
@@ -199,7 +203,7 @@ ROUTED = (
 def crowd(
     section: Section, title: str, counts: Sequence[int], seconds: float, *, thin: bool
 ) -> list[tuple[int, Load]]:
-    """More and more robots through one router, until a tenth of their poses is lost."""
+    """Measure growing numbers of robots, until a tenth of their poses is lost."""
     rows, found = [], []
     for count in counts:
         try:
@@ -217,31 +221,29 @@ def crowd(
              number(load.router / messages * 1e6), number(100 * load.robots),
              number(100 * load.operator), number(load.rss_mb)]
         )  # fmt: skip
-        if result["poses_hz"] < 0.9 * load.offered_hz:
+        if load.received() < 0.9:
             break
     section.table(title, ROUTED, rows)
     return found
 
 
 def limits(section: Section, full: list[tuple[int, Load]], thin: list[tuple[int, Load]]) -> None:
-    """Where it ends, and on what."""
-    for name, found in (("Robots and operator in Python", full), ("Thin ones", thin)):
-        if not found:
-            continue
-        count, load = found[-1]
-        heard = 100 * load.result["poses_hz"] / load.offered_hz
-        section.findings.append(
-            f"{name}, {count} on one router: {number(heard)} % of the poses heard, "
-            f"{milliseconds(load.result['p50_ns'])} ms old at the median. Of one core the router "
-            f"took {number(100 * load.router)} %, the robots {number(100 * load.robots)} %, who "
-            f"hears them {number(100 * load.operator)} %; there are {os.cpu_count()}."
-        )
+    """The largest numbers, and what limited them."""
+    for name, found in (("robots and an operator in Python", full), ("thin robots", thin)):
+        served = [each for each in found if each[1].received() > 0.99]
+        for count, load in dict((*served[-1:], *found[-1:])).items():
+            section.findings.append(
+                f"{count} {name} on one router: {number(100 * load.received())} % of the poses "
+                f"arrive, {milliseconds(load.result['p50_ns'])} ms old at the median. CPU: router "
+                f"{number(100 * load.router)} % of a core, robots {number(100 * load.robots)} %, "
+                f"operators {number(100 * load.operator)} %, on {os.cpu_count()} cores."
+            )
 
 
 def draw(
     section: Section, full: list[tuple[int, Load]], thin: list[tuple[int, Load]], images: Path
 ) -> None:
-    """CPU by the number of robots."""
+    """Draw CPU by number of robots."""
     figure, axes = pictures.blank()
     for found, line, kind in ((full, "-", ""), (thin, "--", ", thin")):
         counts = [count for count, _ in found]
@@ -257,17 +259,18 @@ def draw(
                       markersize=4)  # fmt: skip
     axes.set(xlabel="robots on one router, 50 poses a second each", ylabel="% of one core")
     axes.legend(fontsize=8, frameon=False)
-    caption = "What a fleet costs on one machine of two cores: router, robots, and who hears them."
+    caption = "CPU of router, robots and operators, all on one machine of two cores."
     pictures.keep(section, figure, images, "fleet.png", caption)
 
 
 def bench(*, short: bool, images: Path) -> Section:
-    """The section."""
-    assert __doc__ is not None
+    """Measure pairs on one machine, robots on one router, joining and thinning."""
     section = Section(
         name="fleet",
-        title="Fleet: how many robots a machine and a router carry",
-        how=__doc__.split("\n\n", 1)[1].replace("\n", " "),
+        title="Fleet",
+        about="How many robots one machine and one Zenoh router carry. [A fleet](fleet.md) says "
+        "what to do with these figures.",
+        how=method(__doc__),
     )
     seconds = 2.0 if short else 6.0
     rows = []
@@ -283,24 +286,23 @@ def bench(*, short: bool, images: Path) -> Section:
         if share < 0.9:
             break
     section.table(
-        "Pairs of simulator and daemon on this machine; age is from the board's sampling to the "
-        "subscriber, CPU is percent of a core for each process.",
+        "Pairs of simulator and daemon on this machine. Age is the time from the board's sampling "
+        "to the subscriber; CPU is percent of a core for each process.",
         ["pairs", "poses/s", "% of 50 Hz each", "age p50 ms", "age p99 ms", "daemon CPU",
          "simulator CPU", "daemon MB"],
         rows,
     )  # fmt: skip
     full = crowd(
         section,
-        "One router; a message is one pose or command through it, in and out. CPU in percent of a "
-        "core.",
+        "One router. A message is one pose or command, in and out. CPU in percent of a core.",
         (10,) if short else (25, 50, 100, 200, 300, 400),
         seconds,
         thin=False,
     )
     thin = crowd(
         section,
-        "The same with thin robots and a thin operator for each 200; poses heard are reckoned "
-        "from those that are looked at.",
+        "The same with thin robots and a thin operator for each 200. Poses received are estimated "
+        "from those that are read.",
         (20,) if short else (100, 200, 400, 600, 800, 1000, 1200),
         seconds,
         thin=True,
@@ -310,15 +312,15 @@ def bench(*, short: bool, images: Path) -> Section:
     count = 10 if short else 200
     alone = routed(count, seconds, listened=False)
     section.findings.append(
-        f"{count} robots that nobody listens to cost the router {number(100 * alone.router)} % of "
-        "a core: publishers are told that there is no subscriber, and send nothing."
+        f"{count} robots without a subscriber cost the router {number(100 * alone.router)} % of a "
+        "core: Zenoh sends nothing while there is no subscriber."
     )
     most = 20 if short else 1100
     apart, shared = taken(shared=False, most=most), taken(shared=True, most=most)
     section.findings.append(
-        f"Of {most} idle clients a router with its defaults took {apart} (it refuses more than "
-        f"`transport/unicast/max_sessions`), and {shared} of those on its own machine that share "
-        "memory with it: Zenoh's default, which the daemon turns off."
+        f"A router with default settings accepts {apart} of {most} idle clients (the limit is "
+        f"`transport/unicast/max_sessions`), but only {shared} on its own machine if they use "
+        "shared memory, which is Zenoh's default and which the daemon turns off."
     )
     rows = []
     for mode in ("client", "router"):
@@ -327,13 +329,13 @@ def bench(*, short: bool, images: Path) -> Section:
             rows.append([mode, str(many), number(1000 * took / many), number(1000 * cost / many),
                          number(rss_mb)])  # fmt: skip
     section.table(
-        "Joining a router as a client, or as a router that learns of all others.",
+        "Joining a router, as a client or as another router.",
         ["mode", "sessions", "CPU ms each", "CPU ms of the router each", "router MB"],
         rows,
     )
     offered, got, share = edge(3.0 if short else 6.0)
     section.findings.append(
-        f"A router at the edge that thins poses to 2 Hz passed {number(got)} of {number(offered)} "
-        f"poses a second up; the router above used {number(100 * share)} % of a core."
+        f"An edge router that thins poses to 2 Hz passes on {number(got)} of {number(offered)} "
+        f"poses a second; the router above uses {number(100 * share)} % of a core."
     )
     return section

@@ -1,8 +1,9 @@
-"""From a put in another process to the last byte of the speed frame leaving the pty.
+"""Latency from a put in another process to the last byte of the speed frame on the pseudo-terminal.
 
-Three processes get commands in turn, a few milliseconds apart: the daemon, under the full load of
-counters coming in and of poses going out at 50 Hz to a subscriber; a bare Zenoh callback that
-writes to a pty; a bare socket that does. One process stamps what leaves all three ptys.
+Three processes receive commands, one after the other, a few milliseconds apart: the daemon, while
+counters arrive and poses are published to a subscriber at 50 Hz; a bare Zenoh callback that writes
+to a pseudo-terminal; a bare socket that does. One process stamps the bytes of all three
+pseudo-terminals.
 """
 
 from __future__ import annotations
@@ -20,30 +21,30 @@ from typing import NamedTuple
 import zenoh
 
 from benchmarks import pictures, rig
-from benchmarks.report import Section, milliseconds, number, quantile
+from benchmarks.report import Section, method, milliseconds, number, quantile
 from benchmarks.thin_board import BYTE_NS, read_log
 
 DAEMON, ZENOH, SOCKET = range(3)
 SPACING_NS = {"streamed": 10_000_000, "polled": 0}
 LINE_US = 3472
-"""From line to line of a stream with seven digits in each counter: all that the wire carries."""
+"""The period of lines with seven digits in each counter on a full wire."""
 TICKS = 1_000_000
 SPEED = re.compile(rb"\$(?:spd|speed):(-?\d+),")
 UNLIMITED = tuple(
     f"limits.{axis}={{acceleration=1e6, deceleration=1e6}}" for axis in ("linear", "angular")
 )
-"""Without limits of acceleration every command is one frame, which tells where it came from."""
+"""Without limits of acceleration every command is one frame, which shows its origin."""
 
 
 class Run(NamedTuple):
     """Latencies in nanoseconds.
 
     Attributes:
-        free: Of the daemon, for commands that found the line free.
-        waited: For those that had to wait for another frame's spacing or answer.
-        zenoh: Of the bare callback.
-        socket: Of the bare socket.
-        lost: Commands whose frame never came.
+        free: The daemon's, for commands that found the line free.
+        waited: The daemon's, for commands that waited for the spacing or answer of another frame.
+        zenoh: The bare callback's.
+        socket: The bare socket's.
+        lost: The number of commands whose frame never came.
     """
 
     free: list[int]
@@ -54,7 +55,7 @@ class Run(NamedTuple):
 
 
 def command(units: int) -> bytes:
-    """What an application says."""
+    """The payload of a command."""
     return b'{"vx":%d.%03d,"wz":0.0}' % divmod(units, 1000)
 
 
@@ -98,7 +99,7 @@ def measure(count: int, *, dialect: str = "streamed", loop: str = "asyncio", see
 
 
 def publisher(session: zenoh.Session) -> zenoh.Publisher:
-    """Commands go before everything else, each by itself."""
+    """A publisher of commands that are sent first and not batched."""
     return session.declare_publisher("cmd_vel", priority=zenoh.Priority.REAL_TIME, express=True)
 
 
@@ -107,10 +108,10 @@ Sent = list[tuple[int, int, int]]
 
 
 def send(puts: Sequence[Callable[[bytes], object]], count: int, chance: random.Random) -> Sent:
-    """Commands to each in turn, at moments that know nothing of the daemon's schedules."""
+    """Send commands to each target, at times unrelated to the daemon's schedules."""
     sent: Sent = []
     for n in range(count):
-        # Neighbours differ, and none comes back while its predecessor may still be said again.
+        # A value returns only when its earlier frame is no longer repeated.
         units = 300 + 7 * n % 400
         frame = b"$spd:%d,0,%d,0#" % (units, units)
         for target in chance.sample(range(len(puts)), len(puts)):
@@ -122,7 +123,7 @@ def send(puts: Sequence[Callable[[bytes], object]], count: int, chance: random.R
 
 
 def matched(sent: Sent, where: Path, dialect: str) -> Run:
-    """Find the frame of each command in what the board heard."""
+    """Find the frame of each command among the bytes that the board received."""
     heard = read_log(where).heard
     run = Run(free=[], waited=[], zenoh=[], socket=[], lost=0)
     lost = 0
@@ -155,27 +156,28 @@ def units_of(data: bytes) -> list[int]:
 
 
 def busy_until_ns(arrival: tuple[int, bytes], dialect: str) -> int:
-    """When the line is free again after a frame: bytes, spacing, and the answer if it has one."""
+    """When the line is free after a frame: its bytes, its spacing, and its answer if it has one."""
     t_ns, data = arrival
     end_ns = t_ns + len(data) * BYTE_NS + SPACING_NS[dialect]
     if b"read" in data:
-        # Until the answer was written by the board, and the daemon saw it.
+        # Until the board has written the answer and the daemon has read it.
         end_ns += 4_000_000 if dialect == "polled" else 5_000_000
     return end_ns
 
 
 def bench(*, short: bool, images: Path) -> Section:
-    """The section."""
+    """Measure latency on both boards."""
     count = 200 if short else 10_000
     section = Section(
         name="latency",
-        title="Latency: from a put in another process to the frame on the wire",
-        how=__doc__.split("\n\n", 1)[1].replace("\n", " ")
-        + " The board streams as many lines as the wire carries (288 a second; or it is polled 50 "
-        "times a second); a command finds "
-        "the line free when the frame before it is out and the spacing that the board needs is "
-        "over. Commands come 18 to 30 ms apart. The limits of acceleration are off, so that every "
-        "command is one frame.",
+        title="Latency of commands",
+        about="The time from a put in another process to the last byte of the frame on the wire, "
+        "beside a bare Zenoh callback and a bare socket that do nothing but write.",
+        how=method(__doc__)
+        + " The streamed board sends as many lines as the wire carries (288 a second); the polled "
+        "one is polled 50 times a second. The line is free for a command when the frame before it "
+        "is out and the spacing that the board needs is over. Commands come 18 to 30 ms apart. The "
+        "limits of acceleration are off, so that every command is one frame.",
     )
     runs = [("streamed", "asyncio", count), ("polled", "asyncio", count // 6)]
     with contextlib.suppress(ImportError):
@@ -198,7 +200,7 @@ def bench(*, short: bool, images: Path) -> Section:
 
 
 def rows_of(run: Run, name: str) -> list[list[str]]:
-    """A table's rows."""
+    """The rows of the table."""
     floor = [quantile(run.zenoh, share) for share in (0.5, 0.99)]
     rows = []
     for way, values in (
@@ -218,7 +220,7 @@ def rows_of(run: Run, name: str) -> list[list[str]]:
 
 
 def draw(section: Section, run: Run, images: Path) -> None:
-    """Which share of the commands was on the wire within what time."""
+    """Draw the share of the commands that reached the wire within a time."""
     figure, axes = pictures.blank()
     ways = {
         "raw socket": run.socket,
@@ -231,24 +233,24 @@ def draw(section: Section, run: Run, images: Path) -> None:
         lines=("-", "-", "-", "--"),
     )  # fmt: skip
     axes.set(xlabel="from the put to the last byte on the wire, ms", ylabel="share of the commands")
-    caption = f"Latency of {len(run.zenoh)} commands each way, a full wire of lines coming in."
+    caption = f"Latency of {len(run.zenoh)} commands each way, while lines arrive on a full wire."
     pictures.keep(section, figure, images, "latency.png", caption)
 
 
 def findings(run: Run, dialect: str) -> list[str]:
-    """Goal and what was reached."""
+    """Goals, and how far they were reached."""
     sentences = []
     for share, name in ((0.5, "p50"), (0.99, "p99")):
-        ratio = quantile(run.free, share) / quantile(run.zenoh, share)
-        verdict = "reached" if ratio <= 1.5 else "missed"
+        ours, bare = quantile(run.free, share), quantile(run.zenoh, share)
+        verdict = "reached" if ours / bare <= 1.5 else "missed"
         sentences.append(
-            f"Goal 1.5 times the bare Zenoh callback at {name}, {dialect}: {number(ratio)}, "
-            f"{verdict}."
+            f"A {dialect} board with a free line: {milliseconds(ours)} ms at {name}, "
+            f"{number(ours / bare)} times the bare Zenoh callback. Goal 1.5: {verdict}."
         )
     total = len(run.free) + len(run.waited)
     sentences.append(
-        f"{len(run.free)} of {total} commands to the {dialect} board found the line free; "
-        f"{run.lost} frames of all three ways never came."
+        f"{len(run.free)} of {total} commands to the {dialect} board found the line free. Frames "
+        f"that never came, on all three ways: {run.lost}."
     )
     return sentences
 

@@ -1,7 +1,8 @@
-"""What a benchmark found: tables, sentences and pictures, kept as JSON and written as one page.
+"""Results of the benchmarks: stored as JSON, published as Markdown.
 
-Each point keeps its findings in ``build/benchmarks``; the page is made of all that are there, so a
-single point can be measured anew.
+Each benchmark stores a :class:`Section` in ``build/benchmarks``. The pages are written from all
+stored sections, so that one benchmark can be repeated alone: ``docs/benchmarks.md`` has results and
+pictures, ``docs/benchmarks/NAME.md`` the method and every table.
 """
 
 from __future__ import annotations
@@ -20,43 +21,69 @@ STORE = ROOT / "build" / "benchmarks"
 
 
 class Table(msgspec.Struct, kw_only=True):
-    """Rows of text; the first column names what they are about."""
+    """Rows of text; the first column names their subject.
+
+    Attributes:
+        title: A sentence above the table.
+        header: Names of the columns.
+        rows: The cells.
+        result: Whether the results page shows it as well.
+    """
 
     title: str
     header: list[str]
     rows: list[list[str]]
+    result: bool = False
+
+    def markdown(self) -> str:
+        """The table with its title."""
+        rows = [self.header, ["---"] * len(self.header), *self.rows]
+        return f"{self.title}\n\n" + "\n".join("| " + " | ".join(row) + " |" for row in rows)
 
 
 class Section(msgspec.Struct, kw_only=True):
-    """One point of the benchmarks.
+    """The results of one benchmark.
 
     Attributes:
-        name: What the command line calls it.
+        name: Its name on the command line, and of its page of tables.
         title: Its heading.
-        how: How it was measured, a paragraph.
-        findings: What follows, a sentence each: what was reached, and what was not.
-        tables: The figures.
-        images: Pictures beside the page, as (file, caption).
-        conditions: When it was measured, and what else the machine did.
+        about: What is measured and why it matters, for the results page.
+        how: The method, a paragraph for the page of tables.
+        findings: The results, a sentence each: goals reached and goals missed.
+        tables: All figures.
+        images: Pictures in ``docs/images``, as (file, caption).
+        conditions: Date, duration, and load of the machine.
     """
 
     name: str
     title: str
+    about: str
     how: str
     findings: list[str] = msgspec.field(default_factory=list)
     tables: list[Table] = msgspec.field(default_factory=list)
     images: list[tuple[str, str]] = msgspec.field(default_factory=list)
     conditions: str = ""
 
-    def table(self, title: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    def table(
+        self,
+        title: str,
+        header: Sequence[str],
+        rows: Iterable[Sequence[str]],
+        *,
+        result: bool = False,
+    ) -> None:
         """Add a table."""
-        self.tables.append(
-            Table(title=title, header=list(header), rows=[list(row) for row in rows])
-        )
+        cells = [list(row) for row in rows]
+        self.tables.append(Table(title=title, header=list(header), rows=cells, result=result))
+
+
+def method(docstring: str | None) -> str:
+    """The docstring of a benchmark without its first line, as one paragraph."""
+    return (docstring or "").partition("\n\n")[2].strip().replace("\n", " ")
 
 
 def quantile(values: Sequence[float], share: float) -> float:
-    """The value below which ``share`` of the values lie, by rank; NaN of nothing."""
+    """The value below which ``share`` of the values lie, by rank; NaN without values."""
     if not values:
         return math.nan
     ordered = sorted(values)
@@ -64,12 +91,12 @@ def quantile(values: Sequence[float], share: float) -> float:
 
 
 def median(values: Sequence[float]) -> float:
-    """The middle one."""
+    """The middle value."""
     return quantile(values, 0.5)
 
 
 def number(value: float) -> str:
-    """Three digits that count, without an exponent."""
+    """A number with three significant digits and no exponent."""
     if math.isnan(value):
         return "-"
     if value == 0.0 or abs(value) >= 99.95:
@@ -84,7 +111,7 @@ def milliseconds(ns: float) -> str:
 
 
 def conditions() -> str:
-    """The machine and its load now, in one sentence."""
+    """Time, Python, cores and load of this machine, in one sentence."""
     load = os.getloadavg()[0]
     cores = os.cpu_count()
     return (
@@ -94,47 +121,61 @@ def conditions() -> str:
 
 
 def store(section: Section, folder: Path = STORE) -> None:
-    """Keep a section for the page."""
+    """Store a section."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / f"{section.name}.json").write_bytes(msgspec.json.encode(section))
 
 
 def age_s(name: str, folder: Path = STORE) -> float:
-    """How long ago a point was measured; infinite where it never was."""
+    """Seconds since a benchmark was measured; infinite if it never was."""
     file = folder / f"{name}.json"
     return time.time() - file.stat().st_mtime if file.exists() else math.inf
 
 
 def stored(names: Iterable[str], folder: Path = STORE) -> list[Section]:
-    """The sections that are there, in the order of their names."""
+    """The stored sections among ``names``, in that order."""
     files = [folder / f"{name}.json" for name in names]
     return [msgspec.json.decode(file.read_bytes(), type=Section) for file in files if file.exists()]
-
-
-def markdown(section: Section) -> str:
-    """A section as text."""
-    parts = [f"## {section.title}", section.how]
-    if section.findings:
-        parts.append("\n".join(f"- {finding}" for finding in section.findings))
-    for table in section.tables:
-        rows = [table.header, ["---"] * len(table.header), *table.rows]
-        lines = ["| " + " | ".join(row) + " |" for row in rows]
-        parts.append(f"{table.title}\n\n" + "\n".join(lines))
-    parts += [f"![{caption}](images/{file})\n\n*{caption}*" for file, caption in section.images]
-    parts.append(f"<sub>{section.conditions}</sub>")
-    return "\n\n".join(parts)
 
 
 HEAD = """\
 # Benchmarks
 
-Written by `make bench`; `make bench-short` runs a shortened form. A single point is measured anew
-with `.venv/bin/python -m benchmarks NAME`. Times belong to the machine they were taken on, whose
-cores are shared; ratios were taken in one run, turn by turn, and carry over. Medians (p50) and p99
-are meant to be compared; a worst case on a virtual machine often tells of the machine.
+Results and pictures; the links lead to the method and to every table. `make bench` measures all of
+it and writes these pages; `.venv/bin/python -m benchmarks NAME` repeats one benchmark.
+
+Times belong to the machine on which they were measured: two shared cores, with a simulated board.
+Ratios compare processes that ran at the same time, and carry over to other machines. p50 is the
+median; 99 of 100 values are below p99. Worst cases of a virtual machine say more about the machine
+than about yahboomd.
 """
 
 
-def page(sections: Iterable[Section]) -> str:
-    """The whole page."""
-    return "\n\n".join([HEAD.strip(), *map(markdown, sections)]) + "\n"
+def results(section: Section) -> str:
+    """A section of the results page."""
+    parts = [f"## {section.title}", section.about]
+    if section.findings:
+        parts.append("\n".join(f"- {finding}" for finding in section.findings))
+    parts += [table.markdown() for table in section.tables if table.result]
+    parts += [f"![{caption}](images/{file})\n\n*{caption}*" for file, caption in section.images]
+    parts.append(f"[Method and all tables](benchmarks/{section.name}.md)")
+    parts.append(f"<sub>{section.conditions}</sub>")
+    return "\n\n".join(parts)
+
+
+def tables(section: Section) -> str:
+    """The page with the method and every table of one benchmark."""
+    parts = [f"# {section.title}", section.how]
+    parts += [table.markdown() for table in section.tables]
+    parts.append(f"<sub>{section.conditions}</sub>")
+    parts.append("[Results of all benchmarks](../benchmarks.md)")
+    return "\n\n".join(parts) + "\n"
+
+
+def write_pages(sections: Sequence[Section], out: Path) -> None:
+    """Write the results page, and one page of tables for each section."""
+    (out / "benchmarks.md").write_text("\n\n".join([HEAD.strip(), *map(results, sections)]) + "\n")
+    folder = out / "benchmarks"
+    folder.mkdir(parents=True, exist_ok=True)
+    for section in sections:
+        (folder / f"{section.name}.md").write_text(tables(section))

@@ -1,16 +1,16 @@
-"""Polls and stream lines against what the wire carries, and how exactly the schedules are kept.
+"""Use of the wire by polls and stream lines, and the precision of the schedules.
 
-A thin board answers as fast as 115200 baud allow: question, 0.2 ms to carry it out, answer; so
-that it is not late itself, it waits for its moment in a loop. A bare loop that asks again as soon
-as it has its answer shows what board and machine allow together. The daemon says the speed again
-ten times a second as well; what its frames take of the wire, polls cannot have. Of streams, the
-daemon's count of readings is compared with the board's count of lines, at the most lines that the
-wire carries. Schedules are judged from outside, by when their frames leave the pty: the deviation
-from a grid of 20 ms, for the polls of one daemon and for the control steps of another after it (a
-ramp so slow that each step says one more mm/s), beside a bare process that sleeps until its time
-and writes; all without and with a process that keeps one of the two cores busy. Daemon and bare
-process have the niceness of the service's unit, -5, and what stamps the frames has -10, where that
-is permitted. A frame more than half a period away counts towards the next beat.
+A thin board answers as fast as 115200 baud allow: question, 0.2 ms to carry it out, answer. It
+waits for its moment in a busy loop, so that it is not late itself. A bare loop that asks again as
+soon as it has its answer shows the limit of board and machine together. The daemon also repeats the
+speed ten times a second; polls cannot use the time that its frames need on the wire. For streams,
+the daemon's count of readings is compared with the board's count of lines on a full wire. Schedules
+are measured from outside, by the times at which frames leave the pseudo-terminal: their deviation
+from a grid of 20 ms, for the polls of one daemon, and then for the control steps of another (on a
+ramp so slow that each step adds one mm/s), beside a bare process that sleeps until its time and
+writes. Each is measured without and with a process that keeps one of the two cores busy. Daemon and
+bare process have the niceness of the service's unit, -5, and the process that stamps the frames has
+-10, where that is permitted. A frame more than half a period away counts for the next step.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import time
 from pathlib import Path
 
 from benchmarks import pictures, rig
-from benchmarks.report import Section, median, milliseconds, number, quantile
+from benchmarks.report import Section, median, method, milliseconds, number, quantile
 from benchmarks.thin_board import BYTE_NS, CARRY_OUT_NS, read_log
 
 TICKS = 1_000_000
@@ -33,11 +33,11 @@ STREAMED = ("--dialect", "streamed", "--ticks", str(TICKS))
 NICE_SERVICE = -5
 """As in the unit of the service."""
 NICE_STAMPS = -10
-"""What stamps must not be late itself."""
+"""Of the process that stamps the frames."""
 
 
 def polls_by_floor(seconds: float) -> float:
-    """Polls a second of a bare loop."""
+    """Polls a second that a bare loop reaches."""
     with rig.folder() as where, rig.thin_board(where, *EXACT):
         arguments = ("-m", "benchmarks.floors", "poll", str(seconds), str(where / "port0"))
         with rig.Process(*arguments) as process:
@@ -45,11 +45,10 @@ def polls_by_floor(seconds: float) -> float:
 
 
 def polls_by_daemon(seconds: float, rate_hz: float) -> tuple[float, float]:
-    """Answered polls a second of the daemon, asked to poll at a rate.
+    """Polls a second that the daemon reaches when configured for a rate.
 
     Returns:
-        Those, and how many the wire leaves room for beside what else the daemon says: the speed,
-        again and again, since the board may drop a frame.
+        Those, and the polls for which the wire has room beside the repeated speed frames.
     """
     endpoint = rig.free_endpoint()
     with rig.folder() as where, rig.thin_board(where, *EXACT) as board:
@@ -67,7 +66,7 @@ def polls_by_daemon(seconds: float, rate_hz: float) -> tuple[float, float]:
 
 
 def lines_read(count: int) -> tuple[int, int, float]:
-    """Lines that the board sent, readings that the daemon had of them, lines a second."""
+    """Lines that the board sent, readings that the daemon made of them, lines a second."""
     endpoint = rig.free_endpoint()
     line_us = round(LINE * BYTE_NS / 1000)
     options = (*STREAMED, "--line-us", str(line_us), "--most", str(count))
@@ -75,7 +74,7 @@ def lines_read(count: int) -> tuple[int, int, float]:
         with rig.daemon(where, endpoint), rig.client(endpoint) as session:
             status = rig.Status(session)
             status.ready()
-            # When the board fell silent for good, the daemon looks for it, and keeps its counts.
+            # When the board has ended, the daemon searches for it and keeps its counters.
             rig.wait_for(lambda: status.latest.get("state") == "waiting", "the stream's end")
             time.sleep(0.6)
             readings = int(status.latest["link"]["readings"])
@@ -88,7 +87,7 @@ Deviations = list[float]
 
 
 def deviations(stamps_ns: list[int], period_ns: int) -> Deviations:
-    """How far each stamp is from a grid through the median; nanoseconds."""
+    """The distance of each stamp from a grid through the median, in nanoseconds."""
     first = stamps_ns[0]
     residues = []
     for stamp_ns in stamps_ns:
@@ -105,7 +104,7 @@ RAMP = (
     "board.battery_period_s=0",
 )
 SCHEDULES = {"polls": (POLLED, (), b"$read"), "control steps": (STREAMED, RAMP, b"$spd")}
-"""By name: the board, the daemon's settings, and what the frames begin with."""
+"""By name: the board, the daemon's settings, and the first bytes of the frames."""
 
 
 def schedule(name: str, seconds: float, *, busy: bool) -> tuple[Deviations, Deviations]:
@@ -136,7 +135,7 @@ def schedule(name: str, seconds: float, *, busy: bool) -> tuple[Deviations, Devi
         log = read_log(where).heard
 
     def found(port: int, words: bytes) -> Deviations:
-        # The first quarter second belongs to the command itself.
+        # In the first quarter second frames follow the command, not the schedule.
         stamps = [
             t_ns
             for which, t_ns, data in log
@@ -148,11 +147,13 @@ def schedule(name: str, seconds: float, *, busy: bool) -> tuple[Deviations, Devi
 
 
 def bench(*, short: bool, images: Path) -> Section:
-    """The section."""
+    """Measure throughput and schedules."""
     section = Section(
         name="throughput",
-        title="Throughput and schedule: what the wire carries, and when",
-        how=__doc__.split("\n\n", 1)[1].replace("\n", " "),
+        title="Throughput and schedules",
+        about="How much of the serial line yahboomd uses, and how exactly it keeps its 20 ms "
+        "schedules.",
+        how=method(__doc__),
     )
     seconds = 1.0 if short else 6.0
     wire = 1e9 / ROUND_NS
@@ -169,21 +170,21 @@ def bench(*, short: bool, images: Path) -> Section:
         )  # fmt: skip
     section.table(
         f"Polls a second; the wire allows {number(wire)} (6 + {ANSWER} bytes and 0.2 ms).",
-        ["asked for", "done", "% of the smaller of asked and room", "room beside the speed frames",
-         "% of the room", "bare loop before it", "% of the wire"],
+        ["configured", "reached", "% of the smaller of configured and room",
+         "room beside the speed frames", "% of the room", "bare loop before it", "% of the wire"],
         rows,
     )  # fmt: skip
     share = 100.0 * best
     section.findings.append(
-        f"Goal 95 % of the polls that the wire allows beside the speed frames: {number(share)} % "
-        f"at best, {'reached' if share >= 95.0 else 'missed'}. Of a wire with nothing else on it "
-        f"that is {number(100.0 * most)} %; a bare loop, which says no speeds, reaches "
-        f"{number(100.0 * median(floors) / wire)} % on the same board and machine."
+        f"Polls use {number(share)} % of the wire that speed frames leave free. Goal 95 %: "
+        f"{'reached' if share >= 95.0 else 'missed'}. That is {number(100.0 * most)} % of the "
+        "whole wire; a bare loop without speed frames reaches "
+        f"{number(100.0 * median(floors) / wire)} %."
     )
     sent, read, rate = lines_read(300 if short else 6000)
     section.findings.append(
-        f"Goal all stream lines read: {read} of {sent}, at {number(rate)} lines a second (a full "
-        f"wire), {'reached' if sent == read else 'missed'}."
+        f"Stream lines read: {read} of {sent}, at {number(rate)} lines a second, a full wire. Goal "
+        f"all: {'reached' if sent == read else 'missed'}."
     )
     rows = []
     late: dict[str, Deviations] = {}
@@ -193,7 +194,7 @@ def bench(*, short: bool, images: Path) -> Section:
             for which, values in ((f"bare process beside {name}", bare), (name, ours)):
                 quantiles = [quantile(values, share) for share in (0.5, 0.99)]
                 rows.append(
-                    [which, "one core busy" if busy else "nothing else of ours", str(len(values)),
+                    [which, "one core busy" if busy else "none of ours", str(len(values)),
                      *map(milliseconds, quantiles), milliseconds(max(values))]
                 )  # fmt: skip
             if busy:
@@ -201,21 +202,21 @@ def bench(*, short: bool, images: Path) -> Section:
                 late_ns, floor_ns = quantile(ours, 0.99), quantile(bare, 0.99)
                 verdict = "reached" if late_ns < 1e6 else "missed"
                 section.findings.append(
-                    f"Goal p99 under 1 ms at 50 Hz with one core busy, {name}: "
-                    f"{milliseconds(late_ns)} ms, {verdict}; the bare process beside them has "
+                    f"With one core busy, {name} at 50 Hz are {milliseconds(late_ns)} ms off their "
+                    f"schedule at p99. Goal 1 ms: {verdict}. A bare process beside them: "
                     f"{milliseconds(floor_ns)} ms."
                 )
     section.table(
         "Deviation from the 20 ms grid, milliseconds.",
-        ["schedule", "beside", "frames", "p50", "p99", "worst"],
+        ["schedule", "other load", "frames", "p50", "p99", "worst"],
         rows,
     )
     figure, axes = pictures.blank()
-    # A logarithmic axis has no zero; a microsecond is what the stamps are good for.
+    # A logarithmic axis has no zero; stamps are precise to a microsecond.
     pictures.shares(
         axes, {name: [max(ns, 1e3) / 1e6 for ns in found] for name, found in late.items()}
     )
     axes.set(xlabel="off the 20 ms grid, ms", ylabel="share of the frames")
-    caption = "How exactly the schedules are kept with one of two cores busy."
+    caption = "Deviation from the schedule with one of two cores busy."
     pictures.keep(section, figure, images, "schedule.png", caption)
     return section

@@ -1,4 +1,4 @@
-"""Every point of the benchmarks runs, and what it found is on the page."""
+"""Every benchmark runs and writes its results and tables."""
 
 from __future__ import annotations
 
@@ -46,33 +46,35 @@ def bench(where: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
         ("fleet", "One router", {"fleet.png"}),
     ],
 )
-def test_a_short_run_of_each_point_writes_its_tables_and_pictures(
+def test_a_short_run_of_each_benchmark_writes_its_results_tables_and_pictures(
     tmp_path: Path, name: str, words: str, images: set[str]
 ) -> None:
     run = bench(tmp_path, "--short", name)
     assert run.returncode == 0, run.stderr
     page = (tmp_path / "benchmarks.md").read_text()
-    assert words in page
-    assert "| --- |" in page
+    tables = (tmp_path / "benchmarks" / f"{name}.md").read_text()
+    assert words in tables
+    assert "| --- |" in tables
     assert "A short run" in page
+    assert f"benchmarks/{name}.md" in page
     assert {file.name for file in (tmp_path / "images").iterdir()} == images
     assert all(f"images/{image}" in page for image in images)
 
 
-def test_a_name_that_is_no_point_is_refused(tmp_path: Path) -> None:
+def test_an_unknown_benchmark_is_refused(tmp_path: Path) -> None:
     run = bench(tmp_path, "speed")
     assert run.returncode == 2
     assert "there is no speed" in run.stderr
 
 
 def keep(where: Path) -> Path:
-    """A point that was measured just now."""
-    section = report.Section(name="latency", title="Measured", how="Before.")
+    """Store a benchmark as measured just now."""
+    section = report.Section(name="latency", title="Measured", about="Before.", how="Somehow.")
     report.store(section, where / "store")
     return where / "store" / "latency.json"
 
 
-def test_a_run_that_goes_on_leaves_out_what_was_measured_just_now(tmp_path: Path) -> None:
+def test_a_resumed_run_skips_what_was_measured_just_now(tmp_path: Path) -> None:
     file = keep(tmp_path)
     kept = file.read_bytes()
     run = bench(tmp_path, "--short", "--resume", "latency")
@@ -82,9 +84,9 @@ def test_a_run_that_goes_on_leaves_out_what_was_measured_just_now(tmp_path: Path
     assert "## Measured" in (tmp_path / "benchmarks.md").read_text()
 
 
-def test_a_point_that_fails_is_named_and_keeps_no_other_from_the_page(tmp_path: Path) -> None:
+def test_a_benchmark_that_fails_is_named_and_the_others_are_on_the_page(tmp_path: Path) -> None:
     keep(tmp_path)
-    (tmp_path / "images" / "flame.svg").mkdir(parents=True)  # where its picture has to go
+    (tmp_path / "images" / "flame.svg").mkdir(parents=True)  # in place of its picture
     run = bench(tmp_path, "--short", "--resume", "cost", "latency")
     assert run.returncode == 1
     assert "Not measured: cost." in run.stderr

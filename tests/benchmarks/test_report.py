@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import math
 
-from benchmarks.report import Section, markdown, number, page, quantile, store, stored
+from benchmarks.report import Section, number, quantile, store, stored, write_pages
 
 
 def test_a_quantile_is_one_of_the_values() -> None:
@@ -25,14 +25,28 @@ def test_numbers_have_three_digits_that_count() -> None:
     assert number(math.nan) == "-"
 
 
-def test_a_section_survives_the_store_and_stands_on_the_page(tmp_path) -> None:
-    section = Section(name="speed", title="Speed", how="Somehow.", findings=["It is fast."])
-    section.table("In m/s.", ["who", "m/s"], [["we", "3"]])
+def speed() -> Section:
+    section = Section(
+        name="speed", title="Speed", about="How fast.", how="Somehow.", findings=["It is fast."]
+    )
+    section.table("In m/s.", ["driver", "m/s"], [["ours", "3"]])
+    section.table("Summary.", ["best", "m/s"], [["theirs", "4"]], result=True)
     section.images.append(("speed.png", "Speed over time"))
-    store(section, tmp_path)
-    (found,) = stored(["absent", "speed"], tmp_path)
-    assert found == section
-    text = page([found])
-    for words in ("## Speed", "- It is fast.", "| who | m/s |", "| we | 3 |", "images/speed.png"):
-        assert words in text
-    assert markdown(section) in text
+    return section
+
+
+def test_a_section_survives_the_store(tmp_path):
+    store(speed(), tmp_path)
+    assert stored(["absent", "speed"], tmp_path) == [speed()]
+
+
+def test_results_and_pictures_are_on_one_page_and_all_tables_on_another(tmp_path):
+    write_pages([speed()], tmp_path)
+    page = (tmp_path / "benchmarks.md").read_text()
+    for words in ("## Speed", "How fast.", "- It is fast.", "| theirs | 4 |", "images/speed.png"):
+        assert words in page
+    assert "(benchmarks/speed.md)" in page
+    assert "| ours | 3 |" not in page
+    tables = (tmp_path / "benchmarks" / "speed.md").read_text()
+    for words in ("# Speed", "Somehow.", "| ours | 3 |", "| theirs | 4 |", "(../benchmarks.md)"):
+        assert words in tables
