@@ -14,15 +14,15 @@ HZ = 20
 
 
 def tables(fill, about: str) -> list[Table]:
-    """The tables whose titles speak of it."""
-    section = Section(name="exactness", title="Exactness", how="Counted.")
+    """The tables whose titles contain ``about``."""
+    section = Section(name="exactness", title="Exactness", about="Errors.", how="Counted.")
     fill(section, (HZ,))
     return [table for table in section.tables if about in table.title]
 
 
 @pytest.mark.parametrize(("fill", "names"), [(tables_of_paths, PATHS), (tables_of_records, DRIVES)])
-def test_every_formula_has_an_error_of_place_and_of_heading_on_every_path(fill, names) -> None:
-    for quantity in ("place in mm", "heading in degrees"):
+def test_every_formula_has_an_error_of_position_and_of_heading_on_every_path(fill, names) -> None:
+    for quantity in ("position in mm", "heading in degrees"):
         table = tables(fill, quantity)[-1]
         assert set(FORMULAS) <= set(table.header)
         for name, row in zip(names, table.rows, strict=True):
@@ -39,11 +39,11 @@ def test_our_heading_stays_within_two_ticks_over_the_track(fill) -> None:
 
 
 def test_the_share_of_the_floor_is_our_error_over_it() -> None:
-    table = tables(tables_of_paths, "place in mm")[-1]
+    table = tables(tables_of_paths, "position in mm")[-1]
     for path, row in zip(PATHS.values(), table.rows, strict=True):
-        told = dict(zip(table.header, row, strict=True))
+        cells = dict(zip(table.header, row, strict=True))
         floor_mm, floor_degrees = floor(truth(path))
-        assert float(told["encoders' floor"]) == pytest.approx(floor_mm, rel=6e-3)
-        share = float(told[OURS]) / floor_mm
-        assert float(told[f"{OURS} / floor"]) == pytest.approx(share, rel=1e-2)
+        assert float(cells["encoders' floor"]) == pytest.approx(floor_mm, rel=6e-3)
+        share = float(cells[OURS]) / floor_mm
+        assert float(cells[f"{OURS} / floor"]) == pytest.approx(share, rel=1e-2)
         assert floor_degrees > 0.0
