@@ -22,10 +22,12 @@ from yahboomd.link.port import (
     MAX_PENDING,
     PortOptions,
     SerialPort,
+    adopt,
     byte_time_ns,
     open_port,
 )
 from yahboomd.link.port_errors import holders, lost
+from yahboomd.link.seize import seize
 
 pytestmark = pytest.mark.realtime
 
@@ -63,8 +65,6 @@ async def port(device: Device) -> SerialPort:
     port = await open_port(PortOptions(path=device.path), SystemClock())
     yield port  # type: ignore[misc]
     port.close()
-    await asyncio.sleep(0)
-    await asyncio.sleep(0)
 
 
 async def until(condition: Callable[[], object]) -> None:
@@ -85,6 +85,34 @@ async def test_bytes_pass_both_ways(port: SerialPort, device: Device) -> None:
     port.write(b"$read#")
     # Written at once: it is there before the loop turned.
     assert device.read() == b"$read#"
+
+
+async def test_a_port_that_was_seized_is_carried_on_without_being_opened_again(
+    device: Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seized = seize(device.path)
+    device.read()
+    with monkeypatch.context() as patched:
+        patched.delattr(os, "open")
+        port = await adopt(seized, SystemClock())
+    heard: list[bytes] = []
+    gone: list[Exception | None] = []
+    port.listen(heard.append, gone.append)
+    port.write(b"$read_flash#")
+    assert device.read() == b"$read_flash#"
+    os.write(device.master, b"read_flash:OK!\r\n")
+    await until(lambda: b"".join(heard) == b"read_flash:OK!\r\n")
+    device.close()
+    await until(lambda: gone)
+    assert gone == [None]
+
+
+async def test_what_waits_is_dropped_where_it_is_discarded(port: SerialPort) -> None:
+    port.listen(lambda _: None, lambda _: None)
+    while not port.pending:
+        port.write(b"x" * 1024)
+    port.discard()
+    assert port.pending == 0
 
 
 async def test_a_second_owner_is_refused_and_the_first_is_named(
@@ -128,8 +156,6 @@ async def test_closing_leaves_the_port_to_the_next(device: Device) -> None:
     for _ in range(3):
         port = await open_port(PortOptions(path=device.path), SystemClock())
         port.close()
-        await asyncio.sleep(0)
-        await asyncio.sleep(0)
 
 
 @pytest.mark.parametrize("keep", [True, False])
@@ -140,8 +166,6 @@ async def test_dtr_is_dropped_at_close_only_where_wanted(device: Device, keep: b
         assert bool(termios.tcgetattr(slave)[2] & termios.HUPCL) is keep
         os.close(slave)
     port.close()
-    await asyncio.sleep(0)
-    await asyncio.sleep(0)
 
 
 async def test_an_idle_port_that_hangs_up_is_reported(port: SerialPort, device: Device) -> None:
@@ -249,8 +273,6 @@ async def test_closing_a_port_that_takes_no_output_does_not_block(
         port.write(b"x" * 1024)
     assert not await port.drain(0.02)
     port.close()
-    for _ in range(3):
-        await asyncio.sleep(0)
     with pytest.raises(OSError, match="Bad file descriptor"):
         fcntl.fcntl(port._fd, fcntl.F_GETFD)
 

@@ -1,7 +1,8 @@
 """The serial port: opened once, owned alone, never blocking.
 
-pyserial-asyncio carries the bytes. Three of its ways do not fit a program that stops wheels, and
-are mended here, at the edge:
+:mod:`~yahboomd.link.seize` opens it, for the daemon and for a process that stops wheels before it
+imports anything. pyserial configures it, and pyserial-asyncio carries the bytes. Three of its ways
+do not fit a program that stops wheels, and are mended here, at the edge:
 
 - its ``write`` waits for the loop to report the port writable; a frame that finds the port free is
   written at once, and its buffer takes only what the kernel did not;
@@ -31,7 +32,7 @@ import serial_asyncio
 from yahboomd.clock import NS_PER_S, Clock
 from yahboomd.link.draining import drained, drop, in_kernel
 from yahboomd.link.port_errors import explained
-from yahboomd.link.seize import keep_out
+from yahboomd.link.seize import Seized, take
 
 BITS_PER_BYTE = 10  # 8N1: a start bit, eight of data, a stop bit
 
@@ -114,22 +115,42 @@ class Port(Protocol):
 
 
 class _Serial(serial.Serial):
-    """A serial object whose ways fit an event loop."""
+    """A port that is open already, in ways that fit an event loop.
 
-    on_broken: Callable[[Exception], None] | None = None
+    Args:
+        fd: The descriptor, which is this object's to close.
+        baudrate: Bits per second.
+    """
+
+    fd: int | None = None
+    on_broken: Callable[[Exception | None], None]
+
+    def __init__(self, fd: int, baudrate: int) -> None:
+        # With an inter-byte timeout a read brings a byte at least, or nothing from a port that
+        # hung up.
+        super().__init__(baudrate=baudrate, timeout=0, write_timeout=0, inter_byte_timeout=0)
+        self.fd, self.is_open = fd, True
+
+    def configure(self, *, hangup_on_close: bool) -> None:
+        """Make it raw, forget what was received, and say what becomes of DTR when we leave."""
+        self._reconfigure_port(force_update=True)
+        self.reset_input_buffer()
+        attributes = termios.tcgetattr(self.fileno())
+        attributes[2] = (attributes[2] & ~termios.HUPCL) | (termios.HUPCL if hangup_on_close else 0)
+        termios.tcsetattr(self.fileno(), termios.TCSANOW, attributes)
 
     def read(self, size: int = 1) -> bytes:
         try:
-            # The event loop has looked whether there is something; pyserial would look again. With
-            # nothing there it has to: only then does nothing mean that the device is gone.
-            return os.read(self.fileno(), size) or super().read(size)
+            data = os.read(self.fileno(), size)
         except BlockingIOError:
             return b""
-        except (serial.SerialException, OSError, ValueError) as error:
-            # A ValueError is select's, of a descriptor beyond 1023.
-            if self.on_broken is not None:
-                self.on_broken(error)
+        except OSError as error:
+            self.on_broken(error)
             raise serial.SerialException(str(error)) from error
+        if not data:
+            self.on_broken(None)
+            raise serial.SerialException("the port hung up")
+        return data
 
     def write(self, data: bytes) -> int:  # type: ignore[override]
         try:
@@ -143,18 +164,19 @@ class _Serial(serial.Serial):
         """Not here: it is ``tcdrain``, which would block the loop. See ``SerialPort.drain``."""
 
     def close(self) -> None:
-        if self.is_open and self.fd is not None:
-            # The kernel, too, would wait for output that the device does not read.
-            drop(self.fd)
+        fd, self.fd, self.is_open = self.fd, None, False
+        if fd is not None:
+            # Closing would wait for output that the device does not read.
+            drop(fd)
             with contextlib.suppress(OSError):
-                fcntl.ioctl(self.fd, termios.TIOCNXCL)
-        super().close()
+                fcntl.ioctl(fd, termios.TIOCNXCL)
+            os.close(fd)
 
 
 class SerialPort(asyncio.Protocol):
-    """A real port (a pty counts as one). Made by :func:`open_port`."""
+    """A real port (a pty counts as one). Made by :func:`open_port` and :func:`adopt`."""
 
-    def __init__(self, device: _Serial, options: PortOptions, clock: Clock) -> None:
+    def __init__(self, device: _Serial, path: str, clock: Clock) -> None:
         self._device = device
         self._clock = clock
         self._transport: serial_asyncio.SerialTransport | None = None
@@ -162,8 +184,8 @@ class SerialPort(asyncio.Protocol):
         self._on_lost: Callable[[Exception | None], None] = lambda _error: None
         self._lost = False
         self._fd: int = device.fileno()
-        self.name = options.path
-        self.byte_ns = byte_time_ns(options.baudrate)
+        self.name = path
+        self.byte_ns = byte_time_ns(device.baudrate)
         device.on_broken = self._broken
 
     # What asyncio calls.
@@ -204,7 +226,8 @@ class SerialPort(asyncio.Protocol):
 
     def discard(self) -> None:
         """See :class:`Port`."""
-        if not self._lost:
+        if not self._lost and self._transport is not None:
+            self._transport.flush()
             drop(self._fd)
 
     def write(self, data: bytes) -> None:
@@ -265,8 +288,11 @@ class SerialPort(asyncio.Protocol):
         self._on_lost = lambda _error: None
         self._lost = True
         self._abort()
+        # The transport would do it at the loop's next turn: a process that opens the port at once
+        # must not find it held by us.
+        self._device.close()
 
-    def _broken(self, error: Exception) -> None:
+    def _broken(self, error: Exception | None) -> None:
         self._report(error)
         # Not at once: the transport may be in the middle of finding out for itself.
         asyncio.get_running_loop().call_soon(self._abort)
@@ -293,33 +319,27 @@ async def open_port(options: PortOptions, clock: Clock) -> SerialPort:
         PortBusy: Another process holds it; the message names it where that can be seen.
         LinkError: It is no serial port, or the kernel refuses it otherwise.
     """
-    device = _Serial()
-    device.port = options.path
-    device.baudrate = options.baudrate
-    device.timeout = 0
-    device.write_timeout = 0
-    device.exclusive = True
-    device.dtr = options.dtr
-    device.rts = options.rts
+    path = options.path
     try:
-        device.open()
-    except (OSError, termios.error) as error:
-        raise explained(options.path, error) from error
+        device = _Serial(take(path, dtr=options.dtr, rts=options.rts), options.baudrate)
+    except OSError as error:
+        raise explained(path, error) from error
     try:
-        _claim(device, hangup_on_close=options.hangup_on_close)
-    except (OSError, termios.error) as error:
+        device.configure(hangup_on_close=options.hangup_on_close)
+    except (OSError, ValueError, termios.error) as error:
         device.close()
-        raise explained(options.path, error) from error
-    port = SerialPort(device, options, clock)
+        raise explained(path, error) from error
+    return await _carried(device, path, clock)
+
+
+async def adopt(seized: Seized, clock: Clock) -> SerialPort:
+    """Carry the bytes of a port that was seized; its descriptor is the port's from now on."""
+    return await _carried(_Serial(seized.fd, seized.baudrate), seized.path, clock)
+
+
+async def _carried(device: _Serial, path: str, clock: Clock) -> SerialPort:
+    port = SerialPort(device, path, clock)
     await serial_asyncio.connection_for_serial(asyncio.get_running_loop(), lambda: port, device)
     # The transport introduces itself at the loop's next turn.
     await asyncio.sleep(0)
     return port
-
-
-def _claim(device: _Serial, *, hangup_on_close: bool) -> None:
-    """Keep those out who ask for no lock, and say what becomes of DTR when we leave."""
-    keep_out(device.fileno())
-    attributes = termios.tcgetattr(device.fileno())
-    attributes[2] = (attributes[2] & ~termios.HUPCL) | (termios.HUPCL if hangup_on_close else 0)
-    termios.tcsetattr(device.fileno(), termios.TCSANOW, attributes)

@@ -34,7 +34,7 @@ def explained(path: str, error: Exception) -> LinkError:
             remedy="Add the user to the group that owns it (sudo usermod -aG dialout $USER) and "
             "log in again.",
         )
-    if code in {errno.EBUSY, errno.EAGAIN} or "exclusively lock" in words:
+    if code in {errno.EBUSY, errno.EAGAIN}:
         who = holders(path)
         named = f" by {', '.join(who)}" if who else ""
         return PortBusy(
@@ -74,9 +74,7 @@ def holders(path: str) -> tuple[str, ...]:
 
 def lost(path: str, error: Exception | None) -> PortLost:
     """The port went away: what to raise."""
-    # pyserial's words for a hang-up are a guess about its caller.
-    hung_up = error is None or "readiness to read but returned no data" in str(error)
-    words = "" if hung_up else f" ({error})"
+    words = "" if error is None else f" ({error})"
     return PortLost(
         f"{path}: the port went away{words}.",
         remedy="The wheels hold their last command until the board is reached again: check the "

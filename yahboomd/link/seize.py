@@ -6,7 +6,7 @@ so the first words are said before either is there: this file imports what Pytho
 anyway, or nearly so. (That is also why it asks the time itself, and repeats two constants of the
 protocol, which a test compares.)
 
-:class:`~yahboomd.link.seized.SeizedPort` takes the descriptor over: the port is opened once,
+:func:`yahboomd.link.port.adopt` takes the descriptor over: the port is opened once,
 since opening it toggles lines that the board wires to its reset.
 """
 
@@ -90,7 +90,7 @@ def seize(
     deadline = time.monotonic() + patience_s
     while True:
         try:
-            fd = _take(path, dtr=dtr, rts=rts, device=device)
+            fd = take(path, dtr=dtr, rts=rts, device=device)
             break
         except OSError as error:
             if error.errno not in _HELD or time.monotonic() >= deadline:
@@ -107,7 +107,19 @@ def seize(
     return Seized(fd, path, baudrate, spoken_ns)
 
 
-def _take(path: str, *, dtr: bool, rts: bool, device: Device | None) -> int:
+def take(path: str, *, dtr: bool, rts: bool, device: Device | None = None) -> int:
+    """Open a port for this process alone; nothing is said on it.
+
+    Args:
+        path: The device.
+        dtr: State of DTR.
+        rts: State of RTS.
+        device: Open this one only; None for the one that the path leads to.
+
+    Raises:
+        OtherDevice: The path leads to another one than ``device``.
+        OSError: It cannot be had; ``errno`` says why.
+    """
     # Opening alone may reset what is there.
     _check(path, os.stat(path), device)
     fd = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
@@ -117,7 +129,7 @@ def _take(path: str, *, dtr: bool, rts: bool, device: Device | None) -> int:
         for line, raised in ((termios.TIOCM_DTR, dtr), (termios.TIOCM_RTS, rts)):
             _set_line(fd, line, raised=raised)
         fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        keep_out(fd)
+        _keep_out(fd)
     except BaseException:
         os.close(fd)
         raise
@@ -129,7 +141,7 @@ def _check(path: str, status: os.stat_result, device: Device | None) -> None:
         raise OtherDevice(errno.ENXIO, "another device has this name now", path)
 
 
-def keep_out(fd: int) -> None:
+def _keep_out(fd: int) -> None:
     """Keep those out who ask for no lock, until the port is closed.
 
     Not on a pseudo-terminal: there it lasts as long as the far end, so that an owner who was killed

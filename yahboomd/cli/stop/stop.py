@@ -423,16 +423,15 @@ def _stop(
         if not seized:
             return []
         from yahboomd.clock import SystemClock
-        from yahboomd.link.seized import SeizedPort
+        from yahboomd.link.port import adopt
         from yahboomd.link.takeover import take_over
 
         clock = SystemClock()
-        return await asyncio.gather(
-            *(
-                take_over(SeizedPort(each, clock), clock, spoken_ns=each.spoken_ns)
-                for each in seized
-            )
-        )
+
+        async def on_port(each: Seized) -> TakeoverReport:
+            return await take_over(await adopt(each, clock), clock, spoken_ns=each.spoken_ns)
+
+        return await asyncio.gather(*map(on_port, seized))
 
     async def on_bus() -> BusStop | None:
         if config is None:
