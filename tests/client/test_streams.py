@@ -1,14 +1,59 @@
+"""Samples of either encoding, and of none; what a slow reader loses."""
+
 from __future__ import annotations
 
 import asyncio
 
 import daemon_samples
+import msgspec
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from yahboomd.bus.subscriptions import Arrival
-from yahboomd.client.streams import Samples
+from yahboomd.client.streams import Samples, read_sample
+from yahboomd.messages import samples
 from yahboomd.messages.codecs import encode
-from yahboomd.messages.native import PoseSample
+from yahboomd.messages.native import MESSAGES, PoseSample, StatusSample
+
+
+@pytest.mark.parametrize("encoding", ["json", "msgpack"])
+@pytest.mark.parametrize("name", ["PoseSample", "StatusSample", "EventSample", "ServiceReply"])
+def test_either_encoding_reads_as_the_same_sample(name: str, encoding: str) -> None:
+    sample = samples.NATIVE[name]
+    assert read_sample(encode(sample, encoding), MESSAGES[name]) == sample
+
+
+def test_fields_of_a_later_version_are_ignored() -> None:
+    fields = {**msgspec.to_builtins(samples.NATIVE["PoseSample"]), "altitude": 1.0}
+    assert read_sample(msgspec.json.encode(fields), PoseSample) == samples.NATIVE["PoseSample"]
+
+
+def test_another_message_is_not_taken_for_the_one_that_is_expected() -> None:
+    assert read_sample(encode(samples.NATIVE["PoseSample"], "json"), StatusSample) is None
+
+
+def test_cdr_is_nothing_that_a_native_key_carries() -> None:
+    assert read_sample(samples.CDR["Odometry"].payload, PoseSample) is None
+
+
+@given(st.binary())
+def test_no_bytes_raise(payload: bytes) -> None:
+    assert read_sample(payload, PoseSample) is None
+    assert read_sample(b"{" + payload, StatusSample) is None
+    assert read_sample(b"\x81" + payload, StatusSample) is None
+
+
+def test_brackets_without_end_do_not_raise() -> None:
+    assert read_sample(b'{"board":' * 100_000, StatusSample) is None
+
+
+@pytest.mark.parametrize("name", ["StatusSample", "EventSample", "ServiceReply"])
+def test_words_of_a_foreign_publisher_cannot_command_a_terminal(name: str) -> None:
+    field = "why" if name == "StatusSample" else "message"
+    foreign = msgspec.structs.replace(samples.NATIVE[name], **{field: "\x1b[2J\x1b]0;mine\x07"})
+    sample = read_sample(encode(foreign, "json"), MESSAGES[name])
+    assert getattr(sample, field).isprintable()
 
 
 def arrival(seq: int, *, dropped: int = 0) -> Arrival:

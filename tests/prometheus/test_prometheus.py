@@ -251,7 +251,6 @@ NAME = re.compile(r"\byahboomd_[a-z0-9_]*[a-z0-9]\b")
 
 def known_names() -> set[str]:
     source = (EXAMPLES.parent / "yahboomd/metrics/robot_metrics.py").read_text()
-    source += (EXAMPLES.parent / "yahboomd/metrics/page.py").read_text()
     fixed = set(NAME.findall(source))
     of_fields = {metric_name(field) for field in FIELDS if field.kind != "text"}
     names = fixed | of_fields

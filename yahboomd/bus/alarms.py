@@ -14,8 +14,7 @@ from typing import TypeAlias
 import zenoh
 from zenoh.handlers import Callback
 
-from yahboomd.bus.carried import MAX_BYTES
-from yahboomd.bus.inbox import Inbox, Lane
+from yahboomd.bus.inbox import MAX_BYTES, Inbox, Lane
 
 READ_BYTES = 64
 """The longest payload that is read; the longest honest harmless one has about 30 bytes."""

@@ -2,13 +2,13 @@
 
 A callback of Zenoh's runs in the thread that reads the network. Whatever it waits for, all that
 comes over the same connection waits for too; calling Zenoh from it can deadlock. So it does three
-things: it looks at the size, appends to a bounded lane, and wakes the loop unless somebody has.
+things: it checks the size, appends to a bounded lane, and wakes the loop unless that is done.
 A lane that was empty announces itself, so that the loop looks into none for nothing.
 
 Urgent lanes are emptied before and between the others, so an e-stop waits for one batch of
-commands at most, however many of them come. A lane that is full loses its oldest entry: the newest
-wish counts. The waking costs one eventfd: 1.29 times a bare callback on the way to the serial
-port, where ``call_soon_threadsafe`` takes 1.41.
+commands at most, however many of them come. A full lane drops its oldest entry: the newest counts.
+The waking costs one eventfd: 1.29 times a bare callback on the way to the serial port, where
+``call_soon_threadsafe`` takes 1.41.
 """
 
 from __future__ import annotations
@@ -21,6 +21,22 @@ from collections.abc import Callable
 from typing import Any, Generic, TypeVar
 
 import msgspec
+import zenoh
+
+MAX_BYTES = 4096
+"""The most that payload and attachment may have together, unless said otherwise."""
+
+
+def carried_bytes(carrier: zenoh.Sample | zenoh.Query) -> int:
+    """Bytes of payload and attachment: all of a sample that Zenoh does not bound itself.
+
+    Its key matches ours, and the schema of its encoding has 255 bytes at most. A query has
+    parameters besides, which only a copy would measure.
+    """
+    payload, attachment = carrier.payload, carrier.attachment
+    size = 0 if payload is None else len(payload)
+    return size if attachment is None else size + len(attachment)
+
 
 Item = TypeVar("Item")
 

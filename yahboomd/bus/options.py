@@ -75,7 +75,7 @@ class BusOptions(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def has_uplink(self) -> bool:
-        """Whether another router is joined by a session of its own; see :mod:`.uplink`."""
+        """Whether another router is joined by a session of its own; see :mod:`.zenoh_sessions`."""
         return self.mode == "router" and bool(self.connect)
 
     @property

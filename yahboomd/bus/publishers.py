@@ -17,7 +17,7 @@ import zenoh
 import zenoh.ext
 from zenoh.handlers import Callback
 
-from yahboomd.bus.sender import Sender
+from yahboomd.bus.blocking import Sender
 
 log = logging.getLogger(__name__)
 

@@ -18,9 +18,8 @@ import zenoh
 from zenoh.handlers import Callback
 
 from yahboomd.bus.alarms import Harmless, raises_alarm
-from yahboomd.bus.carried import carried_bytes
-from yahboomd.bus.inbox import Inbox, Lane
-from yahboomd.bus.sender import Sender
+from yahboomd.bus.blocking import Sender
+from yahboomd.bus.inbox import Inbox, Lane, carried_bytes
 
 log = logging.getLogger(__name__)
 

@@ -4,7 +4,7 @@ The loop owns everything here. Zenoh's threads touch nothing but the inbox.
 
 By default there are two sessions of Zenoh's under it, and whatever is declared is declared in both:
 a router on loopback, to which clients and peers on the machine connect, and a client of the
-machine's usual router, as soon as that is there (:mod:`yahboomd.bus.uplink`). An application that
+machine's usual router, as soon as that is there (:mod:`.zenoh_sessions`). An application that
 connects to both gets and gives every sample twice; it should connect to one.
 """
 
@@ -19,12 +19,9 @@ from typing import Protocol, Self, TypeVar
 import zenoh
 
 from yahboomd.bus.alarms import Alarm, Harmless
-from yahboomd.bus.bounded import bounded
-from yahboomd.bus.carried import MAX_BYTES
+from yahboomd.bus.blocking import Sender, bounded
 from yahboomd.bus.facts import facts
-from yahboomd.bus.failures import open_failure
-from yahboomd.bus.hangup import hang_up_stuck
-from yahboomd.bus.inbox import DEPTH, Inbox
+from yahboomd.bus.inbox import DEPTH, MAX_BYTES, Inbox
 from yahboomd.bus.keys import full_key
 from yahboomd.bus.options import BusOptions, zenoh_config
 from yahboomd.bus.presence import (
@@ -36,10 +33,9 @@ from yahboomd.bus.presence import (
     TokenWatch,
 )
 from yahboomd.bus.publishers import BusPublisher, PriorityName
-from yahboomd.bus.sender import Sender
 from yahboomd.bus.services import Answering, Fallback, Handler, Service
 from yahboomd.bus.subscriptions import Arrival, Subscription
-from yahboomd.bus.uplink import open_uplink
+from yahboomd.bus.zenoh_sessions import hang_up_stuck, open_failure, open_uplink
 from yahboomd.clock import Clock, SystemClock
 from yahboomd.errors import BusError
 

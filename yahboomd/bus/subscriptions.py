@@ -19,8 +19,7 @@ import msgspec
 import zenoh
 from zenoh.handlers import Callback, Handler, RingChannel
 
-from yahboomd.bus.carried import carried_bytes
-from yahboomd.bus.inbox import Inbox, Lane
+from yahboomd.bus.inbox import Inbox, Lane, carried_bytes
 
 log = logging.getLogger(__name__)
 

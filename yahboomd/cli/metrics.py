@@ -153,7 +153,7 @@ async def _serve(robots: dict[str, BusOptions], place: Place, names: list[str]) 
     from yahboomd.cli.robot_poll import RobotPoll
     from yahboomd.clock import SystemClock
     from yahboomd.metrics.http_listener import PATH, MetricsListener
-    from yahboomd.metrics.page import Page
+    from yahboomd.metrics.robot_metrics import Page
 
     ended = asyncio.Event()
     loop = asyncio.get_running_loop()

@@ -14,8 +14,8 @@ from yahboomd.bus.options import BusOptions
 from yahboomd.bus.session import Bus
 from yahboomd.bus.subscriptions import Arrival
 from yahboomd.client.connection import MAX_BYTES, Connection
-from yahboomd.client.incoming import read_sample
 from yahboomd.client.questions import ask
+from yahboomd.client.streams import read_sample
 from yahboomd.clock import Clock, nanoseconds, seconds
 from yahboomd.messages.event_kinds import KINDS
 from yahboomd.messages.native import (

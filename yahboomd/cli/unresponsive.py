@@ -61,7 +61,7 @@ def daemons(*, proc: str = "/proc") -> list[int]:
 def listener(endpoints: tuple[str, ...]) -> int | None:
     """The process of this machine that listens at one of them; None where none is seen."""
     # Not needed, and slow to import, where a port is stopped directly.
-    from yahboomd.bus.failures import port_holder
+    from yahboomd.bus.zenoh_sessions import port_holder
     from yahboomd.config.values import HOST_AND_PORT
 
     for endpoint in endpoints:

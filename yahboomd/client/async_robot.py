@@ -18,9 +18,8 @@ from yahboomd.bus.subscriptions import Arrival
 from yahboomd.client.commanding import Commands, Counters
 from yahboomd.client.connection import MAX_BYTES, Connection
 from yahboomd.client.endings import Endings
-from yahboomd.client.incoming import read_sample
 from yahboomd.client.questions import Answer, ask, read_answers
-from yahboomd.client.streams import DEPTH, Newest, Samples, key_of
+from yahboomd.client.streams import DEPTH, Newest, Samples, key_of, read_sample
 from yahboomd.clock import Clock, SystemClock, seconds
 from yahboomd.errors import BusError, NoDaemon, Refused
 from yahboomd.messages.codecs import encode

@@ -9,7 +9,7 @@ import math
 import msgspec
 import zenoh
 
-from yahboomd.bus.bounded import bounded
+from yahboomd.bus.blocking import bounded
 from yahboomd.bus.publishers import BusPublisher
 from yahboomd.client.connection import Connection
 from yahboomd.client.repeater import Repeater

@@ -7,8 +7,8 @@ from typing import Any
 import msgspec
 import zenoh
 
-from yahboomd.bus.bounded import bounded
-from yahboomd.client.incoming import read_sample
+from yahboomd.bus.blocking import bounded
+from yahboomd.client.streams import read_sample
 from yahboomd.messages.native import ServiceReply
 
 GRACE_S = 0.5

@@ -1,29 +1,76 @@
-"""Samples in: as they come, over a bounded buffer that keeps the newest, or the newest alone."""
+"""Samples in: as they come, over a bounded buffer that keeps the newest, or the newest alone.
+
+The daemon decides the encoding, JSON or MessagePack; a client reads either, by the first byte. A
+payload that it cannot read is a value, not an error: another version or another program sent it.
+"""
 
 from __future__ import annotations
 
 import asyncio
 from collections import deque
 from collections.abc import Callable
+from functools import cache
 from typing import Generic, Self, TypeVar
 
 import msgspec
+from msgspec import structs
 from zenoh.handlers import RingChannel
 
 from yahboomd.bus import keys
 from yahboomd.bus.session import Bus
 from yahboomd.bus.subscriptions import Arrival
-from yahboomd.client.incoming import read_sample
+from yahboomd.messages.codecs import encoding_of
 from yahboomd.messages.native import (
     BatterySample,
     EventSample,
     PoseSample,
+    ServiceReply,
     StatusSample,
     TwistSample,
     WheelsSample,
 )
+from yahboomd.program import pasteable, plain
 
 Message = TypeVar("Message", bound=msgspec.Struct)
+
+# Also what msgspec raises for text that is no UTF-8 (a ValueError), and for brackets without end.
+_BROKEN = (ValueError, RecursionError, OverflowError)
+
+_FOR_PEOPLE: dict[type[msgspec.Struct], str] = {
+    StatusSample: "why",
+    EventSample: "message",
+    ServiceReply: "message",
+}
+"""Texts for people, with commands that they paste, which any client of the bus may have written."""
+
+
+def read_sample(payload: bytes, message: type[Message]) -> Message | None:
+    """A sample as the message that its key carries; None where the bytes are no such message.
+
+    Args:
+        payload: What arrived.
+        message: The message's type, such as ``PoseSample``. Unknown fields are ignored.
+    """
+    encoding = encoding_of(payload)
+    if encoding not in {"json", "msgpack"}:
+        return None
+    try:
+        sample = _decoder(encoding == "json", message)(payload)
+    except _BROKEN:
+        return None
+    if not isinstance(sample, message):
+        return None
+    if (field := _FOR_PEOPLE.get(message)) is not None:
+        sample = structs.replace(sample, **{field: pasteable(plain(getattr(sample, field)))})
+    return sample
+
+
+@cache
+def _decoder(json: bool, message: type[msgspec.Struct]) -> Callable[[bytes], msgspec.Struct]:
+    if json:
+        return msgspec.json.Decoder(message).decode
+    return msgspec.msgpack.Decoder(message).decode
+
 
 KEYS: dict[type[msgspec.Struct], str] = {
     PoseSample: keys.POSE,

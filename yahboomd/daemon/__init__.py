@@ -1,4 +1,4 @@
-"""The daemon: :class:`~yahboomd.daemon.service.Daemon` runs the control path between board and bus.
+"""The daemon. `service.Daemon` runs the control path between the board and the bus.
 
 `assembly` makes the objects from the configuration, `control` decides what the wheels do,
 `supervisor` keeps the board connected, `publisher` and `ros2_plane` publish, `requests` answers.

@@ -18,7 +18,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from yahboomd.bus.bounded import bounded
+from yahboomd.bus.blocking import bounded
 from yahboomd.daemon.local_socket import Listening, Peer, listen, peer_of
 from yahboomd.drive.standing import STANDING_M_S
 

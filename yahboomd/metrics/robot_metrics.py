@@ -1,4 +1,4 @@
-"""What is known of a robot, as metrics.
+"""What is known of robots, as metrics, and the page of them that scrapers get.
 
 Every number of the status is one: its name, kind, unit and meaning come from
 :data:`~yahboomd.messages.status_fields.FIELDS`. Numbers that FIELDS does not list (from a daemon of
@@ -7,7 +7,7 @@ another version) are left out and counted. Texts are left out, except those that
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import islice
 from typing import TypeVar, get_args
 
@@ -252,3 +252,49 @@ def _is_text(group: str, name: str) -> bool:
 
 def _some(items: Iterable[Item]) -> Iterable[Item]:
     return islice(items, MAX_SERIES)
+
+
+PAGE_KEPT_NS = 500_000_000
+"""A page is kept for so long: a flood of scrapes writes it out again, and computes nothing."""
+
+
+class Page:
+    """Makes the page, at most once in half a second for each format.
+
+    Args:
+        now_ns: Monotonic time.
+        robots: What is known of each robot.
+        version: This program's.
+    """
+
+    def __init__(
+        self, now_ns: Callable[[], int], robots: Callable[[], Sequence[RobotFacts]], *, version: str
+    ) -> None:
+        self.connections: Mapping[str, int] = {}
+        self._now_ns = now_ns
+        self._robots = robots
+        self._version = version
+        self._kept: dict[bool, tuple[int, str]] = {}
+
+    def text(self, openmetrics: bool) -> str:
+        """The page in OpenMetrics, or in Prometheus' older format."""
+        now_ns = self._now_ns()
+        made_ns, text = self._kept.get(openmetrics, (None, ""))
+        if made_ns is None or now_ns - made_ns >= PAGE_KEPT_NS:
+            text = self._make().text(openmetrics=openmetrics)
+            self._kept[openmetrics] = (now_ns, text)
+        return text
+
+    def _make(self) -> Exposition:
+        exposition = Exposition()
+        for robot in self._robots():
+            add_robot(exposition, robot)
+        exposition.family("yahboomd_metrics", "info", "this exporter").set(
+            1, {"version": self._version}
+        )
+        connections = exposition.family(
+            "yahboomd_metrics_connections", "counter", "connections of scrapers, by what they got"
+        )
+        for outcome, count in self.connections.items():
+            connections.set(count, {"outcome": outcome})
+        return exposition

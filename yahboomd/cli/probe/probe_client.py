@@ -10,7 +10,7 @@ import msgspec
 from yahboomd.bus import keys
 from yahboomd.cli.options import client_options
 from yahboomd.client import AsyncRobot
-from yahboomd.client.incoming import read_sample
+from yahboomd.client.streams import read_sample
 from yahboomd.config import Config
 from yahboomd.errors import BusError
 from yahboomd.link.conversation import Heard

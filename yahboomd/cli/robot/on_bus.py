@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import msgspec
 
-from yahboomd.client.incoming import read_sample
+from yahboomd.client.streams import read_sample
 from yahboomd.errors import NoDaemon, Refused
 from yahboomd.messages.codecs import encoding_of
 from yahboomd.messages.native import ServiceReply

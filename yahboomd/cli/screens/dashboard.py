@@ -16,7 +16,7 @@ import msgspec
 from yahboomd.bus import keys
 from yahboomd.cli.screens.rates import Rate, Rise, Scale
 from yahboomd.cli.screens.view import LINK_COUNTS, REFUSALS, Count, EventView, View, WheelView
-from yahboomd.client.incoming import read_sample
+from yahboomd.client.streams import read_sample
 from yahboomd.messages.native import (
     BatterySample,
     EventSample,

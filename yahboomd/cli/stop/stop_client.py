@@ -12,7 +12,7 @@ from yahboomd.cli.options import client_options
 from yahboomd.cli.stop.stop_local import release_command, same_port
 from yahboomd.cli.words import listed
 from yahboomd.client import AsyncRobot
-from yahboomd.client.incoming import read_sample
+from yahboomd.client.streams import read_sample
 from yahboomd.config import Config
 from yahboomd.errors import BusError, NoDaemon, Refused
 from yahboomd.messages.native import StatusSample, WheelsSample

@@ -1,3 +1,5 @@
+"""Calls that block: one bounded in time, many in order."""
+
 import asyncio
 import subprocess
 import sys
@@ -6,7 +8,7 @@ import threading
 import pytest
 from zenoh_fixtures import eventually
 
-from yahboomd.bus.bounded import bounded
+from yahboomd.bus.blocking import Sender, bounded
 
 
 async def test_result_of_the_call_is_returned():
@@ -80,7 +82,7 @@ async def test_a_cancellation_that_comes_with_the_result_is_kept_and_so_is_the_r
 
 LEFT_INSIDE_ZENOH = """
 import asyncio, time, zenoh
-from yahboomd.bus.bounded import bounded
+from yahboomd.bus.blocking import bounded
 config = zenoh.Config()
 config.insert_json5("mode", '"client"')
 config.insert_json5("connect", '{endpoints: ["tcp/127.0.0.1:1"], timeout_ms: 300}')
@@ -101,3 +103,30 @@ except TimeoutError:
 def test_a_process_that_ends_while_a_call_is_inside_zenoh_keeps_its_status():
     ended = subprocess.run([sys.executable, "-c", LEFT_INSIDE_ZENOH], timeout=60, check=False)
     assert ended.returncode == 7
+
+
+def test_work_is_done_in_order_by_one_thread():
+    sender, done = Sender("test-sender"), []
+    for number in range(100):
+        assert sender.send(lambda number=number: done.append((number, threading.current_thread())))
+    assert sender.close(20)
+    assert [number for number, _ in done] == list(range(100))
+    assert len({thread for _, thread in done}) == 1
+    assert done[0][1] is not threading.current_thread()
+
+
+def test_no_thread_before_the_first_work():
+    before = threading.active_count()
+    assert Sender("idle").close(20)
+    assert threading.active_count() == before
+
+
+def test_a_stuck_thread_bounds_the_queue_and_does_not_hold_the_caller():
+    release, sender = threading.Event(), Sender("stuck-sender")
+    taken = 0
+    while sender.send(release.wait) and taken < 10_000:
+        taken += 1
+    assert taken < 1_000
+    assert not sender.close(0.01)
+    release.set()
+    assert sender.close(20)

@@ -1,0 +1,199 @@
+"""Opening and closing real sessions: errors in words, the uplink, stuck connections."""
+
+import asyncio
+import os
+import socket
+import threading
+from contextlib import suppress
+
+import pytest
+import zenoh
+from zenoh_fixtures import eventually, free_endpoint
+
+from yahboomd.bus import keys
+from yahboomd.bus.options import BusOptions, zenoh_config
+from yahboomd.bus.session import Bus
+from yahboomd.bus.zenoh_sessions import hang_up_stuck, open_failure, open_uplink, port_holder
+from yahboomd.errors import BusError
+
+
+@pytest.fixture
+def listener():
+    with socket.socket() as listening:
+        listening.bind(("127.0.0.1", 0))
+        listening.listen()
+        yield listening.getsockname()[1]
+
+
+def failure(options):
+    with pytest.raises(zenoh.ZError) as caught:
+        zenoh.open(zenoh_config(options))
+    error = open_failure(caught.value, options)
+    assert isinstance(error, BusError)
+    assert ".rs:" not in str(error)
+    return error
+
+
+def test_who_listens_on_a_port_is_found(listener):
+    holder = port_holder(listener)
+    assert holder is not None
+    assert holder.endswith(f"({os.getpid()})")
+
+
+def test_nobody_listens_on_a_free_port():
+    assert port_holder(int(free_endpoint().rpartition(":")[2])) is None
+
+
+def test_an_address_in_use_is_told_with_its_holder_and_the_remedy(listener):
+    endpoint = f"tcp/127.0.0.1:{listener}"
+    error = failure(BusOptions(listen=(endpoint,), connect=()))
+    assert endpoint in error.message
+    assert f"({os.getpid()})" in error.message
+    assert "zenoh.listen" in error.remedy
+
+
+def test_an_address_of_another_machine_is_told():
+    error = failure(BusOptions(listen=("tcp/192.0.2.1:7448",), connect=()))
+    assert "no address tcp/192.0.2.1:7448" in error.message
+
+
+def test_a_router_that_is_not_there_is_told_to_a_client():
+    endpoint = free_endpoint()
+    error = failure(BusOptions(mode="client", connect=(endpoint,)))
+    assert endpoint in error.message
+    assert "'router'" in error.remedy
+
+
+def test_a_socket_in_a_folder_that_is_not_there_is_told(tmp_path):
+    path = tmp_path / "missing" / "bus.sock"
+    error = failure(BusOptions(listen=(), connect=(), unix_socket=path))
+    assert str(path) in error.message
+    assert "folder" in error.remedy
+
+
+def test_tls_without_certificates_is_told():
+    endpoint = free_endpoint().replace("tcp", "tls")
+    error = failure(BusOptions(listen=(endpoint,), connect=()))
+    assert "TLS" in error.message
+    assert "zenoh.config" in error.remedy
+
+
+pytestmark = pytest.mark.realtime
+
+
+async def test_a_router_that_is_there_is_joined(zenoh_router):
+    zenoh_router.start()
+    session = await open_uplink(BusOptions(connect=(zenoh_router.endpoint,)))
+    try:
+        await eventually(session.info.routers_zid)
+    finally:
+        session.close()
+
+
+async def test_the_first_router_that_answers_is_joined(zenoh_router):
+    zenoh_router.start()
+    session = await open_uplink(BusOptions(connect=(free_endpoint(), zenoh_router.endpoint)))
+    try:
+        (link,) = await eventually(session.info.links)
+        assert link.dst == zenoh_router.endpoint
+    finally:
+        session.close()
+
+
+async def test_a_router_that_is_not_there_is_waited_for_until_cancelled():
+    waiting = asyncio.create_task(open_uplink(BusOptions(connect=(free_endpoint(),))))
+    await eventually(lambda: not waiting.done())
+    waiting.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await waiting
+    await eventually(
+        lambda: not any(thread.name == "bus-uplink" for thread in threading.enumerate())
+    )
+
+
+async def test_what_was_put_before_a_router_came_reaches_who_looks_later(zenoh_router, zenoh_app):
+    options = BusOptions(listen=(free_endpoint(),), connect=(zenoh_router.endpoint,))
+    async with Bus(options) as bus:
+        bus.publisher(keys.ROS_TF_STATIC, cache=1).put(b"static frames")
+        zenoh_router.start()
+        await eventually(lambda: bus.neighbours)
+        app = zenoh_app("client", zenoh_router.endpoint)
+        late = app.late_subscriber("tf_static")
+        assert (await eventually(late.try_recv)).payload == b"static frames"
+
+
+async def test_what_was_ended_before_a_router_came_stays_ended(zenoh_router, zenoh_app):
+    options = BusOptions(listen=(free_endpoint(),), connect=(zenoh_router.endpoint,))
+    async with Bus(options) as bus:
+        ended, kept = [], []
+        bus.subscribe(keys.CMD_VEL, ended.extend).close()
+        bus.token(keys.ALIVE).close()
+        bus.publisher(keys.POSE).close()
+        bus.subscribe(keys.CMD_VEL, kept.extend)
+        zenoh_router.start()
+        await eventually(lambda: bus.neighbours)
+        app = zenoh_app("client", zenoh_router.endpoint)
+        await app.reach("cmd_vel")
+        app.session.put("cmd_vel", b"x")
+        await eventually(lambda: kept)
+        assert ended == []
+        assert list(app.session.liveliness().get("yahboomd/alive")) == []
+
+
+@pytest.fixture
+def connection():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        near = socket.create_connection(server.getsockname())
+        far, _ = server.accept()
+        with near, far:
+            yield near, far
+
+
+def ends(near):
+    return tuple("tcp/{}:{}".format(*end) for end in (near.getsockname(), near.getpeername()))
+
+
+def fill(near):
+    near.setblocking(False)
+    with suppress(BlockingIOError):
+        while True:
+            near.send(b"x" * 65536)
+
+
+def is_shut(near):
+    near.settimeout(0)
+    try:
+        return near.recv(1) == b""
+    except BlockingIOError:
+        return False
+
+
+def test_a_connection_that_takes_nothing_is_hung_up_on(connection):
+    near, _ = connection
+    fill(near)
+    link = ends(near)
+    assert hang_up_stuck(lambda: [] if is_shut(near) else [link]) == [link[1]]
+    assert is_shut(near)
+
+
+def test_a_connection_with_nothing_waiting_is_left_alone(connection):
+    near, far = connection
+    near.send(b"read and acknowledged")
+    far.recv(100)
+    assert hang_up_stuck(lambda: [ends(near)]) == []
+    assert not is_shut(near)
+
+
+def test_sockets_that_are_not_named_are_left_alone(connection):
+    near, _ = connection
+    fill(near)
+    assert hang_up_stuck(lambda: [("tcp/127.0.0.1:1", "tcp/127.0.0.1:2")]) == []
+    assert not is_shut(near)
+
+
+def test_no_descriptor_is_lost_by_looking(connection):
+    near, _ = connection
+    fill(near)
+    before = len(os.listdir("/proc/self/fd"))
+    hang_up_stuck(lambda: [] if is_shut(near) else [ends(near)])
+    assert len(os.listdir("/proc/self/fd")) == before
