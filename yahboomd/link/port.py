@@ -133,7 +133,7 @@ class _Serial(serial.Serial):
 
     def configure(self, *, hangup_on_close: bool) -> None:
         """Make it raw, forget what was received, and say what becomes of DTR when we leave."""
-        self._reconfigure_port(force_update=True)
+        self._reconfigure_port(force_update=True)  # type: ignore[attr-defined]
         self.reset_input_buffer()
         attributes = termios.tcgetattr(self.fileno())
         attributes[2] = (attributes[2] & ~termios.HUPCL) | (termios.HUPCL if hangup_on_close else 0)
