@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 
 from yahboomd.drive.arbitration import Source
-from yahboomd.drive.channels import MOTOR_PRESETS, build_motors
 from yahboomd.drive.kinematics import differential, mecanum
 from yahboomd.model import Kinematics, Motor
 
@@ -21,9 +20,10 @@ def four_rollers() -> Kinematics:
 
 
 @pytest.fixture
-def article_motors(two_wheels: Kinematics) -> tuple[Motor, ...]:
-    return build_motors(
-        two_wheels, MOTOR_PRESETS["article_2wd"], radius_m=0.0325, ticks_per_revolution=1320.0
+def article_motors() -> tuple[Motor, ...]:
+    return tuple(
+        Motor(name=name, wheel=wheel, position=position, radius_m=0.0325, ticks_per_revolution=1320)
+        for wheel, (name, position) in enumerate((("left", 1), ("right", 3)))
     )
 
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import pytest
 from hypothesis import given
@@ -8,14 +9,11 @@ from hypothesis import strategies as st
 
 from yahboomd.drive.kinematics import (
     KINEMATICS,
-    body_twist,
     desaturate,
     desaturate_twist,
     differential,
     mecanum,
-    slip_m_s,
     wheel_speeds,
-    without_lateral,
 )
 from yahboomd.errors import ConfigError
 from yahboomd.model import Kinematics, Twist2d
@@ -25,6 +23,15 @@ ANY = st.floats(allow_nan=True, allow_infinity=True)
 ROWS = st.sampled_from(sorted(KINEMATICS)).map(
     lambda name: KINEMATICS[name](separation_m=0.17, base_m=0.21)
 )
+
+
+def body_twist(kinematics: Kinematics, speeds: Sequence[float]) -> Twist2d:
+    """The motion of the body that these rim speeds make, without slip."""
+    vx, vy, wz = (
+        sum(factor * speed for factor, speed in zip(row, speeds, strict=True))
+        for row in kinematics.forward
+    )
+    return Twist2d(vx=vx, vy=vy, wz=wz)
 
 
 def test_a_positive_turn_drives_the_right_wheel_forward(two_wheels: Kinematics) -> None:
@@ -66,7 +73,7 @@ def test_skid_steer_is_differential_with_the_effective_separation() -> None:
 def test_forward_of_inverse_is_the_twist(
     kinematics: Kinematics, vx: float, vy: float, wz: float
 ) -> None:
-    twist = without_lateral(kinematics, Twist2d(vx=vx, vy=vy, wz=wz))
+    twist = Twist2d(vx=vx, vy=vy if kinematics.holonomic else 0.0, wz=wz)
     back = body_twist(kinematics, wheel_speeds(kinematics, twist))
     assert (back.vx, back.vy, back.wz) == pytest.approx((twist.vx, twist.vy, twist.wz), abs=1e-12)
 
@@ -81,25 +88,6 @@ def test_the_mecanum_estimate_is_the_least_squares_one(speeds: list[float]) -> N
         assert sum(r * c for r, c in zip(residual, column, strict=True)) == pytest.approx(
             0.0, abs=1e-9
         )
-
-
-@given(SPEEDS, SPEEDS, SPEEDS)
-def test_a_rigid_motion_shows_no_slip(vx: float, vy: float, wz: float) -> None:
-    kinematics = mecanum(separation_m=0.2, base_m=0.16)
-    speeds = wheel_speeds(kinematics, Twist2d(vx=vx, vy=vy, wz=wz))
-    assert slip_m_s(kinematics, speeds) == pytest.approx(0.0, abs=1e-9)
-
-
-def test_one_slipping_wheel_shows_as_slip(four_rollers: Kinematics) -> None:
-    assert slip_m_s(four_rollers, (0.5, 0.5, 0.5, 0.9)) == pytest.approx(0.1)
-
-
-def test_sideways_motion_is_left_out_where_the_base_cannot_do_it(
-    two_wheels: Kinematics, four_rollers: Kinematics
-) -> None:
-    wish = Twist2d(vx=0.1, vy=0.2, wz=0.3)
-    assert without_lateral(two_wheels, wish) == Twist2d(vx=0.1, wz=0.3)
-    assert without_lateral(four_rollers, wish) is wish
 
 
 @given(

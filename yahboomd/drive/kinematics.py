@@ -65,7 +65,7 @@ def mecanum(*, separation_m: float, base_m: float | None = None) -> Kinematics:
     With k = (separation + base) / 2 the rim speeds are front left ``vx - vy - k wz``, rear left
     ``vx + vy - k wz``, front right ``vx + vy + k wz``, rear right ``vx - vy + k wz``. Four wheels
     for three unknowns: ``forward`` is the least-squares solution (the columns of ``inverse`` are
-    orthogonal, so it is the scaled transpose) and what it leaves over is slip (:func:`slip_m_s`).
+    orthogonal, so it is the scaled transpose) and what it leaves over is slip.
     The order of the wheels is that of the vendor's M1 to M4.
 
     Args:
@@ -108,44 +108,11 @@ KINEMATICS: Mapping[str, Builder] = {
 def wheel_speeds(kinematics: Kinematics, twist: Twist2d) -> tuple[float, ...]:
     """The rim speed of each wheel in m/s, in the order of ``kinematics.wheels``.
 
-    A geometry that cannot move sideways leaves ``vy`` out: see :func:`without_lateral`.
+    A geometry that cannot move sideways leaves ``vy`` out.
     """
     vx, vy, wz = twist.vx, twist.vy, twist.wz
     # A list costs half of a generator, here and below: this runs in every control step.
     return tuple([fx * vx + fy * vy + fw * wz for fx, fy, fw in kinematics.inverse])
-
-
-def body_twist(kinematics: Kinematics, speeds: Sequence[float]) -> Twist2d:
-    """The motion of the body that these rim speeds (m/s, order of the wheels) make, without slip.
-
-    Raises:
-        ValueError: Not one speed for each wheel.
-    """
-    vx, vy, wz = (
-        sum(factor * speed for factor, speed in zip(row, speeds, strict=True))
-        for row in kinematics.forward
-    )
-    return Twist2d(vx=vx, vy=vy, wz=wz)
-
-
-def slip_m_s(kinematics: Kinematics, speeds: Sequence[float]) -> float:
-    """How far these rim speeds are from any motion of a rigid base: the RMS residual, m/s.
-
-    Zero for two sides, which fit every pair of speeds; for mecanum it tells of slipping rollers.
-    """
-    explained = wheel_speeds(kinematics, body_twist(kinematics, speeds))
-    squares = sum((a - b) ** 2 for a, b in zip(speeds, explained, strict=True))
-    return math.sqrt(squares / len(speeds))
-
-
-def without_lateral(kinematics: Kinematics, twist: Twist2d) -> Twist2d:
-    """The part of ``twist`` that this base can follow: ``vy`` is 0 where it cannot go sideways.
-
-    Returns the same object where nothing was taken off, so that the caller can count by ``is``.
-    """
-    if kinematics.holonomic or twist.vy == 0.0:
-        return twist
-    return Twist2d(vx=twist.vx, wz=twist.wz)
 
 
 def desaturate(speeds: Sequence[float], limits: Sequence[float]) -> tuple[tuple[float, ...], float]:
