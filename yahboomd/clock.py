@@ -15,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-NS_PER_S = 1_000_000_000
+from yahboomd.model import NS_PER_S
 
 PAUSE_NS = 300_000_000
 """A process that did not run for so long was held up: no control loop is that late by itself."""

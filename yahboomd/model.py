@@ -9,6 +9,8 @@ from typing import Literal, TypeAlias
 
 import msgspec
 
+NS_PER_S = 1_000_000_000
+
 Counts: TypeAlias = tuple[int, int, int, int]
 """One integer for each position of the board, 1 to 4 (M1..M4, the article's A..D)."""
 

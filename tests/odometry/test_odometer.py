@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from yahboomd.counts import HALF, WRAP
 from yahboomd.errors import ConfigError
 from yahboomd.model import EncoderReading, Pose2d
-from yahboomd.odometry.encoders import HALF, WRAP
 from yahboomd.odometry.odometer import Odometer, OdometerOptions
 
 MS = 1_000_000

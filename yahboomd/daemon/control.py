@@ -298,13 +298,12 @@ class Controller:
             return
         now_ns = self._seen_ns = self._clock.now_ns()
         self._raw_ticks = reading.ticks
-        asked_ns = reading.earliest_ns
         faults = self._wheels.measure(
             estimate.stamp_ns,
             estimate.motor_speed_m_s,
             estimate.motor_ticks,
-            None if asked_ns is None else (asked_ns, reading.received_ns),
             reading.received_ns,
+            reading.earliest_ns,
         )
         for fault in faults:
             self._trouble(fault, now_ns)

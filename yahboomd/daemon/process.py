@@ -21,8 +21,8 @@ import signal
 import socket
 from collections.abc import Callable, Mapping
 
-from yahboomd.clock import NS_PER_S
 from yahboomd.daemon.logs import flush
+from yahboomd.model import NS_PER_S
 
 log = logging.getLogger(__name__)
 

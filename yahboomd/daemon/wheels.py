@@ -14,8 +14,7 @@ from yahboomd.clock import nanoseconds
 from yahboomd.daemon.fit import Fit, no_board
 from yahboomd.drive.channels import channel_commands, motor_speeds
 from yahboomd.drive.faults import Fault
-from yahboomd.drive.proven_speed import ProvenSpeeds
-from yahboomd.drive.standing import STANDING_M_S
+from yahboomd.drive.standing import turning
 from yahboomd.drive.stop_watch import StopWatch
 from yahboomd.drive.wheels_check import WheelsCheck
 from yahboomd.model import Counts, Kinematics, Motor
@@ -98,12 +97,12 @@ class Wheels:
         self._motors = motors
         self._at_rest = at_rest
         self._counters = counters
-        metres_per_tick = [motor.metres_per_tick for motor in motors]
         self._check = WheelsCheck(
-            names, min_speed_m_s=min_speed_m_s, metres_per_tick=metres_per_tick
+            names,
+            min_speed_m_s=min_speed_m_s,
+            metres_per_tick=[motor.metres_per_tick for motor in motors],
         )
         self._stop_watch = StopWatch(names)
-        self._proven = ProvenSpeeds(metres_per_tick)
         self._board: Board | None = None
         self._released = False
         self._stop_due_ns: int | None = None
@@ -125,7 +124,6 @@ class Wheels:
         self._released = False
         self._stop_watch.cancel()
         self._check.reset()
-        self._proven.forget()
 
     def detach(self) -> None:
         """There is no board any more, and it is unknown what the wheels do."""
@@ -250,7 +248,6 @@ class Wheels:
     def forget(self) -> None:
         """What was seen of the wheels so far proves nothing about what comes."""
         self._check.reset()
-        self._proven.forget()
 
     def paused(self, now_ns: int) -> None:
         """This process did not run: what comes now is of then, and proves nothing.
@@ -270,8 +267,8 @@ class Wheels:
         stamp_ns: int,
         speeds_m_s: tuple[float, ...],
         ticks: tuple[int, ...],
-        sampled_ns: tuple[int, int] | None = None,
         received_ns: int | None = None,
+        earliest_ns: int | None = None,
     ) -> tuple[Fault, ...]:
         """Take in what was measured.
 
@@ -279,9 +276,9 @@ class Wheels:
             stamp_ns: When.
             speeds_m_s: Rim speed of each motor.
             ticks: Travelled counts of each motor since the start.
-            sampled_ns: The board sampled them no earlier and no later than this, where the stamp is
-                only the likeliest moment between.
             received_ns: When they arrived, where that is known besides the stamp.
+            earliest_ns: The board sampled them no earlier, where the stamp is only the likeliest
+                moment between.
 
         Returns:
             The troubles that began with it.
@@ -295,21 +292,17 @@ class Wheels:
         if (received_ns or stamp_ns) < self._waited_ns:
             self.forget()
             return ()
-        asked_ns = stamp_ns if sampled_ns is None else sampled_ns[0]
+        asked_ns = stamp_ns if earliest_ns is None else earliest_ns
         # Where answers are lost one seems late as well; there a speed is repeated every 25 ms.
         if received_ns is not None and received_ns - asked_ns > LATE_NS and not self.noisy:
             self._held_up_ns = received_ns + SAID_AGAIN_NS
         self._stop_watch.measure(stamp_ns, speeds_m_s)
-        proven = None
-        if sampled_ns is not None:
-            # With nothing to compare with yet, no speed is proven.
-            proven = self._proven.see(*sampled_ns, ticks) or self.zeros
         return self._check.measure(
             stamp_ns,
             speeds_m_s,
             deltas,
-            proven_m_s=proven,
             received_ns=received_ns,
+            earliest_ns=earliest_ns,
             held_up=stamp_ns < self._held_up_ns,
         )
 
@@ -321,8 +314,7 @@ class Wheels:
     @property
     def in_motion(self) -> bool:
         """Whether they are commanded to turn, or seen to."""
-        measured = self.measured_m_s or ()
-        return any(self.command_m_s) or any(abs(speed) > STANDING_M_S for speed in measured)
+        return any(self.command_m_s) or turning(self.measured_m_s or ())
 
     def _say(self, speeds: tuple[float, ...]) -> None:
         self.command_m_s = motor_speeds(self._motors, speeds)

@@ -26,7 +26,7 @@ from yahboomd.drive.arbitration import Accepted, Decision, Reason, Refused, Sour
 from yahboomd.drive.backlog import BacklogGate
 from yahboomd.drive.clock_offset import ClockOffset
 from yahboomd.drive.deadman import Deadman, OnTimeout
-from yahboomd.drive.standing import STANDING_M_S
+from yahboomd.drive.standing import turning
 from yahboomd.drive.windows import SlidingCounts
 from yahboomd.errors import ConfigError
 from yahboomd.model import STANDSTILL, Twist2d
@@ -204,7 +204,7 @@ class Arbiter:
         holder = self._holder
         if holder is None or not holder.deadman.expired(now_ns) or not commanded_zero:
             return
-        if measured_m_s is None or any(abs(speed) >= STANDING_M_S for speed in measured_m_s):
+        if measured_m_s is None or turning(measured_m_s):
             return
         self._count_timeout()
         self._holder = None

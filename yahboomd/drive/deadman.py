@@ -6,11 +6,10 @@ import math
 from typing import Literal, TypeAlias
 
 from yahboomd.errors import ConfigError
+from yahboomd.model import NS_PER_S
 
 OnTimeout: TypeAlias = Literal["ramp", "halt"]
 """What silence does: down within the limits, or standstill at once."""
-
-NS_PER_S = 1_000_000_000
 
 
 class Deadman:

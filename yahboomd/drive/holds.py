@@ -10,7 +10,7 @@ from collections import deque
 
 import msgspec
 
-NS_PER_S = 1_000_000_000
+from yahboomd.model import NS_PER_S
 
 WAITING_FOR_BOARD = "waiting_for_board"
 """No board, or not recognised yet."""

@@ -13,14 +13,15 @@ import math
 from collections import deque
 from typing import TYPE_CHECKING
 
+from yahboomd.counts import slowest
 from yahboomd.drive.faults import Fault
 from yahboomd.drive.standing import STANDING_M_S
+from yahboomd.model import NS_PER_S
 
 if TYPE_CHECKING:
-    from yahboomd.drive.faults import Action, FaultKind
-    from yahboomd.drive.witnesses import Witnesses
+    from collections.abc import Callable
 
-NS_PER_S = 1_000_000_000
+    from yahboomd.drive.faults import Action, FaultKind
 
 SLOWEST_LAG_S = 0.4
 SPEED_FACTOR = 1.5
@@ -65,17 +66,22 @@ class MotorWatch:
         name: Of the motor, for the words of a fault.
         min_speed_m_s: Below this command, missing counts prove nothing.
         latency_ns: From a command's way into the link to the first reading that can show it.
-        witnesses: Other readings that have to agree before the motor is cut; ``None``: needless.
+        witnessed: The speed that other readings agree on before the motor is cut; it returns
+            ``None`` where they are too few.
 
     Attributes:
         owed_m: What was commanded since it last counted; metres of rim travel.
     """
 
     def __init__(
-        self, name: str, min_speed_m_s: float, latency_ns: int, witnesses: Witnesses | None
+        self,
+        name: str,
+        min_speed_m_s: float,
+        latency_ns: int,
+        witnessed: Callable[[], float | None] | None,
     ) -> None:
         self._name = name
-        self._witnesses = witnesses
+        self._witnessed = witnessed
         self._min_speed_m_s = min_speed_m_s
         self._latency_ns = latency_ns
         self._commanded: float | None = None
@@ -102,8 +108,6 @@ class MotorWatch:
         self._creeping_ns: int | None = None
         self._slow_ns: int | None = None
         self._known: set[FaultKind] = set()
-        if self._witnesses is not None:
-            self._witnesses.forget()
 
     def command(self, now_ns: int, speed_m_s: float | None) -> None:
         """Record what was sent to the board; ``None`` where the motor was let go."""
@@ -119,11 +123,6 @@ class MotorWatch:
             self._past.append((now_ns, self._commanded))
             self._forget(now_ns - GAP_NS)
         self._commanded = speed_m_s
-
-    def hear(self, received_ns: int, ticks: int) -> None:
-        """Let the witnesses know of counts, and when they arrived."""
-        if self._witnesses is not None:
-            self._witnesses.hear(received_ns, ticks)
 
     def measure(
         self,
@@ -157,7 +156,7 @@ class MotorWatch:
         fall = -math.expm1(-(now_ns - before_ns) / NS_PER_S / SLOWEST_LAG_S)
         self._high = high if high >= self._high else self._high + (high - self._high) * fall
         self._low = low if low <= self._low else self._low + (low - self._low) * fall
-        steady = low if low > 0.0 else min(0.0, high)
+        steady = slowest(low, high)
         found = (
             self._runaway(now_ns, proven),
             self._creeping(now_ns, speed),
@@ -202,8 +201,8 @@ class MotorWatch:
             return None
         if self._known & {"runaway_against", "runaway_fast"}:
             return None
-        if self._witnesses is not None:
-            agreed = self._witnesses.speed_m_s()
+        if self._witnessed is not None:
+            agreed = self._witnessed()
             if agreed is None or least <= agreed <= most:
                 return None
         against = speed * (self._commanded or 0.0) < 0.0
@@ -283,8 +282,8 @@ class MotorWatch:
         self._owed_one_way_ns += step_ns if steady else 0
 
     def _off_speed(self, now_ns: int, speed: float) -> Fault | None:
-        slowest = max(self._low, -self._high)
-        if slowest < self._min_speed_m_s or abs(speed) >= OFF_SPEED_RATIO * slowest:
+        least = abs(slowest(self._low, self._high))
+        if least < self._min_speed_m_s or abs(speed) >= OFF_SPEED_RATIO * least:
             self._slow_ns = None
             self._known.discard("off_speed")
             return None

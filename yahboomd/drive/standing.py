@@ -24,6 +24,12 @@ State: TypeAlias = Literal["waiting", "standing", "driving", "stopping", "estopp
 STANDING_M_S = 0.03
 """Wheels measured slower than this stand."""
 
+
+def turning(measured_m_s: Sequence[float]) -> bool:
+    """Whether a wheel does not stand, by the rim speeds of all."""
+    return any(abs(speed) >= STANDING_M_S for speed in measured_m_s)
+
+
 _RELEASE = "To drive again: yahboomd stop --release."
 
 
@@ -110,8 +116,8 @@ def state_of(
         return "waiting"
     if decision.why == "driving" and not kinds:
         return "driving"
-    turning = any(abs(speed) >= STANDING_M_S for speed in measured_m_s or ())
-    return "stopping" if turning or not commanded_zero else "standing"
+    moves = turning(measured_m_s or ()) or not commanded_zero
+    return "stopping" if moves else "standing"
 
 
 def _held(now_ns: int, hold: Hold) -> Reason:

@@ -11,15 +11,16 @@ from __future__ import annotations
 from collections import deque
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
+from yahboomd.counts import slowest
 from yahboomd.drive.faults import Fault
-from yahboomd.drive.standing import STANDING_M_S
+from yahboomd.drive.standing import STANDING_M_S, turning
+from yahboomd.model import NS_PER_S
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
 StopState: TypeAlias = Literal["idle", "stopping", "stopped", "overdue"]
 
-NS_PER_S = 1_000_000_000
 # Two readings at the slowest poll worth running, several at the usual ones.
 SETTLED_NS = 30_000_000
 # Under the board's loop a wheel that obeys has lost far more than this of its speed within 0.6 s.
@@ -80,7 +81,7 @@ class StopWatch:
             return self.state
         self._latest.append(tuple(measured_m_s))
         self._fastest = tuple(map(max, self._fastest, map(abs, measured_m_s)))
-        if any(abs(speed) >= STANDING_M_S for speed in measured_m_s):
+        if turning(measured_m_s):
             self._still_ns = None
         elif self._still_ns is None:
             self._still_ns = stamp_ns
@@ -130,7 +131,7 @@ class StopWatch:
                 action="cut",
             )
         speed, name, fastest = max(
-            zip(map(_agreed, *self._latest), self._motors, self._fastest, strict=True),
+            zip(map(slowest, *self._latest), self._motors, self._fastest, strict=True),
             key=lambda wheel: abs(wheel[0]) - slowed * wheel[2],
         )
         if abs(speed) <= max(slowed * fastest, STANDING_M_S):
@@ -155,10 +156,3 @@ class StopWatch:
             tuple(map(abs, self._latest[-1])) if self._latest else (0.0,) * len(self._motors)
         )
         self._latest.clear()
-
-
-def _agreed(before: float, speed: float) -> float:
-    """The slower of two speeds; standstill where they contradict each other."""
-    if before * speed <= 0.0:
-        return 0.0
-    return min(before, speed, key=abs)

@@ -10,12 +10,14 @@ Nothing is raised; faults are values, one for each beginning of each trouble.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import msgspec
 
-from yahboomd.drive.motor_watch import GAP_NS, NS_PER_S, MotorWatch
-from yahboomd.drive.witnesses import Witnesses
+from yahboomd.counts import SELDOM, SELDOM_NS, CountHistory, slowest
+from yahboomd.drive.motor_watch import GAP_NS, MotorWatch
+from yahboomd.model import NS_PER_S
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,6 +26,9 @@ if TYPE_CHECKING:
 
 # From here on the loop's output no longer is the one of a wheel that follows.
 OWED_M = 0.005
+
+PROVEN_NS = 40_000_000
+"""A speed is proven over so long at least, so that the time an answer takes matters little."""
 
 
 class WheelsCheck:
@@ -45,13 +50,20 @@ class WheelsCheck:
         latency_s: float = 0.06,
         metres_per_tick: Sequence[float] | None = None,
     ) -> None:
-        witnesses: list[Witnesses | None] = [None] * len(motors)
-        if metres_per_tick is not None:
-            witnesses = [Witnesses(each) for each in metres_per_tick]
+        self._metres_per_tick = metres_per_tick
+        self._history = CountHistory(SELDOM_NS, SELDOM)
+        self._totals = (0,) * len(motors)
+        self._begun_ns: int | None = None
         self._watches = [
-            MotorWatch(name, min_speed_m_s, round(latency_s * NS_PER_S), each)
-            for name, each in zip(motors, witnesses, strict=True)
+            MotorWatch(
+                name,
+                min_speed_m_s,
+                round(latency_s * NS_PER_S),
+                partial(self._witnessed_m_s, motor) if metres_per_tick is not None else None,
+            )
+            for motor, name in enumerate(motors)
         ]
+        self._let_go = True
         self._measured_ns: int | None = None
 
     def command(self, now_ns: int, speeds_m_s: Sequence[float] | None) -> None:
@@ -62,6 +74,9 @@ class WheelsCheck:
             speeds_m_s: Rim speed of each motor, as limited; ``None`` where the motors were let go:
                 wheels without power may turn as they like.
         """
+        if self._let_go and speeds_m_s is not None:
+            self._begun_ns = self._history.latest_ns
+        self._let_go = speeds_m_s is None
         for index, watch in enumerate(self._watches):
             watch.command(now_ns, None if speeds_m_s is None else speeds_m_s[index])
 
@@ -71,8 +86,8 @@ class WheelsCheck:
         measured_m_s: Sequence[float],
         ticks: Sequence[int],
         *,
-        proven_m_s: Sequence[float] | None = None,
         received_ns: int | None = None,
+        earliest_ns: int | None = None,
         held_up: bool = False,
     ) -> tuple[Fault, ...]:
         """Judge a reading.
@@ -82,9 +97,11 @@ class WheelsCheck:
                 the last is no news.
             measured_m_s: Rim speed of each motor, positive forward.
             ticks: What each motor counted since the last reading, positive forward.
-            proven_m_s: The least that the speeds can be (:mod:`~yahboomd.drive.proven_speed`), for
-                a board whose readings may be stamped too early or too late; none is cut for more.
             received_ns: When it arrived, where that is known besides the stamp.
+            earliest_ns: The board sampled it no earlier, where the stamp may be too early or too
+                late. On a machine that is busy an answer may take a while, and one guess of the
+                moment makes several times the true speed; no motor is cut for more than its counts
+                prove.
             held_up: The line was held up, so that commands may not have been there yet.
 
         Returns:
@@ -93,21 +110,23 @@ class WheelsCheck:
         before, self._measured_ns = self._measured_ns, stamp_ns
         if before is None or stamp_ns - before > GAP_NS:
             # It is unknown what the wheels did meanwhile.
+            self._see(received_ns or stamp_ns, ticks, earliest_ns)
+            self._begun_ns = self._history.latest_ns
             for watch, speed in zip(self._watches, measured_m_s, strict=True):
                 watch.begin(speed)
             return ()
         if stamp_ns <= before:
             self._measured_ns = before
             return ()
-        for watch, count in zip(self._watches, ticks, strict=True):
-            watch.hear(received_ns or stamp_ns, count)
+        self._see(received_ns or stamp_ns, ticks, earliest_ns)
+        proven_m_s = measured_m_s if earliest_ns is None else self._proven_m_s()
         faults = [
             fault
             for watch, speed, count, proven in zip(
-                self._watches, measured_m_s, ticks, proven_m_s or measured_m_s, strict=True
+                self._watches, measured_m_s, ticks, proven_m_s, strict=True
             )
             for fault in watch.measure(
-                before, stamp_ns, speed, count, _nearer(speed, proven), held_up=held_up
+                before, stamp_ns, speed, count, slowest(speed, proven), held_up=held_up
             )
         ]
         silent = [fault for fault in faults if fault.kind == "no_counts"]
@@ -119,6 +138,29 @@ class WheelsCheck:
     def reset(self) -> None:
         """Forget what was seen: after a stop for a fault, after the board was away."""
         self._measured_ns = None
+        self._history.clear()
+
+    def _see(self, received_ns: int, ticks: Sequence[int], earliest_ns: int | None) -> None:
+        self._totals = tuple(map(sum, zip(self._totals, ticks, strict=True)))
+        self._history.add(received_ns, self._totals, earliest_ns)
+
+    def _proven_m_s(self) -> tuple[float, ...]:
+        """The least that counts prove since some 40 ms ago; with nothing to compare, nothing."""
+        found = self._history.since(PROVEN_NS)
+        if found is None or self._metres_per_tick is None:
+            return (0.0,) * len(self._watches)
+        span_ns, deltas = found
+        return tuple(
+            [
+                delta * metres * NS_PER_S / span_ns
+                for delta, metres in zip(deltas, self._metres_per_tick, strict=True)
+            ]
+        )
+
+    def _witnessed_m_s(self, motor: int) -> float | None:
+        assert self._metres_per_tick is not None
+        agreed = self._history.witnessed(motor, self._begun_ns)
+        return None if agreed is None else agreed * self._metres_per_tick[motor]
 
     @property
     def owing(self) -> bool:
@@ -127,13 +169,6 @@ class WheelsCheck:
         The board's loop has added them up, and a commanded zero would leave its output where it is.
         """
         return any(watch.owed_m >= OWED_M for watch in self._watches)
-
-
-def _nearer(speed: float, proven: float) -> float:
-    """Of two opinions about a speed the one nearer to standing; that, where they contradict."""
-    if speed * proven <= 0.0:
-        return 0.0
-    return speed if abs(speed) < abs(proven) else proven
 
 
 _ALL_SILENT = (

@@ -13,7 +13,8 @@ import struct
 import termios
 from collections.abc import Callable
 
-from yahboomd.clock import NS_PER_S, PAUSE_NS, Clock, nanoseconds, sleep_until
+from yahboomd.clock import PAUSE_NS, Clock, nanoseconds, sleep_until
+from yahboomd.model import NS_PER_S
 
 STUCK_NS = 300_000_000
 """A port that sent nothing for so long sends nothing any more: only opening it again helps."""

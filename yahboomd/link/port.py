@@ -29,10 +29,11 @@ import msgspec
 import serial
 import serial_asyncio
 
-from yahboomd.clock import NS_PER_S, Clock
+from yahboomd.clock import Clock
 from yahboomd.link.draining import drained, drop, in_kernel
 from yahboomd.link.port_errors import explained
 from yahboomd.link.seize import Seized, take
+from yahboomd.model import NS_PER_S
 
 BITS_PER_BYTE = 10  # 8N1: a start bit, eight of data, a stop bit
 

@@ -7,6 +7,7 @@ from typing import Literal, TypeAlias
 import msgspec
 
 from yahboomd.clock import Clock
+from yahboomd.counts import unwrapped
 from yahboomd.errors import BoardSilent
 from yahboomd.link.conversation import Conversation, Heard
 from yahboomd.link.session import Opener
@@ -18,8 +19,6 @@ Survival: TypeAlias = Literal["kept", "reset", "unknown"]
 
 DRIFT_TICKS = 400
 """Wheels that are pushed meanwhile count too: a third of a turn of the vendor's usual gear."""
-
-_WRAP = 1 << 32
 
 
 class Examination(msgspec.Struct, frozen=True, kw_only=True):
@@ -142,4 +141,4 @@ def _near_zero(ticks: Counts) -> bool:
 
 
 def _near(a: int, b: int) -> bool:
-    return abs((b - a + (_WRAP >> 1)) % _WRAP - (_WRAP >> 1)) <= DRIFT_TICKS
+    return abs(unwrapped(b - a)) <= DRIFT_TICKS

@@ -14,7 +14,7 @@ from typing import Protocol
 
 import msgspec
 
-from yahboomd.clock import NS_PER_S, Clock, nanoseconds, sleep_until
+from yahboomd.clock import Clock, nanoseconds, sleep_until
 from yahboomd.errors import PortLost, YahboomdError
 from yahboomd.link import handshake, latency_timer
 from yahboomd.link.handshake import Identity
@@ -33,7 +33,7 @@ from yahboomd.link.stopping import (
     undisturbed,
 )
 from yahboomd.link.writer import Writer
-from yahboomd.model import Counts, EncoderReading, Event
+from yahboomd.model import NS_PER_S, Counts, EncoderReading, Event
 from yahboomd.protocol.dialect import (
     Battery,
     Decoded,

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections import deque
+from yahboomd.counts import CountHistory, unwrapped
+from yahboomd.model import NS_PER_S, Counts
 
-from yahboomd.clock import NS_PER_S
-from yahboomd.model import Counts
-
-_WRAP = 1 << 32
 WINDOW_NS = 60_000_000
 """Speed is judged over so long: six of the streamed board's ticks, five steps of a slow poll."""
 
@@ -22,32 +19,24 @@ class StandstillWatch:
 
     def __init__(self, ticks_per_s: float) -> None:
         self._limit = ticks_per_s
-        self._readings: deque[tuple[int, Counts]] = deque()
+        self._history = CountHistory(WINDOW_NS)
 
     def forget(self) -> None:
         """Judge from what comes now on (the counters restarted, or a stop was just sent)."""
-        self._readings.clear()
+        self._history.clear()
 
     def see(self, ticks: Counts, now_ns: int) -> None:
         """A reading of the counters."""
-        readings = self._readings
-        readings.append((now_ns, ticks))
-        # Keep one reading at or beyond the window's far end, to measure across the whole of it.
-        while len(readings) > 2 and readings[1][0] <= now_ns - WINDOW_NS:
-            readings.popleft()
+        self._history.add(now_ns, ticks)
 
     @property
     def speed(self) -> float | None:
         """Counts per second of the fastest wheel; ``None`` before a whole window was seen."""
-        if len(self._readings) < 2:
+        found = self._history.since(WINDOW_NS)
+        if found is None or found[0] < WINDOW_NS:
             return None
-        (first_ns, first), (last_ns, last) = self._readings[0], self._readings[-1]
-        if last_ns - first_ns < WINDOW_NS:
-            return None
-        steps = (
-            (b - a + (_WRAP >> 1)) % _WRAP - (_WRAP >> 1) for a, b in zip(first, last, strict=True)
-        )
-        return max(abs(step) for step in steps) * NS_PER_S / (last_ns - first_ns)
+        span_ns, steps = found
+        return max(abs(unwrapped(step)) for step in steps) * NS_PER_S / span_ns
 
     @property
     def standing(self) -> bool:

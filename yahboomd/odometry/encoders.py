@@ -14,12 +14,8 @@ from typing import Literal, TypeAlias
 
 import msgspec
 
+from yahboomd.counts import HALF, unwrapped
 from yahboomd.model import Counts, Motor
-
-WRAP = 1 << 32
-"""The board counts in int32: 2147483627 is followed by -2147483636."""
-
-HALF = WRAP >> 1
 
 AGREE_SLACK_NS = 20_000_000
 """How much longer two readings may lie apart than their arrival says: the worst USB latency."""
@@ -113,11 +109,6 @@ class Encoders:
         self.totals: tuple[int, ...] = self._zero
 
     @property
-    def started(self) -> bool:
-        """Whether there is a baseline."""
-        return self._last is not None
-
-    @property
     def notice(self) -> Notice:
         """What was announced and is not settled yet."""
         return self._notice
@@ -147,7 +138,7 @@ class Encoders:
         """Signed counts per motor from one reading to another, modulo 2^32, the short way round."""
         deltas = []
         for channel, sign in self._channels:
-            delta = (now[channel] - then[channel] + HALF) % WRAP - HALF
+            delta = unwrapped(now[channel] - then[channel])
             deltas.append(delta if sign > 0 else -delta)
         return tuple(deltas)
 

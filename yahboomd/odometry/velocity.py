@@ -11,9 +11,10 @@ have needed, and the window says how much shorter it may have been. No window be
 
 from __future__ import annotations
 
-from collections import deque
+import math
 from typing import NamedTuple
 
+from yahboomd.counts import CountHistory
 from yahboomd.model import Kinematics, Motor, Twist2d
 from yahboomd.odometry.factors import motor_factors
 
@@ -68,7 +69,7 @@ class Velocity:
         self._shortest_ns = shortest_ns
         self._longest_ns = longest_ns
         self._enough_ticks = enough_ticks
-        self._readings: deque[tuple[int, tuple[int, ...]]] = deque()
+        self._history = CountHistory(longest_ns)
         self._time_ns = 0
         self._kept = True
         self.rough_ns = 0
@@ -79,14 +80,14 @@ class Velocity:
         Args:
             totals: Its totals; None where its time is not known, so that no speed begins there.
         """
-        self._readings.clear()
+        self._history.clear()
         if totals is not None:
-            self._readings.append((self._time_ns, totals))
+            self._history.add(self._time_ns, totals)
 
     def take_back(self) -> None:
         """The latest reading was wrong: no speed is taken from it any more."""
-        if self._readings and self._kept:
-            self._readings.pop()
+        if self._kept:
+            self._history.drop_latest()
 
     def step(self, totals: tuple[int, ...], step_ns: int, unsure_ns: int = 0) -> Window:
         """Take in the totals after a step on the board's clock.
@@ -96,49 +97,19 @@ class Velocity:
             step_ns: How long the step took; at the longest, where that is not known.
             unsure_ns: How much shorter it may have been.
         """
-        now_ns = self._time_ns = self._time_ns + step_ns
-        readings = self._readings
+        history = self._history
+        self._time_ns += step_ns
+        history.add(self._time_ns, totals)
         self._kept = not unsure_ns
         if unsure_ns:
-            return self._window(totals, readings[-1] if readings else None, unsure_ns)
-        # The one reading that reaches back over the longest window stays.
-        while len(readings) > 1 and now_ns - readings[1][0] >= self._longest_ns:
-            readings.popleft()
-        chosen = readings[-1] if readings else None
-        # The newest one and the oldest alike: at rest, where there is nothing to look for.
-        if chosen is not None and totals == chosen[1] == readings[0][1]:
-            chosen = readings[0]
+            found = history.since()
+            history.drop_latest()
         else:
-            for reading in reversed(readings):
-                span_ns = now_ns - reading[0]
-                if span_ns > self._longest_ns and reading is not chosen:
-                    break
-                chosen = reading
-                if (
-                    span_ns >= self._shortest_ns
-                    and not self.rough_ns
-                    and self._enough(totals, reading[1])
-                ):
-                    break
-        window = self._window(totals, chosen, 0)
-        readings.append((now_ns, totals))
-        return window
-
-    def _window(
-        self, totals: tuple[int, ...], since: tuple[int, tuple[int, ...]] | None, unsure_ns: int
-    ) -> Window:
-        if since is None:
+            enough = math.inf if self.rough_ns else self._enough_ticks
+            found = history.since(self._shortest_ns, self._longest_ns, enough)
+        if found is None:
             return Window(0, self._zero)
-        then_ns, then = since
-        deltas = tuple([now - past for now, past in zip(totals, then, strict=True)])
-        return Window(self._time_ns - then_ns, deltas, unsure_ns, self.rough_ns)
-
-    def _enough(self, now: tuple[int, ...], then: tuple[int, ...]) -> bool:
-        enough = self._enough_ticks
-        for one, other in zip(now, then, strict=True):
-            if one - other >= enough or other - one >= enough:
-                return True
-        return False
+        return Window(*found, unsure_ns, self.rough_ns)
 
     def motor_speeds(self, window: Window) -> tuple[float, ...]:
         """Rim speed of each motor in m/s, positive forward."""
