@@ -123,6 +123,40 @@ async def test_after_a_stall_no_motion_follows_a_stop_that_was_engaged_during_it
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize(
+    ("drops", "tells", "stalls_s"),
+    [
+        # Where the queue is seen, the port is opened again after 0.3 s, and then every second.
+        (True, True, [0.31, 0.4, 1.4, 1.5, 2.7, 2.9]),
+        (False, True, [0.31, 0.4, 1.4, 1.5, 2.7, 2.9]),
+        # Where it is not, a board that is polled is silent, and the session with it ends.
+        (True, False, [1.88, 1.9, 1.92, 1.94, 1.96, 1.98]),
+    ],
+    ids=["uart", "usb", "pty"],
+)
+@on_virtual_time
+async def test_whenever_a_stall_ends_an_estop_engaged_during_it_is_on_the_wire_at_once(
+    tmp_path: Path, dialect: str, drops: bool, tells: bool, stalls_s: list[float]
+) -> None:
+    for stall_s in stalls_s:
+        folder = tmp_path / str(stall_s)
+        folder.mkdir()
+        line = Line(drops=drops, tells=tells)
+        async with robot(folder, dialect, line) as bench:
+            await bench.ready()
+            await bench.drive(5.5, 0.35)
+            line.stall(stall_s)
+            ends_ns = bench.clock.now_ns() + round(stall_s * 1e9)
+            await bench.drive(0.1, 0.35)
+            bench.operator.engage_estop("a test")
+            await asyncio.sleep(stall_s + 0.5)
+            stops_ns = [
+                at_ns for at_ns, data in line.sent if at_ns >= ends_ns and b":0,0,0,0#" in data
+            ]
+            assert stops_ns[0] - ends_ns < 20 * MS, stall_s
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("rate", [100.0, 200.0])
 @on_virtual_time
 async def test_an_end_behind_a_slow_port_sees_the_wheels_stand(

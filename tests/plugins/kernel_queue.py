@@ -32,7 +32,7 @@ class QueueingPort(BoardPort):
 
     @property
     def queued(self) -> int:  # type: ignore[override]
-        return len(self._queue)
+        return len(self._queue) if self.line.tells else 0
 
     def write(self, data: bytes) -> None:
         if self.closed:
@@ -47,6 +47,7 @@ class QueueingPort(BoardPort):
         self._sending = bool(self._queue) and not self.line.stalled and not self.closed
         if self._sending and self.line.bytes_per_s >= FULL:
             self._sending = False
+            self.line.sent.append((self._clock.now_ns(), bytes(self._queue)))
             self._memory.write(bytes(self._queue))
             self._queue.clear()
         elif self._sending:
@@ -86,12 +87,16 @@ class Line:
         bytes_per_s: How fast it takes bytes.
         stalled: It takes none.
         drops: Its driver discards its queue when asked to (a UART's does, a USB adapter's not).
+        tells: Its driver tells how much waits (a pseudo-terminal's does not).
+        sent: What left at full speed, and when.
     """
 
-    def __init__(self, *, drops: bool = False) -> None:
+    def __init__(self, *, drops: bool = False, tells: bool = True) -> None:
         self.bytes_per_s = FULL
         self.stalled = False
         self.drops = drops
+        self.tells = tells
+        self.sent: list[tuple[int, bytes]] = []
         self.ports: list[QueueingPort] = []
 
     def stall(self, for_s: float) -> None:

@@ -79,6 +79,11 @@ BACK_OFF_S = (0.1, 0.2, 0.4, 0.8, 1.0)
 """Waits between attempts. Looking for a port costs next to nothing, and a robot that was plugged in
 should not stand for longer than a person waits."""
 
+UNSEEN_S = 0.5
+"""After a session that lasted so long and left wheels that were not seen to stand, the port is
+opened again without a wait: while it is closed no stop waits for an output that is held up, nor for
+a board that is silent. It bounds the attempts to two a second."""
+
 STEADY_S = 5.0
 """A session that lasted so long was a good one: the next fault starts from the shortest wait."""
 
@@ -133,8 +138,11 @@ class Supervisor:
                     raise asyncio.CancelledError from error
             finally:
                 self._keep(session)
-            if self._clock.now_ns() - started_ns > nanoseconds(STEADY_S):
+            lasted_ns = self._clock.now_ns() - started_ns
+            if lasted_ns > nanoseconds(STEADY_S):
                 attempt = 0
+            if lasted_ns >= nanoseconds(UNSEEN_S) and not self.left_standing:
+                continue
             wait_s = BACK_OFF_S[min(attempt, len(BACK_OFF_S) - 1)]
             attempt += 1
             await sleep_until(self._clock, self._clock.now_ns() + nanoseconds(wait_s))
