@@ -5,8 +5,8 @@ from pydantic import ValidationError
 
 from yahboomd.config.hardware import PRESETS, Board, Chassis, MotorEntry, Serial, preset_motors
 from yahboomd.config.models import WHEELS
+from yahboomd.protocol.profiles import PROFILES
 from yahboomd.protocol.registry import DIALECTS
-from yahboomd.protocol.settings import PROFILES
 
 
 def test_the_defaults_are_the_articles_robot():

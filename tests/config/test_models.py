@@ -8,7 +8,7 @@ from yahboomd.config import WHEELS, Config
 from yahboomd.drive.arbitration import Source
 from yahboomd.drive.kinematics import KINEMATICS
 from yahboomd.model import Motor
-from yahboomd.protocol.settings import PROFILES
+from yahboomd.protocol.profiles import PROFILES
 
 
 def config(**sections) -> Config:

@@ -13,8 +13,9 @@ from yahboomd.drive.faults import Action, Fault, FaultKind
 from yahboomd.drive.kinematics import differential
 from yahboomd.link.handshake import Identity
 from yahboomd.model import Motor
+from yahboomd.protocol.profiles import PROFILES
 from yahboomd.protocol.registry import DIALECTS
-from yahboomd.protocol.settings import PROFILES, BoardSettings
+from yahboomd.protocol.settings import BoardSettings
 
 
 def options(overrides: Mapping[str, str]) -> ControlOptions:
@@ -76,27 +77,32 @@ def held_against(settings: BoardSettings | None, dialect: str = "streamed") -> F
 def test_a_board_set_up_as_built_takes_millimetres_per_second() -> None:
     found = held_against(SETTINGS)
     assert found.wrong == ()
-    assert found.units == pytest.approx((1000.0, 1000.0))
+    assert found.motion is not None
+    assert found.motion.units((0.5, -0.25)) == (500, 0, -250, 0)
     assert found.wheel_limits == pytest.approx((1.0, 1.0))
 
 
 def test_settings_that_differ_are_made_up_for_in_the_units() -> None:
-    smaller = SETTINGS.with_value("wheel_diameter_mm", 33.5)
-    assert held_against(smaller).units == pytest.approx((500.0, 500.0))
+    smaller = SETTINGS | {"wheel_diameter_mm": 33.5}
+    motion = held_against(smaller).motion
+    assert motion is not None
+    assert motion.units((0.5, 0.5)) == (250, 0, 250, 0)
 
 
 @pytest.mark.parametrize(
     ("name", "value"), [("lines", 0), ("ratio", 0), ("wheel_diameter_mm", 0.0), ("motor_type", 2)]
 )
 def test_settings_that_would_run_away_forbid_motion(name: str, value: int) -> None:
-    found = held_against(SETTINGS.with_value(name, value))
-    assert found.units == ()
+    found = held_against(SETTINGS | {name: value})
+    assert found.motion is None
     assert found.wheel_limits == (0.0, 0.0)
     assert "yahboomd probe --write" in " ".join(found.wrong)
 
 
 def test_a_board_without_settings_takes_the_articles_factor() -> None:
-    assert held_against(None, "polled").units == (1000.0, 1000.0)
+    motion = held_against(None, "polled").motion
+    assert motion is not None
+    assert motion.units((0.5, 0.5)) == (500, 0, 500, 0)
 
 
 def test_without_a_board_no_wheel_can_turn() -> None:

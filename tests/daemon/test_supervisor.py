@@ -15,7 +15,7 @@ from yahboomd.clock import LoopClock
 from yahboomd.daemon.supervisor import BACK_OFF_S, Supervisor, storing_opener
 from yahboomd.errors import BoardError, LinkError, PortDenied, PortLost, PortMissing, YahboomdError
 from yahboomd.model import Event
-from yahboomd.protocol.settings import PROFILES
+from yahboomd.protocol.profiles import PROFILES
 from yahboomd.simulation.motors import FAULTS
 from yahboomd.simulation.options import FlashContent, SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
@@ -31,10 +31,10 @@ async def test_a_board_set_up_for_other_motors_is_set_up_and_driven(tmp_path: Pa
         await bench.drive(1.0, 0.3)
         assert min(bench.rim_speeds) == pytest.approx(0.3, abs=0.03)
         stored = [each.message for each in bench.heard.events if each.kind == "setting_stored"]
-        assert [words.split()[1] for words in stored] == [
-            "$mtype:1#",
-            "$deadzone:1900#",
-            "$mline:11#",
+        assert [words.partition(" in ")[0] for words in stored] == [
+            "Stored motor type 1",
+            "Stored dead zone 1900",
+            "Stored encoder lines 11",
         ]
 
 
@@ -79,7 +79,7 @@ async def test_a_value_that_the_board_does_not_take_is_told_and_the_port_opened(
     opener = storing_opener(board.open, board.clock, PROFILES["520"].settings, told.append)
     port = await opener()
     assert [each.kind for each in told] == ["setting_not_stored"]
-    assert "$deadzone:1900#" in told[0].message
+    assert "dead zone 1900" in told[0].message
     port.close()
     await asyncio.sleep(0)
 

@@ -10,13 +10,15 @@ from yahboomd.daemon.fit import Fit
 from yahboomd.daemon.wheels import Wheels
 from yahboomd.drive.kinematics import differential
 from yahboomd.model import Counts, Motor
+from yahboomd.protocol.per_motor import per_motor
 
 MS = 1_000_000
 MOTORS = (
     Motor(name="left", wheel=0, position=1, radius_m=0.0335, ticks_per_revolution=1320.0),
     Motor(name="right", wheel=1, position=3, radius_m=0.0335, ticks_per_revolution=1320.0),
 )
-FIT = Fit(units=(1000.0, 1000.0), wheel_limits=(1.0, 1.0))
+MOTION = per_motor(differential(separation_m=0.15), MOTORS, (1000.0, 1000.0), 1000)
+FIT = Fit(motion=MOTION, wheel_limits=MOTION.wheel_limits)
 
 
 class Told:
@@ -157,7 +159,7 @@ def test_without_a_board_nothing_is_commanded(board: Told) -> None:
 
 def test_a_board_that_does_not_fit_is_told_no_speed(board: Told) -> None:
     wheels = make(board)
-    wheels.attach(board, Fit(units=(), wheel_limits=(0.0, 0.0), wrong=("It stores zeros.",)))
+    wheels.attach(board, Fit(motion=None, wheel_limits=(0.0, 0.0), wrong=("It stores zeros.",)))
     # Not even zero, which would wake its speed loop: its motors are let go.
     for step in range(3):
         wheels.stand(step * 20 * MS, at_once=True)

@@ -6,7 +6,7 @@ import pytest
 
 from yahboomd.drive.arbitration import Source
 from yahboomd.drive.kinematics import differential, mecanum
-from yahboomd.model import Kinematics, Motor
+from yahboomd.model import Kinematics
 
 
 @pytest.fixture
@@ -17,14 +17,6 @@ def two_wheels() -> Kinematics:
 @pytest.fixture
 def four_rollers() -> Kinematics:
     return mecanum(separation_m=0.2, base_m=0.16)
-
-
-@pytest.fixture
-def article_motors() -> tuple[Motor, ...]:
-    return tuple(
-        Motor(name=name, wheel=wheel, position=position, radius_m=0.0325, ticks_per_revolution=1320)
-        for wheel, (name, position) in enumerate((("left", 1), ("right", 3)))
-    )
 
 
 @pytest.fixture

@@ -13,10 +13,11 @@ from yahboomd.drive.kinematics import (
     desaturate_twist,
     differential,
     mecanum,
+    motor_speeds,
     wheel_speeds,
 )
 from yahboomd.errors import ConfigError
-from yahboomd.model import Kinematics, Twist2d
+from yahboomd.model import Kinematics, Motor, Twist2d
 
 SPEEDS = st.floats(-3.0, 3.0)
 ANY = st.floats(allow_nan=True, allow_infinity=True)
@@ -88,6 +89,14 @@ def test_the_mecanum_estimate_is_the_least_squares_one(speeds: list[float]) -> N
         assert sum(r * c for r, c in zip(residual, column, strict=True)) == pytest.approx(
             0.0, abs=1e-9
         )
+
+
+def test_every_motor_of_a_side_has_its_speed() -> None:
+    motors = [
+        Motor(name=name, wheel=wheel, position=place, radius_m=0.03, ticks_per_revolution=1320.0)
+        for name, wheel, place in (("a", 0, 1), ("b", 0, 2), ("c", 1, 3), ("d", 1, 4))
+    ]
+    assert motor_speeds(motors, (0.1, 0.2)) == (0.1, 0.1, 0.2, 0.2)
 
 
 @given(

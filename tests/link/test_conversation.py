@@ -9,7 +9,7 @@ from board_bench import LinkBench
 
 from yahboomd.errors import BoardError, BoardSilent, PortLost
 from yahboomd.link.conversation import KEPT_BYTES, Conversation
-from yahboomd.protocol.settings import PROFILES
+from yahboomd.protocol.profiles import PROFILES
 from yahboomd.simulation.options import FlashContent
 from yahboomd.simulation.virtual_time import on_virtual_time
 
@@ -33,7 +33,7 @@ async def test_settings_and_voltage_are_told_by_the_streamed_board() -> None:
         await talk.identify()
         settings = await talk.read_settings(WANT)
         assert settings is not None
-        assert (settings.lines, settings.version) == (13, "1.7.3")
+        assert (settings["lines"], settings["version"]) == (13, "1.7.3")
         volts = await talk.read_battery()
         assert volts is not None
         assert abs(volts - 11.1) < 0.2

@@ -15,7 +15,7 @@ from yahboomd.errors import BoardSilent, LinkError, PortBusy, PortDenied, PortMi
 from yahboomd.link.conversation import Heard
 from yahboomd.link.diagnosis import busy, hints, what_was_heard
 from yahboomd.link.discovery import Candidate
-from yahboomd.protocol.framing import FramerCounters
+from yahboomd.protocol.dialect import FramerCounters
 
 NOWHERE = Path("/nonexistent/sysfs")
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import msgspec
 import pytest
 from board_bench import LinkBench
 
 from yahboomd.errors import BoardError, ConfigError
 from yahboomd.link.flash import STORE_ATTEMPTS, Progress, Step, Storing, store
-from yahboomd.protocol.dialect import SettingWrite
-from yahboomd.protocol.settings import PROFILES, BoardSettings
+from yahboomd.protocol.dialect import Dialect, SettingWrite
+from yahboomd.protocol.profiles import PROFILES
+from yahboomd.protocol.settings import BoardSettings
 from yahboomd.simulation.motors import FAULTS
 from yahboomd.simulation.options import FlashContent, ImpairmentOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
@@ -40,7 +40,7 @@ async def test_only_what_differs_is_written() -> None:
     assert settings_sent(board) == [b"$deadzone:1900#"]
     assert storing.complete
     assert flash_of(board).dead_zone == 1900
-    assert storing.has.deadzone == 1900
+    assert storing.has["deadzone"] == 1900
 
 
 @on_virtual_time
@@ -110,14 +110,14 @@ async def test_new_gains_restart_the_board_and_are_confirmed() -> None:
     storing = await stored(board, GAINS)
     assert storing.complete
     assert storing.steps[0].answer == "restarted"
-    assert storing.has.pid == (1.0, 0.1, 0.4)
+    assert storing.has["pid"] == (1.0, 0.1, 0.4)
     assert board.robot.board.totals == (0, 0, 0, 0)
 
 
 @on_virtual_time
 async def test_gains_come_after_all_that_does_not_restart_the_board() -> None:
     board = LinkBench()
-    await stored(board, msgspec.structs.replace(P520, pid=(1.0, 0.1, 0.4)))
+    await stored(board, P520 | GAINS)
     assert [frame[:5] for frame in settings_sent(board)] == [b"$dead", b"$MPID"]
 
 
@@ -242,11 +242,13 @@ async def test_progress_is_told_as_it_happens() -> None:
         def __init__(self) -> None:
             self.told: list[str] = []
 
-        def begins(self, writes: tuple[SettingWrite, ...], had: BoardSettings) -> None:
-            self.told.append(f"{len(writes)} values, dead zone {had.deadzone}")
+        def begins(
+            self, dialect: Dialect, writes: tuple[SettingWrite, ...], had: BoardSettings
+        ) -> None:
+            self.told.append(f"{len(writes)} values, dead zone {had['deadzone']}")
 
         def step(self, step: Step, has: BoardSettings) -> None:
-            self.told.append(f"{step.write.reply_to} {step.outcome}, dead zone {has.deadzone}")
+            self.told.append(f"{step.write.reply_to} {step.outcome}, dead zone {has['deadzone']}")
 
     listening = Listening()
     await stored(LinkBench(), P520, progress=listening)

@@ -11,11 +11,12 @@ from yahboomd.clock import LoopClock
 from yahboomd.errors import BoardError, BoardSilent
 from yahboomd.link import handshake
 from yahboomd.link.port import byte_time_ns
+from yahboomd.link.reception import Ears
 from yahboomd.link.session import SessionOptions
 from yahboomd.link.writer import Writer
-from yahboomd.protocol.framing import Framer
+from yahboomd.protocol.four_channel.framing import Framer
+from yahboomd.protocol.profiles import PROFILES
 from yahboomd.protocol.registry import DIALECTS
-from yahboomd.protocol.settings import PROFILES
 from yahboomd.simulation.options import FlashContent, ImpairmentOptions, SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 
@@ -29,12 +30,12 @@ class Script:
 
     def __init__(self, *answers: bytes) -> None:
         self.answers = list(answers)
-        self.ears: handshake.Ears | None = None
+        self.ears: Ears | None = None
         self.framer = Framer()
         self.writer: Writer | None = None
         self.asked = 0
 
-    def hear(self, ears: handshake.Ears | None) -> None:
+    def hear(self, ears: Ears | None) -> None:
         self.ears = ears
 
     def write(self, data: bytes) -> None:
@@ -46,7 +47,8 @@ class Script:
     def _say(self, answer: bytes) -> None:
         for item in self.framer.feed(answer):
             if self.ears is not None:
-                self.ears(item)
+                self.ears("streamed", item)
+                self.ears("polled", item)
             if self.writer is not None:
                 self.writer.heard(DIALECTS["streamed"].decode(item))
 
@@ -107,7 +109,7 @@ async def test_the_wrong_dialect_is_named_with_the_remedy() -> None:
 async def test_settings_as_expected_are_believed_at_once() -> None:
     settings = await settings_from(FLASH % 11)
     assert settings is not None
-    assert settings.lines == 11  # type: ignore[attr-defined]
+    assert settings["lines"] == 11  # type: ignore[index]
 
 
 @on_virtual_time
@@ -122,13 +124,13 @@ async def test_on_a_clean_line_the_board_is_asked_once_and_no_command_is_lost() 
 @on_virtual_time
 async def test_a_lost_digit_is_not_believed() -> None:
     settings = await settings_from(FLASH % 1, FLASH % 11)
-    assert settings.lines == 11  # type: ignore[attr-defined]
+    assert settings["lines"] == 11  # type: ignore[index]
 
 
 @on_virtual_time
 async def test_another_setting_than_expected_is_believed_when_said_twice() -> None:
     settings = await settings_from(FLASH % 13, FLASH % 13)
-    assert settings.lines == 13  # type: ignore[attr-defined]
+    assert settings["lines"] == 13  # type: ignore[index]
 
 
 @on_virtual_time
@@ -149,4 +151,4 @@ async def test_a_noisy_line_never_leads_to_wrong_settings(seed: int) -> None:
         await board.connected()
         settings = board.recorder.identities[0].settings
         assert settings is not None
-        assert (settings.lines, settings.ratio) == (13, 20)
+        assert (settings["lines"], settings["ratio"]) == (13, 20)

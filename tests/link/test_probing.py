@@ -8,7 +8,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from yahboomd.link.probing import DRIFT_TICKS, compare, examine, reopen
-from yahboomd.protocol.settings import PROFILES
+from yahboomd.protocol.profiles import PROFILES
 from yahboomd.simulation.motors import FAULTS
 from yahboomd.simulation.virtual_time import on_virtual_time
 
@@ -24,7 +24,7 @@ async def test_everything_that_a_streamed_board_knows_is_told() -> None:
     assert found.dialect is not None
     assert found.dialect.name == "streamed"
     assert found.settings is not None
-    assert found.settings.version == "1.6.5"
+    assert found.settings["version"] == "1.6.5"
     assert found.volts is not None
     assert found.ticks == (10, 20, 30, 40)
     assert found.standing is True

@@ -6,8 +6,8 @@ import pytest
 
 from yahboomd.link.gathering import ALIKE
 from yahboomd.link.reception import Reception
-from yahboomd.protocol.dialect import Battery, Decoded, Totals, Unrecognised
-from yahboomd.protocol.framing import Frame, TextLine
+from yahboomd.protocol.dialect import Battery, Decoded, Item, Totals, Unrecognised
+from yahboomd.protocol.four_channel.framing import Frame
 from yahboomd.protocol.registry import DIALECTS
 
 
@@ -18,7 +18,8 @@ class Desk:
         self.heard: list[Decoded] = []
         self.told: list[int] = []
         self.reception = Reception(lambda decoded, _item, _now_ns: self.heard.append(decoded))
-        self.reception.dialect = None if dialect is None else DIALECTS[dialect]
+        if dialect is not None:
+            self.reception.choose(DIALECTS[dialect])
 
     def gather(self, least: int) -> None:
         self.told.append(least)
@@ -30,11 +31,21 @@ class Desk:
 
 def test_before_the_dialect_is_known_only_ears_hear() -> None:
     desk = Desk(None)
-    raw: list[Frame | TextLine] = []
-    desk.reception.ears = raw.append
+    raw: list[tuple[str, Item]] = []
+    desk.reception.ears = lambda found_by, item: raw.append((found_by, item))
     desk.take(b"$MAll:1,2,3,4#\r\n")
-    assert [each.args for each in raw if isinstance(each, Frame)] == ["1,2,3,4"]
+    frame = Frame(name="MAll", args="1,2,3,4", size=14, trailing=2)
+    assert raw == [("streamed", frame), ("polled", frame)]
     assert desk.heard == []
+
+
+def test_what_came_before_the_dialect_was_known_is_understood_in_it() -> None:
+    desk = Desk(None)
+    desk.take(b"$data:1,2,3,4#$MAll:5,6,")
+    assert desk.reception.choose(DIALECTS["polled"]) == [Totals(ticks=(1, 2, 3, 4))]
+    desk.take(b"7,8#\r\n$data:5,6,7,8#")
+    assert desk.heard == [Unrecognised(text="$MAll:5,6,7,8#"), Totals(ticks=(5, 6, 7, 8))]
+    assert desk.reception.counters.frames == 3
 
 
 def test_what_repeats_is_decoded_as_it_was() -> None:
@@ -85,11 +96,11 @@ def test_at_the_end_every_byte_is_heard_as_it_comes() -> None:
 def test_an_end_in_the_midst_of_a_chunk_tells_the_port_nothing_more() -> None:
     desk = Desk()
 
-    def understand(_decoded: Decoded, _item: Frame | TextLine, _now_ns: int) -> None:
+    def understand(_decoded: Decoded, _item: Item, _now_ns: int) -> None:
         desk.reception.stop_gathering()
 
     desk.reception = Reception(understand)
-    desk.reception.dialect = DIALECTS["streamed"]
+    desk.reception.choose(DIALECTS["streamed"])
     desk.reception.gather(desk)  # type: ignore[arg-type]
     desk.take(b"$MAll:1,2,3,4#\r\n" * 20)
     assert desk.told == [1]

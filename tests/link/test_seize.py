@@ -18,8 +18,7 @@ import pytest
 
 from yahboomd.link import seize as seizing
 from yahboomd.link.seize import FIRST_WORDS, SPACING_S, seize
-from yahboomd.protocol.framing import RESYNC
-from yahboomd.protocol.registry import CONNECT_SPACING_NS, CONNECT_STOP
+from yahboomd.protocol.registry import connect_spacing_ns, connect_stop
 
 
 class Device:
@@ -40,8 +39,8 @@ def device() -> Iterator[Device]:
 
 
 def test_the_first_words_are_those_of_the_protocol() -> None:
-    assert (RESYNC + CONNECT_STOP[0], *CONNECT_STOP[1:]) == FIRST_WORDS
-    assert SPACING_S * 1e9 == CONNECT_SPACING_NS
+    assert [resync + stop for resync, stop in connect_stop()] == list(FIRST_WORDS.values())
+    assert connect_spacing_ns() == SPACING_S * 1e9
 
 
 def test_nothing_that_takes_long_is_imported_before_the_first_stop() -> None:
@@ -60,7 +59,7 @@ def test_nothing_that_takes_long_is_imported_before_the_first_stop() -> None:
 def test_both_stops_are_on_the_line_when_it_returns(device: Device) -> None:
     before_ns = time.monotonic_ns()
     seized = seize(device.path)
-    assert os.read(device.master, 4096) == b"".join(FIRST_WORDS)
+    assert os.read(device.master, 4096) == b"".join(FIRST_WORDS.values())
     assert before_ns <= seized.spoken_ns <= time.monotonic_ns() - 20_000_000
     os.close(seized.fd)
 
@@ -70,7 +69,7 @@ def test_the_port_is_raw_so_that_bytes_pass_as_they_are(device: Device) -> None:
     slave = os.open(device.path, os.O_RDWR | os.O_NOCTTY)
     termios.tcsetattr(slave, termios.TCSANOW, _cooked(slave))
     seized = seize(device.path)
-    assert os.read(device.master, 4096) == b"".join(FIRST_WORDS)
+    assert os.read(device.master, 4096) == b"".join(FIRST_WORDS.values())
     os.write(device.master, b"\r\n\x03\x11\x13\x00")
     assert os.read(seized.fd, 100) == b"\r\n\x03\x11\x13\x00"
     with pytest.raises(BlockingIOError):
@@ -197,14 +196,14 @@ def test_first_words_that_the_port_held_up_are_said_again_each_by_itself(
 
     def line() -> None:
         held.wait()
-        while sum(map(len, said)) < 2 * len(b"".join(FIRST_WORDS)):
+        while sum(map(len, said)) < 2 * len(b"".join(FIRST_WORDS.values())):
             said.append(os.read(device.master, 4096))
 
     reader = threading.Thread(target=line)
     reader.start()
     os.close(seize(device.path).fd)
     reader.join()
-    assert tuple(said) == FIRST_WORDS * 2
+    assert tuple(said) == tuple(FIRST_WORDS.values()) * 2
 
 
 @pytest.mark.realtime

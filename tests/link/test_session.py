@@ -14,7 +14,7 @@ from yahboomd.errors import BoardError, BoardSilent, PortLost
 from yahboomd.link import latency_timer
 from yahboomd.link.session import SessionOptions
 from yahboomd.model import EncoderReading
-from yahboomd.protocol.settings import PROFILES
+from yahboomd.protocol.profiles import PROFILES
 from yahboomd.simulation.motors import MotorFaults
 from yahboomd.simulation.options import FlashContent, ImpairmentOptions, SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
@@ -78,8 +78,12 @@ async def test_the_settings_of_the_board_are_read() -> None:
         await board.connected()
         settings = board.recorder.identities[0].settings
         assert settings is not None
-        assert (settings.lines, settings.ratio, settings.wheel_diameter_mm) == (13, 20, 48.0)
-        assert settings.version == "1.7.3"
+        assert (settings["lines"], settings["ratio"], settings["wheel_diameter_mm"]) == (
+            13,
+            20,
+            48.0,
+        )
+        assert settings["version"] == "1.7.3"
 
 
 @pytest.mark.parametrize(("wanted", "there"), [("polled", "streamed"), ("streamed", "polled")])

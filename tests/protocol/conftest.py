@@ -8,9 +8,9 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from yahboomd.protocol.framing import Frame, Framer, TextLine
+from yahboomd.protocol.four_channel.framing import Frame, Framer, TextLine
 
-CAPTURES = Path(__file__).parent / "captures"
+CAPTURES = Path(__file__).parent / "four_channel" / "captures"
 
 Items = list[Frame | TextLine]
 

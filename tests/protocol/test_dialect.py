@@ -19,9 +19,10 @@ from yahboomd.protocol.dialect import (
     Unrecognised,
     VersionLine,
 )
-from yahboomd.protocol.framing import Framer
+from yahboomd.protocol.four_channel.framing import Framer
+from yahboomd.protocol.profiles import PROFILES
 from yahboomd.protocol.registry import DIALECTS
-from yahboomd.protocol.settings import PROFILES, BoardSettings
+from yahboomd.protocol.settings import writes
 
 MEANINGS = (
     Battery,
@@ -34,6 +35,9 @@ MEANINGS = (
     Unrecognised,
     VersionLine,
 )
+LONGEST = 53
+"""51 characters between ``$`` and ``#``."""
+
 dialects = st.sampled_from(list(DIALECTS.values()))
 
 
@@ -42,14 +46,13 @@ def outgoing(dialect):
     single = (
         dialect.brake,
         dialect.cut,
-        dialect.release,
         dialect.probe,
         dialect.poll,
         dialect.battery,
-        dialect.read_settings,
-        dialect.factory_reset and dialect.factory_reset.frame,
     )
-    return [frame for frame in (*single, *dialect.leave, *dialect.arm, *dialect.disarm) if frame]
+    return [
+        frame for frame in (*single, *dialect.read_settings, *dialect.arm, *dialect.disarm) if frame
+    ]
 
 
 @pytest.mark.parametrize("name", DIALECTS)
@@ -57,29 +60,22 @@ def test_every_frame_is_one_frame_that_the_board_can_take(name):
     dialect = DIALECTS[name]
     for frame in outgoing(dialect):
         assert re.fullmatch(rb"\$[a-zA-Z_]+(:[-0-9.,]+)?#", frame)
-        assert len(frame) <= dialect.max_frame_bytes
+        assert len(frame) <= LONGEST
 
 
 @given(dialects, st.tuples(*[st.integers()] * 4))
 def test_every_speed_frame_carries_four_numbers_in_range(dialect, units):
     frame = dialect.speeds(units)
-    assert len(frame) <= dialect.max_frame_bytes
+    assert len(frame) <= LONGEST
     numbers = [int(number) for number in frame.split(b":")[1].rstrip(b"#").split(b",")]
     assert len(numbers) == 4
-    assert max(map(abs, numbers)) <= dialect.max_command
+    assert max(map(abs, numbers)) <= 1000
 
 
 @pytest.mark.parametrize("name", DIALECTS)
 def test_the_brake_is_speed_zero(name):
     dialect = DIALECTS[name]
     assert dialect.brake == dialect.speeds((0, 0, 0, 0))
-
-
-@pytest.mark.parametrize("name", DIALECTS)
-def test_leaving_brakes_first_and_then_cuts_where_it_can(name):
-    dialect = DIALECTS[name]
-    stops = [dialect.brake] if dialect.cut is None else [dialect.brake, dialect.cut]
-    assert list(dialect.leave) == [*stops, *dialect.disarm]
 
 
 @given(dialects, st.binary(max_size=200))
@@ -98,8 +94,8 @@ def test_no_arguments_make_a_decoder_raise(dialect, name, args):
 @pytest.mark.parametrize("name", DIALECTS)
 def test_equal_settings_need_no_write(name):
     want = PROFILES["520"].settings
-    assert DIALECTS[name].write_settings(want, want) == ()
-    assert DIALECTS[name].write_settings(want, BoardSettings()) == ()
+    assert writes(DIALECTS[name].settings, want, want) == ()
+    assert writes(DIALECTS[name].settings, want, {}) == ()
 
 
 @pytest.mark.parametrize("name", DIALECTS)

@@ -1,17 +1,31 @@
 from __future__ import annotations
 
+import itertools
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.protocol.dialect import VersionLine
-from yahboomd.protocol.framing import RESYNC, Framer
-from yahboomd.protocol.registry import CONNECT_SPACING_NS, CONNECT_STOP, DIALECTS, identify
-from yahboomd.protocol.settings import PROFILES, board_settings, problems
+from yahboomd.protocol.dialect import Setting, VersionLine
+from yahboomd.protocol.four_channel.framing import RESYNC, Framer
+from yahboomd.protocol.profiles import PROFILES
+from yahboomd.protocol.registry import DIALECTS, connect_spacing_ns, connect_stop, identify
+from yahboomd.protocol.settings import is_complete
+
+
+def heard(*chunks):
+    """What every dialect's framer finds."""
+    framers = {name: dialect.framer() for name, dialect in DIALECTS.items()}
+    return [
+        (name, item)
+        for chunk in chunks
+        for name, framer in framers.items()
+        for item in framer.feed(chunk)
+    ]
 
 
 def identified(data):
-    return identify(Framer().feed(data))
+    return identify(heard(data))
 
 
 def test_both_dialects_are_registered_under_their_own_names():
@@ -20,8 +34,8 @@ def test_both_dialects_are_registered_under_their_own_names():
 
 
 def test_the_stop_before_anything_is_known_serves_both_dialects():
-    assert CONNECT_STOP == (b"$pwm:0,0,0,0#", b"$speed:0,0,0,0#")
-    assert CONNECT_SPACING_NS == 20_000_000
+    assert connect_stop() == ((RESYNC, b"$pwm:0,0,0,0#"), (b"", b"$speed:0,0,0,0#"))
+    assert connect_spacing_ns() == 20_000_000
 
 
 @pytest.mark.parametrize(
@@ -67,9 +81,7 @@ def test_pieces_and_the_chatter_of_other_devices_mean_nothing(data):
 
 @given(st.lists(st.binary(max_size=30), max_size=5))
 def test_no_bytes_make_identification_raise(chunks):
-    framer = Framer()
-    items = [item for chunk in chunks for item in framer.feed(chunk)]
-    assert identify(iter(items)) in {None, "streamed", "polled"}
+    assert identify(iter(heard(*chunks))) in {None, "streamed", "polled"}
 
 
 @pytest.mark.parametrize("name", DIALECTS)
@@ -81,20 +93,21 @@ def test_a_whole_connect_decodes_to_its_meanings_however_it_is_cut(
     items = each_way(data)
     assert chunked(taken.received) == chunked([data])
     assert [repr(DIALECTS[name].decode(item)) for item in items] == taken.meanings
-    assert identify(items) == name
+    assert identified(data) == name
 
 
 def test_the_streamed_connect_shows_a_board_that_may_be_moved(capture):
     items = Framer().feed(b"".join(capture("connect-streamed").received))
     answers = [DIALECTS["streamed"].decode(item) for item in items]
-    settings = board_settings(answers)
-    assert settings.is_complete
-    assert problems(settings, PROFILES["520"]) == ()
+    settings = {said.name: said.value for said in answers if isinstance(said, Setting)}
+    settings["version"] = "1.7.3"
+    assert is_complete(DIALECTS["streamed"].settings, settings)
+    assert DIALECTS["streamed"].findings(settings, PROFILES["520"]).unfit == ()
     assert VersionLine(version="1.7.3", after_reset=True) in answers
 
 
 @pytest.mark.parametrize("name", DIALECTS)
 def test_a_connect_sends_the_stop_before_anything_else(capture, name):
     sent = capture(f"connect-{name}").sent
-    assert tuple(sent[:3]) == (RESYNC, *CONNECT_STOP)
+    assert sent[:3] == [words for words in itertools.chain(*connect_stop()) if words]
     assert sent[3] == DIALECTS["streamed"].probe

@@ -4,7 +4,7 @@ from random import Random
 
 import pytest
 
-from yahboomd.simulation.flash import tuning
+from yahboomd.simulation.four_channel.flash import tuning
 from yahboomd.simulation.motors import FAULTS, HEALTHY, PWM_MAX
 from yahboomd.simulation.options import PLAIN_GAIN, QUICK_GAIN, FlashContent, SimulationOptions
 from yahboomd.simulation.plant import Plant

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, cast
 
 import msgspec
 
-from yahboomd.protocol.settings import EDGES_PER_LINE
+from yahboomd.protocol.profiles import EDGES_PER_LINE
 from yahboomd.simulation.options import (
     Corner,
     DialectName,

@@ -8,8 +8,8 @@ from pydantic import Field
 
 from yahboomd.config.values import Choice, MotorName, Positive, Section
 from yahboomd.drive.kinematics import KINEMATICS
+from yahboomd.protocol.profiles import PROFILES
 from yahboomd.protocol.registry import DIALECTS
-from yahboomd.protocol.settings import PROFILES
 
 CUSTOM = "custom"
 """The profile whose figures stand in the configuration."""

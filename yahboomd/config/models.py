@@ -24,7 +24,8 @@ from yahboomd.config.values import Section
 from yahboomd.drive.arbitration import Source
 from yahboomd.drive.kinematics import KINEMATICS
 from yahboomd.model import Kinematics, Motor
-from yahboomd.protocol.settings import EDGES_PER_LINE, PROFILES, MotorProfile, custom_profile
+from yahboomd.protocol.custom_profile import custom_profile
+from yahboomd.protocol.profiles import EDGES_PER_LINE, PROFILES, MotorProfile
 
 WHEELS: dict[str, tuple[str, ...]] = {
     name: build(separation_m=1.0, base_m=1.0).wheels for name, build in KINEMATICS.items()

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from yahboomd.config.hardware import CUSTOM, PRESETS, Chassis, given_motors
 from yahboomd.config.models import WHEELS, Config
 from yahboomd.config.values import ENDPOINT, HOST_AND_PORT, Place, dotted, is_topic, number
-from yahboomd.protocol.settings import NO_ENCODER_TYPE
+from yahboomd.protocol.profiles import NO_ENCODER_TYPE
 
 POLL_BYTES = 57
 """On the wire for one poll: ``$read#``, an answer of 30 bytes and a speed frame of 21."""

@@ -36,6 +36,8 @@ from yahboomd.link.handshake import Identity
 from yahboomd.link.session import Session
 from yahboomd.model import Counts, EncoderReading, Event, Matrix3, Pose2d
 from yahboomd.odometry.odometer import Odometer
+from yahboomd.protocol.dialect import Units
+from yahboomd.protocol.settings import VERSION
 
 SOONEST_S = 0.002
 """Extra control steps, for commands that arrive, are at least so far apart: more than the board
@@ -274,7 +276,7 @@ class Controller:
         else:
             self._holds.drop(BOARD_UNFIT)
         self._wait("The board is connected; waiting for its first counts.")
-        version = identity.settings.version if identity.settings else None
+        version = identity.settings.get(VERSION) if identity.settings else None
         words = f"Connected to {session.port_name}: dialect {identity.dialect.name}" + (
             f", firmware {version}." if version else "."
         )
@@ -312,7 +314,7 @@ class Controller:
             self._outputs.changed()
         self._outputs.estimate(estimate, self._wheels.command_m_s)
 
-    def sent(self, units: Counts | None) -> None:
+    def sent(self, units: Units | None) -> None:
         """Wheels are held against a command from the moment at which it was written."""
         self._wheels.sent(units, self._clock.now_ns())
 

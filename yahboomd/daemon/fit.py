@@ -6,13 +6,13 @@ from typing import Literal
 
 import msgspec
 
-from yahboomd.drive.channels import wheel_limits
 from yahboomd.drive.faults import Fault
 from yahboomd.drive.limiter import AxisLimits
 from yahboomd.errors import BoardError
 from yahboomd.link.handshake import Identity
 from yahboomd.model import Kinematics, Motor
-from yahboomd.protocol.settings import MotorProfile, problems, units_per_m_s
+from yahboomd.protocol.dialect import Motion
+from yahboomd.protocol.profiles import MotorProfile
 
 
 class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
@@ -59,19 +59,19 @@ class Fit(msgspec.Struct, frozen=True, kw_only=True):
     """What follows from a board's settings.
 
     Attributes:
-        units: For each motor, command units for 1 m/s at the rim; empty where it must not move.
+        motion: How the board turns the wheels; None where it must not move.
         wheel_limits: The fastest that each wheel can be commanded to turn, m/s.
         wrong: Why its wheels must not turn, a sentence each with the remedy; empty where they may.
     """
 
-    units: tuple[float, ...]
+    motion: Motion | None
     wheel_limits: tuple[float, ...]
     wrong: tuple[str, ...] = ()
 
 
 def no_board(kinematics: Kinematics) -> Fit:
     """The fit while no board is there: nothing can be commanded."""
-    return Fit(units=(), wheel_limits=(0.0,) * len(kinematics.wheels))
+    return Fit(motion=None, wheel_limits=(0.0,) * len(kinematics.wheels))
 
 
 def fit(
@@ -91,22 +91,13 @@ def fit(
         profile: Their kind.
         scale: The calibration multiplier of commands.
     """
-    settings = identity.settings
+    settings, dialect = identity.settings, identity.dialect
     nothing = no_board(kinematics)
-    wrong = problems(settings, profile) if settings is not None else ()
+    wrong = dialect.findings(settings, profile).unfit if settings is not None else ()
     if wrong:
         return msgspec.structs.replace(nothing, wrong=wrong)
     try:
-        units = tuple(
-            units_per_m_s(
-                settings,
-                radius_m=motor.radius_m,
-                ticks_per_revolution=motor.ticks_per_revolution,
-                scale=scale,
-            )
-            for motor in motors
-        )
+        motion = dialect.motion(kinematics, motors, settings, scale=scale)
     except BoardError as error:
         return msgspec.structs.replace(nothing, wrong=(str(error),))
-    limits = wheel_limits(kinematics, motors, units, identity.dialect.max_command)
-    return Fit(units=units, wheel_limits=limits)
+    return Fit(motion=motion, wheel_limits=motion.wheel_limits)

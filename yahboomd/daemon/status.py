@@ -12,6 +12,7 @@ from yahboomd.daemon.control import Controller
 from yahboomd.daemon.supervisor import Supervisor
 from yahboomd.messages.native import StatusSample
 from yahboomd.messages.status_fields import ZEROS
+from yahboomd.protocol.settings import VERSION
 
 
 class Status:
@@ -77,18 +78,9 @@ class Status:
         facts: dict[str, Any] = {"port": session.port_name, "dialect": identity.dialect.name}
         settings = identity.settings
         if settings is not None:
-            facts.update(
-                {
-                    "version": settings.version,
-                    "motor_type": settings.motor_type,
-                    "deadzone": settings.deadzone,
-                    "lines": settings.lines,
-                    "ratio": settings.ratio,
-                    "wheel_diameter_mm": settings.wheel_diameter_mm,
-                }
-            )
-            if settings.pid is not None:
-                facts.update(zip(("p", "i", "d"), settings.pid, strict=True))
+            facts[VERSION] = settings.get(VERSION)
+            for row in identity.dialect.settings:
+                facts.update(row.facts(settings.get(row.field)))
         if self._controller.volts is not None:
             facts["volts"] = self._controller.volts
         return facts

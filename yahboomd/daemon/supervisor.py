@@ -62,13 +62,13 @@ class _Told(Progress):
         self._tell = tell
 
     def step(self, step: Step, has: BoardSettings) -> None:  # noqa: ARG002 (the seam's shape)
-        frame = step.write.frame.decode("ascii")
+        what = step.write.text
         if step.outcome == "stored":
-            words = f"Stored {frame} in the board's flash (board.write_settings)."
+            words = f"Stored {what} in the board's flash (board.write_settings)."
             event = Event(kind="setting_stored", severity="info", message=words)
         else:
             said = f", which said {step.answer!r}" if step.answer else ""
-            words = f"The board does not store {frame}{said}. Try `yahboomd probe --write`."
+            words = f"The board does not store {what}{said}. Try `yahboomd probe --write`."
             event = Event(kind="setting_not_stored", severity="error", message=words)
         self._tell(event)
 

@@ -12,12 +12,13 @@ from typing import Literal, Protocol
 
 from yahboomd.clock import nanoseconds
 from yahboomd.daemon.fit import Fit, no_board
-from yahboomd.drive.channels import channel_commands, motor_speeds
 from yahboomd.drive.faults import Fault
+from yahboomd.drive.kinematics import motor_speeds
 from yahboomd.drive.standing import turning
 from yahboomd.drive.stop_watch import StopWatch
 from yahboomd.drive.wheels_check import WheelsCheck
-from yahboomd.model import Counts, Kinematics, Motor
+from yahboomd.model import Kinematics, Motor
+from yahboomd.protocol.dialect import Units
 
 STOP_REPEAT_S = 0.1
 """How often an immediate stop is said before everything else until the counters obey."""
@@ -41,7 +42,7 @@ AtRest = Literal["hold", "release"]
 class Board(Protocol):
     """What a session with the board does for its wheels."""
 
-    def drive(self, units: Counts) -> None:
+    def drive(self, units: Units) -> None:
         """Say these speeds until others replace them."""
         ...
 
@@ -113,7 +114,7 @@ class Wheels:
         self.zeros = (0.0,) * len(motors)
         self.command_m_s = self.zeros
         self.measured_m_s: tuple[float, ...] | None = None
-        self._said: tuple[Counts, tuple[float, ...]] = ((0, 0, 0, 0), self.zeros)
+        self._said: tuple[Units, tuple[float, ...]] = ((), self.zeros)
 
     # The board comes and goes.
 
@@ -177,7 +178,7 @@ class Wheels:
         if board is None:
             self.command_m_s = self.zeros
             return None
-        if not self.fit.units:
+        if self.fit.motion is None:
             # A person who leans on a wheel wakes the speed loop of a board with such settings,
             # even at a commanded zero: it is sent no speed at all.
             if not self._released:
@@ -232,11 +233,11 @@ class Wheels:
         self._counters["cuts"] += 1
         self.release(now_ns)
 
-    def sent(self, units: Counts | None, now_ns: int) -> None:
+    def sent(self, units: Units | None, now_ns: int) -> None:
         """Hold the wheels against what was written to the port, and against nothing else.
 
         Args:
-            units: The speeds of all positions, as the board takes them; ``None``: let go.
+            units: The motion, as the board takes it; ``None``: let go.
             now_ns: When.
         """
         said, speeds_m_s = self._said
@@ -318,7 +319,7 @@ class Wheels:
 
     def _say(self, speeds: tuple[float, ...]) -> None:
         self.command_m_s = motor_speeds(self._motors, speeds)
-        if self._board is not None and self.fit.units:
-            units = channel_commands(self._motors, speeds, self.fit.units)
+        if self._board is not None and self.fit.motion is not None:
+            units = self.fit.motion.units(speeds)
             self._said = (units, self.command_m_s)
             self._board.drive(units)

@@ -11,7 +11,7 @@ import math
 from typing import TYPE_CHECKING, Protocol
 
 from yahboomd.errors import ConfigError
-from yahboomd.model import Kinematics, Twist2d
+from yahboomd.model import Kinematics, Motor, Twist2d
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -113,6 +113,11 @@ def wheel_speeds(kinematics: Kinematics, twist: Twist2d) -> tuple[float, ...]:
     vx, vy, wz = twist.vx, twist.vy, twist.wz
     # A list costs half of a generator, here and below: this runs in every control step.
     return tuple([fx * vx + fy * vy + fw * wz for fx, fy, fw in kinematics.inverse])
+
+
+def motor_speeds(motors: Sequence[Motor], speeds: Sequence[float]) -> tuple[float, ...]:
+    """The rim speed of each motor's wheel, m/s, positive forward, from the speeds of the wheels."""
+    return tuple([speeds[motor.wheel] for motor in motors])
 
 
 def desaturate(speeds: Sequence[float], limits: Sequence[float]) -> tuple[tuple[float, ...], float]:

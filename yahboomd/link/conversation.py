@@ -15,9 +15,9 @@ import msgspec
 from yahboomd.clock import Clock, nanoseconds, sleep_until
 from yahboomd.errors import PortLost
 from yahboomd.link import handshake
-from yahboomd.link.handshake import Ears
 from yahboomd.link.port import Port
 from yahboomd.link.port_errors import lost, takes_no_output
+from yahboomd.link.reception import Ears, Reception
 from yahboomd.link.standstill import StandstillWatch
 from yahboomd.link.start_notices import StartNotices
 from yahboomd.link.stopping import DRAIN_S, StopReport, bring_to_rest, stop_unidentified
@@ -27,11 +27,11 @@ from yahboomd.protocol.dialect import (
     Battery,
     Decoded,
     Dialect,
+    FramerCounters,
+    Item,
     Totals,
 )
-from yahboomd.protocol.framing import Framer, FramerCounters
 from yahboomd.protocol.settings import BoardSettings
-from yahboomd.protocol.texts import decode_text
 
 T = TypeVar("T")
 
@@ -75,8 +75,7 @@ class Conversation:
     ) -> None:
         self._port = port
         self._clock = clock
-        self._framer = Framer()
-        self._ears: Ears | None = None
+        self._reception = Reception(self._understand)
         self._writer: Writer | None = None
         self._writing: asyncio.Task[None] | None = None
         self._notices = StartNotices()
@@ -85,7 +84,7 @@ class Conversation:
         self.watch = StandstillWatch(still_ticks_per_s)
         self.dialect: Dialect | None = None
         self.ticks: Counts | None = None
-        self.heard = Heard(counters=self._framer.counters)
+        self.heard = Heard(counters=self._reception.counters)
         self.report: StopReport | None = None
 
     async def __aenter__(self) -> Self:
@@ -138,6 +137,9 @@ class Conversation:
         )
         self._writing = asyncio.create_task(self._writer.run(), name="conversation-writer")
         self.dialect = dialect
+        for decoded in self._reception.choose(dialect):
+            self._notice_start(decoded)
+        self.heard.counters = self._reception.counters
         return dialect
 
     async def request(
@@ -189,7 +191,8 @@ class Conversation:
         assert self.dialect is not None, "identify comes first"
         frames = self.dialect.arm if self.dialect.poll is None else (self.dialect.poll,)
         for _ in range(ASK_ATTEMPTS):
-            for frame in frames:
+            # A board that counts unasked gets no question, and is waited for the same way.
+            for frame in frames or (b"",):
                 if await self.request(frame, _is_totals, COUNTERS_WITHIN_S):
                     return self.ticks
         return None
@@ -236,29 +239,26 @@ class Conversation:
     # What comes in.
 
     def _data(self, data: bytes) -> None:
-        now_ns = self._clock.now_ns()
         if len(self.heard.start) < KEPT_BYTES:
             self.heard.start = (self.heard.start + data)[:KEPT_BYTES]
-        for item in self._framer.feed(data):
-            if self._ears is not None:
-                self._ears(item)
-            dialect = self.dialect
-            if dialect is not None:
-                decoded = dialect.decode(item)
-                if isinstance(decoded, Totals):
-                    self.ticks = decoded.ticks
-                    self.watch.see(decoded.ticks, now_ns - item.trailing * self._port.byte_ns)
-            else:
-                decoded = decode_text(getattr(item, "text", ""))
-            if self._notices.judge(decoded) != "none":
-                # Maybe an answer that lost its first line; the counters tell, where it matters.
-                self.heard.resets += 1
-                self.watch.forget()
-            if self._writer is not None:
-                self._writer.heard(decoded)
+        self._reception.take(data, self._clock.now_ns())
+
+    def _understand(self, decoded: Decoded, item: Item, now_ns: int) -> None:
+        if isinstance(decoded, Totals):
+            self.ticks = decoded.ticks
+            self.watch.see(decoded.ticks, now_ns - item.trailing * self._port.byte_ns)
+        self._notice_start(decoded)
+        if self._writer is not None:
+            self._writer.heard(decoded)
+
+    def _notice_start(self, decoded: Decoded) -> None:
+        if self._notices.judge(decoded) != "none":
+            # Maybe an answer that lost its first line; the counters tell, where it matters.
+            self.heard.resets += 1
+            self.watch.forget()
 
     def _hear(self, ears: Ears | None) -> None:
-        self._ears = ears
+        self._reception.ears = ears
 
     def _lost(self, error: Exception | None) -> None:
         if not self._gone.done():

@@ -19,11 +19,13 @@ from yahboomd.link.session import Opener
 from yahboomd.protocol.dialect import (
     CommandLost,
     Decoded,
+    Dialect,
     Reply,
     SettingWrite,
     VersionLine,
 )
 from yahboomd.protocol.settings import BoardSettings
+from yahboomd.protocol.settings import writes as settings_writes
 
 Outcome: TypeAlias = Literal["stored", "refused", "failed"]
 
@@ -71,7 +73,9 @@ class Storing(msgspec.Struct, frozen=True, kw_only=True):
 class Progress:
     """Hears how storing goes on; override what is of interest."""
 
-    def begins(self, writes: tuple[SettingWrite, ...], had: BoardSettings) -> None:
+    def begins(
+        self, dialect: Dialect, writes: tuple[SettingWrite, ...], had: BoardSettings
+    ) -> None:
         """These values differ and will be stored."""
 
     def step(self, step: Step, has: BoardSettings) -> None:
@@ -99,13 +103,13 @@ async def store(
     talk = Conversation(await opener(), clock)
     async with talk:
         dialect = await talk.identify()
-        if dialect.read_settings is None:
+        if not dialect.read_settings:
             raise BoardStoresNothing(
                 f"{talk.port_name}: a board of the {dialect.name} dialect stores no settings."
             )
         had = await _read(talk, want)
-        writes = dialect.write_settings(had, want)
-        progress.begins(writes, had)
+        writes = settings_writes(dialect.settings, had, want)
+        progress.begins(dialect, writes, had)
         has = had
         steps: list[Step] = []
         if writes:
@@ -154,7 +158,7 @@ async def _store_one(
         answer = _words(said) or answer
         # Whatever it said: what it stores now is what counts.
         has = await _read(talk, want)
-        if write.frame not in {each.frame for each in talk.dialect.write_settings(has, want)}:
+        if write not in settings_writes(talk.dialect.settings, has, want):
             outcome = "stored"
         elif any(isinstance(each, Reply) and not each.ok for each in said):
             outcome = "refused"

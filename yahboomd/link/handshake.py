@@ -15,18 +15,25 @@ import msgspec
 from yahboomd.clock import Clock, nanoseconds, sleep_until
 from yahboomd.errors import BoardError, BoardSilent
 from yahboomd.link.port import Port
+from yahboomd.link.reception import Ears
 from yahboomd.link.writer import Writer
-from yahboomd.protocol.dialect import Decoded, Dialect, Setting, SettingValue, VersionLine
-from yahboomd.protocol.framing import RESYNC, Frame, TextLine
+from yahboomd.protocol.dialect import (
+    Decoded,
+    Dialect,
+    Item,
+    Setting,
+    SettingValue,
+    VersionLine,
+)
 from yahboomd.protocol.registry import DIALECTS
 from yahboomd.protocol.registry import identify as recognise
-from yahboomd.protocol.settings import BoardSettings
+from yahboomd.protocol.settings import VERSION, BoardSettings, is_complete
 
 ATTEMPTS = 3
 """How often a silent board is asked who it is."""
 
 ANSWER_WITHIN_S = 0.25
-"""The longest answer, ``$read_flash#``'s, is begun in under 20 ms and takes 15 ms more."""
+"""The longest answer is begun in under 20 ms and takes 15 ms more."""
 
 QUIET_S = 0.02
 QUIET_WITHIN_S = 0.1
@@ -34,8 +41,6 @@ QUIET_WITHIN_S = 0.1
 SETTINGS_WITHIN_S = 0.2
 
 SETTINGS_ATTEMPTS = 10
-
-Ears = Callable[[Frame | TextLine], None]
 
 
 class Identity(msgspec.Struct, frozen=True, kw_only=True):
@@ -55,7 +60,6 @@ async def identify(
     clock: Clock,
     wanted: str,
     hear: Callable[[Ears | None], None],
-    said: list[Decoded] | None = None,
 ) -> Dialect:
     """Find out which dialect the board speaks.
 
@@ -64,52 +68,56 @@ async def identify(
         clock: What tells the time.
         wanted: ``auto``, or the only dialect to accept.
         hear: Sets (or clears) who hears what comes.
-        said: Takes what the board said on being asked: its settings may be among it.
 
     Raises:
         BoardSilent: Nothing answered like a board.
         BoardError: It answered in the other dialect than the configured one.
     """
-    items: list[Frame | TextLine] = []
+    items: list[tuple[str, Item]] = []
     news = asyncio.Event()
 
-    def ears(item: Frame | TextLine) -> None:
-        items.append(item)
+    def ears(found_by: str, item: Item) -> None:
+        items.append((found_by, item))
         news.set()
 
     hear(ears)
     try:
-        for _ in range(ATTEMPTS):
-            for dialect in DIALECTS.values():
-                question = RESYNC + dialect.probe
-                port.write(question)
-                sent_ns = len(question) * port.byte_ns
-                deadline_ns = clock.now_ns() + sent_ns + nanoseconds(ANSWER_WITHIN_S)
-                name = await _recognised(items, news, clock, deadline_ns)
-                if name is not None:
-                    if wanted not in {"auto", name}:
-                        raise BoardError(
-                            f"{port.name}: the board speaks the {name} dialect, and the "
-                            f"configuration says {wanted}.",
-                            remedy=f'Set serial.dialect = "auto" or "{name}".',
-                        )
-                    # The board is deaf until it has said all of its answer.
-                    await _quiet(news, clock)
-                    if said is not None:
-                        said.extend(map(DIALECTS[name].decode, items))
-                    return DIALECTS[name]
+        # Boards that report by themselves first: what others are asked might not suit them.
+        name = None
+        if listen_ns := max(dialect.listen_ns for dialect in DIALECTS.values()):
+            name = await _recognised(items, news, clock, clock.now_ns() + listen_ns)
+        questions = [each.resync + each.probe for each in DIALECTS.values() if each.probe]
+        for question in questions * ATTEMPTS:
+            if name is not None:
+                break
+            port.write(question)
+            sent_ns = len(question) * port.byte_ns
+            deadline_ns = clock.now_ns() + sent_ns + nanoseconds(ANSWER_WITHIN_S)
+            name = await _recognised(items, news, clock, deadline_ns)
+        if name is not None:
+            if wanted not in {"auto", name}:
+                raise BoardError(
+                    f"{port.name}: the board speaks the {name} dialect, and the "
+                    f"configuration says {wanted}.",
+                    remedy=f'Set serial.dialect = "auto" or "{name}".',
+                )
+            # The board is deaf until it has said all of its answer.
+            await _quiet(news, clock)
+            return DIALECTS[name]
     finally:
         hear(None)
-    heard = f"{len(items)} lines that are none of a board's" if items else "nothing"
+    counts = Counter(found_by for found_by, _ in items)
+    heard = f"{max(counts.values())} lines that are none of a board's" if items else "nothing"
+    titles = " or ".join(dict.fromkeys(dialect.title for dialect in DIALECTS.values()))
     raise BoardSilent(
         f"{port.name}: no board answers here; heard {heard}.",
-        remedy="Is it powered, is this its port, is the baud rate 115200, is it a Yahboom "
-        "4-channel driver? No counts come, so whether its wheels stand is unknown: look at them.",
+        remedy=f"Is it powered, is this its port, is the baud rate the board's, is it a {titles}? "
+        "No counts come, so whether its wheels stand is unknown: look at them.",
     )
 
 
 async def _recognised(
-    items: list[Frame | TextLine], news: asyncio.Event, clock: Clock, deadline_ns: int
+    items: list[tuple[str, Item]], news: asyncio.Event, clock: Clock, deadline_ns: int
 ) -> str | None:
     """The dialect, as soon as what was heard tells it."""
     alarm = clock.alarm(news.set)
@@ -144,8 +152,8 @@ async def read_settings(
 ) -> BoardSettings | None:
     """What the board keeps in flash; ``None`` for a dialect that cannot tell.
 
-    The answer has no check of any kind, and a lost digit makes ``Pulse_Line:1`` of 11: the wheels
-    would turn eleven times too fast. So a value that speed depends on is believed when it is the
+    An answer may have no check of any kind, and a lost digit that makes 1 encoder line of 11 turns
+    the wheels eleven times too fast. So a value that speed depends on is believed when it is the
     expected one, or when it was said twice.
 
     Args:
@@ -158,25 +166,25 @@ async def read_settings(
     Raises:
         BoardSilent: It was asked often enough and did not answer all questions.
     """
-    if dialect.read_settings is None:
+    if not dialect.read_settings:
         return None
-    votes: Counter[tuple[str, SettingValue | str]] = Counter()
+    votes: Counter[tuple[str, SettingValue]] = Counter()
 
     def hear(decoded: Decoded) -> bool:
         if isinstance(decoded, Setting):
             votes[decoded.name, decoded.value] += 1
         elif isinstance(decoded, VersionLine):
-            votes["version", decoded.version] += 1
-        # The gains are the answer's last line, whatever became of the others.
-        return isinstance(decoded, Setting) and decoded.name == "pid"
+            votes[VERSION, decoded.version] += 1
+        return isinstance(decoded, Setting | VersionLine) and decoded.last
 
     for decoded in heard:
         hear(decoded)
     for _ in range(SETTINGS_ATTEMPTS):
-        settings = _believed(votes, expected)
-        if settings.is_complete:
+        settings = _believed(dialect, votes, expected)
+        if is_complete(dialect.settings, settings):
             return settings
-        await writer.request(dialect.read_settings, hear, SETTINGS_WITHIN_S)
+        for question in dialect.read_settings:
+            await writer.request(question, hear, SETTINGS_WITHIN_S)
     raise BoardSilent(
         f"{port_name}: the board does not tell its settings, and without them no wheel may turn.",
         remedy="Is the cable long or noisy? Try `yahboomd probe`.",
@@ -184,14 +192,12 @@ async def read_settings(
 
 
 def _believed(
-    votes: Counter[tuple[str, SettingValue | str]], expected: BoardSettings
+    dialect: Dialect, votes: Counter[tuple[str, SettingValue]], expected: BoardSettings
 ) -> BoardSettings:
-    settings = BoardSettings()
+    steering = {row.field for row in dialect.settings if row.steers}
     # The most said last, so that it stays.
-    for (name, value), count in sorted(votes.items(), key=lambda vote: vote[1]):
-        if name not in _SPEED_DEPENDS_ON or count >= 2 or value == getattr(expected, name):
-            settings = settings.with_value(name, value)
-    return settings
-
-
-_SPEED_DEPENDS_ON = frozenset({"motor_type", "lines", "ratio", "wheel_diameter_mm"})
+    return {
+        name: value
+        for (name, value), count in sorted(votes.items(), key=lambda vote: vote[1])
+        if name not in steering or count >= 2 or value == expected.get(name)
+    }

@@ -23,9 +23,6 @@ REARM_AFTER_S = 0.25
 WATCH_NS = 50_000_000
 """To see that a stream still comes, one need not look at the rate at which others are polled."""
 
-UNHEARD_REPEATS = 3
-"""A command without an answer, which a noisy line may lose, is sent so often."""
-
 SILENT_AFTER_S = 1.0
 """No counts for so long: the board is gone, whatever the port says."""
 
@@ -153,8 +150,5 @@ class Poller:
         """Tell the board how to count, and to send what it counts."""
         self._rearmed_ns = self._clock.now_ns()
         self._on_armed()
-        # A stream that does not come is noticed and armed again; of a motor type that got lost
-        # nothing tells but wheels that do not turn, so it is said more than once.
-        repeats = 1 if self._dialect.poll is None else UNHEARD_REPEATS
-        for frame in self._dialect.arm * repeats:
+        for frame in self._dialect.arm:
             self._writer.tell(frame)

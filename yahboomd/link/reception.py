@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 
 from yahboomd.link.gathering import Gathering
 from yahboomd.link.port import Port
-from yahboomd.protocol.dialect import Decoded, Dialect, Totals
-from yahboomd.protocol.framing import Frame, Framer, TextLine
+from yahboomd.protocol.dialect import Decoded, Dialect, FramerCounters, Item, Totals
+from yahboomd.protocol.registry import DIALECTS
 
-Understand = Callable[[Decoded, Frame | TextLine, int], None]
+KEPT_ITEMS = 256
+"""Of what comes before the dialect is known the latest so many are kept."""
+
+Ears = Callable[[str, Item], None]
+"""Hears what the framer of a dialect, named first, has found."""
+
+Understand = Callable[[Decoded, Item, int], None]
 """Takes what the board said, the frame or line that it said it in, and when its chunk came."""
 
 
@@ -19,19 +26,37 @@ class Reception:
     Args:
         understand: Takes what the board said, once its dialect is known.
 
+    Until the dialect is known the framers of all of them cut the same bytes.
+
     Attributes:
-        dialect: What it is decoded with; nothing is, before it is known.
-        ears: Hears frames and lines before they are decoded, to find out the dialect.
+        ears: Hears frames and lines of every dialect before one is known, to find it out.
     """
 
     def __init__(self, understand: Understand) -> None:
         self._understand = understand
-        self._framer = Framer()
+        self._framers = {name: dialect.framer() for name, dialect in DIALECTS.items()}
+        self._framer = next(iter(self._framers.values()))
+        self._dialect: Dialect | None = None
         self._port: Port | None = None
         self._gathering: Gathering | None = None
-        self._last: tuple[str, str, Decoded] | None = None
-        self.dialect: Dialect | None = None
-        self.ears: Callable[[Frame | TextLine], None] | None = None
+        self._before: deque[tuple[str, Item]] = deque(maxlen=KEPT_ITEMS)
+        self.ears: Ears | None = None
+
+    def choose(self, dialect: Dialect) -> list[Decoded]:
+        """Decode in this dialect from now on.
+
+        Returns:
+            What the board has said before, which could not be understood.
+        """
+        self._dialect = dialect
+        self._framer = self._framers[dialect.name]
+        before, self._before = self._before, deque(maxlen=0)
+        return [dialect.decode(item) for found_by, item in before if found_by == dialect.name]
+
+    @property
+    def counters(self) -> FramerCounters:
+        """The framer's."""
+        return self._framer.counters
 
     def facts(self) -> dict[str, int]:
         """The framer's counters."""
@@ -46,8 +71,8 @@ class Reception:
 
     def gather(self, port: Port) -> None:
         """Counts come in a known dialect from now on: whole lines of them may be waited for."""
-        assert self.dialect is not None
-        self._port, self._gathering = port, Gathering(len(self.dialect.line_end))
+        assert self._dialect is not None
+        self._port, self._gathering = port, Gathering(len(self._dialect.line_end))
 
     def stop_gathering(self) -> None:
         """Every byte is to be heard as it comes."""
@@ -57,13 +82,12 @@ class Reception:
 
     def take(self, data: bytes, now_ns: int) -> None:
         """A chunk came from the port."""
-        gathering = self._gathering
+        dialect, gathering = self._dialect, self._gathering
+        if dialect is None:
+            self._listen(data)
+            return
         for item in self._framer.feed(data):
-            if self.ears is not None:
-                self.ears(item)
-            if self.dialect is None:
-                continue
-            decoded = self._decode(self.dialect, item)
+            decoded = dialect.decode(item)
             self._understand(decoded, item, now_ns)
             if (
                 gathering is not None
@@ -79,13 +103,9 @@ class Reception:
         if self._port is not None and self._gathering is not None:
             self._port.gather(self._gathering.least)
 
-    def _decode(self, dialect: Dialect, item: Frame | TextLine) -> Decoded:
-        if isinstance(item, TextLine):
-            return dialect.decode(item)
-        # A board that streams says the same counts two to four times.
-        last = self._last
-        if last is not None and item.args == last[1] and item.name == last[0]:
-            return last[2]
-        decoded = dialect.decode(item)
-        self._last = (item.name, item.args, decoded)
-        return decoded
+    def _listen(self, data: bytes) -> None:
+        for name, framer in self._framers.items():
+            for item in framer.feed(data):
+                self._before.append((name, item))
+                if self.ears is not None:
+                    self.ears(name, item)

@@ -3,8 +3,7 @@
 After a daemon was killed its board drives on, and every millisecond until the first stop is
 distance. asyncio and pyserial take several times as long to import as Python itself takes to start,
 so the first words are said before either is there: this file imports what Python has loaded
-anyway, or nearly so. (That is also why it asks the time itself, and repeats two constants of the
-protocol, which a test compares.)
+anyway, or nearly so. (That is also why it asks the time itself.)
 
 :func:`yahboomd.link.port.adopt` takes the descriptor over: the port is opened once,
 since opening it toggles lines that the board wires to its reset.
@@ -21,12 +20,7 @@ import time
 from typing import NamedTuple
 
 from yahboomd.link.port_identity import Device, identify, same
-
-FIRST_WORDS = (b"\n" * 64 + b"$pwm:0,0,0,0#", b"$speed:0,0,0,0#")
-"""A resync and the surest stop of each dialect; what either board does not know does no harm."""
-
-SPACING_S = 0.020
-"""Between the two: the board may refuse what comes sooner."""
+from yahboomd.protocol.first_words import FIRST_WORDS, SPACING_S
 
 PATIENCE_S = 1.0
 """How long a held port is tried again: a process that is being killed still holds it for a moment.
@@ -182,10 +176,10 @@ def _make_raw(fd: int, baudrate: int, *, hangup_on_close: bool) -> None:
 def _speak(fd: int, baudrate: int) -> bool:
     """Say the first words one by one; whether the port held them up.
 
-    Of a burst the board keeps the last frame only, which may be the other dialect's.
+    Of a burst the board keeps the last frame only, which may be another dialect's.
     """
     held = False
-    for words in FIRST_WORDS:
+    for words in FIRST_WORDS.values():
         _send(fd, words)
         time.sleep(len(words) * 10 / baudrate + SPACING_S)
         deadline = time.monotonic() + SENT_WITHIN_S

@@ -22,7 +22,7 @@ from yahboomd.link.outbox import Lane
 from yahboomd.link.poller import Poller
 from yahboomd.link.port import Port
 from yahboomd.link.port_errors import lost, takes_no_output
-from yahboomd.link.reception import Reception
+from yahboomd.link.reception import Ears, Reception
 from yahboomd.link.standstill import StandstillWatch
 from yahboomd.link.start_notices import Notice, StartNotices
 from yahboomd.link.stopping import (
@@ -33,22 +33,23 @@ from yahboomd.link.stopping import (
     undisturbed,
 )
 from yahboomd.link.writer import Writer
-from yahboomd.model import NS_PER_S, Counts, EncoderReading, Event
+from yahboomd.model import NS_PER_S, EncoderReading, Event
 from yahboomd.protocol.dialect import (
     Battery,
     Decoded,
+    Item,
     Reply,
     Totals,
+    Units,
     Unrecognised,
     VersionLine,
 )
-from yahboomd.protocol.framing import Frame, TextLine
-from yahboomd.protocol.settings import PROFILES, MotorProfile
+from yahboomd.protocol.profiles import PROFILES, MotorProfile
 
 SETTINGS_LATEST_NS = 1_000_000_000
 """Until so long after the settings are read, answers to questions that were said twice may come."""
 
-STILL: Counts = (0, 0, 0, 0)
+STILL: Units = (0, 0, 0, 0)
 
 NOISY_DAMAGES = 5
 NOISY_NS = 10_000_000_000
@@ -103,7 +104,7 @@ class Listener(Protocol):
         """Counts arrived."""
         ...
 
-    def sent(self, units: Counts | None) -> None:
+    def sent(self, units: Units | None) -> None:
         """These speeds were written to the port just now; ``None``: the motors were let go."""
         ...
 
@@ -159,8 +160,8 @@ class Session:
         self._let_go = False
         self._damage = 0
         self._damaged_ns: deque[int] = deque(maxlen=DAMAGES_MOST)
-        self._velocity_units: Counts | None = None
-        self._stop_units: Counts | None = None
+        self._velocity_units: Units | None = None
+        self._stop_units: Units | None = None
         self._volts_heard = False
         self._stream_ran = False
         self._turning = False
@@ -170,7 +171,7 @@ class Session:
 
     # Commands to the wheels; each is written at once where the line is free.
 
-    def drive(self, units: tuple[int, int, int, int]) -> None:
+    def drive(self, units: Units) -> None:
         """Say these wheel speeds, in the board's units, until others replace them."""
         if self._writer is not None and self._identity is not None and not self._leaving:
             self._let_go = False
@@ -279,10 +280,7 @@ class Session:
         if not await stop_unidentified(port, self._clock):
             raise takes_no_output(port.name)
         profile = self._options.profile
-        heard: list[Decoded] = []
-        found = await handshake.identify(
-            port, self._clock, self._options.dialect, self._hear_raw, heard
-        )
+        found = await handshake.identify(port, self._clock, self._options.dialect, self._hear_raw)
         dialect = found.for_profile(profile)
         writer = Writer(
             port,
@@ -294,7 +292,7 @@ class Session:
         )
         # Known from here on: what comes is decoded, and a failure stops in the right dialect.
         self._identity = Identity(dialect=dialect, settings=None)
-        self._reception.dialect = dialect
+        heard = self._reception.choose(dialect)
         self._writer = writer
         self._vital.append(tasks.create_task(writer.run(), name="link-writer"))
         poller = Poller(
@@ -313,7 +311,8 @@ class Session:
         )
         self._settings_read_ns = self._clock.now_ns()
         self._identity = Identity(dialect=dialect, settings=settings)
-        poller.unbroken = self._stream_ran and dialect.poll is None
+        # A stream that needs no arming proves nothing: a reset does not end it.
+        poller.unbroken = self._stream_ran and dialect.poll is None and bool(dialect.arm)
         self._poller = poller
         self._reception.gather(port)
         poller.arm()
@@ -344,7 +343,7 @@ class Session:
             )
         )
 
-    def _hear_raw(self, ears: Callable[[Frame | TextLine], None] | None) -> None:
+    def _hear_raw(self, ears: Ears | None) -> None:
         """Let somebody hear what comes before it is understood (to find out the dialect)."""
         self._reception.ears = ears
 
@@ -408,7 +407,7 @@ class Session:
             damaged_ns.popleft()
         return len(damaged_ns)
 
-    def _understand(self, decoded: Decoded, item: Frame | TextLine, now_ns: int) -> None:
+    def _understand(self, decoded: Decoded, item: Item, now_ns: int) -> None:
         assert self._port is not None
         if isinstance(decoded, Totals):
             byte_ns = self._port.byte_ns

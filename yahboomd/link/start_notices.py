@@ -1,8 +1,8 @@
-"""Has the board started, or did it answer? Both show its version in a line of the same words.
+"""Has the board started, or did it answer? Both may show its version in the same words.
 
-Asked for its settings, a board says ``read_flash:OK!`` and then its version; one that starts says
-the version alone, or behind ``Reset MCU``. The first line of an answer may be lost on its way, so a
-version alone is a banner only where no answer can be on its way: the caller knows when it asked.
+Asked for its settings, such a board announces them and then says its version; one that starts says
+the version alone. The first line of an answer may be lost on its way, so a version alone is a
+banner only where no answer can be on its way: the caller knows when it asked.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ class StartNotices:
             ``unclear`` for a version alone: a banner, or an answer that lost its first line.
         """
         answering = self._answering
-        self._answering = isinstance(decoded, Reply) and decoded.command == "read_flash"
+        self._answering = isinstance(decoded, Reply) and decoded.settings_follow
         if not isinstance(decoded, VersionLine):
             return "none"
-        if decoded.after_reset:
-            return "start"
+        if decoded.after_reset is not None:
+            return "start" if decoded.after_reset else "none"
         return "none" if answering else "unclear"

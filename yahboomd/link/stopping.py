@@ -16,8 +16,7 @@ from yahboomd.clock import Clock, nanoseconds, seconds, sleep_until
 from yahboomd.link.port import Port
 from yahboomd.link.standstill import StandstillWatch
 from yahboomd.protocol.dialect import Dialect
-from yahboomd.protocol.framing import RESYNC
-from yahboomd.protocol.registry import CONNECT_SPACING_NS, CONNECT_STOP
+from yahboomd.protocol.registry import connect_spacing_ns, connect_stop
 
 STAND_WITHIN_S = 0.6
 """How long a braked wheel may take to stand before it is cut."""
@@ -32,7 +31,7 @@ GIVE_UP_S = 3.0
 """How long all of it may take where the port does not send: stalls of 2 s are outlasted."""
 
 UNIDENTIFIED_WITHIN_S = 1.0
-"""The same, for the two frames that stop a board whose dialect is not known."""
+"""The same, for the frames that stop a board whose dialect is not known."""
 
 RUNAWAY_TICKS_PER_S = 200.0
 """A wheel that gains so much while it is braked, and a quarter more than it had, is cut at once."""
@@ -86,6 +85,7 @@ class _LastWords:
     """Writes frames one at a time, on a port that may send late or not at all.
 
     Attributes:
+        spacing_ns: The gap between frames.
         gave_up: The port did not send in time: nothing that is written now can be relied on.
     """
 
@@ -94,6 +94,7 @@ class _LastWords:
         self._clock = clock
         self._until_ns = clock.now_ns() + nanoseconds(within_s)
         self._size = 0
+        self.spacing_ns = connect_spacing_ns()
         self.gave_up = False
 
     def write(self, frame: bytes) -> None:
@@ -104,7 +105,7 @@ class _LastWords:
     async def sent(self) -> bool:
         """Wait until it is on the wire and the board had time for it; whether it was held up."""
         size, self._size = self._size, 0
-        await self.pause(size * self._port.byte_ns + CONNECT_SPACING_NS)
+        await self.pause(size * self._port.byte_ns + self.spacing_ns)
         if not self._port.queued:
             return False
         while self._port.queued:
@@ -112,7 +113,7 @@ class _LastWords:
                 self.gave_up = True
                 return True
             await self.pause(LOOK_NS)
-        await self.pause(CONNECT_SPACING_NS)
+        await self.pause(self.spacing_ns)
         return True
 
     async def say(self, *frames: bytes) -> bool:
@@ -174,7 +175,7 @@ class _Watching:
                 arm_due_ns = now_ns + nanoseconds(REPEAT_S)
                 held = await words.say(*dialect.arm)
             else:
-                await words.pause(CONNECT_SPACING_NS)
+                await words.pause(words.spacing_ns)
             now_ns = self._clock.now_ns()
             if held:
                 # The board may have had it in one burst, of which it keeps the last.
@@ -186,15 +187,20 @@ class _Watching:
 
 
 async def stop_unidentified(port: Port, clock: Clock) -> bool:
-    """Stop a board whose dialect is not known: what either would obey, after a resync.
+    """Stop a board whose dialect is not known: what each would obey, after its resync.
 
     Returns:
         Whether the port sent it, within :data:`UNIDENTIFIED_WITHIN_S`.
     """
     words = _LastWords(port, clock, within_s=UNIDENTIFIED_WITHIN_S)
-    words.write(RESYNC)
-    if await words.say(*CONNECT_STOP):
-        await words.say(*CONNECT_STOP)
+    for _ in range(2):
+        held = False
+        for resync, stop in connect_stop():
+            if resync:
+                words.write(resync)
+            held |= await words.say(stop)
+        if not held:
+            break
     return not words.gave_up
 
 
@@ -217,8 +223,8 @@ async def bring_to_rest(
     words = _LastWords(port, clock, within_s=GIVE_UP_S)
     start_ns = clock.now_ns()
     watch.forget()
-    # Half a frame may be in the board's ear: inside a frame `$` is data. Newlines clear it.
-    words.write(RESYNC + brake)
+    # Half a frame may be in the board's ear, and would swallow the stop.
+    words.write(dialect.resync + brake)
     held = await words.sent()
     watching = _Watching(words, clock, dialect, watch)
     until_ns = await watching.until_still(brake, STAND_WITHIN_S, again=held)
@@ -227,14 +233,14 @@ async def bring_to_rest(
         held = await words.say(dialect.cut)
         if not braked:
             until_ns = await watching.until_still(dialect.cut, COAST_WITHIN_S, again=held)
-        await words.say(*dialect.disarm)
+    await words.say(*dialect.disarm)
     # A stop is the last word, and the last of a burst: said again where it was held up.
     if await words.say(dialect.cut or dialect.brake):
         await words.say(dialect.cut or dialect.brake)
     if words.gave_up:
-        # Dropping it may cut a frame in half, and half a frame swallows the stop: newlines first.
+        # Dropping it may cut a frame in half, and half a frame swallows the stop.
         port.discard()
-        port.write(RESYNC + (dialect.cut or dialect.brake))
+        port.write(dialect.resync + (dialect.cut or dialect.brake))
     flushed = await port.drain(DRAIN_S)
     return StopReport(
         stood=watch.standing if watch.speed is not None else None,

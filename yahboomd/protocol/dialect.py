@@ -1,25 +1,89 @@
-"""The seam: what a frame can mean, and what the rest of the house asks of a dialect.
+"""The seam: what a board's bytes can mean, and what the rest of the house asks of a dialect.
 
-A dialect is a pure value: it writes and reads bytes, it does no I/O and keeps no state.
+A dialect is a pure value: it writes and reads bytes, it does no I/O and keeps no state. It owns
+everything that is particular to its board; the rest of the house knows this file alone.
 
-A board that speaks otherwise is one more file that fulfils :class:`Dialect`, and one more row in
+A board that speaks otherwise is a folder with something that fulfils :class:`Dialect`, and a row in
 :mod:`yahboomd.protocol.registry`.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol, TypeAlias
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import msgspec
 
-from yahboomd.model import Counts
-from yahboomd.protocol.fields import FourFloats
+from yahboomd.model import Counts, Kinematics, Motor
 
 if TYPE_CHECKING:
-    from yahboomd.protocol.framing import Frame, TextLine
-    from yahboomd.protocol.settings import BoardSettings, MotorProfile
+    from yahboomd.protocol.profiles import MotorProfile
+    from yahboomd.protocol.settings import BoardSettings, StoredSetting
 
-SettingValue: TypeAlias = int | float | tuple[float, float, float]
+FourFloats: TypeAlias = tuple[float, float, float, float]
+SettingValue: TypeAlias = int | float | str | tuple[float, float, float]
+Units: TypeAlias = tuple[int, ...]
+"""A motion in the board's own units: four motors, or a body's velocity."""
+
+
+class Item(Protocol):
+    """Something whole that a framer found: a frame, or a line of text."""
+
+    @property
+    def size(self) -> int:
+        """Bytes on the wire."""
+        ...
+
+    @property
+    def trailing(self) -> int:
+        """Bytes of the same chunk behind it: they arrived later."""
+        ...
+
+
+class FramerCounters(msgspec.Struct, kw_only=True):
+    """What a framer has seen since it was made.
+
+    Every byte is accounted for once: ``bytes`` is the sum of the sizes of all items,
+    ``blank_bytes``, ``discarded_bytes`` and what is held.
+
+    Attributes:
+        bytes: All that came in.
+        frames: Frames handed out.
+        lines: Text lines handed out.
+        blank_bytes: Line ends behind frames, and empty lines.
+        discarded_bytes: Bytes that belonged to nothing whole.
+        broken_frames: Frames without their end, or with a checksum that is not theirs.
+        overlong: Frames or lines given up because they were longer than any true one.
+        bad_bytes: In a dialect of text, bytes that are none.
+    """
+
+    bytes: int = 0
+    frames: int = 0
+    lines: int = 0
+    blank_bytes: int = 0
+    discarded_bytes: int = 0
+    broken_frames: int = 0
+    overlong: int = 0
+    bad_bytes: int = 0
+
+
+class Framer(Protocol):
+    """Cuts what comes from a board into items; each connection has its own.
+
+    What comes out depends on the bytes, never on how they were cut into chunks, and no bytes
+    whatever raise or pile up.
+    """
+
+    counters: FramerCounters
+
+    @property
+    def held_bytes(self) -> int:
+        """Bytes of what is not whole yet."""
+        ...
+
+    def feed(self, data: bytes) -> Sequence[Item]:
+        """Take a chunk as it came from the port; return what it completes, in order."""
+        ...
 
 
 class Totals(msgspec.Struct, frozen=True, kw_only=True):
@@ -66,41 +130,45 @@ class Reply(msgspec.Struct, frozen=True, kw_only=True):
     """The board's answer to a command.
 
     Attributes:
-        command: The command's name as it is sent (``mtype``, ``flash_reset``), or ``""`` for a
-            refusal that names none.
+        command: The command's name as it is sent, or ``""`` for a refusal that names none.
         ok: Whether it was accepted. A value that the board accepts may still be nonsense.
         text: The answer, word for word.
+        settings_follow: The stored settings come next, the firmware's version among them.
     """
 
     command: str
     ok: bool
     text: str
+    settings_follow: bool = False
 
 
 class Setting(msgspec.Struct, frozen=True, kw_only=True):
     """One line of the stored settings.
 
     Attributes:
-        name: The field of :class:`~yahboomd.protocol.settings.BoardSettings` that it fills.
+        name: The field of the dialect's table of settings that it fills.
         value: In the board's units.
+        last: The answer ends with it, whatever became of its other lines.
     """
 
     name: str
     value: SettingValue
+    last: bool = False
 
 
 class VersionLine(msgspec.Struct, frozen=True, kw_only=True):
     """The firmware's version: part of the stored settings, or the banner of a board that starts.
 
-    Where the settings were not asked for it is a banner, and the counters run from zero again.
-
     Attributes:
         version: Such as ``1.7.3``.
-        after_reset: The line says itself that the board has reset (``Reset MCU`` before it).
+        after_reset: Whether the board has just reset: its counters run from zero again. None where
+            the words do not tell; then it is a banner unless the settings were asked for.
+        last: The answer ends with it.
     """
 
     version: str
-    after_reset: bool
+    after_reset: bool | None = None
+    last: bool = False
 
 
 class CommandLost(msgspec.Struct, frozen=True, kw_only=True):
@@ -119,7 +187,7 @@ class Unrecognised(msgspec.Struct, frozen=True, kw_only=True):
     """Something whole that means nothing in this dialect: corrupted, or new to us.
 
     Attributes:
-        text: The line, or the frame with its ``$`` and ``#``.
+        text: The line or the frame, to show.
     """
 
     text: str
@@ -136,6 +204,7 @@ class SettingWrite(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         frame: What to send, alone on the line, with the wheels at rest.
+        text: The same, to show.
         reply_to: The ``command`` of the :class:`Reply` that answers it.
         timeout_s: How long to wait; the board is deaf while it writes its flash.
         resets: The board restarts once the value is stored, and may give no reply: then the
@@ -143,13 +212,49 @@ class SettingWrite(msgspec.Struct, frozen=True, kw_only=True):
     """
 
     frame: bytes
+    text: str
     reply_to: str
     timeout_s: float
     resets: bool
 
 
+class Motion(Protocol):
+    """How a board turns the wheels of one robot."""
+
+    @property
+    def wheel_limits(self) -> tuple[float, ...]:
+        """The fastest that each wheel of the geometry can be commanded to turn, m/s."""
+        ...
+
+    def units(self, speeds: Sequence[float]) -> Units:
+        """The motion that turns the wheels of the geometry so fast, in the board's units.
+
+        Args:
+            speeds: Rim speed of each wheel, m/s.
+
+        Raises:
+            ValueError: A speed is not a finite number. Nothing that the bus can send leads here; a
+                mistake in the program must end in a stop, not in a number that the board misreads.
+        """
+        ...
+
+
+class Findings(msgspec.Struct, frozen=True, kw_only=True):
+    """What a board's stored settings mean for the configured motors, a sentence each.
+
+    Attributes:
+        unfit: Why its wheels must not turn, with the remedy.
+        wrong: What keeps it from driving well, with the remedy.
+        advice: What else is worth knowing.
+    """
+
+    unfit: tuple[str, ...] = ()
+    wrong: tuple[str, ...] = ()
+    advice: tuple[str, ...] = ()
+
+
 class Dialect(Protocol):
-    """What the rest asks of a dialect. All of it is data, but for the encoders and the decoder."""
+    """What the rest asks of a dialect: data, encoders, and a decoder."""
 
     @property
     def name(self) -> str:
@@ -157,34 +262,65 @@ class Dialect(Protocol):
         ...
 
     @property
-    def spacing_ns(self) -> int:
-        """The least gap from ``#`` to the next ``$`` behind a command that gets no answer."""
+    def title(self) -> str:
+        """What the board is called where it is sold."""
+        ...
+
+    # Bytes and what they mean.
+
+    def framer(self) -> Framer:
+        """A new framer, for one connection."""
         ...
 
     @property
-    def totals_spacing_ns(self) -> int:
-        """The same gap, enough while the board streams its totals alone, or nothing."""
-        ...
+    def resync(self) -> bytes:
+        """Brings the *board's* parser back to the start of a frame from any state.
 
-    @property
-    def max_frame_bytes(self) -> int:
-        """The longest frame that the board takes, ``$`` and ``#`` included."""
+        The next command may follow at once.
+        """
         ...
 
     @property
     def line_end(self) -> bytes:
-        """What the board sends behind the ``#`` of a frame; nothing, where it need not."""
+        """What follows a frame that is whole without it, for certain; nothing, where none does."""
+        ...
+
+    def decode(self, item: Any) -> Decoded:  # noqa: ANN401 - whatever its framer finds
+        """Say what an item of this dialect's framer means; never raises."""
+        ...
+
+    def recognises(self, item: Any) -> bool:  # noqa: ANN401 - whatever its framer finds
+        """Whether only a board of this dialect sends such an item."""
+        ...
+
+    # Who is there?
+
+    @property
+    def listen_ns(self) -> int:
+        """A board that reports unasked is heard within so long: before any board is asked; or 0."""
         ...
 
     @property
-    def sample_period_ns(self) -> int | None:
-        """How often the board renews its counters; None where an answer is always fresh."""
+    def probe(self) -> bytes | None:
+        """A question that only a board of this dialect answers with sense, and that harms none.
+
+        None where listening is enough.
+        """
+        ...
+
+    # What the line bears.
+
+    @property
+    def spacing_ns(self) -> int:
+        """The least gap from frame to frame behind a command that gets no answer."""
         ...
 
     @property
-    def max_command(self) -> int:
-        """The largest magnitude of a speed command, in command units."""
+    def totals_spacing_ns(self) -> int:
+        """The same gap, enough while the board sends its totals alone, or nothing."""
         ...
+
+    # Stopping.
 
     @property
     def brake(self) -> bytes:
@@ -196,19 +332,11 @@ class Dialect(Protocol):
         """Power off, whatever the speed loop does: the wheels coast. None where there is none."""
         ...
 
-    @property
-    def release(self) -> bytes | None:
-        """What lets the wheels turn freely once they stand; None where nothing does."""
-        ...
+    # The counters.
 
     @property
-    def leave(self) -> tuple[bytes, ...]:
-        """The last frames before the port closes, in order, ``spacing_ns`` apart."""
-        ...
-
-    @property
-    def probe(self) -> bytes:
-        """A harmless question that only a board of this dialect answers with sense."""
+    def sample_period_ns(self) -> int | None:
+        """How often the board renews its counters; None where an answer is always fresh."""
         ...
 
     @property
@@ -217,8 +345,16 @@ class Dialect(Protocol):
         ...
 
     @property
+    def poll_bytes(self) -> int:
+        """Bytes on the wire of a poll, its answer and a command; 0 where nothing is asked."""
+        ...
+
+    @property
     def arm(self) -> tuple[bytes, ...]:
-        """Makes the board ready to hand out counters; after each of its resets, again."""
+        """Makes the board hand out its counters; lost with its reset. May be nothing.
+
+        Each frame as often as it is to be sent.
+        """
         ...
 
     @property
@@ -226,49 +362,55 @@ class Dialect(Protocol):
         """Undoes ``arm``."""
         ...
 
+    # The supply, and what is stored.
+
     @property
     def battery(self) -> bytes | None:
-        """Asks for the voltage; None where the board does not tell it."""
+        """Asks for the voltage; None where the board does not tell it, or tells it unasked."""
         ...
 
     @property
-    def read_settings(self) -> bytes | None:
-        """Asks for the stored settings; None where there are none to read."""
+    def read_settings(self) -> tuple[bytes, ...]:
+        """Ask for the stored settings, one question after another; none where none are stored."""
         ...
 
     @property
-    def factory_reset(self) -> SettingWrite | None:
-        """Restores the settings that the board was sold with; None where nothing does."""
+    def settings(self) -> tuple[StoredSetting, ...]:
+        """The table of the stored settings, in the order in which they are written."""
         ...
 
-    def speeds(self, units: Counts) -> bytes:
-        """Command the speeds of the four positions.
+    def findings(self, settings: BoardSettings, profile: MotorProfile) -> Findings:
+        """What the stored settings mean for these motors."""
+        ...
+
+    # Motion.
+
+    def motion(
+        self,
+        kinematics: Kinematics,
+        motors: tuple[Motor, ...],
+        settings: BoardSettings | None,
+        *,
+        scale: float,
+    ) -> Motion:
+        """How this board turns these wheels.
 
         Args:
-            units: Command units, clamped to ``max_command``; positive is forward.
+            kinematics: The drive geometry.
+            motors: The configured motors.
+            settings: What the board stores; None where it stores nothing.
+            scale: The calibration multiplier of commands.
+
+        Raises:
+            BoardError: The stored settings leave unknown how fast it would turn them.
         """
         ...
 
-    def decode(self, item: Frame | TextLine) -> Decoded:
-        """Say what a frame or a line means; never raises."""
-        ...
-
-    def recognises(self, item: Frame | TextLine) -> bool:
-        """Whether only a board of this dialect says that."""
-        ...
-
-    def write_settings(self, have: BoardSettings, want: BoardSettings) -> tuple[SettingWrite, ...]:
-        """The writes that turn one set of stored values into another, in order.
+    def speeds(self, units: Units) -> bytes:
+        """Command a motion.
 
         Args:
-            have: What the board shows. A value that it did not show is not written.
-            want: What it should store; None leaves a value alone.
-
-        Returns:
-            One write for each value that differs, as far as the board can show it.
-
-        Raises:
-            ConfigError: If a wanted value must never be stored.
+            units: As :class:`Motion` gives them; clamped to what the board takes.
         """
         ...
 

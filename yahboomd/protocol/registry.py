@@ -5,39 +5,61 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final
 
-from yahboomd.protocol.dialect import Dialect
-from yahboomd.protocol.framing import Frame, TextLine
-from yahboomd.protocol.polled import Polled
-from yahboomd.protocol.streamed import Streamed
+from yahboomd.protocol.dialect import Dialect, Item
+from yahboomd.protocol.four_channel.polled import Polled
+from yahboomd.protocol.four_channel.streamed import Streamed
+from yahboomd.protocol.settings import BoardSettings
+from yahboomd.protocol.settings import check_storable as check
 
 DIALECTS: Final[dict[str, Dialect]] = {dialect.name: dialect for dialect in (Streamed(), Polled())}
-"""Every dialect, in the order in which a board is asked."""
-
-CONNECT_STOP: Final[tuple[bytes, ...]] = tuple(
-    dialect.cut or dialect.brake for dialect in DIALECTS.values()
-)
-"""The surest stop of each dialect: after a crash the wheels may still turn, whichever board it
-is. Behind :data:`~yahboomd.protocol.framing.RESYNC`, :data:`CONNECT_SPACING_NS` apart."""
-
-CONNECT_SPACING_NS: Final = max(dialect.spacing_ns for dialect in DIALECTS.values())
-"""The gap that no dialect minds."""
+"""Every dialect, in the order in which a board is stopped and asked."""
 
 
-def identify(items: Iterable[Frame | TextLine]) -> str | None:
+def connect_stop() -> tuple[tuple[bytes, bytes], ...]:
+    """For each dialect its resync and its surest stop, to be sent one after the other on any port.
+
+    After a crash the wheels may still turn, whichever board it is. :func:`connect_spacing_ns`
+    apart. A resync that the dialect before has already sent is left out.
+    """
+    words = []
+    before = b""
+    for dialect in DIALECTS.values():
+        resync = b"" if dialect.resync == before else dialect.resync
+        before = dialect.resync
+        words.append((resync, dialect.cut or dialect.brake))
+    return tuple(words)
+
+
+def connect_spacing_ns() -> int:
+    """The gap that no dialect minds."""
+    return max(dialect.spacing_ns for dialect in DIALECTS.values())
+
+
+def identify(heard: Iterable[tuple[str, Item]]) -> str | None:
     """Say which dialect a board speaks, from what it has sent.
 
-    Any answer in words means ``streamed``, a complaint about an unknown command too; so does a
-    stream that is still running. Counters that were asked for mean ``polled``. What has no meaning
-    in any dialect, such as the chatter of another device or half a frame, means nothing.
+    What has no meaning in any dialect, such as the chatter of another device or half a frame,
+    means nothing.
 
     Args:
-        items: All that came in since the first question.
+        heard: All that came in since the first question, with the name of the dialect whose framer
+            found it.
 
     Returns:
         A name in :data:`DIALECTS`, or None.
     """
-    seen = list(items)
+    seen = list(heard)
     for name, dialect in DIALECTS.items():
-        if any(dialect.recognises(item) for item in seen):
+        if any(dialect.recognises(item) for found_by, item in seen if found_by == name):
             return name
     return None
+
+
+def check_storable(want: BoardSettings) -> None:
+    """Refuse values that some board would accept and then run away with.
+
+    Raises:
+        ConfigError: Naming every such value.
+    """
+    for dialect in DIALECTS.values():
+        check(dialect.settings, want)

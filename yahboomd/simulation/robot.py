@@ -15,13 +15,13 @@ from random import Random
 
 from yahboomd.clock import nanoseconds
 from yahboomd.simulation.board import NEVER, Board
+from yahboomd.simulation.four_channel.polled_board import PolledBoard
+from yahboomd.simulation.four_channel.streamed_board import StreamedBoard
 from yahboomd.simulation.impairments import Impairments
 from yahboomd.simulation.motors import HEALTHY, MotorFaults
 from yahboomd.simulation.options import SimulationOptions, check
 from yahboomd.simulation.plant import Plant
-from yahboomd.simulation.polled_board import PolledBoard
 from yahboomd.simulation.speed_loop import TICK_NS
-from yahboomd.simulation.streamed_board import StreamedBoard
 from yahboomd.simulation.truth import TruthSample
 from yahboomd.simulation.wire import Wire
 

@@ -204,7 +204,7 @@ def test_mistakes_in_the_configuration_are_said_before_anything_is_opened(capsys
     assert main(["probe", "--port", "/nonexistent", "--set", "serial.baud=1"]) == 78
     assert "serial.baud" in capsys.readouterr().err
     assert main(["probe", "--port", "/nonexistent", "--write", "--pid", "1,-1,0"]) == 78
-    assert "PID" in capsys.readouterr().err
+    assert "gains P, I, D" in capsys.readouterr().err
 
 
 def test_gains_that_are_no_three_numbers_are_a_usage_error(capsys) -> None:

@@ -15,6 +15,8 @@ from yahboomd.cli.probe.probe_client import ask_board, examination
 from yahboomd.config import Config
 from yahboomd.messages.codecs import encode
 from yahboomd.messages.native import ServiceReply
+from yahboomd.protocol.registry import DIALECTS
+from yahboomd.protocol.settings import is_complete
 
 FACTS: dict[str, Any] = {
     "port": "/dev/board",
@@ -36,8 +38,8 @@ def test_the_facts_become_settings() -> None:
     found = examination(FACTS)
     assert found is not None
     assert found.settings is not None
-    assert found.settings.is_complete
-    assert found.settings.pid == (0.8, 0.06, 0.5)
+    assert is_complete(DIALECTS["streamed"].settings, found.settings)
+    assert found.settings["pid"] == (0.8, 0.06, 0.5)
     assert found.volts == 7.4
 
 

@@ -10,9 +10,10 @@ import pytest
 from yahboomd.cli.probe.probe_report import Report, report
 from yahboomd.link.conversation import Heard
 from yahboomd.link.probing import Examination, Reopening
-from yahboomd.protocol.framing import FramerCounters
+from yahboomd.protocol.dialect import FramerCounters
+from yahboomd.protocol.profiles import PROFILES
 from yahboomd.protocol.registry import DIALECTS
-from yahboomd.protocol.settings import PROFILES, BoardSettings
+from yahboomd.protocol.settings import BoardSettings
 
 SOLD = BoardSettings(
     version="1.7.3",
@@ -58,7 +59,7 @@ def reported(
 
 
 def with_settings(**changes: Any) -> Examination:
-    return board(settings=msgspec.structs.replace(SOLD, **changes))
+    return board(settings=SOLD | changes)
 
 
 def test_a_board_as_it_is_sold_may_be_driven_and_shows_what_differs() -> None:
@@ -94,7 +95,7 @@ def test_gains_of_zero_are_a_problem() -> None:
 
 
 def test_gains_that_were_asked_for_are_compared_too() -> None:
-    want = msgspec.structs.replace(PROFILES["520"].settings, deadzone=1600, pid=(1.0, 0.1, 0.4))
+    want = PROFILES["520"].settings | {"deadzone": 1600, "pid": (1.0, 0.1, 0.4)}
     assert [row.command for row in reported(board(), want=want).differing] == ["MPID"]
 
 

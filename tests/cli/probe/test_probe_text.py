@@ -7,6 +7,7 @@ import msgspec
 from yahboomd.cli.probe.probe_report import Report, SettingRow
 from yahboomd.cli.probe.probe_text import NOT_READY, READY, columns, listing, shown, text, verdict
 from yahboomd.link.discovery import Candidate
+from yahboomd.protocol.four_channel.stored import TABLE
 
 FOUND = Report(
     port="/dev/yahboom_driver",
@@ -57,7 +58,7 @@ def test_what_was_not_told_is_left_out_or_said() -> None:
         "settings    none: a board of this dialect stores nothing",
     ]
     row = SettingRow(name="encoder lines", command="mline", have=None, want=11, differs=False)
-    assert shown(row) == ("not known", "11")
+    assert shown(row, TABLE) == ("not known", "11")
 
 
 def test_differences_alone_leave_the_board_ready() -> None:

@@ -10,9 +10,12 @@ import pytest
 from yahboomd.cli.probe.probe_write import Printed, agreed, stored_value
 from yahboomd.link.flash import Step
 from yahboomd.protocol.dialect import SettingWrite
+from yahboomd.protocol.registry import DIALECTS
 from yahboomd.protocol.settings import BoardSettings
 
-WRITE = SettingWrite(frame=b"$mline:13#", reply_to="mline", timeout_s=0.4, resets=False)
+WRITE = SettingWrite(
+    frame=b"$mline:13#", text="encoder lines 13", reply_to="mline", timeout_s=0.4, resets=False
+)
 
 
 class Terminal(io.StringIO):
@@ -27,7 +30,7 @@ def step(**facts: Any) -> Step:
 
 def printed(capsys: pytest.CaptureFixture[str], done: Step, lines_now: int = 13) -> str:
     progress = Printed()
-    progress.begins((WRITE,), BoardSettings(lines=11))
+    progress.begins(DIALECTS["streamed"], (WRITE,), BoardSettings(lines=11))
     capsys.readouterr()
     progress.step(done, BoardSettings(lines=lines_now))
     return capsys.readouterr().out.strip()

@@ -22,7 +22,7 @@ from yahboomd.link.conversation import Heard
 from yahboomd.link.port_identity import identify
 from yahboomd.link.port_note import PortNote
 from yahboomd.link.takeover import TakeoverReport
-from yahboomd.protocol.framing import FramerCounters
+from yahboomd.protocol.dialect import FramerCounters
 
 pytestmark = pytest.mark.realtime
 

@@ -18,7 +18,7 @@ from yahboomd.cli.stop.stop_port import (
 from yahboomd.errors import LinkError, PortMissing
 from yahboomd.link.conversation import Heard
 from yahboomd.link.takeover import TakeoverReport
-from yahboomd.protocol.framing import FramerCounters
+from yahboomd.protocol.dialect import FramerCounters
 
 
 def report(**facts: object) -> TakeoverReport:

@@ -40,7 +40,8 @@ from yahboomd.link.port import Port, PortOptions, open_port
 from yahboomd.link.port_errors import holders
 from yahboomd.link.session import Opener
 from yahboomd.program import readable
-from yahboomd.protocol.settings import BoardSettings, check_storable
+from yahboomd.protocol.registry import check_storable
+from yahboomd.protocol.settings import BoardSettings
 
 FOUND_WANTING = 1
 """The exit status of a board that must not be driven as it is, or does not store what it should."""
@@ -143,7 +144,7 @@ def _probe(args: argparse.Namespace) -> int:
     config = read_config(args).config
     want = config.profile().settings
     if args.pid is not None:
-        want = msgspec.structs.replace(want, pid=args.pid)
+        want = want | {"pid": args.pid}
     check_storable(want)
     port = ""
     try:

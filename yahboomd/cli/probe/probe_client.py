@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import msgspec
 
@@ -16,9 +16,11 @@ from yahboomd.errors import BusError
 from yahboomd.link.conversation import Heard
 from yahboomd.link.probing import Examination
 from yahboomd.messages.native import ServiceReply
-from yahboomd.protocol.framing import FramerCounters
+from yahboomd.protocol.dialect import FramerCounters
 from yahboomd.protocol.registry import DIALECTS
-from yahboomd.protocol.settings import BoardSettings
+from yahboomd.protocol.settings import VERSION, BoardSettings
+
+Numbers: TypeAlias = int | float | tuple[float, float, float]
 
 
 class Reported(NamedTuple):
@@ -66,18 +68,20 @@ def examination(facts: Mapping[str, Any]) -> Examination | None:
     dialect = DIALECTS.get(str(facts.get("dialect")))
     if dialect is None:
         return None
-    gains = tuple(facts.get(name) for name in ("p", "i", "d"))
-    named = {name: facts[name] for name in BoardSettings.__struct_fields__ if name in facts}
+    known: dict[str, Any] = {}
+    for row in dialect.settings:
+        parts = tuple(facts.get(part) for part in row.parts)
+        known[row.field] = facts.get(row.field) if not parts else None if None in parts else parts
     try:
-        settings = msgspec.convert(
-            {**named, "pid": None if None in gains else gains}, BoardSettings
-        )
+        shown = {field: value for field, value in known.items() if value is not None}
+        settings: BoardSettings = msgspec.convert(shown, dict[str, Numbers])
+        settings[VERSION] = msgspec.convert(facts.get(VERSION), str | None) or ""
         volts = msgspec.convert(facts.get("volts"), float | None)
     except msgspec.ValidationError:
         return None
     return Examination(
         dialect=dialect,
-        settings=settings if dialect.read_settings is not None else None,
+        settings=settings if dialect.read_settings else None,
         volts=volts,
         heard=Heard(counters=FramerCounters()),
     )

@@ -10,13 +10,9 @@ from yahboomd.link.discovery import Candidate
 from yahboomd.link.flash import Outcome
 from yahboomd.link.probing import Examination, Reopening, Survival
 from yahboomd.model import Counts
-from yahboomd.protocol.dialect import SettingValue
-from yahboomd.protocol.settings import (
-    PROFILES,
-    BoardSettings,
-    MotorProfile,
-    problems,
-)
+from yahboomd.protocol.dialect import Findings, SettingValue
+from yahboomd.protocol.profiles import MotorProfile
+from yahboomd.protocol.settings import VERSION, BoardSettings, StoredSetting, writes
 
 LOW_VOLTS = 5.5
 """Below it the board lives on its USB plug: the motors have no supply of their own."""
@@ -124,6 +120,7 @@ def report(
     """
     dialect, settings = found.dialect, found.settings
     assert dialect is not None
+    meant = Findings()
     rows: tuple[SettingRow, ...] = ()
     wrong: list[str] = []
     if wanted_dialect not in {"auto", dialect.name}:
@@ -137,15 +134,11 @@ def report(
             "broken. Find out which before anything drives."
         )
     if settings is not None:
-        writes = dialect.write_settings(settings, want)
-        rows = setting_rows(settings, want, {write.reply_to for write in writes})
-        wrong += problems(settings, profile)
-        if settings.pid is not None and not any(settings.pid):
-            wrong.append(
-                "The gains P, I and D are all stored as 0: no wheel would ever turn. Store the "
-                "vendor's with `yahboomd probe --write --pid 0.8,0.06,0.5`."
-            )
-    elif dialect.read_settings is not None:
+        differing = {write.reply_to for write in writes(dialect.settings, settings, want)}
+        rows = setting_rows(dialect.settings, settings, want, differing)
+        meant = dialect.findings(settings, profile)
+        wrong += [*meant.unfit, *meant.wrong]
+    elif dialect.read_settings:
         wrong.append(
             "The board does not tell its settings whole, and without them no wheel may turn: a "
             "bad cable, or noise from the motors."
@@ -154,7 +147,7 @@ def report(
         port=port,
         device=device,
         dialect=dialect.name,
-        firmware=None if settings is None else settings.version,
+        firmware=None if settings is None else str(settings.get(VERSION) or "") or None,
         volts=found.volts,
         ticks=found.ticks,
         standing=found.standing,
@@ -162,24 +155,7 @@ def report(
         profile=profile.name,
         settings=rows,
         problems=tuple(wrong),
-        advice=(*_other_profiles(settings, profile), *_advice(found, reopening)),
-    )
-
-
-def _other_profiles(settings: BoardSettings | None, profile: MotorProfile) -> tuple[str, ...]:
-    """Where the board is set up for other motors than the configuration names."""
-    if settings is None or settings.motor_type == profile.motor_type:
-        return ()
-    fitting = [
-        name
-        for name, other in PROFILES.items()
-        if (settings.motor_type, settings.lines, settings.ratio)
-        == (other.motor_type, other.lines, round(other.ratio))
-    ]
-    return tuple(
-        f"What the board stores fits the profile {name}: if those are the motors, do not store "
-        f'anything, but set board.profile = "{name}".'
-        for name in fitting
+        advice=(*meant.advice, *_advice(found, reopening)),
     )
 
 
@@ -207,29 +183,26 @@ def _advice(found: Examination, reopening: Reopening | None) -> Iterable[str]:
 
 
 def setting_rows(
-    have: BoardSettings, want: BoardSettings, differing: Collection[str]
+    table: Iterable[StoredSetting],
+    have: BoardSettings,
+    want: BoardSettings,
+    differing: Collection[str],
 ) -> tuple[SettingRow, ...]:
     """The stored values beside the wanted ones.
 
     Args:
+        table: The dialect's.
         have: What the board stores.
         want: What it should store.
         differing: The commands of the values that differ, as the dialect compares them.
     """
     return tuple(
         SettingRow(
-            name=name,
-            command=command,
-            have=getattr(have, field),
-            want=getattr(want, field),
-            differs=command in differing,
+            name=row.label,
+            command=row.command,
+            have=have.get(row.field),
+            want=want.get(row.field),
+            differs=row.command in differing,
         )
-        for name, command, field in (
-            ("motor type", "mtype", "motor_type"),
-            ("dead zone", "deadzone", "deadzone"),
-            ("encoder lines", "mline", "lines"),
-            ("gear ratio", "mphase", "ratio"),
-            ("wheel diameter", "wdiameter", "wheel_diameter_mm"),
-            ("gains P, I, D", "MPID", "pid"),
-        )
+        for row in table
     )

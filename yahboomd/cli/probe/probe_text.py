@@ -9,8 +9,8 @@ from yahboomd.cli.probe.probe_report import Report, SettingRow
 from yahboomd.link.discovery import Candidate
 from yahboomd.link.probing import Survival
 from yahboomd.program import pasteable
-from yahboomd.protocol.dialect import SettingValue
-from yahboomd.protocol.settings import MOTOR_TYPES
+from yahboomd.protocol.registry import DIALECTS
+from yahboomd.protocol.settings import StoredSetting
 
 REOPEN: dict[Survival, str] = {
     "kept": "the counters survive closing and opening the port",
@@ -26,9 +26,10 @@ def text(found: Report) -> list[str]:
     """A report for people, in lines, without the verdict."""
     device = f" -> {found.device}" if found.device not in {"", found.port} else ""
     firmware = f", firmware {found.firmware}" if found.firmware else ""
+    dialect = DIALECTS[found.dialect or ""]
     facts = {
         "port": f"{found.port}{device}",
-        "board": f"Yahboom 4-channel motor driver, {found.dialect} dialect{firmware}",
+        "board": f"{dialect.title}, {found.dialect} dialect{firmware}",
     }
     if found.volts is not None:
         facts["supply"] = f"{found.volts:.1f} V"
@@ -43,14 +44,16 @@ def text(found: Report) -> list[str]:
         facts["settings"] = "none: a board of this dialect stores nothing"
     lines = [f"{name:<12}{fact}" for name, fact in facts.items()]
     if found.settings:
-        lines += ["", *table(found.settings, f"profile {found.profile}")]
+        lines += ["", *table(found.settings, dialect.settings, f"profile {found.profile}")]
     return lines
 
 
-def table(rows: Sequence[SettingRow], want_title: str) -> list[str]:
+def table(
+    rows: Sequence[SettingRow], settings: Sequence[StoredSetting], want_title: str
+) -> list[str]:
     """Stored and wanted values in columns."""
     cells: list[tuple[str, ...]] = [("stored value", "board", want_title, "")]
-    cells += [(row.name, *shown(row), DIFFERS if row.differs else "") for row in rows]
+    cells += [(row.name, *shown(row, settings), DIFFERS if row.differs else "") for row in rows]
     return columns(cells)
 
 
@@ -112,22 +115,14 @@ def listing(found: Sequence[Candidate], udev_name: str, target: str) -> list[str
     return columns([("port", "what it is", "a name that stays"), *rows])
 
 
-def shown(row: SettingRow) -> tuple[str, str]:
-    """Both values of a setting: what the board stores, and what it should."""
-    have = "not known" if row.have is None else _value(row.command, row.have)
-    want = "left as it is" if row.want is None else _value(row.command, row.want)
+def shown(row: SettingRow, settings: Sequence[StoredSetting]) -> tuple[str, str]:
+    """Both values of a setting: what the board stores, and what it should.
+
+    Args:
+        row: The values.
+        settings: The dialect's table.
+    """
+    setting = next(each for each in settings if each.command == row.command)
+    have = "not known" if row.have is None else setting.words(row.have)
+    want = "left as it is" if row.want is None else setting.words(row.want)
     return have, want
-
-
-def _value(command: str, value: SettingValue) -> str:
-    if isinstance(value, tuple):
-        return ", ".join(f"{gain:g}" for gain in value)
-    match command:
-        case "mtype":
-            return f"{value:g} ({MOTOR_TYPES.get(int(value), 'unknown')})"
-        case "mphase" if value != round(value):
-            return f"{round(value)} (truly {value:g})"
-        case "wdiameter":
-            return f"{value:g} mm"
-        case _:
-            return f"{value:g}"

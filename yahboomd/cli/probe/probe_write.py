@@ -7,8 +7,8 @@ import sys
 from yahboomd.cli.probe.probe_report import StoredValue, setting_rows
 from yahboomd.cli.probe.probe_text import shown
 from yahboomd.link import flash
-from yahboomd.protocol.dialect import SettingWrite
-from yahboomd.protocol.settings import BoardSettings
+from yahboomd.protocol.dialect import Dialect, SettingWrite
+from yahboomd.protocol.settings import BoardSettings, StoredSetting
 
 
 def agreed(count: int) -> bool:
@@ -24,19 +24,22 @@ class Printed(flash.Progress):
     """Says what is stored, as it happens."""
 
     def __init__(self) -> None:
-        self._had = BoardSettings()
+        self._table: tuple[StoredSetting, ...] = ()
+        self._had: BoardSettings = {}
 
-    def begins(self, writes: tuple[SettingWrite, ...], had: BoardSettings) -> None:
+    def begins(
+        self, dialect: Dialect, writes: tuple[SettingWrite, ...], had: BoardSettings
+    ) -> None:
         """See the base class."""
-        self._had = had
+        self._table, self._had = dialect.settings, had
         print(f"storing {len(writes)} of the board's values, one at a time, the wheels at rest:")
 
     def step(self, step: flash.Step, has: BoardSettings) -> None:
         """See the base class."""
         name = step.write.reply_to
-        rows = setting_rows(self._had, has, ())
+        rows = setting_rows(self._table, self._had, has, ())
         row = next(each for each in rows if each.command == name)
-        before, now = shown(row)
+        before, now = shown(row, self._table)
         notes: list[str] = [step.outcome]
         if step.outcome == "refused":
             notes.append(f"the board says {step.answer!r}")

@@ -247,7 +247,7 @@ def describe(report: TakeoverReport) -> str:
         from yahboomd.link.diagnosis import what_was_heard
 
         return (
-            f"{report.port}: the stop of both dialects was sent, but no board answers: whether the "
+            f"{report.port}: the stop of every dialect was sent, but no board answers: whether the "
             f"wheels stand is unknown. {what_was_heard(report.heard)}"
         )
     where = f"{report.port} ({report.dialect} board)"

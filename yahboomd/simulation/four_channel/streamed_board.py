@@ -13,7 +13,7 @@ from random import Random
 
 from yahboomd.model import CHANNELS, Counts
 from yahboomd.simulation.board import BOOT_NS, NEVER, Emit
-from yahboomd.simulation.flash import (
+from yahboomd.simulation.four_channel.flash import (
     SETTINGS,
     Refused,
     changed,
@@ -23,7 +23,7 @@ from yahboomd.simulation.flash import (
     tuning,
     whole,
 )
-from yahboomd.simulation.mailbox import Mailbox
+from yahboomd.simulation.four_channel.mailbox import Mailbox
 from yahboomd.simulation.motors import PWM_MAX
 from yahboomd.simulation.options import FlashContent, StreamPace
 from yahboomd.simulation.plant import Plant

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.protocol.framing import MAX_HELD_BYTES, RESYNC, Frame, Framer, TextLine
+from yahboomd.protocol.four_channel.framing import MAX_HELD_BYTES, RESYNC, Frame, Framer, TextLine
 
 FRAGMENTS = (
     b"$",

@@ -25,6 +25,8 @@ from typing import Final, TypeAlias
 
 import msgspec
 
+from yahboomd.protocol.dialect import FramerCounters
+
 RESYNC: Final = b"\n" * 64
 """Brings the *board's* parser back to the start of a frame from any state.
 
@@ -82,33 +84,6 @@ class TextLine(msgspec.Struct, frozen=True, kw_only=True):
 
 Item: TypeAlias = Frame | TextLine
 """What a framer finds."""
-
-
-class FramerCounters(msgspec.Struct, kw_only=True):
-    """What a framer has seen since it was made.
-
-    Every byte is accounted for once: ``bytes`` is the sum of the sizes of all items,
-    ``blank_bytes``, ``discarded_bytes`` and what is held.
-
-    Attributes:
-        bytes: All that came in.
-        frames: Frames handed out.
-        lines: Text lines handed out.
-        blank_bytes: Line ends behind frames, and empty lines.
-        discarded_bytes: Bytes that belonged to nothing whole.
-        broken_frames: Frames whose ``#`` never came: another ``$`` or a line end came first.
-        overlong: Frames or lines given up because they were longer than any true one.
-        bad_bytes: Bytes that are neither printable ASCII nor tab, CR or LF, wherever they stood.
-    """
-
-    bytes: int = 0
-    frames: int = 0
-    lines: int = 0
-    blank_bytes: int = 0
-    discarded_bytes: int = 0
-    broken_frames: int = 0
-    overlong: int = 0
-    bad_bytes: int = 0
 
 
 class Framer:

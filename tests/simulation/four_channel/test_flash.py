@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.simulation.flash import (
+from yahboomd.simulation.four_channel.flash import (
     SETTINGS,
     Refused,
     changed,

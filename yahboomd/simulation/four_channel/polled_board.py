@@ -12,7 +12,7 @@ from collections import deque
 
 from yahboomd.model import CHANNELS, Counts
 from yahboomd.simulation.board import BOOT_NS, NEVER, Emit
-from yahboomd.simulation.flash import whole
+from yahboomd.simulation.four_channel.flash import whole
 from yahboomd.simulation.plant import Plant
 from yahboomd.simulation.speed_loop import SPEED_MAX, TICK_NS, MotorControl, Tuning
 from yahboomd.simulation.wire import transfer_ns

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import operator
 import re
-from typing import Final, TypeAlias
+from collections.abc import Sequence
+from typing import Final
 
 from yahboomd.model import CHANNELS, Counts
-
-FourFloats: TypeAlias = tuple[float, float, float, float]
+from yahboomd.protocol.dialect import FourFloats
 
 INT32_MIN: Final = -(2**31)
 INT32_MAX: Final = 2**31 - 1
@@ -62,7 +62,7 @@ def volts(args: str) -> float | None:
     return float(match[1]) if match else None
 
 
-def command(name: str, units: Counts, limit: int) -> bytes:
+def command(name: str, units: Sequence[int], limit: int) -> bytes:
     """A frame with four integers, each brought into -limit..limit.
 
     The board does not check: 40000 wraps to 16 bits and becomes full reverse, and fourteen numbers

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from yahboomd.protocol.dialect import CommandLost, Reply, Setting, Unrecognised, VersionLine
-from yahboomd.protocol.texts import decode_text
+from yahboomd.protocol.four_channel.texts import decode_text
 
 
 @pytest.mark.parametrize(
@@ -21,7 +21,8 @@ from yahboomd.protocol.texts import decode_text
     ],
 )
 def test_an_ok_names_the_command_it_answers(text, command):
-    assert decode_text(text) == Reply(command=command, ok=True, text=text)
+    follow = command == "read_flash"
+    assert decode_text(text) == Reply(command=command, ok=True, text=text, settings_follow=follow)
 
 
 def test_the_misspelt_answer_names_the_command_as_it_is_sent():
@@ -47,13 +48,13 @@ def test_a_command_that_did_not_arrive_whole_is_lost(text):
 @pytest.mark.parametrize(
     ("text", "after_reset"),
     [
-        ("Motor_Version:1.7.3", False),
+        ("Motor_Version:1.7.3", None),
         ("Reset MCUMotor_Version:1.7.3", True),
         ("Reset MCU\rMotor_Version:1.7.3", True),
         ("$MAll:1,2,3Reset MCUMotor_Version:1.7.3", True),
-        ("$MAll:1,2,3Motor_Version:1.7.3", False),
-        ("\ufffd\x00Motor_Version:1.7.3 ", False),
-        ("fail,CommMotor_Version:1.7.3", False),
+        ("$MAll:1,2,3Motor_Version:1.7.3", None),
+        ("\ufffd\x00Motor_Version:1.7.3 ", None),
+        ("fail,CommMotor_Version:1.7.3", None),
     ],
 )
 def test_a_version_is_found_anywhere_in_a_line(text, after_reset):
@@ -73,7 +74,7 @@ def test_a_version_is_found_anywhere_in_a_line(text, after_reset):
     ],
 )
 def test_a_line_of_the_settings_gives_its_value(text, name, value):
-    assert decode_text(text) == Setting(name=name, value=value)
+    assert decode_text(text) == Setting(name=name, value=value, last=name == "pid")
 
 
 @pytest.mark.parametrize(

@@ -10,14 +10,26 @@ from typing import Final
 
 import msgspec
 
-from yahboomd.model import Counts
-from yahboomd.protocol.dialect import Decoded, SettingWrite, Totals, Unrecognised
-from yahboomd.protocol.fields import command, four_integers
-from yahboomd.protocol.framing import Frame, TextLine
-from yahboomd.protocol.settings import BoardSettings, MotorProfile
-from yahboomd.protocol.texts import decode_text
+from yahboomd.model import Kinematics, Motor
+from yahboomd.protocol.dialect import (
+    Decoded,
+    Findings,
+    Totals,
+    Units,
+    Unrecognised,
+)
+from yahboomd.protocol.four_channel.fields import command, four_integers
+from yahboomd.protocol.four_channel.framing import RESYNC, Frame, Framer, TextLine
+from yahboomd.protocol.four_channel.stored import TITLE, motion
+from yahboomd.protocol.four_channel.texts import decode_text
+from yahboomd.protocol.per_motor import PerMotor
+from yahboomd.protocol.profiles import MotorProfile
+from yahboomd.protocol.settings import BoardSettings, StoredSetting
 
 MAX_SPEED: Final = 1000
+
+ARM_REPEATS: Final = 3
+"""A command without an answer, which a noisy line may lose, is sent so often."""
 
 _BRAKE: Final = command("speed", (0, 0, 0, 0), MAX_SPEED)
 
@@ -31,32 +43,36 @@ class Polled(msgspec.Struct, frozen=True, kw_only=True):
 
     motor_type: int = 1
     name: str = "polled"
+    title: str = TITLE
+    resync: bytes = RESYNC
     spacing_ns: int = 0
     totals_spacing_ns: int = 0
-    # Not said by the article; the other dialect's limit leaves room for every frame.
-    max_frame_bytes: int = 53
     line_end: bytes = b""
+    listen_ns: int = 0
     sample_period_ns: int | None = None
-    max_command: int = MAX_SPEED
     brake: bytes = _BRAKE
     cut: bytes | None = None
-    release: bytes | None = None
-    leave: tuple[bytes, ...] = (_BRAKE,)
-    probe: bytes = b"$read#"
+    probe: bytes | None = b"$read#"
     poll: bytes | None = b"$read#"
+    # With an answer of 30 bytes and a speed frame of 21.
+    poll_bytes: int = 57
     disarm: tuple[bytes, ...] = ()
     battery: bytes | None = None
-    read_settings: bytes | None = None
-    factory_reset: SettingWrite | None = None
+    read_settings: tuple[bytes, ...] = ()
+    settings: tuple[StoredSetting, ...] = ()
 
     @property
     def arm(self) -> tuple[bytes, ...]:
-        """The motor type, once."""
-        return (f"$mtype:{self.motor_type:d}#".encode("ascii"),)
+        """The motor type. If it is lost, nothing shows it but wheels that do not turn."""
+        return (f"$mtype:{self.motor_type:d}#".encode("ascii"),) * ARM_REPEATS
 
-    def speeds(self, units: Counts) -> bytes:
+    def framer(self) -> Framer:
+        """For frames and text lines."""
+        return Framer()
+
+    def speeds(self, units: Units) -> bytes:
         """Permille of the article's scale, about mm/s: -1000..1000."""
-        return command("speed", units, self.max_command)
+        return command("speed", units, MAX_SPEED)
 
     def decode(self, item: Frame | TextLine) -> Decoded:
         """The counters; text as the other dialect has it, so that a wrong choice shows."""
@@ -71,9 +87,20 @@ class Polled(msgspec.Struct, frozen=True, kw_only=True):
         """An answer with counters, and nothing else."""
         return isinstance(self.decode(item), Totals)
 
-    def write_settings(self, have: BoardSettings, want: BoardSettings) -> tuple[SettingWrite, ...]:  # noqa: ARG002
+    def findings(self, settings: BoardSettings, profile: MotorProfile) -> Findings:  # noqa: ARG002
         """Nothing: the board stores nothing."""
-        return ()
+        return Findings()
+
+    def motion(
+        self,
+        kinematics: Kinematics,
+        motors: tuple[Motor, ...],
+        settings: BoardSettings | None,
+        *,
+        scale: float,
+    ) -> PerMotor:
+        """A speed for each motor."""
+        return motion(kinematics, motors, settings, scale=scale, max_command=MAX_SPEED)
 
     def for_profile(self, profile: MotorProfile) -> Polled:
         """The dialect that arms with the profile's motor type."""

@@ -5,9 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from yahboomd.protocol.dialect import CommandLost, Totals, Unrecognised
-from yahboomd.protocol.framing import Framer
-from yahboomd.protocol.polled import Polled
-from yahboomd.protocol.settings import PROFILES, BoardSettings
+from yahboomd.protocol.four_channel.framing import Framer
+from yahboomd.protocol.four_channel.polled import Polled
+from yahboomd.protocol.profiles import PROFILES
 
 POLLED = Polled()
 int32 = st.integers(-(2**31), 2**31 - 1)
@@ -42,7 +42,7 @@ def test_another_frame_gives_none(data):
 
 
 def test_the_frames_are_the_articles():
-    assert POLLED.arm == (b"$mtype:1#",)
+    assert POLLED.arm == (b"$mtype:1#",) * 3
     assert POLLED.poll == POLLED.probe == b"$read#"
     assert POLLED.speeds((500, 0, -1500, 0)) == b"$speed:500,0,-1000,0#"
     assert POLLED.brake == b"$speed:0,0,0,0#"
@@ -50,11 +50,9 @@ def test_the_frames_are_the_articles():
 
 def test_there_is_no_cut_and_nothing_to_read_or_write():
     assert POLLED.cut is None
-    assert POLLED.release is None
     assert POLLED.battery is None
-    assert POLLED.read_settings is None
-    assert POLLED.factory_reset is None
-    assert POLLED.write_settings(BoardSettings(lines=1), BoardSettings(lines=2)) == ()
+    assert POLLED.read_settings == ()
+    assert POLLED.settings == ()
 
 
 def test_frames_may_follow_each_other_at_once():
@@ -63,7 +61,7 @@ def test_frames_may_follow_each_other_at_once():
 
 
 def test_the_profile_tells_the_motor_type():
-    assert POLLED.for_profile(PROFILES["310"]).arm == (b"$mtype:2#",)
+    assert POLLED.for_profile(PROFILES["310"]).arm == (b"$mtype:2#",) * 3
 
 
 def test_the_wrong_dialect_shows_in_the_boards_complaints():

@@ -3,7 +3,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.simulation.mailbox import LONGEST_FRAME, Mailbox
+from yahboomd.simulation.four_channel.mailbox import LONGEST_FRAME, Mailbox
 
 
 def feed(mailbox: Mailbox, data: bytes) -> None:

@@ -21,7 +21,7 @@ from yahboomd.protocol.dialect import (
     Unrecognised,
     VersionLine,
 )
-from yahboomd.protocol.fields import decimal, integer
+from yahboomd.protocol.four_channel.fields import decimal, integer
 
 VERSION_LABEL: Final = "Motor_Version:"
 RESET_NOTICE: Final = "Reset MCU"
@@ -54,15 +54,16 @@ def decode_text(text: str) -> Decoded:
     """
     before, label, version = text.partition(VERSION_LABEL)
     if label:
-        return VersionLine(version=version.strip(), after_reset=RESET_NOTICE in before)
+        return VersionLine(version=version.strip(), after_reset=RESET_NOTICE in before or None)
     line = text.strip()
     if line in _LOST:
         return CommandLost(text=line)
     if line == _TYPE_REFUSED:
         return Reply(command="mtype", ok=False, text=line)
     if accepted := _ACCEPTED.fullmatch(line):
-        command = accepted[1]
-        return Reply(command=_SPELLING.get(command, command), ok=True, text=line)
+        command = _SPELLING.get(accepted[1], accepted[1])
+        follow = command == "read_flash"
+        return Reply(command=command, ok=True, text=line, settings_follow=follow)
     if _REFUSED.fullmatch(line):
         return Reply(command="", ok=False, text=line)
     return _setting(line) or Unrecognised(text=text)
@@ -74,7 +75,7 @@ def _setting(line: str) -> Setting | None:
         p, i, d = map(decimal, pid.groups())
         if p is None or i is None or d is None:
             return None
-        return Setting(name="pid", value=(p, i, d))
+        return Setting(name="pid", value=(p, i, d), last=True)
     labelled = _LABELLED.fullmatch(line)
     if labelled is None or labelled[1] not in _LABELS:
         return None

@@ -1,0 +1,13 @@
+"""What stops any board, sent before the rest of yahboomd is imported: this file imports nothing.
+
+It repeats :func:`yahboomd.protocol.registry.connect_stop`; a test compares.
+"""
+
+FIRST_WORDS = {
+    "streamed": b"\n" * 64 + b"$pwm:0,0,0,0#",
+    "polled": b"$speed:0,0,0,0#",
+}
+"""For each dialect a resync and its surest stop; what a board does not know does no harm."""
+
+SPACING_S = 0.020
+"""Between the two: a board may refuse what comes sooner."""

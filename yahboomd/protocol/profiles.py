@@ -1,0 +1,78 @@
+"""The motors that robots are built with: the vendor's, by name."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import msgspec
+
+from yahboomd.protocol.settings import BoardSettings
+
+EDGES_PER_LINE: Final = 4
+"""The board counts both edges of both phases."""
+
+NO_ENCODER_TYPE: Final = 4
+"""The stored motor type that means: without encoder."""
+
+
+class MotorProfile(msgspec.Struct, frozen=True, kw_only=True):
+    """A motor with its gear and wheel, as built.
+
+    Attributes:
+        name: The word in the configuration.
+        motor_type: What the board calls it, 1 to 3.
+        deadzone: PWM units; None keeps what the board has.
+        lines: Encoder lines of one turn of the motor.
+        ratio: The true gear ratio, decimals included.
+        wheel_diameter_mm: Millimetres.
+    """
+
+    name: str
+    motor_type: int
+    deadzone: int | None
+    lines: int
+    ratio: float
+    wheel_diameter_mm: float
+
+    @property
+    def ticks_per_revolution(self) -> float:
+        """Counts of one turn of the wheel."""
+        return self.lines * self.ratio * EDGES_PER_LINE
+
+    @property
+    def wheel_radius_m(self) -> float:
+        """Half the diameter, in metres."""
+        return self.wheel_diameter_mm / 2000.0
+
+    @property
+    def settings(self) -> BoardSettings:
+        """What a board should store for this motor. The speed loop's gains are left alone."""
+        wanted = BoardSettings(
+            motor_type=self.motor_type,
+            lines=self.lines,
+            ratio=self.ratio,
+            wheel_diameter_mm=self.wheel_diameter_mm,
+        )
+        return wanted if self.deadzone is None else wanted | {"deadzone": self.deadzone}
+
+
+PROFILES: Final[dict[str, MotorProfile]] = {
+    name: MotorProfile(
+        name=name,
+        motor_type=motor_type,
+        deadzone=deadzone,
+        lines=lines,
+        ratio=ratio,
+        wheel_diameter_mm=wheel_diameter_mm,
+    )
+    for name, motor_type, deadzone, lines, ratio, wheel_diameter_mm in (
+        ("520", 1, 1900, 11, 30.0, 67.0),
+        ("520-1:19", 1, 1900, 11, 19.0, 67.0),
+        ("520-1:56", 1, 1900, 11, 56.0, 67.0),
+        ("l520", 1, 1900, 11, 40.0, 67.0),
+        # Sold as 1:20, and 20 is what the board can store.
+        ("310", 2, 1600, 13, 20.409, 48.0),
+        ("tt", 3, 1250, 13, 45.0, 68.0),
+    )
+}
+"""The vendor's motors by name. The TT motor without encoder is none of them: no odometry."""
