@@ -11,10 +11,13 @@ import itertools
 import math
 import random
 from pathlib import Path
+from typing import Any
 
 import pytest
+from board_bench import BoardPort
 from fault_bench import DIALECTS, FaultBench, assert_no_jump
 
+from yahboomd.link.port import READ_BYTES
 from yahboomd.model import EncoderReading, OdometryEstimate
 from yahboomd.odometry.odometer import Update
 from yahboomd.simulation.options import SimulationOptions
@@ -95,6 +98,61 @@ async def test_after_a_frozen_process_stamps_and_speeds_are_those_of_the_board(
         assert min(bench.rim_speeds) > 0.25
 
 
+class ReadingPort(BoardPort):
+    """Hands bytes over as a serial port does: so many in one read at most, which takes a while."""
+
+    def listen(self, on_data: Any, on_lost: Any) -> None:
+        self._hear, self._waiting, self._busy = on_data, bytearray(), False
+        super().listen(self._arrived, on_lost)
+
+    def _arrived(self, data: bytes) -> None:
+        self._waiting += data
+        if not self._busy:
+            self._read()
+
+    def _read(self) -> None:
+        data = bytes(self._waiting[:READ_BYTES])
+        del self._waiting[:READ_BYTES]
+        self._busy = bool(data)
+        if data:
+            asyncio.get_running_loop().call_later(0.0015, self._read)
+            self._hear(data)
+
+
+class ReadingBench(LateBench):
+    """Such a port."""
+
+    async def _open(self) -> BoardPort:
+        if self.robot.started:
+            self.robot.advance(self.clock.now_ns())
+        self.ports.append(ReadingPort(self.robot))
+        return self.ports[-1]
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize("for_s", [0.35, 0.5, 0.8, 1.1, 1.4, 1.8])
+@on_virtual_time
+async def test_what_is_read_bit_by_bit_after_a_freeze_has_the_speed_of_its_time(
+    tmp_path: Path, for_s: float, dialect: str
+) -> None:
+    async with ReadingBench(tmp_path, dialect=dialect) as bench:
+        await bench.ready()
+        await bench.drive(3.0, 0.3)
+        before = len(bench.heard.estimates)
+        loop = asyncio.get_running_loop()
+        assert isinstance(loop, VirtualTimeLoop)
+        loop.freeze(for_s)
+        await bench.drive(1.0, 0.3)
+        bench.robot.advance(bench.clock.now_ns())
+        assert min(bench.room_ns) >= 0
+        for estimate in bench.heard.estimates[before:-2]:
+            # A speed belongs to its window, and lies between the slowest and the fastest in it.
+            times = range(estimate.stamp_ns - 130_000_000, estimate.stamp_ns + 1, 10_000_000)
+            true = [bench.true_at_ns(at_ns).vx for at_ns in times]
+            off = max(estimate.twist.vx - max(true), min(true) - estimate.twist.vx)
+            assert off < 0.03 + 3.0 * math.sqrt(estimate.twist_covariance[0])
+
+
 @pytest.mark.parametrize("held_s", [0.05, 0.1, 0.2])
 @on_virtual_time
 async def test_answers_that_stall_publish_no_speed_that_is_too_high(
@@ -115,6 +173,28 @@ async def test_answers_that_stall_publish_no_speed_that_is_too_high(
             assert abs(off) < 3.0 * deviation + 0.03
             assert off < 0.05
         assert bench.controller._odometer.counters["odometry_unsure"] > 0
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("stall_s", [0.1, 0.2, 0.28, 0.4, 0.7, 0.95])
+@on_virtual_time
+async def test_answers_to_questions_that_queued_have_a_speed_as_sure_as_it_says(
+    tmp_path: Path, stall_s: float, seed: int
+) -> None:
+    chance = random.Random(seed)
+    async with ReadingBench(tmp_path, dialect="polled", seed=seed) as bench:
+        await bench.ready()
+        await bench.drive(3.0 + chance.uniform(0.0, 0.1), 0.45)
+        before = len(bench.heard.estimates)
+        bench.do(f"stall {stall_s}")
+        for _ in range(round((stall_s + 1.0) / 0.1)):
+            await bench.drive(0.1, chance.uniform(0.2, 0.5))
+        bench.robot.advance(bench.clock.now_ns())
+        for estimate in bench.heard.estimates[before:-2]:
+            times = range(estimate.stamp_ns - 400_000_000, estimate.stamp_ns + 1, 10_000_000)
+            true = [bench.true_at_ns(at_ns).vx for at_ns in times]
+            off = max(estimate.twist.vx - max(true), min(true) - estimate.twist.vx)
+            assert off < 0.05 + 3.0 * math.sqrt(estimate.twist_covariance[0])
 
 
 @pytest.mark.parametrize("held_s", [0.35, 0.5])

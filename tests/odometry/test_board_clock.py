@@ -284,6 +284,35 @@ def test_answers_that_left_before_the_newest_question_are_no_prompt_ones():
         assert instant.unsure_ns >= left_ns - earliest_ns - 400_000
 
 
+def test_answers_of_a_backlog_are_not_taken_for_those_to_the_newest_question():
+    clock = PolledClock()
+    for n in range(20):
+        asked_ns = START_NS + 20 * n * MS
+        clock.observe(asked_ns + 400_000, asked_ns, earliest_ns=asked_ns)
+    # Each answers the question of 100 ms before, at another distance from the newest one.
+    for took_ms in (3, 9, 15, 6, 12, 18):
+        asked_ns += 20 * MS
+        left_ns = asked_ns + took_ms * MS
+        instant = clock.observe(left_ns, asked_ns, earliest_ns=asked_ns - 100 * MS)
+        assert instant.stamp_ns == left_ns
+        assert instant.unsure_ns >= took_ms * MS - 400_000
+    # One that was lost leaves a question too many: the answers are as prompt as before.
+    for _ in range(4):
+        asked_ns += 20 * MS
+        instant = clock.observe(asked_ns + 500_000, asked_ns, earliest_ns=asked_ns - 20 * MS)
+    assert instant.unsure_ns == 0
+
+
+def test_the_first_answer_after_a_break_may_have_waited_for_a_process_that_did_not_run():
+    clock = PolledClock()
+    for n in range(20):
+        asked_ns = START_NS + 20 * n * MS
+        clock.observe(asked_ns + 400_000, asked_ns, earliest_ns=asked_ns)
+    asked_ns += 800 * MS
+    first = clock.restart(asked_ns + 9 * MS, asked_ns, earliest_ns=asked_ns)
+    assert first.stamp_ns == asked_ns + 400_000
+
+
 # The law: stamps increase, and none is later than its line
 
 

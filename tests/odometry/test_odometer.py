@@ -430,6 +430,17 @@ def test_twists_of_a_stream_are_as_sure_as_they_say(kit):
     assert 0.5 < np.mean(squares) < 1.5
 
 
+def test_while_another_period_is_measured_the_twist_is_less_sure(kit):
+    """Half of the true speed, from a board that renews its totals twice as often."""
+    rig, _ = stream(kit, lambda _: (2500.0, 2500.0), seconds=2.0, tick_ms=5.0, seed=4)
+    true_v = 2500.0 * kit.tick_m
+    wrong = [each for each in rig.estimates if abs(each.twist.vx - true_v) > 0.1]
+    unsure = [each for each in wrong if each.twist_covariance[0] > (0.2 * each.twist.vx) ** 2]
+    # The first measurement takes half a second, and the second one settles it.
+    assert len(unsure) > 0.4 * len(wrong) > 20
+    assert all(abs(each.twist.vx - true_v) < 0.05 for each in rig.estimates[-20:])
+
+
 def test_faults_on_a_stream_make_no_jump(kit):
     chance = random.Random(5)
 

@@ -91,3 +91,22 @@ def test_the_twist_is_that_of_the_wheels(velocity, kit):
     assert twist.vx == pytest.approx((left + right) / 2)
     assert twist.vy == 0.0
     assert twist.wz == pytest.approx((right - left) / kit.track_m)
+
+
+def test_a_speed_is_as_uncertain_as_the_moment_at_which_it_begins(velocity):
+    velocity.interrupt((0, 0), rough_ns=4 * MS)
+    assert velocity.step((40, 40), 20 * MS).rough_ns == 4 * MS
+    assert velocity.step((80, 80), 20 * MS).rough_ns == 0
+
+
+def test_counts_over_other_than_whole_ticks_may_be_those_of_one_tick_more(velocity):
+    velocity.tick_ns = 10 * MS
+    velocity.interrupt((0, 0))
+    assert velocity.step((40, 40), 20 * MS).rough_ns == 0
+    assert velocity.step((90, 90), 25 * MS).rough_ns == 5 * MS
+    assert velocity.step((130, 130), 29 * MS).rough_ns == 3 * MS
+
+
+def test_a_speed_is_as_uncertain_as_the_period_that_it_is_taken_with(velocity):
+    velocity.doubt = 0.5
+    assert velocity.step((40, 40), 20 * MS).rough_ns == 10 * MS

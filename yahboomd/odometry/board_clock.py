@@ -55,6 +55,10 @@ PROMPT_NS = 20_000_000
 PROMPT_ANSWERS = 3
 """So many in a row, each to a question of its own, pair answers and questions again."""
 
+PAIRED_NS = 2_000_000
+"""Those that took longer than this over the shortest may answer a question of before: such a board
+is at work on a backlog, and sampled at any time since the newest question."""
+
 
 Notice: TypeAlias = Literal["period", "unfit"]
 
@@ -67,7 +71,7 @@ class Instant(NamedTuple):
         step_ns: How long after the last accepted reading, on the board's clock; 0 for a reading
             that tells nothing new.
         unsure_ns: How long before its line left the board may have sampled, where that is more than
-            an ordinary delay.
+            an ordinary delay; of a stream, how much shorter the step may have been.
     """
 
     stamp_ns: int
@@ -87,6 +91,8 @@ class PolledClock:
     """
 
     drift_ppm = 0.0
+    doubt = 0.0
+    rough_ns = 0
 
     def __init__(self, after_ns: int = 0) -> None:
         self._turn_rounds: deque[int] = deque(maxlen=TURN_ROUNDS)
@@ -110,8 +116,11 @@ class PolledClock:
     def restart(
         self, sent_ns: int, requested_ns: int | None = None, *, earliest_ns: int | None = None
     ) -> Instant:
-        """Go on after a break: the step is the time since the last stamp."""
-        self._turn_rounds.clear()
+        """Go on after a break: the step is the time since the last stamp.
+
+        The board needs as long for an answer as before: the first one after the break may have
+        waited for a process that did not run.
+        """
         self._prompt = 0
         return self.observe(sent_ns, requested_ns, earliest_ns=earliest_ns)
 
@@ -174,15 +183,17 @@ class PolledClock:
             # A question was not answered in time: which one is answered now is open.
             self._prompt = 0
         self._sole = sole
-        shortest_ns = min(turn_rounds, default=took_ns)
+        shortest_ns = min(turn_rounds, default=took_ns if sole else 0)
         # One that left before the newest question was there answers an earlier one.
         prompt = own and took_ns > 0 and -1_000_000 <= took_ns - shortest_ns <= PROMPT_NS
         self._prompt = self._prompt + 1 if prompt else 0
-        if sole or self._prompt >= PROMPT_ANSWERS:
+        paired = self._prompt >= PROMPT_ANSWERS
+        if sole or (paired and took_ns - shortest_ns <= PAIRED_NS):
             # Of an answer to another question the turn-round would be too short.
             turn_rounds.append(took_ns)
-            earliest_ns = requested_ns
-        if earliest_ns is None:
+        elif paired:
+            return took_ns - shortest_ns
+        if sole or paired or earliest_ns is None:
             earliest_ns = requested_ns
         unsure_ns = sent_ns - earliest_ns - shortest_ns
         return unsure_ns if unsure_ns > PROMPT_NS else 0
@@ -202,6 +213,7 @@ class StreamedClock:
 
     Attributes:
         fits: Whether the board's totals follow a regular tick.
+        doubt: By which share of the period the latest measurement disagrees with it.
     """
 
     def __init__(self, period_ns: int, after_ns: int = 0) -> None:
@@ -227,6 +239,7 @@ class StreamedClock:
         self._agreed = 0
         self._misfits = 0
         self._notice: Notice | None = None
+        self.doubt = 0.0
         self.fits = True
 
     @property
@@ -243,6 +256,14 @@ class StreamedClock:
     def period_ns(self) -> int:
         """The period of the totals, as far as known."""
         return round(self._period)
+
+    @property
+    def rough_ns(self) -> int:
+        """Standard deviation of the time of a reading whose tick was not counted.
+
+        Its line may have left at any time within the tick, and have been delayed as others are.
+        """
+        return round((self._period + self._arrivals.spread) / math.sqrt(12.0))
 
     def take_notice(self) -> Notice | None:
         """What was found out about the board's tick since the last call."""
@@ -390,11 +411,15 @@ class StreamedClock:
                 passed = max(passed, 1, math.ceil(least_ns / period))
         if passed <= 0 or not self._room(sent_ns, least_ns):
             return none
-        before, running = self._time, self._pace > 0.0
+        before, running, unsure = self._time, self._pace > 0.0, 0.0
         least = max(0.5 * passed * period, least_ns)
         if ticks >= FAST_TICKS * passed and self.fits:
             timed = self._run(arrival, left, ticks / passed, passed, period)
-            step = passed * period if timed and running else max(least_ns, self._time - before)
+            counted = passed * period
+            step = counted if timed and running else max(least_ns, self._time - before)
+            if running and step > counted + period:
+                # Time and counts disagree: how long the step took is not known.
+                unsure = step - counted
             stamp_ns = self._stamp(self._time, least, sent_ns)
         else:
             # Ticks do not show one by one: time counts them, and no two can be distinguished.
@@ -402,7 +427,7 @@ class StreamedClock:
             self._time = min(self._time + passed * period, max(left, before))
             step = max(least_ns, self._time - before)
             stamp_ns = self._stamp(left - 0.5 * period, least, sent_ns)
-        return Instant(stamp_ns, max(1, round(step)))
+        return Instant(stamp_ns, max(1, round(step)), round(unsure))
 
     def _by_arrival(self, sent_ns: int, left: float, ticks: int, least_ns: float) -> Instant:
         """Stamp a reading of a board without a tick: its totals were new when the line left."""
@@ -479,7 +504,9 @@ class StreamedClock:
             # How the ticks of the last run were numbered does not matter to this one.
             self._pace = rate
             self._start_run(arrival)
-        envelope.add(self._tick, arrival)
+        # How late the lines of a backlog are says nothing of the delays of others.
+        if self._arrivals.steady or not envelope.settled or arrival < envelope.at(self._tick):
+            envelope.add(self._tick, arrival)
         self._time = envelope.at(self._tick)
         if not envelope.settled:
             # A line shows the newest tick of the moment at which it left.
@@ -523,6 +550,7 @@ class StreamedClock:
     def _weigh(self, measured: Measured) -> None:
         """Keep the period, change it, or do without."""
         near = abs(measured.period - self._period) <= 0.03 * self._period
+        self.doubt = abs(measured.period / self._period - 1.0) if self.fits and not near else 0.0
         if near and self.fits:
             # How straight it is does not matter: delays bend it, and lines that were lost.
             self._agreed = self._misfits = 0
@@ -537,6 +565,7 @@ class StreamedClock:
             self._misfits += 1
         if self._misfits >= MISFITS and self.fits:
             self.fits = False
+            self.doubt = 0.0
             self._pace = 0.0
             self._notice = "unfit"
 
@@ -547,4 +576,5 @@ class StreamedClock:
         self._envelope = Envelope(period)
         self._pace = 0.0
         self._agreed = self._misfits = 0
+        self.doubt = 0.0
         self.fits = True

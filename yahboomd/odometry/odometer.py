@@ -41,6 +41,7 @@ from yahboomd.odometry.velocity import (
 UNSEEN_NS = 150_000_000
 """In a longer step a base may go and turn in an unknown order."""
 
+ASKED_TICK_NS = 10_000_000
 SHORTEST_ASKED_NS = 15_000_000
 """A board that is asked renews its totals every 10 ms at times that it does not tell: counts over
 less than this, as after a break, make no speed."""
@@ -293,13 +294,16 @@ class Odometer:
             self._covariance.step(deltas, arc)
             if instant.step_ns > UNSEEN_NS:
                 self._covariance.bridge(arc)
-        window = self._velocity.step(totals, instant.step_ns, instant.unsure_ns)
+        clock, velocity = self._clock, self._velocity
+        velocity.doubt = clock.doubt
+        velocity.tick_ns = ASKED_TICK_NS if self._asked else 0
+        window = velocity.step(totals, instant.step_ns, instant.unsure_ns)
         self._stamp_ns = instant.stamp_ns
         if instant.unsure_ns:
             self.counters["odometry_unsure"] += 1
-            if isinstance(self._clock, StreamedClock):
+            if isinstance(clock, StreamedClock):
                 # The end of a burst: the next reading has a speed again, from here.
-                self._velocity.interrupt(totals)
+                velocity.interrupt(totals, clock.rough_ns)
                 return NOTHING
         if not window.span_ns:
             return NOTHING
@@ -366,7 +370,7 @@ class Odometer:
         self._encoders.accept(verdict)
         totals = self._encoders.totals
         self._integrator.interrupt()
-        self._velocity.interrupt(None if instant.unsure_ns else totals)
+        self._velocity.interrupt(None if instant.unsure_ns else totals, self._clock.rough_ns)
         self._doubt = None
         if verdict.outcome == "baseline":
             return NOTHING

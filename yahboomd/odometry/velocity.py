@@ -7,6 +7,9 @@ long. The speed belongs to the middle of the window.
 
 Where it is not known when the board sampled, counts are taken over the longest time that they can
 have needed, and the window says how much shorter it may have been. No window begins there.
+
+Where the moments of sampling are known with some error, the window says how large that is: its
+speed is as uncertain as its length.
 """
 
 from __future__ import annotations
@@ -52,6 +55,9 @@ class Velocity:
     Attributes:
         rough_ns: How well the time of each reading is known, where that is worth speaking of; the
             window is the longest then.
+        doubt: The share by which every time may be wrong (standard deviation).
+        tick_ns: How often the board renews its counters, where readings do not tell its moments:
+            counts over another time than whole ticks are those of one tick more or less.
     """
 
     def __init__(
@@ -72,14 +78,19 @@ class Velocity:
         self._history = CountHistory(longest_ns)
         self._time_ns = 0
         self._kept = True
+        self._began = (0, 0)
         self.rough_ns = 0
+        self.doubt = 0.0
+        self.tick_ns = 0
 
-    def interrupt(self, totals: tuple[int, ...] | None) -> None:
+    def interrupt(self, totals: tuple[int, ...] | None, rough_ns: int = 0) -> None:
         """Start again from a reading that does not continue the one before.
 
         Args:
             totals: Its totals; None where its time is not known, so that no speed begins there.
+            rough_ns: Standard deviation of its time, against those of the readings that follow.
         """
+        self._began = (self._time_ns, rough_ns)
         self._history.clear()
         if totals is not None:
             self._history.add(self._time_ns, totals)
@@ -109,7 +120,26 @@ class Velocity:
             found = history.since(self._shortest_ns, self._longest_ns, enough)
         if found is None:
             return Window(0, self._zero)
-        return Window(*found, unsure_ns, self.rough_ns)
+        return Window(*found, unsure_ns, self._rough_ns(found[0]))
+
+    def _rough_ns(self, span_ns: int) -> int:
+        """Standard deviation of the length of a window that ends now."""
+        part_ns = span_ns % self.tick_ns if self.tick_ns else 0
+        began_ns, began_rough_ns = self._began
+        if not (part_ns or self.doubt or began_rough_ns):
+            return self.rough_ns
+        # A tick more with the probability of its part, else a tick less: p (1 - p) ticks squared.
+        variance = part_ns * (self.tick_ns - part_ns) + self.rough_ns**2
+        if self._time_ns - span_ns == began_ns:
+            variance += began_rough_ns**2
+        return round(math.sqrt(variance + (self.doubt * span_ns) ** 2))
+
+    def _enough(self, now: tuple[int, ...], then: tuple[int, ...]) -> bool:
+        enough = self._enough_ticks
+        for one, other in zip(now, then, strict=True):
+            if one - other >= enough or other - one >= enough:
+                return True
+        return False
 
     def motor_speeds(self, window: Window) -> tuple[float, ...]:
         """Rim speed of each motor in m/s, positive forward."""
