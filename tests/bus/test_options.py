@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.bus.options import BusOptions, admitted, endpoint_problem, is_local, zenoh_config
+from yahboomd.bus.options import BusOptions, admitted, zenoh_config
 from yahboomd.errors import BusError
 
 
@@ -110,24 +110,6 @@ def test_endpoints_beyond_loopback_are_named_as_exposed(tmp_path):
     )
     assert options.exposed == ("tcp/0.0.0.0:2", "tcp/robot.local:4")
     assert options.listening[-1] == f"unixsock-stream/{tmp_path}/bus.sock"
-
-
-@pytest.mark.parametrize(
-    ("endpoint", "local"),
-    [
-        ("tcp/127.0.0.1:7447", True),
-        ("tcp/127.8.0.1:7447?rel=1#iface=lo", True),
-        ("tcp/localhost:7447", True),
-        ("udp/[::1]:7447", True),
-        ("unixsock-stream//run/bus.sock", True),
-        ("tcp/[::]:7447", False),
-        ("tcp/192.168.1.5:7447", False),
-        ("tls/robot:7447", False),
-    ],
-)
-def test_local_endpoints_are_told_from_reachable_ones(endpoint, local):
-    assert is_local(endpoint) is local
-    assert endpoint_problem(endpoint) is None
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,6 @@ prescribe (``/@ros2_lv/...``, ``/0/odom/...``) has its own rules for names.
 
 from __future__ import annotations
 
-import re
-
 CMD_VEL = "cmd_vel"
 CMD_VEL_TELEOP = "cmd_vel/teleop"
 
@@ -39,22 +37,6 @@ ROS_TF_STATIC = "tf_static"
 ROS_JOINT_STATES = "joint_states"
 ROS_BATTERY_STATE = "battery_state"
 ROS_DIAGNOSTICS = "diagnostics"
-
-# Zenoh's rules for a key without wildcards: chunks that are not empty, none of `*`, `$`, `?`, `#`.
-# `@` opens a chunk that wildcards do not reach; a robot must not be hidden by accident.
-_CHUNK = re.compile(r"[^*$?#/@\s\x00-\x1f][^*$?#/\s\x00-\x1f]*\Z")
-
-
-def name_problem(name: str) -> str | None:
-    """Why ``name`` cannot be a namespace or a key below it; None when it can."""
-    if name.startswith("/") or name.endswith("/"):
-        return "it may not begin or end with '/'"
-    for chunk in name.split("/"):
-        if not chunk:
-            return "between two '/' there must be a name"
-        if not _CHUNK.match(chunk):
-            return f"{chunk!r} has a character that keys may not have (one of * $ ? # @ or a space)"
-    return None
 
 
 def full_key(namespace: str, key: str) -> str:

@@ -6,7 +6,6 @@ scouting. Zenoh's own would listen on every interface and answer to multicast.
 
 from __future__ import annotations
 
-import ipaddress
 import json
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -14,13 +13,10 @@ from typing import Any, Literal, TypeAlias
 import msgspec
 import zenoh
 
-from yahboomd.bus.keys import name_problem
 from yahboomd.errors import BusError
+from yahboomd.names import endpoint_problem, is_local, name_problem
 
 Mode: TypeAlias = Literal["router", "peer", "client"]
-
-_ADDRESSED = ("tcp", "udp", "tls", "quic")
-"""Protocols whose address is a host and a port."""
 
 _OWN_SETTINGS = {
     "mode": "mode",
@@ -84,23 +80,6 @@ class BusOptions(msgspec.Struct, frozen=True, kw_only=True):
         return tuple(endpoint for endpoint in self.listening if not is_local(endpoint))
 
 
-def is_local(endpoint: str) -> bool:
-    """Whether only this machine reaches ``endpoint``.
-
-    A host name that is not ``localhost`` may mean anything: it counts as reachable by others.
-    """
-    protocol, _, address = endpoint.partition("/")
-    if protocol == "unixsock-stream":
-        return True
-    host = address.split("?")[0].split("#")[0].rpartition(":")[0].strip("[]")
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
-
-
 def admitted(options: BusOptions, endpoint: str = "") -> str:
     """Who may use the bus through ``endpoint``, as a clause: "every user can drive".
 
@@ -121,27 +100,6 @@ def admitted(options: BusOptions, endpoint: str = "") -> str:
     if tls and is_set("transport/link/tls/enable_mtls"):
         return f"every certificate that {options.config_file} accepts can drive"
     return "every program that reaches it can drive"
-
-
-def endpoint_problem(endpoint: str) -> str | None:
-    """Why ``endpoint`` cannot work; None when it looks right.
-
-    Zenoh says nothing of a wrong endpoint to connect to: it tries it for ever.
-    """
-    protocol, slash, rest = endpoint.partition("/")
-    address = rest.split("?")[0].split("#")[0]
-    if not slash or not protocol or not address:
-        return "it is not of the form protocol/address, such as tcp/127.0.0.1:7447"
-    if protocol == "unixsock-stream":
-        return None if address.startswith("/") else "the socket's path must begin with '/'"
-    if protocol not in _ADDRESSED:
-        return f"{protocol!r} is none of {', '.join(_ADDRESSED)} and unixsock-stream"
-    host, colon, port = address.rpartition(":")
-    if not colon or not host:
-        return "it has no port, such as :7447"
-    if not port.isascii() or not port.isdigit() or int(port) > 65535:
-        return f"{port!r} is not a port from 0 to 65535"
-    return None
 
 
 def zenoh_config(options: BusOptions, *, uplink: bool = False) -> zenoh.Config:

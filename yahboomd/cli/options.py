@@ -149,8 +149,7 @@ def client_options(endpoints: tuple[str, ...], config: Config) -> BusOptions:
 
 
 def _endpoint(text: str) -> str:
-    # Zenoh takes a tenth of a second to import: only where there is something to look at.
-    from yahboomd.bus.options import endpoint_problem
+    from yahboomd.names import endpoint_problem
 
     if problem := endpoint_problem(text):
         raise argparse.ArgumentTypeError(f"{text!r} cannot be used: {problem}.")

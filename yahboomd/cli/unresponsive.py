@@ -62,13 +62,12 @@ def listener(endpoints: tuple[str, ...]) -> int | None:
     """The process of this machine that listens at one of them; None where none is seen."""
     # Not needed, and slow to import, where a port is stopped directly.
     from yahboomd.bus.zenoh_sessions import port_holder
-    from yahboomd.config.values import HOST_AND_PORT
+    from yahboomd.names import host_and_port, is_local
 
     for endpoint in endpoints:
-        place = HOST_AND_PORT.fullmatch(endpoint.removeprefix("tcp/"))
-        host = place["host"].strip("[]") if place else ""
-        if place and (host in {"localhost", "::1"} or host.startswith("127.")):
-            holder = port_holder(int(place["port"]))
+        place = host_and_port(endpoint)
+        if place is not None and is_local(endpoint):
+            holder = port_holder(place[1])
             if holder is not None:
                 return int(holder.rpartition("(")[2].rstrip(")"))
     return None

@@ -33,6 +33,7 @@ from yahboomd.messages.native import (
     WheelsSample,
 )
 from yahboomd.model import Twist2d
+from yahboomd.names import name_problem
 
 Message = TypeVar("Message", bound=msgspec.Struct)
 
@@ -72,7 +73,7 @@ class AsyncRobot:
         wait_s: float = WAIT_S,
         clock: Clock | None = None,
     ) -> None:
-        if problem := keys.name_problem(source):
+        if problem := name_problem(source):
             raise ValueError(f"The source {source!r} cannot be used: {problem}.")
         if not (deadman_s > 0.0 and 5.0 <= rate_hz <= 1000.0 and wait_s >= 0.0):
             raise ValueError("deadman_s > 0, 5 <= rate_hz <= 1000 and wait_s >= 0 must hold.")

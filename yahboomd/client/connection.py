@@ -14,7 +14,7 @@ from collections.abc import Callable
 from yahboomd.bus import keys
 from yahboomd.bus.blocking import bounded
 from yahboomd.bus.keys import full_key
-from yahboomd.bus.options import BusOptions, is_local, zenoh_config
+from yahboomd.bus.options import BusOptions, zenoh_config
 from yahboomd.bus.presence import NeighbourChange, TokenChange
 from yahboomd.bus.session import Bus
 from yahboomd.bus.subscriptions import Arrival
@@ -22,6 +22,7 @@ from yahboomd.client.streams import read_sample
 from yahboomd.clock import Clock, nanoseconds
 from yahboomd.errors import BusError, NoDaemon
 from yahboomd.messages.native import StatusSample
+from yahboomd.names import is_local
 
 log = logging.getLogger("yahboomd.client")
 

@@ -20,7 +20,6 @@ from yahboomd.bus.subscriptions import Arrival
 from yahboomd.clock import Clock
 from yahboomd.config import Config
 from yahboomd.config.outputs import StaticTransform
-from yahboomd.config.values import is_topic
 from yahboomd.daemon.key_table import OFFERS
 from yahboomd.daemon.publisher import Outlet
 from yahboomd.daemon.requests import Answer, Services
@@ -29,6 +28,7 @@ from yahboomd.messages import planar, ros2
 from yahboomd.messages.codecs import encode_reply, encoding_name
 from yahboomd.messages.native import ServiceReply
 from yahboomd.messages.ros2 import EndpointKind, Node, Qos
+from yahboomd.names import is_ros_name
 
 NO_QOS = Qos()
 """Services have none; their tokens leave it out."""
@@ -65,7 +65,7 @@ class BridgeWay:
         self._announce("SS", key, ros_type, NO_QOS)
 
     def _announce(self, kind: EndpointKind, key: str, ros_type: str, qos: Qos) -> None:
-        if not is_topic(self._bus.key(key)):
+        if not is_ros_name(self._bus.key(key)):
             # No ROS node could call it by this name; the data flow all the same.
             return
         token = ros2.bridge_token(
@@ -267,7 +267,7 @@ def start(
             bridge.service(key, ros_type)
         if native is not None:
             _serve(bus, native, services, key)
-    for source in filter(is_topic, config.command.sources):
+    for source in filter(is_ros_name, config.command.sources):
         stamped = source in config.ros2.stamped_commands
         ros_type = ros2.TWIST_STAMPED if stamped else ros2.TWIST
         if bridge is not None:

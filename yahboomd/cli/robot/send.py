@@ -92,9 +92,9 @@ def run(args: argparse.Namespace) -> int:
             file=sys.stderr,
         )
         return 2
-    from yahboomd.bus.keys import name_problem
     from yahboomd.daemon.process import deadly
     from yahboomd.errors import ConfigError
+    from yahboomd.names import name_problem
 
     if problem := name_problem(args.source):
         raise ConfigError(f"--source {args.source}: {problem}.")

@@ -100,9 +100,9 @@ def run(args: argparse.Namespace) -> int:
         )
         return USAGE
     config = read_config(args).config
-    from yahboomd.bus.keys import name_problem
     from yahboomd.cli.screens.teleop import Teleop
     from yahboomd.errors import ConfigError
+    from yahboomd.names import name_problem
 
     if problem := name_problem(args.source):
         raise ConfigError(f"--source {args.source}: {problem}.")

@@ -1,0 +1,113 @@
+from __future__ import annotations
+
+import pytest
+import zenoh
+from hypothesis import given
+from hypothesis import strategies as st
+
+from yahboomd.names import (
+    endpoint_problem,
+    host_and_port,
+    is_local,
+    is_ros_name,
+    name_problem,
+)
+
+CHUNKS = st.lists(st.text(min_size=1, max_size=8), min_size=1, max_size=4).map("/".join)
+
+
+def test_names_that_zenoh_or_a_reader_would_trip_over_are_refused():
+    for name in ("/bot1", "bot1/", "a//b", "bot*", "a/**", "b$t", "who?", "a#b", "a b", "@bot", ""):
+        assert name_problem(name), name
+
+
+def test_usual_names_are_accepted():
+    for name in ("bot1", "site/hall-2/bot_1", "Roboter.7", "café"):
+        assert name_problem(name) is None, name
+
+
+@given(CHUNKS)
+def test_zenoh_takes_every_name_that_is_accepted(name):
+    if name_problem(name) is None:
+        assert str(zenoh.KeyExpr(f"{name}/yahboomd/pose")) == f"{name}/yahboomd/pose"
+
+
+@pytest.mark.parametrize(
+    "endpoint",
+    [
+        "tcp/127.0.0.1:7448",
+        "tcp/[::1]:7447",
+        "tcp/[fe80::1%eth0]:7447",
+        "udp/robot.local:0",
+        "tls/10.0.0.1:7447#root_ca_certificate=/etc/ca.pem",
+        "tcp/10.0.0.1:7447?rel=1#iface=eth0",
+        "quic/localhost:7447",
+        "unixsock-stream//run/yahboomd/zenoh.sock",
+    ],
+)
+def test_endpoints_that_zenoh_takes_are_taken(endpoint):
+    assert endpoint_problem(endpoint) is None
+
+
+@pytest.mark.parametrize(
+    "endpoint",
+    [
+        "",
+        "127.0.0.1:7448",
+        "tcp:127.0.0.1:7448",
+        "tcp/127.0.0.1",
+        "tcp/127.0.0.1:70000",
+        "tcp/:7447",
+        "tcp/::1:7447",
+        "tcp/a b:7447",
+        "http/localhost:80",
+        "ws/localhost:80",
+        "serial//dev/ttyUSB0",
+        "unixsock-stream/",
+        "tcp/127.0.0.1:7448\n",
+    ],
+)
+def test_endpoints_that_zenoh_cannot_use_are_refused(endpoint):
+    assert endpoint_problem(endpoint)
+
+
+@pytest.mark.parametrize(
+    ("endpoint", "local"),
+    [
+        ("tcp/127.0.0.1:7447", True),
+        ("tcp/127.8.0.1:7447?rel=1#iface=lo", True),
+        ("tcp/localhost:7447", True),
+        ("udp/[::1]:7447", True),
+        ("unixsock-stream//run/bus.sock", True),
+        ("tcp/127.example.org:7447", False),
+        ("tcp/[::]:7447", False),
+        ("tcp/192.168.1.5:7447", False),
+        ("tls/robot:7447", False),
+    ],
+)
+def test_endpoints_of_this_machine_are_local(endpoint, local):
+    assert is_local(endpoint) is local
+    assert endpoint_problem(endpoint) is None
+
+
+@pytest.mark.parametrize(
+    ("endpoint", "place"),
+    [
+        ("tcp/10.0.0.1:7447?rel=1#iface=eth0", ("10.0.0.1", 7447)),
+        ("tcp/[fe80::1%eth0]:7447", ("fe80::1%eth0", 7447)),
+        ("unixsock-stream//run/bus.sock", None),
+        ("7447", None),
+    ],
+)
+def test_host_and_port_of_an_endpoint(endpoint, place):
+    assert host_and_port(endpoint) == place
+
+
+@pytest.mark.parametrize("name", ["odom", "wheel/odom", "_a/b1"])
+def test_relative_names_of_ros(name):
+    assert is_ros_name(name)
+
+
+@pytest.mark.parametrize("name", ["", "/odom", "odom/", "a//b", "1odom", "my-bot", "odom\n"])
+def test_names_that_ros_refuses(name):
+    assert not is_ros_name(name)

@@ -1,0 +1,75 @@
+"""Names and endpoints of the bus: what is wrong with one that a person wrote."""
+
+from __future__ import annotations
+
+import ipaddress
+import re
+
+PROTOCOLS = ("tcp", "udp", "tls", "quic", "unixsock-stream")
+"""Compiled into the Zenoh wheel, and known to clients in other languages as well."""
+
+_ENDPOINT = re.compile(r"(?P<protocol>[^/]+)/(?P<address>[^?#\s]+)(\?[^#\s]*)?(#\S*)?")
+_ADDRESS = re.compile(r"(?P<host>\[[0-9A-Fa-f:.%a-z]+\]|[^:\[\]/]+):(?P<port>[0-9]{1,5})")
+
+# Zenoh's rules for a key without wildcards: chunks that are not empty, none of `*`, `$`, `?`, `#`.
+# `@` opens a chunk that wildcards do not reach; a robot must not be hidden by accident.
+_CHUNK = re.compile(r"[^*$?#/@\s\x00-\x1f][^*$?#/\s\x00-\x1f]*\Z")
+
+
+def name_problem(name: str) -> str | None:
+    """Why ``name`` cannot be a namespace or a key below it; None when it can."""
+    if name.startswith("/") or name.endswith("/"):
+        return "it may not begin or end with '/'"
+    for chunk in name.split("/"):
+        if not chunk:
+            return "between two '/' there must be a name"
+        if not _CHUNK.match(chunk):
+            return f"{chunk!r} has a character that keys may not have (one of * $ ? # @ or a space)"
+    return None
+
+
+def endpoint_problem(endpoint: str) -> str | None:
+    """Why ``endpoint`` cannot work; None when it looks right.
+
+    Zenoh reports no wrong endpoint to connect to: it retries it for ever.
+    """
+    parts = _ENDPOINT.fullmatch(endpoint)
+    if parts is None:
+        return "it is not of the form protocol/address, such as tcp/127.0.0.1:7447"
+    protocol, address = parts["protocol"], parts["address"]
+    if protocol not in PROTOCOLS:
+        return f"{protocol!r} is none of {', '.join(PROTOCOLS)}"
+    if protocol == "unixsock-stream":
+        return None if address.startswith("/") else "the socket's path must begin with '/'"
+    found = host_and_port(endpoint)
+    if found is None:
+        return "its address is not host:port, such as 127.0.0.1:7447 or [::1]:7447"
+    return None if found[1] <= 65535 else f"{found[1]} is not a port from 0 to 65535"
+
+
+def host_and_port(endpoint: str) -> tuple[str, int] | None:
+    """The host, without brackets, and the port of ``endpoint``; None where it has none."""
+    parts = _ENDPOINT.fullmatch(endpoint)
+    address = _ADDRESS.fullmatch(parts["address"]) if parts else None
+    return (address["host"].strip("[]"), int(address["port"])) if address else None
+
+
+def is_local(endpoint: str) -> bool:
+    """Whether only this machine reaches ``endpoint``.
+
+    A host name that is not ``localhost`` may mean anything: it counts as reachable by others.
+    """
+    if endpoint.startswith("unixsock-stream/"):
+        return True
+    host, _ = host_and_port(endpoint) or ("", 0)
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def is_ros_name(name: str) -> bool:
+    """Whether ROS 2 takes ``name`` for a relative name of a topic or a namespace."""
+    return re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*", name) is not None
