@@ -48,7 +48,7 @@ def test_the_environment_of_the_process_is_read(parse, monkeypatch):
 
 
 def test_a_file_that_is_missing_is_an_error(parse, tmp_path):
-    with pytest.raises(ConfigError, match="no such file"):
+    with pytest.raises(ConfigError, match="No such file"):
         options.read_config(parse("--config", str(tmp_path / "missing.toml")), {})
 
 

@@ -70,7 +70,7 @@ def test_mistakes_of_every_layer_are_named_with_their_source(complaints):
 def test_mistakes_in_environment_show_beside_a_file_that_is_no_toml(complaints):
     lines = complaints("[serial\n", YAHBOOMD_LOG__LEVEL="loud")
     assert len(lines) == 2
-    assert lines[0].startswith("config.toml:1: not valid TOML at line 1, column 8: ")
+    assert lines[0].startswith("config.toml:1: not valid TOML: Expected")
     assert lines[1].startswith("YAHBOOMD_LOG__LEVEL: log.level: expected")
 
 
@@ -125,7 +125,7 @@ def test_an_empty_text_is_an_empty_list(given):
 
 def test_a_list_without_quotes_is_checked_all_the_same(complaints):
     (line,) = complaints("", "zenoh.listen=tcp/127.0.0.1")
-    assert "zenoh.listen[0]: expected an endpoint" in line
+    assert "zenoh.listen[0]: its address is not host:port" in line
 
 
 @pytest.mark.parametrize(
@@ -163,7 +163,7 @@ def test_without_a_file_the_standard_one_is_read_if_it_exists(tmp_path):
 
 def test_a_file_that_is_named_must_exist(tmp_path):
     missing = tmp_path / "missing.toml"
-    with pytest.raises(ConfigError, match=r"missing\.toml: no such file"):
+    with pytest.raises(ConfigError, match=r"missing\.toml: cannot be read: No such file"):
         load(missing, environ={}, overrides=[])
 
 

@@ -1,16 +1,37 @@
 from __future__ import annotations
 
-import json
 import tomllib
 from pathlib import Path
 
-import jsonschema
 import pytest
 
 from yahboomd.config import Config, read
-from yahboomd.config.reference import default_toml, markdown, schema, summary
+from yahboomd.config.reference import as_toml, default_toml, markdown, summary
 
 ROOT = Path(__file__).parents[2]
+
+
+UNUSUAL = {
+    "chassis": {
+        "kinematics": "mecanum",
+        "wheel_base_m": 0.17,
+        "wheel_radius_m": 1e-5,
+        "motors": {
+            "front_left": [{"position": 4, "name": "a", "encoder_sign": -1}],
+            "rear_left": [{"position": 3}],
+            "front_right": [{"position": 2}],
+            "rear_right": [{"position": 1}],
+        },
+    },
+    "limits": {"linear": {}, "angular": {"jerk": 3}},
+    "command": {"sources": {}},
+    "zenoh": {"listen": [], "namespace": "größe"},
+    "serial": {"port": 'a "quoted" \\ port\n'},
+    "ros2": {
+        "joint_names": {"a": "joint"},
+        "static_transforms": [{"parent": "base_link", "child": "laser", "yaw": -1.5}],
+    },
+}
 
 
 def test_the_committed_reference_is_current():
@@ -40,24 +61,6 @@ def test_every_row_of_the_reference_has_four_cells():
     for row in rows:
         if "--set" not in row and "YAHBOOMD_" not in row:
             assert row.replace("\\|", "").count("|") == 5, row
-
-
-def test_the_schema_accepts_the_default_file_and_refuses_a_mistake():
-    validator = jsonschema.Draft202012Validator(json.loads(schema()))
-    document = tomllib.loads(default_toml())
-    assert list(validator.iter_errors(document)) == []
-    document["board"]["profile"] = "521"
-    document["serial"]["prot"] = "x"
-    document["chassis"]["motors"]["left"][0]["position"] = 5
-    document["command"]["sources"]["x"] = {"priority": "high"}
-    assert len(list(validator.iter_errors(document))) == 4
-
-
-def test_every_key_has_a_description():
-    definitions = json.loads(schema())["$defs"]
-    for name, model in definitions.items():
-        for key, entry in model["properties"].items():
-            assert entry.get("description", "").endswith("."), f"{name}.{key}"
 
 
 def test_the_summary_says_which_robot_this_is(given):
@@ -96,3 +99,53 @@ def test_the_summary_names_motors_that_are_mounted_the_other_way_round(given):
     )
     assert "front_left on M1 (reversed), rear_left on M2, front_right on M3" in text
     assert "rear_right on M4 (encoder reversed)" in text
+
+
+@pytest.mark.parametrize("sections", [{}, UNUSUAL])
+@pytest.mark.parametrize("with_origins", [False, True])
+def test_what_is_shown_reads_back_as_the_same_configuration(write, sections, with_origins):
+    config = Config.model_validate(sections)
+    text = as_toml(config, origins={} if with_origins else None, header="with a header\n\nof two")
+    assert read(write(text), environ={}).config == config
+
+
+def test_every_key_stands_in_the_file_with_its_description_above():
+    text = as_toml(Config())
+    flat = " ".join(line.removeprefix("#").strip() for line in text.split("\n")).split()
+    words = " ".join(flat)
+    for name, info in Config.model_fields.items():
+        assert f"[{name}]" in text
+        for key, entry in info.annotation.model_fields.items():
+            assert " ".join(entry.description.split()) in words, key
+            assert any(
+                line.removeprefix("# ").startswith((f"{key} = ", f"[{name}.{key}"))
+                for line in text.split("\n")
+            ), key
+
+
+def test_optional_keys_become_valid_when_their_comment_is_taken_off():
+    lines = as_toml(Config()).split("\n")
+    keys = [line[2:] for line in lines if line.startswith(("# wheel_", "# ratio"))]
+    assert len(keys) == 4
+    assert tomllib.loads("\n".join(keys))["wheel_base_m"] == 0.17
+
+
+def test_every_value_is_followed_by_its_origin(given):
+    loaded = given(
+        "[limits]\nlinear = { velocity = 0.5 }\n",
+        "limits.linear.jerk=3",
+        YAHBOOMD_LOG__LEVEL="debug",
+    )
+    text = as_toml(loaded.config, origins=loaded.origins)
+    (linear,) = [line for line in text.split("\n") if line.startswith("linear = ")]
+    assert linear.startswith(
+        "linear = { velocity = 0.5, acceleration = 2.5, deceleration = 5.0, jerk = 3.0 }"
+        "  # --set limits.linear.jerk=3"
+    )
+    assert linear.endswith("config.toml:2")
+    assert 'level = "debug"  # YAHBOOMD_LOG__LEVEL' in text
+    assert 'mode = "router"  # default' in text
+
+
+def test_comments_fit_the_width():
+    assert max(len(line) for line in as_toml(Config()).split("\n") if line.startswith("#")) <= 100

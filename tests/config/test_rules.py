@@ -180,6 +180,14 @@ def test_a_client_needs_a_router_and_does_not_listen():
     }
 
 
+def test_a_client_names_its_router_beside_a_zenoh_file_too(tmp_path):
+    # The bus refuses endpoints in that file.
+    file = tmp_path / "zenoh.json5"
+    file.write_text("{}")
+    zenoh = {"mode": "client", "connect": [], "config": str(file)}
+    assert set(found(zenoh=zenoh)) == {"zenoh.connect"}
+
+
 def test_a_bus_that_nobody_can_reach_is_refused():
     assert set(found(zenoh={"connect": [], "listen": []})) == {"zenoh.listen"}
 

@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         ConfigError: Naming every mistake.
     """
-    from yahboomd.config import reference, writing
+    from yahboomd.config import reference, schema
 
     match args.verb:
         case "check":
@@ -79,9 +79,9 @@ def run(args: argparse.Namespace) -> int:
         case "show":
             loaded = read_config(args)
             origins = loaded.origins if args.origin else None
-            print(writing.as_toml(loaded.config, origins=origins), end="")
+            print(reference.as_toml(loaded.config, origins=origins), end="")
         case "schema":
-            print(reference.schema(), end="")
+            print(schema.as_json(), end="")
         case _:
             print(reference.default_toml() if args.toml else reference.markdown(), end="")
     return 0

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from typing import Annotated, TypeAlias
 
-from pydantic import Field
+from pydantic import Field, field_validator
+from pydantic_core import PydanticCustomError
 
-from yahboomd.config.values import Choice, MotorName, Positive, Section
+from yahboomd.config.values import Choice, MotorName, Positive, Section, Sign
 from yahboomd.drive.kinematics import KINEMATICS
 from yahboomd.protocol.profiles import PROFILES
 from yahboomd.protocol.registry import DIALECTS
 
 CUSTOM = "custom"
 """The profile whose figures stand in the configuration."""
-
-NO_ENCODER = (("tt", "a TT motor without encoder is refused: it gives no odometry"),)
-"""Why a profile that one may look for is none."""
 
 
 class Serial(Section):
@@ -56,7 +54,7 @@ class Serial(Section):
 class Board(Section):
     """The motors that the board is set up for."""
 
-    profile: Annotated[str, Choice((*PROFILES, CUSTOM), NO_ENCODER)] = Field(
+    profile: Annotated[str, Choice((*PROFILES, CUSTOM))] = Field(
         default="520",
         description="The motors: encoder lines, gear ratio and wheel of the vendor's kits. tt is "
         "the TT motor with encoder; without one there is no odometry. custom takes the figures "
@@ -115,6 +113,13 @@ class Board(Section):
         "stores it. Absent: from chassis.wheel_radius_m.",
     )
 
+    @field_validator("profile", mode="before")
+    @classmethod
+    def _has_an_encoder(cls, given: object) -> object:
+        if isinstance(given, str) and given.startswith("tt") and given not in PROFILES:
+            raise PydanticCustomError("text", "a TT motor without encoder gives no odometry")
+        return given
+
 
 class MotorEntry(Section):
     """One motor of a wheel."""
@@ -122,10 +127,10 @@ class MotorEntry(Section):
     position: int = Field(
         ge=1, le=4, description="Its place on the board, M1 to M4 (the article's A to D)."
     )
-    command_sign: Annotated[int, Choice((1, -1))] = Field(
+    command_sign: Sign = Field(
         default=1, description="-1 where a positive command turns the wheel backward."
     )
-    encoder_sign: Annotated[int, Choice((1, -1))] = Field(
+    encoder_sign: Sign = Field(
         default=1, description="-1 where the counts fall while the wheel rolls forward."
     )
     name: MotorName | None = Field(

@@ -1,6 +1,6 @@
 """The layers of a configuration, one over the other: file, environment, ``--set``.
 
-Each value keeps its origin, so that a mistake can be found where it was written.
+Each value keeps its origin, so that a mistake is reported where it was written.
 """
 
 from __future__ import annotations
@@ -8,36 +8,34 @@ from __future__ import annotations
 import copy
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from yahboomd.config.positions import key_lines
 from yahboomd.config.values import Place
 
 PREFIX = "YAHBOOMD_"
-"""What the names of our environment variables start with."""
+"""The names of our environment variables start with it."""
 
 LARGEST_FILE_BYTES = 1_000_000
 """A configuration is a few kilobytes; more is another file, or a device that never ends."""
 
-DEEPEST = 20
-"""Levels of tables and lists that are looked at."""
-
-_SYNTAX = re.compile(r"(?P<why>.*) \(at (?:line (?P<line>\d+), column (?P<column>\d+)|.*)\)")
+_LINE = re.compile(r"\(at line (\d+), column \d+\)$")
 _BARE_TEXT = re.compile(
     r"""\s*[\w."'-]+\s*=\s*(?!true\b|false\b|inf\b|nan\b)"""
     r"""(?P<text>[\w./:~@+-]*[A-Za-z/][\w./:~@+ -]*)(?:#.*)?"""
 )
 """A line of TOML whose value is text without its quotes."""
 
-_TUPLE = re.compile(r"\((?:'[^']*'(?:, |,)?)+\)")
-_KEY_PART = re.compile(r"""\s*(?:"([^"]*)"|'([^']*)'|([^."'=]+?))\s*(?:\.|$)""")
+_PART = r"""(?:\s*"[^"]*"\s*|\s*'[^']*'\s*|[^."'=]+)"""
+_OVERRIDE = re.compile(rf"(?P<key>{_PART}(?:\.{_PART})+)=(?P<value>.*)", re.DOTALL)
+"""More lenient than TOML: shells eat the quotes of command.sources."cmd_vel/teleop".priority."""
 
 
-@dataclass(frozen=True, order=True)
-class Origin:
+class Origin(NamedTuple):
     """Where a value was written; sorts as the layers do, then by line."""
 
     layer: int
@@ -51,30 +49,43 @@ class Origin:
 
 
 NOWHERE = Origin(-1, 0, "")
-"""The source of a default."""
+"""The origin of a default."""
 
 
 @dataclass
 class Layers:
-    """What was read so far.
+    """The values that were read so far.
 
     Attributes:
+        defaults: The whole configuration without any layer, as in a file.
         data: The values, nested as in the file.
-        origins: Where each key was written.
-        texts: What environment and ``--set`` gave in letters, for keys that take text.
-        mistakes: What could not be read at all, with its origin.
+        written: Keys from environment and ``--set`` in order: the origin, and the letters.
+        mistakes: Each origin that could not be read at all, and why.
     """
 
     defaults: Mapping[str, Any]
     data: dict[str, Any] = field(default_factory=dict)
-    origins: dict[Place, Origin] = field(default_factory=dict)
-    texts: dict[Place, str] = field(default_factory=dict)
+    written: dict[Place, tuple[Origin, str]] = field(default_factory=dict)
     mistakes: list[tuple[Origin, str]] = field(default_factory=list)
+    _path: str = ""
+    _text: str = ""
+
+    @cached_property
+    def origins(self) -> dict[Place, Origin]:
+        """Where each key was written; slow, ask after everything is read."""
+        found = {
+            place: Origin(0, line, f"{self._path}:{line}")
+            for place, line in key_lines(self._text).items()
+        }
+        for place, (origin, _) in self.written.items():
+            found = {key: at for key, at in found.items() if key[: len(place)] != place}
+            found[place] = origin
+        return found
 
     def origin(self, place: Place) -> Origin:
         """Where ``place``, or the nearest table around it, was written; NOWHERE for a default.
 
-        A table that was never written as such is where the first key in it was.
+        The origin of a table without a header is that of its first key.
         """
         for end in range(len(place), 0, -1):
             if place[:end] in self.origins:
@@ -84,82 +95,57 @@ class Layers:
 
     def read_file(self, path: Path) -> None:
         """Take the values of a TOML file, or note why that is impossible."""
-        name = plain(str(path))
+        self._path = plain(str(path))
         try:
             with path.open("rb") as file:
                 raw = file.read(LARGEST_FILE_BYTES + 1)
         except OSError as error:
-            self.mistakes.append((Origin(0, 0, name), _why_unreadable(error)))
+            self._refuse(f"cannot be read: {error.strerror}")
             return
         if len(raw) > LARGEST_FILE_BYTES:
-            words = f"larger than {LARGEST_FILE_BYTES} bytes, so not a configuration"
-            self.mistakes.append((Origin(0, 0, name), words))
+            self._refuse(f"larger than {LARGEST_FILE_BYTES} bytes, so not a configuration")
             return
         try:
             # Windows editors put a byte order mark in front, which TOML does not know.
-            text = raw.decode("utf-8-sig")
+            text = raw.decode("utf-8-sig").replace("\r\n", "\n")
+            self.data, self._text = tomllib.loads(text), text
         except UnicodeDecodeError as error:
             line = raw.count(b"\n", 0, error.start) + 1
-            words = f"not UTF-8 (byte 0x{raw[error.start]:02x}); save the file as UTF-8"
-            self.mistakes.append((Origin(0, line, f"{name}:{line}"), words))
-            return
-        text = text.replace("\r\n", "\n")
-        try:
-            self.data = tomllib.loads(text)
+            self._refuse(f"not UTF-8 (byte 0x{raw[error.start]:02x}); save it as UTF-8", line)
         except tomllib.TOMLDecodeError as error:
-            self.mistakes.append(_syntax(name, str(error), text))
-            return
-        except (ValueError, RecursionError) as error:
-            why = "nested too deeply" if isinstance(error, RecursionError) else str(error)
-            self.mistakes.append((Origin(0, 0, name), f"not valid TOML: {why}"))
-            return
-        if not _is_shallow(self.data):
-            self.data = {}
-            self.mistakes.append((Origin(0, 0, name), "tables or lists are nested too deeply"))
-            return
-        for place, line in key_lines(text).items():
-            self.origins[place] = Origin(0, line, f"{name}:{line}")
+            self._refuse(*_explained(str(error), text))
+        except ValueError as error:
+            self._refuse(f"not valid TOML: {error}")
+        except RecursionError:
+            self._refuse("tables or lists are nested too deeply")
 
     def read_environment(self, environ: Mapping[str, str]) -> None:
-        """Take every ``YAHBOOMD_SECTION__KEY``; others that start alike belong to somebody else.
+        """Take every ``YAHBOOMD_SECTION__KEY``; similar names belong to other programs.
 
-        One that names a section and forgets the second underscore is a mistake rather than
-        ignored.
+        A name with a section and only one underscore is a mistake.
         """
-        for name in sorted(environ):
-            if not name.startswith(PREFIX):
-                continue
+        for name in sorted(name for name in environ if name.startswith(PREFIX)):
             rest = name.removeprefix(PREFIX).lower()
-            place = tuple(rest.split("__"))
+            place, origin = tuple(rest.split("__")), Origin(1, 0, plain(name))
+            section = next((s for s in self.defaults if f"{rest}_".startswith(f"{s}_")), None)
             if len(place) > 1 and all(place):
-                self._set(place, environ[name], Origin(1, 0, plain(name)))
-                continue
-            section = next((s for s in self.defaults if rest == s or rest.startswith(f"{s}_")), "")
-            if section:
+                self._set(place, environ[name], origin)
+            elif section is not None:
                 key = rest.removeprefix(section).strip("_") or "key"
                 right = f"{PREFIX}{section}__{key}".upper()
                 words = f"expected two underscores between section and key, such as {right}"
-                self.mistakes.append((Origin(1, 0, plain(name)), words))
+                self.mistakes.append((origin, words))
 
     def read_overrides(self, overrides: Sequence[str]) -> None:
         """Take each ``section.key=value`` of ``--set``, the later over the earlier."""
         for number, override in enumerate(overrides):
-            name, value = _split(override)
             origin = Origin(2, number, f"--set {plain(override)}")
-            if value is None:
+            found = _OVERRIDE.fullmatch(override)
+            if found is None:
                 self.mistakes.append((origin, "expected section.key=value"))
                 continue
-            place = tuple(_parts(name))
-            if len(place) < 2 or not all(place):
-                self.mistakes.append((origin, "expected section.key=value, with a section"))
-                continue
-            self._set(place, value, origin)
-
-    def forget(self, place: Place) -> None:
-        """Drop what is known of the origin of a key, and of all below it."""
-        for known in (self.origins, self.texts):
-            for key in [key for key in known if key[: len(place)] == place]:
-                known.pop(key)
+            parts = re.findall(_PART, found["key"])
+            self._set(tuple(part.strip(" \t\"'") for part in parts), found["value"], origin)
 
     def _set(self, place: tuple[str, ...], text: str, origin: Origin) -> None:
         # A single key changes that key alone: a table that the file left out starts as the default.
@@ -170,10 +156,18 @@ class Layers:
             if not isinstance(table.get(part), dict):
                 table[part] = copy.deepcopy(default) if isinstance(default, dict) else {}
             table = table[part]
-        self.forget(place)
         table[place[-1]] = toml_value(text)
-        self.origins[place] = origin
-        self.texts[place] = text
+        self.written = {key: at for key, at in self.written.items() if key[: len(place)] != place}
+        self.written[place] = (origin, text)
+
+    def _refuse(self, words: str, line: int = 0) -> None:
+        at = f"{self._path}:{line}" if line else self._path
+        self.mistakes.append((Origin(0, line, at), words))
+
+
+def plain(text: str) -> str:
+    """Text on one line, whatever was typed."""
+    return "".join(char if char.isprintable() else "?" for char in text)
 
 
 def toml_value(text: str) -> object:
@@ -184,75 +178,16 @@ def toml_value(text: str) -> object:
     if "\n" in text:
         return text
     try:
-        value = tomllib.loads(f"value = {text}")["value"]
+        return tomllib.loads(f"value = {text}")["value"]
     except (ValueError, RecursionError):
         return text
-    return value if _is_shallow(value) else text
 
 
-def _is_shallow(value: object) -> bool:
-    """Whether recursion over the value is harmless; ours has six levels at most."""
-    level = [value]
-    for _ in range(DEEPEST):
-        items = [item.values() if isinstance(item, dict) else item for item in level]
-        level = [one for item in items if not isinstance(item, str) for one in _inside(item)]
-    return not level
-
-
-def _inside(item: object) -> Iterable[object]:
-    return item if isinstance(item, Iterable) else ()
-
-
-def plain(text: str) -> str:
-    """Text that stays on its line, whatever was typed."""
-    return "".join(char if char.isprintable() else "?" for char in text)
-
-
-def _split(override: str) -> tuple[str, str | None]:
-    quote = ""
-    for index, char in enumerate(override):
-        if quote:
-            quote = "" if char == quote else quote
-        elif char in "\"'":
-            quote = char
-        elif char == "=":
-            return override[:index], override[index + 1 :]
-    return override, None
-
-
-def _parts(name: str) -> Iterator[str]:
-    # More lenient than TOML: shells eat the quotes of command.sources."cmd_vel/teleop".priority.
-    at = 0
-    while at < len(name):
-        part = _KEY_PART.match(name, at)
-        if part is None:
-            yield ""
-            return
-        yield next(group for group in part.groups() if group is not None)
-        at = part.end()
-    if name.endswith("."):
-        yield ""
-
-
-def _why_unreadable(error: OSError) -> str:
-    words = {
-        FileNotFoundError: "no such file",
-        IsADirectoryError: "a directory, where a file is expected",
-        PermissionError: "this user may not read it",
-    }
-    return words.get(type(error), f"cannot be read: {error.strerror}")
-
-
-def _syntax(name: str, message: str, text: str) -> tuple[Origin, str]:
-    at = _SYNTAX.fullmatch(message)
-    if at is None:
-        return Origin(0, 0, name), f"not valid TOML: {message}"
-    line = int(at["line"] or text.rstrip().count("\n") + 1)
-    column = f", column {at['column']}" if at["column"] else ""
-    why = at["why"][:1].lower() + at["why"][1:]
-    # tomllib shows a key as Python does: ('chassis', 'motors').
-    why = _TUPLE.sub(lambda found: ".".join(re.findall(r"'([^']*)'", found[0])), why)
-    value = _BARE_TEXT.fullmatch(text.split("\n")[line - 1])
-    if value is not None:
-        why += f'; text needs quotes: "{value["text"].strip()}"'
-    return Origin(0, line, f"{name}:{line}"), f"not valid TOML at line {line}{column}: {why}"
+def _explained(error: str, text: str) -> tuple[str, int]:
+    """A syntax error of ``tomllib`` with the line, and the quotes that are most often missing."""
+    at = _LINE.search(error)
+    line = int(at[1]) if at else text.rstrip().count("\n") + 1
+    written = text.split("\n")[line - 1].strip()
+    words = f"not valid TOML: {error}: {written[:60]}"
+    value = _BARE_TEXT.fullmatch(written)
+    return words + (f'; text needs quotes: "{value["text"].strip()}"' if value else ""), line

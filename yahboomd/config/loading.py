@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
+from pydantic_core import ErrorDetails
 
-from yahboomd.config.layers import NOWHERE, Layers, Origin
-from yahboomd.config.mistakes import Mistake, place_of, takes_texts, words_for
+from yahboomd.config.layers import Layers, Origin, plain
 from yahboomd.config.models import Config
 from yahboomd.config.rules import Finding, findings
 from yahboomd.config.values import Place, dotted
@@ -20,40 +19,37 @@ from yahboomd.errors import ConfigError
 STANDARD_PATH = Path("/etc/yahboomd/config.toml")
 """Read when no file is named, where it exists."""
 
-_ROUNDS = 20
-"""Repairs before the rules; each takes away one level around what cannot be read."""
-
 
 @dataclass(frozen=True)
 class Loaded:
     """A configuration, and how it came about.
 
     Attributes:
-        config: What holds.
+        config: The configuration in effect.
+        layers: What it was read from.
         path: The file that was read, if any.
-        origins: Where each key was written; others are defaults.
         warnings: Sentences about what works and may surprise.
     """
 
     config: Config
+    layers: Layers
     path: Path | None = None
-    origins: Mapping[Place, Origin] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+
+    @property
+    def origins(self) -> Mapping[Place, Origin]:
+        """Where each key was written; others are defaults. Slow: reads the file's text again."""
+        found = self.layers.origins
+        if not self.config.chassis.preset:
+            return found
+        # The preset filled these in.
+        filled = (("chassis", "kinematics"), ("chassis", "motors"))
+        kept = {place: origin for place, origin in found.items() if place[:2] not in filled}
+        return kept | dict.fromkeys(filled, self.layers.origin(("chassis", "preset")))
 
 
 def load(path: Path | None, *, environ: Mapping[str, str], overrides: Sequence[str] = ()) -> Config:
-    """Read the configuration.
-
-    Precedence: ``overrides``, environment (``YAHBOOMD_SECTION__KEY``), file, default.
-
-    Args:
-        path: A TOML file that must exist; None for ``/etc/yahboomd/config.toml``, if it does.
-        environ: The environment variables.
-        overrides: ``section.key=value``, as given to ``--set``.
-
-    Raises:
-        ConfigError: Naming every mistake, each on a line with its origin.
-    """
+    """Read the configuration; see :func:`read`."""
     return read(path, environ=environ, overrides=overrides).config
 
 
@@ -64,7 +60,15 @@ def read(
     overrides: Sequence[str] = (),
     standard_path: Path = STANDARD_PATH,
 ) -> Loaded:
-    """Read the configuration, and say where its values come from; see :func:`load`.
+    """Read the configuration, and say where its values come from.
+
+    Precedence: ``overrides``, environment (``YAHBOOMD_SECTION__KEY``), file, default.
+
+    Args:
+        path: A TOML file that must exist; None for ``standard_path``, if it does.
+        environ: The environment variables.
+        overrides: ``section.key=value``, as given to ``--set``.
+        standard_path: For tests.
 
     Raises:
         ConfigError: Naming every mistake, each on a line with its origin.
@@ -77,30 +81,26 @@ def read(
     layers.read_environment(environ)
     layers.read_overrides(overrides)
 
-    mistakes = [Mistake(origin, "", words) for origin, words in layers.mistakes]
-    config, wrong = _values(layers)
+    config, errors = _validated(layers.data)
+    if errors and _take_texts(layers, errors):
+        config, errors = _validated(layers.data)
+    mistakes, wrong = list(layers.mistakes), _wrong(layers, errors)
     mistakes += wrong.values()
-    warnings = []
+    if wrong:
+        # The rules see the rest, so that all mistakes are reported at once.
+        for place in wrong:
+            _remove(layers.data, place)
+        config, _ = _validated(layers.data)
+    warnings: list[tuple[Origin, str]] = []
     for finding in findings(config):
-        looked_at = (finding.place, *finding.beside)
-        if any(_overlap(place, bad) for place in looked_at for bad in wrong):
+        if any(_overlap(place, bad) for place in (finding.place, *finding.beside) for bad in wrong):
             continue
-        found = Mistake(_blame(layers, finding), dotted(finding.place), finding.words)
-        if finding.is_warning:
-            warnings.append(str(found))
-        else:
-            mistakes.append(found)
+        found = _blame(layers, finding), f"{dotted(finding.place)}: {finding.words}"
+        (warnings if finding.is_warning else mistakes).append(found)
     if mistakes:
-        raise ConfigError(_message(mistakes))
-    if config.chassis.preset:
-        # What the preset filled in comes from where the preset does.
-        layers.forget(("chassis", "kinematics"))
-        layers.forget(("chassis", "motors"))
-        layers.origins |= dict.fromkeys(
-            (("chassis", "kinematics"), ("chassis", "motors")),
-            layers.origin(("chassis", "preset")),
-        )
-    return Loaded(config.resolved(), path, layers.origins, tuple(warnings))
+        count = "a mistake" if len(mistakes) == 1 else f"{len(mistakes)} mistakes"
+        raise ConfigError("\n".join([f"The configuration has {count}:", *_lines(sorted(mistakes))]))
+    return Loaded(config.resolved(), layers, path, tuple(_lines(warnings)))
 
 
 def _is_there(path: Path) -> bool:
@@ -114,73 +114,66 @@ def _is_there(path: Path) -> bool:
     return True
 
 
-def _values(layers: Layers) -> tuple[Config, dict[Place, Mistake]]:
-    """The configuration as far as its values are valid, and what is wrong with the others.
-
-    What cannot be read is taken away, and the rest looked at again, so that the rules see all of
-    what is left: a person wants to hear of every mistake in one go.
-    """
-    data = copy.deepcopy(layers.data)
-    wrong: dict[Place, Mistake] = {}
-    for _ in range(_ROUNDS):
-        try:
-            return Config.model_validate(data), wrong
-        except ValidationError as invalid:
-            errors = invalid.errors(include_url=False)
-        for error in errors:
-            place = place_of(error)
-            if _take_text(data, layers, place, error["type"]):
-                continue
-            if not any(_overlap(place, known) for known in wrong):
-                wrong[place] = Mistake(layers.origin(place), dotted(place), words_for(error))
-        for place in wrong:
-            _take_away(data, place)
-    return Config(), wrong | {(): Mistake(NOWHERE, "", "cannot be read")}
+def _lines(mistakes: Sequence[tuple[Origin, str]]) -> list[str]:
+    return [plain(": ".join(filter(None, (origin.words, words)))) for origin, words in mistakes]
 
 
-def _take_text(data: dict[str, Any], layers: Layers, place: Place, kind: str) -> bool:
-    """Where text is wanted, what the environment or ``--set`` gave in letters is that text.
+def _validated(data: dict[str, Any]) -> tuple[Config, list[ErrorDetails]]:
+    try:
+        return Config.model_validate(data), []
+    except ValidationError as invalid:
+        return Config(), invalid.errors(include_url=False)
+
+
+def _wrong(layers: Layers, errors: list[ErrorDetails]) -> dict[Place, tuple[Origin, str]]:
+    """The places of pydantic's errors, each with its mistake."""
+    wrong: dict[Place, tuple[Origin, str]] = {}
+    for error in errors:
+        # Only here: the words for mistakes take longer to load than a configuration without any.
+        from yahboomd.config.mistakes import place_of, words_for
+
+        place = place_of(error)
+        # A list may have too few entries only because one of them is wrong.
+        if not any(len(bad) >= len(place) and _overlap(bad, place) for bad in wrong):
+            wrong[place] = (layers.origin(place), f"{dotted(place)}: {words_for(error)}")
+    return wrong
+
+
+def _take_texts(layers: Layers, errors: list[ErrorDetails]) -> bool:
+    """Take values of environment and ``--set`` as text where TOML made something else of them.
 
     A list of texts may be given without the quotes and brackets that shells and make take away.
     """
-    text = layers.texts.get(place)
-    table = _table_of(data, place)
-    if text is None or table is None:
-        return False
-    if kind == "tuple_type" and isinstance(table[place[-1]], str) and takes_texts(place):
-        bare = text.strip().removeprefix("[").removesuffix("]")
-        table[place[-1]] = [entry.strip() for entry in bare.split(",") if entry.strip()]
-        return True
-    if kind not in {"string_type", "literal_error"} or isinstance(table[place[-1]], str):
-        return False
-    table[place[-1]] = text
-    return True
+    taken = False
+    for error in errors:
+        place, value = error["loc"], error["input"]
+        if place not in layers.written:
+            continue
+        _, text = layers.written[place]
+        table: Any = layers.data
+        for part in place[:-1]:
+            table = table[part]
+        if error["type"] == "tuple_type" and isinstance(value, str):
+            bare = value.strip().removeprefix("[").removesuffix("]")
+            table[place[-1]] = [entry.strip() for entry in bare.split(",") if entry.strip()]
+        elif error["type"] in {"string_type", "literal_error"} and not isinstance(value, str):
+            table[place[-1]] = text
+        else:
+            continue
+        taken = True
+    return taken
 
 
-def _take_away(data: dict[str, Any], place: Place) -> None:
-    # Entries of a list go with their list, so that the others keep their numbers; an entry that
-    # lacks something goes with its table.
-    if any(isinstance(part, int) for part in place):
-        place = place[: next(i for i, part in enumerate(place) if isinstance(part, int))]
-    while len(place) > 1 and (_table_of(data, place) is None):
-        place = place[:-1]
-    table = _table_of(data, place)
-    if table is not None:
-        del table[place[-1]]
-
-
-def _table_of(data: dict[str, Any], place: Place) -> dict[Any, Any] | None:
-    """The table that holds the last key of ``place``; None where it does not."""
+def _remove(data: dict[str, Any], place: Place) -> None:
+    """Remove a wrong value: from its table, or with the list that it is in."""
     table: Any = data
-    for part in place[:-1]:
-        # Places come from pydantic, which found these keys and entries there itself.
-        if not isinstance(table, dict | list):
-            return None
-        try:
-            table = table[part]  # type: ignore[index]
-        except LookupError:
-            return None
-    return table if isinstance(table, dict) and place and place[-1] in table else None
+    for part, below in zip(place, (*place[1:], None), strict=True):
+        inner = table.get(part)
+        if isinstance(inner, dict) and below in inner:
+            table = inner
+            continue
+        table.pop(part, None)
+        return
 
 
 def _overlap(one: Place, other: Place) -> bool:
@@ -190,13 +183,8 @@ def _overlap(one: Place, other: Place) -> bool:
 
 def _blame(layers: Layers, finding: Finding) -> Origin:
     """Where the contradiction was written: at the key itself, else at the one it contradicts."""
-    for place in (finding.place, *finding.beside):
+    places = (finding.place, *finding.beside)
+    for place in places:
         if place in layers.origins:
             return layers.origins[place]
-    return max(layers.origin(place) for place in (finding.place, *finding.beside))
-
-
-def _message(mistakes: list[Mistake]) -> str:
-    lines = [str(mistake) for mistake in sorted(mistakes)]
-    count = "a mistake" if len(lines) == 1 else f"{len(lines)} mistakes"
-    return "\n".join([f"The configuration has {count}:", *lines])
+    return max(map(layers.origin, places))

@@ -1,18 +1,21 @@
-"""The reference page, the JSON Schema and the default ``config.toml``, all from the models."""
+"""The reference page and the commented ``config.toml``, both from the models."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator
+import textwrap
+from collections.abc import Iterator, Mapping
 
-from pydantic import BaseModel
-
+from yahboomd.config import schema
+from yahboomd.config.layers import Origin
 from yahboomd.config.loading import Loaded
 from yahboomd.config.models import Config
 from yahboomd.config.rules import RULES
-from yahboomd.config.values import expected
-from yahboomd.config.writing import as_toml, doc, entry_model, inline
+from yahboomd.config.schema import Node
+from yahboomd.config.values import Place, dotted, inline
 from yahboomd.model import Motor
+
+WIDTH = 96
+"""Columns of a comment."""
 
 HEADER = """\
 The configuration of yahboomd, with every key at its default. What stands in a line that starts
@@ -62,32 +65,41 @@ for each mistake.
 def markdown() -> str:
     """The page ``docs/configuration.md``."""
     lines = [INTRODUCTION]
-    for name, info in Config.model_fields.items():
-        section = info.annotation
-        assert isinstance(section, type)
-        assert issubclass(section, BaseModel)
-        lines += [f"## `[{name}]`", "", doc(section), "", *_table(section)]
-        seen: set[type[BaseModel]] = set()
-        for key, entry in section.model_fields.items():
-            model = entry_model(entry)
-            if model is not None and model not in seen:
-                seen.add(model)
-                where = f"`{name}.{key}`"
-                lines += [f"### In {where}", "", doc(model), "", *_table(model)]
+    for name in Config.model_fields:
+        section = schema.node_at((name,))
+        lines += [f"## `[{name}]`", "", section["description"], "", *_rows(section)]
+        seen: list[Node] = []
+        for key, node in section["properties"].items():
+            table = schema.entry_table(node)
+            if table is not None and table not in seen:
+                seen.append(table)
+                lines += [f"### In `{name}.{key}`", "", table["description"], "", *_rows(table)]
     lines += ["## What must agree", ""]
     lines += [f"- {' '.join((rule.__doc__ or '').split())}" for rule in RULES]
     return "\n".join(lines).rstrip() + "\n"
 
 
-def schema() -> str:
-    """The JSON Schema of the configuration."""
-    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "yahboomd"}
-    return json.dumps({**Config.model_json_schema(), **head}, indent=2, ensure_ascii=False) + "\n"
-
-
 def default_toml() -> str:
     """The file ``config.toml`` in the root of the source."""
     return as_toml(Config(), header=HEADER)
+
+
+def as_toml(
+    config: Config, *, origins: Mapping[Place, Origin] | None = None, header: str = ""
+) -> str:
+    """Write every key with its meaning; optional keys that are absent stand in a comment.
+
+    Args:
+        config: What to write.
+        origins: Where keys were written: each value is followed by its own.
+        header: Comment at the top, without the ``#``.
+    """
+    values = config.model_dump(mode="json", exclude_none=True)
+    lines = [*_comment(header), *([""] if header else [])]
+    for name in Config.model_fields:
+        lines += _comment(schema.node_at((name,))["description"])
+        lines += [f"[{name}]", *_section(name, values[name], origins), ""]
+    return "\n".join(lines).rstrip() + "\n"
 
 
 def summary(loaded: Loaded) -> str:
@@ -117,21 +129,90 @@ def _reversed(motor: Motor) -> str:
     return "" if not found else f" ({'' if len(found) == 2 else f'{found[0]} '}reversed)"
 
 
-def _table(model: type[BaseModel]) -> Iterator[str]:
+def _rows(table: Node) -> Iterator[str]:
     yield "| key | takes | default | meaning |"
     yield "|---|---|---|---|"
-    for key, info in model.model_fields.items():
-        takes = expected(info.annotation, info.metadata)
-        if info.is_required():
+    for key, node in table["properties"].items():
+        if key in table.get("required", ()):
             default = "required"
-        elif info.default is None:
+        elif node["default"] is None:
             default = "absent"
         else:
-            default = f"`{inline(info.default)}`"
-        cells = (f"`{key}`", takes, default, info.description or "")
+            default = f"`{inline(_without_none(node['default']))}`"
+        cells = (f"`{key}`", schema.takes(node), default, node["description"])
         yield f"| {' | '.join(_cell(cell) for cell in cells)} |"
     yield ""
 
 
+def _without_none(value: object) -> object:
+    if isinstance(value, dict):
+        return {key: _without_none(item) for key, item in value.items() if item is not None}
+    return [_without_none(item) for item in value] if isinstance(value, list) else value
+
+
 def _cell(text: str) -> str:
     return " ".join(text.split()).replace("|", "\\|").replace("<", "&lt;")
+
+
+def _section(section: str, values: Node, origins: Mapping[Place, Origin] | None) -> Iterator[str]:
+    tables: list[str] = []
+    explained: list[Node] = []
+    for key, node in schema.node_at((section,))["properties"].items():
+        at = (section, key)
+        about = _comment(f"{node['description']}{schema.constraint(node)}")
+        table = schema.entry_table(node)
+        if table is not None and table not in explained:
+            explained.append(table)
+            for name, entry in table["properties"].items():
+                text = f"{name}: {entry['description']}{schema.constraint(entry)}"
+                about += _wrapped(text, "#   ", "#     ")
+        if table is not None and "additionalProperties" in node and values[key]:
+            tables += ["", *about, *_tables(values[key], at, origins)]
+        elif key not in values:
+            yield from ("", *about, f"# {key} = {inline(node.get('examples', [0])[0])}")
+        else:
+            yield from ("", *about, f"{key} = {inline(values[key])}{_origin(at, origins)}")
+    yield from tables
+
+
+def _tables(value: Node, at: Place, origins: Mapping[Place, Origin] | None) -> Iterator[str]:
+    # Tables by name get a header each; lists by name share one.
+    if not all(isinstance(item, dict) for item in value.values()):
+        yield f"[{dotted(at)}]"
+        for name, item in value.items():
+            yield f"{dotted((name,))} = {inline(item)}{_origin((*at, name), origins)}"
+        return
+    for index, (name, item) in enumerate(value.items()):
+        yield from ([""] if index else [])
+        yield f"[{dotted((*at, name))}]"
+        for key, entry in item.items():
+            yield f"{key} = {inline(entry)}{_origin((*at, name, key), origins)}"
+
+
+def _origin(place: Place, origins: Mapping[Place, Origin] | None) -> str:
+    if origins is None:
+        return ""
+    inside = {at.words for key, at in origins.items() if key[: len(place)] == place}
+    around = [origins[place[:end]] for end in range(len(place), 1, -1) if place[:end] in origins]
+    # A table written over several layers names each of them.
+    words = ", ".join(sorted(inside)) or (around[0].words if around else "default")
+    return f"  # {words}"
+
+
+def _comment(text: str) -> list[str]:
+    lines: list[str] = []
+    for index, paragraph in enumerate(text.split("\n\n")):
+        lines += ["#"] if index else []
+        lines += _wrapped(paragraph, "# ", "# ")
+    return lines
+
+
+def _wrapped(text: str, first: str, rest: str) -> list[str]:
+    return textwrap.wrap(
+        " ".join(text.split()),
+        WIDTH,
+        initial_indent=first,
+        subsequent_indent=rest,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )

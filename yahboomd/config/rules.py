@@ -14,7 +14,8 @@ from dataclasses import dataclass
 
 from yahboomd.config.hardware import CUSTOM, PRESETS, Chassis, given_motors
 from yahboomd.config.models import WHEELS, Config
-from yahboomd.config.values import ENDPOINT, HOST_AND_PORT, Place, dotted, is_topic, number
+from yahboomd.config.values import Place, dotted, number
+from yahboomd.names import is_local, is_ros_name
 from yahboomd.protocol.profiles import NO_ENCODER_TYPE
 
 POLL_BYTES = 57
@@ -268,9 +269,9 @@ def bus(config: Config) -> Iterator[Finding]:
     if zenoh.config and not os.path.isfile(zenoh.config):
         yield Finding(("zenoh", "config"), f"no such file: {zenoh.config}")
     if zenoh.mode == "client":
-        if not zenoh.connect and not zenoh.config:
+        if not zenoh.connect:
             words = "expected an endpoint: a client needs a router to connect to"
-            yield Finding(connect, words, (mode, ("zenoh", "config")))
+            yield Finding(connect, words, (mode,))
         if zenoh.listen not in ((), type(zenoh)().listen):
             words = 'contradicts mode = "client": a client does not listen; leave it out, or []'
             yield Finding(listen, words, (mode,))
@@ -281,7 +282,7 @@ def bus(config: Config) -> Iterator[Finding]:
     for endpoint in zenoh.listen:
         if endpoint in zenoh.connect:
             yield Finding(connect, f"{endpoint} is in zenoh.listen as well", (listen,))
-        if not zenoh.config and not _is_local(endpoint):
+        if not zenoh.config and not is_local(endpoint):
             words = f"{endpoint} is open to the network: every program that reaches it can drive"
             yield Finding(listen, words, is_warning=True)
 
@@ -315,7 +316,7 @@ def ros(config: Config) -> Iterator[Finding]:
     """The names that go into a ROS 2 graph are names there, and every frame has one parent."""
     ros2 = config.ros2
     namespace: Place = ("zenoh", "namespace")
-    if ros2.rmw_zenoh and config.zenoh.namespace and not is_topic(config.zenoh.namespace):
+    if ros2.rmw_zenoh and config.zenoh.namespace and not is_ros_name(config.zenoh.namespace):
         words = "expected a name of ROS 2, of letters, digits and _, because of ros2.rmw_zenoh"
         yield Finding(namespace, words, (("ros2", "rmw_zenoh"),))
     for index, source in enumerate(ros2.stamped_commands):
@@ -332,15 +333,6 @@ def ros(config: Config) -> Iterator[Finding]:
         if first != place:
             words = f'"{transform.child}" has a parent already, by {dotted(first)}'
             yield Finding(place, words, (first,))
-
-
-def _is_local(endpoint: str) -> bool:
-    parts = ENDPOINT.fullmatch(endpoint)
-    if parts is None or parts["protocol"] == "unixsock-stream":
-        return True
-    address = HOST_AND_PORT.fullmatch(parts["address"])
-    host = address["host"].strip("[]") if address else ""
-    return host in {"localhost", "::1"} or host.startswith("127.")
 
 
 RULES: tuple[Rule, ...] = (
