@@ -141,7 +141,7 @@ def estop_in_output_stall(course: Course) -> None:
     """The e-stop is engaged while the port takes no output."""
     course.move()
     for_s = course.random.uniform(0.3, 2.0)
-    ends_ns = course.board.do(f"stall {for_s:.3f}") + round(for_s * 1e9)
+    ends_ns = course.board.stall(for_s)
     time.sleep(course.random.uniform(0.0, 0.7 * for_s))
     engage(course, course.kind, taken_ns=ends_ns, within_s=BRAKE_S + QUEUE_S)
 
@@ -152,7 +152,7 @@ def sigterm_in_output_stall(course: Course) -> None:
     life = course.manager.life
     stops = len(course.manager.stop_statuses)
     for_s = course.random.uniform(0.5, 2.0)
-    ends_ns = course.board.do(f"stall {for_s:.3f}") + round(for_s * 1e9)
+    ends_ns = course.board.stall(for_s)
     time.sleep(course.random.uniform(0.05, 0.3))
     course.manager.signal(signal.SIGTERM)
     # The daemon that follows must not drive at once.

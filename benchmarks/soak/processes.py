@@ -177,6 +177,16 @@ class Board:
 
     def do(self, command: str) -> int:
         """Carry a control command out; returns when it was sent."""
+        return self._ask(command)[0]
+
+    def stall(self, for_s: float) -> int:
+        """Let the port take no output for a while; returns when it takes some again.
+
+        The board says when: it may hear the command late.
+        """
+        return int(self._ask(f"stall {for_s:.3f}")[1].removeprefix("ok until "))
+
+    def _ask(self, command: str) -> tuple[int, str]:
         with socket.socket(socket.AF_UNIX) as control:
             control.settimeout(10.0)
             control.connect(str(self._control))
@@ -186,7 +196,7 @@ class Board:
                 answer = answers.readline().strip()
         if not answer.startswith("ok"):
             raise RuntimeError(f"the simulated board says to {command!r}: {answer!r}")
-        return sent_ns
+        return sent_ns, answer
 
     def close(self) -> None:
         """End it and remove its files."""

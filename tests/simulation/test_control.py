@@ -84,7 +84,8 @@ def test_output_stalls_input_is_held_and_answers_are_lost_until_all_is_cleared(
     bench: MakeBench,
 ) -> None:
     desk = bench()
-    for line in ("stall 5", "hold 5", "unanswered $Battery 0.5"):
+    assert tell(desk, "stall 5") == f"ok until {desk.now_ns + 5_000_000_000}"
+    for line in ("hold 5", "unanswered $Battery 0.5"):
         assert tell(desk, line) == "ok"
     line = desk.robot.impairments
     assert line.stalled_until_ns == line.held_until_ns == desk.now_ns + 5_000_000_000

@@ -13,6 +13,7 @@ from typing import TypeAlias
 
 import msgspec
 
+from yahboomd.clock import nanoseconds
 from yahboomd.errors import ConfigError
 from yahboomd.simulation.motors import FAULTS, HEALTHY
 from yahboomd.simulation.robot import SimulatedRobot
@@ -26,7 +27,7 @@ brown-out [SECONDS]      take the board's supply away (0.05)
 hang                     stop the MCU with the motors as they are, until a reset
 mute SECONDS             nothing of what the board says arrives
 babble SECONDS           random bytes arrive instead
-stall SECONDS            the port takes no output, then all that has queued
+stall SECONDS            the port takes no output, then all that has queued; the answer says when
 hold SECONDS             what the board says is kept, then arrives at once
 unanswered WORD SHARE    this share of the answers that begin with WORD is lost ($Battery, $data)
 unplug [SECONDS]         pull the USB plug (and put it back after SECONDS)
@@ -91,8 +92,9 @@ def _babble(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
 
 
 def _stall(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
-    robot.stall(now_ns, _seconds(words))
-    return ""
+    for_s = _seconds(words)
+    robot.stall(now_ns, for_s)
+    return f"until {now_ns + nanoseconds(for_s)}"
 
 
 def _hold(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
