@@ -49,4 +49,4 @@ def test_motors_profile_and_track_are_those_of_the_configuration() -> None:
     assert left.radius_scale == pytest.approx(1.1)
     assert robot.wheel_separation_m == pytest.approx(0.3)
     assert robot.ticks_per_revolution == pytest.approx(config.ticks_per_revolution())
-    assert (robot.dialect, robot.flash.motor_type, robot.flash.ratio) == ("polled", 2, 20)
+    assert (robot.dialect, robot.flash) == ("polled", None)

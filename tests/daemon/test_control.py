@@ -12,8 +12,9 @@ from real_robot import wait_for
 from robot_bench import RobotBench
 
 from yahboomd.model import Pose2d
+from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.motors import MotorFaults
-from yahboomd.simulation.options import FlashContent, SimulationOptions
+from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 DIALECTS = ["streamed", "polled"]

@@ -16,8 +16,9 @@ from yahboomd.daemon.supervisor import BACK_OFF_S, Supervisor, storing_opener
 from yahboomd.errors import BoardError, LinkError, PortDenied, PortLost, PortMissing, YahboomdError
 from yahboomd.model import Event
 from yahboomd.protocol.profiles import PROFILES
+from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.motors import FAULTS
-from yahboomd.simulation.options import FlashContent, SimulationOptions
+from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 ON = "board.write_settings=true"

@@ -15,7 +15,8 @@ import pytest
 from board_bench import BoardPort
 from fault_bench import CUT, DIALECTS, MS, FaultBench, assert_no_jump, first_stop_ns, is_stop
 
-from yahboomd.simulation.options import FlashContent, SimulationOptions
+from yahboomd.simulation.four_channel.flash import FlashContent
+from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
 from yahboomd.simulation.virtual_time import on_virtual_time
 

@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 from fault_bench import CUT, DIALECTS, MS, FaultBench, is_stop
 
+from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.motors import MotorFaults
-from yahboomd.simulation.options import FlashContent, SimulationOptions, Wiring
+from yahboomd.simulation.options import SimulationOptions, Wiring
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 CUT_WITHIN_NS = 150 * MS

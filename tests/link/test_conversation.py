@@ -10,7 +10,7 @@ from board_bench import LinkBench
 from yahboomd.errors import BoardError, BoardSilent, PortLost
 from yahboomd.link.conversation import KEPT_BYTES, Conversation
 from yahboomd.protocol.profiles import PROFILES
-from yahboomd.simulation.options import FlashContent
+from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 DIALECTS = ["streamed", "polled"]

@@ -10,8 +10,9 @@ from yahboomd.link.flash import STORE_ATTEMPTS, Progress, Step, Storing, store
 from yahboomd.protocol.dialect import Dialect, SettingWrite
 from yahboomd.protocol.profiles import PROFILES
 from yahboomd.protocol.settings import BoardSettings
+from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.motors import FAULTS
-from yahboomd.simulation.options import FlashContent, ImpairmentOptions
+from yahboomd.simulation.options import ImpairmentOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 P520 = PROFILES["520"].settings

@@ -17,7 +17,8 @@ from yahboomd.link.writer import Writer
 from yahboomd.protocol.four_channel.framing import Framer
 from yahboomd.protocol.profiles import PROFILES
 from yahboomd.protocol.registry import DIALECTS
-from yahboomd.simulation.options import FlashContent, ImpairmentOptions, SimulationOptions
+from yahboomd.simulation.four_channel.flash import FlashContent
+from yahboomd.simulation.options import ImpairmentOptions, SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 

@@ -15,8 +15,9 @@ from yahboomd.link import latency_timer
 from yahboomd.link.session import SessionOptions
 from yahboomd.model import EncoderReading
 from yahboomd.protocol.profiles import PROFILES
+from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.motors import MotorFaults
-from yahboomd.simulation.options import FlashContent, ImpairmentOptions, SimulationOptions
+from yahboomd.simulation.options import ImpairmentOptions, SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 DIALECTS = ["streamed", "polled"]

@@ -4,9 +4,9 @@ from random import Random
 
 import pytest
 
-from yahboomd.simulation.four_channel.flash import tuning
+from yahboomd.simulation.four_channel.flash import FlashContent, tuning
 from yahboomd.simulation.motors import FAULTS, HEALTHY, PWM_MAX
-from yahboomd.simulation.options import PLAIN_GAIN, QUICK_GAIN, FlashContent, SimulationOptions
+from yahboomd.simulation.options import PLAIN_GAIN, QUICK_GAIN, SimulationOptions
 from yahboomd.simulation.plant import Plant
 from yahboomd.simulation.speed_loop import TICK_NS, MotorControl, SpeedLoop
 

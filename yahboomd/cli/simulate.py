@@ -13,8 +13,9 @@ import msgspec
 from yahboomd import program
 from yahboomd.cli.options import add_config_options, read_config
 from yahboomd.errors import ConfigError
+from yahboomd.simulation.boards import BOARDS
 from yahboomd.simulation.control import HELP
-from yahboomd.simulation.options import FlashContent, ImpairmentOptions, SimulationOptions
+from yahboomd.simulation.options import ImpairmentOptions, SimulationOptions
 from yahboomd.simulation.pty import PtyPort, serve
 from yahboomd.simulation.robot import SimulatedRobot
 
@@ -49,7 +50,7 @@ exit status:
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command and its options."""
-    robot, flash, line = SimulationOptions(), FlashContent(), ImpairmentOptions()
+    robot, line = SimulationOptions(), ImpairmentOptions()
     parser = subparsers.add_parser(
         "simulate",
         help="be a board on a pseudo-terminal, with motors, chassis and ground truth",
@@ -93,7 +94,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     what.add_argument(
         "--dialect",
-        choices=("streamed", "polled"),
+        choices=tuple(BOARDS),
         default=robot.dialect,
         help="what the board speaks (default: %(default)s, as boards on sale do)",
     )
@@ -144,14 +145,18 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         metavar="NAME=VALUE",
         action="append",
         default=[],
-        help="what a streamed board has stored, such as lines=0; may be repeated. Names: "
-        f"{', '.join(flash.__struct_fields__)}",
+        help="what the board has stored, such as lines=0; may be repeated. "
+        + "; ".join(
+            f"{name}: {', '.join(kind.flash.__struct_fields__)}"
+            for name, kind in BOARDS.items()
+            if kind.flash is not None
+        ),
     )
     what.add_argument(
         "--firmware",
         metavar="VERSION",
         default=robot.firmware,
-        help="what a streamed board reports (default: %(default)s)",
+        help="the version that the board reports, if it does (default: %(default)s)",
     )
     what.add_argument(
         "--ticks",
@@ -178,7 +183,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         metavar="S",
         type=float,
         default=robot.tick_period_s,
-        help="how often a streamed board renews its totals, 0 for with every line "
+        help="how often a board that sends its totals renews them, 0 for with every line "
         "(default: %(default)s)",
     )
     what.add_argument(
@@ -274,15 +279,18 @@ async def _serve(robot: SimulatedRobot, args: argparse.Namespace) -> int:
 
 
 def _options(args: argparse.Namespace) -> SimulationOptions:
-    options = _given(args)
-    if not (args.config or args.overrides):
-        return options
-    from yahboomd.cli.simulated_robot import as_configured
+    robot = _given(args)
+    if args.config or args.overrides:
+        from yahboomd.cli.simulated_robot import as_configured
 
-    robot = as_configured(read_config(args).config, options)
-    values = msgspec.structs.asdict(_flash(args.flash)) if args.flash else {}
-    stored = {name: values[name] for name in (each.partition("=")[0] for each in args.flash)}
-    return msgspec.structs.replace(robot, flash=msgspec.structs.replace(robot.flash, **stored))
+        robot = as_configured(read_config(args).config, robot)
+    if not args.flash:
+        return robot
+    stored = _flash(robot.dialect, args.flash)
+    if robot.flash is not None:
+        named = {name: getattr(stored, name) for name in _named(args.flash)}
+        stored = msgspec.structs.replace(robot.flash, **named)
+    return msgspec.structs.replace(robot, flash=stored)
 
 
 def _given(args: argparse.Namespace) -> SimulationOptions:
@@ -295,7 +303,6 @@ def _given(args: argparse.Namespace) -> SimulationOptions:
         wheel_separation_m=args.wheel_separation,
         wheel_base_m=args.wheel_base,
         battery_volts=args.battery,
-        flash=_flash(args.flash),
         firmware=args.firmware,
         initial_ticks=_ticks(args.ticks),
         stream_pace=args.stream_pace,
@@ -312,22 +319,28 @@ def _given(args: argparse.Namespace) -> SimulationOptions:
     )
 
 
-def _flash(settings: list[str]) -> FlashContent:
-    values = dict(setting.partition("=")[::2] for setting in settings)
-    unknown = set(values) - set(FlashContent.__struct_fields__)
+def _named(settings: list[str]) -> dict[str, str]:
+    return dict(setting.partition("=")[::2] for setting in settings)
+
+
+def _flash(dialect: str, settings: list[str]) -> msgspec.Struct:
+    values, kind = _named(settings), BOARDS[dialect].flash
+    if kind is None:
+        raise ConfigError(f"--flash: a {dialect} board stores nothing.")
+    unknown = set(values) - set(kind.__struct_fields__)
     if unknown:
         raise ConfigError(
             f"--flash knows no {', '.join(sorted(unknown))}.",
-            remedy=f"There are {', '.join(FlashContent.__struct_fields__)}.",
+            remedy=f"There are {', '.join(kind.__struct_fields__)}.",
         )
     wrong = [
         f"{name} takes a {'whole ' if field.type is int else ''}number, not {values[name]!r}"
-        for field in msgspec.structs.fields(FlashContent)
+        for field in msgspec.structs.fields(kind)
         if (name := field.name) in values and not _is_a(field.type, values[name])
     ]
     if wrong:
         raise ConfigError(f"--flash: {'; '.join(wrong)}.")
-    return msgspec.convert(values, FlashContent, strict=False)
+    return msgspec.convert(values, kind, strict=False)
 
 
 def _is_a(kind: object, text: str) -> bool:

@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, cast
 import msgspec
 
 from yahboomd.protocol.profiles import EDGES_PER_LINE
+from yahboomd.simulation.boards import BOARDS
 from yahboomd.simulation.options import (
     Corner,
-    DialectName,
     DriveName,
-    FlashContent,
     SimulationOptions,
     Wiring,
 )
@@ -30,10 +29,11 @@ def as_configured(config: Config, base: SimulationOptions | None = None) -> Simu
     base = base or SimulationOptions()
     profile, kinematics = config.profile(), config.kinematics()
     radius_m = config.chassis.wheel_radius_m or profile.wheel_radius_m
-    dialect = config.serial.dialect
+    configured = config.serial.dialect
+    dialect = base.dialect if configured == "auto" else configured
     return msgspec.structs.replace(
         base,
-        dialect=base.dialect if dialect == "auto" else cast(DialectName, dialect),
+        dialect=dialect,
         drive=cast(DriveName, kinematics.name),
         wiring=tuple(
             Wiring(
@@ -54,10 +54,12 @@ def as_configured(config: Config, base: SimulationOptions | None = None) -> Simu
         wheel_separation_m=config.chassis.wheel_separation_m
         * config.chassis.wheel_separation_multiplier,
         wheel_base_m=config.chassis.wheel_base_m or base.wheel_base_m,
-        flash=FlashContent(
-            motor_type=profile.motor_type,
-            lines=profile.lines,
-            ratio=int(profile.ratio),
-            wheel_diameter_mm=profile.wheel_diameter_mm,
+        flash=BOARDS[dialect].stored(
+            {
+                "motor_type": profile.motor_type,
+                "lines": profile.lines,
+                "ratio": int(profile.ratio),
+                "wheel_diameter_mm": profile.wheel_diameter_mm,
+            }
         ),
     )

@@ -66,6 +66,14 @@ class Board(Protocol):
         """
         ...
 
+    def set_tick_period(self, now_ns: int, period_ns: int, jitter_ns: int = 0) -> None:
+        """Renew the totals every ``period_ns`` from now on, or with every line where that is 0.
+
+        Raises:
+            ValueError: This board has no such period.
+        """
+        ...
+
     def hang(self) -> None:
         """Stop executing, for good, with the outputs as they are."""
         ...

@@ -29,7 +29,7 @@ mute SECONDS             nothing of what the board says arrives
 babble SECONDS           random bytes arrive instead
 stall SECONDS            the port takes no output, then all that has queued; the answer says when
 hold SECONDS             what the board says is kept, then arrives at once
-unanswered WORD SHARE    this share of the answers that begin with WORD is lost ($Battery, $data)
+unanswered WORD SHARE    this share of the answers that begin with WORD is lost
 unplug [SECONDS]         pull the USB plug (and put it back after SECONDS)
 replug                   put it back now
 loss SHARE               this share of bytes vanishes, each way

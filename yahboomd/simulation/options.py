@@ -10,10 +10,12 @@ import msgspec
 from yahboomd.errors import ConfigError
 from yahboomd.model import CHANNELS, Counts
 
-DialectName: TypeAlias = Literal["streamed", "polled"]
 DriveName: TypeAlias = Literal["differential", "skid_steer", "mecanum"]
 Corner: TypeAlias = Literal["left", "right", "front_left", "rear_left", "front_right", "rear_right"]
 StreamPace: TypeAlias = Literal["measured", "wire"]
+
+DIALECT = "streamed"
+"""The board that is simulated where none is named: most robots have it."""
 
 QUICK_GAIN = 4.0
 """PWM units per mm/s of error and unit of gain: the default gains settle within 0.1 to 0.3 s."""
@@ -67,30 +69,6 @@ WIRINGS: dict[DriveName, tuple[Wiring, ...]] = {
 }
 
 
-class FlashContent(msgspec.Struct, frozen=True, kw_only=True):
-    """What the streamed board keeps over a reset, with the vendor's defaults.
-
-    Attributes:
-        motor_type: 1 to 4: 520, 310, TT with encoder, TT without.
-        dead_zone: PWM units that the speed loop adds to its output.
-        lines: Encoder lines per turn of the motor.
-        ratio: Gear ratio, whole.
-        wheel_diameter_mm: What the board takes the wheels for.
-        p: Proportional gain of the speed loop.
-        i: Integral gain.
-        d: Differential gain.
-    """
-
-    motor_type: int = 1
-    dead_zone: int = 1600
-    lines: int = 11
-    ratio: int = 30
-    wheel_diameter_mm: float = 67.0
-    p: float = 0.8
-    i: float = 0.06
-    d: float = 0.5
-
-
 class ImpairmentOptions(msgspec.Struct, frozen=True, kw_only=True):
     """What is wrong with the line from the start; all of it can be changed at run time.
 
@@ -117,7 +95,7 @@ class SimulationOptions(msgspec.Struct, frozen=True, kw_only=True):
     """A robot, its board and its line.
 
     Attributes:
-        dialect: Which firmware the board runs.
+        dialect: Which board it is: a row of :data:`yahboomd.simulation.boards.BOARDS`.
         drive: The geometry.
         wiring: The motors; None takes the usual ones of the drive.
         motor_type: What the motors are (1: 520), whatever the board was set to.
@@ -132,20 +110,20 @@ class SimulationOptions(msgspec.Struct, frozen=True, kw_only=True):
         battery_volts: The battery at rest.
         rated_volts: The supply at which full output gives ``max_speed_m_s``.
         loop_gain: PWM units per mm/s of error and unit of gain, of the firmware's speed loop.
-        flash: What the streamed board has stored.
+        flash: What the board has stored, in its own terms; None: what it is sold with.
         firmware: The version that it reports.
         initial_ticks: The counters at the start, as of a board that has run for a while.
         baud: Speed of the line, 8N1.
         stream_pace: ``measured`` sends stream lines at the rates seen on boards, ``wire`` one
             right after the other.
-        tick_period_s: How often a streamed board renews its totals; 0 renews them with every line.
-            Firmware 1.7.3 does so every 10 ms.
+        tick_period_s: How often a board that sends them by itself renews its totals; 0 renews them
+            with every line.
         tick_jitter_s: Each of these periods is up to so much longer, at random.
         seed: Of every random thing.
         impairments: What is wrong with the line from the start.
     """
 
-    dialect: DialectName = "streamed"
+    dialect: str = DIALECT
     drive: DriveName = "differential"
     wiring: tuple[Wiring, ...] | None = None
     motor_type: int = 1
@@ -160,7 +138,7 @@ class SimulationOptions(msgspec.Struct, frozen=True, kw_only=True):
     battery_volts: float = 7.4
     rated_volts: float = 7.4
     loop_gain: float = QUICK_GAIN
-    flash: FlashContent = FlashContent()
+    flash: msgspec.Struct | None = None
     firmware: str = "1.7.3"
     initial_ticks: Counts = (0, 0, 0, 0)
     baud: int = 115200

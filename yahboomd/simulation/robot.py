@@ -15,8 +15,7 @@ from random import Random
 
 from yahboomd.clock import nanoseconds
 from yahboomd.simulation.board import NEVER, Board
-from yahboomd.simulation.four_channel.polled_board import PolledBoard
-from yahboomd.simulation.four_channel.streamed_board import StreamedBoard
+from yahboomd.simulation.boards import make_board
 from yahboomd.simulation.impairments import Impairments
 from yahboomd.simulation.motors import HEALTHY, MotorFaults
 from yahboomd.simulation.options import SimulationOptions, check
@@ -55,7 +54,7 @@ class SimulatedRobot:
         check(self.options)
         random = Random(self.options.seed)  # noqa: S311 - repeatable, not secret
         self.plant = Plant(self.options, random)
-        self.board: Board = _board(self.options, self.plant, self._emit, random)
+        self.board: Board = make_board(self.options, self.plant, self._emit, random)
         self.impairments = Impairments(self.options.impairments, random)
         self.on_truth: Callable[[TruthSample], None] | None = None
         self.on_plug: Callable[[bool], None] | None = None
@@ -194,11 +193,9 @@ class SimulatedRobot:
         """Renew the totals at another rate; 0 renews them with every line.
 
         Raises:
-            ValueError: A board that is polled has no such period.
+            ValueError: The board has no such period.
         """
         self._run(now_ns)
-        if not isinstance(self.board, StreamedBoard):
-            raise ValueError("a polled board counts when it is asked")  # noqa: TRY004 - a command
         self.board.set_tick_period(now_ns, nanoseconds(period_s), nanoseconds(jitter_s))
 
     def set_faults(self, motor: str, faults: MotorFaults = HEALTHY, *, now_ns: int) -> None:
@@ -310,29 +307,3 @@ class SimulatedRobot:
             if data:
                 # Handed over in this order, whatever the jitter.
                 self._late.append((due_ns, data))
-
-
-def _board(
-    options: SimulationOptions, plant: Plant, emit: Callable[[bytes, int], None], random: Random
-) -> Board:
-    if options.dialect == "polled":
-        return PolledBoard(
-            plant=plant,
-            emit=emit,
-            totals=options.initial_ticks,
-            baud=options.baud,
-            loop_gain=options.loop_gain,
-        )
-    return StreamedBoard(
-        plant=plant,
-        emit=emit,
-        flash=options.flash,
-        version=options.firmware,
-        totals=options.initial_ticks,
-        baud=options.baud,
-        pace=options.stream_pace,
-        random=random,
-        loop_gain=options.loop_gain,
-        tick_period_ns=nanoseconds(options.tick_period_s),
-        tick_jitter_ns=nanoseconds(options.tick_jitter_s),
-    )

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from yahboomd.simulation.four_channel.flash import (
     SETTINGS,
+    FlashContent,
     Refused,
     changed,
     confirmation,
@@ -16,7 +17,6 @@ from yahboomd.simulation.four_channel.flash import (
     tuning,
     whole,
 )
-from yahboomd.simulation.options import FlashContent
 
 
 @pytest.mark.parametrize(

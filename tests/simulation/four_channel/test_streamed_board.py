@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
+from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.four_channel.streamed_board import StreamedBoard, line_period_ns
 from yahboomd.simulation.motors import FAULTS
-from yahboomd.simulation.options import FlashContent
 
 NOT_FOUND = b"fail,Command not found!\r\n"
 BANNER = b"Motor_Version:1.7.3\r\n"

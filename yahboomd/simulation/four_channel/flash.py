@@ -11,8 +11,32 @@ import re
 
 import msgspec
 
-from yahboomd.simulation.options import FlashContent
 from yahboomd.simulation.speed_loop import Tuning
+
+
+class FlashContent(msgspec.Struct, frozen=True, kw_only=True):
+    """What the streamed board keeps over a reset, with the vendor's defaults.
+
+    Attributes:
+        motor_type: 1 to 4: 520, 310, TT with encoder, TT without.
+        dead_zone: PWM units that the speed loop adds to its output.
+        lines: Encoder lines per turn of the motor.
+        ratio: Gear ratio, whole.
+        wheel_diameter_mm: What the board takes the wheels for.
+        p: Proportional gain of the speed loop.
+        i: Integral gain.
+        d: Differential gain.
+    """
+
+    motor_type: int = 1
+    dead_zone: int = 1600
+    lines: int = 11
+    ratio: int = 30
+    wheel_diameter_mm: float = 67.0
+    p: float = 0.8
+    i: float = 0.06
+    d: float = 0.5
+
 
 LONGEST_DEAD_ZONE = 3600
 

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from random import Random
 
 from yahboomd.model import CHANNELS, Counts
 from yahboomd.simulation.board import BOOT_NS, NEVER, Emit
 from yahboomd.simulation.four_channel.flash import whole
+from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.plant import Plant
 from yahboomd.simulation.speed_loop import SPEED_MAX, TICK_NS, MotorControl, Tuning
 from yahboomd.simulation.wire import transfer_ns
@@ -89,6 +91,14 @@ class PolledBoard:
         self._main_ns = NEVER
         self._listens_ns = self._tick_ns = now_ns + off_ns + BOOT_NS
 
+    def set_tick_period(self, now_ns: int, period_ns: int, jitter_ns: int = 0) -> None:  # noqa: ARG002
+        """Nothing that this board has.
+
+        Raises:
+            ValueError: Always.
+        """
+        raise ValueError("a polled board counts when it is asked")
+
     def hang(self) -> None:
         """Stop executing, with the outputs as they are."""
         self._tick_ns = self._main_ns = self._listens_ns = NEVER
@@ -155,6 +165,22 @@ class PolledBoard:
         self._control.regulate(
             tuple(max(-SPEED_MAX, min(SPEED_MAX, whole(part))) for part in parts)
         )
+
+
+def make(
+    options: SimulationOptions,
+    plant: Plant,
+    emit: Emit,
+    random: Random,  # noqa: ARG001 (what every board is made of)
+) -> PolledBoard:
+    """The board of a robot."""
+    return PolledBoard(
+        plant=plant,
+        emit=emit,
+        totals=options.initial_ticks,
+        baud=options.baud,
+        loop_gain=options.loop_gain,
+    )
 
 
 def _tuning(motor_type: int, true_type: int) -> Tuning:

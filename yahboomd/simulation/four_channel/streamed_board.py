@@ -11,10 +11,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from random import Random
 
+from yahboomd.clock import nanoseconds
 from yahboomd.model import CHANNELS, Counts
 from yahboomd.simulation.board import BOOT_NS, NEVER, Emit
 from yahboomd.simulation.four_channel.flash import (
     SETTINGS,
+    FlashContent,
     Refused,
     changed,
     confirmation,
@@ -25,7 +27,7 @@ from yahboomd.simulation.four_channel.flash import (
 )
 from yahboomd.simulation.four_channel.mailbox import Mailbox
 from yahboomd.simulation.motors import PWM_MAX
-from yahboomd.simulation.options import FlashContent, StreamPace
+from yahboomd.simulation.options import SimulationOptions, StreamPace
 from yahboomd.simulation.plant import Plant
 from yahboomd.simulation.speed_loop import SPEED_MAX, TICK_NS, MotorControl
 from yahboomd.simulation.wire import transfer_ns
@@ -352,6 +354,24 @@ class StreamedBoard:
         duration_ns = self._random.randint(*between_ns)
         self._listens_ns = now_ns + round(DEAF_SHARE * duration_ns)
         self._occupy(now_ns + duration_ns, then=then)
+
+
+def make(options: SimulationOptions, plant: Plant, emit: Emit, random: Random) -> StreamedBoard:
+    """The board of a robot."""
+    flash = options.flash
+    return StreamedBoard(
+        plant=plant,
+        emit=emit,
+        flash=flash if isinstance(flash, FlashContent) else FlashContent(),
+        version=options.firmware,
+        totals=options.initial_ticks,
+        baud=options.baud,
+        pace=options.stream_pace,
+        random=random,
+        loop_gain=options.loop_gain,
+        tick_period_ns=nanoseconds(options.tick_period_s),
+        tick_jitter_ns=nanoseconds(options.tick_jitter_s),
+    )
 
 
 def line_period_ns(size: int, baud: int, pace: StreamPace) -> int:

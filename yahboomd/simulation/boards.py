@@ -1,0 +1,55 @@
+"""The boards by the name of their dialect."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from random import Random
+from typing import Final
+
+import msgspec
+
+from yahboomd.errors import ConfigError
+from yahboomd.simulation.board import Board, Emit
+from yahboomd.simulation.four_channel import polled_board, streamed_board
+from yahboomd.simulation.four_channel.flash import FlashContent
+from yahboomd.simulation.options import SimulationOptions
+from yahboomd.simulation.plant import Plant
+
+
+class BoardKind(msgspec.Struct, frozen=True, kw_only=True):
+    """One board that can be simulated.
+
+    Attributes:
+        make: Makes one, of a robot's options, what it drives and senses, and where its bytes go.
+        flash: What it stores, with what it is sold with as the defaults; None: nothing.
+    """
+
+    make: Callable[[SimulationOptions, Plant, Emit, Random], Board]
+    flash: type[msgspec.Struct] | None = None
+
+    def stored(self, values: Mapping[str, object]) -> msgspec.Struct | None:
+        """The contents of its flash; values that it does not store are left out."""
+        if self.flash is None:
+            return None
+        known = {name: values[name] for name in self.flash.__struct_fields__ if name in values}
+        return self.flash(**known)
+
+
+BOARDS: Final[dict[str, BoardKind]] = {
+    "streamed": BoardKind(make=streamed_board.make, flash=FlashContent),
+    "polled": BoardKind(make=polled_board.make),
+}
+"""Every board, by the word that the configuration has for its dialect."""
+
+
+def make_board(options: SimulationOptions, plant: Plant, emit: Emit, random: Random) -> Board:
+    """The board of a robot.
+
+    Raises:
+        ConfigError: There is no such board.
+    """
+    kind = BOARDS.get(options.dialect)
+    if kind is None:
+        names = ", ".join(BOARDS)
+        raise ConfigError(f"No {options.dialect} board can be simulated; there are {names}.")
+    return kind.make(options, plant, emit, random)
