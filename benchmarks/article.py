@@ -2,8 +2,8 @@
 
     python -m benchmarks.article PTY PORT LOG
 
-Written anew from what "Building a ROS 2 Hardware Bridge for Yahboom 520 Motor Drivers" tells: one
-process, one serial handle, one thread. A timer asks for the counters 20 times a second with
+Rebuilt from the description in "Building a ROS 2 Hardware Bridge for Yahboom 520 Motor Drivers":
+one process, one serial handle, one thread. A timer asks for the counters 20 times a second with
 ``readline()``, whose time-out of 50 ms always runs out because the board ends its answers with
 ``#`` alone; the pose is integrated at the midpoint from the difference to the last counts, which
 are 0 at the start; a velocity becomes wheel speeds times SCALE_FACTOR 1000, each wheel clipped by

@@ -137,7 +137,7 @@ class Trial(NamedTuple):
             time.sleep(0.05)
 
     def error_m(self, origin: Pose = (0.0, 0.0, 0.0)) -> float:
-        """How far the pose is from the truth, 1.4 s after it was told to stand.
+        """How far the pose is from the truth, 1.4 s after a command to stand.
 
         Args:
             origin: The pose with which it began, facing along x.

@@ -40,7 +40,7 @@ PROBES = 10
 MOST_SESSIONS = 5000
 
 
-def until_told() -> threading.Event:
+def until_terminated() -> threading.Event:
     """Set when the process is asked to end."""
     done = threading.Event()
     signal.signal(signal.SIGTERM, lambda _number, _frame: done.set())
@@ -69,7 +69,7 @@ def router(
             ],
         }
         config.insert_json5("downsampling", json.dumps([rule]))
-    done = until_told()
+    done = until_terminated()
     with zenoh.open(config):
         print("ready", flush=True)
         done.wait()
@@ -109,7 +109,7 @@ def robots(endpoint: str, first: str, count: str, thin: str = "") -> None:
         )
         puts.append(publisher.put)
         sessions.append(session)
-    done = until_told()
+    done = until_terminated()
     print("ready", flush=True)
     start = time.monotonic()
     sent = 0
@@ -117,7 +117,7 @@ def robots(endpoint: str, first: str, count: str, thin: str = "") -> None:
     fresh = PROBES if thin else len(puts)
     while not done.is_set():
         due = int((time.monotonic() - start) * POSE_HZ * len(puts))
-        # Whoever is late does not make up for more than one period.
+        # A late robot skips whole periods.
         sent = max(sent, due - len(puts))
         while sent < due:
             which = sent % len(puts)
@@ -170,7 +170,7 @@ def operator(endpoint: str, count: str, seconds: str, commands_hz: str, first: s
             time.sleep(TICK_S)
         took, found = time.monotonic() - start, list(ages)
         if thin:
-            # Kept until here: a ring that nobody holds is undeclared.
+            # Referenced until here: Zenoh undeclares a ring without a reference.
             assert all(ring.try_recv() for ring in rings[:PROBES])
     result = {
         "poses_hz": len(found) / took * (len(puts) / PROBES if thin else 1.0),
@@ -217,7 +217,7 @@ def join(endpoint: str, mode: str, count: str) -> None:
         sessions.append(zenoh.open(config))
         sessions[-1].declare_subscriber(f"bot{n}/cmd_vel", RingChannel(1))
     time.sleep(1.0)
-    done = until_told()
+    done = until_terminated()
     print("joined", time.process_time() - before, flush=True)
     done.wait()
     for session in sessions:
@@ -236,7 +236,7 @@ def fill(endpoint: str, shared: str, most: str) -> None:
         except zenoh.ZError:
             refused += 1
             time.sleep(0.2)
-    done = until_told()
+    done = until_terminated()
     print("taken", len(sessions), flush=True)
     done.wait()
     for session in sessions:

@@ -1,7 +1,7 @@
 """Counts to pose by the formulas of others and by ours, on the same counts.
 
 Each takes the counters of the left and of the right wheel at every sample and gives (x, y, theta)
-at every sample. Those of others are their published formulas, written here anew over whole
+at every sample. Those of others are their published formulas, rewritten here for whole
 arrays.
 """
 

@@ -161,7 +161,7 @@ def daemon(
 
 
 def free_endpoint() -> str:
-    """A loopback endpoint that nobody listens on."""
+    """A free loopback endpoint."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return f"tcp/127.0.0.1:{probe.getsockname()[1]}"

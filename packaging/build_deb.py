@@ -45,7 +45,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="yahboomd-deb-") as folder:
         work = Path(folder)
         stage = work / "stage"
-        # A restrictive umask must not make a package that nobody can read.
+        # A restrictive umask must not make a package unreadable.
         os.umask(0o022)
         version = _environment(work, stage, python)
         version = f"{version}-1~{name}"

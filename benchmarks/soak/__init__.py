@@ -1,8 +1,8 @@
-"""The soak: daemon and simulated board as processes, through every fault, for as long as told.
+"""The soak: daemon and simulated board as processes, through every fault, for a chosen time.
 
     python -m benchmarks.soak --minutes 60 --seed 1
 
-An application drives; a seeded schedule injects faults; after each one the ground truth tells
-whether the wheels stopped where they must, and within which time, whether the robot drives again,
-and where the pose is. It ends with a table and a status, and ends everything that it started.
+`application` drives, and a seeded `schedule` injects `faults` and `attacks`. After each fault the
+ground truth shows whether the wheels stopped in time, whether the robot drives again, and how far
+the pose is off. `page` prints the tables; every process that was started is ended.
 """

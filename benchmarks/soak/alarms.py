@@ -16,7 +16,7 @@ LATELY_NS = 300_000_000
 WHEELS = ("left", "right")
 
 
-def shown(event: EventSample, truth: Iterable[TruthSample], told_ns: int) -> bool:
+def shown(event: EventSample, truth: Iterable[TruthSample], event_ns: int) -> bool:
     """Whether a wheel really did it.
 
     On a noisy line a speed that is garbled on its way to the board is driven, and one that is lost
@@ -25,7 +25,7 @@ def shown(event: EventSample, truth: Iterable[TruthSample], told_ns: int) -> boo
     Args:
         event: One of :data:`ALARMS`.
         truth: The ground truth since :data:`LATELY_NS` before it.
-        told_ns: When it was told, monotonic.
+        event_ns: When it was published, monotonic.
     """
     data = event.data or {}
     wish = float(data.get("commanded_m_s") or 0.0)
@@ -33,7 +33,7 @@ def shown(event: EventSample, truth: Iterable[TruthSample], told_ns: int) -> boo
     lately = [
         speed
         for sample in truth
-        if sample.t_ns <= told_ns
+        if sample.t_ns <= event_ns
         for name, speed in zip(WHEELS, sample.speed_m_s, strict=True)
         if event.wheel in {None, name}
     ]

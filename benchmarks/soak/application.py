@@ -1,4 +1,4 @@
-"""The application: drives as told, listens to everything, and asks services."""
+"""The application: drives on request, subscribes to everything, and calls services."""
 
 from __future__ import annotations
 
@@ -179,7 +179,7 @@ class Application:
     # Asking.
 
     def ask(self, key: str) -> ServiceReply | None:
-        """Ask a service; None where nobody answers."""
+        """Call a service; None without an answer."""
         for reply in self.session.get(key, timeout=3.0):
             if reply.ok is not None:
                 return msgspec.json.decode(reply.ok.payload.to_bytes(), type=ServiceReply)

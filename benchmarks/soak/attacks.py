@@ -68,7 +68,7 @@ def attachments(course: Course) -> None:
 
 
 def other_signal(course: Course) -> None:
-    """A signal of a terminal, or one that nobody sends to a daemon: it stops first, then obeys."""
+    """A signal of a terminal, or a rare one: the daemon stops first, then obeys."""
     course.move()
     number = course.random.choice([*STOPPING, *ENDING])
     life = course.manager.life

@@ -24,7 +24,7 @@ PACES = {
 """How many samples at once, and how long until the next ones, by kind of flood."""
 
 STALL_NS = 3_000_000
-"""A wait of one millisecond that lasted this much longer is told."""
+"""A wait of one millisecond that lasted this much longer is reported."""
 
 
 def session(endpoint: str) -> zenoh.Session:
@@ -110,5 +110,5 @@ if __name__ == "__main__":
     try:
         main(sys.argv[1:])
     except (KeyboardInterrupt, BrokenPipeError):
-        # Whoever started us went away.
+        # The parent process ended.
         os._exit(0)

@@ -262,10 +262,10 @@ class Course:
         if not self.latched:
             return False
         if self.kind in NOISY:
-            # Whether it was right to is judged with all that it told.
+            # Whether it was right to is judged with all its events.
             self.ledger.notes[f"{self.kind}: {self.why}"] += 1
         elif self.apart == NEAR_ZERO:
-            self.ledger.notes["a reset that nothing told of: released by a person"] += 1
+            self.ledger.notes["an unannounced reset: released by a person"] += 1
         else:
             self.unexpected(f"it drives, and latches: {self.why}", since_ns)
         if not self.ready():
@@ -311,7 +311,7 @@ class Course:
             return
         if apart:
             self.ledger.apart[apart] += 1
-            self._begin_anew()
+            self._begin_again()
             return
         where = _pose(pose)
         metres, radians = error(_pose(anchor[0]), where, _place(anchor[1]), _place(truth[0]))
@@ -324,9 +324,9 @@ class Course:
             most_m += unknown_m + way_m * min(2.0, turned)
             most_rad += turned
             self.ledger.uncertain += 1
-            self._begin_anew()
+            self._begin_again()
         else:
-            # A line without a checksum can be so bad that nobody could tell: but that is known.
+            # A line without a checksum can be so bad that this cannot be seen: but that is known.
             xx, yy, tt = way_covariance(
                 _pose(anchor[0]), anchor[0].covariance, where, pose.covariance
             )
@@ -345,7 +345,7 @@ class Course:
         if metres > most_m or radians > most_rad:
             self.fail(f"the pose is {metres * 1e3:.1f} mm and {radians:.4f} rad off the truth")
 
-    def _begin_anew(self) -> None:
+    def _begin_again(self) -> None:
         """What was not known so far would hide what is not known of the next way."""
         self.app.poses.pause()
         reply = self.app.ask("yahboomd/odometry/reset")

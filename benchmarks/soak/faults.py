@@ -15,7 +15,7 @@ SILENT_S = 1.0
 """After so long without counts the link gives a board up."""
 CONNECT_S = 3.0
 NOISY_S = 10.5
-"""From a port that is back to a board that was told to stop: back-off, and the handshake's stop."""
+"""From a port that is back to a board that received a stop: back-off, and the handshake's stop."""
 
 
 # What people and applications do.
@@ -188,7 +188,7 @@ def reset_loop(course: Course) -> None:
 
 
 def board_hangs(course: Course) -> None:
-    """The board's processor hangs with its motors on; nobody but its supply can stop them."""
+    """The board's processor hangs with its motors on; only its supply can stop them."""
     course.move(0.2, 0.0)
     _counts_from_zero(course)
     course.board.do("hang")
@@ -246,7 +246,7 @@ def _unplug(course: Course, for_s: float) -> None:
         course.app.silent()
     course.wait(lambda: time.monotonic_ns() > back_ns, for_s + 1.0)
     course.frame("unplug: from the replug", back_ns, is_stop, wait_s=10.0)
-    # Whoever commands on drives on, and the wheels need not come to stand in between.
+    # A source that keeps commanding drives on, and the wheels need not stand in between.
     if lapses:
         course.stands(back_ns, CONNECT_S)
 
@@ -324,7 +324,7 @@ def _lies(course: Course, fault: str, *, honest: bool = False) -> None:
 
 
 def turning(course: Course) -> None:
-    """A wheel is turned by hand: slowly is told, faster than the checks' margin is a fault."""
+    """A wheel is turned by hand: slowly is reported, faster than the checks' margin is a fault."""
     _on_a_clean_line(course)
     # A wheel that crawled and had not yet begun to roll leaves the motors let go: then everybody
     # may turn them.
@@ -335,5 +335,5 @@ def turning(course: Course) -> None:
     speed, kind = course.random.choice([(0.07, "turns_without_command"), (0.2, "runaway_fast")])
     since_ns = course.board.do(f"turning left {speed}")
     if not course.wait(lambda: course.app.events_since(since_ns, kind), 3.0):
-        course.unexpected(f"{kind} is not told", since_ns)
+        course.unexpected(f"{kind} is not reported", since_ns)
     course.stands(course.board.do("repair left"), BRAKE_S)

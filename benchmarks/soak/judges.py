@@ -19,8 +19,8 @@ TRUTH_S = 1.0
 def alarms(course: Course, since_ns: int) -> None:
     """No wheel was accused of what it did not do."""
     for event in course.app.events_since(since_ns, *ALARMS):
-        told_ns = event.stamp_ns - time.time_ns() + time.monotonic_ns()
-        if not shown(event, course.board.truth.since(told_ns - LATELY_NS), told_ns):
+        event_ns = event.stamp_ns - time.time_ns() + time.monotonic_ns()
+        if not shown(event, course.board.truth.since(event_ns - LATELY_NS), event_ns):
             course.unexpected(f"no wheel did so: {event.message}", since_ns)
         elif course.kind in NOISY:
             course.ledger.notes[f"{course.kind}, and a wheel did so: {event.kind}"] += 1

@@ -386,7 +386,7 @@ class ServiceManager:
 
     @property
     def tracebacks(self) -> int:
-        """Errors that nobody handled, in the daemon's log."""
+        """Unhandled errors in the daemon's log."""
         return self.log_path.read_text(errors="replace").count("Traceback")
 
     def close(self) -> None:
@@ -435,7 +435,7 @@ def _doing(pid: int) -> str:
 
 
 def free_endpoint() -> str:
-    """A loopback endpoint that nobody listens on."""
+    """A free loopback endpoint."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return f"tcp/127.0.0.1:{probe.getsockname()[1]}"

@@ -64,7 +64,7 @@ SHOWN = frozenset(
         *RESETS,
     }
 )
-"""Those in which wheels show what they are told to have done, or a board that forgot its motors
+"""Those in which wheels move as reported, or a board that forgot its motors
 turns none."""
 
 STREAMED = frozenset({"another tick"})
@@ -92,7 +92,7 @@ def segments(random: Random, kinds: list[str], dialects: Sequence[str]) -> Itera
 
     A board takes half of the faults, the next one, of the other dialect, the other half; then the
     halves change places. A board's resets come last: after one its counts are near zero, and
-    travel that it counted while nobody heard it can no longer be told from a reset. The faults
+    travel that it counted unheard can no longer be distinguished from a reset. The faults
     that end the daemon come in every other such cycle, so that it lives long enough in between for
     its memory to tell something.
 

@@ -124,7 +124,7 @@ class Truth:
 
 
 class Order(msgspec.Struct, frozen=True, kw_only=True):
-    """A speed that the board was told.
+    """A speed commanded to the board.
 
     Attributes:
         t_ns: When its last byte was on the port.
@@ -142,7 +142,7 @@ _LONGEST = 64
 
 
 class Wire:
-    """What the host told the board lately."""
+    """The host's latest commands to the board."""
 
     def __init__(self, path: Path) -> None:
         self._tail = Tail(path, Heard)

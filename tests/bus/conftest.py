@@ -18,7 +18,7 @@ __all__ = ["bus", "zenoh_app", "zenoh_router"]
 
 @pytest.fixture
 async def bus() -> AsyncIterator[Bus]:
-    """An open bus that joins nobody."""
+    """An open bus that joins no router."""
     bus = Bus(BusOptions(listen=(free_endpoint(),), connect=(), namespace="bot1"))
     async with bus:
         yield bus

@@ -22,7 +22,7 @@ def harmless(payload):
 
 
 class Heard:
-    """What an alarm told."""
+    """The results of an alarm."""
 
     def __init__(self, bus):
         self.order = []
@@ -50,7 +50,7 @@ def session(bus, zenoh_app):
 
 
 @pytest.mark.parametrize(
-    ("payload", "attachment", "told"),
+    ("payload", "attachment", "expected"),
     [
         (b"harmless", None, (0, 0, 1)),
         (b"harmless", b"x" * 33, (0, 0, 1)),
@@ -75,11 +75,11 @@ def session(bus, zenoh_app):
     ],
 )
 async def test_a_sample_raises_the_alarm_unless_it_is_short_and_harmless(
-    heard, session, payload, attachment, told
+    heard, session, payload, attachment, expected
 ):
     session.put("bot1/yahboomd/estop", payload, attachment=attachment, **BLOCK)
     await eventually(lambda: heard.raised or heard.ignored)
-    assert (heard.raised, heard.unread, heard.ignored) == told
+    assert (heard.raised, heard.unread, heard.ignored) == expected
 
 
 async def test_a_deletion_and_a_sample_for_every_key_raise_it_too(heard, session):

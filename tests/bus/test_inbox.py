@@ -55,7 +55,7 @@ async def test_everything_pending_comes_in_one_batch_in_order(inbox):
     assert lane.counters.batches == 1
 
 
-async def test_newest_stay_when_a_lane_is_full_and_the_loss_is_told(inbox):
+async def test_newest_stay_when_a_lane_is_full_and_the_loss_is_counted(inbox):
     batches = []
     lane = inbox.lane(lambda batch, lost: batches.append((batch, lost)), depth=4)
     for number in range(10):
@@ -186,12 +186,12 @@ async def test_a_closed_inbox_gives_its_descriptor_back_and_takes_no_more():
 
 @given(st.lists(st.one_of(st.integers(0, 20), st.none()), max_size=100), st.integers(1, 8))
 def test_a_lane_accounts_for_every_entry(steps, depth):
-    delivered, told = [], []
+    delivered, losses = [], []
 
     def handle(batch, lost):
         assert len(batch) <= depth
         delivered.extend(batch)
-        told.append(lost)
+        losses.append(lost)
 
     lane = Lane(lambda _: None, handle, depth=depth)
     offered = 0
@@ -203,6 +203,6 @@ def test_a_lane_accounts_for_every_entry(steps, depth):
             offered += 1
     lane.deliver()
     assert lane.counters.received == offered == lane.counters.delivered + lane.counters.dropped
-    assert sum(told) == lane.counters.dropped
+    assert sum(losses) == lane.counters.dropped
     assert delivered == sorted(delivered)
     assert not offered or delivered[-1] == offered - 1

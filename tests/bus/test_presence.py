@@ -40,7 +40,7 @@ async def test_a_second_holder_is_noticed_and_so_is_its_end(bus, zenoh_app):
     ]
 
 
-async def test_neighbours_are_told_as_they_come_and_go(bus, zenoh_app):
+async def test_neighbours_are_reported_as_they_come_and_go(bus, zenoh_app):
     changes = []
     bus.watch_neighbours(changes.extend)
     app = zenoh_app("client", bus.options.listen[0])
@@ -87,7 +87,7 @@ def test_a_token_is_there_as_long_as_one_session_sees_it():
     assert seen(*both)[0] == [come]
     assert seen(*both, ("alive/a", 1, False))[0] == [come, gone]
     assert seen(*both, ("alive/a", 0, True), ("alive/a", 1, False))[0] == [come]
-    # What was never there, or is told twice, changes nothing.
+    # An unknown neighbour, or a repeated report, changes nothing.
     assert seen(("alive/a", 0, False), ("alive/a", 0, True), ("alive/a", 0, True))[0] == [come]
 
 

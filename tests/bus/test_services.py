@@ -175,7 +175,7 @@ async def test_every_one_of_too_many_queries_is_answered(bus, app):
     assert answers.count(b"Too many requests at once.") == 48
 
 
-async def test_an_alarm_is_told_from_what_is_harmless_as_it_arrives(bus, app):
+async def test_an_alarm_is_distinguished_from_harmless_samples_as_it_arrives(bus, app):
     def engage(request):
         return Response(payload=b"harmless" if request.harmless else b"engaged")
 

@@ -107,8 +107,8 @@ async def test_the_robot_outlives_its_router_and_joins_it_again(robot, zenoh_rou
         zenoh_router.kill()
         await eventually(lambda: not routers(robot))
         await exercise(robot, direct)
-    told = [change.present for change in changes if change.neighbour.kind == "router"]
-    assert told == [True, False, True, False]
+    presence = [change.present for change in changes if change.neighbour.kind == "router"]
+    assert presence == [True, False, True, False]
 
 
 async def test_an_application_with_two_ways_to_the_robot_loses_nothing(
@@ -122,7 +122,7 @@ async def test_an_application_with_two_ways_to_the_robot_loses_nothing(
         {"connect/endpoints": [zenoh_router.endpoint, robot.options.listen[0]]},
     )
     await eventually(lambda: len(app.session.info.routers_zid()) == 2)
-    # Whoever is connected to both routers gets, and gives, samples twice.
+    # A client of both routers sends and receives samples twice.
     await exercise(robot, app, ways=2)
 
 
@@ -379,7 +379,7 @@ async def test_close_that_does_not_end_in_time_is_reported(caplog):
     await eventually(lambda: not any(t.name == "bus-close" for t in threading.enumerate()))
 
 
-async def test_150_silent_connections_keep_nobody_out(bus, zenoh_app):
+async def test_150_silent_connections_keep_no_client_out(bus, zenoh_app):
     host, _, port = bus.options.listen[0].removeprefix("tcp/").partition(":")
     silent = [socket.create_connection((host, int(port))) for _ in range(150)]
     try:

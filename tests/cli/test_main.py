@@ -93,7 +93,7 @@ def test_no_command_shows_the_help_and_fails(capsys):
     assert "usage: yahboomd" in capsys.readouterr().out
 
 
-def test_an_unknown_option_is_told_with_the_usage_of_its_command(command, capsys):
+def test_an_unknown_option_is_reported_with_the_usage_of_its_command(command, capsys):
     command(lambda args: 0, options=["--speed"])
     with pytest.raises(SystemExit) as left:
         cli.main(["drive", "--sped", "2"])

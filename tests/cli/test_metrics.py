@@ -108,7 +108,7 @@ def test_a_daemon_that_is_away_is_shown_as_away_at_once_and_comes_back(
     page.process.says("its daemon has gone silent")
 
 
-def test_several_robots_are_told_apart(
+def test_several_robots_are_distinguished(
     real_robot: Callable[..., RealRobot], exporter: Callable[..., Exporter], tmp_path: Path
 ) -> None:
     robot = real_robot(run=["--set", 'zenoh.namespace="front"'])

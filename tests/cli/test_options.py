@@ -74,7 +74,7 @@ def test_a_daemon_that_is_a_client_is_reached_at_its_router(parse):
     assert options.daemon_endpoints(args, config) == ("tcp/127.0.0.1:7447",)
 
 
-def test_endpoints_that_are_told_are_used_alone(parse):
+def test_endpoints_that_are_given_are_used_alone(parse):
     args = parse("--connect", "tcp/10.0.0.1:1", "--connect", "tcp/10.0.0.2:1")
     config = options.read_config(args, {}).config
     assert options.daemon_endpoints(args, config) == ("tcp/10.0.0.1:1", "tcp/10.0.0.2:1")

@@ -41,7 +41,7 @@ def test_a_heading_keeps_its_sign_within_half_a_turn() -> None:
     assert words.degrees(-math.pi / 2) == "-90.0°"
 
 
-def test_a_rate_that_nobody_can_tell_is_a_dash() -> None:
+def test_an_unknown_rate_is_a_dash() -> None:
     assert words.rate(None, "poses") == "- poses/s"
     assert words.rate(49.7, "poses") == "50 poses/s"
 

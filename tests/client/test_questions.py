@@ -55,7 +55,7 @@ async def test_every_daemon_is_asked_not_the_nearest_alone(fake_daemon: Any) -> 
 
 
 @pytest.mark.realtime
-async def test_a_service_that_nobody_serves_answers_nothing(fake_daemon: Any) -> None:
+async def test_a_service_without_a_server_answers_nothing(fake_daemon: Any) -> None:
     daemon = await fake_daemon()
     async with client(daemon.endpoint) as us:
         assert await ask(us.session, "yahboomd/nothing") == []

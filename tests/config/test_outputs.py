@@ -39,7 +39,7 @@ def test_the_log_says_info_by_default():
     assert Log().level == "info"
 
 
-def test_a_static_frame_lies_in_its_parent_unless_told_otherwise():
+def test_a_static_frame_lies_in_its_parent_by_default():
     given = {"static_transforms": [{"parent": "base_link", "child": "laser", "z": 0.1}]}
     (transform,) = Ros2.model_validate(given).static_transforms
     assert (transform.x, transform.y, transform.z, transform.yaw) == (0.0, 0.0, 0.1, 0.0)

@@ -22,7 +22,7 @@ def oracle() -> Oracle:
 
 @pytest.fixture
 async def bus() -> AsyncIterator[Bus]:
-    """An open bus that joins nobody, below the namespace bot1."""
+    """An open bus that joins no router, below the namespace bot1."""
     async with Bus(BusOptions(listen=(free_endpoint(),), connect=(), namespace="bot1")) as bus:
         yield bus
 

@@ -38,7 +38,7 @@ def test_a_zenoh_file_is_handed_on_as_a_path(tmp_path: Path) -> None:
     assert assembly.bus_options(config(f"zenoh.config={path}")).config_file == path
 
 
-def test_a_session_is_told_about_the_port_and_the_wheels() -> None:
+def test_a_session_gets_the_port_and_the_wheels() -> None:
     options = assembly.session_options(
         config("serial.dialect=polled", "odometry.poll_rate_hz=100", "command.resend_s=0.2")
     )
@@ -48,7 +48,7 @@ def test_a_session_is_told_about_the_port_and_the_wheels() -> None:
     assert options.profile.name == "520"
 
 
-def test_the_control_path_is_told_limits_policies_and_the_period() -> None:
+def test_the_control_path_gets_limits_policies_and_the_period() -> None:
     options = assembly.control_options(
         config(
             "limits.linear.velocity=0.5",

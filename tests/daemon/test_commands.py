@@ -121,7 +121,7 @@ def test_the_label_in_a_payload_is_no_authority() -> None:
     assert scene.arbiter.current(scene.clock.now).driver == "cmd_vel"
 
 
-def test_a_refusal_of_the_arbiter_is_told_in_words() -> None:
+def test_a_refusal_of_the_arbiter_is_put_into_words() -> None:
     scene = Scene()
     stamp_ns = scene.clock.wall_ns()
     scene.take([scene.arrival(json.dumps({"vx": 0.1, "stamp_ns": stamp_ns}).encode())])
@@ -145,7 +145,7 @@ def test_every_source_has_its_own_account() -> None:
             "vy_ignored": 1,
             "refused": NONE_REFUSED | {"unknown_encoding": 1},
         },
-        # Nobody of that name may drive in this scene.
+        # No source of that name may drive in this scene.
         "cmd_vel/teleop": {
             "received": 2,
             "accepted": 0,
@@ -162,23 +162,23 @@ S = 1_000_000_000
 
 
 class ClockScene:
-    """Warnings as they are set, and what was told of them."""
+    """Warnings as they are set, and the events about them."""
 
     def __init__(self) -> None:
         self.warnings: dict[str, str] = {}
-        self.told: list[Event] = []
-        self._watch = ClockWatch(lambda _now_ns: self.warnings, self.told.append)
+        self.events: list[Event] = []
+        self._watch = ClockWatch(lambda _now_ns: self.warnings, self.events.append)
 
     def look(self, at_s: int, **warnings: str) -> None:
         self.warnings = warnings
         self._watch.look(at_s * S)
 
 
-def test_a_clock_that_is_off_is_told_once_while_it_is() -> None:
+def test_a_clock_that_is_off_is_reported_once_while_it_is() -> None:
     scene = ClockScene()
     for second in range(600):
         scene.look(second, cmd_vel=f"Its clock is {second} s behind.")
-    (event,) = scene.told
+    (event,) = scene.events
     assert (event.kind, event.severity) == ("clock_offset", "warning")
     assert event.message == "cmd_vel: Its clock is 0 s behind."
     assert event.data == {"source": "cmd_vel"}
@@ -189,13 +189,13 @@ def test_it_is_news_again_after_it_was_right_for_a_minute() -> None:
     scene.look(0, cmd_vel="off")
     scene.look(30)
     scene.look(50, cmd_vel="off")
-    assert len(scene.told) == 1
+    assert len(scene.events) == 1
     scene.look(120, cmd_vel="off")
-    assert len(scene.told) == 2
+    assert len(scene.events) == 2
 
 
 def test_each_source_has_a_clock_of_its_own() -> None:
     scene = ClockScene()
     scene.look(0, cmd_vel="off")
     scene.look(1, cmd_vel="off", joystick="off")
-    assert [event.message for event in scene.told] == ["cmd_vel: off", "joystick: off"]
+    assert [event.message for event in scene.events] == ["cmd_vel: off", "joystick: off"]

@@ -101,7 +101,7 @@ async def test_the_estop_stops_at_once_and_holds_against_commands(tmp_path: Path
 
 
 @on_virtual_time
-async def test_the_estop_is_released_only_while_nobody_commands_motion(tmp_path: Path) -> None:
+async def test_the_estop_is_released_only_while_no_source_commands_motion(tmp_path: Path) -> None:
     async with robot(tmp_path) as bench:
         await bench.ready()
         bench.operator.engage_estop("a test")
@@ -167,7 +167,7 @@ async def test_the_pose_goes_on_after_an_unplug_and_counts_what_was_travelled(
 ) -> None:
     async with robot(tmp_path) as bench:
         await bench.ready()
-        # Far enough that the counters cannot have come from zero while nobody looked.
+        # Far enough that the counters cannot have come from zero unobserved.
         await bench.drive(8.0, 0.3)
         bench.robot.unplug(bench.clock.now_ns(), 0.5)
         await bench.until(lambda: bench.controller.state()[0] == "waiting")
@@ -285,7 +285,7 @@ async def test_a_flood_of_commands_runs_a_bounded_number_of_steps(tmp_path: Path
 
 
 @on_virtual_time
-async def test_when_nobody_is_connected_any_more_the_wheels_stop_at_once(tmp_path: Path) -> None:
+async def test_when_the_last_client_leaves_the_wheels_stop_at_once(tmp_path: Path) -> None:
     async with robot(tmp_path) as bench:
         await bench.ready()
         await bench.drive(1.0, 0.3)

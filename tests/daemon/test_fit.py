@@ -30,22 +30,22 @@ def fault(kind: FaultKind, action: Action = "policy") -> Fault:
 @pytest.mark.parametrize("stall", ["stop", "report"])
 @pytest.mark.parametrize("turns", ["stop", "report"])
 def test_each_fault_is_answered_as_its_own_option_says(stall: str, turns: str) -> None:
-    told = options({"faults.stall": stall, "faults.turns_without_command": turns})
-    assert told.cuts(fault("no_counts")) is (stall == "stop")
-    assert told.cuts(fault("turns_without_command")) is (turns == "stop")
+    chosen = options({"faults.stall": stall, "faults.turns_without_command": turns})
+    assert chosen.cuts(fault("no_counts")) is (stall == "stop")
+    assert chosen.cuts(fault("turns_without_command")) is (turns == "stop")
 
 
-def test_a_stalled_wheel_stops_the_robot_and_one_that_is_pushed_does_not_unless_told() -> None:
-    told = options({})
-    assert told.cuts(fault("no_counts"))
-    assert not told.cuts(fault("turns_without_command"))
+def test_a_stalled_wheel_stops_the_robot_and_one_that_is_pushed_does_not_by_default() -> None:
+    chosen = options({})
+    assert chosen.cuts(fault("no_counts"))
+    assert not chosen.cuts(fault("turns_without_command"))
 
 
 @pytest.mark.parametrize("says", ["stop", "report"])
 def test_no_option_keeps_a_runaway_wheel_going_or_stops_one_that_is_only_slow(says: str) -> None:
-    told = options({"faults.stall": says, "faults.turns_without_command": says})
-    assert told.cuts(fault("runaway_fast", "cut"))
-    assert not told.cuts(fault("off_speed", "report"))
+    chosen = options({"faults.stall": says, "faults.turns_without_command": says})
+    assert chosen.cuts(fault("runaway_fast", "cut"))
+    assert not chosen.cuts(fault("off_speed", "report"))
 
 
 KINEMATICS = differential(separation_m=0.15)

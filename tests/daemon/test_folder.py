@@ -43,7 +43,7 @@ def test_another_users_folder_below_one_that_all_may_write_is_refused(shared: Pa
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can make another user's folder")
 @pytest.mark.parametrize("linked", [False, True])
-def test_another_users_folder_is_refused_though_nobody_else_may_write_its_parent(
+def test_another_users_folder_is_refused_though_no_other_user_may_write_its_parent(
     tmp_path: Path, linked: bool
 ) -> None:
     folder = tmp_path / "theirs"

@@ -74,7 +74,7 @@ async def test_a_reset_in_motion_is_followed_by_a_second_of_rest(tmp_path: Path)
 @on_virtual_time
 @pytest.mark.parametrize("off_s", [0.0, 0.05, 0.4])
 @pytest.mark.parametrize("ticks", [0, 3_000_000])
-async def test_a_polled_board_that_resets_without_a_word_is_told_its_motors_again(
+async def test_a_polled_board_that_resets_without_a_word_gets_its_motor_type_again(
     tmp_path: Path, off_s: float, ticks: int
 ) -> None:
     async with robot(tmp_path, dialect="polled", initial_ticks=(ticks, 0, ticks, 0)) as bench:

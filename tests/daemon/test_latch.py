@@ -87,7 +87,7 @@ def test_it_is_written_without_being_pressed_again_too(disk: Disk, soon) -> None
     assert disk.load() == "one"
 
 
-def test_a_hung_disk_holds_nobody_up_and_no_release_is_believed(
+def test_a_hung_disk_delays_nothing_and_no_release_is_believed(
     disk: Disk, soon, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     soon("RELEASE_WITHIN_S")
@@ -106,7 +106,7 @@ def test_a_hung_disk_holds_nobody_up_and_no_release_is_believed(
     monkey.join(60.0)
     assert soon_ended.is_set()
     assert not keeper.on_file
-    # The removal that nobody waited for comes late, and is undone.
+    # The removal that is no longer awaited comes late, and is undone.
     disk.room.set()
     assert keeper.settled(60.0)
     assert disk.load() == "one"
@@ -157,7 +157,7 @@ def test_a_remembered_latch_is_engaged_after_a_restart(tmp_path: Path) -> None:
     assert second.latched.by == "a query"
 
 
-def test_a_remembered_latch_is_told_in_the_log_with_its_remedy(
+def test_a_remembered_latch_is_logged_with_its_remedy(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     file = tmp_path / "estop"

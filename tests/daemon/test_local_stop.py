@@ -68,7 +68,9 @@ async def until_engaged(robot: Robot, count: int = 1) -> None:
         await asyncio.sleep(0)
 
 
-async def test_a_stop_is_acknowledged_and_then_the_standing_wheels_are_told(robot: Robot) -> None:
+async def test_a_stop_is_acknowledged_and_then_the_standing_wheels_are_reported(
+    robot: Robot,
+) -> None:
     reader, writer = await robot.connect(b"stop by yahboomd stop\n")
     assert json.loads(await reader.readline()) == {"engaged": True, "message": "Engaged."}
     for speed in (0.3, 0.01, 0.2, 0.01, -0.01, 0.02):
@@ -146,7 +148,7 @@ async def test_half_a_request_is_decided_when_its_time_is_over(
     silent.close()
 
 
-async def test_connections_that_say_nothing_lock_nobody_out(robot: Robot) -> None:
+async def test_connections_that_send_nothing_lock_no_client_out(robot: Robot) -> None:
     silent = [await robot.connect(b"") for _ in range(5 * MAX_SILENT)]
     assert (await robot.ask(b"status\n"))[0]["namespace"] == "bot1"
     asking = asyncio.create_task(robot.ask(b"stop\n"))
@@ -193,7 +195,7 @@ async def test_a_flood_of_stops_is_acknowledged_and_bounded(robot: Robot) -> Non
     assert robot.local.facts()["local_stops"] == count
 
 
-async def test_another_user_is_refused_counted_and_told_why(
+async def test_another_user_is_refused_with_the_reason_and_counted(
     robot: Robot, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(Listening, "may_use", lambda *_: False)

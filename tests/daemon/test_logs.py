@@ -79,12 +79,12 @@ def test_a_reader_that_stopped_reading_is_not_waited_for(log: logging.Logger) ->
         flush()
 
 
-def test_a_reader_that_is_gone_disturbs_nobody(log: logging.Logger) -> None:
+def test_a_reader_that_is_gone_does_no_harm(log: logging.Logger) -> None:
     reading, writing = os.pipe()
     os.close(reading)
     with os.fdopen(writing, "w") as stream:
         configure("info", {}, stream)
-        log.info("to nobody")
+        log.info("unread")
         flush()
 
 
@@ -132,7 +132,7 @@ def test_of_a_fault_each_second_for_an_hour_few_lines_are_written_and_none_is_un
     counted = sum(
         int(line.partition("(")[2].split()[0]) for line in log.written if " before)" in line
     )
-    # What the last minute kept back is not told yet.
+    # What the last minute suppressed is not reported yet.
     assert len(log.written) + counted == 3600 - (WINDOW_S - WRITTEN)
 
 
@@ -152,7 +152,7 @@ def test_lines_that_differ_in_numbers_only_are_of_a_kind() -> None:
     assert len(log.written) == WRITTEN
 
 
-def test_another_fault_is_told_while_one_is_only_counted() -> None:
+def test_another_fault_is_logged_while_one_is_only_counted() -> None:
     log = Log()
     for second in range(20):
         log.say(second, "the board reset itself")
@@ -160,7 +160,7 @@ def test_another_fault_is_told_while_one_is_only_counted() -> None:
     assert log.written[-1] == "the port went away"
 
 
-def test_every_line_is_written_for_whoever_debugs() -> None:
+def test_every_line_is_written_at_level_debug() -> None:
     log = Log()
     for _ in range(100):
         log.say(0.0, "$spd:0,0,0,0#", level=logging.DEBUG)

@@ -1,4 +1,4 @@
-"""A bus that cannot be opened yet: waited for as a service, told at once to a person."""
+"""A bus that cannot be opened yet: a service waits for it, a person gets the error at once."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ async def opened(bus: Blocked, notifier: Notifier, stop: asyncio.Event | None = 
 
 
 @on_virtual_time
-async def test_without_a_service_manager_a_person_is_told_at_once() -> None:
+async def test_without_a_service_manager_the_error_is_reported_at_once() -> None:
     bus = Blocked(opens_at=2)
     with pytest.raises(BusError):
         await opened(bus, Notifier({}))
@@ -79,7 +79,7 @@ async def test_a_service_tries_again_with_growing_waits_until_the_bus_opens(
     assert waits == pytest.approx([*BACK_OFF_S, BACK_OFF_S[-1], BACK_OFF_S[-1]])
 
 
-def test_what_it_waits_for_is_told_once_to_the_manager_and_to_the_log(
+def test_what_it_waits_for_is_reported_once_to_the_manager_and_to_the_log(
     manager: socket.socket, notifier: Notifier, caplog: pytest.LogCaptureFixture
 ) -> None:
     @on_virtual_time

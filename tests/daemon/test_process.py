@@ -97,7 +97,7 @@ def test_every_message_reaches_the_manager(manager: socket.socket) -> None:
     assert heard == [b"READY=1", b"STATUS=waiting for the board", b"WATCHDOG=1", b"STOPPING=1"]
 
 
-def test_the_same_status_is_told_once(manager: socket.socket) -> None:
+def test_the_same_status_is_sent_once(manager: socket.socket) -> None:
     notifier = Notifier({"NOTIFY_SOCKET": manager.getsockname()})
     notifier.status("driving")
     notifier.status("driving")
@@ -138,7 +138,7 @@ def test_without_a_manager_nothing_happens() -> None:
     assert notifier.watchdog_ns is None
 
 
-def test_a_manager_that_is_gone_disturbs_nobody(tmp_path: Path) -> None:
+def test_a_manager_that_is_gone_does_no_harm(tmp_path: Path) -> None:
     notifier = Notifier({"NOTIFY_SOCKET": str(tmp_path / "gone")})
     notifier.ready()
     notifier.close()

@@ -58,7 +58,7 @@ async def test_a_flood_of_one_kind_keeps_no_other_kind_back() -> None:
 
 
 @on_virtual_time
-async def test_after_a_second_a_kind_is_told_again() -> None:
+async def test_after_a_second_a_kind_is_published_again() -> None:
     gate = Gate()
     for _ in range(EVENTS_A_SECOND + 1):
         gate.events.tell(event())
@@ -152,7 +152,7 @@ async def test_more_readings_than_wanted_are_left_out(
     assert len(outlets["yahboomd/pose"].payloads) == 50
 
 
-async def test_nothing_is_encoded_for_nobody(
+async def test_nothing_is_encoded_without_a_subscriber(
     publisher: Publisher, outlets: dict[str, Outlet]
 ) -> None:
     outlets["yahboomd/pose"].has_subscribers = False

@@ -73,7 +73,7 @@ async def test_a_release_where_nothing_is_engaged_does_no_harm(tmp_path: Path) -
 
 
 @on_virtual_time
-async def test_a_refused_release_is_counted_and_told(tmp_path: Path) -> None:
+async def test_a_refused_release_is_counted_and_reported(tmp_path: Path) -> None:
     async with RobotBench(tmp_path) as bench:
         words = bench.operator.refuse_release("A sample")
         assert "yahboomd/estop/reset" in words
@@ -85,7 +85,7 @@ async def test_a_refused_release_is_counted_and_told(tmp_path: Path) -> None:
 
 
 @on_virtual_time
-async def test_a_fault_is_cleared_only_while_nobody_commands_motion(tmp_path: Path) -> None:
+async def test_a_fault_is_cleared_only_while_no_source_commands_motion(tmp_path: Path) -> None:
     async with RobotBench(tmp_path) as bench:
         await bench.ready()
         faults = MotorFaults(encoder_dead=True)
@@ -137,9 +137,9 @@ async def test_an_acknowledgement_says_when_the_stop_would_not_survive_a_restart
     words = bench.operator.engage_estop("a test")
     # The wheels do not wait for the disk.
     assert bench.controller.state()[0] == "estopped"
-    told = await bench.operator.remembered(words)
-    assert told.startswith("Emergency stop engaged by a test.")
-    assert ("would not survive a restart" in told) is hangs
+    message = await bench.operator.remembered(words)
+    assert message.startswith("Emergency stop engaged by a test.")
+    assert ("would not survive a restart" in message) is hangs
     assert ("not on file" in bench.controller.state()[1]) is hangs
     assert bench.controller.facts()["estop_not_on_file"] == int(hangs)
     let_go.set()
@@ -240,7 +240,7 @@ async def test_the_emergency_stop_is_there_first_and_goes_before_everything(tmp_
         assert {
             key for key, options in bus.options.items() if not options.get("complete", True)
         } == alarms
-        # Whoever asks for everything on the bus moves and releases nothing.
+        # A query for everything on the bus moves and releases nothing.
         by_wildcard = {key for key, options in bus.options.items() if options["wildcards"]}
         assert by_wildcard == {keys.CONFIG, keys.BOARD, *keys.SAMPLES}
 
@@ -393,7 +393,7 @@ async def test_a_pose_is_set_with_its_covariance_and_refused_with_its_reason(
 
 
 @on_virtual_time
-async def test_configuration_and_board_are_told(tmp_path: Path) -> None:
+async def test_configuration_and_board_are_answered(tmp_path: Path) -> None:
     async with RobotBench(tmp_path) as bench:
         bus = served(bench)
         assert bus.ask(keys.CONFIG)["data"] == {"zenoh": {"namespace": "bot1"}}

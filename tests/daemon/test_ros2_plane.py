@@ -358,7 +358,7 @@ def test_natively_the_same_bytes_go_out_with_an_attachment(
     )
 
 
-def test_whoever_comes_late_gets_the_static_frames(
+def test_a_late_subscriber_gets_the_static_frames(
     run: Callable[..., RealRobot], client: Callable[..., Client], oracle: Oracle
 ) -> None:
     robot = run("ros2.rmw_zenoh=true", LASER)

@@ -251,12 +251,12 @@ async def test_the_battery_tells_what_is_measured_and_nothing_else(graph: Graph)
     assert battery["header"]["stamp"] == STAMP
 
 
-async def test_nothing_is_encoded_for_nobody(graph: Graph) -> None:
+async def test_nothing_is_encoded_without_a_subscriber(graph: Graph) -> None:
     publisher = RosPublisher(graph.open, TOPICS, LoopClock())
     for outlets in graph.outlets.values():
         for outlet in outlets:
             outlet.has_subscribers = False
-    # Whoever looked at it would fail.
+    # Reading it would fail.
     nothing: Any = None
     publisher.estimate(nothing, nothing)
     publisher.battery(nothing, nothing)
@@ -326,7 +326,7 @@ async def test_diagnostics_come_once_a_second_and_at_once_when_a_level_changes(
 
 
 @on_virtual_time
-async def test_static_frames_are_said_again_though_nobody_reads_diagnostics(graph: Graph) -> None:
+async def test_static_frames_are_repeated_without_a_reader_of_diagnostics(graph: Graph) -> None:
     topics = Topics(joints=("a",), radii_m=(1.0,), static=(LASER,))
     publisher = RosPublisher(graph.open, topics, LoopClock())
     for outlet in graph.outlets["diagnostics"]:

@@ -154,8 +154,8 @@ async def test_a_command_outside_the_namespace_moves_nothing(running: Running) -
     running.session.put("cmd_vel", b'{"vx": 0.3}')
     answer = await running.ask("yahboomd/board")
     assert answer["success"]
-    told = len(running.samples["status"])
-    await eventually(lambda: len(running.samples["status"]) >= told + 2)
+    count = len(running.samples["status"])
+    await eventually(lambda: len(running.samples["status"]) >= count + 2)
     assert running.decoded("status")[-1]["command"].get("received", 0) == 0
 
 
@@ -248,7 +248,7 @@ async def test_an_error_in_a_task_stops_the_wheels_and_ends_the_daemon(
     assert max(abs(motor.speed_m_s) for motor in running.robot.plant.motors) < 0.03
 
 
-async def test_a_bus_that_cannot_be_opened_is_told_bare(tmp_path: Path) -> None:
+async def test_a_bus_that_cannot_be_opened_is_reported_without_a_traceback(tmp_path: Path) -> None:
     config = load(
         None,
         environ={},
@@ -317,9 +317,9 @@ async def test_a_control_loop_that_stands_still_feeds_no_watchdog_though_all_els
 
         monkeypatch.setattr(Schedule, "beat", beat)
         await stands_still.wait()
-        before, told = fed(), len(running.samples["status"])
+        before, count = fed(), len(running.samples["status"])
         # Two seconds, in which a watchdog of 0.3 s would have been fed twenty times.
-        await eventually(lambda: len(running.samples["status"]) >= told + 4)
+        await eventually(lambda: len(running.samples["status"]) >= count + 4)
         assert fed() == before
         await running.end()
 

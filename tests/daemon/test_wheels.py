@@ -1,4 +1,4 @@
-"""What the board is told, and whether it obeys."""
+"""Commands to the board, and whether it obeys them."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ MOTION = per_motor(differential(separation_m=0.15), MOTORS, (1000.0, 1000.0), 10
 FIT = Fit(motion=MOTION, wheel_limits=MOTION.wheel_limits)
 
 
-class Told:
-    """A board that writes down what it is told."""
+class Recorded:
+    """A board that records its commands."""
 
     def __init__(self) -> None:
         self.words: list[object] = []
@@ -42,11 +42,11 @@ class Told:
 
 
 @pytest.fixture
-def board() -> Told:
-    return Told()
+def board() -> Recorded:
+    return Recorded()
 
 
-def make(board: Told, at_rest: str = "hold") -> Wheels:
+def make(board: Recorded, at_rest: str = "hold") -> Wheels:
     wheels = Wheels(
         differential(separation_m=0.15),
         MOTORS,
@@ -63,7 +63,7 @@ def standing(wheels: Wheels, from_ms: int, to_ms: int) -> None:
         wheels.measure(ms * MS, (0.0, 0.0), (0, 0))
 
 
-def test_speeds_become_units_at_the_positions_of_the_motors(board: Told) -> None:
+def test_speeds_become_units_at_the_positions_of_the_motors(board: Recorded) -> None:
     wheels = make(board)
     wheels.turn((0.3, -0.2))
     assert board.words == [(300, 0, -200, 0)]
@@ -71,7 +71,7 @@ def test_speeds_become_units_at_the_positions_of_the_motors(board: Told) -> None
     assert wheels.in_motion
 
 
-def test_an_immediate_stop_goes_before_everything_and_is_said_again(board: Told) -> None:
+def test_an_immediate_stop_goes_before_everything_and_is_said_again(board: Recorded) -> None:
     wheels = make(board)
     wheels.turn((0.3, 0.3))
     board.words.clear()
@@ -81,7 +81,7 @@ def test_an_immediate_stop_goes_before_everything_and_is_said_again(board: Told)
     assert board.words.count("brake") == 3
 
 
-def test_a_ramp_that_ends_at_zero_needs_no_stop_before_everything(board: Told) -> None:
+def test_a_ramp_that_ends_at_zero_needs_no_stop_before_everything(board: Recorded) -> None:
     wheels = make(board)
     wheels.turn((0.01, 0.01))
     wheels.stand(20 * MS, at_once=False)
@@ -89,7 +89,7 @@ def test_a_ramp_that_ends_at_zero_needs_no_stop_before_everything(board: Told) -
     assert board.words[-1] == (0, 0, 0, 0)
 
 
-def test_a_stop_that_is_obeyed_is_not_said_again(board: Told) -> None:
+def test_a_stop_that_is_obeyed_is_not_said_again(board: Recorded) -> None:
     wheels = make(board)
     wheels.turn((0.3, 0.3))
     wheels.stand(0, at_once=True)
@@ -101,7 +101,7 @@ def test_a_stop_that_is_obeyed_is_not_said_again(board: Told) -> None:
     assert not wheels.in_motion
 
 
-def test_a_stop_that_is_not_obeyed_cuts_the_motors_after_600_ms(board: Told) -> None:
+def test_a_stop_that_is_not_obeyed_cuts_the_motors_after_600_ms(board: Recorded) -> None:
     wheels = make(board)
     wheels.turn((0.3, 0.3))
     faults = []
@@ -115,7 +115,7 @@ def test_a_stop_that_is_not_obeyed_cuts_the_motors_after_600_ms(board: Told) -> 
     assert board.words[board.words.index("cut") :] == ["cut", "release"]
 
 
-def test_wheels_that_slow_down_too_slowly_are_cut_and_not_accused(board: Told) -> None:
+def test_wheels_that_slow_down_too_slowly_are_cut_and_not_accused(board: Recorded) -> None:
     wheels = make(board)
     wheels.turn((0.5, 0.5))
     for ms in range(0, 2000, 10):
@@ -125,12 +125,12 @@ def test_wheels_that_slow_down_too_slowly_are_cut_and_not_accused(board: Told) -
         assert ("cut" in board.words) == (ms >= 600)
     assert board.words[board.words.index("cut") :] == ["cut", "release"]
     assert wheels._counters["slow_stops"] == 1
-    # Nobody needs to clear anything: it drives again.
+    # There is nothing to clear: it drives again.
     wheels.turn((0.3, 0.3))
     assert board.words[-1] == (300, 0, 300, 0)
 
 
-def test_motors_are_let_go_once_they_stand_where_that_is_wanted(board: Told) -> None:
+def test_motors_are_let_go_once_they_stand_where_that_is_wanted(board: Recorded) -> None:
     wheels = make(board, "release")
     wheels.turn((0.3, 0.3))
     wheels.stand(0, at_once=False)
@@ -140,14 +140,14 @@ def test_motors_are_let_go_once_they_stand_where_that_is_wanted(board: Told) -> 
     assert board.words[-1] == "release"
 
 
-def test_a_new_motion_ends_the_cut(board: Told) -> None:
+def test_a_new_motion_ends_the_cut(board: Recorded) -> None:
     wheels = make(board)
     wheels.cut(0)
     wheels.turn((0.1, 0.1))
     assert board.words == ["cut", "release", (100, 0, 100, 0)]
 
 
-def test_without_a_board_nothing_is_commanded(board: Told) -> None:
+def test_without_a_board_nothing_is_commanded(board: Recorded) -> None:
     wheels = make(board)
     wheels.turn((0.3, 0.3))
     wheels.detach()
@@ -157,7 +157,7 @@ def test_without_a_board_nothing_is_commanded(board: Told) -> None:
     assert len(board.words) == 1
 
 
-def test_a_board_that_does_not_fit_is_told_no_speed(board: Told) -> None:
+def test_a_board_that_does_not_fit_is_event_no_speed(board: Recorded) -> None:
     wheels = make(board)
     wheels.attach(board, Fit(motion=None, wheel_limits=(0.0, 0.0), wrong=("It stores zeros.",)))
     # Not even zero, which would wake its speed loop: its motors are let go.
@@ -167,7 +167,7 @@ def test_a_board_that_does_not_fit_is_told_no_speed(board: Told) -> None:
 
 
 def test_motors_that_never_counted_for_their_commands_are_let_go_rather_than_held(
-    board: Told,
+    board: Recorded,
 ) -> None:
     wheels = make(board)
     wheels.turn((0.05, 0.05))
@@ -182,7 +182,7 @@ def test_motors_that_never_counted_for_their_commands_are_let_go_rather_than_hel
     assert board.words[-1] == "release"
 
 
-def test_a_wheel_that_turns_against_its_command_is_a_fault(board: Told) -> None:
+def test_a_wheel_that_turns_against_its_command_is_a_fault(board: Recorded) -> None:
     wheels = make(board)
     kinds: set[str] = set()
     for ms in range(0, 1500, 10):
@@ -194,7 +194,7 @@ def test_a_wheel_that_turns_against_its_command_is_a_fault(board: Told) -> None:
     assert "runaway_against" in kinds
 
 
-def test_no_wheel_is_held_against_a_command_that_was_not_sent(board: Told) -> None:
+def test_no_wheel_is_held_against_a_command_that_was_not_sent(board: Recorded) -> None:
     wheels = make(board)
     wheels.sent((0, 0, 0, 0), 0)
     wheels.turn((0.3, 0.3))
@@ -213,7 +213,7 @@ def test_no_wheel_is_held_against_a_command_that_was_not_sent(board: Told) -> No
     assert kinds == {"no_counts"}
 
 
-def test_wheels_without_a_board_are_accused_of_nothing(board: Told) -> None:
+def test_wheels_without_a_board_are_accused_of_nothing(board: Recorded) -> None:
     wheels = make(board)
     wheels.turn((0.3, 0.3))
     wheels.detach()

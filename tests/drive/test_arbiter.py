@@ -33,7 +33,7 @@ def stand(arbiter: Arbiter, now_ns: int) -> None:
     arbiter.observe_wheels(now_ns, commanded_zero=True, measured_m_s=(0.0, 0.01))
 
 
-def test_before_the_first_command_nobody_drives(arbiter: Arbiter) -> None:
+def test_before_the_first_command_no_source_drives(arbiter: Arbiter) -> None:
     decision = arbiter.current(5)
     assert (decision.twist, decision.driver, decision.why) == (STANDSTILL, None, "no_command")
 
@@ -74,7 +74,7 @@ def test_the_larger_priority_takes_over_at_once(arbiter: Arbiter) -> None:
     assert arbiter.current(2 * MS).driver == "cmd_vel/teleop"
 
 
-def test_among_equals_whoever_holds_control_keeps_it(arbiter: Arbiter) -> None:
+def test_among_equals_the_source_in_control_keeps_it(arbiter: Arbiter) -> None:
     arbiter.offer("planner", FORWARD, 0)
     assert reason(arbiter.offer("cmd_vel", SLOWER, MS)) == "lower_priority"
     assert arbiter.current(MS).driver == "planner"
@@ -190,7 +190,7 @@ def test_a_backlog_that_its_sender_stamped_moves_nothing(
     assert isinstance(fresh, Accepted)
 
 
-def test_whoever_drove_before_a_backlog_drives_on_after_it(arbiter: Arbiter) -> None:
+def test_the_driver_before_a_backlog_drives_on_after_it(arbiter: Arbiter) -> None:
     arbiter.offer("cmd_vel", SLOWER, 0)
     for n in range(20):
         arbiter.offer("cmd_vel/teleop", FORWARD, 10 * MS + n * 1000)
@@ -226,7 +226,7 @@ def test_a_velocity_that_is_not_finite_is_refused(
     assert arbiter.counters["not_finite"] == 1
 
 
-def test_a_source_that_nobody_configured_is_refused(arbiter: Arbiter) -> None:
+def test_a_source_that_is_not_configured_is_refused(arbiter: Arbiter) -> None:
     assert reason(arbiter.offer("stranger", FORWARD, 0)) == "unknown_source"
     assert arbiter.current(0).driver is None
 
@@ -415,7 +415,7 @@ def test_motion_always_has_a_driver_whose_accepted_command_is_fresh(
             if isinstance(result, Accepted):
                 accepted[source] = (now_ns - result.age_ns, twist)
             elif result.reason == "lower_priority":
-                # In effect after all, should whoever holds control lose it as a backlog.
+                # In effect after all, if the source in control loses it as a backlog.
                 accepted[source] = (now_ns, twist)
         elif what == "stand":
             stand(arbiter, now_ns)
@@ -429,7 +429,7 @@ def test_motion_always_has_a_driver_whose_accepted_command_is_fresh(
             assert not decision.timed_out
         revoked = what == "offer" and isinstance(result, Refused) and result.revoked
         if revoked:
-            # Whoever drove before the backlog, which may be nobody.
+            # The driver before the backlog, or None.
             driver = decision.driver
         if decision.driver != driver and driver and decision.driver:
             # Without standing first, control only ever went up.

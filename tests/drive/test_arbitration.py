@@ -9,7 +9,7 @@ from yahboomd.drive.arbitration import Accepted, Decision, Reason, Refused, Sour
 from yahboomd.model import STANDSTILL
 
 
-def test_a_decision_of_which_nothing_is_known_is_standstill_on_nobodys_account() -> None:
+def test_the_default_decision_is_standstill_without_a_driver() -> None:
     decision = Decision()
     assert (decision.twist, decision.driver, decision.source) == (STANDSTILL, None, None)
     assert decision.why == "no_command"

@@ -26,7 +26,7 @@ def test_it_is_not_released_while_anybody_commands_motion() -> None:
     assert stop.engaged
 
 
-def test_it_is_released_when_nobody_does() -> None:
+def test_it_is_released_without_motion_commands() -> None:
     stop = EmergencyStop()
     stop.engage("button", "a", 1)
     assert stop.release([]).released

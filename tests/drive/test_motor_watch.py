@@ -380,7 +380,7 @@ def test_a_single_garbled_reading_cuts_nothing(readings: int) -> None:
     assert found == []
 
 
-def test_a_trouble_is_told_once_and_again_after_it_was_over() -> None:
+def test_a_trouble_is_reported_once_and_again_after_it_was_over() -> None:
     check = WheelsCheck(["left"])
     check.command(0, [0.3])
     speeds = [0.3] * 50 + [1.0] * 50 + [0.3] * 50 + [1.0] * 50

@@ -41,7 +41,7 @@ def test_a_wheel_that_turns_on_is_named_and_cut_after_0_6_s(watch: StopWatch) ->
     assert watch.check(T0 + 620 * MS) is None
 
 
-def test_a_stop_that_nobody_can_see_is_overdue_too(watch: StopWatch) -> None:
+def test_a_stop_that_no_reading_shows_is_overdue_too(watch: StopWatch) -> None:
     fault = watch.check(T0 + 600 * MS)
     assert fault is not None
     assert fault.motor is None

@@ -70,7 +70,7 @@ class InnerDaemon:
         return is_stop(orders_of(self.ports[-1])[-1][1])
 
     async def ends_by_itself_at_rest(self) -> None:
-        """Wait for an end that nobody asked for; the wheels stand, and were told to last."""
+        """Wait for an unrequested end; the wheels stand, and the last frame was a stop."""
         with pytest.raises(BaseExceptionGroup):
             await self.task
         assert self.standing

@@ -180,7 +180,7 @@ async def test_status_names_every_reason_to_stand(tmp_path: Path) -> None:
 
 
 @on_virtual_time
-async def test_nobody_can_release_an_estop_while_anybody_commands_motion(tmp_path: Path) -> None:
+async def test_no_estop_is_released_while_a_source_commands_motion(tmp_path: Path) -> None:
     async with robot(tmp_path) as bench:
         await bench.ready()
         bench.operator.engage_estop("a test")

@@ -1,6 +1,6 @@
 """Healthy motors are never taken for lying ones: a robot that stops for nothing is of no use.
 
-Virtual time; motors of several kinds, all geometries, driven as nobody would.
+Virtual time; motors of several kinds, all geometries, driven wildly.
 """
 
 from __future__ import annotations

@@ -71,14 +71,14 @@ payload = {
 }[sys.argv[2]]
 publisher = session.declare_publisher("cmd_vel")
 print("flooding", flush=True)
-count, began, told = 0, time.monotonic(), 0.0
+count, began, reported = 0, time.monotonic(), 0.0
 while True:
     for _ in range(20):
         publisher.put(payload)
     count += 20
     passed = time.monotonic() - began
-    if passed > told + 0.5:
-        told = passed
+    if passed > reported + 0.5:
+        reported = passed
         beside = pathlib.Path(sys.argv[3] + ".new")
         beside.write_text(str(count / passed))
         beside.replace(sys.argv[3])

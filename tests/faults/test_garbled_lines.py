@@ -27,16 +27,16 @@ RUNAWAYS = {"runaway_against", "runaway_fast"}
 
 
 class Witness:
-    """Notes every runaway that is told of a wheel which did not run away."""
+    """Records each runaway event about a wheel that did not run away."""
 
     def __init__(self, bench: FaultBench) -> None:
         self.false: list[str] = []
         self._bench = bench
-        self._told = bench.heard.event
+        self._event = bench.heard.event
         bench.heard.event = self._hear  # type: ignore[method-assign]
 
     def _hear(self, event: Event) -> None:
-        self._told(event)
+        self._event(event)
         if event.kind in RUNAWAYS and not self._did_so(event):
             self.false.append(event.message)
 

@@ -1,6 +1,6 @@
-"""Whatever fails inside, the wheels stop and the process ends, so that it can be started anew.
+"""Whatever fails inside, the wheels stop and the process ends, so that it can be restarted.
 
-A real bus and a real loop: errors are put where nobody would catch them.
+A real bus and a real loop: errors are raised where no handler catches them.
 """
 
 from __future__ import annotations
@@ -63,13 +63,13 @@ async def test_a_callback_of_the_bus_that_fails_ends_the_daemon_with_the_wheels_
     inner: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     await inner.driven()
-    # Whoever decodes commands fails: the control step alone would never know.
+    # The decoder of commands fails: the control step alone would not notice.
     monkeypatch.setattr("yahboomd.daemon.commands.decode_command", broken)
     inner.session.put("cmd_vel", b'{"vx": 0.3}')
     await inner.ends_by_itself_at_rest()
 
 
-async def test_an_estop_whose_event_cannot_be_told_stops_the_wheels_all_the_same(
+async def test_an_estop_whose_event_cannot_be_published_stops_the_wheels_all_the_same(
     inner: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     await inner.driven()

@@ -58,7 +58,7 @@ async def test_a_board_whose_version_holds_escape_sequences_commands_no_terminal
 @pytest.mark.parametrize("fault", ["mute 0.8", "mute 3", "babble 3", "hang"])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
-async def test_wheels_that_nobody_sees_are_told_to_stop_after_300_ms(
+async def test_unseen_wheels_are_stopped_after_300_ms(
     tmp_path: Path, dialect: str, fault: str
 ) -> None:
     async with robot(tmp_path, dialect=dialect) as bench:
@@ -70,7 +70,7 @@ async def test_wheels_that_nobody_sees_are_told_to_stop_after_300_ms(
         orders = bench.orders_since(now_ns)
         print(f"{dialect}, {fault}: stop after {(first_stop_ns(orders) - now_ns) / MS:.0f} ms")
         assert first_stop_ns(orders) - now_ns <= 350 * MS
-        # A board that listens obeys; one that hangs does not, and nobody can tell it.
+        # A board that listens obeys; one that hangs does not, and cannot be commanded.
         assert bench.standing == (fault != "hang")
         state, why = bench.controller.state()
         assert state == "waiting"
@@ -211,25 +211,25 @@ async def test_half_frames_either_way_may_stop_the_robot_and_move_nothing_that_w
 # Resets.
 
 
-@pytest.mark.parametrize("told", [True, False])
+@pytest.mark.parametrize("announced", [True, False])
 @pytest.mark.parametrize("fault", ["reset", "brown-out 0.3"])
 @on_virtual_time
 async def test_after_a_reset_in_motion_the_robot_stands_a_second_heard_or_not(
-    tmp_path: Path, fault: str, told: bool
+    tmp_path: Path, fault: str, announced: bool
 ) -> None:
     async with robot(tmp_path) as bench:
         await bench.ready()
         await bench.drive(2.0, 0.3)
-        if not told:
+        if not announced:
             bench.do("mute 0.45")
         bench.do(fault)
         now_ns = bench.clock.now_ns()
         await bench.drive(4.0, 0.3)
         assert len(bench.events("board_reset")) == 1
-        told_ns = first_stop_ns(bench.orders_since(now_ns))
-        moving = [at for at, order in bench.orders_since(told_ns) if not is_stop(order)]
+        stop_ns = first_stop_ns(bench.orders_since(now_ns))
+        moving = [at for at, order in bench.orders_since(stop_ns) if not is_stop(order)]
         # From when the board said so; the stop may have waited for the line to be free.
-        assert moving[0] - told_ns >= 980 * MS
+        assert moving[0] - stop_ns >= 980 * MS
         assert min(bench.rim_speeds) > 0.2
 
 
@@ -268,7 +268,7 @@ async def test_after_a_replug_the_wheels_are_stopped_before_anything_else(
         await bench.drive(1.0, 0.3)
         bench.do(f"unplug {away_s}")
         await bench.drive(away_s, 0.3)
-        # Nobody can tell the board anything meanwhile.
+        # The board cannot be commanded meanwhile.
         assert min(bench.rim_speeds) > 0.2
         back_ns = bench.clock.now_ns()
         await asyncio.sleep(1.5)
@@ -284,7 +284,7 @@ async def test_after_a_replug_the_wheels_are_stopped_before_anything_else(
 @pytest.mark.parametrize("code", [errno.EIO, errno.ENODEV, errno.ENXIO, errno.EBADF, None])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
-async def test_whatever_the_kernel_calls_a_lost_port_it_is_opened_anew_and_the_wheels_stopped(
+async def test_whatever_the_kernel_calls_a_lost_port_it_is_opened_again_and_the_wheels_stopped(
     tmp_path: Path, dialect: str, code: int | None
 ) -> None:
     async with robot(tmp_path, dialect=dialect) as bench:
@@ -321,7 +321,7 @@ async def test_what_was_commanded_while_the_board_was_away_is_over_when_it_comes
 
 
 @on_virtual_time
-async def test_a_missing_port_is_tried_for_ever_about_once_a_second_and_told_once(
+async def test_a_missing_port_is_tried_for_ever_about_once_a_second_and_logged_once(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     async with robot(tmp_path) as bench:
@@ -392,7 +392,7 @@ class StuckBench(FaultBench):
 
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
-async def test_a_port_whose_output_is_stuck_is_opened_anew_and_the_wheels_stopped(
+async def test_a_port_whose_output_is_stuck_is_opened_again_and_the_wheels_stopped(
     tmp_path: Path, dialect: str
 ) -> None:
     simulation = SimulationOptions(dialect=dialect)  # type: ignore[arg-type]

@@ -124,7 +124,7 @@ def test_where_the_counters_may_have_been_reset_the_pose_holds_and_an_event_says
     first = next(pose for pose in app.samples["pose"] if pose["stamp_ns"] > before["stamp_ns"])
     held_m = math.hypot(first["x"] - before["x"], first["y"] - before["y"])
     lost_m = math.hypot(truth.x - after["x"], truth.y - after["y"])
-    print(f"went on within {held_m * 1000:.1f} mm, lost {lost_m:.2f} m, told {event['data']}")
+    print(f"went on within {held_m * 1000:.1f} mm, lost {lost_m:.2f} m, reported {event['data']}")
     assert held_m < 0.05
     assert 0.1 < lost_m < event["data"]["unknown_m"]
     # Three standard deviations of what is published reach as far as what was lost.

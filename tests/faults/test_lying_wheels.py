@@ -1,4 +1,4 @@
-"""Wheels that do not do what they are told are cut, and named with what to check.
+"""Wheels that disobey are cut, and named with what to check.
 
 On virtual time, with the incremental speed loop of the board: a lying encoder makes it run away.
 """
@@ -69,7 +69,7 @@ async def test_a_wheel_that_runs_away_is_cut_within_150_ms_of_showing_it(
         assert at_ns is not None
         print(f"{dialect}, {fault} {motion}: cut {(at_ns - left_ns) / MS:.0f} ms after it showed")
         assert at_ns - left_ns <= CUT_WITHIN_NS
-        # Nobody drives on after it, though somebody commands.
+        # The base stands after it, though a source commands motion.
         assert all(is_stop(order) for _, order in bench.orders_since(at_ns))
         await asyncio.sleep(1.0)
         assert bench.standing
@@ -327,7 +327,7 @@ async def test_tt_motors_on_a_board_set_for_520_show_no_fault_in_any_count(tmp_p
 
 @pytest.mark.parametrize("policy", ["stop", "report"])
 @on_virtual_time
-async def test_a_stalled_wheel_stops_the_base_or_is_only_told_as_configured(
+async def test_a_stalled_wheel_stops_the_base_or_is_only_reported_as_configured(
     tmp_path: Path, policy: str
 ) -> None:
     async with robot(tmp_path, f"faults.stall={policy}") as bench:
@@ -343,7 +343,7 @@ async def test_a_stalled_wheel_stops_the_base_or_is_only_told_as_configured(
 
 @pytest.mark.parametrize("policy", ["stop", "report"])
 @on_virtual_time
-async def test_a_wheel_that_turns_by_itself_is_told_and_stops_the_base_where_configured(
+async def test_a_wheel_that_turns_by_itself_is_reported_and_stops_the_base_where_configured(
     tmp_path: Path, policy: str
 ) -> None:
     async with robot(tmp_path, f"faults.turns_without_command={policy}") as bench:
@@ -389,7 +389,7 @@ UNFIT = [
 
 @pytest.mark.parametrize("flash", UNFIT)
 @on_virtual_time
-async def test_a_board_whose_settings_would_run_away_is_told_no_speed_at_all(
+async def test_a_board_whose_settings_would_run_away_gets_no_speed_at_all(
     tmp_path: Path, flash: FlashContent
 ) -> None:
     async with robot(tmp_path, flash=flash) as bench:
@@ -407,7 +407,7 @@ async def test_a_board_whose_settings_would_run_away_is_told_no_speed_at_all(
         assert bench.controller.state()[0] == "estopped"
 
 
-def test_every_runaway_of_this_page_would_happen_if_nobody_looked(tmp_path: Path) -> None:
+def test_every_runaway_of_this_page_would_happen_without_the_watch(tmp_path: Path) -> None:
     """The simulated board's loop does run away: these tests would show nothing otherwise."""
     from yahboomd.simulation.robot import SimulatedRobot
 

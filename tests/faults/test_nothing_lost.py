@@ -56,7 +56,7 @@ def said_m(bench: FaultBench, what: str) -> float:
 @pytest.mark.parametrize("fault", ["unplug", "mute", "babble"])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
-async def test_what_the_board_counted_while_nobody_heard_it_is_in_the_pose_afterwards(
+async def test_what_the_board_counted_unheard_is_in_the_pose_afterwards(
     tmp_path: Path, dialect: str, fault: str, away_s: float
 ) -> None:
     async with robot(tmp_path, dialect=dialect) as bench:
@@ -142,11 +142,13 @@ async def test_after_a_reset_the_pose_holds_and_an_event_says_how_much_is_unknow
         await asyncio.sleep(1.5)
         after = bench.heard.estimates[-1]
         lost_m = error_m(bench, after)
-        told_m = unknown_m(bench)
-        print(f"{dialect}, {fault}: {lost_m * 1000:.0f} mm lost, {told_m * 1000:.0f} mm told")
-        assert lost_m < told_m
+        reported_m = unknown_m(bench)
+        print(
+            f"{dialect}, {fault}: {lost_m * 1000:.0f} mm lost, {reported_m * 1000:.0f} mm reported"
+        )
+        assert lost_m < reported_m
         assert bench.events("odometry_discontinuity")
-        # What was told is in the covariance: three standard deviations reach as far.
+        # What was reported is in the covariance: three standard deviations reach as far.
         grown = after.pose_covariance[0] - before.pose_covariance[0]
         assert 3.0 * math.sqrt(grown) > lost_m
         assert_no_jump(bench.heard.estimates)

@@ -185,7 +185,7 @@ async def test_after_a_suspend_nothing_of_before_moves_anything(
         await bench.ready()
 
         def command(vx: float, ago_s: float = 0.0) -> None:
-            # The clock of whoever commands went on while ours stood.
+            # The sender's clock went on while ours stood.
             ago_s -= bench.clock.slept_ns / S
             bench.payload(stamped(bench, vx, ago_s) if with_stamps else b'{"vx": %g}' % vx)
 

@@ -1,4 +1,4 @@
-"""However driving ends, the wheels are told to stop, and the stop is seen through.
+"""However driving ends, the wheels are stopped, and the stop is verified.
 
 On virtual time: every figure here is exact, on every machine.
 """
@@ -36,7 +36,7 @@ async def lost_bus(bench: FaultBench) -> None:
     bench.controller.bus_lost()
 
 
-async def told_to_end(bench: FaultBench) -> None:
+async def asked_to_end(bench: FaultBench) -> None:
     bench.tasks[0].cancel()
 
 
@@ -57,7 +57,7 @@ async def port_watch_cancelled(bench: FaultBench) -> None:
 AT_ONCE = [
     estop,
     lost_bus,
-    told_to_end,
+    asked_to_end,
     control_path_fails,
     session_task_cancelled,
     port_watch_cancelled,
@@ -230,7 +230,7 @@ async def test_a_stop_under_way_is_not_broken_off_by_being_asked_again(tmp_path:
 
 
 @on_virtual_time
-async def test_a_stop_at_the_end_that_nobody_saw_obeyed_is_told(tmp_path: Path) -> None:
+async def test_a_stop_at_the_end_that_was_not_seen_obeyed_is_reported(tmp_path: Path) -> None:
     async with robot(tmp_path) as bench:
         await bench.ready()
         await bench.drive(0.5, 0.4)
@@ -241,7 +241,7 @@ async def test_a_stop_at_the_end_that_nobody_saw_obeyed_is_told(tmp_path: Path) 
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
-@pytest.mark.parametrize("end", [told_to_end, session_task_cancelled, port_watch_cancelled])
+@pytest.mark.parametrize("end", [asked_to_end, session_task_cancelled, port_watch_cancelled])
 @on_virtual_time
 async def test_wheels_that_the_end_stops_are_not_accused_of_disobeying_the_application(
     tmp_path: Path, dialect: str, end: End

@@ -57,7 +57,7 @@ def driven(robot: RealRobot) -> None:
     wait_for(lambda: turning(robot), "the wheels turn")
 
 
-def told(robot: RealRobot, what: str, since_ns: int) -> None:
+def report(robot: RealRobot, what: str, since_ns: int) -> None:
     """Print how long after a moment the wheels began to slow down, and stood."""
     robot.settled_truth()
     samples = [each for each in robot.truth() if each.t_ns >= since_ns]
@@ -83,10 +83,10 @@ def test_a_signal_stops_the_wheels_before_the_daemon_ends(
         now_ns = time.monotonic_ns()
         assert robot.daemon.end(number) == 0
         assert max(map(abs, robot.settled_truth().speed_m_s)) < 0.03
-        told(robot, number.name, now_ns)
+        report(robot, number.name, now_ns)
     assert "Traceback" not in robot.daemon.output
     assert f"{number.name}: stopping the wheels" in robot.daemon.output
-    # They stand because they were told to: no wheel is accused of it.
+    # They stand because they were commanded to: no wheel is accused of it.
     assert "are commanded" not in robot.daemon.output
     assert "is commanded" not in robot.daemon.output
 
@@ -242,7 +242,7 @@ def test_impatient_signals_do_not_break_the_stop_off(robot: RealRobot) -> None:
     assert "Traceback" not in robot.daemon.output
 
 
-def test_a_signal_is_obeyed_though_nobody_reads_the_log(
+def test_a_signal_is_obeyed_though_the_log_is_not_read(
     tmp_path: Path, real_robot: Callable[..., RealRobot], client: Callable[..., Client]
 ) -> None:
     robot = real_robot()
@@ -279,12 +279,12 @@ def test_after_sigkill_a_direct_stop_brings_the_wheels_to_rest(robot: RealRobot)
         driven(robot)
         now_ns = time.monotonic_ns()
         robot.daemon.end(signal.SIGKILL)
-        # Nobody stops them otherwise.
+        # Nothing else stops them.
         time.sleep(0.3)
         assert turning(robot)
         stop = Process("stop", "--direct", "--port", str(robot.port))
         assert stop.end_by_itself() == 0, stop.output
-        told(robot, "SIGKILL, 0.3 s of nothing, yahboomd stop --direct", now_ns)
+        report(robot, "SIGKILL, 0.3 s of nothing, yahboomd stop --direct", now_ns)
 
 
 def test_a_daemon_that_starts_after_a_crash_stops_the_wheels_first(
@@ -330,7 +330,7 @@ def test_a_frozen_daemon_feeds_no_watchdog_and_the_manager_stops_the_wheels(
             robot.daemon.process.kill()
             stop = Process("stop", "--direct", "--port", str(robot.port))
             assert stop.end_by_itself() == 0, stop.output
-            told(robot, "the watchdog's kill, then yahboomd stop --direct", now_ns)
+            report(robot, "the watchdog's kill, then yahboomd stop --direct", now_ns)
 
 
 def test_a_daemon_that_was_frozen_obeys_no_command_of_the_meantime(
@@ -359,7 +359,7 @@ def test_a_client_that_is_killed_in_mid_motion_leaves_standing_wheels(
         driven(robot)
         now_ns = time.monotonic_ns()
         process.kill()
-        told(robot, "the only client killed", now_ns)
+        report(robot, "the only client killed", now_ns)
 
 
 def test_a_client_that_is_killed_while_another_watches_runs_into_its_timeout(
@@ -370,7 +370,7 @@ def test_a_client_that_is_killed_while_another_watches_runs_into_its_timeout(
         driven(robot)
         now_ns = time.monotonic_ns()
         process.kill()
-        told(robot, "a client of two killed", now_ns)
+        report(robot, "a client of two killed", now_ns)
     status = app.in_state("standing")
     assert "cmd_vel fell silent" in status["why"]
     assert status["driver"] is None
@@ -400,7 +400,7 @@ def test_a_router_that_is_lost_takes_the_commands_of_its_clients_with_it(
         driven(robot)
         now_ns = time.monotonic_ns()
         zenoh_router.kill()
-        told(robot, "the router killed", now_ns)
+        report(robot, "the router killed", now_ns)
 
 
 def test_an_engaged_estop_outlives_a_kill(robot: RealRobot, client: Callable[..., Client]) -> None:

@@ -45,7 +45,7 @@ def built(name: str) -> Path:
 
 
 def free_domain() -> int:
-    """A DDS domain whose ports nobody uses: they are fixed, 250 to a domain from 7400 on."""
+    """A DDS domain whose ports are free: they are fixed, 250 to a domain from 7400 on."""
     # Workers that run side by side begin ten domains apart.
     first = 10 * int(os.environ.get("PYTEST_XDIST_WORKER", f"gw{os.getpid()}")[2:]) % 100
     for domain in (1 + (first + step) % 100 for step in range(100)):

@@ -188,7 +188,7 @@ class Node:
         )
 
     def answers(self) -> Iterator[tuple[str, dict[str, Any] | None]]:
-        """Service and reply of each call that ended; None when nobody answered in time."""
+        """Service and reply of each call that ended; None without an answer in time."""
         for call in list(self.calls):
             request, reply = self.clients[call.service]
             client_guid = int.from_bytes(request.guid.bytes[8:], "big")

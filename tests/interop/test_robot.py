@@ -146,7 +146,7 @@ def test_a_dds_node_that_starts_late_gets_the_static_frames(bridge, start_dds_no
         assert laser_of(start_dds_node("/tf_static")) == "laser"
 
 
-def test_bridge_and_daemon_may_start_anew(bridge, dds_node, robot):
+def test_bridge_and_daemon_may_restart(bridge, dds_node, robot):
     driven = robot(bridge.endpoint)
     dds_node.order("drive", vx=0.1, wz=0.4, hz=20)
     dds_node.message("/odom", lambda m: distance(m, 0.0, 0.0) > 0.02, "the robot to move")
@@ -156,7 +156,7 @@ def test_bridge_and_daemon_may_start_anew(bridge, dds_node, robot):
     dds_node.message("/odom", lambda m: distance(m, 0.0, 0.0) > far + 0.02, "it to move on")
     assert driven.daemon.end() == 0
     driven.start_daemon()
-    dds_node.message("/odom", lambda m: distance(m, 0.0, 0.0) < 0.01, "it to begin anew")
+    dds_node.message("/odom", lambda m: distance(m, 0.0, 0.0) < 0.01, "it to begin again")
     dds_node.message("/odom", lambda m: distance(m, 0.0, 0.0) > 0.02, "it to move again")
     assert laser_of(dds_node) == "laser"
     dds_node.order("rest")
@@ -166,7 +166,7 @@ def test_bridge_and_daemon_may_start_anew(bridge, dds_node, robot):
 
 @pytest.fixture
 def reconfigure(bridge, tmp_path):
-    """Starts the bridge anew, with one thing in its configuration replaced."""
+    """Restarts the bridge with one change of its configuration."""
 
     def again(old, new):
         text = bridge.config.read_text()
@@ -193,7 +193,7 @@ def test_a_robot_with_a_bridge_of_its_own_has_plain_names_there(
     is_stopped_and_released(dds_node)
 
 
-def test_robots_behind_one_bridge_are_told_apart_by_their_namespaces(
+def test_robots_behind_one_bridge_are_distinguished_by_their_namespaces(
     bridge, reconfigure, start_dds_node, robot, eventually
 ):
     reconfigure('"/cmd_vel", "/cmd_vel/teleop"', '"/bot./cmd_vel"')

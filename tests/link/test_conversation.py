@@ -1,4 +1,4 @@
-"""Questions to a board that nobody drives."""
+"""Questions to a board that is not driven."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ async def test_counters_are_the_boards_own(dialect: str) -> None:
 
 
 @on_virtual_time
-async def test_settings_and_voltage_are_told_by_the_streamed_board() -> None:
+async def test_the_streamed_board_answers_with_settings_and_voltage() -> None:
     board = LinkBench(flash=FlashContent(lines=13), battery_volts=11.1)
     async with Conversation(await board.open(), board.clock) as talk:
         await talk.identify()
@@ -61,7 +61,7 @@ async def test_the_version_among_the_settings_is_no_reset() -> None:
 
 
 @on_virtual_time
-async def test_the_banner_of_a_board_that_starts_anew_is_noticed() -> None:
+async def test_the_banner_of_a_board_that_restarts_is_noticed() -> None:
     board = LinkBench()
     async with Conversation(await board.open(), board.clock) as talk:
         await talk.identify()

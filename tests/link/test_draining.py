@@ -32,7 +32,7 @@ async def test_it_waits_as_long_as_the_bytes_take_and_no_longer() -> None:
 
 
 @on_virtual_time
-async def test_it_gives_up_in_time_where_nobody_takes_the_output() -> None:
+async def test_it_gives_up_in_time_where_the_output_is_not_taken() -> None:
     clock = LoopClock()
     begin_ns = clock.now_ns()
     assert not await drained(clock, lambda: 7, byte_ns=BYTE_NS, timeout_s=0.2)

@@ -18,7 +18,7 @@ class Reader:
         self.waiting = b""
         self.held = b""
         self.wakes = 0
-        self.told = 0
+        self.wakeups = 0
         self.late: list[int] = []  # bytes of others that came before a line was heard
 
     def hear(self, size: int, piece: int) -> None:
@@ -35,9 +35,9 @@ class Reader:
         while b"#" in data:
             line, _, data = data.partition(b"#")
             self.late.append(len(data.removeprefix(b"\r").removeprefix(b"\n")))
-            self.told += self.gathering.line(len(line.lstrip()) + 1, len(data))
+            self.wakeups += self.gathering.line(len(line.lstrip()) + 1, len(data))
         self.held = data.lstrip()
-        self.told += self.gathering.rest(len(self.held))
+        self.wakeups += self.gathering.rest(len(self.held))
 
 
 @pytest.mark.parametrize("line_end", [0, 2])
@@ -53,7 +53,7 @@ def test_lines_that_are_alike_wake_the_reader_once_each_and_wait_for_nothing(
         reader.hear(22, piece)
     assert reader.wakes - before == 100
     assert max(reader.late) == 0
-    assert reader.told == 1
+    assert reader.wakeups == 1
 
 
 @pytest.mark.parametrize("line_end", [0, 2])
@@ -86,4 +86,4 @@ def test_lines_of_all_lengths_are_heard_as_they_come() -> None:
         reader.hear(chance.randrange(16, 53), 7)
     assert len(reader.late) == 2000
     assert max(reader.late) < 7
-    assert reader.told < 10
+    assert reader.wakeups < 10

@@ -23,7 +23,7 @@ from yahboomd.simulation.virtual_time import on_virtual_time
 
 
 class Script:
-    """A port whose far side answers as it is told to, line after line."""
+    """A port whose far side answers from a script, line after line."""
 
     name = "/dev/script"
     byte_ns = byte_time_ns(115200)

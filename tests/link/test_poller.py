@@ -22,7 +22,7 @@ class Pen:
 
     def __init__(self) -> None:
         self.polls: list[int] = []
-        self.told: list[bytes] = []
+        self.frames: list[bytes] = []
         self.open = False
         self.looks = 0
 
@@ -36,7 +36,7 @@ class Pen:
         return True
 
     def tell(self, frame: bytes) -> None:
-        self.told.append(frame)
+        self.frames.append(frame)
 
 
 class Scene:
@@ -94,7 +94,7 @@ async def test_a_streaming_board_is_not_polled() -> None:
         scene.hear()
     await scene.end()
     assert scene.pen.polls == []
-    assert scene.pen.told == []
+    assert scene.pen.frames == []
 
 
 @on_virtual_time
@@ -102,7 +102,7 @@ async def test_a_stream_that_pauses_is_armed_again_and_the_gap_is_marked() -> No
     scene = Scene("streamed")
     scene.hear()
     await asyncio.sleep(REARM_AFTER_S + 0.1)
-    assert scene.pen.told == [b"$upload:1,0,0#"]
+    assert scene.pen.frames == [b"$upload:1,0,0#"]
     scene.hear()
     scene.hear()
     await scene.end()
@@ -136,7 +136,7 @@ async def test_a_time_in_which_this_process_did_not_run_is_no_silence(dialect: s
     assert isinstance(loop, VirtualTimeLoop)
     loop.freeze(5.0)
     await asyncio.sleep(0.2)
-    assert scene.pen.told == []
+    assert scene.pen.frames == []
     with pytest.raises(BoardSilent):
         await asyncio.wait_for(scene.task, SILENT_AFTER_S + 0.5)
 
@@ -146,7 +146,7 @@ async def test_after_a_reset_the_stream_is_armed_and_the_next_reading_is_marked(
     scene = Scene("streamed")
     scene.hear()
     scene.poller.board_reset()
-    assert scene.pen.told == [b"$upload:1,0,0#"]
+    assert scene.pen.frames == [b"$upload:1,0,0#"]
     scene.hear()
     scene.hear()
     await scene.end()
@@ -165,7 +165,7 @@ async def test_a_reading_passes_through_at_once_and_is_counted() -> None:
 
 @pytest.mark.parametrize("dialect", ["polled", "streamed"])
 @on_virtual_time
-async def test_bytes_that_were_too_few_to_be_told_of_are_looked_for_where_no_counts_came(
+async def test_bytes_that_were_too_few_for_a_wake_up_are_looked_for_where_no_counts_came(
     dialect: str,
 ) -> None:
     scene = Scene(dialect)

@@ -201,7 +201,7 @@ async def test_writing_to_a_lost_port_neither_raises_nor_reports_again(
     assert len(gone) == 1
 
 
-async def test_output_that_nobody_takes_is_bounded_and_ends_the_port(port: SerialPort) -> None:
+async def test_output_that_is_not_taken_is_bounded_and_ends_the_port(port: SerialPort) -> None:
     gone: list[Exception | None] = []
     port.listen(lambda _: None, gone.append)
     for _ in range(100):
@@ -284,15 +284,15 @@ class Bare(asyncio.Protocol):
     """Keeps what the library's own transport tells."""
 
     def __init__(self) -> None:
-        self.told: list[Exception | None] = []
+        self.losses: list[Exception | None] = []
 
     def connection_lost(self, exc: Exception | None) -> None:
-        self.told.append(exc)
+        self.losses.append(exc)
 
 
 @pytest.fixture
 async def bare(device: Device) -> AsyncIterator[tuple[serial_asyncio.SerialTransport, Bare]]:
-    """The library alone, with output waiting that nobody takes."""
+    """The library alone, with output waiting that is not taken."""
     loop = asyncio.get_running_loop()
     transport, protocol = await serial_asyncio.create_serial_connection(loop, Bare, device.path)
     transport.write(b"x" * 100_000)
@@ -304,14 +304,14 @@ async def bare(device: Device) -> AsyncIterator[tuple[serial_asyncio.SerialTrans
 
 
 async def turns() -> None:
-    """Enough turns of the loop for everything that needs no help from outside."""
+    """Enough iterations of the loop for everything that needs no help from outside."""
     for _ in range(50):
         await asyncio.sleep(0)
 
 
 @pytest.fixture
 def unreadable(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
-    """From its call on, whoever reads is told that the device failed."""
+    """From its call on, every read fails as if the device were gone."""
     read = os.read
 
     def failing(fd: int, size: int) -> bytes:
@@ -322,20 +322,20 @@ def unreadable(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
     return lambda: monkeypatch.setattr(os, "read", failing)
 
 
-async def test_the_library_alone_never_ends_a_close_with_output_that_nobody_takes(
+async def test_the_library_alone_never_ends_a_close_with_output_that_is_not_taken(
     bare: tuple[serial_asyncio.SerialTransport, Bare],
 ) -> None:
     transport, protocol = bare
     transport.close()
     await turns()
-    assert protocol.told == []
+    assert protocol.losses == []
     assert transport.serial.is_open
-    # And whoever goes on writing hears nothing of it.
+    # And later writes do not report it.
     transport.write(b"$spd:0,0,0,0#")
     assert b"".join(transport._write_buffer).find(b"$spd") == -1
 
 
-async def test_the_library_alone_tells_nobody_of_a_read_that_failed_while_output_waits(
+async def test_the_library_alone_hides_a_read_that_failed_while_output_waits(
     bare: tuple[serial_asyncio.SerialTransport, Bare],
     device: Device,
     unreadable: Callable[[], None],
@@ -345,7 +345,7 @@ async def test_the_library_alone_tells_nobody_of_a_read_that_failed_while_output
     os.write(device.master, b"x")
     await until(transport.is_closing)
     await turns()
-    assert protocol.told == []
+    assert protocol.losses == []
 
 
 async def test_a_read_that_fails_while_output_waits_is_reported(

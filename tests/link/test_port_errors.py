@@ -45,5 +45,5 @@ def test_who_has_a_port_open_is_named_and_not_ourselves() -> None:
 
 def test_a_lost_port_says_why_where_the_kernel_did() -> None:
     assert lost("/dev/x", None).message == "/dev/x: the port went away."
-    told = lost("/dev/x", OSError(errno.ENODEV, "No such device"))
-    assert told.message == "/dev/x: the port went away ([Errno 19] No such device)."
+    error = lost("/dev/x", OSError(errno.ENODEV, "No such device"))
+    assert error.message == "/dev/x: the port went away ([Errno 19] No such device)."

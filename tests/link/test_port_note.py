@@ -1,4 +1,4 @@
-"""What the daemon leaves for whoever must stop the wheels after it."""
+"""The daemon's note for the process that stops the wheels after it."""
 
 import subprocess
 import sys

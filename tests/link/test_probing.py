@@ -18,7 +18,7 @@ counts = st.tuples(*[st.integers(-(2**31), 2**31 - 1)] * 4)
 
 
 @on_virtual_time
-async def test_everything_that_a_streamed_board_knows_is_told() -> None:
+async def test_everything_that_a_streamed_board_knows_is_reported() -> None:
     board = LinkBench(initial_ticks=(10, 20, 30, 40), firmware="1.6.5")
     found = await examine(board.open, board.clock, WANT)
     assert found.dialect is not None
@@ -46,8 +46,8 @@ async def test_a_polled_board_tells_its_counters() -> None:
 async def test_examining_writes_no_setting_and_moves_nothing(dialect: str) -> None:
     board = LinkBench(dialect=dialect)
     await examine(board.open, board.clock, WANT)
-    told = {frame.split(b":")[0].strip(b"$#") for frame in board.frames}
-    assert told <= {b"pwm", b"speed", b"spd", b"read_flash", b"read", b"upload", b"read_vol"}
+    commands = {frame.split(b":")[0].strip(b"$#") for frame in board.frames}
+    assert commands <= {b"pwm", b"speed", b"spd", b"read_flash", b"read", b"upload", b"read_vol"}
     speeds = [frame for frame in board.frames if frame.startswith((b"$spd", b"$pwm", b"$speed"))]
     assert all(frame.endswith(b":0,0,0,0#") for frame in speeds)
 

@@ -12,17 +12,17 @@ from yahboomd.protocol.registry import DIALECTS
 
 
 class Desk:
-    """A reception, what it understood, and a port that writes down what it is told."""
+    """A reception, what it understood, and a port that records its settings."""
 
     def __init__(self, dialect: str | None = "streamed") -> None:
         self.heard: list[Decoded] = []
-        self.told: list[int] = []
+        self.thresholds: list[int] = []
         self.reception = Reception(lambda decoded, _item, _now_ns: self.heard.append(decoded))
         if dialect is not None:
             self.reception.choose(DIALECTS[dialect])
 
     def gather(self, least: int) -> None:
-        self.told.append(least)
+        self.thresholds.append(least)
 
     def take(self, *chunks: bytes) -> None:
         for chunk in chunks:
@@ -66,12 +66,12 @@ def test_a_frame_of_nothing_is_no_count(dialect: str) -> None:
 def test_lines_that_are_alike_are_waited_for_and_half_a_line_ends_that() -> None:
     desk = Desk()
     desk.take(*[b"$MAll:1,2,3,4#\r\n"] * 20)
-    assert desk.told == []
+    assert desk.thresholds == []
     desk.reception.gather(desk)  # type: ignore[arg-type]
     desk.take(*[b"$MAll:1,2,3,4#\r\n"] * (ALIKE + 1))
-    assert desk.told == [16]
+    assert desk.thresholds == [16]
     desk.take(b"$MAll:1,2,")
-    assert desk.told == [16, 1]
+    assert desk.thresholds == [16, 1]
 
 
 def test_other_frames_change_nothing_about_what_is_waited_for() -> None:
@@ -79,18 +79,18 @@ def test_other_frames_change_nothing_about_what_is_waited_for() -> None:
     desk.reception.gather(desk)  # type: ignore[arg-type]
     desk.take(*[b"$MAll:1,2,3,4#\r\n"] * (ALIKE + 1), b"$Battery:7.40V#\r\n")
     assert desk.heard[-1] == Battery(volts=7.4)
-    assert desk.told == [16]
+    assert desk.thresholds == [16]
 
 
 def test_at_the_end_every_byte_is_heard_as_it_comes() -> None:
     desk = Desk()
     desk.reception.stop_gathering()
-    assert desk.told == []
+    assert desk.thresholds == []
     desk.reception.gather(desk)  # type: ignore[arg-type]
     desk.take(*[b"$MAll:1,2,3,4#\r\n"] * (ALIKE + 1))
     desk.reception.stop_gathering()
     desk.take(*[b"$MAll:1,2,3,4#\r\n"] * 20)
-    assert desk.told == [16, 1]
+    assert desk.thresholds == [16, 1]
 
 
 def test_an_end_in_the_midst_of_a_chunk_tells_the_port_nothing_more() -> None:
@@ -103,4 +103,4 @@ def test_an_end_in_the_midst_of_a_chunk_tells_the_port_nothing_more() -> None:
     desk.reception.choose(DIALECTS["streamed"])
     desk.reception.gather(desk)  # type: ignore[arg-type]
     desk.take(b"$MAll:1,2,3,4#\r\n" * 20)
-    assert desk.told == [1]
+    assert desk.thresholds == [1]

@@ -49,9 +49,9 @@ async def test_connecting_stops_first_and_writes_no_setting(dialect: str) -> Non
         assert board.port is not None
         frames = [frame for frame in board.port.frames if frame]
         assert frames[:2] == [b"$pwm:0,0,0,0#", b"$speed:0,0,0,0#"]
-        told = {frame.split(b":")[0].strip(b"$#") for frame in frames}
+        before = {frame.split(b":")[0].strip(b"$#") for frame in frames}
         allowed = {b"pwm", b"speed", b"read_flash", b"read", b"upload", b"read_vol"}
-        assert told - ({b"mtype"} if dialect == "polled" else set()) <= allowed
+        assert before - ({b"mtype"} if dialect == "polled" else set()) <= allowed
 
 
 @on_virtual_time
@@ -61,7 +61,7 @@ async def test_wheels_that_turn_after_a_crash_are_stopped_before_the_board_is_as
         await board.connected()
         board.session.drive((300, 0, 300, 0))
         await board.until(lambda: min(board.rim_speeds) > 0.2)
-        # The daemon is killed: nobody says goodbye, and the board drives on.
+        # The daemon is killed: no stop is sent, and the board drives on.
         assert board.port is not None
         board.port.close()
         assert min(board.rim_speeds) > 0.2
@@ -159,7 +159,7 @@ async def test_wheels_stop_when_a_task_dies(name: str, how: str) -> None:
 
 
 @on_virtual_time
-async def test_wheels_stop_when_whoever_hears_a_reading_fails() -> None:
+async def test_wheels_stop_when_the_consumer_of_readings_fails() -> None:
     async with bench("streamed") as board:
         await board.connected()
         board.session.drive((300, 0, 300, 0))
@@ -327,7 +327,9 @@ class SilentBattery(Bench):
 
 
 @on_virtual_time
-async def test_a_reversal_is_on_the_wire_within_the_spacing_while_the_voltage_is_not_told() -> None:
+async def test_a_reversal_is_on_the_wire_within_the_spacing_while_the_voltage_is_not_answered() -> (
+    None
+):
     worst_ns, back = 0, b"$spd:-300,0,-300,0#"
     for phase_ms in range(0, 320, 8):
         async with SilentBattery() as board:
@@ -346,7 +348,7 @@ async def test_a_reversal_is_on_the_wire_within_the_spacing_while_the_voltage_is
 
 
 @on_virtual_time
-async def test_a_voltage_that_is_not_told_is_asked_for_ever_less_and_said_once() -> None:
+async def test_a_voltage_that_is_not_answered_is_asked_for_less_and_less_and_logged_once() -> None:
     # Whole lines at a time: five minutes of them are many.
     whole_lines = ImpairmentOptions(chunk_s=0.005)
     async with SilentBattery(SimulationOptions(impairments=whole_lines)) as board:
@@ -360,12 +362,12 @@ async def test_a_voltage_that_is_not_told_is_asked_for_ever_less_and_said_once()
 
 
 @on_virtual_time
-async def test_a_voltage_that_is_told_late_is_asked_for_as_often() -> None:
+async def test_a_voltage_that_is_answered_late_is_asked_for_as_often() -> None:
     async with bench("streamed") as board:
         await board.connected()
         board.robot.impairments.change(delay_s=0.4)
-        told = len(board.recorder.volts)
-        await board.until(lambda: len(board.recorder.volts) >= told + 4, 30.0)
+        before = len(board.recorder.volts)
+        await board.until(lambda: len(board.recorder.volts) >= before + 4, 30.0)
         assert board.session.facts()["answers_late"] >= 3
         assert not board.session.facts().get("battery_unanswered")
 
@@ -474,7 +476,7 @@ async def test_a_reading_is_stamped_with_the_moment_its_last_byte_arrived(dialec
 
 
 @on_virtual_time
-async def test_a_polled_board_is_told_the_type_of_the_configured_motors() -> None:
+async def test_a_polled_board_gets_the_type_of_the_configured_motors() -> None:
     async with bench("polled", profile=PROFILES["310"]) as board:
         await board.connected()
         assert board.port is not None
@@ -523,7 +525,7 @@ async def test_an_answer_keeps_its_own_question_when_the_next_one_is_out_already
 
 
 @on_virtual_time
-async def test_who_listens_is_told_that_the_session_ends_once_the_brake_is_on_the_wire() -> None:
+async def test_the_listener_hears_of_the_end_once_the_brake_is_on_the_wire() -> None:
     board = bench("streamed")
     said: list[bytes] = []
     async with board:

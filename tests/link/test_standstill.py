@@ -39,7 +39,7 @@ def test_a_wrap_of_the_counter_is_no_motion() -> None:
     assert watch.standing
 
 
-def test_forgetting_starts_the_window_anew() -> None:
+def test_forgetting_restarts_the_window() -> None:
     watch = StandstillWatch(190.0)
     for ms in range(0, 100, 10):
         watch.see((0, 0, 0, 0), ms * MS)

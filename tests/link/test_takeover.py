@@ -111,7 +111,7 @@ async def test_a_wheel_that_something_else_turns_is_not_reported_as_standing(dia
 
 
 @on_virtual_time
-async def test_a_board_that_hangs_is_told_to_stop_again_and_reported_as_unseen() -> None:
+async def test_a_board_that_hangs_is_sent_another_stop_and_reported_as_unseen() -> None:
     board = LinkBench()
     await board.drive()
     board.robot.hang(board.now_ns)

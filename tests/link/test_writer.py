@@ -292,7 +292,7 @@ async def test_a_full_port_takes_nothing_more_and_is_counted(
     assert port.frames == [b"$b#"]
 
 
-async def test_what_is_told_waits_for_no_answer(writer: Any, port: Any, clock: Any) -> None:
+async def test_a_frame_without_an_answer_waits_for_none(writer: Any, port: Any, clock: Any) -> None:
     writer.tell(b"$upload:1,0,0#")
     writer.velocity(b"$a#")
     await advance(clock, 30)

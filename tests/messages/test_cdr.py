@@ -63,7 +63,7 @@ def test_every_truncation_and_extension_of_a_twist_is_refused(oracle, ros, frame
     value = {"header": ros.header(123, frame), "twist": twist}
     stamped = oracle.encode(TWIST_STAMPED, value)
     for whole in (oracle.encode(TWIST, twist), stamped):
-        # Of 52 bytes nobody can tell whether more were meant: that is a Twist.
+        # 52 bytes may be a truncated message or a Twist: a Twist is assumed.
         for size in set(range(len(whole))) - {cdr.TWIST_BYTES}:
             assert isinstance(cdr.decode_velocity(whole[:size]), str), size
         for extra in range(1, 17):

@@ -392,7 +392,7 @@ def test_encodings_are_named_with_the_message():
 
 
 @given(st.binary(max_size=8))
-def test_an_encoding_is_told_by_the_first_byte_behind_white_space(payload):
+def test_an_encoding_is_detected_by_the_first_byte_behind_white_space(payload):
     text = payload.lstrip(b" \t\r\n")
     expected = None
     if text.startswith(b"{"):

@@ -38,7 +38,7 @@ def test_lost_lines_do_not_pull_the_clock():
             assert n < 20 or abs(left - n * 8.3 * MS) < 0.5 * MS
 
 
-def test_a_pause_starts_anew():
+def test_a_pause_restarts_it():
     arrivals = Arrivals()
     for n in range(100):
         arrivals.add(n * 5.0 * MS)

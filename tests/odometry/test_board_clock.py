@@ -220,7 +220,7 @@ def test_a_clock_goes_on_after_the_stamps_of_another():
 # The board that is asked
 
 
-def poll(clock, *, told, jitter_ms=16.0, count=500, seed=1):
+def poll(clock, *, requests_known, jitter_ms=16.0, count=500, seed=1):
     """Stamp errors in ms: the board samples 0.4 ms after a request, the answer is held back."""
     chance = random.Random(seed)
     errors, last_ns = [], 0
@@ -228,7 +228,7 @@ def poll(clock, *, told, jitter_ms=16.0, count=500, seed=1):
         requested_ns = START_NS + n * 20 * MS + round(chance.uniform(0.0, 0.3) * MS)
         sampled_ns = requested_ns + 400_000
         sent_ns = sampled_ns + round(chance.uniform(0.0, jitter_ms) * MS)
-        instant = clock.observe(sent_ns, requested_ns if told else None)
+        instant = clock.observe(sent_ns, requested_ns if requests_known else None)
         assert instant.stamp_ns > last_ns
         last_ns = instant.stamp_ns
         errors.append((instant.stamp_ns - sampled_ns) * 1e-6)
@@ -237,14 +237,14 @@ def poll(clock, *, told, jitter_ms=16.0, count=500, seed=1):
 
 def test_the_time_of_the_request_takes_the_jitter_off():
     clock = PolledClock()
-    errors = poll(clock, told=True)
+    errors = poll(clock, requests_known=True)
     assert clock.locked
     assert max(map(abs, errors[64:])) < 1.0
 
 
 def test_without_it_a_stamp_is_when_the_answer_left():
     clock = PolledClock()
-    errors = poll(clock, told=False, jitter_ms=3.0)
+    errors = poll(clock, requests_known=False, jitter_ms=3.0)
     assert not clock.locked
     assert 0.0 <= min(errors) <= max(errors) <= 3.0
 

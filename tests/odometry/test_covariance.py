@@ -197,19 +197,19 @@ def chi_squared_bounds(degrees):
 def second_moments(kit, noise_m, counts, many, chance):
     """Errors of many bases whose wheels roll other ways than counted, about the counted pose."""
     at = np.zeros((3, many))
-    told = np.zeros(3)
+    estimated = np.zeros(3)
     for each in counts:
         mean = np.array(each) * kit.tick_m
         spread = np.sqrt(noise_m * np.abs(mean))
         rolled = mean[:, None] + spread[:, None] * chance.normal(size=(2, many))
-        for pose, wheels in ((at, rolled), (told, mean)):
+        for pose, wheels in ((at, rolled), (estimated, mean)):
             turn = (wheels[1] - wheels[0]) / kit.track_m
             middle = pose[2] + turn / 2
             way = np.sinc(turn / 2 / np.pi) * (wheels[0] + wheels[1]) / 2
             pose[0] += way * np.cos(middle)
             pose[1] += way * np.sin(middle)
             pose[2] += turn
-    errors = at - told[:, None]
+    errors = at - estimated[:, None]
     return errors @ errors.T / many
 
 
@@ -232,9 +232,9 @@ def test_the_covariance_is_the_second_moment_of_many_errors_however_far_the_head
     for deltas in WAYS[way]:
         base.step(*deltas)
     found = second_moments(kit, noise_m, WAYS[way], 20_000, chance)
-    told = base.pose
+    inner = base.pose
     scale = np.sqrt(np.outer(np.diag(found), np.diag(found)))
-    assert np.max(np.abs(told - found) / scale) < 0.06
+    assert np.max(np.abs(inner - found) / scale) < 0.06
 
 
 def test_a_heading_that_wanders_makes_a_straight_way_shorter(kit):

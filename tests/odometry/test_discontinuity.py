@@ -14,7 +14,7 @@ def unknown(outcome, gap_s=3.0, fastest_m_s=0.5):
     return discontinuity.unknown_m(outcome, gap_s, fastest_m_s=fastest_m_s, speed_max_m_s=SPEED_MAX)
 
 
-def told(outcome, lost_m):
+def event_of(outcome, lost_m):
     return discontinuity.event(outcome, gap_s=3.0, lost_m=lost_m, counted_m=0.2, unsure_m=0.01)
 
 
@@ -27,7 +27,7 @@ def test_where_nothing_is_known_a_wheel_may_have_rolled_as_fast_as_it_can(outcom
     assert unknown(outcome, 3.0, fastest_m_s=0.1) == 6.0
 
 
-def test_before_a_reset_that_was_told_a_wheel_rolled_hardly_faster_than_last_seen():
+def test_before_an_announced_reset_a_wheel_rolled_hardly_faster_than_last_seen():
     assert unknown("reset", 0.4, fastest_m_s=0.5) == pytest.approx(0.24)
     assert unknown("reset", 0.4, fastest_m_s=1.99) == pytest.approx(SPEED_MAX * 0.4)
 
@@ -39,7 +39,7 @@ def test_what_is_unknown_is_never_more_than_a_wheel_can_roll(outcome, gap_s, fas
 
 @pytest.mark.parametrize("outcome", OUTCOMES)
 def test_what_is_lost_is_a_warning_that_says_how_much(outcome):
-    event = told(outcome, 1.25)
+    event = event_of(outcome, 1.25)
     assert (event.kind, event.severity) == ("odometry_discontinuity", "warning")
     assert "Up to 1.25 m of each wheel's travel are unknown." in event.message
     assert event.data == {
@@ -53,6 +53,6 @@ def test_what_is_lost_is_a_warning_that_says_how_much(outcome):
 
 @pytest.mark.parametrize("outcome", OUTCOMES)
 def test_where_nothing_is_lost_it_is_said_and_no_warning(outcome):
-    event = told(outcome, 0.0)
+    event = event_of(outcome, 0.0)
     assert (event.kind, event.severity) == ("odometry_bridged", "info")
     assert "unknown" not in event.message

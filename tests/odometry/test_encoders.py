@@ -100,7 +100,7 @@ def test_a_garbled_reading_that_was_believed_does_not_tell_where_the_wheel_is_he
     for n in range(1, 6):
         raw += 10
         assert feed(encoders, (raw, raw), 10 * n, 10) == "travel"
-    # Too little to be told from travel.
+    # Too little to be distinguished from travel.
     assert feed(encoders, (raw + 10 + 20, raw + 10), 60, 10) == "travel"
     for n in range(2, 6):
         assert feed(encoders, (raw + 10 * n, raw + 10 * n), 50 + 10 * n, 10) == "travel"
@@ -188,7 +188,7 @@ def test_after_lost_readings_a_step_that_strays_needs_a_second_witness(encoders,
     assert encoders.totals == (450, 450)
 
 
-def test_a_fall_to_near_zero_is_a_reset_that_nobody_announced(encoders):
+def test_a_fall_to_near_zero_is_an_unannounced_reset(encoders):
     feed(encoders, (50_000, 50_000), 0, 0)
     assert feed(encoders, (9, 8), 10, 10) == "held"
     assert feed(encoders, (18, 16), 20, 20) == "held"

@@ -192,8 +192,8 @@ def test_unequal_steps_are_corrected_as_well(kit, pattern):
             t, n = t + step_ms * 1e-3, n + 1
             turned = 1.5 * math.sin(omega * t) * kit.track_m / 2.0
             now = (round((speed * t - turned) / per_tick), round((speed * t + turned) / per_tick))
-            told_ns = step_ms * 1_000_000 if honest else 20_000_000
-            integrator.step((now[0] - last[0], now[1] - last[1]), now, told_ns)
+            claimed_ns = step_ms * 1_000_000 if honest else 20_000_000
+            integrator.step((now[0] - last[0], now[1] - last[1]), now, claimed_ns)
             last = now
         fine = np.linspace(0.0, t, 400_001)
         heading = 1.5 * np.sin(omega * fine)

@@ -207,7 +207,7 @@ def test_an_announced_reset_counts_what_coasted(rig, kit):
     assert grown == pytest.approx(event.data["unknown_m"] ** 2 / 3, rel=0.2)
 
 
-def test_a_reset_that_nobody_announced_holds_the_pose(rig):
+def test_an_unannounced_reset_holds_the_pose(rig):
     last = straight(rig)
     before = rig.estimates[-1]
     rig.feed(3, 3)
@@ -317,7 +317,7 @@ def test_a_silence_before_it_is_settled_takes_the_proof_back(rig):
     assert rig.causes == ["gap_lost"]
 
 
-def test_silence_is_a_gap_without_being_told(rig):
+def test_silence_is_a_gap_without_an_announcement(rig):
     last = straight(rig)
     rig.feed(last + 500, last + 500, after_ms=600.0)
     rig.feed(last + 530, last + 530)
@@ -343,7 +343,7 @@ def test_a_speed_is_not_taken_across_a_discontinuity(rig, kit):
 
 
 faults = st.sampled_from(
-    ("fine", "fine", "fine", "drop", "double", "garble", "reset", "told", "gap")
+    ("fine", "fine", "fine", "drop", "double", "garble", "reset", "announced", "gap")
 )
 
 
@@ -357,13 +357,13 @@ def test_no_fault_makes_the_pose_jump_or_the_covariance_shrink(kit, period_ns, s
     flags = {}
     for kind in kinds:
         wait_ms = 10.0
-        if kind in ("gap", "told"):
+        if kind in ("gap", "announced"):
             wait_ms = chance.uniform(50.0, 5000.0)
         speed = chance.uniform(-80.0, 80.0)
-        if kind in ("reset", "told"):
+        if kind in ("reset", "announced"):
             left = right = 0
         left, right = (wrapped(each + round(speed * wait_ms / 10.0)) for each in (left, right))
-        if kind == "told":
+        if kind == "announced":
             flags["after_reset"] = True
         if kind == "gap":
             flags["after_gap"] = True

@@ -43,7 +43,7 @@ def test_a_slow_wheel_does_not_read_as_standing_and_darting(velocity, kit):
     assert max(read) - min(read) <= 1.01 * kit.tick_m / 0.1
 
 
-def test_fast_motion_is_told_from_twenty_milliseconds(velocity, kit):
+def test_fast_motion_is_measured_over_twenty_milliseconds(velocity, kit):
     run(velocity, [40 * n for n in range(1, 50)])
     stopped = [40 * 49] * 2
     assert run(velocity, stopped)[-1] < 0.5 * 40 * kit.tick_m / 0.010

@@ -176,7 +176,7 @@ class LinkBench:
         return self.ports[-1]
 
     async def drive(self, units: int = 300, for_s: float = 0.5) -> None:
-        """Turn the wheels, as a daemon that is then killed: nobody says goodbye."""
+        """Turn the wheels, as a daemon that is then killed: no stop is sent."""
         port = await self.open()
         for frame in (b"$mtype:1#", b"$spd:%d,0,%d,0#" % (units, units)):
             port.write(frame)

@@ -1,4 +1,4 @@
-"""Something on a real bus that looks like a daemon to a client, and remembers what it was told.
+"""Something on a real bus that looks like a daemon to a client, and records what it received.
 
 Import the fixture by name in a conftest.py to have it.
 """
@@ -44,7 +44,7 @@ class FakeDaemon:
         self._seq = 0
 
     async def start(self) -> Self:
-        """Begin, or begin anew."""
+        """Start, or restart."""
         self._bus = Bus(BusOptions(listen=(self.endpoint,), connect=(), namespace=self.namespace))
         await self._bus.open()
         for key in (keys.CMD_VEL, keys.CMD_VEL_TELEOP):

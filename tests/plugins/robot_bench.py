@@ -28,7 +28,7 @@ from yahboomd.simulation.robot import SimulatedRobot
 
 
 class Heard:
-    """What the control path told."""
+    """The events of the control path."""
 
     def __init__(self) -> None:
         self.estimates: list[OdometryEstimate] = []

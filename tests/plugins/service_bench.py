@@ -143,7 +143,7 @@ class Bench:
         self.wait_for_status("standing")
 
     def end(self) -> None:
-        """Nobody drives, nothing is engaged, the configuration is the default again."""
+        """No driver, no stop engaged, and the default configuration again."""
         self.stop_driving()
         self.machine.run("systemctl", "stop", SERVICE)
         self.machine.run("sh", "-c", "rm -f /run/yahboomd/estop*")

@@ -59,7 +59,7 @@ class SimulatedBoard:
         wait_for(lambda: min(self.speeds) > 0.2, "the wheels turn")
 
     def kill_owner(self) -> None:
-        """Kill whoever drives, by SIGKILL."""
+        """Kill the driving process by SIGKILL."""
         owner, self.owner = self.owner, None
         if owner is not None:
             owner.kill()
@@ -70,11 +70,11 @@ class SimulatedBoard:
         """The true speeds of the driven wheels, not before they are asked for."""
         asked_ns = time.monotonic_ns()
 
-        def told() -> list[TruthSample]:
+        def samples() -> list[TruthSample]:
             # The file is written with a delay; its stamps are this machine's monotonic clock.
             return [each for each in read_truth(self.truth_path) if each.t_ns >= asked_ns]
 
-        return tuple(wait_for(told, "the truth")[0].speed_m_s)
+        return tuple(wait_for(samples, "the truth")[0].speed_m_s)
 
     @property
     def stands(self) -> bool:

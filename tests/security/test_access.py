@@ -174,7 +174,7 @@ def test_the_tools_on_the_robot_are_heard_with_the_daemons_own_file_where_a_rule
     assert main(["stop", "--release", *options]) == 0
 
 
-def test_without_papers_nobody_is_let_in(
+def test_without_credentials_no_client_is_admitted(
     house: tuple[RealRobot, Callable[[str], dict[str, Any]]],
     app: Callable[..., Any],
     authority: Any,

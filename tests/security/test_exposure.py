@@ -71,7 +71,7 @@ def test_by_default_one_port_is_open_and_only_this_machine_reaches_it(
     assert "this machine alone" in robot.daemon.output
 
 
-def test_a_port_that_others_reach_is_found_by_this_test_and_told_by_the_daemon(
+def test_a_port_that_others_reach_is_found_by_this_test_and_logged_by_the_daemon(
     real_robot: Callable[..., RealRobot], client: Callable[..., Client]
 ) -> None:
     robot = real_robot(run=["--set", 'zenoh.listen=["tcp/0.0.0.0:0"]'])

@@ -34,7 +34,7 @@ def test_faults_of_motors_are_set_and_repaired(bench: MakeBench, fault: str) -> 
     assert desk.robot.plant.motors[0].faults != FAULTS[fault]
 
 
-def test_a_wheel_is_told_how_fast_to_turn_by_itself(bench: MakeBench) -> None:
+def test_a_wheel_can_be_turned_at_a_given_speed(bench: MakeBench) -> None:
     desk = bench()
     assert tell(desk, "turning right -0.5") == "ok"
     assert desk.robot.plant.motors[1].faults.turning_m_s == -0.5
@@ -94,7 +94,7 @@ def test_output_stalls_input_is_held_and_answers_are_lost_until_all_is_cleared(
     assert (line.stalled_until_ns, line.held_until_ns, line.unanswered) == (0, 0, {})
 
 
-def test_the_pose_is_told_as_json(bench: MakeBench) -> None:
+def test_the_pose_is_answered_as_json(bench: MakeBench) -> None:
     desk = bench()
     answer = tell(desk, "pose")
     assert answer.startswith("ok {")

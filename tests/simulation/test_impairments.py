@@ -20,7 +20,7 @@ def test_a_perfect_line_changes_nothing_and_waits_for_nothing() -> None:
     assert perfect.latency_ns() == 0
 
 
-def test_the_share_that_is_told_gets_lost() -> None:
+def test_the_configured_share_gets_lost() -> None:
     left = line(loss=0.2).spoil_all(DATA)
     assert len(left) / len(DATA) == pytest.approx(0.8, abs=0.02)
 

@@ -15,7 +15,7 @@ def test_what_is_written_is_read_back_in_order(tmp_path: Path) -> None:
     writer.open()
     for number in range(3):
         writer.write(Line(number))
-        # Flushed at once unless told otherwise.
+        # Flushed at once by default.
         assert read_lines(tmp_path / "file", Line)[-1] == Line(number)
     writer.close()
     writer.close()

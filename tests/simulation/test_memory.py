@@ -118,7 +118,7 @@ async def test_the_board_drives_on_while_the_port_is_closed() -> None:
 
 
 @on_virtual_time
-async def test_what_was_said_to_nobody_is_not_heard_later() -> None:
+async def test_bytes_sent_before_a_connection_are_lost() -> None:
     robot = SimulatedRobot()
     host = Host(robot)
     host.port.write(b"$upload:1,0,0#")
@@ -142,7 +142,7 @@ async def test_a_port_has_one_owner() -> None:
 
 
 @on_virtual_time
-async def test_draining_waits_for_the_wire_and_no_longer_than_told() -> None:
+async def test_draining_waits_for_the_wire_and_no_longer_than_its_timeout() -> None:
     host = Host(SimulatedRobot())
     loop = asyncio.get_running_loop()
     host.port.write(b"\n" * 1152)

@@ -32,7 +32,7 @@ def test_the_pose_follows_from_the_counts_within_a_tick(bench: MakeBench) -> Non
     assert truth.vx == pytest.approx(0.35, abs=0.01)
 
 
-def test_truth_is_told_every_10_ms_whoever_asks_how_often(bench: MakeBench) -> None:
+def test_truth_is_recorded_every_10_ms_however_often_it_is_read(bench: MakeBench) -> None:
     samples: list[TruthSample] = []
     desk = bench()
     desk.robot.on_truth = samples.append

@@ -6,10 +6,10 @@ from benchmarks.soak.alarms import shown
 from yahboomd.messages.native import EventSample
 from yahboomd.simulation.truth import TruthSample
 
-TOLD_NS = 1_000_000_000
+EVENT_NS = 1_000_000_000
 
 
-def truth(*speeds: tuple[float, float], from_ns: int = TOLD_NS - 100_000_000) -> list[TruthSample]:
+def truth(*speeds: tuple[float, float], from_ns: int = EVENT_NS - 100_000_000) -> list[TruthSample]:
     return [
         TruthSample(
             t_ns=from_ns + n * 10_000_000,
@@ -27,7 +27,7 @@ def truth(*speeds: tuple[float, float], from_ns: int = TOLD_NS - 100_000_000) ->
     ]
 
 
-def told(kind: str, wish: float, seen: float, wheel: str | None = "left") -> EventSample:
+def event(kind: str, wish: float, seen: float, wheel: str | None = "left") -> EventSample:
     return EventSample(
         stamp_ns=1,
         kind=kind,
@@ -54,14 +54,14 @@ def told(kind: str, wish: float, seen: float, wheel: str | None = "left") -> Eve
 def test_an_alarm_is_true_where_that_wheel_did_so(
     kind: str, wish: float, seen: float, left: float, right: float, expected: bool
 ) -> None:
-    found = shown(told(kind, wish, seen), truth((wish, wish), (left, right)), TOLD_NS)
+    found = shown(event(kind, wish, seen), truth((wish, wish), (left, right)), EVENT_NS)
     assert found is expected
 
 
 def test_what_came_after_an_alarm_does_not_make_it_true() -> None:
-    later = truth((0.9, 0.9), from_ns=TOLD_NS + 1)
-    assert not shown(told("runaway_fast", 0.1, 0.9), truth((0.1, 0.1)) + later, TOLD_NS)
+    later = truth((0.9, 0.9), from_ns=EVENT_NS + 1)
+    assert not shown(event("runaway_fast", 0.1, 0.9), truth((0.1, 0.1)) + later, EVENT_NS)
 
 
 def test_an_alarm_of_all_wheels_is_true_where_any_stood() -> None:
-    assert shown(told("no_counts", 0.2, 0.0, wheel=None), truth((0.0, 0.2)), TOLD_NS)
+    assert shown(event("no_counts", 0.2, 0.0, wheel=None), truth((0.0, 0.2)), EVENT_NS)

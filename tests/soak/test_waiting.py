@@ -27,13 +27,13 @@ def test_nothing_was_waited_for_where_nothing_was_seen() -> None:
     assert longest_wait_ns([], 0, 10) == 0
 
 
-def test_every_thread_of_this_process_is_seen_and_one_that_is_gone_harms_nobody() -> None:
+def test_every_thread_of_this_process_is_seen_and_one_that_is_gone_does_no_harm() -> None:
     found = waits_ns([os.getpid(), 2**22 + 1])
     assert str(threading.get_native_id()) in found
     assert min(found.values()) >= 0
 
 
-def test_a_stretch_that_has_just_ended_is_told_at_once() -> None:
+def test_a_stretch_that_has_just_ended_is_reported_at_once() -> None:
     waiting = Waiting(lambda: [os.getpid()])
     try:
         assert waiting.within_s(0, 1) >= 0.0

@@ -137,7 +137,7 @@ def test_the_journal_reads_well(bench) -> None:
     bench.wait_for_status("driving")
     lines = bench.journal()
     ours = [(priority, text) for priority, text in lines if not text.startswith("yahboomd.service")]
-    # The priority is told apart, and not part of the words.
+    # The priority is a field of its own, not part of the words.
     assert not [text for _, text in lines if re.match(r"<\d>", text)]
     assert [text for priority, text in ours if priority == 3 and "the port went away" in text], (
         "\n".join(map(str, lines))
@@ -147,13 +147,13 @@ def test_the_journal_reads_well(bench) -> None:
     assert len(lines) < 30, lines
 
 
-def test_a_board_that_is_away_for_long_is_told_once(bench) -> None:
+def test_a_board_that_is_away_for_long_is_logged_once(bench) -> None:
     bench.board.do("unplug 10")
     bench.wait_for_status("waiting")
-    told = len(bench.journal())
+    count = len(bench.journal())
     bench.wait_for_status("standing")
-    # Besides what was told when it went: that it is back.
-    assert len(bench.journal()) <= told + 4
+    # Besides the lines of the loss: that it is back.
+    assert len(bench.journal()) <= count + 4
 
 
 def test_a_listen_port_that_another_process_has_is_waited_for_with_few_words(bench, rate) -> None:
@@ -165,7 +165,7 @@ def test_a_listen_port_that_another_process_has_is_waited_for_with_few_words(ben
     )
     wait_until(lambda: "LISTEN" in _listeners(machine), "the port is taken")
     try:
-        told, began_s = len(bench.journal()), time.monotonic()
+        count, began_s = len(bench.journal()), time.monotonic()
         machine.run("systemctl", "start", "--no-block", SERVICE)
         wait_until(
             lambda: bench.status().startswith("waiting for the bus: The bus cannot listen on"),
@@ -175,7 +175,7 @@ def test_a_listen_port_that_another_process_has_is_waited_for_with_few_words(ben
         # Over its patience with one start, so that what a restart says is counted too.
         wait_until(lambda: machine.show(SERVICE, "NRestarts") != "0", "a restart", 90.0)
         elapsed_s = max(60.0, time.monotonic() - began_s)
-        lines = bench.journal()[told:]
+        lines = bench.journal()[count:]
         per_minute = 60.0 * len(lines) / elapsed_s
         rate("another process has the listen port", per_minute)
         assert per_minute <= 12, lines
@@ -207,10 +207,10 @@ def test_a_daemon_that_fails_at_every_start_does_not_fill_the_journal(bench, rat
     machine.run("sh", "-c", f"printf '{settings}' > {dropin}")
     try:
         machine.run("systemctl", "daemon-reload")
-        told = len(bench.journal())
+        count = len(bench.journal())
         machine.run("systemctl", "restart", SERVICE, check=False)
         time.sleep(60.0)
-        per_minute = len(bench.journal()) - told
+        per_minute = len(bench.journal()) - count
         restarts = int(machine.show(SERVICE, "NRestarts"))
         rate(f"{restarts} starts that failed with 60 lines each", per_minute)
         assert restarts > 15

@@ -69,7 +69,7 @@ def test_an_old_python_can_read_the_script_at_all() -> None:
     ast.parse(SCRIPT.read_text(), feature_version=(3, 4))
 
 
-def test_a_python_without_venv_is_told_the_package_to_install(tmp_path: Path) -> None:
+def test_a_python_without_venv_names_the_package_to_install(tmp_path: Path) -> None:
     # Debian's python3 comes without ensurepip unless python3-venv is installed.
     (tmp_path / "ensurepip.py").write_text("raise ImportError\n")
     done = bootstrap(str(tmp_path / "venv"), "dev", path=tmp_path)
@@ -94,7 +94,7 @@ def test_packages_that_cannot_be_had_end_in_a_sentence(tmp_path: Path) -> None:
     assert "Is there a network?" in done.stderr
 
 
-def test_an_environment_that_was_left_half_made_is_made_anew(tmp_path: Path) -> None:
+def test_an_environment_that_was_left_half_made_is_made_again(tmp_path: Path) -> None:
     folder = environment(tmp_path / "venv", pip=1)
     script = tmp_path / "bootstrap.py"
     # Making one is what `make test` does; here it is enough to see that it would.

@@ -1,4 +1,4 @@
-"""The emergency stop outlives the process that it was told to."""
+"""The emergency stop outlives the process that received it."""
 
 from __future__ import annotations
 

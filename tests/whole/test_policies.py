@@ -105,7 +105,7 @@ async def test_the_larger_priority_takes_over_and_gives_back_from_standstill_alo
 
 
 @on_virtual_time
-async def test_among_equals_whoever_holds_control_keeps_it_a_zero_holds_it_too(
+async def test_among_equals_the_source_in_control_keeps_it_and_a_zero_keeps_it_too(
     tmp_path: Path,
 ) -> None:
     other = "command.sources.other.priority=10"
@@ -135,17 +135,17 @@ async def test_limits_of_acceleration_deceleration_and_jerk_hold_on_the_wire(
         await bench.ready()
         await bench.drive(2.5, 2.0)
         await asyncio.sleep(2.0)
-        told = [(at_ns / 1e9, _left_m_s(order)) for at_ns, order in bench.orders]
-        told = [(at_s, speed) for at_s, speed in told if speed is not None]
-        assert max(speed for _, speed in told) == pytest.approx(0.5, abs=0.002)
+        commanded = [(at_ns / 1e9, _left_m_s(order)) for at_ns, order in bench.orders]
+        commanded = [(at_s, speed) for at_s, speed in commanded if speed is not None]
+        assert max(speed for _, speed in commanded) == pytest.approx(0.5, abs=0.002)
         rates = [
             (at_s, (after - before) / (at_s - before_s))
-            for (before_s, before), (at_s, after) in itertools.pairwise(_steps(told))
+            for (before_s, before), (at_s, after) in itertools.pairwise(_steps(commanded))
         ]
         assert max(rate for _, rate in rates) == pytest.approx(0.6, abs=0.12)
         assert min(rate for _, rate in rates) == pytest.approx(-1.0, abs=0.15)
         # Half of the acceleration is there no sooner than the jerk allows.
-        start_s = next(at_s for at_s, speed in told if speed > 0.0)
+        start_s = next(at_s for at_s, speed in commanded if speed > 0.0)
         half_s = next(at_s for at_s, rate in rates if rate > 0.3)
         assert half_s - start_s >= 0.3 / 3.0 - 0.03
 
@@ -155,10 +155,10 @@ def _left_m_s(order: bytes) -> float | None:
     return int(numbers.split(b",")[0]) / 1000.0 if name == b"spd" else None
 
 
-def _steps(told: list[tuple[float, float]]) -> list[tuple[float, float]]:
+def _steps(commanded: list[tuple[float, float]]) -> list[tuple[float, float]]:
     """Speeds at least a control step apart: whole units in shorter ones look like leaps."""
-    kept = told[:1]
-    for each in told[1:]:
+    kept = commanded[:1]
+    for each in commanded[1:]:
         if each[0] - kept[-1][0] >= 0.059:
             kept.append(each)
     return kept

@@ -122,12 +122,14 @@ async def test_streamed_reads_every_frame_that_the_wire_carries(tmp_path: Path, 
         robot.session.drive((300, 0, 250, 0))
         await robot.until(lambda: len(sent) >= 400)
         robot.robot.board.emit = emit  # type: ignore[method-assign]
-        told = [tuple(map(int, line[6 : line.index(b"#")].split(b","))) for line in sent]
+        commanded = [tuple(map(int, line[6 : line.index(b"#")].split(b","))) for line in sent]
 
         def all_heard() -> bool:
             # Some lines were on their way when the counting began: more, the busier the machine.
             heard = [each.ticks for each in robot.recorder.readings[first:]]
-            return any(heard[start : start + len(told)] == told for start in range(len(heard)))
+            return any(
+                heard[start : start + len(commanded)] == commanded for start in range(len(heard))
+            )
 
         await robot.until(all_heard)
         assert robot.board.dropped_bytes == 0

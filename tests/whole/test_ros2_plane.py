@@ -61,7 +61,7 @@ class Kept:
         return True
 
 
-class Told(FaultBench):
+class GraphBench(FaultBench):
     """A bench whose estimates go to both planes, as the daemon hands them on."""
 
     def __init__(
@@ -105,14 +105,14 @@ class Told(FaultBench):
             await asyncio.sleep(0.05)
 
 
-def told(folder: Path, preset: str, *overrides: str) -> Told:
+def bench_of(folder: Path, preset: str, *overrides: str) -> GraphBench:
     drive, more = DRIVES[preset]
     simulation = SimulationOptions(
         drive=drive,  # type: ignore[arg-type]
         wheel_separation_m=TRACK_M,
         wheel_base_m=BASE_M,
     )
-    return Told(folder, [f"chassis.preset={preset}", *more, *overrides], simulation)
+    return GraphBench(folder, [f"chassis.preset={preset}", *more, *overrides], simulation)
 
 
 def yaw_of(quaternion: dict[str, float]) -> float:
@@ -133,7 +133,7 @@ def stamp_ns(message: Any) -> int:
 async def test_x_is_forward_y_is_left_and_turns_are_counter_clockwise_on_every_base(
     tmp_path: Path, preset: str, wish: Twist2d, names: list[str], turning: list[int]
 ) -> None:
-    async with told(tmp_path, preset) as bench:
+    async with bench_of(tmp_path, preset) as bench:
         await bench.ready()
         await bench.command(wish, 2.0)
         moving, joints = bench.messages("odom")[-1], bench.messages("joint_states")[-1]
@@ -161,7 +161,7 @@ async def test_x_is_forward_y_is_left_and_turns_are_counter_clockwise_on_every_b
 
 @on_virtual_time
 async def test_each_reading_is_one_pose_and_one_transform_of_one_stamp(tmp_path: Path) -> None:
-    async with told(tmp_path, "2wd", "ros2.frame_prefix=bot1/") as bench:
+    async with bench_of(tmp_path, "2wd", "ros2.frame_prefix=bot1/") as bench:
         await bench.ready()
         await bench.command(Twist2d(vx=0.25, wz=1.0), 3.0)
         await asyncio.sleep(2.0)
@@ -186,7 +186,7 @@ async def test_each_reading_is_one_pose_and_one_transform_of_one_stamp(tmp_path:
 )
 @on_virtual_time
 async def test_each_of_them_is_switched_off_alone(tmp_path: Path, off: str, gone: str) -> None:
-    async with told(tmp_path, "2wd", f"ros2.{off}=false") as bench:
+    async with bench_of(tmp_path, "2wd", f"ros2.{off}=false") as bench:
         await bench.ready()
         await bench.command(Twist2d(vx=0.25), 0.5)
         heard = {topic for topic, (_, kept) in bench.kept.items() if kept.payloads}

@@ -134,7 +134,7 @@ async def test_a_polled_pose_is_no_older_than_the_counters_of_its_answer(
 @pytest.mark.parametrize("dialect", ["streamed", "polled"])
 @pytest.mark.parametrize("wanted_hz", [None, 20.0])
 @on_virtual_time
-async def test_samples_go_out_fifty_times_a_second_unless_told_otherwise(
+async def test_samples_go_out_fifty_times_a_second_by_default(
     tmp_path: Path, dialect: str, wanted_hz: float | None
 ) -> None:
     overrides = [] if wanted_hz is None else [f"odometry.publish_rate_hz={wanted_hz}"]

@@ -1,4 +1,8 @@
-"""What humans write: ``config.toml``, ``YAHBOOMD_…`` variables and ``--set``, read in one place."""
+"""Configuration: ``config.toml``, ``YAHBOOMD_…`` variables and ``--set`` as one checked value.
+
+:func:`load` reads all three and reports every mistake at once, with file, line and key. `models`
+has the keys, their defaults and their rules; the reference page is written from it.
+"""
 
 from yahboomd.config.loading import STANDARD_PATH, Loaded, load, read
 from yahboomd.config.models import WHEELS, Config, runtime_folder

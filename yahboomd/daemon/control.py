@@ -369,7 +369,7 @@ class Controller:
 
     def stop_now(self) -> None:
         """Say a stop before everything else, whatever is under way."""
-        self._wheels.stop_anew(self._clock.now_ns())
+        self._wheels.stop_again(self._clock.now_ns())
         self.step()
 
     @property

@@ -110,7 +110,7 @@ class Resets:
 
     def announced(self, version: str) -> None:
         """The board announced a restart."""
-        self._started_anew(f"The board reset itself (firmware {version})")
+        self._restarted(f"The board reset itself (firmware {version})")
 
     def interrupted(
         self, event: Event, ticks: Counts, before: Counts, *, paused: bool = False
@@ -131,14 +131,14 @@ class Resets:
             if self._wheels.noisy:
                 # Digits that were lost on their way look the same: they do not add up to a loop.
                 self._watch.clear()
-            self._started_anew("The board reset itself without a word")
+            self._restarted("The board reset itself without a word")
         if cause in {"reset_unseen", "gap_lost", "rebased"}:
             # A polled board without its motors' type turns no wheel; what the wheels did
             # not do until now is no fault of theirs.
             self._wheels.forget()
             self._wheels.rearm()
 
-    def _started_anew(self, what: str) -> None:
+    def _restarted(self, what: str) -> None:
         now_ns = self._clock.now_ns()
         in_motion = self._wheels.in_motion
         self._limiter.halt()

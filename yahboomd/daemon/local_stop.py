@@ -37,7 +37,7 @@ MAX_WATCHING = 32
 """Connections that wait for standing wheels; one more learns only that the stop is engaged."""
 
 ACCEPTS = 4
-"""In one turn of the loop: a flood of connections must leave the rest of the loop its turns."""
+"""In one iteration of the loop, so that a flood of connections does not starve the rest."""
 
 OPEN_WITHIN_S = 2.0
 REQUEST_WITHIN_S = 1.0

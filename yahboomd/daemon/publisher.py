@@ -70,15 +70,15 @@ class Events:
         self._clock = clock
         self._outputs = outputs
         self._counters = counters
-        self._told: dict[str, tuple[int, int]] = {}
+        self._published: dict[str, tuple[int, int]] = {}
 
     def tell(self, event: Event) -> None:
         """Log and publish; of one kind not more than a few in a second, the rest is counted."""
         now_ns = self._clock.now_ns()
-        since_ns, count = self._told.get(event.kind, (now_ns, 0))
+        since_ns, count = self._published.get(event.kind, (now_ns, 0))
         if now_ns - since_ns >= nanoseconds(1.0):
             since_ns, count = now_ns, 0
-        self._told[event.kind] = (since_ns, count + 1)
+        self._published[event.kind] = (since_ns, count + 1)
         if count >= EVENTS_A_SECOND:
             self._counters["events_suppressed"] += 1
             return

@@ -81,7 +81,7 @@ class BridgeWay:
 
 SERVICE_QOS = Qos(depth=10)
 
-_NOBODY = ros2.Attachment(sequence=1, stamp_ns=0, gid=bytes(ros2.GID_BYTES))
+_NO_CLIENT = ros2.Attachment(sequence=1, stamp_ns=0, gid=bytes(ros2.GID_BYTES))
 """Stands in where a request has no attachment: its sender is no client of rmw_zenoh's."""
 
 
@@ -190,7 +190,7 @@ class NativeWay:
         self._announce("SS", key, ros_type, SERVICE_QOS)
 
     def _answer(self, request: Request, reply: ServiceReply) -> Response:
-        asked = ros2.parse_attachment(request.attachment or b"") or _NOBODY
+        asked = ros2.parse_attachment(request.attachment or b"") or _NO_CLIENT
         return Response(
             payload=encode_reply(reply, "cdr"),
             attachment=ros2.attachment(asked.sequence, self._wall_ns(), asked.gid),

@@ -51,13 +51,13 @@ def storing_opener(
     async def open_it() -> Port:
         # A board that stores nothing is sent its motors at each connection.
         with contextlib.suppress(BoardStoresNothing):
-            await store(opener, clock, want, _Told(tell))
+            await store(opener, clock, want, _Reported(tell))
         return await opener()
 
     return open_it
 
 
-class _Told(Progress):
+class _Reported(Progress):
     def __init__(self, tell: Callable[[Event], None]) -> None:
         self._tell = tell
 

@@ -212,7 +212,7 @@ class Wheels:
                 self._say((0.0,) * len(self._kinematics.wheels))
         return fault
 
-    def stop_anew(self, now_ns: int) -> None:
+    def stop_again(self, now_ns: int) -> None:
         """Say the next stop at once, and look for its proof from the beginning."""
         self._stop_due_ns = now_ns
         if self._stop_watch.state != "stopping":

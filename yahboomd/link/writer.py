@@ -132,9 +132,7 @@ class Writer:
 
     def tell(self, frame: bytes) -> None:
         """Queue a frame of the configuration lane that has no answer."""
-        self._outbox.request(
-            Request(frame=frame, answered=_never, timeout_ns=0, done=_nobody_waits)
-        )
+        self._outbox.request(Request(frame=frame, answered=_never, timeout_ns=0, done=_unawaited))
         self._pump()
 
     async def request(self, frame: bytes, answered: Answers, timeout_s: float) -> bool:
@@ -322,7 +320,7 @@ def _never(_decoded: Decoded) -> bool:
     return False
 
 
-def _nobody_waits(_answered: bool) -> None:
+def _unawaited(_answered: bool) -> None:
     pass
 
 

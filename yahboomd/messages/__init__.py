@@ -1,4 +1,5 @@
-"""What machines say to each other: the native messages, their codecs, and ROS 2's bytes and names.
+"""The messages of the bus: native messages, their codecs, and ROS 2's encoding and names.
 
-Pure: bytes to values and back. Wrong input is answered by a value, never raised.
+`native` defines the messages, `codecs` encodes them in JSON and MessagePack, `cdr` and `ros2` for
+ROS 2, and `generate` writes `schemas/`. Pure: invalid input becomes a value, never an exception.
 """

@@ -1,1 +1,5 @@
-"""Bytes to meanings and back: framing, the dialects of the board, and its settings. Pure."""
+"""Bytes to readings and commands to bytes: framing, the dialects of boards, and their settings.
+
+`dialect` is the interface of a board, `registry` lists the dialects. Pure: nothing here opens a
+port.
+"""

@@ -19,14 +19,14 @@ pytestmark = pytest.mark.realtime
 def test_a_board_as_it_is_sold_is_named_and_ready(simulated_board, capsys) -> None:
     board = simulated_board("--ticks", "5000,0,-5000,0")
     assert main(["probe", "--port", board.port]) == 0
-    told = capsys.readouterr()
-    assert f"{board.port} -> {Path(board.port).resolve()}" in told.out
-    assert "streamed dialect, firmware 1.7.3" in told.out
-    assert "the counters survive closing and opening the port" in told.out
-    assert "Ready to drive." in told.out
-    assert told.err == ""
+    output = capsys.readouterr()
+    assert f"{board.port} -> {Path(board.port).resolve()}" in output.out
+    assert "streamed dialect, firmware 1.7.3" in output.out
+    assert "the counters survive closing and opening the port" in output.out
+    assert "Ready to drive." in output.out
+    assert output.err == ""
     # Not on a terminal: no escape sequences.
-    assert "\x1b" not in told.out
+    assert "\x1b" not in output.out
 
 
 def test_a_polled_board_is_named_and_says_that_it_stores_nothing(simulated_board, capsys) -> None:
@@ -186,9 +186,9 @@ def test_a_latency_timer_is_named_with_the_line_that_sets_it(
 def test_what_a_board_says_of_itself_commands_no_terminal(simulated_board, capsys) -> None:
     board = simulated_board("--firmware", "1.7.3\x1b[2J\x1b]0;mine\x07")
     assert main(["probe", "--port", board.port]) == 0
-    told = capsys.readouterr()
-    assert "firmware 1.7.3" in told.out
-    assert all(line.isprintable() for line in (told.out + told.err).splitlines())
+    output = capsys.readouterr()
+    assert "firmware 1.7.3" in output.out
+    assert all(line.isprintable() for line in (output.out + output.err).splitlines())
     assert main(["probe", "--port", board.port, "--json"]) == 0
     assert "\x1b" not in capsys.readouterr().out
 

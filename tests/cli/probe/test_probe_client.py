@@ -59,10 +59,10 @@ def test_facts_that_make_no_sense_are_none(facts: dict[str, Any]) -> None:
 @pytest.mark.realtime
 async def test_the_daemon_that_is_there_is_asked() -> None:
     endpoint = free_endpoint()
-    told = ServiceReply(success=True, message="", data=FACTS)
+    facts = ServiceReply(success=True, message="", data=FACTS)
 
     def reply(*_: object) -> Response:
-        return Response(payload=encode(told, "json"))
+        return Response(payload=encode(facts, "json"))
 
     async with Bus(BusOptions(listen=(endpoint,), connect=())) as bus:
         bus.serve(keys.BOARD, reply, fallback=reply)
@@ -70,7 +70,7 @@ async def test_the_daemon_that_is_there_is_asked() -> None:
         assert asked is not None
         assert asked.port == "/dev/board"
         assert asked.found == examination(FACTS)
-        told = ServiceReply(success=False, message="No board is connected.")
+        facts = ServiceReply(success=False, message="No board is connected.")
         without_board = await ask_board((endpoint,), Config())
         assert without_board is not None
         assert without_board.found is None

@@ -1,4 +1,4 @@
-"""What a board told becomes a report that says what is wrong."""
+"""The report on a board says what is wrong."""
 
 from __future__ import annotations
 

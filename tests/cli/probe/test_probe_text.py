@@ -50,7 +50,7 @@ def test_settings_stand_beside_the_profile() -> None:
     )
 
 
-def test_what_was_not_told_is_left_out_or_said() -> None:
+def test_what_is_unknown_is_left_out_or_named() -> None:
     bare = text(Report(port="/dev/x", device="/dev/x", dialect="polled"))
     assert bare == [
         "port        /dev/x",

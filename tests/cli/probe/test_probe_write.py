@@ -40,14 +40,14 @@ def test_a_value_is_shown_from_what_to_what(capsys: pytest.CaptureFixture[str]) 
     assert printed(capsys, step()) == "encoder lines   11 -> 13   stored"
 
 
-def test_a_lost_answer_and_more_than_one_attempt_are_told(
+def test_a_lost_answer_and_more_than_one_attempt_are_reported(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     words = printed(capsys, step(answer="", attempts=2))
     assert words.endswith("stored, no answer heard, but read back, 2 attempts")
 
 
-def test_a_refusal_is_told_in_the_boards_words(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_refusal_is_reported_in_the_boards_words(capsys: pytest.CaptureFixture[str]) -> None:
     words = printed(capsys, step(outcome="refused", answer="fail,type error!"), lines_now=11)
     assert words == "encoder lines   11 -> 11   refused, the board says 'fail,type error!'"
 
@@ -66,9 +66,9 @@ def test_a_person_at_a_terminal_is_asked_and_silence_is_no(
 ) -> None:
     monkeypatch.setattr("sys.stdin", Terminal(typed))
     assert agreed(2) is answer
-    told = capsys.readouterr()
-    assert "Store these 2 values in the board's flash? [y/N]" in told.err
-    assert told.out == ""
+    output = capsys.readouterr()
+    assert "Store these 2 values in the board's flash? [y/N]" in output.err
+    assert output.out == ""
 
 
 def test_a_program_is_not_asked(

@@ -19,14 +19,14 @@ class Stdout:
         return self._number
 
 
-async def test_the_end_of_a_pipes_reader_is_told_once(monkeypatch) -> None:
+async def test_the_end_of_a_pipes_reader_is_reported_once(monkeypatch) -> None:
     reading, writing = os.pipe()
     monkeypatch.setattr(attended.sys, "stdout", Stdout(writing))
-    told: list[bool] = []
+    ends: list[bool] = []
     gone = asyncio.Event()
 
     def tell() -> None:
-        told.append(True)
+        ends.append(True)
         gone.set()
 
     with output_watched(tell):
@@ -34,16 +34,16 @@ async def test_the_end_of_a_pipes_reader_is_told_once(monkeypatch) -> None:
         os.read(reading, 10)
         for _ in range(10):
             await asyncio.sleep(0)
-        assert told == []
+        assert ends == []
         os.close(reading)
         await asyncio.wait_for(gone.wait(), 60)
         for _ in range(10):
             await asyncio.sleep(0)
-    assert told == [True]
+    assert ends == [True]
     os.close(writing)
 
 
-async def test_a_terminal_that_hangs_up_is_told_and_one_that_is_typed_on_is_not(
+async def test_a_terminal_that_hangs_up_is_reported_and_one_that_is_typed_on_is_not(
     monkeypatch,
 ) -> None:
     master, slave = os.openpty()

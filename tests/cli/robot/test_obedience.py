@@ -40,7 +40,7 @@ def test_accepted_commands_are_obeyed() -> None:
 
 
 @pytest.mark.parametrize("state", ["estopped", "fault", "waiting"])
-def test_a_state_without_motion_is_told_in_the_daemons_words(state: str) -> None:
+def test_a_state_without_motion_is_reported_in_the_daemons_words(state: str) -> None:
     stands = status(state, accepted=5, why="Because.")
     assert judged(status(), stands)[0] == "Because."
     assert Obedience("cmd_vel", stands).trouble_before() == "Because."
@@ -65,7 +65,7 @@ def test_refusals_at_a_hand_over_are_no_trouble_until_they_go_on() -> None:
     assert judged(status(), begun, status(driver="other", not_standing=19))[1] != ""
 
 
-def test_a_refusal_is_told_with_its_reason() -> None:
+def test_a_refusal_is_reported_with_its_reason() -> None:
     found = judged(status(), status(stale=5), status(stale=9))
     assert found[0] == ""
     assert found[1] == f"The daemon refuses the commands on cmd_vel: {REFUSALS['stale']}."
@@ -73,7 +73,7 @@ def test_a_refusal_is_told_with_its_reason() -> None:
     assert judged(status(), status(stale=1))[-1] == found[1]
 
 
-def test_commands_that_never_arrive_are_told_at_the_end() -> None:
+def test_commands_that_never_arrive_are_reported_at_the_end() -> None:
     found = judged(status(), status(), status())
     assert found[:2] == ["", ""]
     assert "No command arrived" in found[2]

@@ -172,7 +172,7 @@ def test_a_command_beyond_the_limits_is_obeyed_and_said(
 def test_a_source_that_is_not_configured_is_refused_before_anything_is_sent(
     on_robot: Callable[..., int], capsys
 ) -> None:
-    assert on_robot("send", "--vx", "0.1", "--for", "1", "--source", "cmd_vel/nobody") == 1
+    assert on_robot("send", "--vx", "0.1", "--for", "1", "--source", "cmd_vel/unknown") == 1
     assert "Nothing was sent." in capsys.readouterr().err
 
 

@@ -135,7 +135,7 @@ def test_a_robot_moves_while_a_wheel_turns_or_is_to_turn() -> None:
     assert not dashboard.view(0).moving
 
 
-def test_the_path_grows_with_the_distance_and_begins_anew_with_the_daemon() -> None:
+def test_the_path_grows_with_the_distance_and_begins_again_with_the_daemon() -> None:
     dashboard = daemon.driving(0)
     for step in range(100):
         take(dashboard, keys.POSE, daemon.pose(x=0.005 * step, y=0.0, seq=10 + step), step)
@@ -145,7 +145,7 @@ def test_the_path_grows_with_the_distance_and_begins_anew_with_the_daemon() -> N
     assert dashboard.view(101).trail == ((0.0, 0.0),)
 
 
-def test_new_events_are_told_once() -> None:
+def test_new_events_are_shown_once() -> None:
     dashboard = daemon.driving(0)
     assert [event.message for event in dashboard.new_events(S)] == ["The board reset itself."]
     assert dashboard.new_events(S) == ()

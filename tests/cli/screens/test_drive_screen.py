@@ -52,7 +52,7 @@ def test_every_key_that_moves_has_words() -> None:
         assert drive_screen.words(motion[0]) not in {"moving", "nothing commanded"}
 
 
-def test_a_stop_and_nothing_are_told_apart() -> None:
+def test_a_stop_and_nothing_are_distinguished() -> None:
     assert drive_screen.words(STANDSTILL) == "■ stop"
     assert drive_screen.words(None) == "nothing commanded"
 
@@ -62,14 +62,14 @@ def test_without_a_daemon_it_says_what_it_waits_for() -> None:
     assert "waiting for the daemon … No Zenoh router answers" in text
 
 
-def test_a_daemon_that_went_is_told() -> None:
+def test_a_daemon_that_went_is_shown() -> None:
     text = drawn(daemon.driving(0).view(5 * S), why="The connection is lost.")
     assert "no word from the daemon for 5 s. The connection is lost." in text
     assert "DRIVING" not in text
     assert "run `yahboomd stop`" in text
 
 
-def test_a_key_that_nobody_listens_on_is_told_while_a_daemon_is_there() -> None:
+def test_a_key_without_a_subscriber_is_shown_while_a_daemon_is_there() -> None:
     live, silent = daemon.driving(0).view(0), daemon.driving(0).view(5 * S)
     words = "The daemon accepts no commands on cmd_vel/mine"
     text = drawn(live, key="cmd_vel/mine", heard=False)

@@ -106,7 +106,7 @@ async def test_without_a_daemon_it_waits_says_so_and_can_be_left(terminal: Any) 
     assert process.restored
 
 
-async def test_a_source_that_the_daemon_does_not_know_is_told(
+async def test_a_source_that_the_daemon_does_not_know_is_reported(
     terminal: Any, fake_daemon: Any
 ) -> None:
     daemon = await fake_daemon()

@@ -61,7 +61,7 @@ async def test_a_daemon_that_goes_and_comes_is_noticed_both_times(fake_daemon: A
         await phase(feed, "live")
 
 
-async def test_while_nobody_listens_it_says_so() -> None:
+async def test_a_missing_subscriber_is_reported() -> None:
     endpoint = free_endpoint()
     async with feed_of(endpoint) as feed:
         await eventually(lambda: feed.why)
@@ -71,7 +71,9 @@ async def test_while_nobody_listens_it_says_so() -> None:
         feed.check()
 
 
-async def test_a_router_without_this_robot_is_told_apart_from_no_router(fake_daemon: Any) -> None:
+async def test_a_router_without_this_robot_is_distinguished_from_no_router(
+    fake_daemon: Any,
+) -> None:
     daemon = await fake_daemon(namespace="bot1")
     async with feed_of(daemon.endpoint, "bot2") as feed:
         await eventually(lambda: "no yahboomd" in feed.why)

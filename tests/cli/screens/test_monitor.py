@@ -55,7 +55,7 @@ def test_a_timeout_must_be_a_number_of_seconds(
     assert f"--timeout: {seconds} is no number of seconds" in capsys.readouterr().err
 
 
-async def test_without_a_terminal_it_prints_lines_until_it_is_told_to_end(
+async def test_without_a_terminal_it_prints_lines_until_it_is_ended(
     fake_daemon: Any,
 ) -> None:
     daemon = await fake_daemon()

@@ -7,14 +7,14 @@ from yahboomd.cli.screens import monitor_facts as facts
 from yahboomd.cli.screens.view import Count, View
 
 
-def test_who_drives_is_told_with_what_is_known_of_since_when() -> None:
+def test_the_driver_is_shown_with_the_known_time_of_control() -> None:
     view = View(phase="live", status=daemon.status(), driver_s=4.0, driver_at_least=True)
     assert facts.driver(view) == "cmd_vel has control for over 4.0 s"
     begun = msgspec.structs.replace(view, driver_at_least=False)
     assert facts.driver(begun) == "cmd_vel has control for 4.0 s"
 
 
-def test_nobody_drives_without_a_driver() -> None:
+def test_without_a_driver_none_is_shown() -> None:
     assert (
         facts.driver(View(phase="live", status=daemon.status(driver=None)))
         == "no source has control"
@@ -28,7 +28,7 @@ def test_the_board_is_named_with_dialect_firmware_and_port() -> None:
     assert facts.board(View(phase="waiting")) == "no board"
 
 
-def test_a_battery_that_nobody_measured_is_unknown() -> None:
+def test_a_battery_that_was_not_measured_is_unknown() -> None:
     assert facts.supply(View(phase="live")) == "battery unknown"
     assert facts.supply(View(phase="live", volts=7.43)) == "battery 7.4 V"
 

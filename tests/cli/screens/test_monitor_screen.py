@@ -68,7 +68,7 @@ def test_a_wide_terminal_shows_the_path() -> None:
     assert "a line is" in text
 
 
-def test_a_long_reason_is_told_over_several_lines() -> None:
+def test_a_long_reason_is_shown_over_several_lines() -> None:
     dashboard = daemon.driving(0)
     why = "The board is gone. " * 6 + "Plug it in."
     dashboard.take(keys.STATUS, encode(daemon.status("waiting", why=why), "json"), 0)
@@ -84,7 +84,7 @@ def test_the_newest_event_is_shown_however_long_it_is(height: int) -> None:
     assert "The wheel is blocked." in "\n".join(drawn(dashboard.view(0), 80, height))
 
 
-def test_a_silent_daemon_is_told_and_its_numbers_are_marked_old() -> None:
+def test_a_silent_daemon_is_shown_and_its_numbers_are_marked_old() -> None:
     text = "\n".join(drawn(daemon.driving(0).view(5 * S)))
     assert "NO WORD  from the daemon for 5.0 s" in text
     assert "it was driving" in text

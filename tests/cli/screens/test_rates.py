@@ -30,7 +30,7 @@ def test_the_rate_is_that_of_the_latest_seconds_alone() -> None:
     assert rate.per_s(11 * NS_PER_S) == pytest.approx(1.0)
 
 
-def test_a_counter_that_starts_anew_is_no_negative_rate() -> None:
+def test_a_counter_that_restarts_is_no_negative_rate() -> None:
     rate = Rate()
     rate.total(5000, 0)
     rate.total(0, NS_PER_S)
@@ -46,7 +46,7 @@ def test_nothing_heard_for_longer_than_the_window_is_a_rate_of_zero() -> None:
     assert rate.per_s(2 * NS_PER_S + 1) == 0.0
 
 
-def test_a_counter_that_is_not_told_any_more_has_no_rate() -> None:
+def test_a_counter_that_is_gone_has_no_rate() -> None:
     rate = Rate()
     rate.total(0, 0)
     rate.total(50, NS_PER_S)

@@ -86,7 +86,7 @@ async def test_what_was_typed_before_is_not_taken(pty: tuple[int, int]) -> None:
     assert pressed == ["x"]
 
 
-async def test_a_terminal_that_goes_away_is_told_once(pty: tuple[int, int]) -> None:
+async def test_a_terminal_that_goes_away_is_reported_once(pty: tuple[int, int]) -> None:
     master, slave = pty
     gone: list[bool] = []
     with Keys(slave, lambda _: None, lambda: gone.append(True)):

@@ -13,7 +13,7 @@ def test_every_trouble_of_the_line_is_a_counter_of_the_status() -> None:
     assert {name for group in LINK_COUNTS.values() for name in group} <= set(counters)
 
 
-def test_no_counter_is_told_twice() -> None:
+def test_no_counter_is_shown_twice() -> None:
     names = [name for group in LINK_COUNTS.values() for name in group]
     assert len(names) == len(set(names))
 

@@ -43,7 +43,7 @@ sys.exit(main(["stop", "--direct", "--port", sys.argv[1]]))
 
 
 def alone(endpoint: str = "") -> tuple[str, ...]:
-    """A bus on which nobody is, unless a daemon's endpoint is named."""
+    """An empty bus, unless a daemon's endpoint is named."""
     endpoint = endpoint or free_endpoint()
     return ("--set", f'zenoh.listen=["{endpoint}"]', "--set", "zenoh.connect=[]")
 
@@ -55,7 +55,7 @@ def test_after_sigkill_of_the_process_that_drove_a_direct_stop_brings_the_true_w
     board = simulated_board("--dialect", dialect)
     board.drive()
     board.kill_owner()
-    # The board has no timeout: nobody has stopped it.
+    # The board has no timeout: nothing has stopped it.
     assert not board.stands
     done = yahboomd("stop", "--direct", "--port", board.port)
     assert board.stands
@@ -212,7 +212,9 @@ def test_impatience_does_not_interrupt_a_stop(simulated_board) -> None:
     assert board.stands
 
 
-def test_a_running_daemon_is_told_and_lets_go_when_it_is_released(real_robot, capsys) -> None:
+def test_a_running_daemon_is_stopped_and_drives_again_when_it_is_released(
+    real_robot, capsys
+) -> None:
     robot = real_robot()
     options = ["--port", str(robot.port), *alone(robot.endpoint)]
     robot.daemon.says("Connected")
@@ -242,10 +244,10 @@ def test_a_suspended_daemon_is_named_by_release_and_by_stop_and_no_other_is_offe
     assert str(other.daemon.process.pid) not in words
     # It has let the port go, so the wheels can be stopped there.
     assert main(["stop", *options]) == 0
-    told = capsys.readouterr()
-    assert "the wheels stand" in told.out
-    assert f"yahboomd (pid {pid}) is suspended: no emergency stop is engaged in it" in told.err
-    assert str(other.daemon.process.pid) not in told.err
+    output = capsys.readouterr()
+    assert "the wheels stand" in output.out
+    assert f"yahboomd (pid {pid}) is suspended: no emergency stop is engaged in it" in output.err
+    assert str(other.daemon.process.pid) not in output.err
     robot.daemon.process.send_signal(signal.SIGCONT)
     # With a place named, no daemon elsewhere is offered.
     nowhere = free_endpoint()
@@ -289,13 +291,13 @@ def test_a_daemon_that_does_not_answer_is_no_success_beside_a_port_that_was_stop
         monkeypatch.setattr(stop_local, "holds", lambda *_: True)
         assert main(["stop", "--port", board.port, *alone()]) == 1
     assert board.stands
-    told = capsys.readouterr()
-    assert "the wheels stand" in told.out
-    assert f"yahboomd (pid {os.getpid()}) does not answer (state " in told.err
-    assert f"kill -9 {os.getpid()}; " in told.err
+    output = capsys.readouterr()
+    assert "the wheels stand" in output.out
+    assert f"yahboomd (pid {os.getpid()}) does not answer (state " in output.err
+    assert f"kill -9 {os.getpid()}; " in output.err
 
 
-def test_a_broken_configuration_is_told_once(
+def test_a_broken_configuration_is_reported_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
 ) -> None:
     def none_found(*_: object) -> str:

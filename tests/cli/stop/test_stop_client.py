@@ -115,14 +115,14 @@ async def test_one_slow_sample_among_fast_ones_is_no_standstill(robot) -> None:
 
 async def test_a_daemon_without_a_board_is_not_said_to_have_standing_wheels(robot) -> None:
     daemon = robot([])
-    daemon._wheels = type("Nobody", (), {"put": staticmethod(lambda _payload: None)})()
+    daemon._wheels = type("Unheard", (), {"put": staticmethod(lambda _payload: None)})()
     done = await engage((robot.endpoint,), CONFIG, within_s=1.0)
     assert done is not None
     assert not done.stood
     assert "cannot see whether the wheels stand. Look at them" in done.words
 
 
-async def test_nobody_is_told_where_nobody_listens() -> None:
+async def test_nothing_is_sent_where_no_daemon_listens() -> None:
     assert await engage((free_endpoint(),), CONFIG) is None
 
 

@@ -119,7 +119,7 @@ async def test_wheels_that_do_not_stand_are_not_said_to(
 
 
 def frozen(folder: Path) -> socket.socket:
-    """What a frozen daemon is to others: the kernel takes the connection, and nobody answers."""
+    """A frozen daemon as seen by others: the kernel accepts the connection, and no answer comes."""
     folder.mkdir(exist_ok=True)
     sock = socket.socket(socket.AF_UNIX)
     sock.bind(str(folder / "stop-1.sock"))
@@ -158,7 +158,7 @@ async def test_a_file_that_a_killed_daemon_left_is_no_daemon(environ, tmp_path: 
     assert find(environ) == []
 
 
-async def test_whoever_is_refused_finds_no_daemon(
+async def test_a_refused_user_finds_no_daemon(
     daemon, environ, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from yahboomd.daemon.local_socket import Listening

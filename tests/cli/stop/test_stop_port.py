@@ -52,7 +52,7 @@ def test_wheels_that_still_turn_are_a_case_for_the_switch() -> None:
     assert "switch off the supply" in describe(report(stood=False))
 
 
-def test_what_nobody_could_see_is_not_called_standing(capsys: pytest.CaptureFixture[str]) -> None:
+def test_unseen_wheels_are_not_called_standing(capsys: pytest.CaptureFixture[str]) -> None:
     assert "look at the wheels" in describe(report(stood=None))
     silent = describe(report(dialect=None, stood=None))
     assert "whether the wheels stand is unknown" in silent
@@ -66,9 +66,9 @@ def test_success_goes_to_the_output_and_failure_where_errors_go(
 ) -> None:
     assert tell(report()) is True
     assert tell(report(stood=False)) is False
-    told = capsys.readouterr()
-    assert told.out.count("\n") == 1
-    assert told.err.startswith("yahboomd: /dev/board")
+    output = capsys.readouterr()
+    assert output.out.count("\n") == 1
+    assert output.err.startswith("yahboomd: /dev/board")
 
 
 def test_a_named_port_needs_no_configuration_unless_one_is_named(

@@ -69,7 +69,7 @@ def unplug(number: int) -> None:
 
 
 def sockets() -> set[Path]:
-    """The ports by their sockets; udev makes the folder anew with the first one."""
+    """The ports by their sockets; udev creates the folder with the first one."""
     return set(BY_PATH.glob("*"))
 
 
@@ -89,7 +89,7 @@ def main() -> None:
         lambda: show("brltty-stand-in", "ActiveState") == "inactive",
     )
     properties = sh(f"udevadm info {NAME}")
-    claim("ModemManager is told to leave it alone", lambda: "ID_MM_PORT_IGNORE=1" in properties)
+    claim("ModemManager leaves it alone", lambda: "ID_MM_PORT_IGNORE=1" in properties)
     denied = (
         "systemd-run --quiet --pipe --wait -p DevicePolicy=closed -p 'DeviceAllow=char-188 rw' "
         "sh -c 'exec 3<>/dev/ttyS1'"

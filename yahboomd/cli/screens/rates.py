@@ -73,7 +73,7 @@ class Rise:
 
 
 class Scale:
-    """The largest magnitude of late, for bars that are neither clipped nor dwarfed for ever.
+    """The largest recent magnitude, for bars that are neither clipped nor dwarfed for ever.
 
     Args:
         smallest: What the scale never falls below.
