@@ -160,12 +160,12 @@ class CountHistory:
                 break
             del heard[0]
         if len(heard) >= ENOUGH:
-            juries = [heard[:index] + heard[index + 1 :] for index in range(len(heard))]
+            subsets = [heard[:index] + heard[index + 1 :] for index in range(len(heard))]
         elif len(heard) >= SELDOM and heard[-1][0] - heard[0][0] >= SELDOM_NS // 2:
-            juries = [heard]
+            subsets = [heard]
         else:
             return None
-        speeds = [speed for jury in juries if (speed := _median(jury)) is not None]
+        speeds = [speed for subset in subsets if (speed := _median(subset)) is not None]
         return slowest(*speeds) * NS_PER_S if speeds else None
 
 

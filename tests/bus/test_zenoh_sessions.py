@@ -40,11 +40,11 @@ def test_who_listens_on_a_port_is_found(listener):
     assert holder.endswith(f"({os.getpid()})")
 
 
-def test_nobody_listens_on_a_free_port():
+def test_a_free_port_has_no_listener():
     assert port_holder(int(free_endpoint().rpartition(":")[2])) is None
 
 
-def test_an_address_in_use_is_told_with_its_holder_and_the_remedy(listener):
+def test_an_address_in_use_is_reported_with_its_holder_and_the_remedy(listener):
     endpoint = f"tcp/127.0.0.1:{listener}"
     error = failure(BusOptions(listen=(endpoint,), connect=()))
     assert endpoint in error.message
@@ -52,26 +52,26 @@ def test_an_address_in_use_is_told_with_its_holder_and_the_remedy(listener):
     assert "zenoh.listen" in error.remedy
 
 
-def test_an_address_of_another_machine_is_told():
+def test_an_address_of_another_machine_is_reported():
     error = failure(BusOptions(listen=("tcp/192.0.2.1:7448",), connect=()))
     assert "no address tcp/192.0.2.1:7448" in error.message
 
 
-def test_a_router_that_is_not_there_is_told_to_a_client():
+def test_a_missing_router_is_reported_to_a_client():
     endpoint = free_endpoint()
     error = failure(BusOptions(mode="client", connect=(endpoint,)))
     assert endpoint in error.message
     assert "'router'" in error.remedy
 
 
-def test_a_socket_in_a_folder_that_is_not_there_is_told(tmp_path):
+def test_a_socket_in_a_missing_folder_is_reported(tmp_path):
     path = tmp_path / "missing" / "bus.sock"
     error = failure(BusOptions(listen=(), connect=(), unix_socket=path))
     assert str(path) in error.message
     assert "folder" in error.remedy
 
 
-def test_tls_without_certificates_is_told():
+def test_tls_without_certificates_is_reported():
     endpoint = free_endpoint().replace("tcp", "tls")
     error = failure(BusOptions(listen=(endpoint,), connect=()))
     assert "TLS" in error.message
