@@ -2,7 +2,7 @@
 
 A board that is polled is asked on an absolute schedule. A board that streams sends by itself, and
 the same schedule only looks whether it still does. Either way every reading passes through here on
-its way to the odometry, at the moment its last byte arrived: nothing waits for an iteration of the loop.
+its way to the odometry, at the moment its last byte arrived, without another iteration of the loop.
 """
 
 from __future__ import annotations
