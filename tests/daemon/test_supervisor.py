@@ -71,16 +71,16 @@ async def test_a_polled_board_has_nothing_to_store_and_drives(tmp_path: Path) ->
 
 
 @on_virtual_time
-async def test_a_value_that_the_board_does_not_take_is_told_and_the_port_opened(
+async def test_a_value_that_the_board_refuses_is_reported_and_the_port_opened(
     tmp_path: Path,
 ) -> None:
     board = LinkBench()
     board.on_write = lambda data: data.replace(b"$deadzone:1900#", b"$deadzone:19#")
-    told: list[Event] = []
-    opener = storing_opener(board.open, board.clock, PROFILES["520"].settings, told.append)
+    events: list[Event] = []
+    opener = storing_opener(board.open, board.clock, PROFILES["520"].settings, events.append)
     port = await opener()
-    assert [each.kind for each in told] == ["setting_not_stored"]
-    assert "dead zone 1900" in told[0].message
+    assert [each.kind for each in events] == ["setting_not_stored"]
+    assert "dead zone 1900" in events[0].message
     port.close()
     await asyncio.sleep(0)
 
@@ -145,7 +145,7 @@ async def test_a_missing_port_is_looked_for_with_bounded_back_off_for_ever() -> 
     assert 590 < len(watcher.searches) < 610
 
 
-def test_the_same_fault_is_told_once_and_counted(caplog: pytest.LogCaptureFixture) -> None:
+def test_the_same_fault_is_logged_once_and_counted(caplog: pytest.LogCaptureFixture) -> None:
     @on_virtual_time
     async def scene() -> Supervisor:
         supervisor = Supervisor(Missing, LoopClock(), Watcher())  # type: ignore[arg-type]

@@ -182,7 +182,7 @@ async def test_a_digit_lost_on_the_way_is_found_by_reading_back_and_mended() -> 
 
 
 @on_virtual_time
-async def test_a_refusal_ends_it_and_is_told_in_the_boards_words() -> None:
+async def test_a_refusal_ends_it_and_is_reported_in_the_boards_words() -> None:
     board = LinkBench(flash=FlashContent(motor_type=2))
     board.on_write = lambda data: data.replace(b"$mtype:1#", b"$mtype:9#")
     storing = await stored(board, P520)
@@ -223,7 +223,7 @@ async def test_what_is_called_stored_is_stored_on_a_line_that_loses_bytes(seed: 
 
 
 @on_virtual_time
-async def test_a_polled_board_is_told_nothing() -> None:
+async def test_a_polled_board_is_sent_nothing() -> None:
     board = LinkBench(dialect="polled")
     with pytest.raises(BoardError, match="polled dialect stores no settings"):
         await stored(board, P520)
@@ -238,19 +238,19 @@ async def test_a_value_that_must_never_be_stored_is_refused_here() -> None:
 
 
 @on_virtual_time
-async def test_progress_is_told_as_it_happens() -> None:
+async def test_progress_is_reported_as_it_happens() -> None:
     class Listening(Progress):
         def __init__(self) -> None:
-            self.told: list[str] = []
+            self.steps: list[str] = []
 
         def begins(
             self, dialect: Dialect, writes: tuple[SettingWrite, ...], had: BoardSettings
         ) -> None:
-            self.told.append(f"{len(writes)} values, dead zone {had['deadzone']}")
+            self.steps.append(f"{len(writes)} values, dead zone {had['deadzone']}")
 
         def step(self, step: Step, has: BoardSettings) -> None:
-            self.told.append(f"{step.write.reply_to} {step.outcome}, dead zone {has['deadzone']}")
+            self.steps.append(f"{step.write.reply_to} {step.outcome}, dead zone {has['deadzone']}")
 
     listening = Listening()
     await stored(LinkBench(), P520, progress=listening)
-    assert listening.told == ["1 values, dead zone 1600", "deadzone stored, dead zone 1900"]
+    assert listening.steps == ["1 values, dead zone 1600", "deadzone stored, dead zone 1900"]
