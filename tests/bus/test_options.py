@@ -11,7 +11,7 @@ def read(config, key):
     return json.loads(config.get_json(key))
 
 
-def test_nobody_beyond_this_machine_is_reached_by_default():
+def test_by_default_only_this_machine_reaches_the_bus():
     config = zenoh_config(BusOptions())
     assert read(config, "mode") == "router"
     assert read(config, "listen/endpoints") == ["tcp/127.0.0.1:7448"]

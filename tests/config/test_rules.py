@@ -188,7 +188,7 @@ def test_a_client_names_its_router_beside_a_zenoh_file_too(tmp_path):
     assert set(found(zenoh=zenoh)) == {"zenoh.connect"}
 
 
-def test_a_bus_that_nobody_can_reach_is_refused():
+def test_a_bus_that_no_client_can_reach_is_refused():
     assert set(found(zenoh={"connect": [], "listen": []})) == {"zenoh.listen"}
 
 
@@ -261,7 +261,7 @@ def test_the_odometry_believes_the_speeds_that_are_allowed():
     assert found(odometry={"max_wheel_speed_m_s": 1.1}) == {}
 
 
-def test_nobody_who_may_drive_is_a_warning():
+def test_no_source_that_may_drive_is_a_warning():
     assert set(warned(command={"sources": {}})) == {"command.sources"}
 
 
