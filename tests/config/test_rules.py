@@ -56,10 +56,10 @@ def test_a_preset_may_stand_beside_its_own_motors():
     assert found(chassis=chassis) == {}
 
 
-def test_a_wheel_that_the_base_has_not_is_named_with_the_one_that_was_meant():
+def test_a_wheel_that_the_base_has_not_is_named_with_those_that_it_has():
     motors = {"leftt": [{"position": 1}], "right": [{"position": 3}]}
     lines = found(chassis={"motors": motors})
-    assert lines["chassis.motors.leftt"].endswith('did you mean "left"?')
+    assert lines["chassis.motors.leftt"].endswith("a differential base has the wheels left, right")
     assert lines["chassis.motors.left"].startswith("missing")
 
 
@@ -294,8 +294,7 @@ def test_a_frame_has_one_parent():
 def test_a_motor_of_a_wheel_that_the_preset_lists_under_its_side_is_named_with_its_place():
     lines = found(chassis={"preset": "4wd", "motors": {"front_left": [{"position": 1}]}})
     assert lines["chassis.motors.front_left"] == (
-        'preset "4wd" has the wheels left, right: with 4wd the motors are lists under left and '
-        "right: motors.left = [{ position = 1, \u2026 }]"
+        'preset "4wd" has the wheels left, right: write motors.left = [{ position = 1, \u2026 }]'
     )
 
 

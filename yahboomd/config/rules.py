@@ -6,7 +6,6 @@ every key that it looked at, so that a key whose own value was wrong is not blam
 
 from __future__ import annotations
 
-import difflib
 import math
 import os
 from collections.abc import Callable, Iterator
@@ -58,79 +57,66 @@ _PROFILE: Place = ("board", "profile")
 
 
 def presets(config: Config) -> Iterator[Finding]:
-    """A preset keeps its kinematics, its wheels and their positions; what else is given goes in."""
-    chassis = config.chassis
-    if not chassis.preset:
+    """A preset fixes kinematics, wheels and positions; other keys of its motors may be changed."""
+    preset = config.chassis.preset
+    if not preset:
         return
-    kinematics, motors = PRESETS[chassis.preset]
-    if chassis.kinematics not in {Chassis().kinematics, kinematics}:
-        words = f'contradicts preset "{chassis.preset}", which is {kinematics}; leave out one'
+    kinematics, usual = PRESETS[preset]
+    if config.chassis.kinematics not in {Chassis().kinematics, kinematics}:
+        words = f'contradicts preset "{preset}", which is {kinematics}; leave out one'
         yield Finding(_KINEMATICS, words, (_PRESET,))
-    for wheel, entries in given_motors(chassis).items():
-        usual = [entry.position for entry in motors.get(wheel, ())]
-        if not usual:
-            words = f'preset "{chassis.preset}" has the wheels {", ".join(motors)}'
-            at = [
-                (side, each.position)
-                for side, group in motors.items()
-                for each in group
-                if each.name == wheel
-            ]
-            for side, position in at:
-                words += (
-                    f": with {chassis.preset} the motors are lists under {' and '.join(motors)}: "
-                    f"motors.{side} = [{{ position = {position}, \u2026 }}]"
-                )
+    for wheel, entries in given_motors(config.chassis).items():
+        if wheel not in usual:
+            words = f'preset "{preset}" has the wheels {", ".join(usual)}'
+            for side, motors in usual.items():
+                # A wheel's name that is a motor's in a list.
+                for position in (each.position for each in motors if each.name == wheel):
+                    words += f": write motors.{side} = [{{ position = {position}, \u2026 }}]"
             yield Finding((*_MOTORS, wheel), words, (_PRESET,))
+            continue
+        positions = [entry.position for entry in usual[wheel]]
         for index, entry in enumerate(entries):
-            if entry.position in (other.position for other in entries[:index]):
-                words = f"position {entry.position} is named twice"
-                yield Finding((*_MOTORS, wheel, index, "position"), words, (_PRESET,))
-            if usual and entry.position not in usual:
+            place = (*_MOTORS, wheel, index, "position")
+            if entry.position not in positions:
+                places = " and ".join(f"M{position}" for position in positions)
                 words = (
-                    f'preset "{chassis.preset}" has {_places(usual)} there; for motors at other '
+                    f'preset "{preset}" has {places} there; for motors at other '
                     f'places, replace preset by kinematics = "{kinematics}" and name all motors'
                 )
-                yield Finding((*_MOTORS, wheel, index, "position"), words, (_PRESET,))
-
-
-def _places(positions: list[int]) -> str:
-    return " and ".join(f"M{position}" for position in positions)
+                yield Finding(place, words, (_PRESET,))
+            elif entry.position in (other.position for other in entries[:index]):
+                yield Finding(place, f"position {entry.position} is named twice", (_PRESET,))
 
 
 def wheels(config: Config) -> Iterator[Finding]:
-    """Every wheel of the geometry has its motors, and there are no others."""
+    """Every wheel of the geometry has motors, and no other wheel has any."""
     name = config.kinematics_name()
     known, entries = WHEELS[name], config.motor_entries()
     beside = (_KINEMATICS, _PRESET)
+    base = f"a {name} base has the wheels {', '.join(known)}"
+    preset = next(preset for preset, (kinematics, _) in PRESETS.items() if kinematics == name)
     if config.chassis.motors == Chassis().motors and set(known).isdisjoint(entries):
-        # These motors were not chosen: what is missing is said once, with the shortest way.
-        preset = next(preset for preset, (kind, _) in PRESETS.items() if kind == name)
-        words = f"missing; a {name} base has the wheels {', '.join(known)}: name their motors"
-        yield Finding(_MOTORS, f'{words}, or set chassis.preset = "{preset}"', beside)
+        # The default motors are no choice: one mistake for all wheels is enough.
+        words = f'missing; {base}: name their motors, or set chassis.preset = "{preset}"'
+        yield Finding(_MOTORS, words, beside)
         return
-    for wheel in entries:
-        if wheel not in known:
-            close = difflib.get_close_matches(wheel, known, n=1)
-            better = f'; did you mean "{close[0]}"?' if close else f" has {', '.join(known)}"
-            words = f"no wheel of a {name} base" + (better if close else f", which{better}")
-            yield Finding((*_MOTORS, wheel), words, beside)
     for wheel in known:
-        if wheel not in entries:
-            preset = next(preset for preset, (kind, _) in PRESETS.items() if kind == name)
+        motors = entries.get(wheel)
+        if motors is None:
             words = (
-                f"missing; a {name} base has the wheels {', '.join(known)}: name the motors of "
-                f'each, or set chassis.preset = "{preset}" and name only those that differ'
+                f"missing; {base}: name the motors of each, or set "
+                f'chassis.preset = "{preset}" and name only those that differ'
             )
             yield Finding((*_MOTORS, wheel), words, (_MOTORS, *beside))
-        elif len(entries[wheel]) > 1 and name != "skid_steer":
-            words = f"expected one motor, got {len(entries[wheel])}; several on a side are "
-            yield Finding((*_MOTORS, wheel), f"{words}skid_steer", beside)
-    for wheel, factor in config.chassis.wheel_radius_multiplier.items():
-        if wheel not in known and factor != 1.0:
-            place = ("chassis", "wheel_radius_multiplier", wheel)
-            words = f"no wheel of a {name} base, which has {', '.join(known)}"
-            yield Finding(place, words, beside)
+        elif len(motors) > 1 and name != "skid_steer":
+            words = f"expected one motor, got {len(motors)}; several on a side are skid_steer"
+            yield Finding((*_MOTORS, wheel), words, beside)
+    factors = config.chassis.wheel_radius_multiplier.items()
+    calibrated = [wheel for wheel, factor in factors if factor != 1.0]
+    for table, names in (("motors", list(entries)), ("wheel_radius_multiplier", calibrated)):
+        for wheel in names:
+            if wheel not in known:
+                yield Finding(("chassis", table, wheel), f"unknown wheel; {base}", beside)
 
 
 def motors(config: Config) -> Iterator[Finding]:
