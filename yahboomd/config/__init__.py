@@ -1,7 +1,8 @@
 """Configuration: ``config.toml``, ``YAHBOOMD_…`` variables and ``--set`` as one checked value.
 
-:func:`load` reads all three and reports every mistake at once, with file, line and key. `models`
-has the keys, their defaults and their rules; the reference page is written from it.
+:func:`read` reads all three and reports every mistake at once, with file, line and key. `hardware`,
+`driving` and `outputs` have the keys and their defaults, `rules` what keys must agree on; the
+reference page is written from them.
 """
 
 from yahboomd.config.loading import STANDARD_PATH, Loaded, load, read

@@ -1,4 +1,4 @@
-"""Limits, commands, faults, the emergency stop: what the wheels may do, and for whom."""
+"""The sections on motion: limits, commands, faults, emergency stop."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class AxisLimits(Section):
     )
 
     def noun(self) -> drive.AxisLimits:
-        """The same, as the limiter takes it."""
+        """The limits of the axis for the limiter."""
         return drive.AxisLimits(
             velocity=self.velocity,
             acceleration=self.acceleration,
@@ -56,7 +56,7 @@ class Limits(Section):
     @field_validator("linear", "angular", mode="before")
     @classmethod
     def _over_the_default(cls, given: object, info: ValidationInfo) -> object:
-        # A person who lowers the speed must not lose the ramps by it.
+        # Lowering the speed must not remove the ramps.
         default = cls.model_fields[info.field_name or ""].default
         if not isinstance(given, Mapping):
             return given
@@ -82,7 +82,7 @@ class Source(Section):
 
 
 class Command(Section):
-    """Who may drive, how fresh a command must be, and what happens when commands end."""
+    """The sources of commands, the age of a command, and the stop when commands end."""
 
     timeout_s: float = Field(
         default=0.5,
@@ -92,14 +92,14 @@ class Command(Section):
     )
     on_timeout: Literal["ramp", "halt"] = Field(
         default="ramp",
-        description="How they stop then, and at a hand-over: within the limits, or at once. Every "
-        "other stop is immediate.",
+        description="How the wheels stop after timeout_s, and when another source takes over: "
+        "within the limits, or at once. Every other stop is immediate.",
     )
     rate_hz: float = Field(
         default=50.0,
         ge=1.0,
         le=1000.0,
-        description="Control steps in a second; a new command runs one at once besides.",
+        description="Control steps per second; a new command also runs one immediately.",
     )
     resend_s: float = Field(
         default=0.1,
@@ -110,9 +110,9 @@ class Command(Section):
     )
     stamps: Literal["relative", "absolute", "ignore"] = Field(
         default="relative",
-        description="How the age of a command follows from its stamp. relative: against the "
-        "source's own clock, which need not agree with ours; absolute: against this machine's "
-        "clock; ignore: every command counts as new.",
+        description="How the age of a command is computed from its stamp. relative: by the "
+        "source's own clock, which need not agree with this machine's; absolute: by this "
+        "machine's clock; ignore: every command counts as new.",
     )
     at_rest: Literal["hold", "release"] = Field(
         default="hold",
@@ -129,7 +129,7 @@ class Command(Section):
 
 
 class Faults(Section):
-    """What to do when wheels and commands disagree.
+    """Reactions when wheels and commands disagree.
 
     A wheel that runs away, or turns against its command, is always cut.
     """

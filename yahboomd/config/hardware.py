@@ -1,4 +1,4 @@
-"""The serial port, the board, the chassis: what is screwed together."""
+"""The sections on hardware: serial port, board, chassis."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from yahboomd.protocol.profiles import PROFILES
 from yahboomd.protocol.registry import DIALECTS
 
 CUSTOM = "custom"
-"""The profile whose figures stand in the configuration."""
+"""The profile whose figures are in the configuration."""
 
 
 class Serial(Section):
@@ -29,11 +29,11 @@ class Serial(Section):
         default=115200,
         ge=1200,
         le=4_000_000,
-        description="Bits per second; the board's firmware knows 115200 alone.",
+        description="Bits per second; the board's firmware supports only 115200.",
     )
     dialect: Annotated[str, Choice(("auto", *DIALECTS))] = Field(
         default="auto",
-        description="What the board speaks. auto asks it, after stopping the wheels.",
+        description="The board's protocol. auto detects it, after stopping the wheels.",
     )
     dtr: bool = Field(
         default=True,
@@ -62,15 +62,15 @@ class Board(Section):
     )
     write_settings: bool = Field(
         default=False,
-        description="Whether connecting stores what differs from the profile in the board's flash, "
-        "the wheels at rest. Off, it writes nothing: a motor type that differs, or a zero, refuses "
-        "motion and names `yahboomd probe --write`.",
+        description="Whether connecting writes settings that differ from the profile to the "
+        "board's flash, while the wheels are at rest. If false, nothing is written: a different "
+        "motor type, or a zero, refuses motion and names `yahboomd probe --write`.",
     )
     battery_period_s: float = Field(
         default=5.0,
         ge=0.0,
         le=3600.0,
-        description="Seconds between two questions for the battery's voltage; 0 asks never.",
+        description="Seconds between requests for the battery's voltage; 0: never.",
     )
     motor_type: int | None = Field(
         default=None,
@@ -125,7 +125,7 @@ class MotorEntry(Section):
     """One motor of a wheel."""
 
     position: int = Field(
-        ge=1, le=4, description="Its place on the board, M1 to M4 (the article's A to D)."
+        ge=1, le=4, description="Its connector on the board, M1 to M4 (the article's A to D)."
     )
     command_sign: Sign = Field(
         default=1, description="-1 where a positive command turns the wheel backward."
@@ -135,7 +135,7 @@ class MotorEntry(Section):
     )
     name: MotorName | None = Field(
         default=None,
-        description="What messages call it. Absent: the wheel's name, numbered where the wheel "
+        description="Its name in messages. Absent: the wheel's name, numbered where the wheel "
         "has several motors.",
     )
 
@@ -149,9 +149,9 @@ class Chassis(Section):
     """The geometry of the base, and which motor turns which wheel.
 
     Wheels are `left` and `right` (differential, skid_steer), or `front_left`, `rear_left`,
-    `front_right` and `rear_right` (mecanum). Given motors replace the default whole; beside a
-    preset they change the motors of the same position, and the others stay: `preset = "4wd"` and
-    `motors.right = [{ position = 4, command_sign = -1, encoder_sign = -1 }]`.
+    `front_right` and `rear_right` (mecanum). Motors that are given replace all default motors.
+    With a preset, each replaces the motor of its position, and the others stay: `preset = "4wd"`
+    and `motors.right = [{ position = 4, command_sign = -1, encoder_sign = -1 }]`.
     """
 
     preset: Annotated[str, Choice(("", "2wd", "4wd", "mecanum"))] = Field(
@@ -248,9 +248,9 @@ PRESETS: dict[str, tuple[str, dict[str, tuple[MotorEntry, ...]]]] = {
 
 
 def given_motors(chassis: Chassis) -> dict[str, tuple[MotorEntry, ...]]:
-    """The wheels whose motors a person has written, which is not seen where they wrote a default.
+    """The wheels whose motors differ from the default.
 
-    A key from ``--set`` brings the default of its whole table along.
+    A key from ``--set`` copies the default of its whole table: equal motors were not given.
     """
     default = Chassis().motors
     return {
@@ -259,7 +259,7 @@ def given_motors(chassis: Chassis) -> dict[str, tuple[MotorEntry, ...]]:
 
 
 def preset_motors(chassis: Chassis) -> dict[str, tuple[MotorEntry, ...]]:
-    """The preset's motors, with what a person has written of single ones in their place."""
+    """The preset's motors, each replaced by the given one of the same position."""
     given = given_motors(chassis)
     return {
         wheel: tuple(

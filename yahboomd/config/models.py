@@ -1,4 +1,4 @@
-"""The whole configuration, and the nouns that follow from it."""
+"""The whole configuration, and the values that other rooms derive from it."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ WHEELS: dict[str, tuple[str, ...]] = {
 """The wheels of each drive geometry."""
 
 USUAL_LINES = 11
-"""Encoder lines that the board is sold with."""
+"""Encoder lines of the motors that are sold with the board."""
 
 
 class Config(Section):
-    """What a person has decided about this robot; everything has a default."""
+    """The configuration of one robot; everything has a default."""
 
     serial: Serial = Field(default=Serial(), description="The serial port.")
     board: Board = Field(default=Board(), description="The board.")
@@ -57,12 +57,12 @@ class Config(Section):
         return self.model_copy(update={"chassis": self.chassis.model_copy(update=chassis)})
 
     def kinematics_name(self) -> str:
-        """The row of the registry of drive geometries, a preset taken in."""
+        """The name of the drive geometry: the preset's, if there is one."""
         chassis = self.chassis
         return PRESETS[chassis.preset][0] if chassis.preset else chassis.kinematics
 
     def motor_entries(self) -> dict[str, tuple[MotorEntry, ...]]:
-        """The motors by wheel, a preset taken in."""
+        """The motors by wheel, including the preset's."""
         return preset_motors(self.chassis) if self.chassis.preset else self.chassis.motors
 
     def kinematics(self) -> Kinematics:
@@ -102,7 +102,7 @@ class Config(Section):
         return self.chassis.ticks_per_revolution or self.profile().ticks_per_revolution
 
     def motors(self) -> tuple[Motor, ...]:
-        """The motors as the other rooms know them, in the order of the geometry's wheels."""
+        """The motors, in the order of the geometry's wheels."""
         names = self.motor_names()
         return tuple(
             Motor(
@@ -119,7 +119,7 @@ class Config(Section):
         )
 
     def motor_names(self) -> dict[str, tuple[str, ...]]:
-        """What messages call the motors of each wheel."""
+        """The names of each wheel's motors in messages."""
         return {
             wheel: tuple(
                 entry.name or (wheel if len(entries) == 1 else f"{wheel}_{number}")
@@ -129,7 +129,7 @@ class Config(Section):
         }
 
     def sources(self) -> tuple[Source, ...]:
-        """Who may drive, as the arbiter knows them."""
+        """The sources of commands for the arbiter."""
         return tuple(
             Source(name=name, priority=source.priority, timeout_s=self.source_timeout_s(name))
             for name, source in self.command.sources.items()
@@ -140,7 +140,7 @@ class Config(Section):
         return self.command.sources[source].timeout_s or self.command.timeout_s
 
     def joint_name(self, motor: str) -> str:
-        """The joint that a motor turns, for ROS 2."""
+        """The ROS 2 joint of a motor."""
         return self.ros2.joint_names.get(motor, f"{motor}_wheel_joint")
 
     def key(self, key: str) -> str:
@@ -148,7 +148,7 @@ class Config(Section):
         return f"{self.zenoh.namespace}/{key}" if self.zenoh.namespace else key
 
     def latch_path(self, environ: Mapping[str, str], *, user_id: int) -> Path:
-        """The file that remembers an engaged emergency stop over a restart.
+        """The file that keeps an engaged emergency stop over a restart.
 
         Robots that share a machine differ by their namespace or their port.
 
@@ -168,7 +168,7 @@ class Config(Section):
 
 
 def runtime_folder(environ: Mapping[str, str], *, user_id: int) -> Path:
-    """The folder of the emergency stop's memory and of the local socket.
+    """The folder of the emergency stop's file and of the local socket.
 
     Args:
         environ: For ``RUNTIME_DIRECTORY`` (the service manager's) and ``XDG_RUNTIME_DIR``.

@@ -1,4 +1,4 @@
-"""Odometry, Zenoh, ROS 2, the log: what the world hears."""
+"""The sections on output: odometry, Zenoh, ROS 2, log."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from yahboomd.config.values import (
 
 
 class Odometry(Section):
-    """How often the counters are asked for, and what the pose is called."""
+    """Rates, frames and noise of the odometry."""
 
     poll_rate_hz: float = Field(
         default=50.0,
@@ -33,7 +33,7 @@ class Odometry(Section):
         default=50.0,
         gt=0.0,
         le=1000.0,
-        description="Most samples of pose and twist in a second.",
+        description="Greatest number of pose and twist samples per second.",
     )
     frame_id: Frame = Field(default="odom", description="Frame of the pose.")
     child_frame_id: Frame = Field(
@@ -43,8 +43,8 @@ class Odometry(Section):
         default=2.0,
         gt=0.0,
         le=50.0,
-        description="Rim speed in m/s that no wheel reaches, downhill included; counts that would "
-        "need more are no travel.",
+        description="Rim speed in m/s that no wheel reaches, even downhill; counts that would need "
+        "more are ignored.",
     )
     travel_noise_m: float = Field(
         default=0.0032,
@@ -62,7 +62,7 @@ class Odometry(Section):
 
 
 class Zenoh(Section):
-    """The bus: how the daemon is reached, and below which name."""
+    """The bus: how applications reach the daemon, and the namespace of its keys."""
 
     mode: Literal["router", "peer", "client"] = Field(
         default="router",
@@ -77,14 +77,14 @@ class Zenoh(Section):
     connect: tuple[Endpoint, ...] = Field(
         default=("tcp/127.0.0.1:7447",),
         strict=False,
-        description="Routers to join when they are there, never waited for. Any program at such "
-        "a router can drive.",
+        description="Routers to join when they are reachable; nothing waits for them. Any program "
+        "at such a router can drive.",
     )
     namespace: Key = Field(
         default="", description="Prefix of every key, such as bot1; the name of this robot."
     )
     encoding: Literal["json", "msgpack"] = Field(
-        default="json", description="How the native samples are written."
+        default="json", description="Encoding of the native samples."
     )
     config: AbsolutePath = Field(
         default="",
@@ -93,7 +93,7 @@ class Zenoh(Section):
 
 
 class StaticTransform(Section):
-    """A frame that does not move against another, such as a laser's against the base."""
+    """A frame that is fixed to another, such as a laser to the base."""
 
     parent: Frame = Field(description="The frame that it is fixed to.")
     child: Frame = Field(description="The frame that is placed.")
@@ -147,8 +147,8 @@ class Ros2(Section):
     diagnostics_topic: Topic = Field(default="diagnostics", description="Topic of the diagnostics.")
     frame_prefix: FramePrefix = Field(
         default="",
-        description="Put before every frame of the ROS 2 plane, as it stands, such as bot1/; apart "
-        "from the namespace.",
+        description="Prefix of every frame in ROS 2, used literally, such as bot1/; independent of "
+        "the namespace.",
     )
     joint_names: dict[str, Joint] = Field(
         default={},
@@ -158,12 +158,12 @@ class Ros2(Section):
     static_transforms: tuple[StaticTransform, ...] = Field(
         default=(),
         strict=False,
-        description="Frames for /tf_static, where no robot_state_publisher tells them.",
+        description="Frames for /tf_static, where no robot_state_publisher publishes them.",
     )
 
 
 class Log(Section):
-    """What the daemon says about itself."""
+    """The log."""
 
     level: Literal["debug", "info", "warning", "error"] = Field(
         default="info",

@@ -18,8 +18,8 @@ WIDTH = 96
 """Columns of a comment."""
 
 HEADER = """\
-The configuration of yahboomd, with every key at its default. What stands in a line that starts
-with # is explained or optional. Copy it to /etc/yahboomd/config.toml, or name it with --config;
+The configuration of yahboomd, with every key at its default. Lines that start with # explain a key,
+or show an optional one. Copy it to /etc/yahboomd/config.toml, or name it with --config;
 `yahboomd config check` says whether it can be used, and every key may be left out.
 
 Over this file go environment variables (YAHBOOMD_ZENOH__NAMESPACE=bot1), and over them --set
@@ -103,7 +103,7 @@ def as_toml(
 
 
 def summary(loaded: Loaded) -> str:
-    """The robot in a few sentences, for a person who wants to see that it is theirs."""
+    """The robot in a few sentences, to recognise it by."""
     config = loaded.config
     kinematics, motors = config.kinematics(), config.motors()
     source = "the defaults" if loaded.path is None else str(loaded.path)

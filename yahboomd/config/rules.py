@@ -1,7 +1,7 @@
-"""What keys must agree about with each other.
+"""The rules that compare keys with each other.
 
-A rule looks at a configuration whose values are each valid, and yields what contradicts. It names
-every key that it looked at, so that a key whose own value was wrong is not blamed twice.
+A rule reads a configuration whose single values are valid, and yields contradictions. A finding
+names every key that was compared: it is dropped where one of them already has a mistake.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ class Finding:
 
     Attributes:
         place: The key to change.
-        words: What was expected.
-        beside: The other keys that it was compared with.
-        is_warning: Whether the configuration can be used nevertheless.
+        words: The contradiction, and what to write instead.
+        beside: The other keys that were compared.
+        is_warning: Whether the configuration can be used all the same.
     """
 
     place: Place
@@ -142,7 +142,7 @@ def motors(config: Config) -> Iterator[Finding]:
 
 
 def geometry(config: Config) -> Iterator[Finding]:
-    """The distance between the axles is for mecanum, and needed there."""
+    """The distance between the axles is given for a mecanum base, and only there."""
     name = config.kinematics_name()
     beside = (_KINEMATICS, _PRESET)
     if name == "mecanum" and config.chassis.wheel_base_m is None:
@@ -154,7 +154,7 @@ def geometry(config: Config) -> Iterator[Finding]:
 
 
 def profile(config: Config) -> Iterator[Finding]:
-    """A profile is complete, has an encoder, and is the vendor's or ours, not both."""
+    """A profile has an encoder; `custom` is complete, and its keys belong to no other profile."""
     board, chassis = config.board, config.chassis
     if board.motor_type == NO_ENCODER_TYPE:
         words = "expected 1, 2 or 3, got 4: motors without encoder give no odometry"
@@ -182,7 +182,7 @@ def profile(config: Config) -> Iterator[Finding]:
 
 
 def speeds(config: Config) -> Iterator[Finding]:
-    """The limits are such as the board can keep."""
+    """The limits fit the board, the odometry and the detection of stalls."""
     velocity = config.limits.linear.velocity
     place: Place = ("limits", "linear", "velocity")
     if velocity is not None and velocity > BOARD_MAX_M_S:
@@ -203,7 +203,7 @@ def speeds(config: Config) -> Iterator[Finding]:
 
 
 def timeouts(config: Config) -> Iterator[Finding]:
-    """A command outlives two control steps, and is repeated before it ends."""
+    """A command lasts two control periods at least, and is sent again before it ends."""
     command = config.command
     rate: Place = ("command", "rate_hz")
     resend: Place = ("command", "resend_s")
@@ -226,7 +226,7 @@ def timeouts(config: Config) -> Iterator[Finding]:
 
 
 def rates(config: Config) -> Iterator[Finding]:
-    """The counters are asked for as often as the line allows, and published no more often."""
+    """The serial line carries the polls, and no more samples are published than polled."""
     poll_hz, publish_hz = config.odometry.poll_rate_hz, config.odometry.publish_rate_hz
     poll: Place = ("odometry", "poll_rate_hz")
     publish: Place = ("odometry", "publish_rate_hz")
@@ -247,7 +247,7 @@ def rates(config: Config) -> Iterator[Finding]:
 
 
 def bus(config: Config) -> Iterator[Finding]:
-    """The bus can be reached, and not by more than meant."""
+    """The bus can be reached; a warning says when other machines can reach it."""
     zenoh = config.zenoh
     mode: Place = ("zenoh", "mode")
     listen: Place = ("zenoh", "listen")
@@ -274,7 +274,7 @@ def bus(config: Config) -> Iterator[Finding]:
 
 
 def names(config: Config) -> Iterator[Finding]:
-    """Every topic, source and frame has a name of its own."""
+    """Every topic, source and frame has its own name."""
     ros2 = config.ros2
     if config.odometry.frame_id == config.odometry.child_frame_id:
         words = f'"{config.odometry.frame_id}" is the frame of the pose as well'
@@ -299,7 +299,7 @@ def names(config: Config) -> Iterator[Finding]:
 
 
 def ros(config: Config) -> Iterator[Finding]:
-    """The names that go into a ROS 2 graph are names there, and every frame has one parent."""
+    """Names in a ROS 2 graph are valid there, and every frame has one parent."""
     ros2 = config.ros2
     namespace: Place = ("zenoh", "namespace")
     if ros2.rmw_zenoh and config.zenoh.namespace and not is_ros_name(config.zenoh.namespace):
