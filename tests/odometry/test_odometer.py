@@ -430,6 +430,27 @@ def test_twists_of_a_stream_are_as_sure_as_they_say(kit):
     assert 0.5 < np.mean(squares) < 1.5
 
 
+@pytest.mark.parametrize("sure", [True, False])
+def test_counters_that_stay_are_a_standstill_only_where_they_were_renewed_meanwhile(kit, sure):
+    rig = Rig(kit)
+
+    def answer(ticks, *, after_ms=20.0, asked_ms=0.5):
+        now_ns = START_NS + round((rig.now_ms + after_ms) * MS)
+        return rig.feed(
+            ticks,
+            ticks,
+            after_ms=after_ms,
+            requested_ns=now_ns - MS // 2,
+            earliest_ns=now_ns - round(asked_ms * MS),
+        )
+
+    for n in range(30):
+        answer(1_000_000 + 20 * n)
+    # The answer to a question of 48 ms before may be as old as the one that came last.
+    update = answer(1_000_000 + 20 * n, after_ms=50.0, asked_ms=0.5 if sure else 48.0)
+    assert (update.estimate is not None) == sure
+
+
 def test_while_another_period_is_measured_the_twist_is_less_sure(kit):
     """Half of the true speed, from a board that renews its totals twice as often."""
     rig, _ = stream(kit, lambda _: (2500.0, 2500.0), seconds=2.0, tick_ms=5.0, seed=4)

@@ -307,8 +307,11 @@ class Odometer:
                 return NOTHING
         if not window.span_ns:
             return NOTHING
-        if self._asked and self.estimate is not None and window.span_ns < SHORTEST_ASKED_NS:
-            return NOTHING
+        if self._asked and self.estimate is not None:
+            # Counters that stay say nothing, unless it is certain that they were renewed meanwhile.
+            sure_ns = window.span_ns if any(window.deltas) else window.span_ns - window.unsure_ns
+            if sure_ns < SHORTEST_ASKED_NS:
+                return NOTHING
         self.counters["odometry_estimates"] += 1
         return Update(estimate=self._estimate(window))
 
