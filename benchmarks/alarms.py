@@ -35,7 +35,6 @@ from yahboomd.simulation import virtual_time
 from yahboomd.simulation.options import (
     PLAIN_GAIN,
     QUICK_GAIN,
-    DialectName,
     ImpairmentOptions,
     SimulationOptions,
 )
@@ -75,7 +74,7 @@ class Piece(msgspec.Struct, frozen=True, kw_only=True):
         unlimited: Whether no acceleration is limited.
     """
 
-    dialect: DialectName
+    dialect: str
     loss: float
     volts: float
     lag_s: float

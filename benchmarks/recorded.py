@@ -14,7 +14,7 @@ from yahboomd.link.session import Session, SessionOptions
 from yahboomd.model import Counts, EncoderReading, Event, Pose2d
 from yahboomd.simulation import virtual_time
 from yahboomd.simulation.memory import MemoryPort
-from yahboomd.simulation.options import DialectName, SimulationOptions
+from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
 
 COMMAND_HZ = 50
@@ -79,12 +79,12 @@ class _Ears:
     def leaving(self) -> None: ...
 
 
-def record(drive: Drive, *, dialect: DialectName, poll_rate_hz: float) -> Record:
+def record(drive: Drive, *, dialect: str, poll_rate_hz: float) -> Record:
     """Drive the simulated robot."""
     return virtual_time.run(_record(drive, dialect, poll_rate_hz))
 
 
-async def _record(drive: Drive, dialect: DialectName, poll_rate_hz: float) -> Record:
+async def _record(drive: Drive, dialect: str, poll_rate_hz: float) -> Record:
     seconds, twist = drive
     options = SimulationOptions(
         dialect=dialect, wheel_radius_m=RADIUS_M, wheel_separation_m=TRACK_M
