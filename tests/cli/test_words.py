@@ -44,35 +44,3 @@ def test_a_heading_keeps_its_sign_within_half_a_turn() -> None:
 def test_an_unknown_rate_is_a_dash() -> None:
     assert words.rate(None, "poses") == "- poses/s"
     assert words.rate(49.7, "poses") == "50 poses/s"
-
-
-def drawn(speed: float, command: float, width: int = 11) -> str:
-    return "".join(each for each, _ in words.bar(speed, command, full_scale=1.0, width=width))
-
-
-@pytest.mark.parametrize(
-    ("speed", "command", "picture"),
-    [
-        (0.0, 0.0, "·····┼·····"),
-        (1.0, 0.0, "·····┼█████"),
-        (-0.4, 0.0, "···██┼·····"),
-        (0.5, 0.0, "·····┼██▌··"),
-        (-0.5, 0.0, "··▐██┼·····"),
-        (0.6, 1.0, "·····┼███·┃"),
-        (0.0, -0.6, "··┃··┼·····"),
-        (9.0, -9.0, "┃····┼█████"),
-        # A command that is too small to be seen is shown all the same.
-        (0.0, 0.001, "·····┼┃····"),
-    ],
-)
-def test_bars_show_speed_and_command_around_zero(
-    speed: float, command: float, picture: str
-) -> None:
-    assert drawn(speed, command) == picture
-
-
-@given(st.floats(-1e9, 1e9), st.floats(-1e9, 1e9), st.floats(0.0, 1e9), st.integers(1, 40))
-def test_bars_keep_their_width(speed: float, command: float, scale: float, half: int) -> None:
-    cells = words.bar(speed, command, full_scale=scale, width=2 * half + 1)
-    assert len(cells) == 2 * half + 1
-    assert all(len(each) == 1 for each, _ in cells)

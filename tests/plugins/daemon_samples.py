@@ -27,6 +27,7 @@ def status(
     driver: str | None = "cmd_vel",
     why: str = "cmd_vel drives.",
     since_s: float = 2.0,
+    driver_s: float | None = 3.0,
     link: Mapping[str, Any] | None = None,
     command: Mapping[str, Any] | None = None,
     bus: Mapping[str, Any] | None = None,
@@ -37,6 +38,7 @@ def status(
         state=state,  # type: ignore[arg-type]
         driver=driver,
         since_ns=STAMP_NS - round(since_s * NS_PER_S),
+        driver_since_ns=None if driver_s is None else STAMP_NS - round(driver_s * NS_PER_S),
         why=why,
         board={"port": "/dev/ttyUSB0", "dialect": "streamed", "version": "1.7.3"},
         link=link or {"readings": 100},
@@ -120,5 +122,5 @@ def driving(now_ns: int = 0) -> Dashboard:
     """A dashboard that has seen one of each."""
     dashboard = Dashboard()
     for key, payload in all_samples().items():
-        dashboard.take(key, payload, now_ns)
+        dashboard.accept(key, payload, now_ns)
     return dashboard

@@ -1,22 +1,9 @@
-"""How numbers and moments are said on a terminal. Pure."""
+"""Numbers, durations and endpoints in words. Pure."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-
-STATES = {
-    "driving": "green",
-    "standing": "cyan",
-    "stopping": "yellow",
-    "waiting": "yellow",
-    "estopped": "red",
-    "fault": "red",
-}
-"""The colour of each state of the daemon."""
-
-SEVERITIES = {"info": "blue", "warning": "yellow", "error": "red"}
-"""The colour of each severity of an event."""
 
 
 def duration(s: float) -> str:
@@ -52,35 +39,3 @@ def rate(per_s: float | None, what: str) -> str:
 def listed(endpoints: Sequence[str]) -> str:
     """Endpoints in a sentence."""
     return " or ".join(endpoints)
-
-
-def bar(speed: float, command: float, *, full_scale: float, width: int) -> list[tuple[str, str]]:
-    """A speed beside what was commanded, as characters with zero in the middle.
-
-    Args:
-        speed: Drawn as a bar from the middle.
-        command: Drawn as a mark.
-        full_scale: What reaches the end; larger values stay there.
-        width: Characters; an odd number has a middle.
-
-    Returns:
-        Each character with its part: ``empty``, ``axis``, ``speed``, or ``command``.
-    """
-    half = width // 2
-    cells: list[tuple[str, str]] = [("·", "empty")] * width
-    cells[half] = ("┼", "axis")
-
-    def share(value: float) -> float:
-        return min(1.0, abs(value) / full_scale) if full_scale > 0.0 else 0.0
-
-    # Twice the resolution, by half blocks.
-    filled = round(share(speed) * half * 2)
-    step = 1 if speed > 0.0 else -1
-    for index in range(1, filled // 2 + 1):
-        cells[half + step * index] = ("█", "speed")
-    if filled % 2:
-        cells[half + step * (filled // 2 + 1)] = ("▌" if speed > 0.0 else "▐", "speed")
-    if command != 0.0:
-        place = max(1, round(share(command) * half))
-        cells[half + (place if command > 0.0 else -place)] = ("┃", "command")
-    return cells

@@ -1,10 +1,18 @@
 from __future__ import annotations
 
+import array
+import asyncio
+import fcntl
+import os
+import termios
+from collections.abc import Iterator
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from zenoh_fixtures import eventually
 
-from yahboomd.cli.screens.keyboard import ESCAPE, UNKNOWN, KeyParser, direction, wish
+from yahboomd.cli.screens.keyboard import ESCAPE, UNKNOWN, KeyParser, Keys
 
 TYPED = {
     b"w": ["w"],
@@ -21,6 +29,10 @@ TYPED = {
     "é→w".encode(): ["é", "→", "w"],
     b"\xff\x80w": [UNKNOWN, UNKNOWN, "w"],
     b"\x1b[\x01w": [UNKNOWN, "\x01", "w"],
+    # Sequences that no list of keys has, with a letter at their end that would drive.
+    b"\x1b[d": [UNKNOWN],
+    b"\x1bOw": [UNKNOWN],
+    b"\x1b[7;9;1a": [UNKNOWN],
 }
 
 
@@ -57,54 +69,93 @@ def test_no_bytes_raise_and_little_is_held(chunks: list[bytes]) -> None:
     parser = KeyParser()
     for chunk in chunks:
         parser.feed(chunk)
-        assert len(parser._held) <= 32
+        assert len(parser._text) <= 32
     parser.flush()
     assert not parser.pending
 
 
-@pytest.mark.parametrize(
-    ("key", "signs"),
-    [
-        ("w", (1, 0, 0)),
-        ("W", (1, 0, 0)),
-        ("up", (1, 0, 0)),
-        ("i", (1, 0, 0)),
-        ("s", (-1, 0, 0)),
-        (",", (-1, 0, 0)),
-        ("a", (0, 0, 1)),
-        ("left", (0, 0, 1)),
-        ("d", (0, 0, -1)),
-        ("l", (0, 0, -1)),
-        ("u", (1, 0, 1)),
-        ("o", (1, 0, -1)),
-        ("J", (0, 1, 0)),
-        ("L", (0, -1, 0)),
-        ("k", None),
-        (" ", None),
-    ],
-)
-def test_keys_that_move(key: str, signs: tuple[int, int, int] | None) -> None:
-    assert direction(key) == signs
+@pytest.fixture
+def pty() -> Iterator[tuple[int, int]]:
+    master, slave = os.openpty()
+    yield master, slave
+    for fd in (master, slave):
+        try:
+            os.close(fd)
+        except OSError:
+            continue
 
 
-@pytest.mark.parametrize(
-    ("key", "meaning"),
-    [
-        ("up", "move"),
-        ("+", "faster"),
-        ("=", "faster"),
-        ("-", "slower"),
-        ("e", "estop"),
-        ("E", "estop"),
-        ("R", "release"),
-        ("q", "quit"),
-        ("\x03", "quit"),
-    ],
-)
-def test_keys_that_ask_for_something(key: str, meaning: str) -> None:
-    assert wish(key) == meaning
+@pytest.mark.realtime
+async def test_keys_come_one_by_one_without_enter(pty: tuple[int, int]) -> None:
+    master, slave = pty
+    pressed: list[str] = []
+    with Keys(slave, pressed.append, lambda: None):
+        os.write(master, b"w\x1b[A ")
+        await eventually(lambda: len(pressed) == 3)
+    assert pressed == ["w", "up", " "]
 
 
-@pytest.mark.parametrize("key", [" ", "k", "x", "\r", ESCAPE, UNKNOWN, "\x1a", "é", "1"])
-def test_every_other_key_stops(key: str) -> None:
-    assert wish(key) == "stop"
+@pytest.mark.realtime
+async def test_an_escape_by_itself_is_a_key_after_a_moment(pty: tuple[int, int]) -> None:
+    master, slave = pty
+    pressed: list[str] = []
+    with Keys(slave, pressed.append, lambda: None):
+        os.write(master, b"\x1b")
+        await eventually(lambda: pressed)
+    assert pressed == [ESCAPE]
+
+
+@pytest.mark.realtime
+async def test_what_would_suspend_kill_or_hold_the_output_is_a_key(pty: tuple[int, int]) -> None:
+    master, slave = pty
+    pressed: list[str] = []
+    with Keys(slave, pressed.append, lambda: None):
+        os.write(master, b"\x1a\x1c\x13\x11\x16")
+        await eventually(lambda: len(pressed) == 5)
+    assert pressed == ["\x1a", "\x1c", "\x13", "\x11", "\x16"]
+
+
+@pytest.mark.realtime
+async def test_the_terminal_is_put_back_even_after_a_failure(pty: tuple[int, int]) -> None:
+    _, slave = pty
+    before = termios.tcgetattr(slave)
+
+    def fail() -> None:
+        with Keys(slave, lambda _: None, lambda: None):
+            assert not termios.tcgetattr(slave)[3] & termios.ECHO
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fail()
+    assert termios.tcgetattr(slave) == before
+
+
+def waiting(fd: int) -> int:
+    """How many bytes a terminal has ready. The kernel hands them over from a worker of its own."""
+    count = array.array("i", [0])
+    fcntl.ioctl(fd, termios.FIONREAD, count)
+    return count[0]
+
+
+@pytest.mark.realtime
+async def test_what_was_typed_before_is_not_taken(pty: tuple[int, int]) -> None:
+    master, slave = pty
+    os.write(master, b"wwww\n")
+    await eventually(lambda: waiting(slave) == len(b"wwww\n"))
+    pressed: list[str] = []
+    with Keys(slave, pressed.append, lambda: None):
+        os.write(master, b"x")
+        await eventually(lambda: pressed)
+    assert pressed == ["x"]
+
+
+@pytest.mark.realtime
+async def test_a_terminal_that_goes_away_is_reported_once(pty: tuple[int, int]) -> None:
+    master, slave = pty
+    gone: list[bool] = []
+    with Keys(slave, lambda _: None, lambda: gone.append(True)):
+        os.close(master)
+        await eventually(lambda: gone)
+        for _ in range(3):
+            await asyncio.sleep(0)
+    assert gone == [True]

@@ -116,10 +116,11 @@ async def test_it_ends_cleanly_on_signals_too(terminal: Any, way: str | signal.S
     assert process.restored
 
 
-async def test_without_rich_it_says_what_to_install(terminal: Any) -> None:
+@pytest.mark.parametrize("command", ["monitor", "drive"])
+async def test_without_rich_it_says_what_to_install(terminal: Any, command: str) -> None:
     code = (
         "import sys; sys.modules['rich'] = None; from yahboomd.cli.main import main; "
-        "sys.exit(main(['monitor']))"
+        f"sys.exit(main(['{command}']))"
     )
     process = terminal(code=code)
     assert await process.ended() == 69

@@ -2,27 +2,34 @@ from __future__ import annotations
 
 import daemon_samples as daemon
 import pytest
+from drawn_screen import lines as lines_of
+from drawn_screen import style_of
 from hypothesis import given
 from hypothesis import strategies as st
+from rich.cells import cell_len
+from rich.console import RenderableType
 
 from yahboomd.bus import keys
 from yahboomd.cli.screens import monitor_screen
-from yahboomd.cli.screens.dashboard import Dashboard
-from yahboomd.cli.screens.view import Count, View
+from yahboomd.cli.screens.dashboard import Count, Dashboard, View
 from yahboomd.messages.codecs import encode
 
 S = 1_000_000_000
 
 
+def screen(view: View, width: int = 80, height: int = 24) -> RenderableType:
+    return monitor_screen.screen(view, where="bot1", width=width, height=height)
+
+
 def drawn(view: View, width: int = 80, height: int = 24) -> list[str]:
-    return monitor_screen.screen(view, where="bot1", width=width, height=height).plain.split("\n")
+    return lines_of(screen(view, width, height), width, height)
 
 
 def test_a_small_terminal_shows_all_there_is() -> None:
     text = "\n".join(drawn(daemon.driving(0).view(0)))
     for words in (
         "● DRIVING for 2.0 s",
-        "cmd_vel has control for over 0.0 s",
+        "cmd_vel has control for 3.0 s",
         "cmd_vel drives.",
         "pose in odom",
         "1.500 m    ± 0.020",
@@ -44,7 +51,7 @@ def test_a_screen_fills_its_terminal_exactly(width: int, height: int, motors: in
     dashboard = daemon.driving(0)
     names = tuple(f"wheel_{index}" for index in range(motors))
     sample = daemon.wheels((0.1,) * motors, (0.2,) * motors, names)
-    dashboard.take(keys.WHEELS, encode(sample, "json"), 0)
+    dashboard.accept(keys.WHEELS, encode(sample, "json"), 0)
     lines = drawn(dashboard.view(0), width, height)
     assert len(lines) == height
     assert {len(line) for line in lines} == {width}
@@ -54,7 +61,7 @@ def test_four_wheels_fit_into_a_small_terminal_with_an_event() -> None:
     dashboard = daemon.driving(0)
     names = ("front_left", "front_right", "rear_left", "rear_right")
     sample = daemon.wheels((0.1,) * 4, (0.2,) * 4, names)
-    dashboard.take(keys.WHEELS, encode(sample, "json"), 0)
+    dashboard.accept(keys.WHEELS, encode(sample, "json"), 0)
     text = "\n".join(drawn(dashboard.view(0)))
     assert all(name in text for name in names)
     assert "The board reset itself." in text
@@ -71,7 +78,7 @@ def test_a_wide_terminal_shows_the_path() -> None:
 def test_a_long_reason_is_shown_over_several_lines() -> None:
     dashboard = daemon.driving(0)
     why = "The board is gone. " * 6 + "Plug it in."
-    dashboard.take(keys.STATUS, encode(daemon.status("waiting", why=why), "json"), 0)
+    dashboard.accept(keys.STATUS, encode(daemon.status("waiting", why=why), "json"), 0)
     lines = drawn(dashboard.view(0))
     assert "Plug it in." in "\n".join(lines)
     assert len(lines) == 24
@@ -80,11 +87,11 @@ def test_a_long_reason_is_shown_over_several_lines() -> None:
 @pytest.mark.parametrize("height", [21, 22, 23, 24, 30])
 def test_the_newest_event_is_shown_however_long_it_is(height: int) -> None:
     dashboard = daemon.driving(0)
-    dashboard.take(keys.EVENTS, encode(daemon.event("The wheel is blocked. " * 20), "json"), 0)
+    dashboard.accept(keys.EVENTS, encode(daemon.event("The wheel is blocked. " * 20), "json"), 0)
     assert "The wheel is blocked." in "\n".join(drawn(dashboard.view(0), 80, height))
 
 
-def test_a_silent_daemon_is_shown_and_its_numbers_are_marked_old() -> None:
+def test_a_silent_daemon_is_named_and_its_numbers_are_marked_old() -> None:
     text = "\n".join(drawn(daemon.driving(0).view(5 * S)))
     assert "NO WORD  from the daemon for 5.0 s" in text
     assert "it was driving" in text
@@ -99,9 +106,7 @@ def test_a_silent_daemon_is_shown_and_its_numbers_are_marked_old() -> None:
 )
 def test_the_state_has_its_colour(state: str, colour: str) -> None:
     view = View(phase="live", status=daemon.status(state))
-    text = monitor_screen.screen(view, where="bot1", width=80, height=24)
-    at = text.plain.index(f"● {state.upper()}")
-    assert any(span.start <= at < span.end and colour in str(span.style) for span in text.spans)
+    assert colour in style_of(f"● {state.upper()}", screen(view))
 
 
 def test_a_counter_that_rises_comes_first_and_in_red() -> None:
@@ -110,32 +115,59 @@ def test_a_counter_that_rises_comes_first_and_in_red() -> None:
         Count(name="missed polls", total=2, rising=True),
     )
     view = View(phase="live", status=daemon.status(), link=counts)
-    text = monitor_screen.screen(view, where="bot1", width=80, height=24)
-    assert "missed polls 2 · lost 7" in text.plain
-    at = text.plain.index("missed polls 2")
-    assert any(span.start <= at < span.end and "red" in str(span.style) for span in text.spans)
+    assert "missed polls 2 · lost 7" in "\n".join(drawn(view))
+    assert "red" in style_of("missed polls 2", screen(view))
+    assert "red" not in style_of("lost 7", screen(view))
 
 
 def test_while_it_waits_it_says_where_and_why() -> None:
     view = View(phase="waiting", unreadable=3)
-    text = monitor_screen.waiting(
-        view, where="tcp/127.0.0.1:7448", width=80, height=24, why="No router answers."
-    ).plain
-    assert "waiting for a daemon at tcp/127.0.0.1:7448" in text
-    assert "No router answers." in text
-    assert "3 samples came that cannot be read" in text
-    assert {len(line) for line in text.split("\n")} == {80}
+    waiting = monitor_screen.waiting(view, where="tcp/[::1]:7448", why="No router answers.")
+    text = lines_of(waiting)
+    for words in (
+        "waiting for a daemon at tcp/[::1]:7448",
+        "No router answers.",
+        "3 samples came that cannot be read",
+        "q ends this",
+    ):
+        assert any(words in line for line in text)
+    assert {len(line) for line in text} == {80}
 
 
 @given(st.text(max_size=200), st.text(max_size=30), st.text(max_size=200))
 def test_what_comes_over_the_bus_never_breaks_the_screen(why: str, name: str, said: str) -> None:
     dashboard = Dashboard()
     sample = daemon.status(why=why, driver=name)
-    dashboard.take(keys.STATUS, encode(sample, "json"), 0)
-    dashboard.take(keys.WHEELS, encode(daemon.wheels(names=(name, name)), "json"), 0)
-    dashboard.take(keys.EVENTS, encode(daemon.event(said), "json"), 0)
-    text = monitor_screen.screen(dashboard.view(0), where=name, width=80, height=24)
-    lines = text.split("\n", allow_blank=True)
+    dashboard.accept(keys.STATUS, encode(sample, "json"), 0)
+    dashboard.accept(keys.WHEELS, encode(daemon.wheels(names=(name, name)), "json"), 0)
+    dashboard.accept(keys.EVENTS, encode(daemon.event(said), "json"), 0)
+    lines = drawn(dashboard.view(0))
     assert len(lines) == 24
-    assert all(line.plain.isprintable() for line in lines)
-    assert {line.cell_len for line in lines} == {80}
+    assert all(line.isprintable() for line in lines)
+    assert {cell_len(line) for line in lines} == {80}
+
+
+@pytest.mark.parametrize(
+    ("speed", "command", "picture"),
+    [
+        (0.0, 0.0, "·····┼·····"),
+        (1.0, 0.0, "·····┼█████"),
+        (-0.4, 0.0, "···██┼·····"),
+        (0.5, 0.0, "·····┼██▌··"),
+        (-0.5, 0.0, "··▐██┼·····"),
+        (0.6, 1.0, "·····┼███·┃"),
+        (0.0, -0.6, "··┃··┼·····"),
+        (9.0, -9.0, "┃····┼█████"),
+        # A command that is too small to be seen is shown all the same.
+        (0.0, 0.001, "·····┼┃····"),
+    ],
+)
+def test_bars_show_speed_and_command_around_zero(
+    speed: float, command: float, picture: str
+) -> None:
+    assert monitor_screen.bar(speed, command, 5).plain == picture
+
+
+@given(st.floats(-1e9, 1e9), st.floats(-1e9, 1e9), st.integers(1, 40))
+def test_bars_keep_their_width(speed: float, command: float, half: int) -> None:
+    assert monitor_screen.bar(speed, command, half).cell_len == 2 * half + 1

@@ -4,7 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.cli.screens.teleop import FIRST_NS, MS, SHORTEST_NS, Teleop
+from yahboomd.cli.screens.keyboard import ESCAPE, UNKNOWN
+from yahboomd.cli.screens.teleop import FIRST_NS, MS, SHORTEST_NS, Teleop, direction, wish
 from yahboomd.model import Twist2d
 
 START_NS = 10**12
@@ -109,18 +110,16 @@ def test_speeds_change_by_a_tenth_and_do_not_move_or_stop(teleop: Teleop) -> Non
     teleop.press("-", START_NS)
     teleop.press("-", START_NS)
     assert command(teleop, START_NS) == Twist2d(vx=pytest.approx(0.3 / 1.1))
-    view = teleop.view(Twist2d(vx=1.0))
-    assert view.twist == Twist2d(vx=1.0)
-    assert view.angular_rad_s == pytest.approx(1.0 / 1.1)
+    assert teleop.angular_rad_s == pytest.approx(1.0 / 1.1)
 
 
 def test_speeds_stay_within_bounds(teleop: Teleop) -> None:
     for _ in range(200):
         teleop.press("+", START_NS)
-    assert teleop.view(None).linear_m_s == pytest.approx(3.0)
+    assert teleop.linear_m_s == pytest.approx(3.0)
     for _ in range(400):
         teleop.press("-", START_NS)
-    assert teleop.view(None).linear_m_s == pytest.approx(0.015)
+    assert teleop.linear_m_s == pytest.approx(0.015)
 
 
 @given(
@@ -133,3 +132,51 @@ def test_silence_always_ends_the_motion(presses: list[tuple[str, int]]) -> None:
         now_ns += gap_ns
         teleop.press(key, now_ns)
     assert command(teleop, now_ns + 3 * 300 * MS) is None
+
+
+@pytest.mark.parametrize(
+    ("key", "signs"),
+    [
+        ("w", (1, 0, 0)),
+        ("W", (1, 0, 0)),
+        ("up", (1, 0, 0)),
+        ("i", (1, 0, 0)),
+        ("s", (-1, 0, 0)),
+        (",", (-1, 0, 0)),
+        ("a", (0, 0, 1)),
+        ("left", (0, 0, 1)),
+        ("d", (0, 0, -1)),
+        ("l", (0, 0, -1)),
+        ("u", (1, 0, 1)),
+        ("o", (1, 0, -1)),
+        ("J", (0, 1, 0)),
+        ("L", (0, -1, 0)),
+        ("k", None),
+        (" ", None),
+    ],
+)
+def test_keys_that_move(key: str, signs: tuple[int, int, int] | None) -> None:
+    assert direction(key) == signs
+
+
+@pytest.mark.parametrize(
+    ("key", "meaning"),
+    [
+        ("up", "move"),
+        ("+", "faster"),
+        ("=", "faster"),
+        ("-", "slower"),
+        ("e", "estop"),
+        ("E", "estop"),
+        ("R", "release"),
+        ("q", "quit"),
+        ("\x03", "quit"),
+    ],
+)
+def test_keys_that_ask_for_something(key: str, meaning: str) -> None:
+    assert wish(key) == meaning
+
+
+@pytest.mark.parametrize("key", [" ", "k", "x", "\r", ESCAPE, UNKNOWN, "\x1a", "é", "1"])
+def test_every_other_key_stops(key: str) -> None:
+    assert wish(key) == "stop"

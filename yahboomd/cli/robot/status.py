@@ -70,9 +70,12 @@ def run(args: argparse.Namespace) -> int:
 async def _print(robot: AsyncRobot, *, as_json: bool) -> int:
     from yahboomd.bus.keys import STATUS
     from yahboomd.cli.robot.on_bus import newest, one_line
-    from yahboomd.cli.robot.status_text import text
+    from yahboomd.cli.screens.dashboard import Dashboard
+    from yahboomd.cli.screens.sentences import status_text
     from yahboomd.client import StatusSample
 
     payload, sample = await newest(robot, STATUS, StatusSample)
-    print(one_line(payload) if as_json else text(sample), flush=True)
+    dashboard = Dashboard()
+    dashboard.accept(STATUS, payload, 0)
+    print(one_line(payload) if as_json else status_text(dashboard.view(0)), flush=True)
     return EXIT_STATUS.get(sample.state, os.EX_OK)

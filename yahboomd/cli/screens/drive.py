@@ -91,6 +91,7 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         ConfigError: The configuration cannot be used.
         BusError: The bus can never be reached like this.
+        ModuleNotFoundError: rich is not installed.
     """
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         print(
@@ -99,6 +100,9 @@ def run(args: argparse.Namespace) -> int:
             file=sys.stderr,
         )
         return USAGE
+    # Missing, it is reported before anything is opened.
+    import rich  # noqa: F401
+
     config = read_config(args).config
     from yahboomd.cli.screens.teleop import Teleop
     from yahboomd.errors import ConfigError

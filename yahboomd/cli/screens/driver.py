@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import asyncio
-import os
-import shutil
 import signal
 import sys
 
+from rich.console import RenderableType
+
 from yahboomd.bus import keys
-from yahboomd.cli.screens import ansi, drive_screen
+from yahboomd.cli.screens import drive_screen
+from yahboomd.cli.screens.drawing import Part, Screen
 from yahboomd.cli.screens.feed import Feed
+from yahboomd.cli.screens.keyboard import Keys
 from yahboomd.cli.screens.teleop import Teleop
-from yahboomd.cli.screens.terminal import Keys
 from yahboomd.clock import Clock, Schedule, nanoseconds, seconds
 from yahboomd.daemon.process import deadly
 
@@ -36,9 +37,7 @@ class Driver:
         self._source = source
         self._ended = asyncio.Event()
         self._requests: set[asyncio.Task[None]] = set()
-        self._said: ansi.Part = ("", "")
-        self._drawn = ""
-        self._colours = "NO_COLOR" not in os.environ
+        self._answer: Part = ("", "")
 
     async def run(self) -> None:
         """Drive until the person quits, a signal comes or the terminal goes.
@@ -52,13 +51,14 @@ class Driver:
         for number in numbers:
             loop.add_signal_handler(number, self._end)
         try:
-            with Keys(sys.stdin.fileno(), self._press, self._end):
-                _write(ansi.ENTER)
+            with (
+                Keys(sys.stdin.fileno(), self._press, self._end),
+                Screen(sys.stdout.fileno()) as screen,
+            ):
                 try:
-                    await self._loop()
+                    await self._loop(screen)
                 finally:
                     self._end()
-                    _write(ansi.LEAVE)
         finally:
             # In this order: the robot stands before anything that may take its time.
             await self._feed.client.finished()
@@ -68,12 +68,12 @@ class Driver:
             for number in numbers:
                 loop.remove_signal_handler(number)
 
-    async def _loop(self) -> None:
+    async def _loop(self, screen: Screen) -> None:
         schedule = Schedule(self._clock, nanoseconds(REDRAW_S))
         try:
             while not self._ended.is_set():
                 self._feed.check()
-                self._draw()
+                screen.draw(*self._drawn())
                 await schedule.beat()
         finally:
             schedule.close()
@@ -100,59 +100,38 @@ class Driver:
             task = asyncio.create_task(self._estop() if wanted == "estop" else self._release())
             self._requests.add(task)
             task.add_done_callback(self._requests.discard)
-        self._draw()
 
     async def _estop(self) -> None:
         client = self._feed.client
-        self._said = ("emergency stop …", "bold red")
+        self._answer = ("emergency stop …", "bold red")
         if client.is_open:
             answer = await client.request(keys.ESTOP, b'{"by":"yahboomd drive"}', urgent=True)
             if answer.answered:
-                self._said = (answer.message, "bold red")
+                self._answer = (answer.message, "bold red")
                 return
-        self._said = (
+        self._answer = (
             "NO DAEMON ACKNOWLEDGED THE EMERGENCY STOP. Switch the motors' supply off.",
             "bold reverse red",
         )
 
     async def _release(self) -> None:
         client = self._feed.client
-        self._said = ("asking to release the emergency stop …", "yellow")
+        self._answer = ("asking to release the emergency stop …", "yellow")
         if not client.is_open:
-            self._said = ("There is no daemon to ask.", "yellow")
+            self._answer = ("There is no daemon to ask.", "yellow")
             return
         answer = await client.request(keys.ESTOP_RESET)
-        self._said = (answer.message, "green" if answer.success else "yellow")
+        self._answer = (answer.message, "green" if answer.success else "yellow")
 
-    def _draw(self) -> None:
-        now_ns = self._clock.now_ns()
-        width, height = shutil.get_terminal_size()
-        drawn = ansi.frame(
-            drive_screen.screen(
-                self._feed.view(now_ns),
-                self._teleop.view(self._feed.client.commanded),
-                robot=self._feed.robot,
-                key=self._source,
-                heard=self._feed.client.heard,
-                why=self._feed.why,
-                said=self._said,
-                width=width,
-                height=height,
-                colours=self._colours,
-            ),
-            height,
+    def _drawn(self) -> tuple[RenderableType, RenderableType]:
+        client = self._feed.client
+        return drive_screen.screen(
+            self._feed.view(self._clock.now_ns()),
+            client.commanded,
+            (self._teleop.linear_m_s, self._teleop.angular_rad_s),
+            robot=self._feed.robot,
+            key=self._source,
+            heard=client.heard,
+            why=self._feed.why,
+            answer=self._answer,
         )
-        if drawn != self._drawn:
-            self._drawn = drawn
-            _write(drawn)
-
-
-def _write(text: str) -> None:
-    # Past Python's buffer: what a terminal that hung up did not take would fail again at the end.
-    data = text.encode()
-    try:
-        while data:
-            data = data[os.write(sys.stdout.fileno(), data) :]
-    except OSError:
-        # The terminal is gone; its reader says so, and ends the command.
-        return

@@ -10,8 +10,7 @@ from yahboomd.bus import keys
 from yahboomd.bus.options import BusOptions
 from yahboomd.bus.presence import Neighbour
 from yahboomd.bus.subscriptions import Arrival
-from yahboomd.cli.screens.dashboard import Dashboard
-from yahboomd.cli.screens.view import View
+from yahboomd.cli.screens.dashboard import Dashboard, View
 from yahboomd.cli.unresponsive import FROZEN, is_yahboomd, listener, process_state
 from yahboomd.cli.words import listed
 from yahboomd.client import AsyncRobot
@@ -68,7 +67,7 @@ class Feed:
         """How things look now; a lost connection is known before the daemon is missed."""
         for key, newest in self._newest.items():
             if (payload := newest.take()) is not None:
-                self.dashboard.take(key, payload, now_ns)
+                self.dashboard.accept(key, payload, now_ns)
         return self.dashboard.view(now_ns, connected=bool(self._neighbours))
 
     def check(self) -> None:
@@ -119,11 +118,11 @@ class Feed:
         await self.client.join(math.inf)
         bus = self.client.bus
         for key in (keys.STATUS, keys.EVENTS, keys.BATTERY):
-            bus.subscribe(key, self._take, max_bytes=MAX_BYTES)
+            bus.subscribe(key, self._accept, max_bytes=MAX_BYTES)
         self._newest = {key: Newest(bus, key) for key in (keys.POSE, keys.TWIST, keys.WHEELS)}
 
-    def _take(self, arrivals: list[Arrival]) -> None:
+    def _accept(self, arrivals: list[Arrival]) -> None:
         for arrival in arrivals:
-            self.dashboard.take(arrival.key, arrival.payload, arrival.arrived_ns)
+            self.dashboard.accept(arrival.key, arrival.payload, arrival.arrived_ns)
             if arrival.key in {keys.STATUS, keys.EVENTS}:
                 self.news.set()

@@ -1,59 +1,39 @@
-"""From a terminal's bytes to keys, and from keys to what they ask for. Pure.
+"""A terminal's bytes as keys, each at once; the terminal is put back as it was on every way out.
 
-A terminal tells no releases: a key that is held comes again and again, the first time after a
-delay. What follows from that for a robot is in :mod:`yahboomd.cli.screens.teleop`.
+A library for whole screens would read the keys too, and take a sequence that it does not know
+apart: the ``d`` of ``ESC [ d`` would turn the robot. Here it is one unknown key, which stops it.
 """
 
 from __future__ import annotations
 
-from typing import Literal, TypeAlias
+import asyncio
+import codecs
+import os
+import re
+import termios
+from collections.abc import Callable
+from typing import Any, Self
 
 ESCAPE = "escape"
 UNKNOWN = "unknown"
 
-_ESC = 0x1B
+ESCAPE_S = 0.05
+"""After an escape byte with nothing behind it for so long it was the key of that name."""
+
+READ_BYTES = 1024
+
+# Indices into what termios.tcgetattr returns.
+_IFLAG, _LFLAG, _CC = 0, 3, 6
+
 _ARROWS = {"A": "up", "B": "down", "C": "right", "D": "left"}
-_LONGEST = 32
-"""Bytes of an escape sequence; no key of any terminal has more."""
 
-Wish: TypeAlias = Literal["move", "stop", "faster", "slower", "estop", "release", "quit"]
-
-MOVES: dict[str, tuple[int, int, int]] = {
-    **dict.fromkeys(("up", "w", "i"), (1, 0, 0)),
-    **dict.fromkeys(("down", "s", ","), (-1, 0, 0)),
-    **dict.fromkeys(("left", "a", "j"), (0, 0, 1)),
-    **dict.fromkeys(("right", "d", "l"), (0, 0, -1)),
-    "u": (1, 0, 1),
-    "o": (1, 0, -1),
-    "m": (-1, 0, -1),
-    ".": (-1, 0, 1),
-    # As in ROS's keyboard teleoperation: shift, for bases that can move sideways.
-    "J": (0, 1, 0),
-    "L": (0, -1, 0),
-}
-"""The keys that move, with the signs of vx, vy and wz."""
-
-_WISHES: dict[str, Wish] = {
-    **dict.fromkeys("+=", "faster"),
-    **dict.fromkeys("-_", "slower"),
-    **dict.fromkeys("eE", "estop"),
-    **dict.fromkeys("rR", "release"),
-    # Ctrl-C and Ctrl-D too, where the terminal hands them over.
-    **dict.fromkeys("qQ\x03\x04", "quit"),
-}
-
-
-def direction(key: str) -> tuple[int, int, int] | None:
-    """Where a key moves the base; None where it does not."""
-    # With caps lock on, W is still forward.
-    return MOVES.get(key) or MOVES.get(key.lower())
-
-
-def wish(key: str) -> Wish:
-    """What a key asks for. Every key that means nothing else stops."""
-    if direction(key) is not None:
-        return "move"
-    return _WISHES.get(key, "stop")
+# A sequence ends with a letter, breaks off before what cannot belong to it, or is longer than that
+# of any key.
+_KEY = re.compile(
+    r"\x1b(?:O(?P<short>.)|\[[ -?]{0,29}(?:(?P<long>[@-~])|(?=[^ -~]))|\[[ -?]{30}|[^O\[\x1b])"
+    r"|(?P<escape>\x1b(?=\x1b))|(?P<plain>[^\x1b])",
+    re.DOTALL,
+)
 
 
 class KeyParser:
@@ -64,64 +44,105 @@ class KeyParser:
     """
 
     def __init__(self) -> None:
-        self._held = bytearray()
+        self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
+        self._text = ""
 
     @property
     def pending(self) -> bool:
         """Whether a key has begun and not ended: if nothing follows soon, it is the escape key."""
-        return bool(self._held)
+        return bool(self._text or self._decoder.getstate()[0])
 
     def feed(self, data: bytes) -> list[str]:
-        """Take bytes; returns the keys that they complete, as characters or names."""
-        self._held += data
+        """The keys that these bytes complete, as characters or names."""
+        self._text += self._decoder.decode(data)
         keys = list[str]()
-        while self._held:
-            size, key = _first(bytes(self._held))
-            if not size:
-                break
-            del self._held[:size]
-            keys.append(key)
+        while (found := _KEY.match(self._text)) is not None:
+            self._text = self._text[found.end() :]
+            keys.append(_name(found))
         return keys
 
     def flush(self) -> list[str]:
-        """Nothing followed: what is held is a key by itself."""
-        if not self._held:
+        """Nothing followed: what was held back is a key by itself."""
+        if not self.pending:
             return []
-        key = ESCAPE if bytes(self._held) == bytes([_ESC]) else UNKNOWN
-        self._held.clear()
+        key = ESCAPE if self._text == "\x1b" else UNKNOWN
+        self._decoder.reset()
+        self._text = ""
         return [key]
 
 
-def _first(data: bytes) -> tuple[int, str]:
-    """Size and name of the first key; size 0 while it is not all there."""
-    if data[0] == _ESC:
-        return _escape(data)
-    if data[0] < 0x80:
-        return 1, chr(data[0])
-    # UTF-8: the first byte tells how many follow.
-    size = 2 if data[0] < 0xE0 else 3 if data[0] < 0xF0 else 4
-    if len(data) < size and all(0x80 <= byte < 0xC0 for byte in data[1:]):
-        return 0, ""
-    try:
-        return size, data[:size].decode("utf-8")
-    except UnicodeDecodeError:
-        return 1, UNKNOWN
+def _name(found: re.Match[str]) -> str:
+    if found["escape"]:
+        return ESCAPE
+    if found["plain"]:
+        return UNKNOWN if found["plain"] == "\N{REPLACEMENT CHARACTER}" else found["plain"]
+    return _ARROWS.get(found["short"] or found["long"] or "", UNKNOWN)
 
 
-def _escape(data: bytes) -> tuple[int, str]:
-    if len(data) == 1:
-        return 0, ""
-    if data[1] == _ESC:
-        return 1, ESCAPE
-    if data[1] not in b"[O":
-        # Alt and a key.
-        return 2, UNKNOWN
-    for index in range(2, min(len(data), _LONGEST)):
-        # Parameters come before the byte that ends a sequence and names it.
-        if data[1] == ord("O") or 0x40 <= data[index] <= 0x7E:
-            return index + 1, _ARROWS.get(chr(data[index]), UNKNOWN)
-        if not 0x20 <= data[index] <= 0x3F:
-            return index, UNKNOWN
-    if len(data) < _LONGEST:
-        return 0, ""
-    return _LONGEST, UNKNOWN
+class Keys:
+    """Keys from a terminal, on the running loop. A context manager.
+
+    Ctrl-C stays a signal. What would suspend the process, kill it or hold its output back becomes a
+    key (Ctrl-Z, Ctrl-Backslash, Ctrl-S): else it could stop no robot.
+
+    Args:
+        fd: The terminal.
+        handler: Called on the loop with each key.
+        hung_up: Called when the terminal is gone.
+    """
+
+    def __init__(
+        self, fd: int, handler: Callable[[str], None], hung_up: Callable[[], None]
+    ) -> None:
+        self._fd = fd
+        self._handler = handler
+        self._hung_up = hung_up
+        self._parser = KeyParser()
+        self._before: list[Any] = []
+        self._loop = asyncio.get_running_loop()
+        self._flush: asyncio.TimerHandle | None = None
+
+    def __enter__(self) -> Self:
+        self._before = termios.tcgetattr(self._fd)
+        attributes = termios.tcgetattr(self._fd)
+        attributes[_IFLAG] &= ~termios.IXON
+        attributes[_LFLAG] &= ~(termios.ICANON | termios.ECHO | termios.IEXTEN)
+        attributes[_CC][termios.VMIN] = 1
+        attributes[_CC][termios.VTIME] = 0
+        attributes[_CC][termios.VSUSP] = attributes[_CC][termios.VQUIT] = b"\0"
+        # What was typed before was meant for another program.
+        termios.tcsetattr(self._fd, termios.TCSAFLUSH, attributes)
+        self._loop.add_reader(self._fd, self._read)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._loop.remove_reader(self._fd)
+        if self._flush is not None:
+            self._flush.cancel()
+        try:
+            termios.tcsetattr(self._fd, termios.TCSAFLUSH, self._before)
+        except termios.error:
+            # The terminal is gone, and its modes with it.
+            return
+
+    def _read(self) -> None:
+        try:
+            data = os.read(self._fd, READ_BYTES)
+        except OSError:
+            data = b""
+        if not data:
+            self._loop.remove_reader(self._fd)
+            self._hung_up()
+            return
+        if self._flush is not None:
+            self._flush.cancel()
+            self._flush = None
+        self._hand_over(self._parser.feed(data))
+        if self._parser.pending:
+            self._flush = self._loop.call_later(
+                ESCAPE_S, lambda: self._hand_over(self._parser.flush())
+            )
+
+    def _hand_over(self, keys: list[str]) -> None:
+        for key in keys:
+            self._handler(key)

@@ -18,13 +18,12 @@ from yahboomd.cli.options import (
     read_config,
     seconds,
 )
-from yahboomd.cli.screens.keyboard import wish
 from yahboomd.errors import BusError
 
 if TYPE_CHECKING:
     from yahboomd.bus.options import BusOptions
+    from yahboomd.cli.screens.dashboard import View
     from yahboomd.cli.screens.feed import Feed
-    from yahboomd.cli.screens.view import View
     from yahboomd.clock import Clock
 
 REDRAW_S = 0.1
@@ -140,7 +139,7 @@ async def _pause(ended: asyncio.Event, s: float) -> None:
 
 
 async def _once(feed: Feed, clock: Clock, ended: asyncio.Event, within_s: float) -> int:
-    from yahboomd.cli.screens import monitor_lines
+    from yahboomd.cli.screens import sentences
     from yahboomd.clock import nanoseconds
 
     until_ns = clock.now_ns() + nanoseconds(within_s)
@@ -152,7 +151,7 @@ async def _once(feed: Feed, clock: Clock, ended: asyncio.Event, within_s: float)
         if view.status is not None:
             seen_ns = now_ns if seen_ns is None else seen_ns
             if _complete(view) or now_ns - seen_ns > nanoseconds(COMPLETE_S):
-                print(monitor_lines.snapshot(view, where=feed.robot))
+                print(sentences.snapshot(view, where=feed.robot))
                 return os.EX_OK
         elif now_ns > until_ns:
             raise BusError(
@@ -170,7 +169,7 @@ def _complete(view: View) -> bool:
 
 
 async def _lines(feed: Feed, clock: Clock, ended: asyncio.Event) -> None:
-    from yahboomd.cli.screens import monitor_lines
+    from yahboomd.cli.screens import sentences
     from yahboomd.clock import nanoseconds
 
     said: object = None
@@ -180,8 +179,8 @@ async def _lines(feed: Feed, clock: Clock, ended: asyncio.Event) -> None:
         feed.news.clear()
         now_ns = clock.now_ns()
         view = feed.view(now_ns)
-        for event in feed.dashboard.new_events(now_ns):
-            print(monitor_lines.event_line(event), flush=True)
+        for event in feed.dashboard.new_events():
+            print(sentences.event_line(event), flush=True)
         status = view.status
         if status is None:
             words = f"waiting for a daemon at {feed.wanted} … {feed.why}".rstrip()
@@ -189,42 +188,38 @@ async def _lines(feed: Feed, clock: Clock, ended: asyncio.Event) -> None:
                 print(words, flush=True)
             said = words
         elif now_ns >= due_ns or said != (view.phase, status.state, status.driver):
-            print(monitor_lines.line(view), flush=True)
+            print(sentences.line(view), flush=True)
             said = (view.phase, status.state, status.driver)
             due_ns = now_ns + nanoseconds(LINE_S)
         await _calm(ended, feed)
 
 
 async def _on_screen(feed: Feed, clock: Clock, ended: asyncio.Event) -> None:
-    from rich.console import Console
-    from rich.control import Control
-
     from yahboomd.cli.screens import monitor_screen
-    from yahboomd.cli.screens.terminal import Keys
+    from yahboomd.cli.screens.drawing import Screen
+    from yahboomd.cli.screens.keyboard import Keys
+    from yahboomd.cli.screens.teleop import wish
 
-    console = Console(highlight=False, markup=False)
+    def pressed(key: str) -> None:
+        if wish(key) == "quit":
+            ended.set()
+
     with ExitStack() as stack:
         if sys.stdin.isatty():
-
-            def pressed(key: str) -> None:
-                if wish(key) == "quit":
-                    ended.set()
-
             # Also, what is typed does not appear among the numbers.
             stack.enter_context(Keys(sys.stdin.fileno(), pressed, ended.set))
-        stack.enter_context(console.screen(hide_cursor=True))
+        screen = stack.enter_context(Screen(sys.stdout.fileno()))
         while not ended.is_set():
             feed.check()
             feed.news.clear()
             view = feed.view(clock.now_ns())
-            width, height = console.size
             if view.status is None:
-                drawn = monitor_screen.waiting(
-                    view, where=feed.wanted, width=width, height=height, why=feed.why
-                )
+                screen.draw(monitor_screen.waiting(view, where=feed.wanted, why=feed.why))
             else:
-                drawn = monitor_screen.screen(view, where=feed.robot, width=width, height=height)
-            console.print(Control.home(), drawn, sep="", end="", crop=True)
+                width, height = screen.size
+                screen.draw(
+                    monitor_screen.screen(view, where=feed.robot, width=width, height=height)
+                )
             await (_pause(ended, REDRAW_S) if view.moving else _calm(ended, feed))
 
 

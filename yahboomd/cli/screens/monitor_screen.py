@@ -1,84 +1,82 @@
-"""The monitor as a screen of its own, for rich to print. Pure: a view in, lines of text out."""
+"""The monitor's screen, for rich to draw. Pure: a view in, panels out."""
 
 from __future__ import annotations
 
 import math
 import textwrap
-import time
 from collections.abc import Sequence
 from itertools import groupby
 from operator import itemgetter
 
+from rich.align import Align
+from rich.console import RenderableType
+from rich.layout import Layout
+from rich.panel import Panel
+from rich.table import Table
 from rich.text import Text
 
-from yahboomd.cli.screens import monitor_facts as facts
-from yahboomd.cli.screens.ansi import Part
-from yahboomd.cli.screens.boxes import QUIET, beside, ends, framed, line, stacked
-from yahboomd.cli.screens.trail_map import trail_map
-from yahboomd.cli.screens.view import Count, EventView, View, WheelView
-from yahboomd.cli.words import SEVERITIES, STATES, bar, degrees, duration, signed
+from yahboomd.cli.screens import sentences
+from yahboomd.cli.screens.dashboard import Count, View
+from yahboomd.cli.screens.drawing import QUIET, SEVERITIES, STATES, line, panel, sentence
+from yahboomd.cli.screens.path_map import path_map
+from yahboomd.cli.words import degrees, duration, signed
 
 MAP_FROM = 108
 """Columns from which on there is room for a map beside the numbers."""
 
-BAR_PARTS = {"empty": QUIET, "axis": QUIET, "speed": "green", "command": "bold"}
-"""How the parts of a bar are drawn."""
 
-
-def screen(view: View, *, where: str, width: int, height: int) -> Text:
+def screen(view: View, *, where: str, width: int, height: int) -> RenderableType:
     """The whole screen.
 
     Args:
-        view: What there is to show.
+        view: What there is to show, with a status.
         where: The robot and where it is, for the title.
         width: Columns of the terminal.
-        height: Its lines; boxes for which there is no room are left out, from below.
+        height: Its lines; panels for which there is no room are left out, from below.
     """
-    if view.status is None:
-        return waiting(view, where=where, width=width, height=height)
     side = min(2 * height, width - 80) if width >= MAP_FROM and view.trail else 0
-    width -= side
-    half = width // 2
-    lines = [
-        *_state(view, where, width),
-        *beside(_pose(view, half), _twist(view, width - half)),
-        *_wheels(view, width),
-        *beside(_board(view, half), _bus(view, width - half)),
-    ]
-    room = height - len(lines)
-    # Two for its frame; a box without a line in it says nothing.
-    if room > 2:
-        lines += _events(view, width, room)
-    # All of the screen is drawn, over what was there before.
-    lines = (lines + [line(" " * width)] * height)[:height]
-    if side:
-        lines = beside(lines, _map(view, side, len(lines)))
-    return stacked(lines)
+    main = width - side
+    half = main // 2
+    whole, numbers = Layout(), Layout()
+    state, state_height = _state(view, where, main)
+    used = state_height + 5 + max(1, len(view.wheel_rows)) + 2 + 5
+    numbers.split_column(
+        Layout(state, size=state_height),
+        _beside(_pose(view), _twist(view), half),
+        Layout(_wheels(view, main), size=max(1, len(view.wheel_rows)) + 2),
+        _beside(_board(view), _bus(view), half),
+        # Two for its frame; a panel without a line in it says nothing.
+        Layout(_events(view, height - used - 2), visible=height - used > 2),
+    )
+    if not side:
+        return numbers
+    whole.split_row(numbers, Layout(_map(view, side, height), size=side))
+    return whole
 
 
-def waiting(view: View, *, where: str, width: int, height: int, why: str = "") -> Text:
+def waiting(view: View, *, where: str, why: str) -> RenderableType:
     """The screen before any status came: where the daemon is looked for, and what was found."""
-    inside = width - 4
-    sentences: list[Part] = [(f"waiting for a daemon at {where} …", "bold yellow"), ("", "")]
-    sentences += [(each, "yellow") for each in textwrap.wrap(why, inside)]
+    words = [(f"waiting for a daemon at {where} …", "bold yellow"), ("", ""), (why, "yellow")]
     if view.unreadable:
-        sentences.append((f"{view.unreadable} samples came that cannot be read", "red"))
-    sentences += [("", ""), ("q ends this", QUIET)]
-    lines = [line((words.center(inside), style)) for words, style in sentences]
-    above = max(0, (height - 2 - len(lines)) // 2)
-    return stacked(
-        framed(
-            [line()] * above + lines,
-            width=width,
-            height=height,
-            title="yahboomd monitor",
-            style="yellow",
-        )
+        words.append((f"{view.unreadable} samples came that cannot be read", "red"))
+    words += [("", ""), ("q ends this", QUIET)]
+    centred = Text("\n", justify="center").join(sentence(each) for each in words)
+    return Panel(
+        Align.center(centred, vertical="middle"),
+        title=line(("yahboomd monitor", "bold default")),
+        title_align="left",
+        border_style="yellow",
     )
 
 
+def _beside(left: RenderableType, right: RenderableType, width: int) -> Layout:
+    both = Layout(size=5)
+    both.split_row(Layout(left, size=width), Layout(right))
+    return both
+
+
 def _past(view: View) -> str:
-    """The style of numbers: grey where they may tell the past."""
+    """The style of numbers: grey where they may be old."""
     return QUIET if view.phase == "silent" or view.late else ""
 
 
@@ -86,16 +84,17 @@ def _old(view: View) -> str:
     return " (old)" if _past(view) else ""
 
 
-def _state(view: View, where: str, width: int) -> list[Text]:
+def _state(view: View, where: str, width: int) -> tuple[Panel, int]:
+    """The panel, and its height."""
     status = view.status
     assert status is not None
     if view.phase == "silent":
         colour = "red"
         why = "All this is as it was then. Waiting for the daemon to come back … "
-        why += facts.lost_sight(view)
+        why += sentences.lost_sight(view)
         head = line(
             (" NO WORD ", "bold white on red"),
-            (f" from the daemon for {duration(view.silent_s or 0.0)}", "bold red"),
+            (f" from the daemon for {duration(view.silent_s)}", "bold red"),
         )
         driver = line((f"it was {status.state}", "red"))
     else:
@@ -103,88 +102,107 @@ def _state(view: View, where: str, width: int) -> list[Text]:
         head = line(
             (f"● {status.state.upper()}", f"bold {colour}"), f" for {duration(view.state_s)}"
         )
-        driver = line(facts.driver(view))
-    inside = width - 4
-    sentences = textwrap.wrap(why, inside, max_lines=3, placeholder=" …") or [""]
-    return framed(
-        [ends(head, driver, inside), *map(line, sentences)],
-        width=width,
-        title=where,
-        note="q ends",
-        style=colour,
+        driver = line(sentences.driver(view))
+    ends = Table.grid(expand=True)
+    ends.add_column(no_wrap=True)
+    ends.add_column(justify="right", no_wrap=True)
+    ends.add_row(head, driver)
+    why_lines = textwrap.wrap(why, width - 4, max_lines=3, placeholder=" …") or [""]
+    return (
+        panel(ends, *map(line, why_lines), title=where, note="q ends", style=colour),
+        len(why_lines) + 3,
     )
 
 
-def _pose(view: View, width: int) -> list[Text]:
+def _pose(view: View) -> Panel:
     pose, bold = view.pose, f"bold {_past(view)}".rstrip()
     if pose is None:
-        return framed([line(("no pose yet", "yellow"))], width=width, height=5, title="pose")
-    x, y, theta = view.sigma or (0.0, 0.0, 0.0)
-    heading = f"  {degrees(pose.theta)}"
-    lines = [
+        return panel(line(("no pose yet", "yellow")), title="pose")
+    x, y, theta = (math.sqrt(max(0.0, variance)) for variance in pose.covariance[::4])
+    return panel(
         line("x ", (signed(pose.x), bold), " m    ", (f"± {x:.3f}", QUIET)),
         line("y ", (signed(pose.y), bold), " m    ", (f"± {y:.3f}", QUIET)),
-        line("θ ", (signed(pose.theta), bold), " rad  ", (f"± {theta:.3f}", QUIET), heading),
-    ]
-    return framed(lines, width=width, title=f"pose in {pose.frame_id}{_old(view)}")
+        line(
+            *("θ ", (signed(pose.theta), bold), " rad  ", (f"± {theta:.3f}", QUIET)),
+            f"  {degrees(pose.theta)}",
+        ),
+        title=f"pose in {pose.frame_id}{_old(view)}",
+    )
 
 
-def _twist(view: View, width: int) -> list[Text]:
+def _twist(view: View) -> Panel:
     twist, bold = view.twist, f"bold {_past(view)}".rstrip()
     if twist is None:
-        return framed([line(("no twist yet", "yellow"))], width=width, height=5, title="twist")
+        return panel(line(("no twist yet", "yellow")), title="twist")
     turning = f" {signed(math.degrees(twist.wz), 1, 6)}°/s"
-    lines = [
+    return panel(
         line("forward ", (signed(twist.vx), bold), " m/s"),
         line("to left ", (signed(twist.vy), bold), " m/s"),
         line("turning ", (signed(twist.wz), bold), " rad/s", turning),
-    ]
-    return framed(lines, width=width, title=f"twist of {twist.frame_id}{_old(view)}")
+        title=f"twist of {twist.frame_id}{_old(view)}",
+    )
 
 
-def _wheels(view: View, width: int) -> list[Text]:
-    longest = max((len(wheel.name) for wheel in view.wheels), default=0)
-    return framed(
-        [_wheel(wheel, view, longest, width - 4) for wheel in view.wheels]
-        or [line(("no wheels yet", "yellow"))],
-        width=width,
+def _wheels(view: View, width: int) -> Panel:
+    longest = max((len(name) for name, *_ in view.wheel_rows), default=0)
+    rows = []
+    for name, ticks, speed_m_s, command_m_s in view.wheel_rows:
+        numbers = (
+            f"{name:<{longest}} {ticks:>10} "
+            f"{signed(speed_m_s, 3, 7)} of {signed(command_m_s, 3, 6)}  "
+        )
+        room = max(9, width - 5 - len(numbers))
+        full_m_s = view.full_scale_m_s
+        drawn = bar(speed_m_s / full_m_s, command_m_s / full_m_s, room // 2 - 1)
+        rows.append(line(numbers) + drawn)
+        if style := _past(view):
+            rows[-1].stylize(style)
+    return panel(
+        *(rows or [line(("no wheels yet", "yellow"))]),
         title=f"wheels: ticks, m/s measured █ and commanded ┃{_old(view)}",
         note=f"a full bar is {view.full_scale_m_s:.2f} m/s",
     )
 
 
-def _wheel(wheel: WheelView, view: View, longest: int, room: int) -> Text:
-    style = _past(view)
-    numbers = (
-        f"{wheel.name:<{longest}} {wheel.ticks:>10} "
-        f"{signed(wheel.speed_m_s, 3, 7)} of {signed(wheel.command_m_s, 3, 6)}  "
-    )
-    # An odd number has a middle.
-    width = max(9, room - len(numbers) - 1) // 2 * 2 - 1
-    cells = bar(wheel.speed_m_s, wheel.command_m_s, full_scale=view.full_scale_m_s, width=width)
-    runs = [
-        ("".join(each for each, _ in run), style or BAR_PARTS[part])
-        for part, run in groupby(cells, key=itemgetter(1))
-    ]
-    return line((numbers, style), *runs)
+def bar(speed: float, command: float, half: int) -> Text:
+    """A speed beside what was commanded, with zero in the middle.
+
+    Args:
+        speed: Drawn as a bar from the middle, by half characters; 1 reaches the end.
+        command: Drawn as a mark.
+        half: Characters to each side of the middle.
+    """
+    cells = [("·", QUIET)] * half + [("┼", QUIET)] + [("·", QUIET)] * half
+    whole, rest = divmod(round(min(1.0, abs(speed)) * half * 2), 2)
+    step = 1 if speed > 0.0 else -1
+    for index in range(1, whole + 1):
+        cells[half + step * index] = ("█", "green")
+    if rest:
+        cells[half + step * (whole + 1)] = ("▌" if speed > 0.0 else "▐", "green")
+    if command:
+        # However small, it is to be seen.
+        place = max(1, round(min(1.0, abs(command)) * half))
+        cells[half + (place if command > 0.0 else -place)] = ("┃", "bold")
+    runs = groupby(cells, key=itemgetter(1))
+    return Text.assemble(*(("".join(each for each, _ in run), style) for style, run in runs))
 
 
-def _board(view: View, width: int) -> list[Text]:
-    lines = [
-        line(facts.board(view)),
-        line((facts.link(view), _past(view)), f" · {facts.supply(view)}"),
+def _board(view: View) -> Panel:
+    return panel(
+        line(sentences.board(view)),
+        line((sentences.readings(view), _past(view)), f" · {sentences.supply(view)}"),
         _troubles(view.link, "nothing lost, refused or missed"),
-    ]
-    return framed(lines, width=width, title="board")
+        title="board",
+    )
 
 
-def _bus(view: View, width: int) -> list[Text]:
-    lines = [
-        line((facts.traffic(view), _past(view))),
+def _bus(view: View) -> Panel:
+    return panel(
+        line((sentences.traffic(view), _past(view))),
         _troubles(view.refusals, "no command refused", "refused: "),
-        line(facts.routers(view)),
-    ]
-    return framed(lines, width=width, title="bus")
+        line(sentences.routers(view)),
+        title="bus",
+    )
 
 
 def _troubles(counts: Sequence[Count], nothing: str, before: str = "") -> Text:
@@ -192,43 +210,27 @@ def _troubles(counts: Sequence[Count], nothing: str, before: str = "") -> Text:
     if not counts:
         return line((nothing, "green"))
     ordered = sorted(counts, key=lambda count: not count.rising)
-    parts: list[str | Part] = [before]
-    for index, count in enumerate(ordered):
-        style = "bold red" if count.rising else QUIET
-        parts.append((f"{' · ' if index else ''}{count.name} {count.total}", style))
-    return line(*parts)
-
-
-def _events(view: View, width: int, height: int) -> list[Text]:
-    lines: list[Text] = []
-    room = height - 2
-    for event in reversed(view.events):
-        if len(lines) == room:
-            break
-        # The newest is shown in full, the older ones in a line each.
-        lines += _event(event, width - 4, 1 if lines else min(3, room))
-    lines = lines or [line(("nothing since this monitor was started", QUIET))]
-    return framed(lines, width=width, height=height, title="events")
-
-
-def _event(event: EventView, width: int, most: int) -> list[Text]:
-    moment = time.strftime("%H:%M:%S  ", time.localtime(event.stamp_ns / 1e9))
-    sentences = textwrap.wrap(
-        event.message, max(10, width - len(moment)), max_lines=most, placeholder=" …"
+    parts = (
+        (f"{count.name} {count.total}", "bold red" if count.rising else QUIET) for count in ordered
     )
-    colour = SEVERITIES.get(event.severity, "default")
-    return [
-        line((" " * len(moment) if index else moment, QUIET), (words, colour))
-        for index, words in enumerate(sentences or [""])
-    ]
+    return line(before) + line((" · ", QUIET)).join(map(line, parts))
 
 
-def _map(view: View, width: int, height: int) -> list[Text]:
+def _events(view: View, room: int) -> Panel:
+    rows = Table.grid(padding=(0, 2, 0, 0))
+    for event in list(reversed(view.events))[: max(0, room)]:
+        colour = SEVERITIES.get(event.severity, "default")
+        form = line if rows.row_count else sentence
+        rows.add_row(line((sentences.moment(event), QUIET)), form((event.message, colour)))
+    nothing = line(("nothing since this monitor was started", QUIET))
+    return panel(rows if view.events else nothing, title="events")
+
+
+def _map(view: View, width: int, height: int) -> Panel:
     theta = 0.0 if view.pose is None else view.pose.theta
-    drawn, (column, row), scale_m = trail_map(
+    drawn, (column, row), scale_m = path_map(
         view.trail, theta=theta, width=width - 4, height=height - 2
     )
     lines = [line((each, "cyan")) for each in drawn]
     lines[row].stylize(_past(view) or "bold yellow", column, column + 1)
-    note = f"a line is {scale_m:.2f} m"
-    return framed(lines, width=width, height=height, title="path, x is up", note=note)
+    return panel(*lines, title="path, x is up", note=f"a line is {scale_m:.2f} m")

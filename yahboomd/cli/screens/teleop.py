@@ -1,15 +1,55 @@
 """Keys to velocities, with a deadman that a terminal allows. Pure; monotonic nanoseconds handed in.
 
-A held key is seen as one press, a pause, and then repeats. So the first press counts until the
-repeats must have begun; once they have, a short silence means that the key was let go.
+A terminal shows no releases. A held key is seen as one press, a pause, and then repeats. So the
+first press counts until the repeats must have begun; once they have, a short silence means that the
+key was let go.
 """
 
 from __future__ import annotations
 
-import msgspec
+from typing import Literal, TypeAlias
 
-from yahboomd.cli.screens.keyboard import Wish, direction, wish
 from yahboomd.model import Twist2d
+
+Wish: TypeAlias = Literal["move", "stop", "faster", "slower", "estop", "release", "quit"]
+
+MOVES: dict[str, tuple[int, int, int]] = {
+    **dict.fromkeys(("up", "w", "i"), (1, 0, 0)),
+    **dict.fromkeys(("down", "s", ","), (-1, 0, 0)),
+    **dict.fromkeys(("left", "a", "j"), (0, 0, 1)),
+    **dict.fromkeys(("right", "d", "l"), (0, 0, -1)),
+    "u": (1, 0, 1),
+    "o": (1, 0, -1),
+    "m": (-1, 0, -1),
+    ".": (-1, 0, 1),
+    # As in ROS's keyboard teleoperation: shift, for bases that can move sideways.
+    "J": (0, 1, 0),
+    "L": (0, -1, 0),
+}
+"""The keys that move, with the signs of vx, vy and wz."""
+
+_WISHES: dict[str, Wish] = {
+    **dict.fromkeys("+=", "faster"),
+    **dict.fromkeys("-_", "slower"),
+    **dict.fromkeys("eE", "estop"),
+    **dict.fromkeys("rR", "release"),
+    # Ctrl-C and Ctrl-D too, where the terminal hands them over.
+    **dict.fromkeys("qQ\x03\x04", "quit"),
+}
+
+
+def direction(key: str) -> tuple[int, int, int] | None:
+    """Where a key moves the base; None where it does not."""
+    # With caps lock on, W is still forward.
+    return MOVES.get(key) or MOVES.get(key.lower())
+
+
+def wish(key: str) -> Wish:
+    """What a key asks for. Every key that means nothing else stops."""
+    if direction(key) is not None:
+        return "move"
+    return _WISHES.get(key, "stop")
+
 
 MS = 1_000_000
 
@@ -24,20 +64,6 @@ SHORTEST_NS = 250 * MS
 
 FASTER = 1.1
 MIN_SCALE, MAX_SCALE = 0.05, 10.0
-
-
-class TeleopView(msgspec.Struct, frozen=True, kw_only=True):
-    """What is commanded, and the speeds that a key stands for.
-
-    Attributes:
-        twist: What is published now, zeros after motion included; None for nothing.
-        linear_m_s: Speed of the keys that go somewhere.
-        angular_rad_s: Speed of the keys that turn.
-    """
-
-    twist: Twist2d | None
-    linear_m_s: float
-    angular_rad_s: float
 
 
 class Teleop:
@@ -70,12 +96,8 @@ class Teleop:
             factor = FASTER if wanted == "faster" else 1.0 / FASTER
             self._scale = min(max(self._scale * factor, MIN_SCALE), MAX_SCALE)
         else:
-            self.stop()
+            self._key = None
         return wanted
-
-    def stop(self) -> None:
-        """No key is held any more."""
-        self._key = None
 
     def motion(self, now_ns: int) -> tuple[Twist2d, int] | None:
         """What the held key asks for, and until when, unless it is pressed again; None for none."""
@@ -83,17 +105,15 @@ class Teleop:
             return None
         return self._twist(self._key), self._until_ns
 
-    def view(self, twist: Twist2d | None) -> TeleopView:
-        """What there is to show.
+    @property
+    def linear_m_s(self) -> float:
+        """Speed of the keys that go somewhere."""
+        return self._linear_m_s * self._scale
 
-        Args:
-            twist: What is published now.
-        """
-        return TeleopView(
-            twist=twist,
-            linear_m_s=self._linear_m_s * self._scale,
-            angular_rad_s=self._angular_rad_s * self._scale,
-        )
+    @property
+    def angular_rad_s(self) -> float:
+        """Speed of the keys that turn."""
+        return self._angular_rad_s * self._scale
 
     def _hold(self, key: str, now_ns: int) -> None:
         gap_ns = now_ns - self._pressed_ns
@@ -103,5 +123,5 @@ class Teleop:
 
     def _twist(self, key: str) -> Twist2d:
         vx, vy, wz = direction(key) or (0, 0, 0)
-        linear, angular = self._linear_m_s * self._scale, self._angular_rad_s * self._scale
-        return Twist2d(vx=vx * linear, vy=vy * linear, wz=wz * angular)
+        linear_m_s = self.linear_m_s
+        return Twist2d(vx=vx * linear_m_s, vy=vy * linear_m_s, wz=wz * self.angular_rad_s)

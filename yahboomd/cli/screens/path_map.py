@@ -2,7 +2,7 @@
 
 A character of the Braille block is a grid of two by four dots, so a small corner of a terminal
 shows a path well. Axes are those of the pose: x points up the screen, y to the left, as seen from
-above by somebody who stands behind the robot.
+above and behind the robot.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ JUMP_M = 0.5
 _ARROWS = "↑↖←↙↓↘→↗"
 
 
-def trail_map(
+def path_map(
     trail: Sequence[tuple[float, float]], *, theta: float, width: int, height: int
 ) -> tuple[list[str], tuple[int, int], float]:
     """Draw a path, to scale, as large as fits.
@@ -58,8 +58,10 @@ def trail_map(
     before = trail[0]
     for point in trail:
         # Between two poses it drove, but not to one that was set.
-        start = before if math.dist(before, point) < JUMP_M else point
-        for column, row in _between(dot(*start), dot(*point)):
+        (x, y), (x_end, y_end) = before if math.dist(before, point) < JUMP_M else point, point
+        steps = math.ceil(math.dist((x, y), point) / metres_per_dot)
+        for share in (step / max(1, steps) for step in range(steps + 1)):
+            column, row = dot(x + (x_end - x) * share, y + (y_end - y) * share)
             cells[row // 4][column // 2] |= _DOTS[column % 2][row % 4]
         before = point
     lines = [[chr(_BRAILLE + bits) if bits else " " for bits in line] for line in cells]
@@ -67,15 +69,3 @@ def trail_map(
     place = (column // 2, row // 4)
     lines[place[1]][place[0]] = _ARROWS[round(theta / (math.pi / 4)) % 8]
     return ["".join(line) for line in lines], place, 4 * metres_per_dot
-
-
-def _between(start: tuple[int, int], end: tuple[int, int]) -> list[tuple[int, int]]:
-    """The dots of a straight line."""
-    steps = max(abs(end[0] - start[0]), abs(end[1] - start[1]))
-    return [
-        (
-            round(start[0] + (end[0] - start[0]) * step / max(1, steps)),
-            round(start[1] + (end[1] - start[1]) * step / max(1, steps)),
-        )
-        for step in range(steps + 1)
-    ]
