@@ -23,12 +23,12 @@ def command(monkeypatch):
     def install(body, options=()):
         module = types.ModuleType("yahboomd.cli.screens.drive")
 
-        def add_parser(subparsers):
-            parser = subparsers.add_parser("drive", description="The keys are W A S D.")
+        def add_options(parser):
             for option in options:
                 parser.add_argument(option)
 
-        module.add_parser = add_parser
+        module.DESCRIPTION, module.EPILOG = "The keys are W A S D.", ""
+        module.add_options = add_options
         module.run = body
         monkeypatch.setitem(sys.modules, "yahboomd.cli.screens.drive", module)
 
@@ -171,7 +171,8 @@ def test_a_reader_that_leaves_is_no_error(tmp_path):
     script = (
         "import sys, types; from yahboomd.cli import main as cli\n"
         "module = types.ModuleType('yahboomd.cli.screens.drive')\n"
-        "module.add_parser = lambda subparsers: subparsers.add_parser('drive') and None\n"
+        "module.DESCRIPTION = module.EPILOG = ''\n"
+        "module.add_options = lambda parser: None\n"
         "module.run = lambda args: print('x' * 10_000_000) or 0\n"
         "sys.modules['yahboomd.cli.screens.drive'] = module\n"
         "sys.exit(cli.main(['drive']))"
@@ -259,7 +260,8 @@ def test_a_bug_keeps_its_traceback_and_its_status_while_a_thread_runs():
         "import sys, threading, types; from yahboomd.cli import main as cli\n"
         "threading.Thread(target=threading.Event().wait, daemon=True).start()\n"
         "module = types.ModuleType('yahboomd.cli.screens.drive')\n"
-        "module.add_parser = lambda subparsers: subparsers.add_parser('drive') and None\n"
+        "module.DESCRIPTION = module.EPILOG = ''\n"
+        "module.add_options = lambda parser: None\n"
         "module.run = lambda args: 1 / 0\n"
         "sys.modules['yahboomd.cli.screens.drive'] = module\n"
         "sys.argv[1:] = ['drive']\n"

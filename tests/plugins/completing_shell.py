@@ -122,7 +122,7 @@ def shell(
 ) -> Iterator[Shell]:
     """A real shell with our script; its folder has a file ``robot.toml`` and a folder ``image``."""
     from yahboomd.cli.shell.command_tree import whole
-    from yahboomd.cli.shell.completion_scripts import SCRIPTS
+    from yahboomd.cli.shell.completions import SCRIPTS
 
     name = request.param
     if shutil.which(name) is None:

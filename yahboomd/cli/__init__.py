@@ -1,5 +1,7 @@
-"""The command line: `main` finds the command, and each command has a file.
+"""The command line: ``main`` finds a command, and each command is a file or in a folder of its own.
 
-Families have folders: `stop`, `probe`, `robot` (for scripts), `screens` (monitor and drive),
-`service` (install and uninstall) and `shell` (completions and man pages).
+``screens`` watches and drives a robot from a terminal; ``robot`` does from a shell script; ``stop``
+stops wheels, whatever drives them; ``probe`` examines boards; ``service`` installs; ``shell`` makes
+man pages and completions. Beside them lie ``run``, ``simulate``, ``config`` and ``metrics``, and
+what several share: options, numbers in words, other processes of this machine.
 """

@@ -7,6 +7,8 @@ import sys
 
 from yahboomd.cli.options import add_config_options, read_config
 
+DESCRIPTION = "Check, show and explain the configuration. Nothing is opened or moved."
+
 EPILOG = """\
 examples:
   yahboomd config check                           the file that the service reads
@@ -19,14 +21,8 @@ exit status:
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command and its four verbs."""
-    parser = subparsers.add_parser(
-        "config",
-        description="Check, show and explain the configuration. Nothing is opened or moved.",
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the four verbs."""
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
 
     check = verbs.add_parser(

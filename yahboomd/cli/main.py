@@ -1,8 +1,8 @@
 """The ``yahboomd`` command: finds the subcommand, runs it, and says in one message what failed.
 
-Each subcommand is a module of its name with ``add_parser(subparsers)`` and ``run(args) -> int``,
-imported when it is used: ``yahboomd --help`` must not wait for Zenoh, and a machine without the
-extras of one command must not lose the others.
+Each subcommand is a module of its name, a :class:`Command`, imported when it is used:
+``yahboomd --help`` must not wait for Zenoh, and a machine without the extras of one command must
+not lose the others.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
-from typing import NoReturn, Protocol, cast
+from typing import NoReturn, Protocol, TypeAlias, cast
 
 from yahboomd import __version__
 from yahboomd.errors import YahboomdError
@@ -70,11 +70,17 @@ a first drive, without a robot:
 """
 
 
+Subparsers: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"  # noqa: SLF001
+
+
 class Command(Protocol):
     """What a subcommand's module offers."""
 
-    def add_parser(self, subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-        """Add the subcommand, its options and its help."""
+    DESCRIPTION: str
+    EPILOG: str
+
+    def add_options(self, parser: argparse.ArgumentParser) -> None:
+        """Declare its options."""
         ...
 
     def run(self, args: argparse.Namespace) -> int:
@@ -176,7 +182,7 @@ def _dispatch(arguments: list[str]) -> int:
             except ModuleNotFoundError as error:
                 _say(_missing(known, error))
                 return os.EX_UNAVAILABLE
-            command.add_parser(subparsers)
+            _add(subparsers, known, command)
         else:
             subparsers.add_parser(known, help=line)
     args, unknown = parser.parse_known_args(arguments)
@@ -201,13 +207,23 @@ def whole_parser() -> argparse.ArgumentParser:
     """The parser with every command's options, for what describes the command line."""
     parser, subparsers = _bare_parser()
     for name in COMMANDS:
-        _load(name).add_parser(subparsers)
+        _add(subparsers, name, _load(name))
     return parser
 
 
-def _bare_parser() -> tuple[
-    argparse.ArgumentParser, argparse._SubParsersAction[argparse.ArgumentParser]
-]:
+def _add(subparsers: Subparsers, name: str, command: Command) -> None:
+    command.add_options(
+        subparsers.add_parser(
+            name,
+            help=COMMANDS[name],
+            description=command.DESCRIPTION,
+            epilog=command.EPILOG,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+    )
+
+
+def _bare_parser() -> tuple[argparse.ArgumentParser, Subparsers]:
     parser = argparse.ArgumentParser(
         prog="yahboomd",
         description="Drives Yahboom encoder motor boards: velocity commands in over Zenoh, exact "

@@ -55,14 +55,8 @@ exit status:
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the command."""
-    parser = subparsers.add_parser(
-        "metrics",
-        description=DESCRIPTION,
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
     parser.add_argument(
         "--listen",
         metavar="ADDRESS:PORT",
@@ -177,8 +171,6 @@ async def _serve(robots: dict[str, BusOptions], place: Place, names: list[str]) 
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
-        for number in SIGNALS:
-            loop.remove_signal_handler(number)
     return os.EX_OK
 
 

@@ -6,7 +6,7 @@ import argparse
 import math
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,15 +23,23 @@ def take_negative_numbers(parser: argparse.ArgumentParser) -> None:
     parser._negative_number_matcher = NEGATIVE  # noqa: SLF001 - there is no public way
 
 
-def seconds(text: str) -> float:
-    """A duration from an option."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0.0 <= value <= 3600.0:
-        raise argparse.ArgumentTypeError(f"{text} is no number of seconds from 0 to 3600")
-    return value
+def number(what: str, good: Callable[[float], bool] = math.isfinite) -> Callable[[str], float]:
+    """Reads an option's number; one that is not good raises with what it should be."""
+
+    def read(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not good(value):
+            raise argparse.ArgumentTypeError(f"{text} is not {what}")
+        return value
+
+    return read
+
+
+seconds = number("a number of seconds from 0 to 3600", lambda value: 0.0 <= value <= 3600.0)
+"""Reads a duration."""
 
 
 def add_config_options(parser: argparse.ArgumentParser, *, overrides: bool = True) -> None:

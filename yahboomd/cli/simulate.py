@@ -48,16 +48,9 @@ exit status:
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command and its options."""
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
     robot, line = SimulationOptions(), ImpairmentOptions()
-    parser = subparsers.add_parser(
-        "simulate",
-        help="be a board on a pseudo-terminal, with motors, chassis and ground truth",
-        description=DESCRIPTION,
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
     where = parser.add_argument_group("where it appears")
     where.add_argument(
         "--link",

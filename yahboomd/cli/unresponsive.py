@@ -73,6 +73,14 @@ def listener(endpoints: tuple[str, ...]) -> int | None:
     return None
 
 
+def suspended_listener(endpoints: tuple[str, ...]) -> int | None:
+    """A suspended daemon of this machine that listens at one of them."""
+    pid = listener(endpoints)
+    if pid is None or not is_yahboomd(pid) or process_state(pid) not in FROZEN:
+        return None
+    return pid
+
+
 def reaching(pid: int, *, proc: str = "/proc") -> str:
     """That a daemon has a port open, and the command that stops it; empty where it has none."""
     ports = serial_ports(pid, proc=proc)

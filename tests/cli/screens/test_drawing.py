@@ -76,11 +76,14 @@ def test_a_screen_that_has_not_changed_is_not_written_again(pipe: tuple[int, int
         assert "other" in written(reader)
 
 
-def test_a_terminal_that_is_gone_fails_nothing(pipe: tuple[int, int]) -> None:
+def test_a_terminal_that_is_gone_is_reported_and_fails_nothing(pipe: tuple[int, int]) -> None:
     reader, writer = pipe
-    with Screen(writer) as screen:
+    gone: list[bool] = []
+    with Screen(writer, lambda: gone.append(True)) as screen:
         os.close(reader)
+        assert not gone
         screen.draw("unseen")
+        assert gone == [True]
 
 
 def test_without_colours_no_colour_is_written(

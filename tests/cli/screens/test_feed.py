@@ -45,7 +45,7 @@ async def test_an_event_is_news(fake_daemon: Any) -> None:
         feed.news.clear()
         await eventually(feed.news.is_set)
         daemon.tell("It rains.")
-        await eventually(lambda: feed.dashboard.new_events(0))
+        await eventually(feed.dashboard.new_events)
 
 
 async def test_a_daemon_that_goes_and_comes_is_noticed_both_times(fake_daemon: Any) -> None:

@@ -52,7 +52,7 @@ def test_a_timeout_must_be_a_number_of_seconds(
     with pytest.raises(SystemExit) as ended:
         main(["monitor", "--once", f"--timeout={seconds}"])
     assert ended.value.code == 2
-    assert f"--timeout: {seconds} is no number of seconds" in capsys.readouterr().err
+    assert f"--timeout: {seconds} is not a number of seconds" in capsys.readouterr().err
 
 
 async def test_without_a_terminal_it_prints_lines_until_it_is_ended(

@@ -52,7 +52,7 @@ def test_a_path_is_drawn_without_holes() -> None:
     assert " " not in inner
 
 
-def test_a_pose_that_was_set_anew_is_not_joined_to_the_path() -> None:
+def test_a_pose_that_was_set_is_not_joined_to_the_path() -> None:
     joined, _, _ = path_map([(0.0, 0.0), (0.4, 0.0)], theta=0.0, width=5, height=10)
     jumped, _, _ = path_map([(0.0, 0.0), (4.0, 0.0)], theta=0.0, width=5, height=10)
     assert sum(line.strip() != "" for line in joined) > 2

@@ -20,7 +20,7 @@ from yahboomd.cli.options import (
     read_config,
     seconds,
 )
-from yahboomd.cli.unresponsive import FROZEN, is_yahboomd, listener, process_state, suspended
+from yahboomd.cli.unresponsive import suspended, suspended_listener
 from yahboomd.errors import NoDaemon
 
 if TYPE_CHECKING:
@@ -97,8 +97,8 @@ def attend(
 
 def _explained(error: NoDaemon, endpoints: tuple[str, ...], again: str) -> NoDaemon:
     """The same error, or that the daemon is one of this machine and suspended."""
-    pid = listener(endpoints)
-    if pid is None or not is_yahboomd(pid) or process_state(pid) not in FROZEN:
+    pid = suspended_listener(endpoints)
+    if pid is None:
         return error
     message, remedy = suspended(pid, again)
     return NoDaemon(message, remedy=remedy)
@@ -125,9 +125,6 @@ async def _attended(
         if not came:
             raise
         return 128 + came[0]
-    finally:
-        for number in signals:
-            loop.remove_signal_handler(number)
 
 
 @contextmanager

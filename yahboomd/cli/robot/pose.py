@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import math
 import os
 import sys
 from typing import TYPE_CHECKING
 
-from yahboomd.cli.options import take_negative_numbers
+from yahboomd.cli.options import number, take_negative_numbers
 from yahboomd.cli.robot.attended import add_robot_options, attend
 
 if TYPE_CHECKING:
@@ -42,14 +41,8 @@ exit status:
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the command."""
-    parser = subparsers.add_parser(
-        "pose",
-        description=DESCRIPTION,
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
     what = parser.add_mutually_exclusive_group()
     what.add_argument(
         "--json", action="store_true", help="print the sample as JSON, as it is on the bus"
@@ -58,7 +51,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     what.add_argument(
         "--set",
         nargs=3,
-        type=_number,
+        type=number("a number"),
         metavar=("X", "Y", "THETA"),
         dest="pose",
         help="go on from this pose, in metres and radians",
@@ -86,16 +79,6 @@ def run(args: argparse.Namespace) -> int:
         return os.EX_OK
 
     return attend(args, work)
-
-
-def _number(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"{text} is no number")
-    return value
 
 
 async def _print(robot: AsyncRobot, *, as_json: bool) -> int:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import math
 import os
 import signal
 import sys
 from typing import TYPE_CHECKING
 
-from yahboomd.cli.options import take_negative_numbers
+from yahboomd.cli.options import number, take_negative_numbers
 from yahboomd.cli.robot.attended import add_robot_options, attend
 from yahboomd.errors import NoDaemon
 
@@ -46,25 +45,19 @@ exit status:
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the command."""
-    parser = subparsers.add_parser(
-        "send",
-        description=DESCRIPTION,
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
     for flag, unit, words in (
         ("--vx", "M_PER_S", "forward, in m/s"),
         ("--vy", "M_PER_S", "to the left, in m/s; for mecanum wheels"),
         ("--wz", "RAD_PER_S", "counter-clockwise, in rad/s"),
     ):
-        parser.add_argument(flag, metavar=unit, type=_velocity, help=words)
+        parser.add_argument(flag, metavar=unit, type=number("a velocity"), help=words)
     parser.add_argument(
         "--for",
         metavar="SECONDS",
         dest="for_s",
-        type=_time,
+        type=number("a number of seconds above 0, up to 3600", lambda value: 0.0 < value <= 3600.0),
         required=True,
         help="how long, from above 0 to 3600 seconds",
     )
@@ -105,26 +98,6 @@ def run(args: argparse.Namespace) -> int:
     # One that would suspend it ends it: a command that sleeps repeats nothing, and would go on
     # driving when it is continued.
     return attend(args, work, source=args.source, signals=(*deadly(), signal.SIGTSTP))
-
-
-def _velocity(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"{text} is no velocity")
-    return value
-
-
-def _time(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0.0 < value <= 3600.0:
-        raise argparse.ArgumentTypeError(f"{text} is no number of seconds above 0, up to 3600")
-    return value
 
 
 async def _drive(robot: AsyncRobot, args: argparse.Namespace) -> int:

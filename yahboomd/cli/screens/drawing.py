@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+from collections.abc import Callable
 from typing import Self
 
 from rich.console import Console, Group, RenderableType
@@ -64,11 +65,16 @@ class Screen:
 
     Args:
         fd: The terminal.
+        gone: Called when it takes no more output.
     """
 
-    def __init__(self, fd: int) -> None:
+    def __init__(self, fd: int, gone: Callable[[], None] = lambda: None) -> None:
         self._console = Console(
-            file=_Terminal(fd), force_terminal=True, highlight=False, markup=False, emoji=False
+            file=_Terminal(fd, gone),
+            force_terminal=True,
+            highlight=False,
+            markup=False,
+            emoji=False,
         )
 
     def __enter__(self) -> Self:
@@ -100,8 +106,9 @@ class Screen:
 class _Terminal(io.StringIO):
     """Writes past Python's buffer: what a terminal that hung up did not take fails only once."""
 
-    def __init__(self, fd: int) -> None:
+    def __init__(self, fd: int, gone: Callable[[], None]) -> None:
         super().__init__()
+        self._gone = gone
         self._fd = fd
         self._written = ""
 
@@ -112,6 +119,5 @@ class _Terminal(io.StringIO):
                 while data:
                     data = data[os.write(self._fd, data) :]
             except OSError:
-                # The terminal is gone; the reader of its keys notices, and ends the command.
-                pass
+                self._gone()
         return len(text)

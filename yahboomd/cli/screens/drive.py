@@ -14,6 +14,7 @@ from yahboomd.cli.options import (
     add_config_options,
     client_options,
     daemon_endpoints,
+    number,
     read_config,
 )
 
@@ -52,25 +53,20 @@ exit status:
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the command."""
-    parser = subparsers.add_parser(
-        "drive",
-        description=DESCRIPTION,
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    speed = number("a speed above zero", lambda value: 0.0 < value < math.inf)
     parser.add_argument(
         "--linear",
         metavar="M_PER_S",
-        type=_speed,
+        type=speed,
         default=0.3,
         help="speed to begin with, in m/s (default: %(default)s)",
     )
     parser.add_argument(
         "--angular",
         metavar="RAD_PER_S",
-        type=_speed,
+        type=speed,
         default=1.0,
         help="turning speed to begin with, in rad/s (default: %(default)s)",
     )
@@ -114,16 +110,6 @@ def run(args: argparse.Namespace) -> int:
     teleop = Teleop(linear_m_s=args.linear, angular_rad_s=args.angular)
     asyncio.run(_run(options, teleop, args.source))
     return os.EX_OK
-
-
-def _speed(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value) or value <= 0.0:
-        raise argparse.ArgumentTypeError(f"{text} is not a speed above zero")
-    return value
 
 
 async def _run(options: BusOptions, teleop: Teleop, source: str) -> None:

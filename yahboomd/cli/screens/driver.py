@@ -47,12 +47,12 @@ class Driver:
         """
         loop = asyncio.get_running_loop()
         # One that would suspend it ends it: a command that sleeps stops no robot.
-        numbers = [*deadly(), signal.SIGTSTP]
-        for number in numbers:
+        for number in (*deadly(), signal.SIGTSTP):
             loop.add_signal_handler(number, self._end)
         try:
             with (
                 Keys(sys.stdin.fileno(), self._press, self._end),
+                # That the terminal is gone is for the reader of its keys to notice.
                 Screen(sys.stdout.fileno()) as screen,
             ):
                 try:
@@ -65,8 +65,6 @@ class Driver:
             for task in self._requests:
                 task.cancel()
             await asyncio.gather(*self._requests, return_exceptions=True)
-            for number in numbers:
-                loop.remove_signal_handler(number)
 
     async def _loop(self, screen: Screen) -> None:
         schedule = Schedule(self._clock, nanoseconds(REDRAW_S))

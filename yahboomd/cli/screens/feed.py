@@ -11,7 +11,7 @@ from yahboomd.bus.options import BusOptions
 from yahboomd.bus.presence import Neighbour
 from yahboomd.bus.subscriptions import Arrival
 from yahboomd.cli.screens.dashboard import Dashboard, View
-from yahboomd.cli.unresponsive import FROZEN, is_yahboomd, listener, process_state
+from yahboomd.cli.unresponsive import suspended_listener
 from yahboomd.cli.words import listed
 from yahboomd.client import AsyncRobot
 from yahboomd.client.connection import MAX_BYTES
@@ -49,7 +49,7 @@ class Feed:
         self.news = asyncio.Event()
         self._clock = clock
         self._look_ns = 0
-        self._listener: int | None = None
+        self._suspended: int | None = None
         self._newest: dict[str, Newest] = {}
         self._reaching: asyncio.Task[None] | None = None
 
@@ -105,9 +105,9 @@ class Feed:
             )
         if (now_ns := self._clock.now_ns()) >= self._look_ns:
             # It goes through the files of all processes: not for each screen.
-            self._look_ns, self._listener = now_ns + LOOK_NS, listener(self.options.connect)
-        pid = self._listener
-        if pid is not None and is_yahboomd(pid) and process_state(pid) in FROZEN:
+            self._look_ns = now_ns + LOOK_NS
+            self._suspended = suspended_listener(self.options.connect)
+        if (pid := self._suspended) is not None:
             return (
                 f"yahboomd (pid {pid}) listens at {self.wanted} and is suspended. "
                 f"Continue it with `fg` or `kill -CONT {pid}`."

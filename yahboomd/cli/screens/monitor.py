@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 REDRAW_S = 0.1
 CALM_S = 0.5
-"""Between two updates while nothing moves and nothing is reported."""
+"""Between two updates while nothing moves; a status or an event is shown at once."""
 
 LINE_S = 1.0
 COMPLETE_S = 1.0
@@ -58,14 +58,8 @@ exit status:
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the command."""
-    parser = subparsers.add_parser(
-        "monitor",
-        description=DESCRIPTION,
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--once", action="store_true", help="print everything once, and end")
     form.add_argument(
@@ -118,24 +112,21 @@ async def _run(options: BusOptions, *, once_s: float | None, on_screen: bool) ->
     loop = asyncio.get_running_loop()
     for number in SIGNALS:
         loop.add_signal_handler(number, ended.set)
-    try:
-        async with Feed(options, clock) as feed:
-            if once_s is not None:
-                return await _once(feed, clock, ended, once_s)
-            await (_on_screen if on_screen else _lines)(feed, clock, ended)
-    finally:
-        for number in SIGNALS:
-            loop.remove_signal_handler(number)
+    async with Feed(options, clock) as feed:
+        if once_s is not None:
+            return await _once(feed, clock, ended, once_s)
+        await (_on_screen if on_screen else _lines)(feed, clock, ended)
     return os.EX_OK
 
 
-async def _pause(ended: asyncio.Event, s: float) -> None:
-    """Wait, but not beyond the end."""
+async def _pause(s: float, *events: asyncio.Event) -> None:
+    """Wait, but not beyond one of these events."""
+    waits = [asyncio.ensure_future(event.wait()) for event in events]
     try:
-        async with asyncio.timeout(s):
-            await ended.wait()
-    except TimeoutError:
-        return
+        await asyncio.wait(waits, timeout=s, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for wait in waits:
+            wait.cancel()
 
 
 async def _once(feed: Feed, clock: Clock, ended: asyncio.Event, within_s: float) -> int:
@@ -158,7 +149,7 @@ async def _once(feed: Feed, clock: Clock, ended: asyncio.Event, within_s: float)
                 f"No daemon was heard at {feed.wanted} within {within_s:g} s.",
                 remedy=feed.why,
             )
-        await _pause(ended, 0.05)
+        await _pause(0.05, ended)
     return 128 + signal.SIGINT
 
 
@@ -191,7 +182,7 @@ async def _lines(feed: Feed, clock: Clock, ended: asyncio.Event) -> None:
             print(sentences.line(view), flush=True)
             said = (view.phase, status.state, status.driver)
             due_ns = now_ns + nanoseconds(LINE_S)
-        await _calm(ended, feed)
+        await _pause(CALM_S, ended, feed.news)
 
 
 async def _on_screen(feed: Feed, clock: Clock, ended: asyncio.Event) -> None:
@@ -208,7 +199,7 @@ async def _on_screen(feed: Feed, clock: Clock, ended: asyncio.Event) -> None:
         if sys.stdin.isatty():
             # Also, what is typed does not appear among the numbers.
             stack.enter_context(Keys(sys.stdin.fileno(), pressed, ended.set))
-        screen = stack.enter_context(Screen(sys.stdout.fileno()))
+        screen = stack.enter_context(Screen(sys.stdout.fileno(), ended.set))
         while not ended.is_set():
             feed.check()
             feed.news.clear()
@@ -220,14 +211,7 @@ async def _on_screen(feed: Feed, clock: Clock, ended: asyncio.Event) -> None:
                 screen.draw(
                     monitor_screen.screen(view, where=feed.robot, width=width, height=height)
                 )
-            await (_pause(ended, REDRAW_S) if view.moving else _calm(ended, feed))
-
-
-async def _calm(ended: asyncio.Event, feed: Feed) -> None:
-    """Wait while nothing moves, but not when a status or an event came: each tells news."""
-    waits = [asyncio.ensure_future(each.wait()) for each in (ended, feed.news)]
-    try:
-        await asyncio.wait(waits, timeout=CALM_S, return_when=asyncio.FIRST_COMPLETED)
-    finally:
-        for wait in waits:
-            wait.cancel()
+            if view.moving:
+                await _pause(REDRAW_S, ended)
+            else:
+                await _pause(CALM_S, ended, feed.news)

@@ -77,14 +77,8 @@ class System(NamedTuple):
         return status == 0
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the command."""
-    parser = subparsers.add_parser(
-        "install",
-        description=DESCRIPTION,
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
     add_system_options(parser)
     parser.add_argument(
         "--instance", metavar="NAME", help="one of several boards: its service is yahboomd@NAME"

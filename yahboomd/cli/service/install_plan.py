@@ -107,7 +107,7 @@ def shared_plan(root: Path, *, packaged: bool) -> list[PlannedFile]:
     """Man pages and completions, which the service does without; arguments as above."""
     if packaged:
         return []
-    from yahboomd.cli.shell.completion_scripts import PLACES
+    from yahboomd.cli.shell.completions import PLACES
     from yahboomd.cli.shell.shared_files import shared_files
 
     texts = {f"{SHARE}/{name}": text for name, text in shared_files().items()}

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from typing import Literal
 
 import msgspec
-from msgspec import structs
 
 Kind = Literal["nothing", "file", "folder", "choice", "value"]
 
@@ -163,8 +162,6 @@ def _kind(names: tuple[str, ...], choices: tuple[str, ...]) -> Kind:
 
 def whole() -> Command:
     """The whole command line of yahboomd."""
-    from yahboomd.cli.main import COMMANDS, whole_parser
+    from yahboomd.cli.main import whole_parser
 
-    top = describe(whole_parser())
-    lines = (structs.replace(each, line=COMMANDS[each.words[-1]]) for each in top.commands)
-    return structs.replace(top, commands=tuple(lines))
+    return describe(whole_parser())

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from yahboomd.cli.shell.command_tree import whole
-from yahboomd.cli.shell.completion_scripts import PLACES, SCRIPTS
+from yahboomd.cli.shell.completions import PLACES, SCRIPTS
 from yahboomd.cli.shell.manual import pages
 
 
