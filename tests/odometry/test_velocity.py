@@ -99,6 +99,13 @@ def test_a_speed_is_as_uncertain_as_the_moment_at_which_it_begins(velocity):
     assert velocity.step((80, 80), 20 * MS).rough_ns == 0
 
 
+def test_counters_that_stay_just_after_a_rough_beginning_are_no_standstill(velocity):
+    velocity.interrupt((7, 7), rough_ns=4 * MS)
+    assert velocity.step((7, 7), 10 * MS).span_ns == 0
+    assert velocity.step((7, 7), 10 * MS).span_ns == 0
+    assert velocity.step((7, 7), 10 * MS).span_ns == 30 * MS
+
+
 def test_counts_over_other_than_whole_ticks_may_be_those_of_one_tick_more(velocity):
     velocity.tick_ns = 10 * MS
     velocity.interrupt((0, 0))

@@ -25,6 +25,9 @@ SHORTEST_NS = 20_000_000
 LONGEST_NS = 100_000_000
 ENOUGH_TICKS = 32
 
+STILL_DEVIATIONS = 6
+"""Of a time that is known roughly: the wheels stood only where the counters stay for longer."""
+
 
 class Window(NamedTuple):
     """The stretch of time that speeds were taken over.
@@ -118,9 +121,18 @@ class Velocity:
         else:
             enough = math.inf if self.rough_ns else self._enough_ticks
             found = history.since(self._shortest_ns, self._longest_ns, enough)
-        if found is None:
+        if found is None or self._too_soon(*found):
             return Window(0, self._zero)
         return Window(*found, unsure_ns, self._rough_ns(found[0]))
+
+    def _too_soon(self, span_ns: int, deltas: tuple[int, ...]) -> bool:
+        """Whether counters that stay may not have been renewed since the window began."""
+        began_ns, began_rough_ns = self._began
+        return (
+            span_ns < STILL_DEVIATIONS * began_rough_ns
+            and self._time_ns - span_ns == began_ns
+            and not any(deltas)
+        )
 
     def _rough_ns(self, span_ns: int) -> int:
         """Standard deviation of the length of a window that ends now."""
