@@ -1,0 +1,96 @@
+"""Pages agree with the tree: links, files, commands, options, make targets, configuration keys."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from yahboomd.cli.shell import command_tree
+from yahboomd.config import Config
+
+ROOT = Path(__file__).resolve().parents[1]
+WRITTEN = [
+    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md")),
+    *sorted((ROOT / "docs").rglob("*.md")),
+    *sorted((ROOT / "examples").glob("clients/*.md")),
+]
+COMMANDS = {command.words: command for command in command_tree.whole().walk()}
+TARGETS = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+
+pages = pytest.mark.parametrize("page", WRITTEN, ids=lambda page: str(page.relative_to(ROOT)))
+
+
+def prose(page: Path) -> str:
+    return re.sub(r"```.*?```", "", page.read_text(), flags=re.DOTALL)
+
+
+def code(page: Path) -> list[str]:
+    """The commands that a page shows: code in the text, and lines of blocks without the output."""
+    found = re.findall(r"`([^`]+)`", prose(page))
+    for block in re.findall(r"```\w*\n(.*?)```", page.read_text(), re.DOTALL):
+        lines = [line.strip() for line in block.splitlines()]
+        typed = [line[2:] for line in lines if line.startswith("$ ")]
+        found += typed or lines
+    return found
+
+
+def anchors(page: Path) -> set[str]:
+    """The fragments of a page's headings, as GitHub makes them."""
+    found = set()
+    for heading in re.findall(r"^#+ (.*)$", prose(page), re.MULTILINE):
+        text = re.sub(r"\[(.*?)\]\(.*?\)", r"\1", heading).strip().lower()
+        found.add(re.sub(r"\s", "-", re.sub(r"[^\w\s-]", "", text)))
+    return found
+
+
+@pages
+def test_every_link_of_a_page_leads_somewhere(page: Path) -> None:
+    for link in re.findall(r"\]\(([^)\s]+)\)", prose(page)):
+        if "://" in link:
+            continue
+        path, _, fragment = link.partition("#")
+        target = (page.parent / path).resolve() if path else page
+        assert target.exists(), link
+        assert not fragment or target.suffix != ".md" or fragment in anchors(target), link
+
+
+@pages
+def test_every_source_file_that_a_page_names_exists(page: Path) -> None:
+    for name in re.findall(r"`((?:\w+/)+\w+\.(?:py|json5|toml|sh))`", prose(page)):
+        roots = (ROOT, ROOT / "yahboomd", ROOT / "examples" / "clients", page.parent)
+        assert any((root / name).exists() for root in roots), name
+
+
+@pages
+def test_every_command_and_option_that_a_page_shows_exists(page: Path) -> None:
+    for line in code(page):
+        match = re.match(r"(?:sudo |\.venv/bin/)?yahboomd ([a-z][^|;&>#\n]*)", line)
+        if match is None:
+            continue
+        words = re.sub(r"'[^']*'|\"[^\"]*\"", "X", match[1]).split()
+        assert ("yahboomd", words[0]) in COMMANDS, line
+        command = COMMANDS["yahboomd", words[0]]
+        if len(words) > 1:
+            command = COMMANDS.get(("yahboomd", *words[:2]), command)
+        flags = {flag for option in command.options for flag in option.flags}
+        used = {word.split("=")[0] for word in words if re.match(r"--?[a-z]", word)}
+        assert used <= flags, line
+
+
+@pages
+def test_every_make_target_that_a_page_names_exists(page: Path) -> None:
+    for line in code(page):
+        if match := re.match(r"make ((?:[a-z-]+ ?)+)", line):
+            assert set(match[1].split()) <= TARGETS, line
+
+
+def test_every_toml_example_is_a_configuration() -> None:
+    count = 0
+    for page in WRITTEN:
+        for block in re.findall(r"```toml\n(.*?)```", page.read_text(), re.DOTALL):
+            Config.model_validate(tomllib.loads(block))
+            count += 1
+    assert count > 5
