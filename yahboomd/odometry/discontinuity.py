@@ -7,8 +7,8 @@ where it was all the same.
 from __future__ import annotations
 
 from yahboomd.model import Event
-from yahboomd.odometry.board_clock import Notice
 from yahboomd.odometry.encoders import Outcome
+from yahboomd.odometry.tick_meter import Notice
 
 RESET_SPEED_M_S = 0.1
 """How much faster than last measured a wheel may have been when the board reset itself."""

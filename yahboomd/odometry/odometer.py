@@ -26,10 +26,11 @@ from yahboomd.model import (
     Pose2d,
 )
 from yahboomd.odometry import discontinuity
-from yahboomd.odometry.board_clock import Instant, PolledClock, StreamedClock
 from yahboomd.odometry.covariance import NOISE_M, Covariance
 from yahboomd.odometry.encoders import Encoders, Verdict
 from yahboomd.odometry.integrator import Arc, Integrator, State, sinc
+from yahboomd.odometry.polled_clock import Instant, PolledClock
+from yahboomd.odometry.streamed_clock import StreamedClock
 from yahboomd.odometry.velocity import (
     ENOUGH_TICKS,
     LONGEST_NS,
@@ -158,20 +159,12 @@ class Odometer:
         self.set_sample_period(options.sample_period_ns)
 
     @property
-    def locked(self) -> bool:
-        """Whether stamps follow the board's own clock."""
-        return self._clock.locked
-
-    @property
-    def drift_ppm(self) -> float:
-        """How much slower the board's clock runs than the host's; 0 while unknown."""
-        return self._clock.drift_ppm
-
-    @property
     def tick_period_ns(self) -> int | None:
         """How often the board renews its totals, as measured; None where no regular tick fits."""
         clock = self._clock
-        return clock.period_ns if isinstance(clock, StreamedClock) and clock.fits else None
+        if isinstance(clock, StreamedClock) and clock.renewal.fits:
+            return round(clock.renewal.period)
+        return None
 
     def set_sample_period(self, period_ns: int | None) -> None:
         """Tell how often the board renews its totals; None for a board that is asked."""
@@ -218,10 +211,12 @@ class Odometer:
         """
         update = self._update(reading)
         clock = self._clock
-        if isinstance(clock, StreamedClock) and (notice := clock.take_notice()) is not None:
+        if isinstance(clock, StreamedClock) and (notice := clock.renewal.notice) is not None:
+            clock.renewal.notice = None
             self.counters["board_clock_changes"] += 1
-            self._velocity.rough_ns = 0 if clock.fits else clock.period_ns
-            event = discontinuity.clock_event(notice, clock.period_ns * 1e-6)
+            period_ns = round(clock.renewal.period)
+            self._velocity.rough_ns = 0 if clock.renewal.fits else period_ns
+            event = discontinuity.clock_event(notice, period_ns * 1e-6)
             update = msgspec.structs.replace(update, events=(*update.events, event))
         return update
 
@@ -241,26 +236,20 @@ class Odometer:
         if encoders.repeats(reading.ticks):
             # What a board that streams says most of the time: nothing is to be judged.
             self._armed = 0
-            instant = clock.observe(sent_ns, reading.requested_ns, earliest_ns=reading.earliest_ns)
+            instant = clock.observe(reading)
             if instant.step_ns:
                 return self._travel(encoders.unmoved(), instant)
             counters["odometry_repeated"] += 1
             return NOTHING
         if encoders.notice == "none":
-            elapsed_ns = clock.elapsed_at_most_ns(sent_ns, reading.requested_ns)
+            elapsed_ns = clock.elapsed_at_most_ns(reading)
         else:
-            elapsed_ns = clock.guess_ns(sent_ns, reading.requested_ns) - self._stamp_ns
+            elapsed_ns = clock.guess_ns(reading) - self._stamp_ns
         verdict = encoders.judge(reading.ticks, sent_ns, elapsed_ns)
         if verdict.outcome != "held":
             self._armed = 0
         if verdict.outcome == "travel":
-            instant = clock.observe(
-                sent_ns,
-                reading.requested_ns,
-                ticks=verdict.farthest,
-                least_ns=verdict.least_ns,
-                earliest_ns=reading.earliest_ns,
-            )
+            instant = clock.observe(reading, ticks=verdict.farthest, least_ns=verdict.least_ns)
             if not instant.step_ns:
                 counters["odometry_repeated"] += 1
                 return NOTHING
@@ -269,15 +258,12 @@ class Odometer:
             counters["odometry_held"] += 1
             if encoders.notice == "none":
                 counters["odometry_rejected"] += 1
-            clock.pass_over(sent_ns)
+            clock.pass_over(reading)
             return NOTHING
         if verdict.outcome == "gap_kept":
-            farthest = max(map(abs, verdict.deltas))
-            instant = clock.resume(
-                sent_ns, reading.requested_ns, ticks=farthest, earliest_ns=reading.earliest_ns
-            )
+            instant = clock.resume(reading, ticks=max(map(abs, verdict.deltas)))
         else:
-            instant = clock.restart(sent_ns, reading.requested_ns, earliest_ns=reading.earliest_ns)
+            instant = clock.restart(reading)
         return self._discontinuity(verdict, instant)
 
     def _travel(self, verdict: Verdict, instant: Instant) -> Update:
@@ -295,7 +281,7 @@ class Odometer:
             if instant.step_ns > UNSEEN_NS:
                 self._covariance.bridge(arc)
         clock, velocity = self._clock, self._velocity
-        velocity.doubt = clock.doubt
+        velocity.doubt = clock.renewal.doubt if isinstance(clock, StreamedClock) else 0.0
         velocity.tick_ns = ASKED_TICK_NS if self._asked else 0
         window = velocity.step(totals, instant.step_ns, instant.unsure_ns)
         self._stamp_ns = instant.stamp_ns

@@ -11,7 +11,7 @@ size there is no tick to be seen: the board renews its totals with each line.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Literal, NamedTuple, TypeAlias
 
 MS = 1e6
 
@@ -29,6 +29,15 @@ PAUSE_NS = 100 * MS
 
 MARKS_SHARE = 0.025
 """So many of the lines at least repeat the totals or skip a tick, where there is a tick."""
+
+
+AGREE_PERIODS = 2
+AGREE_AGAIN = 4
+MISFITS = 3
+"""So many measurements in a row to believe another period, one after none did fit, and that none
+fits."""
+
+Notice: TypeAlias = Literal["period", "unfit"]
 
 
 class Measured(NamedTuple):
@@ -142,3 +151,64 @@ class TickMeter:
             and scatter <= 0.35 * spread + 0.4 * MS
         )
         return Measured(period, regular, self._marks >= MARKS_SHARE * self._lines)
+
+
+class TickPeriod:
+    """Which period the totals have, by what was measured.
+
+    Args:
+        period: The nominal one, in nanoseconds.
+
+    Attributes:
+        period: The one that is believed.
+        fits: Whether the board's totals follow a regular tick.
+        doubt: By which share of the period the latest measurement disagrees with it.
+        notice: What was found out since it was taken.
+    """
+
+    def __init__(self, period: float) -> None:
+        self.period = period
+        self.fits = True
+        self.doubt = 0.0
+        self.notice: Notice | None = None
+        self._candidate = 0.0
+        self._agreed = 0
+        self._misfits = 0
+
+    def misfit(self) -> None:
+        """Lines were late for so long that ticks must have been numbered wrongly."""
+        self._misfits += 1
+
+    def weigh(self, measured: Measured) -> bool:
+        """Keep the period, change it, or do without.
+
+        Returns:
+            Whether ticks have to be numbered again.
+        """
+        near = abs(measured.period - self.period) <= 0.03 * self.period
+        self.doubt = abs(measured.period / self.period - 1.0) if self.fits and not near else 0.0
+        if near and self.fits:
+            # How straight it is does not matter: delays bend it, and lines that were lost.
+            self._agreed = self._misfits = 0
+        elif measured.regular and measured.marked:
+            period = float(round(measured.period / MS) * MS)
+            self._agreed = self._agreed + 1 if period == self._candidate else 1
+            self._candidate = period
+            if self._agreed >= (AGREE_PERIODS if self.fits else AGREE_AGAIN):
+                if period != self.period or not self.fits:
+                    self.notice = "period"
+                self._agreed = self._misfits = 0
+                return self._settle(period, fits=True)
+        else:
+            self._agreed = 0
+            self._misfits += 1
+        if self._misfits >= MISFITS and self.fits:
+            self.notice = "unfit"
+            return self._settle(self.period, fits=False)
+        return False
+
+    def _settle(self, period: float, *, fits: bool) -> bool:
+        self.period = period
+        self.fits = fits
+        self.doubt = 0.0
+        return True

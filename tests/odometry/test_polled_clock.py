@@ -1,0 +1,143 @@
+from __future__ import annotations
+
+import random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from yahboomd.model import EncoderReading
+from yahboomd.odometry.polled_clock import PolledClock
+
+MS = 1_000_000
+START_NS = 1_000_000_000_000
+
+
+def answer(sent_ns, requested_ns=None, earliest_ns=None):
+    return EncoderReading(
+        ticks=(0, 0, 0, 0),
+        received_ns=sent_ns,
+        sent_ns=sent_ns,
+        requested_ns=requested_ns,
+        earliest_ns=earliest_ns,
+    )
+
+
+def test_a_clock_goes_on_after_the_stamps_of_another():
+    last_ns = START_NS + 3 * MS
+    assert PolledClock(last_ns).observe(answer(START_NS)).step_ns == 0
+    assert PolledClock(last_ns).observe(answer(START_NS + 5 * MS)).stamp_ns > last_ns
+
+
+def poll(clock, *, requests_known, jitter_ms=16.0, count=500, seed=1):
+    """Stamp errors in ms: the board samples 0.4 ms after a request, the answer is held back."""
+    chance = random.Random(seed)
+    errors, last_ns = [], 0
+    for n in range(count):
+        requested_ns = START_NS + n * 20 * MS + round(chance.uniform(0.0, 0.3) * MS)
+        sampled_ns = requested_ns + 400_000
+        sent_ns = sampled_ns + round(chance.uniform(0.0, jitter_ms) * MS)
+        instant = clock.observe(answer(sent_ns, requested_ns if requests_known else None))
+        assert instant.stamp_ns > last_ns
+        last_ns = instant.stamp_ns
+        errors.append((instant.stamp_ns - sampled_ns) * 1e-6)
+    return errors
+
+
+def test_the_time_of_the_request_takes_the_jitter_off():
+    clock = PolledClock()
+    errors = poll(clock, requests_known=True)
+    assert clock.locked
+    assert max(map(abs, errors[64:])) < 1.0
+
+
+def test_without_it_a_stamp_is_when_the_answer_left():
+    clock = PolledClock()
+    errors = poll(clock, requests_known=False, jitter_ms=3.0)
+    assert not clock.locked
+    assert 0.0 <= min(errors) <= max(errors) <= 3.0
+
+
+def test_an_answer_that_comes_twice_is_one_reading():
+    clock = PolledClock()
+    clock.observe(answer(START_NS))
+    assert clock.observe(answer(START_NS + 20 * MS)).step_ns == 20 * MS
+    assert clock.observe(answer(START_NS + 20 * MS)).step_ns == 0
+
+
+@pytest.mark.parametrize("late_ms", [0, 30, 150])
+def test_a_request_that_the_board_heard_late_leaves_time_for_what_was_travelled(late_ms):
+    clock = PolledClock()
+    for n in range(20):
+        requested_ns = START_NS + 20 * n * MS
+        clock.observe(answer(requested_ns + 3 * MS, requested_ns))
+    last_ns = requested_ns + 3 * MS
+    requested_ns += 20 * MS
+    sent_ns = requested_ns + (3 + late_ms) * MS
+    assert clock.elapsed_at_most_ns(answer(sent_ns, requested_ns)) == sent_ns - last_ns
+    needs_ns = 0.9 * (sent_ns - last_ns)
+    instant = clock.observe(answer(sent_ns, requested_ns), least_ns=needs_ns)
+    assert needs_ns <= instant.step_ns <= sent_ns - last_ns
+
+
+def test_answers_that_left_before_the_newest_question_are_no_prompt_ones():
+    clock = PolledClock()
+    for n in range(20):
+        asked_ns = START_NS + 20 * n * MS
+        clock.observe(answer(asked_ns + 400_000, asked_ns, earliest_ns=asked_ns))
+    # They come in one burst. The newest question was not asked when they left.
+    for n in range(20):
+        left_ns = asked_ns + 1000 * MS + n * 2 * MS
+        earliest_ns = asked_ns + 20 * n * MS
+        instant = clock.observe(answer(left_ns, left_ns, earliest_ns=earliest_ns))
+        assert instant.unsure_ns >= left_ns - earliest_ns - 400_000
+
+
+def test_answers_of_a_backlog_are_not_taken_for_those_to_the_newest_question():
+    clock = PolledClock()
+    for n in range(20):
+        asked_ns = START_NS + 20 * n * MS
+        clock.observe(answer(asked_ns + 400_000, asked_ns, earliest_ns=asked_ns))
+    # Each answers the question of 100 ms before, at another distance from the newest one.
+    for took_ms in (3, 9, 15, 6, 12, 18):
+        asked_ns += 20 * MS
+        left_ns = asked_ns + took_ms * MS
+        instant = clock.observe(answer(left_ns, asked_ns, earliest_ns=asked_ns - 100 * MS))
+        assert instant.stamp_ns == left_ns
+        assert instant.unsure_ns >= took_ms * MS - 400_000
+    # One that was lost leaves a question too many: the answers are as prompt as before.
+    for _ in range(4):
+        asked_ns += 20 * MS
+        instant = clock.observe(
+            answer(asked_ns + 500_000, asked_ns, earliest_ns=asked_ns - 20 * MS)
+        )
+    assert instant.unsure_ns == 0
+
+
+def test_the_first_answer_after_a_break_may_have_waited_for_a_process_that_did_not_run():
+    clock = PolledClock()
+    for n in range(20):
+        asked_ns = START_NS + 20 * n * MS
+        clock.observe(answer(asked_ns + 400_000, asked_ns, earliest_ns=asked_ns))
+    asked_ns += 800 * MS
+    first = clock.restart(answer(asked_ns + 9 * MS, asked_ns, earliest_ns=asked_ns))
+    assert first.stamp_ns == asked_ns + 400_000
+
+
+@settings(max_examples=150)
+@given(
+    answers=st.lists(
+        st.tuples(st.integers(1, 120), st.integers(0, 300), st.integers(0, 40)), max_size=60
+    )
+)
+def test_no_stamp_is_later_than_its_answer(answers):
+    clock = PolledClock()
+    sent_ns = last_ns = START_NS
+    for after_ms, asked_ms, least_ms in answers:
+        sent_ns += after_ms * MS
+        requested_ns = sent_ns - (asked_ms % 25) * MS
+        reading = answer(sent_ns, requested_ns, min(requested_ns, sent_ns - asked_ms * MS))
+        instant = clock.observe(reading, least_ns=min(least_ms, after_ms) * MS)
+        if instant.step_ns:
+            assert last_ns < instant.stamp_ns <= sent_ns
+            last_ns = instant.stamp_ns
