@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from benchmarks.paths import RADIUS_M, TRACK_M
 from yahboomd.clock import LoopClock
+from yahboomd.link.connected_board import ConnectedBoard
 from yahboomd.link.handshake import Identity
 from yahboomd.link.session import Session, SessionOptions
 from yahboomd.model import Counts, EncoderReading, Event, Pose2d
@@ -58,9 +59,11 @@ class _Ears:
 
     def __init__(self) -> None:
         self.readings: list[EncoderReading] = []
+        self.board: ConnectedBoard
         self.there = asyncio.Event()
 
-    def connected(self, _session: Session, _identity: Identity) -> None:
+    def connected(self, board: ConnectedBoard, _identity: Identity) -> None:
+        self.board = board
         self.there.set()
 
     def armed(self) -> None: ...
@@ -105,9 +108,9 @@ async def _record(drive: Drive, dialect: str, poll_rate_hz: float) -> Record:
     for n in range(round(seconds * COMMAND_HZ)):
         v, w = twist(n / COMMAND_HZ)
         left, right = (round(1000.0 * (v + side * w * TRACK_M / 2.0)) for side in (-1, 1))
-        session.drive((left, 0, right, 0))
+        ears.board.drive((left, 0, right, 0))
         await asyncio.sleep(1.0 / COMMAND_HZ)
-    session.drive((0, 0, 0, 0))
+    ears.board.drive((0, 0, 0, 0))
     await asyncio.sleep(1.5)
     end = robot.truth(clock.now_ns())
     await asyncio.sleep(2.5 / poll_rate_hz)

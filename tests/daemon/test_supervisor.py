@@ -100,7 +100,8 @@ async def test_nothing_is_stored_while_a_wheel_turns(tmp_path: Path) -> None:
 class Missing:
     """A session that finds no port."""
 
-    identity: object | None = None
+    board: object | None = None
+    recognised = False
 
     def __init__(self, error: Callable[[], LinkError] | None = None) -> None:
         self._error = error or (lambda: PortMissing("/dev/x: there is no such port."))
@@ -184,7 +185,7 @@ def test_a_port_that_udev_has_not_yet_handed_over_is_no_news(
 @on_virtual_time
 async def test_after_a_good_session_the_next_attempt_comes_soon() -> None:
     class Steady(Missing):
-        identity = object()
+        board = object()
 
         async def run(self) -> None:
             await asyncio.sleep(10.0)

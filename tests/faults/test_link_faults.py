@@ -42,9 +42,9 @@ async def test_a_board_whose_version_holds_escape_sequences_commands_no_terminal
         await bench.ready()
         session = bench.supervisor.session
         assert session is not None
-        assert session.identity is not None
-        assert session.identity.settings is not None
-        version = session.identity.settings["version"]
+        assert session.board is not None
+        assert session.board.identity.settings is not None
+        version = session.board.identity.settings["version"]
         assert version is not None
         assert version.startswith("1.7.3")
         assert version.isprintable()

@@ -43,7 +43,7 @@ async def asked_to_end(bench: FaultBench) -> None:
 async def control_path_fails(bench: FaultBench) -> None:
     session = bench.supervisor.session
     assert session is not None
-    session._poller._on_reading = lambda _: 1 / 0  # type: ignore[union-attr]
+    session.board._poller._on_reading = lambda _: 1 / 0  # type: ignore[union-attr]
 
 
 async def session_task_cancelled(bench: FaultBench) -> None:

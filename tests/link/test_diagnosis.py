@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from yahboomd.errors import BoardSilent, LinkError, PortBusy, PortDenied, PortMissing
-from yahboomd.link.conversation import Heard
 from yahboomd.link.diagnosis import busy, hints, what_was_heard
 from yahboomd.link.discovery import Candidate
+from yahboomd.link.line import Heard
 from yahboomd.protocol.dialect import FramerCounters
 
 NOWHERE = Path("/nonexistent/sysfs")

@@ -10,11 +10,10 @@ from board_bench import Bench
 from yahboomd.clock import LoopClock
 from yahboomd.errors import BoardError, BoardSilent
 from yahboomd.link import handshake
+from yahboomd.link.line import Line
 from yahboomd.link.port import byte_time_ns
-from yahboomd.link.reception import Ears
 from yahboomd.link.session import SessionOptions
-from yahboomd.link.writer import Writer
-from yahboomd.protocol.four_channel.framing import Framer
+from yahboomd.protocol.dialect import Dialect
 from yahboomd.protocol.profiles import PROFILES
 from yahboomd.protocol.registry import DIALECTS
 from yahboomd.simulation.four_channel.flash import FlashContent
@@ -31,27 +30,18 @@ class Script:
 
     def __init__(self, *answers: bytes) -> None:
         self.answers = list(answers)
-        self.ears: Ears | None = None
-        self.framer = Framer()
-        self.writer: Writer | None = None
+        self.line = Line(self, LoopClock())  # type: ignore[arg-type]
         self.asked = 0
-
-    def hear(self, ears: Ears | None) -> None:
-        self.ears = ears
 
     def write(self, data: bytes) -> None:
         self.asked += 1
         if self.answers:
             answer = self.answers.pop(0)
-            asyncio.get_running_loop().call_later(0.02, self._say, answer)
+            asyncio.get_running_loop().call_later(0.02, self.line._receive, answer)
 
-    def _say(self, answer: bytes) -> None:
-        for item in self.framer.feed(answer):
-            if self.ears is not None:
-                self.ears("streamed", item)
-                self.ears("polled", item)
-            if self.writer is not None:
-                self.writer.heard(DIALECTS["streamed"].decode(item))
+
+async def identified(script: Script, wanted: str = "auto") -> Dialect:
+    return await handshake.identify(script.line, wanted, stop_first=False)
 
 
 FLASH = (
@@ -62,14 +52,11 @@ FLASH = (
 
 
 async def settings_from(*answers: bytes) -> object:
-    script = Script(*answers)
-    writer = Writer(script, LoopClock(), resend_ns=10**9, spacing_ns=0)  # type: ignore[arg-type]
-    script.writer = writer
-    task = asyncio.create_task(writer.run())
+    script, streamed = Script(*answers), DIALECTS["streamed"]
+    script.line.dialect = streamed
+    task = asyncio.create_task(script.line.writer.run())
     try:
-        return await handshake.read_settings(
-            writer, DIALECTS["streamed"], PROFILES["520"].settings, "/dev/script"
-        )
+        return await handshake.read_settings(script.line, streamed, PROFILES["520"].settings)
     finally:
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
@@ -86,16 +73,14 @@ async def settings_from(*answers: bytes) -> object:
 )
 @on_virtual_time
 async def test_what_answers_tells_the_dialect(answers: tuple[bytes, ...], name: str) -> None:
-    script = Script(*answers)
-    dialect = await handshake.identify(script, LoopClock(), "auto", script.hear)  # type: ignore[arg-type]
-    assert dialect.name == name
+    assert (await identified(Script(*answers))).name == name
 
 
 @on_virtual_time
 async def test_another_device_is_no_board_and_is_asked_no_more_than_needed() -> None:
     script = Script(*[b"$GPGGA,123519,4807.038,N*47\r\n"] * 6)
     with pytest.raises(BoardSilent, match="lines that are none of a board's"):
-        await handshake.identify(script, LoopClock(), "auto", script.hear)  # type: ignore[arg-type]
+        await identified(script)
     assert script.asked == 6
 
 
@@ -103,7 +88,7 @@ async def test_another_device_is_no_board_and_is_asked_no_more_than_needed() -> 
 async def test_the_wrong_dialect_is_named_with_the_remedy() -> None:
     script = Script(b"read_flash:OK!\r\n")
     with pytest.raises(BoardError, match=r'serial\.dialect = "auto" or "streamed"'):
-        await handshake.identify(script, LoopClock(), "polled", script.hear)  # type: ignore[arg-type]
+        await identified(script, "polled")
 
 
 @on_virtual_time

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from yahboomd.link.start_notices import StartNotices
+from yahboomd.link.start_notices import LATEST_ANSWER_NS, StartNotices
 from yahboomd.protocol.four_channel.texts import decode_text
 
 ANSWER = ("read_flash:OK!", "Motor_Version:1.7.3", "Motor_type:1", "Dead_Zone:1600")
@@ -28,4 +28,14 @@ def test_only_a_version_behind_the_head_of_an_answer_is_certainly_none(
     lines: tuple[str, ...], notices: list[str]
 ) -> None:
     found = StartNotices()
-    assert [found.judge(decode_text(line)) for line in lines] == notices
+    found.asked(0)
+    assert [found.judge(decode_text(line), LATEST_ANSWER_NS) for line in lines] == notices
+
+
+def test_a_version_alone_is_a_start_where_no_answer_can_be_on_its_way() -> None:
+    found = StartNotices()
+    alone = decode_text("Motor_Version:1.7.3")
+    assert found.judge(alone, 1) == "start"
+    found.asked(5)
+    assert found.judge(alone, 5 + LATEST_ANSWER_NS) == "unclear"
+    assert found.judge(alone, 6 + LATEST_ANSWER_NS) == "start"

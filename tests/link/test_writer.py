@@ -312,7 +312,7 @@ async def test_a_writer_that_is_closed_says_nothing_that_waited(
 ) -> None:
     writer.poll(b"$read#", 20 * MS)
     writer.velocity(b"$fast#")
-    writer.close()
+    writer.closed = True
     writer.heard(COUNTS)
     await advance(clock, 300)
     assert port.frames == [b"$read#"]
@@ -397,7 +397,8 @@ async def test_a_stop_waits_for_what_the_kernel_holds_and_goes_before_what_waite
 
 async def test_a_port_that_is_slow_is_reported_once_with_its_rate(port: Any, clock: Any) -> None:
     rates: list[float] = []
-    writer = Writer(port, clock, resend_ns=100 * MS, spacing_ns=20 * MS, on_slow=rates.append)
+    writer = Writer(port, clock, resend_ns=100 * MS, spacing_ns=20 * MS)
+    writer.on_slow = rates.append
     task = asyncio.create_task(writer.run())
     for _ in range(3):
         writer.velocity(b"$spd:300,0,300,0#")

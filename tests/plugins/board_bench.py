@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any, Self
 
 from yahboomd.clock import LoopClock
+from yahboomd.link.connected_board import ConnectedBoard
 from yahboomd.link.handshake import Identity
 from yahboomd.link.port import byte_time_ns
 from yahboomd.link.session import Session, SessionOptions
@@ -66,6 +67,7 @@ class Recorder:
     """Hears what the session tells."""
 
     def __init__(self) -> None:
+        self.board: ConnectedBoard | None = None
         self.identities: list[Identity] = []
         self.readings: list[EncoderReading] = []
         self.volts: list[float] = []
@@ -73,7 +75,8 @@ class Recorder:
         self.events: list[Event] = []
         self.sent_units: list[Counts | None] = []
 
-    def connected(self, session: Session, identity: Identity) -> None:
+    def connected(self, board: ConnectedBoard, identity: Identity) -> None:
+        self.board = board
         self.identities.append(identity)
 
     def armed(self) -> None:
@@ -146,6 +149,12 @@ class Bench:
 
     def now_ns(self) -> int:
         return LoopClock().now_ns()
+
+    @property
+    def wheels(self) -> ConnectedBoard:
+        """What takes commands."""
+        assert self.recorder.board is not None
+        return self.recorder.board
 
     @property
     def rim_speeds(self) -> list[float]:

@@ -69,7 +69,7 @@ async def test_at_200_polls_a_second_every_poll_is_accounted_for_and_velocities_
             nonlocal changes
             if len(readings) > 4 * changes:
                 changes += 1
-                robot.session.drive((200 + changes % 2, 0, 200, 0))
+                robot.recorder.board.drive((200 + changes % 2, 0, 200, 0))
             return len(readings) >= 400
 
         await robot.until(driven)
@@ -119,7 +119,7 @@ async def test_streamed_reads_every_frame_that_the_wire_carries(tmp_path: Path, 
 
         first = len(robot.recorder.readings)
         robot.robot.board.emit = count  # type: ignore[method-assign]
-        robot.session.drive((300, 0, 250, 0))
+        robot.recorder.board.drive((300, 0, 250, 0))
         await robot.until(lambda: len(sent) >= 400)
         robot.robot.board.emit = emit  # type: ignore[method-assign]
         commanded = [tuple(map(int, line[6 : line.index(b"#")].split(b","))) for line in sent]

@@ -21,10 +21,11 @@ from yahboomd.daemon.supervisor import storing_opener
 from yahboomd.drive.arbiter import Arbiter
 from yahboomd.drive.standing import STANDING_M_S
 from yahboomd.link import port_note
+from yahboomd.link.connected_board import Listener
 from yahboomd.link.discovery import candidates, choose
-from yahboomd.link.port import Port, PortOptions, open_port
+from yahboomd.link.port import Opener, Port, PortOptions, open_port
 from yahboomd.link.port_identity import identify
-from yahboomd.link.session import Listener, Opener, Session, SessionOptions
+from yahboomd.link.session import Session, SessionOptions
 from yahboomd.odometry.odometer import Odometer, OdometerOptions
 
 

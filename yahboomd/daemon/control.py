@@ -32,8 +32,8 @@ from yahboomd.drive.holds import (
 from yahboomd.drive.kinematics import desaturate, desaturate_twist, wheel_speeds
 from yahboomd.drive.limiter import Limiter
 from yahboomd.errors import YahboomdError
+from yahboomd.link.connected_board import ConnectedBoard
 from yahboomd.link.handshake import Identity
-from yahboomd.link.session import Session
 from yahboomd.model import Counts, EncoderReading, Event, Matrix3, Pose2d
 from yahboomd.odometry.odometer import Odometer
 from yahboomd.protocol.dialect import Units
@@ -254,9 +254,9 @@ class Controller:
         self.counters[fault.kind] += 1
         self.event(fault.event())
 
-    # What the link tells (link.session.Listener).
+    # What the link tells (link.connected_board.Listener).
 
-    def connected(self, session: Session, identity: Identity) -> None:
+    def connected(self, board: ConnectedBoard, identity: Identity) -> None:
         """A board is there: may its wheels turn, and in which units are they commanded?"""
         now_ns = self._clock.now_ns()
         self._arbiter.forget_commands(now_ns)
@@ -268,7 +268,7 @@ class Controller:
             profile=self._options.profile,
             scale=self._options.command_scale,
         )
-        self._wheels.attach(session, found)
+        self._wheels.attach(board, found)
         if found.wrong:
             words = " ".join(found.wrong)
             self._holds.put(Hold(kind=BOARD_UNFIT, message=words, since_ns=now_ns))
@@ -277,7 +277,7 @@ class Controller:
             self._holds.drop(BOARD_UNFIT)
         self._wait("The board is connected; waiting for its first counts.")
         version = identity.settings.get(VERSION) if identity.settings else None
-        words = f"Connected to {session.port_name}: dialect {identity.dialect.name}" + (
+        words = f"Connected to {board.port_name}: dialect {identity.dialect.name}" + (
             f", firmware {version}." if version else "."
         )
         self.event(Event(kind="connected", severity="info", message=words))

@@ -29,7 +29,7 @@ from yahboomd.daemon.stamps import WallStamps
 from yahboomd.daemon.status import Status
 from yahboomd.daemon.supervisor import Supervisor
 from yahboomd.link import port_note
-from yahboomd.link.session import Opener
+from yahboomd.link.port import Opener
 from yahboomd.messages.codecs import encoding_name
 from yahboomd.model import Event, OdometryEstimate
 

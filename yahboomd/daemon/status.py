@@ -72,10 +72,11 @@ class Status:
     def board(self) -> dict[str, Any]:
         """The board's answers about itself; empty while none is there."""
         session = self._supervisor.session
-        identity = None if session is None else session.identity
-        if session is None or identity is None:
+        board = None if session is None else session.board
+        if board is None:
             return {}
-        facts: dict[str, Any] = {"port": session.port_name, "dialect": identity.dialect.name}
+        identity = board.identity
+        facts: dict[str, Any] = {"port": board.port_name, "dialect": identity.dialect.name}
         settings = identity.settings
         if settings is not None:
             facts[VERSION] = settings.get(VERSION)

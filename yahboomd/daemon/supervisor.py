@@ -27,8 +27,8 @@ from yahboomd.errors import (
     YahboomdError,
 )
 from yahboomd.link.flash import Progress, Step, store
-from yahboomd.link.port import Port
-from yahboomd.link.session import Opener, Session
+from yahboomd.link.port import Opener, Port
+from yahboomd.link.session import Session
 from yahboomd.model import Event
 from yahboomd.protocol.settings import BoardSettings
 
@@ -132,7 +132,7 @@ class Supervisor:
                 await session.run()
             except (LinkError, BoardError, ConfigError) as error:
                 self._watcher.unavailable(error)
-                self._tell(error, was_connected=session.identity is not None)
+                self._tell(error, was_connected=session.board is not None)
                 if (task := asyncio.current_task()) is not None and task.cancelling():
                     # A task group that fails while it is cancelled tells of the failure alone.
                     raise asyncio.CancelledError from error
@@ -159,7 +159,7 @@ class Supervisor:
         self.session = None
         if session.left_standing is not None:
             self.left_standing = session.left_standing
-        if session.identity is not None:
+        if session.recognised:
             self.counters["sessions"] += 1
 
     def _tell(self, error: YahboomdError, *, was_connected: bool) -> None:

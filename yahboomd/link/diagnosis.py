@@ -10,8 +10,8 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from yahboomd.errors import BoardSilent, LinkError, PortBusy, PortDenied, PortMissing
-from yahboomd.link.conversation import Heard
 from yahboomd.link.discovery import Candidate, without_driver
+from yahboomd.link.line import Heard
 from yahboomd.link.port_errors import holders
 
 KNOWN_HOLDERS = {

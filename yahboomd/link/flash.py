@@ -15,7 +15,8 @@ import msgspec
 from yahboomd.clock import Clock, seconds
 from yahboomd.errors import BoardError, BoardStoresNothing
 from yahboomd.link.conversation import Conversation
-from yahboomd.link.session import Opener
+from yahboomd.link.line import Line
+from yahboomd.link.port import Opener
 from yahboomd.protocol.dialect import (
     CommandLost,
     Decoded,
@@ -100,12 +101,13 @@ async def store(
         LinkError: The port cannot be had, went away, or the board fell silent.
     """
     progress = progress or Progress()
-    talk = Conversation(await opener(), clock)
-    async with talk:
-        dialect = await talk.identify()
+    line = Line(await opener(), clock)
+    async with line.attended():
+        talk = await Conversation.begin(line)
+        dialect = talk.dialect
         if not dialect.read_settings:
             raise BoardStoresNothing(
-                f"{talk.port_name}: a board of the {dialect.name} dialect stores no settings."
+                f"{line.port.name}: a board of the {dialect.name} dialect stores no settings."
             )
         had = await _read(talk, want)
         writes = settings_writes(dialect.settings, had, want)
@@ -113,7 +115,7 @@ async def store(
         has = had
         steps: list[Step] = []
         if writes:
-            await _stand(talk)
+            await _stand(talk, line.port.name)
         for write in writes:
             step, has = await _store_one(talk, clock, write, want)
             steps.append(step)
@@ -123,13 +125,13 @@ async def store(
         return Storing(had=had, has=has, steps=tuple(steps))
 
 
-async def _stand(talk: Conversation) -> None:
+async def _stand(talk: Conversation, port: str) -> None:
     """See the wheels stand, the motors let go and the streams off: nothing else goes on."""
     report = await talk.rest()
     if report.stood is not True:
         seen = "the wheels turn" if report.stood is False else "the counters do not come"
         raise BoardError(
-            f"{talk.port_name}: settings are stored with the wheels at rest only, and {seen}.",
+            f"{port}: settings are stored with the wheels at rest only, and {seen}.",
             remedy="Nothing was stored. Hold the robot still and try again.",
         )
 
@@ -146,7 +148,6 @@ async def _store_one(
     write: SettingWrite,
     want: BoardSettings,
 ) -> tuple[Step, BoardSettings]:
-    assert talk.dialect is not None
     start_ns = clock.now_ns()
     answer = ""
     outcome: Outcome = "failed"

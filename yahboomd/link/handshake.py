@@ -1,30 +1,21 @@
 """Getting to know a board, in an order that is safe if its wheels still turn after a crash.
 
-Stop first (the session has done that), then ask who it is, then how it is set up. Nothing is
-written to its flash, ever, by connecting.
+Stop first, then ask who it is, then how it is set up. Nothing is written to its flash, ever, by
+connecting.
 """
 
 from __future__ import annotations
 
-import asyncio
 from collections import Counter
-from collections.abc import Callable, Iterable
 
 import msgspec
 
-from yahboomd.clock import Clock, nanoseconds, sleep_until
+from yahboomd.clock import nanoseconds, sleep_until
 from yahboomd.errors import BoardError, BoardSilent
-from yahboomd.link.port import Port
-from yahboomd.link.reception import Ears
-from yahboomd.link.writer import Writer
-from yahboomd.protocol.dialect import (
-    Decoded,
-    Dialect,
-    Item,
-    Setting,
-    SettingValue,
-    VersionLine,
-)
+from yahboomd.link.line import Line
+from yahboomd.link.port_errors import takes_no_output
+from yahboomd.link.stopping import stop_unidentified
+from yahboomd.protocol.dialect import Decoded, Dialect, Setting, SettingValue, VersionLine
 from yahboomd.protocol.registry import DIALECTS
 from yahboomd.protocol.registry import identify as recognise
 from yahboomd.protocol.settings import VERSION, BoardSettings, is_complete
@@ -55,59 +46,48 @@ class Identity(msgspec.Struct, frozen=True, kw_only=True):
     settings: BoardSettings | None
 
 
-async def identify(
-    port: Port,
-    clock: Clock,
-    wanted: str,
-    hear: Callable[[Ears | None], None],
-) -> Dialect:
-    """Find out which dialect the board speaks.
+async def identify(line: Line, wanted: str = "auto", *, stop_first: bool = True) -> Dialect:
+    """Stop the wheels, and find out which dialect the board speaks.
 
     Args:
-        port: The open port; a stop was sent.
-        clock: What tells the time.
+        line: The line, attended.
         wanted: ``auto``, or the only dialect to accept.
-        hear: Sets (or clears) who hears what comes.
+        stop_first: The stop of an unknown board has not been sent on it yet.
 
     Raises:
         BoardSilent: Nothing answered like a board.
         BoardError: It answered in the other dialect than the configured one.
+        PortLost: The port takes no output.
     """
-    items: list[tuple[str, Item]] = []
-    news = asyncio.Event()
-
-    def ears(found_by: str, item: Item) -> None:
-        items.append((found_by, item))
-        news.set()
-
-    hear(ears)
-    try:
-        # Boards that report by themselves first: what others are asked might not suit them.
-        name = None
-        if listen_ns := max(dialect.listen_ns for dialect in DIALECTS.values()):
-            name = await _recognised(items, news, clock, clock.now_ns() + listen_ns)
-        questions = [each.resync + each.probe for each in DIALECTS.values() if each.probe]
-        for question in questions * ATTEMPTS:
-            if name is not None:
-                break
-            port.write(question)
-            sent_ns = len(question) * port.byte_ns
-            deadline_ns = clock.now_ns() + sent_ns + nanoseconds(ANSWER_WITHIN_S)
-            name = await _recognised(items, news, clock, deadline_ns)
+    port, clock = line.port, line.clock
+    if stop_first and not await stop_unidentified(port, clock):
+        raise takes_no_output(port.name)
+    first = len(line.unread)
+    # Boards that report by themselves first: what others are asked might not suit them.
+    name = None
+    if listen_ns := max(dialect.listen_ns for dialect in DIALECTS.values()):
+        name = await _recognised(line, first, clock.now_ns() + listen_ns)
+    questions = [each.resync + each.probe for each in DIALECTS.values() if each.probe]
+    for question in questions * ATTEMPTS:
         if name is not None:
-            if wanted not in {"auto", name}:
-                raise BoardError(
-                    f"{port.name}: the board speaks the {name} dialect, and the "
-                    f"configuration says {wanted}.",
-                    remedy=f'Set serial.dialect = "auto" or "{name}".',
-                )
-            # The board is deaf until it has said all of its answer.
-            await _quiet(news, clock)
-            return DIALECTS[name]
-    finally:
-        hear(None)
-    counts = Counter(found_by for found_by, _ in items)
-    heard = f"{max(counts.values())} lines that are none of a board's" if items else "nothing"
+            break
+        line.notices.asked(clock.now_ns())
+        port.write(question)
+        sent_ns = len(question) * port.byte_ns
+        deadline_ns = clock.now_ns() + sent_ns + nanoseconds(ANSWER_WITHIN_S)
+        name = await _recognised(line, first, deadline_ns)
+    if name is not None:
+        if wanted not in {"auto", name}:
+            raise BoardError(
+                f"{port.name}: the board speaks the {name} dialect, and the "
+                f"configuration says {wanted}.",
+                remedy=f'Set serial.dialect = "auto" or "{name}".',
+            )
+        # The board is deaf until it has said all of its answer.
+        await _quiet(line)
+        return DIALECTS[name]
+    found = max(Counter(found_by for found_by, _ in line.unread[first:]).values(), default=0)
+    heard = f"{found} lines that are none of a board's" if found else "nothing"
     titles = " or ".join(dict.fromkeys(dialect.title for dialect in DIALECTS.values()))
     raise BoardSilent(
         f"{port.name}: no board answers here; heard {heard}.",
@@ -116,39 +96,34 @@ async def identify(
     )
 
 
-async def _recognised(
-    items: list[tuple[str, Item]], news: asyncio.Event, clock: Clock, deadline_ns: int
-) -> str | None:
+async def _recognised(line: Line, first: int, deadline_ns: int) -> str | None:
     """The dialect, as soon as what was heard tells it."""
-    alarm = clock.alarm(news.set)
+    alarm = line.clock.alarm(line.news.set)
     alarm.set(deadline_ns)
     try:
         while True:
-            name = recognise(items)
-            if name is not None or clock.now_ns() >= deadline_ns:
+            name = recognise(line.unread[first:])
+            if name is not None or line.clock.now_ns() >= deadline_ns:
                 return name
-            news.clear()
-            await news.wait()
+            line.news.clear()
+            await line.news.wait()
     finally:
         alarm.close()
 
 
-async def _quiet(news: asyncio.Event, clock: Clock) -> None:
+async def _quiet(line: Line) -> None:
     """Until nothing more comes; or not for ever, where a stream runs on."""
+    clock = line.clock
     end_ns = clock.now_ns() + nanoseconds(QUIET_WITHIN_S)
     while clock.now_ns() < end_ns:
-        news.clear()
+        line.news.clear()
         await sleep_until(clock, clock.now_ns() + nanoseconds(QUIET_S))
-        if not news.is_set():
+        if not line.news.is_set():
             return
 
 
 async def read_settings(
-    writer: Writer,
-    dialect: Dialect,
-    expected: BoardSettings,
-    port_name: str,
-    heard: Iterable[Decoded] = (),
+    line: Line, dialect: Dialect, expected: BoardSettings
 ) -> BoardSettings | None:
     """What the board keeps in flash; ``None`` for a dialect that cannot tell.
 
@@ -157,11 +132,9 @@ async def read_settings(
     expected one, or when it was said twice.
 
     Args:
-        writer: Asks.
+        line: The line to the board.
         dialect: How the board is spoken to.
         expected: What a board that was set up for these motors says.
-        port_name: For messages.
-        heard: What it has said already.
 
     Raises:
         BoardSilent: It was asked often enough and did not answer all questions.
@@ -177,16 +150,20 @@ async def read_settings(
             votes[VERSION, decoded.version] += 1
         return isinstance(decoded, Setting | VersionLine) and decoded.last
 
-    for decoded in heard:
+    # What it said when it was asked who it is counts once, and settings may be among it.
+    said, line.said = line.said, []
+    for decoded in said:
         hear(decoded)
     for _ in range(SETTINGS_ATTEMPTS):
         settings = _believed(dialect, votes, expected)
         if is_complete(dialect.settings, settings):
             return settings
         for question in dialect.read_settings:
-            await writer.request(question, hear, SETTINGS_WITHIN_S)
+            line.notices.asked(line.clock.now_ns())
+            await line.ask(question, hear, SETTINGS_WITHIN_S)
     raise BoardSilent(
-        f"{port_name}: the board does not tell its settings, and without them no wheel may turn.",
+        f"{line.port.name}: the board does not tell its settings, and without them no wheel may "
+        "turn.",
         remedy="Is the cable long or noisy? Try `yahboomd probe`.",
     )
 

@@ -81,7 +81,6 @@ class Poller:
     def reading(
         self,
         ticks: Counts,
-        *,
         received_ns: int,
         sent_ns: int,
         requested_ns: int | None = None,

@@ -22,7 +22,7 @@ import errno
 import fcntl
 import os
 import termios
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from typing import Protocol, cast
 
 import msgspec
@@ -113,6 +113,9 @@ class Port(Protocol):
     def close(self) -> None:
         """Let go at once; what is not on the wire is discarded."""
         ...
+
+
+Opener = Callable[[], Awaitable[Port]]
 
 
 class _Serial(serial.Serial):

@@ -9,8 +9,9 @@ import msgspec
 from yahboomd.clock import Clock
 from yahboomd.counts import unwrapped
 from yahboomd.errors import BoardSilent
-from yahboomd.link.conversation import Conversation, Heard
-from yahboomd.link.session import Opener
+from yahboomd.link.conversation import Conversation
+from yahboomd.link.line import Heard, Line
+from yahboomd.link.port import Opener
 from yahboomd.model import Counts
 from yahboomd.protocol.dialect import Dialect
 from yahboomd.protocol.settings import BoardSettings
@@ -55,12 +56,12 @@ async def examine(
     Raises:
         LinkError: The port cannot be had, or went away.
     """
-    talk = Conversation(await opener(), clock)
-    async with talk:
+    line = Line(await opener(), clock)
+    async with line.attended():
         try:
-            dialect = await talk.identify()
+            talk = await Conversation.begin(line)
         except BoardSilent:
-            return Examination(dialect=None, heard=talk.heard)
+            return Examination(dialect=None, heard=line.heard)
         settings, volts = None, None
         if not counters_only:
             try:
@@ -71,13 +72,13 @@ async def examine(
         ticks = await talk.read_counters()
         report = await talk.rest()
         return Examination(
-            dialect=dialect,
+            dialect=talk.dialect,
             settings=settings,
             volts=volts,
             # The wheels may have rolled out meanwhile.
-            ticks=talk.ticks if ticks is not None else None,
+            ticks=line.ticks if ticks is not None else None,
             standing=report.stood,
-            heard=talk.heard,
+            heard=line.heard,
         )
 
 

@@ -2,7 +2,7 @@
 
 Asked for its settings, such a board announces them and then says its version; one that starts says
 the version alone. The first line of an answer may be lost on its way, so a version alone is a
-banner only where no answer can be on its way: the caller knows when it asked.
+banner where no answer can be on its way, and unclear while one can.
 """
 
 from __future__ import annotations
@@ -13,18 +13,29 @@ from yahboomd.protocol.dialect import Decoded, Reply, VersionLine
 
 Notice: TypeAlias = Literal["none", "start", "unclear"]
 
+LATEST_ANSWER_NS = 1_200_000_000
+"""So long after a question for the settings no part of its answer comes any more."""
+
 
 class StartNotices:
     """Tells the banner of a board that starts from the version among its settings."""
 
     def __init__(self) -> None:
         self._answering = False
+        self._answer_until_ns = 0
 
-    def judge(self, decoded: Decoded) -> Notice:
+    def asked(self, now_ns: int) -> None:
+        """A question was sent that a version may answer."""
+        self._answer_until_ns = now_ns + LATEST_ANSWER_NS
+
+    def judge(self, decoded: Decoded, now_ns: int) -> Notice:
         """What a line says of a start. Hand over every line, in order; counts may be left out.
 
         Returns:
-            ``unclear`` for a version alone: a banner, or an answer that lost its first line.
+            ``unclear`` for a banner, or an answer that lost its first line. What was believed of
+            the board is in doubt then; but a banner that is taken for an answer is not missed: the
+            stream that it ended is armed again after a silence, and the counters show where they
+            started from.
         """
         answering = self._answering
         self._answering = isinstance(decoded, Reply) and decoded.settings_follow
@@ -32,4 +43,6 @@ class StartNotices:
             return "none"
         if decoded.after_reset is not None:
             return "start" if decoded.after_reset else "none"
-        return "none" if answering else "unclear"
+        if answering:
+            return "none"
+        return "unclear" if now_ns <= self._answer_until_ns else "start"

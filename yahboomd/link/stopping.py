@@ -6,10 +6,6 @@ the wire, because the board keeps only the last of a burst; a stop that was held
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Coroutine
-from typing import Any
-
 import msgspec
 
 from yahboomd.clock import Clock, nanoseconds, seconds, sleep_until
@@ -65,20 +61,6 @@ class StopReport(msgspec.Struct, frozen=True, kw_only=True):
         if self.stood is None:
             return "no counts showed whether they stand"
         return None if self.stood else "they still turn"
-
-
-async def undisturbed(work: Coroutine[Any, Any, None]) -> None:
-    """Finish ``work``, which is bounded in time, however often the caller is cancelled."""
-    task = asyncio.ensure_future(work)
-    disturbance: asyncio.CancelledError | None = None
-    while not task.done():
-        try:
-            await asyncio.shield(task)
-        except asyncio.CancelledError as error:
-            disturbance = error
-    task.result()
-    if disturbance is not None:
-        raise disturbance
 
 
 class _LastWords:

@@ -11,7 +11,8 @@ import msgspec
 
 from yahboomd.clock import Clock, seconds
 from yahboomd.errors import BoardSilent
-from yahboomd.link.conversation import STILL_TICKS_PER_S, Conversation, Heard
+from yahboomd.link.conversation import Conversation
+from yahboomd.link.line import STILL_TICKS_PER_S, Heard, Line
 from yahboomd.link.port import Port
 from yahboomd.link.stopping import stop_unidentified
 
@@ -55,10 +56,10 @@ async def take_over(
         PortLost: The port went away.
     """
     began_ns = clock.now_ns() if spoken_ns is None else spoken_ns
-    talk = Conversation(port, clock, still_ticks_per_s=still_ticks_per_s)
-    async with talk:
+    line = Line(port, clock, still_ticks_per_s=still_ticks_per_s)
+    async with line.attended():
         try:
-            dialect = await talk.identify(stop_first=spoken_ns is None)
+            talk = await Conversation.begin(line, stop_first=spoken_ns is None)
         except BoardSilent:
             # It may listen and not be heard: once more, besides the one at leaving.
             await stop_unidentified(port, clock)
@@ -68,15 +69,15 @@ async def take_over(
                 stood=None,
                 cut=False,
                 within_s=seconds(clock.now_ns() - began_ns),
-                heard=talk.heard,
+                heard=line.heard,
             )
         rest_ns = clock.now_ns()
         report = await talk.rest()
         return TakeoverReport(
             port=port.name,
-            dialect=dialect.name,
+            dialect=talk.dialect.name,
             stood=report.stood,
             cut=report.cut,
             within_s=seconds(rest_ns - began_ns) + report.took_s,
-            heard=talk.heard,
+            heard=line.heard,
         )

@@ -49,6 +49,9 @@ class Writer:
         clock: What tells the time.
         resend_ns: How often the current velocity is said again.
         spacing_ns: From the last byte of a frame to the first of the next.
+
+    Attributes:
+        closed: Nothing is written: whatever waits, the last words are the line's.
         on_sent: Called with its lane when a frame is written to the port.
         on_slow: Called once, with the bytes per second, where the port sends slower than its rate.
     """
@@ -60,11 +63,8 @@ class Writer:
         *,
         resend_ns: int,
         spacing_ns: int,
-        on_sent: Callable[[Lane], None] = lambda _lane: None,
-        on_slow: Callable[[float], None] | None = None,
     ) -> None:
         self._port = port
-        self._on_sent = on_sent
         self._clock = clock
         self._outbox = Outbox(resend_ns=resend_ns)
         self._spacing_ns = spacing_ns
@@ -80,14 +80,16 @@ class Writer:
         self._alarm = clock.alarm(self._wake.set)
         self._poll_timeout_ns = 0
         self._output = OutputWatch(lambda: port.queued, port.byte_ns)
-        self._on_slow = on_slow
+        self._slowness_reported = False
         self._held = False
-        self._closed = False
+        self.closed = False
         self.poll_heard_ns = 0
         self._unanswered: deque[int] = deque(maxlen=UNANSWERED)
         self._surplus_since_ns: int | None = None
         self._answered_ns = 0
         self.counters: Counter[str] = Counter()
+        self.on_sent: Callable[[Lane], None] = lambda _lane: None
+        self.on_slow: Callable[[float], None] = lambda _bytes_per_s: None
 
     def facts(self) -> dict[str, int]:
         """Its counters, and how many velocities another one replaced before they went out."""
@@ -184,10 +186,6 @@ class Writer:
             self.counters["answers_late"] += 1
         self._wake.set()
 
-    def close(self) -> None:
-        """Write nothing any more: whatever waits, the last words are somebody else's."""
-        self._closed = True
-
     def answered_poll_ns(self) -> int | None:
         """Counts came: when was the board asked for them, at the earliest? Called once for each.
 
@@ -222,7 +220,7 @@ class Writer:
             while True:
                 self._wake.clear()
                 self._pump()
-                if self._output.stuck(self._clock.now_ns()):
+                if not self.closed and self._output.stuck(self._clock.now_ns()):
                     raise takes_no_output(self._port.name)
                 await self._wake.wait()
         finally:
@@ -239,7 +237,7 @@ class Writer:
             flight.done(answered)
 
     def _pump(self) -> None:
-        if self._closed:
+        if self.closed:
             return
         now_ns = self._clock.now_ns()
         self._expire(now_ns)
@@ -266,7 +264,7 @@ class Writer:
             self._port.write(outgoing.frame)
             self._output.wrote(len(outgoing.frame), now_ns)
             self.counters[_SENT[outgoing.lane]] += 1
-            self._on_sent(outgoing.lane)
+            self.on_sent(outgoing.lane)
             self._free_ns = end_ns + self._spacing_ns
             self._flight_alone = False
             if outgoing.request is not None and outgoing.request.timeout_ns > 0:
@@ -294,9 +292,9 @@ class Writer:
         if rate is not None:
             self.counters["port_slow"] += 1
             self._output.slow_bytes_per_s = None
-            if self._on_slow is not None:
-                on_slow, self._on_slow = self._on_slow, None
-                on_slow(rate)
+            if not self._slowness_reported:
+                self._slowness_reported = True
+                self.on_slow(rate)
 
     def _expire(self, now_ns: int) -> None:
         if self._flight_until_ns is not None and now_ns >= self._flight_until_ns:

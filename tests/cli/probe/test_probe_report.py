@@ -8,7 +8,7 @@ import msgspec
 import pytest
 
 from yahboomd.cli.probe.probe_report import Report, report
-from yahboomd.link.conversation import Heard
+from yahboomd.link.line import Heard
 from yahboomd.link.probing import Examination, Reopening
 from yahboomd.protocol.dialect import FramerCounters
 from yahboomd.protocol.profiles import PROFILES

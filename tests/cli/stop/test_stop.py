@@ -18,7 +18,7 @@ from yahboomd.cli.stop.stop_port import describe
 from yahboomd.cli.unresponsive import process_state
 from yahboomd.errors import PortMissing
 from yahboomd.link import discovery, port_note
-from yahboomd.link.conversation import Heard
+from yahboomd.link.line import Heard
 from yahboomd.link.port_identity import identify
 from yahboomd.link.port_note import PortNote
 from yahboomd.link.takeover import TakeoverReport

@@ -16,7 +16,7 @@ from yahboomd.cli.stop.stop_port import (
     undisturbed,
 )
 from yahboomd.errors import LinkError, PortMissing
-from yahboomd.link.conversation import Heard
+from yahboomd.link.line import Heard
 from yahboomd.link.takeover import TakeoverReport
 from yahboomd.protocol.dialect import FramerCounters
 

@@ -36,9 +36,8 @@ from yahboomd.errors import (
     YahboomdError,
 )
 from yahboomd.link import diagnosis, discovery, flash, latency_timer, probing
-from yahboomd.link.port import Port, PortOptions, open_port
+from yahboomd.link.port import Opener, Port, PortOptions, open_port
 from yahboomd.link.port_errors import holders
-from yahboomd.link.session import Opener
 from yahboomd.program import readable
 from yahboomd.protocol.registry import check_storable
 from yahboomd.protocol.settings import BoardSettings

@@ -13,7 +13,7 @@ from yahboomd.client import AsyncRobot
 from yahboomd.client.streams import read_sample
 from yahboomd.config import Config
 from yahboomd.errors import BusError
-from yahboomd.link.conversation import Heard
+from yahboomd.link.line import Heard
 from yahboomd.link.probing import Examination
 from yahboomd.messages.native import ServiceReply
 from yahboomd.protocol.dialect import FramerCounters

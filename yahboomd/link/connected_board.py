@@ -1,0 +1,164 @@
+"""A board that is known and armed: what it is commanded, and what comes of it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Protocol
+
+from yahboomd.link.battery import BatteryQuestions
+from yahboomd.link.handshake import Identity
+from yahboomd.link.line import Line
+from yahboomd.link.outbox import Lane
+from yahboomd.link.poller import Poller
+from yahboomd.link.start_notices import Notice
+from yahboomd.model import EncoderReading, Event
+from yahboomd.protocol.dialect import Battery, Decoded, Units, VersionLine
+
+STILL: Units = (0, 0, 0, 0)
+
+
+class Listener(Protocol):
+    """What a session calls as things happen: on the loop, at arrival; must not block."""
+
+    def connected(self, board: ConnectedBoard, identity: Identity) -> None:
+        """The board is known and armed; counts follow."""
+        ...
+
+    def armed(self) -> None:
+        """The board was asked to stream its counts; until then a reset may go unnoticed."""
+        ...
+
+    def reading(self, reading: EncoderReading) -> None:
+        """Units arrived."""
+        ...
+
+    def sent(self, units: Units | None) -> None:
+        """These speeds were written to the port just now; ``None``: the motors were let go."""
+        ...
+
+    def battery(self, volts: float) -> None:
+        """The voltage of the motors' supply."""
+        ...
+
+    def board_reset(self, version: str) -> None:
+        """The board restarted by itself: its motors are free, its counters at zero."""
+        ...
+
+    def event(self, event: Event) -> None:
+        """Something a person may have to know."""
+        ...
+
+    def leaving(self) -> None:
+        """The session ends, and stops the wheels by itself: no command reaches them any more."""
+        ...
+
+
+class ConnectedBoard:
+    """Commands to the wheels, each written at once where the line is free.
+
+    Args:
+        line: The line to the board.
+        identity: What the board is.
+        listener: Hears what the board does.
+        poller: Gets the counts.
+        battery: Asks for the voltage, where the board tells it.
+    """
+
+    def __init__(
+        self,
+        line: Line,
+        identity: Identity,
+        listener: Listener,
+        poller: Poller,
+        battery: BatteryQuestions | None,
+    ) -> None:
+        self._line = line
+        self._dialect = identity.dialect
+        self._listener = listener
+        self._poller = poller
+        self._battery = battery
+        self._velocity_units: Units | None = None
+        self._stop_units: Units | None = None
+        self._turning = False
+        self._drove = False
+        self.identity = identity
+        self.counters: Counter[str] = Counter()
+        line.writer.on_sent = self._sent
+        line.on_counts = poller.reading
+        line.on_said = self._said
+        line.on_leaving = listener.leaving
+
+    def drive(self, units: Units) -> None:
+        """Say these wheel speeds, in the board's units, until others replace them."""
+        self._line.let_go = False
+        self._velocity_units = units
+        self._line.writer.velocity(self._dialect.speeds(units))
+
+    def brake(self) -> None:
+        """Command zero, before anything else that waits."""
+        self._line.let_go = False
+        self._stop_units = STILL
+        self._line.writer.stop((self._dialect.brake,))
+
+    def cut(self) -> None:
+        """Let the motors go, before anything else; a dialect that cannot brakes instead."""
+        self._line.let_go = True
+        self._stop_units = None
+        self._line.writer.stop((self._dialect.cut or self._dialect.brake,))
+
+    def release(self) -> None:
+        """Say again and again that the motors are let go, until a speed replaces it."""
+        self._line.let_go = True
+        self._velocity_units = None
+        self._line.writer.velocity(self._dialect.cut or self._dialect.brake)
+
+    def rearm(self) -> None:
+        """Tell the board again what it forgets at a reset, in case it was reset without a word."""
+        self.counters["rearmed_unheard"] += 1
+        self._poller.arm()
+
+    @property
+    def port_name(self) -> str:
+        """The port, by name."""
+        return self._line.port.name
+
+    @property
+    def noisy(self) -> bool:
+        """Whether the line damaged something lately, so that commands may not arrive as sent."""
+        return self._line.noisy
+
+    @property
+    def damages(self) -> int:
+        """How many chunks the line damaged in the last ten seconds, up to 16."""
+        return self._line.damages
+
+    @property
+    def seen_standing(self) -> bool | None:
+        """Whether the wheels were seen to stand last; ``None`` where they were not driven."""
+        return (self._line.watch.standing and not self._turning) if self._drove else None
+
+    def facts(self) -> dict[str, int]:
+        """Its counters."""
+        asked = {} if self._battery is None else self._battery.counters
+        return {**self.counters, **self._poller.counters, **asked}
+
+    def _sent(self, lane: Lane) -> None:
+        if lane in {Lane.VELOCITY, Lane.STOP}:
+            units = self._velocity_units if lane is Lane.VELOCITY else self._stop_units
+            self._turning = units is not None and any(units)
+            self._drove = self._drove or self._turning
+            self._listener.sent(units)
+
+    def _said(self, decoded: Decoded, notice: Notice) -> None:
+        if notice != "none":
+            self._poller.unbroken = False
+        if isinstance(decoded, Battery):
+            if self._battery is not None:
+                self._battery.answered()
+            self._listener.battery(decoded.volts)
+        elif isinstance(decoded, VersionLine):
+            if notice == "start":
+                self._poller.board_reset()
+                self._listener.board_reset(decoded.version)
+            else:
+                self.counters["settings_late"] += 1
