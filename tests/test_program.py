@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from yahboomd import program
 from yahboomd.cli.main import COMMANDS
+from yahboomd.config import Config
 
 
 @pytest.fixture
@@ -81,3 +82,23 @@ def test_what_comes_over_the_bus_cannot_command_the_terminal(text: str) -> None:
     assert "\x1b" not in program.plain(text)
     assert program.plain(text).isprintable()
     assert len(program.plain(text)) == len(text)
+
+
+@pytest.mark.parametrize(
+    ("namespace", "listen", "command"),
+    [
+        ("", (program.STANDARD_LISTEN,), "yahboomd stop --release"),
+        ("", (), "yahboomd stop --release"),
+        ("bot1", ("tcp/x:1",), "yahboomd stop --release --namespace bot1 --connect tcp/x:1"),
+        ("", ("tcp/0.0.0.0:7", "tcp/x:1"), "yahboomd stop --release --connect tcp/127.0.0.1:7"),
+        ("", ("tcp/[::]:7",), "yahboomd stop --release --connect 'tcp/[::1]:7'"),
+    ],
+)
+def test_the_command_that_releases_reaches_the_daemon_that_was_stopped(
+    namespace: str, listen: tuple[str, ...], command: str
+) -> None:
+    assert program.release_command(namespace, listen) == command
+
+
+def test_where_a_daemon_has_its_standard_address_is_as_configured() -> None:
+    assert Config().zenoh.listen == (program.STANDARD_LISTEN,)

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 COMMANDS = (
@@ -30,6 +32,9 @@ COMMANDS = (
     "completions",
 )
 """The subcommands."""
+
+STANDARD_LISTEN = "tcp/127.0.0.1:7448"
+"""Where a daemon listens unless configured otherwise; commands look there by themselves."""
 
 _PASTED = re.compile(rf"(?<![\w/.-])yahboomd (?=(?:{'|'.join(COMMANDS)})\b)")
 
@@ -70,3 +75,13 @@ def pasteable(text: str) -> str:
     if _PASTED.search(text) is None or (called := name()) == "yahboomd":
         return text
     return _PASTED.sub(lambda _found: f"{called} ", text)
+
+
+def release_command(namespace: str, listen: Sequence[str]) -> str:
+    """The command that releases the emergency stop of this daemon, whichever others are there."""
+    words = ["yahboomd stop --release"]
+    words += [f"--namespace {namespace}"] if namespace else []
+    if listen and STANDARD_LISTEN not in listen:
+        local = listen[0].replace("/0.0.0.0:", "/127.0.0.1:").replace("/[::]:", "/[::1]:")
+        words.append(f"--connect {shlex.quote(local)}")
+    return " ".join(words)

@@ -88,6 +88,20 @@ async def test_a_velocity_that_is_not_finite_is_refused_at_once(fake_daemon: Any
     assert daemon.velocities == []
 
 
+@pytest.mark.parametrize("wrong", ["0.2", True, None, [0.2], b"1"])
+async def test_what_is_no_number_is_refused_by_its_name(fake_daemon: Any, wrong: Any) -> None:
+    daemon = await fake_daemon()
+    async with connect(daemon.endpoint) as robot:
+        with pytest.raises(TypeError, match=r"vx must be a number, not .*float\(\)"):
+            robot.drive(wrong)
+        with pytest.raises(TypeError, match="wz must be a number"):
+            robot.drive(0.1, wrong)
+        if wrong is not None:
+            with pytest.raises(TypeError, match="for_s must be a number"):
+                robot.drive(0.1, for_s=wrong)
+    assert daemon.velocities == []
+
+
 class Sleepy(SystemClock):
     """The clock of a machine that may be suspended."""
 

@@ -194,6 +194,9 @@ async def test_the_services_do_what_they_say(running: Running) -> None:
     refused = await running.ask("yahboomd/odometry/set_pose", b'{"x": "here"}')
     assert not refused["success"]
     assert "wrong_type" in refused["message"]
+    empty = await running.ask("yahboomd/odometry/set_pose")
+    assert not empty["success"]
+    assert "no pose was sent. It takes x and y in metres and theta in radians" in empty["message"]
     config = await running.ask("yahboomd/config")
     assert config["data"]["zenoh"]["namespace"] == "bot1"
     board = await running.ask("yahboomd/board")

@@ -7,10 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+import pytest
 from robot_bench import RobotBench
 from status_check import assert_registered
 
 from yahboomd.bus.presence import Neighbour
+from yahboomd.clock import LoopClock
 from yahboomd.daemon.status import Status
 from yahboomd.messages.status_fields import ZEROS
 from yahboomd.simulation.virtual_time import on_virtual_time
@@ -78,6 +80,36 @@ async def test_while_driving_it_names_the_driver_and_every_counter(tmp_path: Pat
             "put_errors": 0,
             "stamps_held_back": 1,
         }
+
+
+class Jittering(LoopClock):
+    """Its wall time is read a little later each time, and may be set."""
+
+    ahead_ns = 0
+
+    def wall_ns(self) -> int:
+        self.ahead_ns += 37
+        return super().wall_ns() + self.ahead_ns
+
+
+@on_virtual_time
+async def test_since_is_constant_while_the_state_lasts_and_follows_a_clock_that_is_set(
+    tmp_path: Path,
+) -> None:
+    async with RobotBench(tmp_path) as bench:
+        bench.clock = clock = Jittering()
+        await bench.ready()
+        telling = status(bench)
+        samples = []
+        for _ in range(20):
+            await bench.drive(0.1, 0.3)
+            samples.append(telling.sample())
+        assert len({each.since_ns for each in samples}) == 1
+        assert len({each.driver_since_ns for each in samples}) == 1
+        clock.ahead_ns += 7_200_000_000_000
+        await bench.drive(0.1, 0.3)
+        after = telling.sample()
+        assert after.since_ns - samples[0].since_ns == pytest.approx(7.2e12, abs=1e4)
 
 
 @on_virtual_time

@@ -39,7 +39,9 @@ def test_every_way_of_having_no_motion_commanded_is_put_in_words(why: Why, words
 
 
 def test_the_emergency_stop_names_who_engaged_it_and_when() -> None:
-    (found,) = reasons(4 * S, decision=DRIVING, latched=LATCHED)
+    release = "yahboomd stop --release --namespace bot1"
+    (found,) = reasons(4 * S, decision=DRIVING, latched=LATCHED, release=release)
+    assert f"To drive again: `{release}`." in found.message
     assert found.kind == "estop"
     assert "yahboomd/estop 3.0 s ago: button pressed" in found.message
 

@@ -1,5 +1,6 @@
 """The daemon's note for the process that stops the wheels after it."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -33,6 +34,26 @@ def test_each_daemon_has_a_note_of_its_own_and_one_for_its_newest_port_alone(
         "port.a%2Fb@%2Fdev%2Fyahboom_driver",
         "port@%2Fdev%2FttyUSB1",
     }
+
+
+def test_notes_of_daemons_that_are_gone_stay_only_where_the_wheels_may_turn(tmp_path: Path) -> None:
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    ended = NOTE._replace(pid=gone.pid, path="/dev/pts/1", ended=True)
+    killed = NOTE._replace(pid=gone.pid, path="/dev/pts/2", namespace="a")
+    lives = NOTE._replace(pid=os.getppid(), path="/dev/pts/3", ended=True)
+    # All of them are found by name; written one by one, each would remove what it may.
+    for number, note in enumerate((ended, killed, lives)):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        write(note, str(folder))
+        (found,) = folder.iterdir()
+        found.rename(tmp_path / found.name)
+        folder.rmdir()
+
+    assert write(NOTE._replace(pid=os.getpid()), str(tmp_path))
+
+    assert {each.path for each in read(str(tmp_path))} == {NOTE.path, "/dev/pts/2", "/dev/pts/3"}
 
 
 def test_an_end_in_order_is_noted_for_this_daemon_alone(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from yahboomd.bus import keys
 from yahboomd.bus.options import BusOptions
 from yahboomd.bus.session import Bus
 from yahboomd.bus.subscriptions import Arrival
-from yahboomd.client.commanding import Commands, Counters
+from yahboomd.client.commanding import Commands, Counters, number
 from yahboomd.client.connection import MAX_BYTES, Connection
 from yahboomd.client.endings import Endings
 from yahboomd.client.questions import Answer, ask, read_answers
@@ -226,8 +226,10 @@ class AsyncRobot:
 
         Raises:
             ValueError: A velocity is not finite, or ``for_s`` is not positive.
+            TypeError: One of them is no number, such as a text or a truth value.
         """
-        return self._commands.drive(Twist2d(vx=float(vx), vy=float(vy), wz=float(wz)), for_s)
+        twist = Twist2d(vx=number("vx", vx), vy=number("vy", vy), wz=number("wz", wz))
+        return self._commands.drive(twist, None if for_s is None else number("for_s", for_s))
 
     def stop(self) -> None:
         """Command zero at once, for 0.3 s; then nothing, so that other sources may drive."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
+from numbers import Real
 
 import msgspec
 import zenoh
@@ -39,6 +40,18 @@ LONGEST_S = 1e9
 
 STANDS = frozenset({"waiting", "estopped", "fault"})
 """States in which no command moves the robot."""
+
+
+def number(name: str, value: object) -> float:
+    """A number that a program commands.
+
+    Raises:
+        TypeError: It is none: ``float`` would make 1 m/s of True, and read a text.
+    """
+    if isinstance(value, bool) or not isinstance(value, Real):
+        kind = type(value).__name__
+        raise TypeError(f"{name} must be a number, not {value!r} ({kind}); see float().")
+    return float(value)
 
 
 class Counters(msgspec.Struct, kw_only=True):

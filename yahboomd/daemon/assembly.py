@@ -27,6 +27,7 @@ from yahboomd.link.port import Opener, Port, PortOptions, open_port
 from yahboomd.link.port_identity import identify
 from yahboomd.link.session import Session, SessionOptions
 from yahboomd.odometry.odometer import Odometer, OdometerOptions
+from yahboomd.program import release_command
 
 
 def bus_options(config: Config) -> BusOptions:
@@ -70,6 +71,7 @@ def control_options(config: Config) -> ControlOptions:
         min_speed_m_s=config.faults.min_speed_m_s,
         period_s=1.0 / config.command.rate_hz,
         blind_s=max(0.3, 3.0 / config.odometry.poll_rate_hz),
+        release=release_command(config.zenoh.namespace, config.zenoh.listen),
     )
 
 
@@ -77,7 +79,8 @@ def latch(config: Config, clock: Clock, environ: Mapping[str, str]) -> EstopLatc
     """The e-stop as it was left."""
     path = config.latch_path(environ, user_id=os.getuid())
     port = None if config.estop.latch_file else config.serial.port
-    return EstopLatch(LatchFile(path, port=port), clock.now_ns())
+    release = release_command(config.zenoh.namespace, config.zenoh.listen)
+    return EstopLatch(LatchFile(path, port=port), clock.now_ns(), release=release)
 
 
 def controller(

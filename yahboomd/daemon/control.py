@@ -433,6 +433,7 @@ class Controller:
             linear=self._options.linear,
             angular=self._options.angular,
             holonomic=self._options.kinematics.holonomic,
+            release=self._options.release,
         )
         if not found:
             return state, f"{self._decision.driver} drives."

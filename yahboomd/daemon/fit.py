@@ -31,6 +31,7 @@ class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
         min_speed_m_s: Commands below it prove nothing about counts that stay away.
         period_s: From one control step to the next.
         blind_s: Without counts for so long it stands: unseen wheels are not driven.
+        release: The command of a terminal that releases this robot's e-stop.
     """
 
     kinematics: Kinematics
@@ -45,6 +46,7 @@ class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
     min_speed_m_s: float = 0.08
     period_s: float = 0.02
     blind_s: float = 0.3
+    release: str = "yahboomd stop --release"
 
     def cuts(self, fault: Fault) -> bool:
         """Whether the motors are let go for this fault, until a person clears it."""

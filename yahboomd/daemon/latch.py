@@ -161,9 +161,12 @@ class EstopLatch:
     Args:
         file: Where it is remembered.
         now_ns: Now; what is on file counts as engaged since then.
+        release: The command of a terminal that releases it.
     """
 
-    def __init__(self, file: LatchFile, now_ns: int) -> None:
+    def __init__(
+        self, file: LatchFile, now_ns: int, *, release: str = "yahboomd stop --release"
+    ) -> None:
         self._keeper = LatchKeeper(file)
         self._settling: asyncio.Future[bool] | None = None
         by = self._keeper.load()
@@ -171,8 +174,9 @@ class EstopLatch:
         if by is not None:
             log.warning(
                 "The emergency stop is engaged, as it was when yahboomd last ran (by %s): "
-                "the robot stands. To drive again: yahboomd stop --release",
+                "the robot stands. To drive again: %s",
                 by,
+                release,
             )
             reason = "it was engaged when yahboomd last ran"
             remembered = Latched(reason=reason, by=by, since_ns=now_ns)

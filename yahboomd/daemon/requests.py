@@ -32,6 +32,10 @@ from yahboomd.messages.codecs import encode as encode_sample
 from yahboomd.messages.native import ServiceReply
 from yahboomd.model import Event, Matrix3, Pose2d
 
+SET_POSE_TAKES = (
+    'It takes x and y in metres and theta in radians, such as {"x": 1.0, "y": 2.0, "theta": 0.5}.'
+)
+
 
 class Operator:
     """Carries requests out, and says in words what became of them.
@@ -274,7 +278,8 @@ class Services:
     def _set_pose(self, request: Request) -> ServiceReply:
         wanted = decode_set_pose(request.payload)
         if isinstance(wanted, Refusal):
-            words = f"The pose stays as it is: {wanted.reason}: {wanted.detail}"
+            problem = f"{wanted.reason}: {wanted.detail}" if request.payload else "no pose was sent"
+            words = f"The pose stays as it is: {problem}. {SET_POSE_TAKES}"
             return ServiceReply(success=False, message=words)
         pose = Pose2d(x=wanted.x, y=wanted.y, theta=wanted.theta)
         words = self._operator.set_pose(pose, wanted.covariance)

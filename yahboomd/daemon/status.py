@@ -6,13 +6,33 @@ from collections.abc import Callable
 from typing import Any
 
 from yahboomd.bus.session import Bus
-from yahboomd.clock import Clock
+from yahboomd.clock import Clock, nanoseconds
 from yahboomd.daemon.commands import CommandIntake
 from yahboomd.daemon.control import Controller
+from yahboomd.daemon.stamps import STEP_S
 from yahboomd.daemon.supervisor import Supervisor
 from yahboomd.messages.native import StatusSample
 from yahboomd.messages.status_fields import ZEROS
 from yahboomd.protocol.settings import VERSION
+
+
+class _Moment:
+    """The Unix time of a moment on the clock that is never set.
+
+    It stays while the moment does: the difference of two clocks that are read one by one jitters,
+    and the wall clock is slewed. Where it was set the moment follows it.
+    """
+
+    def __init__(self) -> None:
+        self._moment_ns: int | None = None
+        self._offset_ns = 0
+
+    def of(self, moment_ns: int, offset_ns: int) -> int:
+        """The Unix time, where wall time is ``offset_ns`` ahead of monotonic time now."""
+        stepped = abs(offset_ns - self._offset_ns) >= nanoseconds(STEP_S)
+        if moment_ns != self._moment_ns or stepped:
+            self._moment_ns, self._offset_ns = moment_ns, offset_ns
+        return moment_ns + self._offset_ns
 
 
 class Status:
@@ -45,10 +65,12 @@ class Status:
         self._more_bus_facts = more_bus_facts
         self._state: str | None = None
         self._since_ns = 0
+        self._state_since, self._driver_since = _Moment(), _Moment()
 
     def sample(self) -> StatusSample:
         """How things stand now."""
         now_ns, clock_ns = self._clock.wall_ns(), self._clock.now_ns()
+        offset_ns = now_ns - clock_ns
         decision = self._controller.decision
         since_ns = decision.since_ns
         state, why = self._controller.state()
@@ -59,9 +81,10 @@ class Status:
             stamp_ns=now_ns,
             state=state,
             driver=decision.driver,
-            driver_since_ns=None if since_ns is None else now_ns - (clock_ns - since_ns),
-            # Counted on the clock that is never set.
-            since_ns=now_ns - (clock_ns - self._since_ns),
+            driver_since_ns=(
+                None if since_ns is None else self._driver_since.of(since_ns, offset_ns)
+            ),
+            since_ns=self._state_since.of(self._since_ns, offset_ns),
             why=why,
             board=self.board(),
             link={**ZEROS["link"], **self._supervisor.facts()},

@@ -30,9 +30,6 @@ def turning(measured_m_s: Sequence[float]) -> bool:
     return any(abs(speed) >= STANDING_M_S for speed in measured_m_s)
 
 
-_RELEASE = "To drive again: yahboomd stop --release."
-
-
 class Reason(msgspec.Struct, frozen=True, kw_only=True):
     """One reason to stand.
 
@@ -55,6 +52,7 @@ def reasons(
     linear: AxisLimits | None = None,
     angular: AxisLimits | None = None,
     holonomic: bool = True,
+    release: str = "yahboomd stop --release",
 ) -> tuple[Reason, ...]:
     """Everything that keeps the robot where it is; empty while it may drive.
 
@@ -67,7 +65,9 @@ def reasons(
         linear: Limits of ``vx`` and ``vy``.
         angular: Limits of ``wz``.
         holonomic: Whether the base can move sideways.
+        release: The command that lets this robot, and no other, drive again.
     """
+    again = f"To drive again: `{release}`."
     found: list[Reason] = []
     if latched is not None:
         found.append(
@@ -75,11 +75,13 @@ def reasons(
                 kind="estop",
                 message=(
                     f"Emergency stop, engaged by {latched.by} {_ago(now_ns, latched.since_ns)}: "
-                    f"{latched.reason}. {_RELEASE}"
+                    f"{latched.reason}. {again}"
                 ),
             )
         )
-    found += [_held(now_ns, hold) for hold in sorted(holds, key=lambda hold: hold.kind != FAULT)]
+    found += [
+        _held(now_ns, hold, again) for hold in sorted(holds, key=lambda hold: hold.kind != FAULT)
+    ]
     found += _not_commanded(decision)
     if decision.why == "driving":
         found += _impossible(decision, linear, angular, holonomic=holonomic)
@@ -120,12 +122,12 @@ def state_of(
     return "stopping" if moves else "standing"
 
 
-def _held(now_ns: int, hold: Hold) -> Reason:
+def _held(now_ns: int, hold: Hold, again: str) -> Reason:
     message = f"{hold.message} (since {_seconds(now_ns - hold.since_ns)}"
     if hold.until_ns is not None:
         message += f", for another {_seconds(hold.until_ns - now_ns)}"
     words = f"{message})"
-    return Reason(kind=hold.kind, message=f"{words} {_RELEASE}" if hold.kind == FAULT else words)
+    return Reason(kind=hold.kind, message=f"{words} {again}" if hold.kind == FAULT else words)
 
 
 def _not_commanded(decision: Decision) -> list[Reason]:

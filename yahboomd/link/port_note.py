@@ -55,7 +55,8 @@ class PortNote(NamedTuple):
 def write(note: PortNote, folder: str) -> bool:
     """Leave the note; whether it is there now. Never raises: without it the configuration is read.
 
-    Notes of this process on other ports are removed: it has one port at a time.
+    Notes of this process on other ports are removed: it has one port at a time. So are those of
+    daemons that are gone and had ended in order.
     """
     from urllib.parse import quote
 
@@ -65,7 +66,8 @@ def write(note: PortNote, folder: str) -> bool:
         for place, other in _found(folder):
             if other == note:
                 return True
-            if os.path.basename(place) != name and note.pid and other.pid == note.pid:
+            own = note.pid and other.pid == note.pid
+            if os.path.basename(place) != name and (own or (other.ended and not _alive(other.pid))):
                 os.unlink(place)
         _put(os.path.join(folder, name), note)
     except OSError:
@@ -92,6 +94,16 @@ def folder_of(environ: Mapping[str, str]) -> str:
     """The runtime folder that a service manager gives; empty without one."""
     # Where a unit has several, systemd separates them by colons.
     return environ.get("RUNTIME_DIRECTORY", "").split(":")[0]
+
+
+def _alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return pid > 0
 
 
 def _put(place: str, note: PortNote) -> None:

@@ -12,7 +12,6 @@ import pytest
 
 from yahboomd.cli.stop import stop_local
 from yahboomd.cli.stop.stop_local import LocalStops, Robot, Wanted, find, holds, sockets, there
-from yahboomd.config import Config
 from yahboomd.daemon.local_stop import LocalStop
 
 pytestmark = pytest.mark.realtime
@@ -261,23 +260,3 @@ def test_a_board_that_is_gone_is_named_once_with_one_remedy() -> None:
         "Emergency stop engaged, but /nonexistent/board is gone, so no stop reached the board. "
         "The wheels may still turn: switch the motor supply off."
     )
-
-
-@pytest.mark.parametrize(
-    ("namespace", "listen", "command"),
-    [
-        ("", (stop_local.STANDARD,), "yahboomd stop --release"),
-        ("", (), "yahboomd stop --release"),
-        ("bot1", ("tcp/x:1",), "yahboomd stop --release --namespace bot1 --connect tcp/x:1"),
-        ("", ("tcp/0.0.0.0:7", "tcp/x:1"), "yahboomd stop --release --connect tcp/127.0.0.1:7"),
-        ("", ("tcp/[::]:7",), "yahboomd stop --release --connect 'tcp/[::1]:7'"),
-    ],
-)
-def test_the_command_that_releases_reaches_the_daemon_that_was_stopped(
-    namespace: str, listen: tuple[str, ...], command: str
-) -> None:
-    assert stop_local.release_command(namespace, listen) == command
-
-
-def test_where_a_daemon_has_its_standard_address_is_as_configured() -> None:
-    assert Config().zenoh.listen == (stop_local.STANDARD,)

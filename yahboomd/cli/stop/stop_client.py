@@ -9,14 +9,14 @@ import msgspec
 
 from yahboomd.bus import keys
 from yahboomd.cli.options import client_options
-from yahboomd.cli.stop.stop_local import release_command, same_port
+from yahboomd.cli.stop.stop_local import same_port
 from yahboomd.cli.words import listed
 from yahboomd.client import AsyncRobot
 from yahboomd.client.streams import read_sample
 from yahboomd.config import Config
 from yahboomd.errors import BusError, NoDaemon, Refused
 from yahboomd.messages.native import StatusSample, WheelsSample
-from yahboomd.program import pasteable
+from yahboomd.program import pasteable, release_command
 
 STATUS_WITHIN_S = 1.5
 STAND_WITHIN_S = 2.0

@@ -10,7 +10,6 @@ import contextlib
 import json
 import os
 import select
-import shlex
 import socket
 import struct
 import time
@@ -21,7 +20,7 @@ from typing import Any, NamedTuple
 
 from yahboomd.link import port_note
 from yahboomd.link.port_note import PortNote
-from yahboomd.program import pasteable, plain
+from yahboomd.program import pasteable, plain, release_command
 
 STATUS_WITHIN_S = 0.5
 ENGAGED_WITHIN_S = 1.5
@@ -30,9 +29,6 @@ RETRY_S = 0.02
 MAX_BYTES = 65_536
 STOP = b"stop by yahboomd stop\n"
 """Any request but ``status`` engages; this one also tells the daemon which program asks."""
-
-STANDARD = "tcp/127.0.0.1:7448"
-"""Where a daemon listens unless configured otherwise; commands look there by themselves."""
 
 _LONGEST_PATH = 100
 
@@ -173,16 +169,6 @@ def covered(outcome: Outcome, paths: Iterable[str]) -> bool:
     return outcome.blind and any(
         same_port(port, path) for port in outcome.robot.ports for path in paths
     )
-
-
-def release_command(namespace: str, listen: Sequence[str]) -> str:
-    """The command that releases the emergency stop of a daemon."""
-    words = ["yahboomd stop --release"]
-    words += [f"--namespace {namespace}"] if namespace else []
-    if listen and STANDARD not in listen:
-        local = listen[0].replace("/0.0.0.0:", "/127.0.0.1:").replace("/[::]:", "/[::1]:")
-        words.append(f"--connect {shlex.quote(local)}")
-    return " ".join(words)
 
 
 def there(robots: Sequence[Robot], command: str) -> str:
