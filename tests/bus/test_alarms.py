@@ -21,13 +21,24 @@ def harmless(payload):
     return payload.startswith(b"harmless")
 
 
+def asks_nothing(payload):
+    return payload == b"not pressed"
+
+
 class Heard:
     """The results of an alarm."""
 
     def __init__(self, bus):
         self.order = []
-        self.raised = self.unread = self.ignored = 0
-        self.alarm = bus.alarm(keys.ESTOP, self.raise_, self.ignore, harmless=harmless)
+        self.raised = self.unread = self.ignored = self.idle = 0
+        self.alarm = bus.alarm(
+            keys.ESTOP,
+            self.raise_,
+            self.ignore,
+            harmless=harmless,
+            idle=self.count_idle,
+            asks_nothing=asks_nothing,
+        )
 
     def raise_(self, count, unread):
         self.order.append("raised")
@@ -37,6 +48,9 @@ class Heard:
     def ignore(self, count):
         self.order.append("ignored")
         self.ignored += count
+
+    def count_idle(self, count):
+        self.idle += count
 
 
 @pytest.fixture
@@ -92,7 +106,7 @@ async def test_a_flood_of_harmless_samples_hides_no_alarm_and_raises_none(heard,
     """The loop stands still while they come: 5,000 harmless samples, an alarm, 5,000 more."""
 
     def count():
-        return heard.alarm._idle.counters.received
+        return heard.alarm._ignored.counters.received
 
     pause = threading.Event()
     for wanted in (5_000, 10_000):
@@ -120,10 +134,18 @@ async def test_alarms_beyond_what_a_lane_holds_are_counted_all_the_same(heard, s
 
 async def test_nothing_of_a_sample_is_kept(session):
     inbox = Inbox()
-    alarm = Alarm("bot1/x", print, print, harmless=harmless, inbox=inbox)
+    alarm = Alarm(
+        "bot1/x",
+        print,
+        print,
+        harmless=harmless,
+        idle=print,
+        asks_nothing=asks_nothing,
+        inbox=inbox,
+    )
     entries = []
     alarm._alarms.offer = entries.append
-    alarm._idle.offer = entries.append
+    alarm._ignored.offer = entries.append
     alarm.attach(session)
     session.put("bot1/x", bytes(15_000_000), attachment=bytes(1_000_000), **BLOCK)
     session.put("bot1/x", b"harmless", **BLOCK)
@@ -146,3 +168,10 @@ async def test_every_alarm_of_many_clients_in_a_flood_is_counted(bus, heard, zen
     await asyncio.to_thread(send)
     await eventually(lambda: heard.ignored == 20_000)
     assert heard.raised == 10
+
+
+async def test_samples_that_ask_for_nothing_are_counted_and_nothing_else(heard, session):
+    for _ in range(100):
+        session.put("bot1/yahboomd/estop", b"not pressed", **BLOCK)
+    await eventually(lambda: heard.idle == 100)
+    assert (heard.raised, heard.ignored) == (0, 0)

@@ -153,6 +153,8 @@ async def test_a_flood_on_one_key_does_not_hold_up_another(bus, zenoh_app):
         lambda *_: order.append(flood[-1] if flood else b"-1"),
         lambda _: None,
         harmless=lambda _: False,
+        idle=lambda _: None,
+        asks_nothing=lambda _: False,
     )
     flooder = zenoh_app("client", bus.options.listen[0]).session
     operator = zenoh_app("client", bus.options.listen[0]).session

@@ -157,7 +157,9 @@ class Bus:
         self.options: dict[str, dict[str, Any]] = {}
         self.raised: Callable[[int, int], None] = lambda count, unread: None
         self.ignored: Callable[[int], None] = lambda count: None
+        self.idle: Callable[[int], None] = lambda count: None
         self.harmless: Callable[[bytes], bool] = lambda payload: False
+        self.asks_nothing: Callable[[bytes], bool] = lambda payload: False
 
     def alarm(
         self,
@@ -166,13 +168,18 @@ class Bus:
         ignored: Callable[[int], None],
         *,
         harmless: Callable[[bytes], bool],
+        idle: Callable[[int], None],
+        asks_nothing: Callable[[bytes], bool],
     ) -> None:
         assert key == keys.ESTOP
         self.order.append(key)
         self.raised, self.ignored, self.harmless = raised, ignored, harmless
+        self.idle, self.asks_nothing = idle, asks_nothing
 
     def estop_sample(self, payload: bytes) -> None:
-        if self.harmless(payload):
+        if self.asks_nothing(payload):
+            self.idle(1)
+        elif self.harmless(payload):
             self.ignored(1)
         else:
             self.raised(1, 0)
@@ -453,8 +460,8 @@ async def test_an_estop_that_is_offered_elsewhere_too_is_an_alarm_there(tmp_path
         )
         options = bus.options["/0/estop"]
         assert options["complete"]
-        assert options["harmless"](cdr.set_bool_request(False))
-        assert not options["harmless"](cdr.set_bool_request(True))
-        assert not bus.harmless(cdr.set_bool_request(False))
+        assert options["harmless"](cdr.boolean(False))
+        assert not options["harmless"](cdr.boolean(True))
+        assert not bus.harmless(cdr.boolean(False))
         bus.answer(msgspec.structs.replace(request("/0/estop", b""), harmless=False))
         assert bench.controller.state()[0] == "estopped"

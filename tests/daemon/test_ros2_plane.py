@@ -254,6 +254,7 @@ TYPES = {
     "joint_states": ros2.JOINT_STATE,
     "battery_state": ros2.BATTERY_STATE,
     "diagnostics": ros2.DIAGNOSTIC_ARRAY,
+    "yahboomd/estopped": ros2.BOOL,
 }
 LASER = 'ros2.static_transforms=[{parent="base_link",child="laser",z=0.1}]'
 
@@ -393,8 +394,8 @@ def test_what_ros_asks_is_answered_in_cdr(
     gid = bytes(range(16))
     asked = ros2.attachment(5, 1, gid)
     for key, ros_type, payload, success, state in (
-        ("yahboomd/estop", ros2.SET_BOOL, cdr.set_bool_request(True), True, "estopped"),
-        ("yahboomd/estop", ros2.SET_BOOL, cdr.set_bool_request(False), False, "estopped"),
+        ("yahboomd/estop", ros2.SET_BOOL, cdr.boolean(True), True, "estopped"),
+        ("yahboomd/estop", ros2.SET_BOOL, cdr.boolean(False), False, "estopped"),
         ("yahboomd/estop/reset", ros2.TRIGGER, cdr.trigger_request(), True, "standing"),
         ("yahboomd/odometry/reset", ros2.TRIGGER, cdr.trigger_request(), True, "standing"),
         # The least that the bridge leaves of a request: the header of its encoding.
@@ -410,6 +411,48 @@ def test_what_ros_asks_is_answered_in_cdr(
         returned = ros2.parse_attachment(native.attachment.to_bytes())
         assert (returned.sequence, returned.gid) == (5, gid)
         app.in_state(state)
+
+
+def test_the_estop_is_a_topic_too_and_a_button_that_is_not_pressed_changes_nothing(
+    run: Callable[..., RealRobot], client: Callable[..., Client], oracle: Oracle
+) -> None:
+    robot = run("ros2.rmw_zenoh=true")
+    app = client("client", robot.endpoint)
+    app.in_state("standing")
+    graph = Graph(app.session)
+    pressed, let_go = cdr.boolean(True), cdr.boolean(False)
+    attached = ros2.attachment(1, 1, bytes(range(16)))
+
+    def idle() -> int:
+        return int(app.latest("status")["command"]["estop_not_pressed"])
+
+    def said() -> list[bool]:
+        return [
+            oracle.decode(ros2.BOOL, payload)["data"]
+            for payload in graph.payloads("yahboomd/estopped")
+        ]
+
+    def press(key: str, payload: bytes) -> None:
+        app.session.put(key, payload, attachment=attached if key != "yahboomd/estop" else None)
+
+    for key in ("yahboomd/estop", native_key("yahboomd/estop", ros2.BOOL)):
+        wait_for(lambda: said()[-1:] == [False], "not engaged")
+        before = idle()
+        for _ in range(50):
+            press(key, let_go)
+        wait_for(lambda before=before: idle() == before + 50, "samples that ask for nothing")
+        assert app.latest("status")["state"] == "standing"
+        # However often the bridge delivers it.
+        for _ in range(32):
+            press(key, pressed)
+        app.in_state("estopped")
+        wait_for(lambda: said()[-1:] == [True], "engaged")
+        press(key, let_go)
+        wait_for(lambda before=before: idle() == before + 51, "a button that was let go")
+        assert app.latest("status")["state"] == "estopped"
+        assert app.latest("status")["command"]["release_refused"] == 0
+        graph.ask("yahboomd/estop/reset", cdr.trigger_request())
+        app.in_state("standing")
 
 
 def test_a_node_with_another_clock_drives_and_is_named_in_the_diagnostics(

@@ -154,7 +154,7 @@ def test_services_are_asked_and_answered(bridge, dds_node, join):
         for key in TRIGGERS:
             assert dds_node.call(f"/{key}")["reply"] == done
     assert [key for key, _ in asked] == ["yahboomd/estop", "yahboomd/estop", *TRIGGERS]
-    assert [cdr.decode_set_bool(payload) for _, payload in asked[:2]] == [True, False]
+    assert [cdr.decode_bool(payload) for _, payload in asked[:2]] == [True, False]
     assert all(cdr.is_cdr(payload) for _, payload in asked)
 
 

@@ -185,7 +185,7 @@ def test_services_are_asked_and_answered(us, native_node):
     assert native_node.call("/yahboomd/estop", data=False)["reply"] == done
     for key in TRIGGERS:
         assert native_node.call(f"/{key}")["reply"] == done
-    assert [cdr.decode_set_bool(payload) for _, payload in asked[:2]] == [True, False]
+    assert [cdr.decode_bool(payload) for _, payload in asked[:2]] == [True, False]
     assert [key for key, _ in asked] == [f"0/{k}" for k in ("yahboomd/estop",) * 2 + TRIGGERS]
 
 

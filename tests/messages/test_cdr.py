@@ -97,7 +97,7 @@ def test_a_frame_id_without_its_end_is_refused():
 def test_no_bytes_make_the_decoders_raise(data):
     for payload in (data, b"\x00\x01" + data, b"\x00\x00" + data):
         assert isinstance(cdr.decode_velocity(payload), cdr.Velocity | str)
-        assert isinstance(cdr.decode_set_bool(payload), bool | str)
+        assert isinstance(cdr.decode_bool(payload), bool | str)
 
 
 @given(st.binary(min_size=66, max_size=200), little)
@@ -259,11 +259,12 @@ def test_service_responses_equal_rosbags(oracle, success, message):
 
 
 @pytest.mark.parametrize("flag", [True, False])
-def test_set_bool_requests_equal_rosbags_and_are_read_back(oracle, flag):
-    payload = oracle.encode("std_srvs/srv/SetBool_Request", {"data": flag})
-    assert cdr.set_bool_request(flag) == payload
-    assert cdr.decode_set_bool(payload) is flag
-    assert cdr.decode_set_bool(b"\x00\x00" + payload[2:] + bytes(3)) is flag
+@pytest.mark.parametrize("ros_type", ["std_msgs/msg/Bool", "std_srvs/srv/SetBool_Request"])
+def test_flags_equal_rosbags_and_are_read_back(oracle, flag, ros_type):
+    payload = oracle.encode(ros_type, {"data": flag})
+    assert cdr.boolean(flag) == payload
+    assert cdr.decode_bool(payload) is flag
+    assert cdr.decode_bool(b"\x00\x00" + payload[2:] + bytes(3)) is flag
 
 
 def test_a_trigger_request_equals_rosbags(oracle):
@@ -276,7 +277,7 @@ def test_a_trigger_request_equals_rosbags(oracle):
     [b"", b"\x00\x01\x00\x00", b"\x00\x01\x00\x00\x02", cdr.HEADER_LE + bytes(5), b"{}abc"],
 )
 def test_what_is_no_set_bool_is_refused(payload):
-    assert isinstance(cdr.decode_set_bool(payload), str)
+    assert isinstance(cdr.decode_bool(payload), str)
 
 
 def test_only_plain_cdr_counts_as_cdr():

@@ -23,6 +23,7 @@ from yahboomd.messages.codecs import (
     encoding_name,
     encoding_of,
     estop_by,
+    is_not_pressed,
     is_release_attempt,
 )
 from yahboomd.messages.native import (
@@ -356,7 +357,7 @@ def test_who_asks_for_the_estop_is_read_where_it_is_a_printable_text(payload, by
         pack({"engaged": 0}),
         pack({"engaged": False})[:-1],
         b'{"engaged": false, "x": "' + b"x" * MAX_PAYLOAD_BYTES + b'"}',
-        cdr.set_bool_request(True),
+        cdr.boolean(True),
         cdr.HEADER_LE + b"\x02",
         cdr.HEADER_LE,
     ],
@@ -367,8 +368,23 @@ def test_everything_else_engages(payload):
 
 
 def test_a_false_set_bool_is_a_release_attempt_only_as_a_query():
-    assert is_release_attempt(cdr.set_bool_request(False), query=True)
-    assert not is_release_attempt(cdr.set_bool_request(False))
+    assert is_release_attempt(cdr.boolean(False), query=True)
+    assert not is_release_attempt(cdr.boolean(False))
+
+
+@pytest.mark.parametrize("head", [cdr.HEADER_LE, b"\x00\x00\x00\x00"])
+@pytest.mark.parametrize("padding", [b"", bytes(3)])
+def test_a_false_bool_says_that_the_estop_is_not_pressed(head, padding):
+    assert is_not_pressed(head + b"\x00" + padding)
+    assert not is_not_pressed(head + b"\x01" + padding)
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [b"", b'{"engaged": false}', b"false", b"\x00", cdr.HEADER_LE, cdr.HEADER_LE + bytes(5)],
+)
+def test_nothing_but_a_false_bool_says_so(payload):
+    assert not is_not_pressed(payload)
 
 
 def test_a_reply_speaks_the_encoding_that_was_asked_for(oracle):

@@ -71,4 +71,4 @@ def test_the_request_samples_are_taken():
     request = samples.NATIVE["SetPoseRequest"]
     assert decode_set_pose(encode(request, "msgpack")) == request
     assert not is_release_attempt(encode(samples.NATIVE["EstopRequest"], "json"))
-    assert cdr.decode_set_bool(samples.CDR["SetBool_Request"].payload) is True
+    assert cdr.decode_bool(samples.CDR["SetBool_Request"].payload) is True

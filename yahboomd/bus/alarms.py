@@ -54,7 +54,9 @@ class Alarm:
         key: The key in full.
         raised: Called on the loop, before and between all that is not an alarm.
         ignored: Called on the loop for harmless payloads.
-        harmless: Tells them apart.
+        harmless: Recognises them.
+        idle: Called on the loop for payloads that ask for nothing.
+        asks_nothing: Recognises those.
         inbox: Brings the decisions to the loop.
     """
 
@@ -65,31 +67,42 @@ class Alarm:
         ignored: Callable[[int], None],
         *,
         harmless: Harmless,
+        idle: Callable[[int], None],
+        asks_nothing: Harmless,
         inbox: Inbox,
     ) -> None:
         self.key = key
         self._raised = raised
-        self._ignored = ignored
         self._harmless = harmless
+        self._asks_nothing = asks_nothing
         # An entry says whether its payload went unread. Where a lane is full its entries are
         # merged: one that is left raises the alarm for all, and their number is kept.
         self._alarms: Lane[bool] = inbox.lane(self._deliver_alarms, urgent=True)
-        self._idle: Lane[None] = inbox.lane(self._deliver_idle, depth=1)
+        self._ignored = _counting(inbox, ignored)
+        self._idle = _counting(inbox, idle)
 
     def attach(self, session: zenoh.Session) -> None:
         """Listen in this session too."""
-        alarms, idle, harmless = self._alarms, self._idle, self._harmless
+        alarms, ignored, idle = self._alarms, self._ignored, self._idle
+        harmless, asks_nothing = self._harmless, self._asks_nothing
+
+        def silent(payload: bytes) -> bool:
+            return harmless(payload) or asks_nothing(payload)
 
         def arrived(sample: zenoh.Sample) -> None:
-            if raises_alarm(sample, harmless):
+            if raises_alarm(sample, silent):
                 alarms.offer(is_unread(sample))
-            else:
+            elif asks_nothing(sample.payload.to_bytes()):
                 idle.offer(None)
+            else:
+                ignored.offer(None)
 
         session.declare_subscriber(self.key, Callback(arrived, indirect=False))
 
     def _deliver_alarms(self, batch: list[bool], merged: int) -> None:
         self._raised(len(batch) + merged, sum(batch))
 
-    def _deliver_idle(self, batch: list[None], merged: int) -> None:
-        self._ignored(len(batch) + merged)
+
+def _counting(inbox: Inbox, count: Callable[[int], None]) -> Lane[None]:
+    """A lane of which only the number of entries matters."""
+    return inbox.lane(lambda batch, merged: count(len(batch) + merged), depth=1)

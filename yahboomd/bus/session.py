@@ -278,6 +278,8 @@ class Bus:
         ignored: Callable[[int], None],
         *,
         harmless: Harmless,
+        idle: Callable[[int], None],
+        asks_nothing: Harmless,
     ) -> Alarm:
         """Have every sample on ``key`` raise an alarm, unless it is recognised as harmless.
 
@@ -287,9 +289,19 @@ class Bus:
                 last call, and how many of them went unread because they were too long.
             ignored: Called on the loop with the number of harmless samples.
             harmless: Recognises their payloads; called in Zenoh's threads.
+            idle: Called on the loop with the number of samples that ask for nothing.
+            asks_nothing: Recognises their payloads; called in Zenoh's threads.
         """
         return self._declare(
-            Alarm(self.key(key), raised, ignored, harmless=harmless, inbox=self._ready())
+            Alarm(
+                self.key(key),
+                raised,
+                ignored,
+                harmless=harmless,
+                idle=idle,
+                asks_nothing=asks_nothing,
+                inbox=self._ready(),
+            )
         )
 
     def serve(

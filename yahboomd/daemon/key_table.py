@@ -109,9 +109,9 @@ INPUTS: dict[str, Input] = {
     keys.CMD_VEL_TELEOP: COMMAND,
     keys.ESTOP: Input(
         messages=(EstopRequest,),
-        ros_types=(),
+        ros_types=(ros2.BOOL,),
         does="engages the emergency stop, whatever its payload; only a well-formed "
-        '`{"engaged": false}` is refused',
+        '`{"engaged": false}` is refused, and a `std_msgs/Bool` that is false changes nothing',
     ),
 }
 """What is received, by key; each further name in ``[command.sources]`` takes commands as well."""
@@ -147,6 +147,11 @@ ROS_TOPICS: dict[str, RosTopic] = {
     keys.ROS_JOINT_STATES: RosTopic(ros_type=ros2.JOINT_STATE, when="for each new reading"),
     keys.ROS_BATTERY_STATE: RosTopic(
         ros_type=ros2.BATTERY_STATE, when="for each voltage that the board reports"
+    ),
+    keys.ROS_ESTOPPED: RosTopic(
+        ros_type=ros2.BOOL,
+        when="when the emergency stop is engaged or released, and once a second",
+        qos=Qos(latched=True, depth=1),
     ),
     keys.ROS_DIAGNOSTICS: RosTopic(
         ros_type=ros2.DIAGNOSTIC_ARRAY, when="once a second, and when a level changes"

@@ -26,6 +26,7 @@ from yahboomd.messages.codecs import (
     encoding_name,
     encoding_of,
     estop_by,
+    is_not_pressed,
     is_release_attempt,
 )
 from yahboomd.messages.codecs import encode as encode_sample
@@ -102,6 +103,10 @@ class Operator:
             Event(kind="estop_release_refused", severity="warning", message=words)
         )
         return words
+
+    def count_not_pressed(self, times: int) -> None:
+        """Count samples which say that the e-stop is not pressed; they change nothing."""
+        self._controller.counters["estop_not_pressed"] += times
 
     def release_estop(self) -> tuple[bool, str]:
         """Release the e-stop, and clear a latched fault with it, unless somebody commands motion.
@@ -191,13 +196,22 @@ class Services:
 
     def serve(self, bus: Bus) -> None:
         """Declare everything on an open session; the e-stop first."""
-        bus.alarm(
-            keys.ESTOP, self._estop_samples, self._release_samples, harmless=is_release_attempt
-        )
+        self.hear_estop(bus, keys.ESTOP)
         for key, action in self.actions.items():
             self.offer(bus, key, action)
         for key in keys.SAMPLES:
             bus.serve(key, self._sample, fallback=self._refuse, wildcards=True)
+
+    def hear_estop(self, bus: Bus, at: str) -> None:
+        """Hear the e-stop's samples on a key."""
+        bus.alarm(
+            at,
+            self._estop_samples,
+            self._release_samples,
+            harmless=is_release_attempt,
+            idle=self._operator.count_not_pressed,
+            asks_nothing=is_not_pressed,
+        )
 
     def offer(
         self, bus: Bus, key: str, action: Action, answer: Answer | None = None, *, at: str = ""

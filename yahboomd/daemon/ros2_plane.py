@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
+from yahboomd.bus import keys
 from yahboomd.bus.services import Request, Response
 from yahboomd.bus.session import Bus
 from yahboomd.bus.subscriptions import Arrival
@@ -178,6 +179,18 @@ class NativeWay:
         for heard in filter(None, (ros_type, also)):
             self._bus.subscribe(self._key(topic, heard), handler)
 
+    def alarm(self, topic: str, ros_type: str, qos: Qos, hear: Callable[[str], None]) -> None:
+        """Subscribe to a topic of which no sample may be lost.
+
+        Args:
+            topic: Its name below the namespace.
+            ros_type: Its type.
+            qos: As it is announced.
+            hear: Hears it on the key given.
+        """
+        hear(self._key(topic, ros_type))
+        self._announce("MS", topic, ros_type, qos)
+
     def service(self, key: str, ros_type: str, offer: Callable[[str, Answer], None]) -> None:
         """Offer a service.
 
@@ -221,6 +234,10 @@ COMMANDS = Qos(reliable=False, depth=1)
 """Only the newest counts; and it becomes the QoS of the bridge's DDS reader, which so takes the
 commands of any writer, reliable or not."""
 
+ESTOP_QOS = Qos(reliable=True, depth=10)
+"""No press may be lost on DDS, so a publisher has to be reliable, as ROS 2's are by default. Not
+latched: a press of yesterday must not stop the robot again whenever the bridge restarts."""
+
 SERVICES = {key: offer.ros_type for key, offer in OFFERS.items() if offer.ros_type}
 """The services whose requests ROS 2 has types for."""
 
@@ -261,7 +278,12 @@ def start(
     def open_topic(topic: str, ros_type: str, qos: Qos) -> tuple[Outlet, ...]:
         return tuple(way.publisher(topic, ros_type, qos) for way in ways)
 
-    # Services and commands come before samples: the e-stop first.
+    # Services and commands come before samples: the e-stop first. As a topic besides, because the
+    # bridge drops the service calls of rmw_fastrtps, the default of ROS 2.
+    if bridge is not None:
+        bridge.subscriber(keys.ESTOP, ros2.BOOL, ESTOP_QOS)
+    if native is not None:
+        native.alarm(keys.ESTOP, ros2.BOOL, ESTOP_QOS, lambda at: services.hear_estop(bus, at))
     for key, ros_type in SERVICES.items():
         if bridge is not None:
             bridge.service(key, ros_type)

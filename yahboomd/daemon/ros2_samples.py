@@ -254,6 +254,8 @@ class RosPublisher:
         self._joints = opened(topics.joint_states, keys.ROS_JOINT_STATES)
         self._battery = opened(topics.battery_state, keys.ROS_BATTERY_STATE)
         self._diagnostics = opened(topics.diagnostics, keys.ROS_DIAGNOSTICS)
+        self._estopped = opened(keys.ROS_ESTOPPED, keys.ROS_ESTOPPED)
+        self._was_estopped: bool | None = None
         self._static = opened(keys.ROS_TF_STATIC if topics.static else "", keys.ROS_TF_STATIC)
         self._fixed = _fixed(topics.static, clock.wall_ns()) if topics.static else b""
         self._encode_odom = planar.odometry(*frames)
@@ -290,10 +292,15 @@ class RosPublisher:
             self._battery.put(self._encode_battery(stamp_ns, volts))
 
     def status(self, sample: StatusSample) -> None:
-        """Publish the diagnostics: once a second, and at once when a level changes."""
+        """Publish diagnostics and e-stop: once a second, and at once when they change."""
         is_due = self._pace.due(self._clock.now_ns())
         if is_due:
             self.place()
+        if self._estopped.has_subscribers:
+            estopped = sample.state == "estopped"
+            if is_due or estopped != self._was_estopped:
+                self._was_estopped = estopped
+                self._estopped.put(cdr.boolean(estopped))
         if not self._diagnostics.has_subscribers:
             return
         entries = self._entries.of(sample)

@@ -293,20 +293,23 @@ def is_cdr(payload: bytes) -> bool:
     return len(payload) >= 4 and payload[:2] in _ORDERS
 
 
-def decode_set_bool(payload: bytes) -> bool | str:
-    """Reads the request of a std_srvs/srv/SetBool: the flag, or what is wrong.
+def decode_bool(payload: bytes) -> bool | str:
+    """Reads a std_msgs/msg/Bool or the request of a std_srvs/srv/SetBool.
 
     Up to three bytes may follow: some middleware pads to a multiple of four.
+
+    Returns:
+        The flag, or what is wrong.
     """
     if not is_cdr(payload):
         return "no CDR header"
     if not 5 <= len(payload) <= 8 or payload[4] > 1:
-        return "not the request of a SetBool"
+        return "neither a Bool nor the request of a SetBool"
     return payload[4] == 1
 
 
-def set_bool_request(data: bool) -> bytes:
-    """The request of a std_srvs/srv/SetBool."""
+def boolean(data: bool) -> bytes:
+    """A std_msgs/msg/Bool; the request of a std_srvs/srv/SetBool has the same layout."""
     return HEADER_LE + bytes((data,))
 
 

@@ -190,19 +190,27 @@ def is_release_attempt(payload: bytes, *, query: bool = False) -> bool:
     Args:
         payload: What arrived on the e-stop's key.
         query: It came as a query: then CDR is the request of a SetBool, as ROS 2 calls services,
-            and its false is a release too. A plain sample of these bytes engages.
+            and its false is a release too. In a sample it is none: :func:`is_not_pressed`.
     """
     encoding = _admit(payload)
     if isinstance(encoding, Refusal):
         return False
     if encoding == "cdr":
-        return query and cdr.decode_set_bool(payload) is False
+        return query and cdr.decode_bool(payload) is False
     try:
         # All of it is read: a payload that is broken anywhere is none that releases.
         value = _DECODE_ANY[encoding](payload)
     except _BROKEN:
         return False
     return isinstance(value, dict) and value.get("engaged") is False
+
+
+def is_not_pressed(payload: bytes) -> bool:
+    """Whether an e-stop sample is a std_msgs/msg/Bool that is false: neither stop nor release.
+
+    Buttons in ROS 2 say all the time that they are not pressed.
+    """
+    return cdr.decode_bool(payload) is False
 
 
 def estop_by(payload: bytes) -> str:

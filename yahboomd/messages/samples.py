@@ -250,6 +250,7 @@ def _samples() -> dict[str, CdrSample]:
             },
             cdr.diagnostics(STAMP_NS, "", [diagnostic]),
         ),
+        "Bool": CdrSample(ros2.BOOL, {"data": True}, cdr.boolean(True)),
         "Trigger_Request": CdrSample(
             f"{ros2.TRIGGER}_Request",
             {"structure_needs_at_least_one_member": 0},
@@ -258,9 +259,7 @@ def _samples() -> dict[str, CdrSample]:
         "Trigger_Response": CdrSample(
             f"{ros2.TRIGGER}_Response", reply, cdr.service_response(True, done)
         ),
-        "SetBool_Request": CdrSample(
-            f"{ros2.SET_BOOL}_Request", {"data": True}, cdr.set_bool_request(True)
-        ),
+        "SetBool_Request": CdrSample(f"{ros2.SET_BOOL}_Request", {"data": True}, cdr.boolean(True)),
         "SetBool_Response": CdrSample(
             f"{ros2.SET_BOOL}_Response", reply, cdr.service_response(True, done)
         ),

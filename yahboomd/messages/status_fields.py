@@ -134,6 +134,8 @@ _COMMAND = {
     "estops": "times that the e-stop was engaged, engaged already or not",
     "estops_unread": "of these, by something too long to be read",
     "release_refused": "releases of the e-stop that were refused, on either key",
+    "estop_not_pressed": "samples on the e-stop's key which say that it is not pressed (a "
+    "`std_msgs/Bool` that is false)",
     "estop_file_failures": "times that the e-stop's file could not be written or removed",
     "events": "events that were published",
     "events_suppressed": "events that were left out: more than five of one kind in a second",
