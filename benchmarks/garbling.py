@@ -13,7 +13,7 @@ import re
 import sys
 
 from yahboomd.cli.main import main
-from yahboomd.simulation import control
+from yahboomd.simulation import console
 from yahboomd.simulation.robot import SimulatedRobot
 
 DIGIT = re.compile(rb"\d")
@@ -38,5 +38,5 @@ def garble(robot: SimulatedRobot, _words: list[str], _now_ns: int) -> str:
 
 
 if __name__ == "__main__":
-    control.COMMANDS["garble"] = garble
+    console.COMMANDS["garble"] = garble
     sys.exit(main(["simulate", *sys.argv[1:]]))

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from yahboomd.cli.main import main
-from yahboomd.simulation.control import COMMANDS
+from yahboomd.simulation.console import COMMANDS
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from board_bench import BoardPort
 from robot_bench import RobotBench
 
 from yahboomd.model import OdometryEstimate
-from yahboomd.simulation.control import execute
+from yahboomd.simulation.console import execute
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.truth import TruthSample
 

@@ -14,7 +14,7 @@ from yahboomd import program
 from yahboomd.cli.options import add_config_options, read_config
 from yahboomd.errors import ConfigError
 from yahboomd.simulation.boards import BOARDS
-from yahboomd.simulation.control import HELP
+from yahboomd.simulation.console import HELP
 from yahboomd.simulation.options import ImpairmentOptions, SimulationOptions
 from yahboomd.simulation.pty import PtyPort, serve
 from yahboomd.simulation.robot import SimulatedRobot

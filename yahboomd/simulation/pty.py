@@ -24,7 +24,7 @@ from pathlib import Path
 
 from yahboomd.clock import Alarm, SystemClock
 from yahboomd.errors import ConfigError
-from yahboomd.simulation.control import execute, serve_control
+from yahboomd.simulation.console import execute, serve_control
 from yahboomd.simulation.heard import HeardWriter
 from yahboomd.simulation.robot import SimulatedRobot
 from yahboomd.simulation.truth import TruthWriter

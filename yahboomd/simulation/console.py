@@ -1,4 +1,4 @@
-"""The words with which a running simulation is disturbed, one command a line.
+"""The console of a running simulation: faults and questions, one command a line.
 
 ``execute`` is pure but for the robot that it acts on; ``serve_control`` offers it on a unix socket.
 Every line gets one line back: ``ok``, ``ok`` with facts, or ``error`` with the reason.

@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from yahboomd.errors import ConfigError
-from yahboomd.simulation.control import COMMANDS, HELP, execute, serve_control
+from yahboomd.simulation.console import COMMANDS, HELP, execute, serve_control
 from yahboomd.simulation.motors import FAULTS
 from yahboomd.simulation.truth import TruthSample
 
