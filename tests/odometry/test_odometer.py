@@ -451,6 +451,18 @@ def test_counters_that_stay_are_a_standstill_only_where_they_were_renewed_meanwh
     assert (update.estimate is not None) == sure
 
 
+def test_answers_to_questions_of_unknown_time_make_no_speed_of_one_renewal(kit):
+    rig = Rig(kit)
+    for n in range(30):
+        now_ns = START_NS + round((rig.now_ms + 20.0) * MS)
+        ticks = 1_000_000 + 60 * n
+        rig.feed(ticks, ticks, after_ms=20.0, requested_ns=now_ns - MS // 2)
+    # As at the end of a session, when what a port held back comes.
+    assert rig.feed(ticks + 900, ticks + 900, after_ms=600.0).estimate is None
+    for _ in range(4):
+        assert rig.feed(ticks + 900, ticks + 900, after_ms=3.0).estimate is None
+
+
 def test_while_another_period_is_measured_the_twist_is_less_sure(kit):
     """Half of the true speed, from a board that renews its totals twice as often."""
     rig, _ = stream(kit, lambda _: (2500.0, 2500.0), seconds=2.0, tick_ms=5.0, seed=4)

@@ -171,6 +171,7 @@ class Odometer:
         if period_ns == self._period_ns:
             return
         self._period_ns = period_ns
+        self._asked = False
         self._velocity.rough_ns = 0
         if period_ns is None:
             self._clock = PolledClock(self._stamp_ns)
@@ -232,7 +233,8 @@ class Odometer:
             # A stream that ran before it was armed was on since the last reading that counted.
             encoders.announce("gap", unbroken=reading.unbroken and self._armed <= 1)
         self._heard_ns = sent_ns
-        self._asked = reading.requested_ns is not None
+        # At the end of a session questions are asked of which no time is known.
+        self._asked = self._asked or reading.requested_ns is not None
         if encoders.repeats(reading.ticks):
             # What a board that streams says most of the time: nothing is to be judged.
             self._armed = 0
