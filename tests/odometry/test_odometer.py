@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from yahboomd.counts import HALF, WRAP
 from yahboomd.errors import ConfigError
 from yahboomd.model import EncoderReading, Pose2d
-from yahboomd.odometry.odometer import Odometer, OdometerOptions
+from yahboomd.odometry.odometer import Odometer
 
 MS = 1_000_000
 START_NS = 1_000_000_000_000
@@ -25,10 +25,11 @@ def wrapped(value):
 class Rig:
     """An odometer, and everything that came out of it."""
 
-    def __init__(self, kit, **options):
+    def __init__(self, kit, *, sample_period_ns=None, **options):
         self.kit = kit
         options.setdefault("speed_max_m_s", SPEED_MAX)
-        self.odometer = Odometer(kit.differential(), kit.motors(), OdometerOptions(**options))
+        self.odometer = Odometer(kit.differential(), kit.motors(), **options)
+        self.odometer.set_sample_period(sample_period_ns)
         self.estimates, self.events = [], []
         self.now_ms = 0.0
 
@@ -139,7 +140,7 @@ def test_setting_the_pose_moves_the_frame_and_keeps_the_totals(rig):
 def test_a_reset_is_the_origin_and_sure_of_it(rig):
     straight(rig, 500)
     grown = rig.estimates[-1].pose_covariance[8]
-    rig.odometer.reset()
+    rig.odometer.set_pose(Pose2d())
     assert rig.odometer.estimate.pose == Pose2d()
     assert rig.odometer.estimate.pose_covariance[8] < grown
 

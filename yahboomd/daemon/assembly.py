@@ -26,7 +26,7 @@ from yahboomd.link.discovery import candidates, choose
 from yahboomd.link.port import Opener, Port, PortOptions, open_port
 from yahboomd.link.port_identity import identify
 from yahboomd.link.session import Session, SessionOptions
-from yahboomd.odometry.odometer import Odometer, OdometerOptions
+from yahboomd.odometry.odometer import Odometer
 from yahboomd.program import release_command
 
 
@@ -50,10 +50,12 @@ def arbiter(config: Config) -> Arbiter:
 
 def odometer(config: Config) -> Odometer:
     """What makes estimates of readings."""
-    options = OdometerOptions(
-        speed_max_m_s=config.odometry.max_wheel_speed_m_s, noise_m=config.odometry.noise_m
+    return Odometer(
+        config.kinematics(),
+        config.motors(),
+        speed_max_m_s=config.odometry.max_wheel_speed_m_s,
+        noise_m=config.odometry.noise_m,
     )
-    return Odometer(config.kinematics(), config.motors(), options)
 
 
 def control_options(config: Config) -> ControlOptions:

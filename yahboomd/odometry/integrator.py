@@ -57,7 +57,30 @@ class Arc(NamedTuple):
     turn: float
 
 
+def arc_between(before: Pose2d, after: Pose2d) -> Arc:
+    """A step that ends where another ended, after both were made one."""
+    turn = after.theta - before.theta
+    middle = before.theta + 0.5 * turn
+    scale = sinc(0.5 * turn)
+    cos, sin = scale * math.cos(middle), scale * math.sin(middle)
+    return Arc(after.x - before.x, after.y - before.y, cos, sin, turn)
+
+
 State: TypeAlias = tuple[float, float, float, tuple[float, float, float, int] | None]
+
+
+class Doubt(NamedTuple):
+    """A step that may turn out to have been a garbled reading.
+
+    Attributes:
+        state: Of the integrator before it.
+        deltas: What was counted.
+        step_ns: How long it took.
+    """
+
+    state: State
+    deltas: tuple[int, ...]
+    step_ns: int
 
 
 class Integrator:

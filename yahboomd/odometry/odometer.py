@@ -12,7 +12,6 @@ clock is a new reading all the same, with a new stamp.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import msgspec
 
@@ -28,16 +27,10 @@ from yahboomd.model import (
 from yahboomd.odometry import discontinuity
 from yahboomd.odometry.covariance import NOISE_M, Covariance
 from yahboomd.odometry.encoders import Encoders, Verdict
-from yahboomd.odometry.integrator import Arc, Integrator, State, sinc
+from yahboomd.odometry.integrator import Doubt, Integrator, arc_between
 from yahboomd.odometry.polled_clock import Instant, PolledClock
 from yahboomd.odometry.streamed_clock import StreamedClock
-from yahboomd.odometry.velocity import (
-    ENOUGH_TICKS,
-    LONGEST_NS,
-    SHORTEST_NS,
-    Velocity,
-    Window,
-)
+from yahboomd.odometry.velocity import Velocity, Window
 
 UNSEEN_NS = 150_000_000
 """In a longer step a base may go and turn in an unknown order."""
@@ -48,27 +41,8 @@ SHORTEST_ASKED_NS = 15_000_000
 less than this, as after a break, make no speed."""
 
 
-class OdometerOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """What can be tuned, with values that fit the boards and motors in the tables.
-
-    Attributes:
-        sample_period_ns: How often the board renews its totals; None for a board that is asked.
-        speed_max_m_s: A rim speed that no wheel reaches; a larger step is no travel. The fastest of
-            the vendor's motors with its wheel runs 1.93 m/s.
-        silence_ns: A longer pause between readings counts as a gap: the board may have been reset.
-        noise_m: Variance of a wheel's travel per metre rolled.
-        window_shortest_ns: Speeds are taken over at least so long.
-        window_longest_ns: And at most so long.
-        window_ticks: And over no more than gives so many counts.
-    """
-
-    sample_period_ns: int | None = None
-    speed_max_m_s: float = 2.0
-    silence_ns: int = 300_000_000
-    noise_m: float = NOISE_M
-    window_shortest_ns: int = SHORTEST_NS
-    window_longest_ns: int = LONGEST_NS
-    window_ticks: int = ENOUGH_TICKS
+SILENCE_NS = 300_000_000
+"""A longer pause between readings counts as a gap: the board may have been reset."""
 
 
 class Update(msgspec.Struct, frozen=True, kw_only=True):
@@ -86,27 +60,15 @@ class Update(msgspec.Struct, frozen=True, kw_only=True):
 NOTHING = Update()
 
 
-class Doubt(NamedTuple):
-    """A step that may turn out to have been a garbled reading.
-
-    Attributes:
-        state: Of the integrator before it.
-        deltas: What was counted.
-        step_ns: How long it took.
-    """
-
-    state: State
-    deltas: tuple[int, ...]
-    step_ns: int
-
-
 class Odometer:
     """Where the robot is, from what the board counts.
 
     Args:
         kinematics: The geometry of the base.
         motors: The motors on the board; estimates list them in this order.
-        options: What can be tuned.
+        speed_max_m_s: A rim speed that no wheel reaches; a larger step is no travel. The fastest of
+            the vendor's motors with its wheel runs 1.93 m/s.
+        noise_m: Variance of a wheel's travel per metre rolled.
 
     Raises:
         ConfigError: The motors do not fit the geometry.
@@ -116,20 +78,16 @@ class Odometer:
         self,
         kinematics: Kinematics,
         motors: tuple[Motor, ...],
-        options: OdometerOptions | None = None,
+        *,
+        speed_max_m_s: float = 2.0,
+        noise_m: float = NOISE_M,
     ) -> None:
-        self._options = options = options or OdometerOptions()
+        self._speed_max_m_s = speed_max_m_s
         self._motors = motors
-        self._encoders = Encoders(motors, speed_max_m_s=options.speed_max_m_s)
+        self._encoders = Encoders(motors, speed_max_m_s=speed_max_m_s)
         self._integrator = Integrator(kinematics, motors)
-        self._velocity = Velocity(
-            kinematics,
-            motors,
-            shortest_ns=options.window_shortest_ns,
-            longest_ns=options.window_longest_ns,
-            enough_ticks=options.window_ticks,
-        )
-        self._covariance = Covariance(kinematics, motors, noise_m=options.noise_m)
+        self._velocity = Velocity(kinematics, motors)
+        self._covariance = Covariance(kinematics, motors, noise_m=noise_m)
         self._clock: PolledClock | StreamedClock = PolledClock()
         self._period_ns: int | None = None
         self._radians = tuple(2.0 * math.pi / motor.ticks_per_revolution for motor in motors)
@@ -156,7 +114,6 @@ class Odometer:
             ),
             0,
         )
-        self.set_sample_period(options.sample_period_ns)
 
     @property
     def tick_period_ns(self) -> int | None:
@@ -182,12 +139,8 @@ class Odometer:
         """The board was asked to stream: lines from now on prove no more than that."""
         self._armed += 1
 
-    def reset(self) -> None:
-        """Declare that the base stands at the origin. Totals go on."""
-        self.set_pose(Pose2d())
-
     def set_pose(self, pose: Pose2d, covariance: Matrix3 | None = None) -> None:
-        """Declare where the base is.
+        """Declare where the base is. Totals go on.
 
         Args:
             pose: Its pose in the odometry frame.
@@ -229,7 +182,7 @@ class Odometer:
         clock = self._clock
         if reading.after_reset:
             encoders.announce("reset")
-        elif reading.after_gap or sent_ns - self._heard_ns > self._options.silence_ns:
+        elif reading.after_gap or sent_ns - self._heard_ns > SILENCE_NS:
             # A stream that ran before it was armed was on since the last reading that counted.
             encoders.announce("gap", unbroken=reading.unbroken and self._armed <= 1)
         self._heard_ns = sent_ns
@@ -320,12 +273,8 @@ class Odometer:
             integrator.go_back(doubt.state)
             deltas = tuple(map(sum, zip(doubt.deltas, verdict.deltas, strict=True)))
             integrator.step(deltas, totals, doubt.step_ns + step_ns)
-            dx, dy = integrator.pose.x - pose.x, integrator.pose.y - pose.y
-            if math.hypot(dx, dy) <= self._options.speed_max_m_s * step_ns * 1e-9:
-                turn = integrator.pose.theta - pose.theta
-                middle = pose.theta + 0.5 * turn
-                scale = sinc(0.5 * turn)
-                arc = Arc(dx, dy, scale * math.cos(middle), scale * math.sin(middle), turn)
+            arc = arc_between(pose, integrator.pose)
+            if math.hypot(arc.dx, arc.dy) <= self._speed_max_m_s * step_ns * 1e-9:
                 self._covariance.step(verdict.deltas, arc)
                 self._covariance.bridge(arc)
                 self._velocity.take_back()
@@ -379,7 +328,7 @@ class Odometer:
             verdict.outcome,
             gap_s,
             fastest_m_s=fastest_m_s,
-            speed_max_m_s=self._options.speed_max_m_s,
+            speed_max_m_s=self._speed_max_m_s,
         )
         if lost_m:
             self._covariance.lose(lost_m)

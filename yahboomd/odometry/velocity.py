@@ -2,8 +2,8 @@
 
 Law: a speed is counts over whole time on the board, taken over as short a window as tells it. One
 count in 10 ms is already 16 mm/s, so slow motion needs a longer look than fast motion: the window
-grows backwards until the busiest motor has ``enough_ticks`` counts in it, or it is ``longest_ns``
-long. The speed belongs to the middle of the window.
+grows backwards until the busiest motor has 32 counts in it, or it is
+100 ms long. The speed belongs to the middle of the window.
 
 Where it is not known when the board sampled, counts are taken over the longest time that they can
 have needed, and the window says how much shorter it may have been. No window begins there.
@@ -22,8 +22,13 @@ from yahboomd.model import Kinematics, Motor, Twist2d
 from yahboomd.odometry.factors import motor_factors
 
 SHORTEST_NS = 20_000_000
+"""The window is at least so long, where readings allow."""
+
 LONGEST_NS = 100_000_000
+"""It grows no longer than this, unless readings lie farther apart."""
+
 ENOUGH_TICKS = 32
+"""It need not grow once the busiest motor has so many counts in it."""
 
 STILL_DEVIATIONS = 6
 """Of a time that is known roughly: the wheels stood only where the counters stay for longer."""
@@ -51,9 +56,6 @@ class Velocity:
     Args:
         kinematics: The geometry of the base.
         motors: The motors, in the order in which counts are handed in.
-        shortest_ns: The window is at least so long, where readings allow.
-        longest_ns: It grows no longer than this, unless readings lie farther apart.
-        enough_ticks: It need not grow once the busiest motor has so many counts in it.
 
     Attributes:
         rough_ns: How well the time of each reading is known, where that is worth speaking of; the
@@ -63,22 +65,11 @@ class Velocity:
             counts over another time than whole ticks are those of one tick more or less.
     """
 
-    def __init__(
-        self,
-        kinematics: Kinematics,
-        motors: tuple[Motor, ...],
-        *,
-        shortest_ns: int = SHORTEST_NS,
-        longest_ns: int = LONGEST_NS,
-        enough_ticks: int = ENOUGH_TICKS,
-    ) -> None:
+    def __init__(self, kinematics: Kinematics, motors: tuple[Motor, ...]) -> None:
         self._factors = motor_factors(kinematics, motors)
         self._metres = tuple(motor.metres_per_tick for motor in motors)
         self._zero = (0,) * len(motors)
-        self._shortest_ns = shortest_ns
-        self._longest_ns = longest_ns
-        self._enough_ticks = enough_ticks
-        self._history = CountHistory(longest_ns)
+        self._history = CountHistory(LONGEST_NS)
         self._time_ns = 0
         self._kept = True
         self._began = (0, 0)
@@ -119,8 +110,8 @@ class Velocity:
             found = history.since()
             history.drop_latest()
         else:
-            enough = math.inf if self.rough_ns else self._enough_ticks
-            found = history.since(self._shortest_ns, self._longest_ns, enough)
+            enough = math.inf if self.rough_ns else ENOUGH_TICKS
+            found = history.since(SHORTEST_NS, LONGEST_NS, enough)
         if found is None or self._too_soon(*found):
             return Window(0, self._zero)
         return Window(*found, unsure_ns, self._rough_ns(found[0]))
@@ -145,13 +136,6 @@ class Velocity:
         if self._time_ns - span_ns == began_ns:
             variance += began_rough_ns**2
         return round(math.sqrt(variance + (self.doubt * span_ns) ** 2))
-
-    def _enough(self, now: tuple[int, ...], then: tuple[int, ...]) -> bool:
-        enough = self._enough_ticks
-        for one, other in zip(now, then, strict=True):
-            if one - other >= enough or other - one >= enough:
-                return True
-        return False
 
     def motor_speeds(self, window: Window) -> tuple[float, ...]:
         """Rim speed of each motor in m/s, positive forward."""
