@@ -21,11 +21,10 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from yahboomd.drive.age import Age, AgeJudge, StampPolicy
+from yahboomd.drive.age import Age, StampPolicy
 from yahboomd.drive.arbitration import Accepted, Decision, Reason, Refused, Source, Why
-from yahboomd.drive.backlog import BacklogGate
-from yahboomd.drive.clock_offset import ClockOffset
-from yahboomd.drive.deadman import Deadman, OnTimeout
+from yahboomd.drive.command_source import CommandSource
+from yahboomd.drive.deadman import OnTimeout
 from yahboomd.drive.standing import turning
 from yahboomd.drive.windows import SlidingCounts
 from yahboomd.errors import ConfigError
@@ -36,28 +35,6 @@ if TYPE_CHECKING:
 
 RECENT_NS = 2_000_000_000
 """What :meth:`Arbiter.recent_refusals` looks back on."""
-
-MOVING_NS = 1_000_000_000
-"""A source commands motion until so long after its last command that asked for any. Several periods
-of every sender worth the name, and copies of a command come within a few milliseconds."""
-
-
-class _Line(msgspec.Struct, kw_only=True):
-    source: Source
-    judge: AgeJudge
-    offset: ClockOffset
-    gate: BacklogGate
-    deadman: Deadman
-    wish: Twist2d | None = None
-    moved_ns: int | None = None
-    latest: Twist2d | None = None
-    latest_stamp_ns: int | None = None
-
-    def commands_motion(self, now_ns: int) -> bool:
-        wish = self.wish
-        if wish is not None and not wish.is_zero and not self.deadman.expired(now_ns):
-            return True
-        return self.moved_ns is not None and now_ns - self.moved_ns < MOVING_NS
 
 
 class _Handover(msgspec.Struct, frozen=True, kw_only=True):
@@ -93,22 +70,14 @@ class Arbiter:
         self.counters: Counter[str] = Counter()
         self._recent = SlidingCounts(RECENT_NS)
         self._on_timeout = on_timeout
-        self._stamps = stamps
-        self._lines: dict[str, _Line] = {}
+        self._lines: dict[str, CommandSource] = {}
         for source in sources:
             if source.name in self._lines:
                 raise ConfigError(f"command.sources: {source.name} is there twice.")
-            deadman = Deadman(source.timeout_s)
-            self._lines[source.name] = _Line(
-                source=source,
-                judge=AgeJudge(stamps, deadman.timeout_ns),
-                offset=ClockOffset(stamps, deadman.timeout_ns),
-                gate=BacklogGate(deadman.timeout_ns),
-                deadman=deadman,
-            )
-        self._holder: _Line | None = None
+            self._lines[source.name] = CommandSource(source, stamps)
+        self._holder: CommandSource | None = None
         self._since_ns: int | None = None
-        self._last: _Line | None = None
+        self._last: CommandSource | None = None
         self._free_ns: int | None = None
         self._handover: _Handover | None = None
         self._revoked = False
@@ -152,34 +121,26 @@ class Arbiter:
         if not all(map(math.isfinite, (twist.vx, twist.vy, twist.wz))):
             return self._refuse(now_ns, source, "not_finite", f"{twist} is not a finite velocity.")
         if not twist.is_zero:
-            self.note_motion(source, now_ns)
-        if stamp_is_message or self._stamps == "absolute":
-            # Stamps of the transport may run ahead of their sender's clock by half a second.
-            line.offset.saw(now_ns, stamp_ns, wall_ns)
-        age = line.judge.judge(now_ns, stamp_ns, by_sender=stamp_is_message, wall_ns=wall_ns)
-        alike = arrivals == 1 and twist == line.latest
-        stamped = stamp_ns is not None and stamp_ns > 0 and self._stamps != "ignore"
-        verdict = line.gate.arrive(
+            line.note_motion(now_ns)
+        age = line.admit(
+            twist,
             now_ns,
+            stamp_ns,
+            by_sender=stamp_is_message,
+            wall_ns=wall_ns,
             arrivals=arrivals,
-            proven=isinstance(age, Age) and age.proven,
-            copy=stamped and alike and stamp_ns == line.latest_stamp_ns,
-            alike=alike,
         )
-        line.latest, line.latest_stamp_ns = twist, stamp_ns
-        if verdict != "pass":
-            revoked = verdict == "revoke" and self._revoke(line, now_ns)
-            detail = "It came in a burst after a silence: old commands that had been held up."
-            return self._refuse(now_ns, source, "backlog", detail, revoked=revoked)
         if not isinstance(age, Age):
+            if age == "revoke" or age == "refuse":  # noqa: PLR1714 - the types follow from it
+                revoked = age == "revoke" and self._revoke(line, now_ns)
+                return self._refuse(now_ns, source, "backlog", _HELD_UP, revoked=revoked)
             return self._refuse(now_ns, source, age, _AGE_DETAILS[age])
         if not (twist.is_zero or age.proven) and self._waited_since_ns < now_ns <= self._waited_ns:
             detail = "It may have waited while yahboomd did not run, and no stamp shows its age."
             return self._refuse(now_ns, source, "after_pause", detail)
         given_ns = now_ns - age.age_ns
         refusal = self._may_drive(line, now_ns, given_ns)
-        line.wish = twist
-        line.deadman.feed(given_ns)
+        line.feed(twist, given_ns)
         if refusal is not None:
             return refusal
         took_over = self._holder is not line
@@ -224,13 +185,13 @@ class Arbiter:
             why, ramp = "revoked", False
         elif last is None or age_ns is None:
             why = "no_command"
-        elif holder is None or holder.wish is None or holder.deadman.expired(now_ns):
+        elif holder is None or (wish := holder.in_effect(now_ns)) is None:
             self._count_timeout()
             why, timed_out, ramp = "timed_out", True, self._on_timeout == "ramp"
-        elif holder.wish.is_zero:
+        elif wish.is_zero:
             why = "zero_command"
         else:
-            why, twist = "driving", holder.wish
+            why, twist = "driving", wish
         return Decision(
             twist=twist,
             driver=None if holder is None else holder.source.name,
@@ -254,8 +215,8 @@ class Arbiter:
     def note_motion(self, source: str, now_ns: int) -> None:
         """Remember that a source commands motion: by a command, or by one that was lost unread."""
         line = self._lines.get(source)
-        if line is not None and (line.moved_ns is None or now_ns > line.moved_ns):
-            line.moved_ns = now_ns
+        if line is not None:
+            line.note_motion(now_ns)
 
     def note_refusal(self, now_ns: int, reason: str) -> None:
         """A command was refused before it came here: it explains a robot that stands as well."""
@@ -282,8 +243,7 @@ class Arbiter:
         source commanded motion is remembered all the same.
         """
         for line in self._lines.values():
-            line.wish = None
-            line.deadman.clear()
+            line.drop()
         self._holder = self._last = self._handover = None
         self._revoked = False
         self._since_ns = self._free_ns = now_ns
@@ -306,13 +266,13 @@ class Arbiter:
         for line in self._lines.values():
             if line.commands_motion(since_ns):
                 # It may go on commanding motion, unseen.
-                line.moved_ns = until_ns
+                line.note_motion(until_ns)
             if clock_stood:
                 line.judge.forget()
         if clock_stood:
             self.forget_commands(until_ns)
 
-    def _may_drive(self, line: _Line, now_ns: int, given_ns: int) -> Refused | None:
+    def _may_drive(self, line: CommandSource, now_ns: int, given_ns: int) -> Refused | None:
         name, holder = line.source.name, self._holder
         if holder is line:
             return None
@@ -329,7 +289,7 @@ class Arbiter:
         detail = f"{holder.source.name} drives, with priority {holder.source.priority}."
         return self._refuse(now_ns, name, "lower_priority", detail)
 
-    def _hand_over(self, line: _Line, now_ns: int) -> None:
+    def _hand_over(self, line: CommandSource, now_ns: int) -> None:
         self._handover = _Handover(
             at_ns=now_ns,
             previous=None if self._holder is None else self._holder.source.name,
@@ -340,11 +300,10 @@ class Arbiter:
         self._since_ns = now_ns
         self.counters["took_over"] += 1
 
-    def _revoke(self, line: _Line, now_ns: int) -> bool:
+    def _revoke(self, line: CommandSource, now_ns: int) -> bool:
         """Take back what ``line`` was believed since its silence; whether there was anything."""
-        had_a_command = line.wish is not None and not line.deadman.expired(now_ns)
-        line.wish = None
-        line.deadman.clear()
+        had_a_command = line.in_effect(now_ns) is not None
+        line.drop()
         if self._holder is not line or not had_a_command:
             return False
         self.counters["revoked"] += 1
@@ -357,7 +316,7 @@ class Arbiter:
             self._last = self._lines[before.previous_last] if before.previous_last else None
         self._handover = None
         holder = self._holder
-        self._revoked = holder is None or holder.wish is None or holder.deadman.expired(now_ns)
+        self._revoked = holder is None or holder.in_effect(now_ns) is None
         return True
 
     def _count_timeout(self) -> None:
@@ -372,6 +331,8 @@ class Arbiter:
         self._recent.add(now_ns, reason)
         return Refused(source=source, reason=reason, detail=detail, revoked=revoked)
 
+
+_HELD_UP = "It came in a burst after a silence: old commands that had been held up."
 
 _AGE_DETAILS = {
     "stale": "It is older than its source's commands are good for.",

@@ -54,11 +54,6 @@ class BacklogGate:
         self._in_row = 0
         self.watching_since_ns: int | None = None
 
-    @property
-    def within_backlog(self) -> bool:
-        """Whether the latest arrival was part of one."""
-        return self._within
-
     def arrive(
         self,
         now_ns: int,
