@@ -1,4 +1,4 @@
-"""The ``yahboomd`` command: finds the subcommand, runs it, and says in one message what failed.
+"""The ``yahboomd`` command: finds the subcommand, runs it, and reports a failure in one message.
 
 Each subcommand is a module of its name, a :class:`Command`, imported when it is used:
 ``yahboomd --help`` must not wait for Zenoh, and a machine without the extras of one command must
@@ -55,10 +55,10 @@ EXTRAS = {"rich": "monitor", "matplotlib": "plot", "uvloop": "uvloop"}
 """Packages that are installed only when asked for, with the name of the extra."""
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
-"""What a full disk answers."""
+"""The errors of a full disk."""
 
 USAGE = 2
-"""What argparse itself ends with when it cannot make sense of the arguments."""
+"""The exit status of argparse when the arguments make no sense."""
 
 EPILOG = """\
 a first drive, without a robot:
@@ -89,7 +89,7 @@ class Command(Protocol):
 
 
 class _OneLineEach(argparse.RawDescriptionHelpFormatter):
-    """Leaves the longest command room for its line, which argparse forgets to indent for."""
+    """Indents the list of commands as far as the longest one needs, which argparse does not."""
 
     def __init__(self, prog: str) -> None:
         super().__init__(prog)
@@ -128,11 +128,10 @@ def _threads_left() -> bool:
 
 
 def _end_at_once(status: int) -> NoReturn:
-    """End without Python's ordinary exit, all that was said being written.
+    """End without Python's ordinary exit, after all output is written.
 
-    A thread that comes back from a library while the interpreter is torn down is ended by
-    unwinding through that library: Rust aborts the process at that (signal 6), whatever status it
-    was to end with.
+    A thread that returns from a library while the interpreter is torn down is ended by unwinding
+    through that library. Rust aborts the process then (signal 6), and the exit status is lost.
     """
     if (logging := sys.modules.get("logging")) is not None:
         logging.shutdown()
@@ -149,7 +148,7 @@ def _run(arguments: list[str]) -> int:
         if sys.stdout is not None:
             sys.stdout.flush()
     except YahboomdError as error:
-        _say(str(error))
+        _print_error(str(error))
         return error.exit_code
     except KeyboardInterrupt:
         return 128 + signal.SIGINT
@@ -161,7 +160,7 @@ def _run(arguments: list[str]) -> int:
         if error.errno not in FULL or error.filename is not None:
             raise
         _drop_output()
-        _say(f"the output cannot be written: {error.strerror}.")
+        _print_error(f"the output cannot be written: {error.strerror}.")
         return os.EX_IOERR
     return status
 
@@ -180,14 +179,14 @@ def _dispatch(arguments: list[str]) -> int:
             try:
                 command = _load(known)
             except ModuleNotFoundError as error:
-                _say(_missing(known, error))
+                _print_error(_missing(known, error))
                 return os.EX_UNAVAILABLE
             _add(subparsers, known, command)
         else:
             subparsers.add_parser(known, help=line)
     args, unknown = parser.parse_known_args(arguments)
     if unknown:
-        # Shown with the usage of the command, not with that of all commands.
+        # With the usage of the command, not with that of all commands.
         (subparsers.choices[name] if command is not None and name else parser).error(
             f"unrecognized arguments: {' '.join(unknown)}"
         )
@@ -199,7 +198,7 @@ def _dispatch(arguments: list[str]) -> int:
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] not in EXTRAS:
             raise
-        _say(_missing(args.command, error))
+        _print_error(_missing(args.command, error))
         return os.EX_UNAVAILABLE
 
 
@@ -258,7 +257,7 @@ def _missing(command: str, error: ModuleNotFoundError) -> str:
     return f"`{command}` needs the Python package {error.name}, which is missing: install again."
 
 
-def _say(message: str) -> None:
+def _print_error(message: str) -> None:
     print(f"yahboomd: {pasteable(readable(message))}", file=sys.stderr)
 
 

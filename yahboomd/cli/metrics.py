@@ -1,4 +1,4 @@
-"""``yahboomd metrics``: a robot's counters for Prometheus, from a process of their own."""
+"""``yahboomd metrics``: serves a robot's counters to Prometheus, in a process of its own."""
 
 from __future__ import annotations
 
@@ -153,7 +153,7 @@ async def _serve(robots: dict[str, BusOptions], place: Place, names: list[str]) 
     loop = asyncio.get_running_loop()
     for number in SIGNALS:
         loop.add_signal_handler(number, ended.set)
-    # What it says of a lost daemon is meant for programs that drive; _report has other words.
+    # The client logs the loss of a daemon for programs that drive; _report prints its own line.
     logging.getLogger("yahboomd.client").addHandler(logging.NullHandler())
     clock = SystemClock()
     polls = [RobotPoll(name, options, clock) for name, options in robots.items()]

@@ -1,4 +1,4 @@
-"""The options that several commands share, and what follows from them."""
+"""Options that several commands share, and the configuration that they describe."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
 
 
 def take_negative_numbers(parser: argparse.ArgumentParser) -> None:
-    """Have ``-1e-16`` taken for a number; argparse takes it for an option."""
+    """Read ``-1e-16`` as a number; argparse reads it as an option."""
     parser._negative_number_matcher = NEGATIVE  # noqa: SLF001 - there is no public way
 
 
 def number(what: str, good: Callable[[float], bool] = math.isfinite) -> Callable[[str], float]:
-    """Reads an option's number; one that is not good raises with what it should be."""
+    """A reader of an option's number, which refuses one that is not ``what``."""
 
     def read(text: str) -> float:
         try:
@@ -39,7 +39,7 @@ def number(what: str, good: Callable[[float], bool] = math.isfinite) -> Callable
 
 
 seconds = number("a number of seconds from 0 to 3600", lambda value: 0.0 <= value <= 3600.0)
-"""Reads a duration."""
+"""The reader of a duration."""
 
 
 def add_config_options(parser: argparse.ArgumentParser, *, overrides: bool = True) -> None:
@@ -47,7 +47,7 @@ def add_config_options(parser: argparse.ArgumentParser, *, overrides: bool = Tru
 
     Args:
         parser: Of a command.
-        overrides: Whether there is ``--set``; a command may need the word for something else.
+        overrides: Whether to add ``--set``; a command may use the word for something else.
     """
     parser.add_argument(
         "--config",
@@ -116,7 +116,7 @@ def read_config(args: argparse.Namespace, environ: Mapping[str, str] | None = No
     for option, key in (("port", "serial.port"), ("namespace", "zenoh.namespace")):
         value = getattr(args, option, None)
         if value is not None:
-            # In letters, whatever TOML would make of it.
+            # As a string, even where it looks like a number to TOML.
             overrides.append(f"{key}={quoted(value)}")
     return read(
         args.config, environ=os.environ if environ is None else environ, overrides=overrides
@@ -148,7 +148,7 @@ def client_options(endpoints: tuple[str, ...], config: Config) -> BusOptions:
 
     from yahboomd.client import connecting
 
-    # What the client would log, commands show in words of their own.
+    # Commands report in their own words what the client would log.
     logging.getLogger("yahboomd.client").addHandler(logging.NullHandler())
     zenoh = config.zenoh
     return connecting.client_options(

@@ -1,4 +1,4 @@
-"""One robot as the metrics see it: its status as it comes, its speeds once a second, its events."""
+"""One robot for the metrics: its status as it comes, its speeds once a second, its events."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ Sample = TypeVar("Sample", bound=msgspec.Struct)
 class RobotPoll:
     """Follows one robot.
 
-    What it costs the daemon does not depend on who reads :meth:`facts`, nor how often.
+    The daemon is asked once a second, however often :meth:`facts` is read.
 
     Args:
         name: The robot's name in the metrics.
         options: Of a client.
-        clock: Tells how old a status is.
+        clock: Measures how old a status is.
     """
 
     def __init__(self, name: str, options: BusOptions, clock: Clock) -> None:
@@ -79,7 +79,7 @@ class RobotPoll:
             due_s = loop.time()
             while True:
                 await self._poll(connection.bus)
-                # After a pause it goes on from now: what was missed is not made up for.
+                # After a pause it goes on from now, and does not catch up.
                 due_s = max(due_s + PERIOD_S, loop.time())
                 await asyncio.sleep(due_s - loop.time())
         finally:
@@ -91,7 +91,7 @@ class RobotPoll:
         fresh = age_ns is not None and age_ns < nanoseconds(ALIVE_S)
         return RobotFacts(
             name=self.name,
-            # A token alone proves no daemon that works, nor does its last status one that is there.
+            # A token proves no daemon that works, and a recent status none that is still there.
             status=self._status if fresh and self._connection.alive else None,
             status_age_s=None if age_ns is None else seconds(age_ns),
             twist=self._twist,

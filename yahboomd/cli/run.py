@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
         try:
             await daemon.run()
         except BaseExceptionGroup:
-            # A mistake of ours, not of the user: the whole of it belongs into the log.
+            # A mistake of ours, not of the user: the log gets the traceback.
             log.critical("yahboomd failed; a stop was sent to the wheels", exc_info=True)
             status = os.EX_SOFTWARE
         if status == os.EX_OK and not daemon.left_standing:
@@ -83,7 +83,7 @@ def run(args: argparse.Namespace) -> int:
             )
             status = os.EX_TEMPFAIL
         if daemon.fatal_signal is not None:
-            # It asked for more than an end; the wheels were stopped first.
+            # The wheels are stopped; now the signal does what it does by default.
             flush()
             die_of(daemon.fatal_signal)
             status = 128 + daemon.fatal_signal

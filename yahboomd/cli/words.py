@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 
 def duration(s: float) -> str:
-    """A duration that a person takes in at a glance: ``4.2 s``, ``3 min 05 s``, ``2 h 07 min``."""
+    """A duration at a glance: ``4.2 s``, ``3 min 05 s``, ``2 h 07 min``."""
     if s < 60.0:
         # 59.96 would be rounded to a minute, which is not written like that.
         return f"{min(s, 59.9):.1f} s"
@@ -26,7 +26,7 @@ def signed(value: float, digits: int = 3, width: int = 8) -> str:
 
 
 def degrees(theta_rad: float) -> str:
-    """A heading in degrees from -180 to 180, whatever turns are in it."""
+    """A heading in degrees from -180 to 180, without its whole turns."""
     wrapped = math.degrees(math.remainder(theta_rad, 2.0 * math.pi))
     return f"{round(wrapped, 1) + 0.0:.1f}°"
 

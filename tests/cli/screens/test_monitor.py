@@ -40,7 +40,7 @@ async def test_one_look_where_no_daemon_is_fails_and_says_where_it_looked() -> N
     endpoint = free_endpoint()
     status, out, err = await printed("--once", "--timeout", "3", "--connect", endpoint)
     assert (status, out) == (69, "")
-    assert f"No daemon was heard at {endpoint}" in err
+    assert f"No daemon answered at {endpoint}" in err
     assert "yahboomd run" in err
     assert "Traceback" not in err
 

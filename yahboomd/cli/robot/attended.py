@@ -1,4 +1,4 @@
-"""A command at work on a robot, ended in order by signals and by the loss of its output."""
+"""Connects a command to its robot, and ends it in order on signals and when its output is lost."""
 
 from __future__ import annotations
 
@@ -57,14 +57,14 @@ def attend(
     signals: Iterable[int] = (),
     quiet: bool = True,
 ) -> int:
-    """Do some work on the robot that the shared options describe.
+    """Run a command's work on the robot that the shared options describe.
 
     Args:
         args: Parsed by a parser with :func:`add_robot_options`.
         work: What to do; returns the exit status.
         source: The key to command on, where it is not the default.
         signals: These end it too, besides SIGINT, SIGTERM and SIGHUP.
-        quiet: Whether to leave out what is logged about connections.
+        quiet: Whether to log nothing about connections.
 
     Returns:
         What ``work`` returned; 128 and the number of the signal that ended it.
@@ -96,7 +96,7 @@ def attend(
 
 
 def _explained(error: NoDaemon, endpoints: tuple[str, ...], again: str) -> NoDaemon:
-    """The same error, or that the daemon is one of this machine and suspended."""
+    """The same error, or one that names the suspended daemon of this machine."""
     pid = suspended_listener(endpoints)
     if pid is None:
         return error
@@ -131,13 +131,13 @@ async def _attended(
 def output_watched(gone: Callable[[], None]) -> Iterator[None]:
     """Call ``gone`` once when the reader of standard output leaves: a pipe's, a terminal's.
 
-    A command that prints nothing would not notice it, such as one that was started over a
-    connection which is lost. Files are not watched.
+    A command that prints nothing would not notice it, such as one that was started over a lost
+    connection. Files are not watched.
     """
     loop = asyncio.get_running_loop()
     with select.epoll() as watch:
         try:
-            # No event is asked for: what is reported in any case is an error or a hang-up.
+            # Without a mask: errors and hang-ups are reported in any case.
             watch.register(sys.stdout.fileno(), 0)
         except (OSError, ValueError, AttributeError):
             yield

@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
     async def work(robot: AsyncRobot) -> int:
         return await _print(robot, follow=args.follow, as_json=args.json)
 
-    # The loss of the daemon, and its return, are said on standard error.
+    # The loss of the daemon and its return are logged to standard error.
     return attend(args, work, quiet=False)
 
 

@@ -1,4 +1,4 @@
-"""Whether a daemon obeys the commands of one source, read from its statuses. Pure."""
+"""Judges from its statuses whether a daemon obeys the commands of one source. Pure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Samples and answers of a daemon as they are on the bus, for commands that print them."""
+"""Asks a daemon for samples, and prints payloads as one line of JSON."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Message = TypeVar("Message", bound=msgspec.Struct)
 
 
 async def newest(robot: AsyncRobot, key: str, message: type[Message]) -> tuple[bytes, Message]:
-    """The newest sample of a key: its payload, and what it says.
+    """The newest sample of a key: its payload, and the message in it.
 
     Raises:
         NoDaemon: No daemon answers.
@@ -34,7 +34,7 @@ async def newest(robot: AsyncRobot, key: str, message: type[Message]) -> tuple[b
             "of the first. Each robot needs a namespace of its own.",
             file=sys.stderr,
         )
-    # A sample has fields that a reply has not, and the other way round.
+    # The fields of samples and replies differ, so one is never read as the other.
     if (sample := read_sample(payloads[0], message)) is not None:
         return payloads[0], sample
     reply = read_sample(payloads[0], ServiceReply)

@@ -1,4 +1,4 @@
-"""``yahboomd pose``: where the robot is, or is to be."""
+"""``yahboomd pose``: prints the pose, or sets it."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         dest="pose",
         help="go on from this pose, in metres and radians",
     )
-    # --set is taken: the environment and --config still configure.
+    # --set means the pose here: the environment and --config still configure.
     add_robot_options(parser, overrides=False)
     take_negative_numbers(parser)
 
@@ -90,7 +90,7 @@ async def _print(robot: AsyncRobot, *, as_json: bool) -> int:
     payload, pose = await newest(robot, POSE, PoseSample)
     _, status = await newest(robot, STATUS, StatusSample)
     print(one_line(payload) if as_json else line(pose), flush=True)
-    # Both stamps are the robot's: the clock of this machine has no part in it.
+    # Both stamps are the robot's; this machine's clock may differ.
     age_s = (status.stamp_ns - pose.stamp_ns) / 1e9
     if age_s <= OLD_S:
         return os.EX_OK

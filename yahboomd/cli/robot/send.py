@@ -109,7 +109,7 @@ async def _drive(robot: AsyncRobot, args: argparse.Namespace) -> int:
         raise Refused("The daemon has published no status yet: nothing was sent.")
     statuses = robot.samples(StatusSample)
     if Obedience(args.source, before).trouble_before():
-        # It may be half a second old, and the e-stop released since.
+        # That one may be older than the release of an e-stop.
         before = await _next_status(statuses) or before
     obedience = Obedience(args.source, before)
     if trouble := obedience.trouble_before():

@@ -1,4 +1,4 @@
-"""``yahboomd status``: what a daemon does, and whether it can drive."""
+"""``yahboomd status``: prints what a daemon does, and whether it can drive."""
 
 from __future__ import annotations
 

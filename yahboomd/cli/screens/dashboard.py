@@ -1,4 +1,4 @@
-"""What a person who watches a daemon wants to know, put together from its samples.
+"""Everything that a person wants to know of a daemon, from its samples.
 
 Pure: samples and times in, a :class:`View` out. Other files draw it.
 """

@@ -16,7 +16,7 @@ from rich.text import Text
 from yahboomd.program import plain
 
 QUIET = "bright_black"
-"""The style of what is there to be overlooked."""
+"""The style of what is less important."""
 
 STATES = {
     "driving": "green",

@@ -23,12 +23,12 @@ if TYPE_CHECKING:
     from yahboomd.cli.screens.teleop import Teleop
 
 USAGE = 2
-"""What argparse ends with too, when a command is used as it cannot be."""
+"""The exit status of argparse when the arguments make no sense."""
 
 DESCRIPTION = """\
 Drive the robot with the keyboard, through a running daemon. Hold a key to drive; when you let go,
-the robot stops. (A terminal does not tell when a key is let go: after the first press that takes
-up to 0.7 s.) The screen says what the robot does, and why it stands where it does not move.
+the robot stops. (A terminal does not report when a key is let go: after the first press that
+takes up to 0.7 s.) The screen shows what the robot does, and why it stands if it does.
 """
 
 EPILOG = """\

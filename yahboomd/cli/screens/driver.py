@@ -26,7 +26,7 @@ class Driver:
     Args:
         feed: What comes from the daemon, and the way to it.
         teleop: Makes commands of keys.
-        clock: What tells the time.
+        clock: Times the keys and the screen.
         source: The key to command on.
     """
 
@@ -46,7 +46,7 @@ class Driver:
             BusError: The bus can never be reached like this.
         """
         loop = asyncio.get_running_loop()
-        # One that would suspend it ends it: a command that sleeps stops no robot.
+        # What would suspend it ends it: a suspended command stops no robot.
         for number in (*deadly(), signal.SIGTSTP):
             loop.add_signal_handler(number, self._end)
         try:
@@ -60,7 +60,7 @@ class Driver:
                 finally:
                     self._end()
         finally:
-            # In this order: the robot stands before anything that may take its time.
+            # First the zeros are sent; what follows may take its time.
             await self._feed.client.finished()
             for task in self._requests:
                 task.cancel()
@@ -77,7 +77,7 @@ class Driver:
             schedule.close()
 
     def _end(self) -> None:
-        # A command that only looked on has nothing to take back.
+        # If nothing was commanded, there is nothing to stop.
         if self._feed.client.commanded is not None:
             self._feed.client.stop()
         self._ended.set()

@@ -1,4 +1,4 @@
-"""A dashboard that lives: samples come in from a daemon that may come and go."""
+"""Fills a dashboard with the samples of a daemon, which may come and go."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from yahboomd.client.streams import Newest
 from yahboomd.clock import Clock
 from yahboomd.program import pasteable
 
-LOOK_NS = 1_000_000_000
-"""Between two looks at which process listens where the daemon is expected."""
+SEARCH_NS = 1_000_000_000
+"""Between two searches for a suspended daemon on this machine."""
 
 
 class Feed:
@@ -32,10 +32,10 @@ class Feed:
         options: Of a client.
         clock: Stamps what arrives.
         source: The key to command on, where it commands.
-        label: Who commands, for people.
+        label: Names the commanding program to people.
 
     Attributes:
-        dashboard: What the samples amount to.
+        dashboard: Makes views of the samples.
         client: The robot; its session opens when a router answers.
         news: Set when a status or an event came; the waiting task clears it.
     """
@@ -48,7 +48,7 @@ class Feed:
         self.client = AsyncRobot(options, source=source, label=label, clock=clock)
         self.news = asyncio.Event()
         self._clock = clock
-        self._look_ns = 0
+        self._search_ns = 0
         self._suspended: int | None = None
         self._newest: dict[str, Newest] = {}
         self._reaching: asyncio.Task[None] | None = None
@@ -64,14 +64,14 @@ class Feed:
         await self.client.close()
 
     def view(self, now_ns: int) -> View:
-        """How things look now; a lost connection is known before the daemon is missed."""
+        """The view at this moment; a lost connection shows before the daemon is missed."""
         for key, newest in self._newest.items():
             if (payload := newest.take()) is not None:
                 self.dashboard.accept(key, payload, now_ns)
         return self.dashboard.view(now_ns, connected=bool(self._neighbours))
 
     def check(self) -> None:
-        """Raise what makes it impossible ever to reach the bus.
+        """Raise if the bus can never be reached like this.
 
         Raises:
             BusError: A wrong endpoint, namespace or file.
@@ -81,7 +81,7 @@ class Feed:
 
     @property
     def robot(self) -> str:
-        """Whom this is about, such as ``bot1 at tcp/127.0.0.1:7448``."""
+        """The robot and where it is, such as ``bot1 at tcp/127.0.0.1:7448``."""
         name = self.options.namespace or "yahboomd"
         known = tuple(each.address for each in self._neighbours if each.address)
         return f"{name} at {listed(known or self.options.connect)}"
@@ -92,20 +92,20 @@ class Feed:
 
     @property
     def wanted(self) -> str:
-        """Where it is looked for."""
+        """The endpoints where the daemon is expected."""
         return listed(self.options.connect)
 
     @property
     def why(self) -> str:
-        """Why nothing comes yet, where something is known about it."""
+        """Why no sample has come yet, where that is known."""
         problem = self.client.problem
         if self.client.is_open:
             return (
                 f"{problem} Is it another --namespace?" if "router answers" in problem else problem
             )
-        if (now_ns := self._clock.now_ns()) >= self._look_ns:
+        if (now_ns := self._clock.now_ns()) >= self._search_ns:
             # It goes through the files of all processes: not for each screen.
-            self._look_ns = now_ns + LOOK_NS
+            self._search_ns = now_ns + SEARCH_NS
             self._suspended = suspended_listener(self.options.connect)
         if (pid := self._suspended) is not None:
             return (

@@ -32,14 +32,14 @@ CALM_S = 0.5
 
 LINE_S = 1.0
 COMPLETE_S = 1.0
-"""How long it waits, once one is there, for a pose and for two statuses to tell rates from."""
+"""How long ``--once`` waits for a pose, and for two statuses to compute rates from."""
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 DESCRIPTION = """\
 Watch a running daemon: its state and why the robot stands, who drives, pose, twist, wheels,
 battery, the quality of the line to the board, and what happened. It only listens: nothing that
-happens here moves a wheel. A daemon that is not there is waited for.
+happens here moves a wheel. It waits for a daemon that is not there.
 """
 
 EPILOG = """\
@@ -48,7 +48,7 @@ examples:
   yahboomd monitor --connect tcp/192.168.1.5:7447    one that a router there knows
   yahboomd monitor --once                            one look, for scripts and bug reports
 
-Late beats are those that the robot's computer was too busy for.
+Late beats are polls that came late because the robot's computer was busy.
 q or Ctrl-C ends it.
 
 exit status:
@@ -146,7 +146,7 @@ async def _once(feed: Feed, clock: Clock, ended: asyncio.Event, within_s: float)
                 return os.EX_OK
         elif now_ns > until_ns:
             raise BusError(
-                f"No daemon was heard at {feed.wanted} within {within_s:g} s.",
+                f"No daemon answered at {feed.wanted} within {within_s:g} s.",
                 remedy=feed.why,
             )
         await _pause(0.05, ended)
@@ -163,7 +163,7 @@ async def _lines(feed: Feed, clock: Clock, ended: asyncio.Event) -> None:
     from yahboomd.cli.screens import sentences
     from yahboomd.clock import nanoseconds
 
-    said: object = None
+    printed: object = None
     due_ns = clock.now_ns()
     while not ended.is_set():
         feed.check()
@@ -175,12 +175,12 @@ async def _lines(feed: Feed, clock: Clock, ended: asyncio.Event) -> None:
         status = view.status
         if status is None:
             words = f"waiting for a daemon at {feed.wanted} … {feed.why}".rstrip()
-            if words != said:
+            if words != printed:
                 print(words, flush=True)
-            said = words
-        elif now_ns >= due_ns or said != (view.phase, status.state, status.driver):
+            printed = words
+        elif now_ns >= due_ns or printed != (view.phase, status.state, status.driver):
             print(sentences.line(view), flush=True)
-            said = (view.phase, status.state, status.driver)
+            printed = (view.phase, status.state, status.driver)
             due_ns = now_ns + nanoseconds(LINE_S)
         await _pause(CALM_S, ended, feed.news)
 
@@ -197,7 +197,7 @@ async def _on_screen(feed: Feed, clock: Clock, ended: asyncio.Event) -> None:
 
     with ExitStack() as stack:
         if sys.stdin.isatty():
-            # Also, what is typed does not appear among the numbers.
+            # It also keeps what is typed from appearing among the numbers.
             stack.enter_context(Keys(sys.stdin.fileno(), pressed, ended.set))
         screen = stack.enter_context(Screen(sys.stdout.fileno(), ended.set))
         while not ended.is_set():

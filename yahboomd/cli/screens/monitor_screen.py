@@ -45,7 +45,7 @@ def screen(view: View, *, where: str, width: int, height: int) -> RenderableType
         _beside(_pose(view), _twist(view), half),
         Layout(_wheels(view, main), size=max(1, len(view.wheel_rows)) + 2),
         _beside(_board(view), _bus(view), half),
-        # Two for its frame; a panel without a line in it says nothing.
+        # Two lines for its frame, and at least one in it.
         Layout(_events(view, height - used - 2), visible=height - used > 2),
     )
     if not side:

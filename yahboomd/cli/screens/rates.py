@@ -8,10 +8,10 @@ NS_PER_S = 1_000_000_000
 
 
 class Rate:
-    """How often something happens, from the state of a counter.
+    """How often something happens a second, from its counter.
 
     Args:
-        window_ns: What the average is taken over.
+        window_ns: The average is taken over so long.
     """
 
     def __init__(self, window_ns: int = 2 * NS_PER_S) -> None:
@@ -20,10 +20,10 @@ class Rate:
         self._total = 0
 
     def total(self, total: int | None, now_ns: int) -> None:
-        """It has happened so often by now; None for unknown.
+        """The counter shows ``total`` now; None for unknown.
 
-        A counter that fell was restarted, and one that did not come for longer than the window
-        stood still or was away: the average begins again with it.
+        A counter that fell was restarted. After that, and after a silence longer than the window,
+        the average begins again.
         """
         silent = bool(self._points) and now_ns - self._points[-1][0] > self._window_ns
         if total is None or total < self._total or silent:
@@ -37,7 +37,7 @@ class Rate:
             self._points.popleft()
 
     def per_s(self, now_ns: int) -> float | None:
-        """The average; None while there is too little to tell, 0 once nothing comes."""
+        """The average; None before two counts, 0 when none has come for a window."""
         if not self._points:
             return None
         if now_ns - self._points[-1][0] > self._window_ns:
@@ -49,10 +49,10 @@ class Rate:
 
 
 class Rise:
-    """Whether a counter rose lately.
+    """Notices when a counter rises.
 
     Args:
-        value: What it showed at first; that is no rise.
+        value: Its first count, which is no rise.
         lately_ns: How long a rise is news.
     """
 
@@ -62,13 +62,13 @@ class Rise:
         self._rose_ns: int | None = None
 
     def see(self, value: int, now_ns: int) -> None:
-        """It shows this now."""
+        """The counter shows this now."""
         if value > self._value:
             self._rose_ns = now_ns
         self._value = value
 
     def rising(self, now_ns: int) -> bool:
-        """Whether it rose within the latest while."""
+        """Whether it rose within ``lately_ns``."""
         return self._rose_ns is not None and now_ns - self._rose_ns <= self._lately_ns
 
 
@@ -76,7 +76,7 @@ class Scale:
     """The largest recent magnitude, for bars that are neither clipped nor dwarfed for ever.
 
     Args:
-        smallest: What the scale never falls below.
+        smallest: The lower bound of the scale.
         lately_ns: A value counts for so long, and for up to twice as long.
     """
 
@@ -87,12 +87,12 @@ class Scale:
         self._before = self._now = smallest
 
     def see(self, *values: float, now_ns: int) -> None:
-        """These are there now."""
+        """These are the values now."""
         if now_ns - self._began_ns > self._lately_ns:
             self._before, self._now, self._began_ns = self._now, self._smallest, now_ns
         self._now = max((self._now, *map(abs, values)))
 
     @property
     def full(self) -> float:
-        """What a full bar is."""
+        """The value of a full bar."""
         return max(self._before, self._now)

@@ -1,4 +1,4 @@
-"""``yahboomd install``: the service, started at boot and when the board is plugged in."""
+"""``yahboomd install``: installs the service, which starts at boot and with the board."""
 
 from __future__ import annotations
 
@@ -49,12 +49,12 @@ class System(NamedTuple):
     """What an installation works on.
 
     Attributes:
-        root: What takes the place of ``/``.
+        root: Replaces ``/``.
         program: The ``yahboomd`` that the service runs.
-        packaged: Whether dpkg has put our files in place.
+        packaged: Whether dpkg installed our files.
         live: Whether this is the running system, with systemd as its manager.
         run: Runs a command.
-        dry: Whether to say only.
+        dry: Whether to print only what would be done.
     """
 
     root: Path
@@ -65,12 +65,12 @@ class System(NamedTuple):
     dry: bool
 
     def ran(self, *command: str) -> bool:
-        """Run a command and say so; whether it did its work."""
+        """Run a command and print it; whether it succeeded."""
         words = shlex.join(command)
         if self.dry:
             print(f"  would run    {words}")
             return True
-        # What the command says shall follow what we said before.
+        # The output of the command shall follow ours.
         sys.stdout.flush()
         status = self.run(command)
         print(f"  ran          {words}" + (f"   (status {status})" if status else ""))
@@ -117,7 +117,7 @@ def system_of(args: argparse.Namespace) -> System:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Install, or say what would be done.
+    """Install, or print what would be done.
 
     Returns:
         0, or 77 without the permission, 78 where the service could not run, 1 where it does not.
@@ -152,7 +152,7 @@ def install(system: System, *, instance: str | None = None, port: str | None = N
 
 
 def complain(words: str, status: int) -> int:
-    """Say it where errors are said; returns the status."""
+    """Print an error; returns the status."""
     print(f"yahboomd: {words}", file=sys.stderr)
     return status
 
@@ -169,7 +169,7 @@ def _trouble(system: System, instance: str | None, port: str | None) -> str:
         if not port.startswith("/") or '"' in port or "\\" in port:
             return f"--port takes an absolute path, not {port!r}."
     if system.root == Path("/"):
-        # With another root the program lies where that system will have it.
+        # Below another root, the program is where that system will have it.
         needed = (system.program, Path(sys.executable), Path(yahboomd.__file__))
         hidden = install_plan.unreachable(needed)
         if hidden is not None:
@@ -213,7 +213,7 @@ def _put(file: PlannedFile, *, dry: bool) -> None:
 
 
 def _put_shared(files: list[PlannedFile], *, dry: bool) -> None:
-    """Put man pages and completions in place, with a line for each folder."""
+    """Write man pages and completions, and print a line for each folder."""
     for folder in dict.fromkeys(file.path.parent for file in files):
         other = [file for file in files if file.path.parent == folder and file.fate != "unchanged"]
         if not other:

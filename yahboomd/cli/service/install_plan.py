@@ -1,4 +1,4 @@
-"""What an installation consists of: which files go where, and what becomes of those that exist.
+"""Plans an installation: which files go where, and what becomes of those that exist.
 
 Nothing is written here. :mod:`yahboomd.cli.service.install` carries a plan out.
 """
@@ -14,7 +14,7 @@ from typing import Literal
 import msgspec
 
 PACKAGED = Path("/opt/yahboomd")
-"""Where the Debian package has its environment; its files are dpkg's to put in place."""
+"""Where the Debian package has its environment; dpkg installs its files."""
 
 UNIT_PROGRAM = "/usr/bin/yahboomd"
 """The program as the unit files of the source tree name it."""
@@ -89,9 +89,9 @@ def planned_files(root: Path, program: Path, *, packaged: bool) -> list[PlannedF
     """The files of the service itself.
 
     Args:
-        root: What takes the place of ``/``.
+        root: Replaces ``/``.
         program: The ``yahboomd`` that the service shall run.
-        packaged: Whether dpkg has put our own files in place.
+        packaged: Whether dpkg installed our own files.
     """
     if packaged:
         return []
@@ -119,7 +119,7 @@ def instance_file(root: Path, name: str, port: str) -> PlannedFile:
     """The configuration of one of several boards.
 
     Args:
-        root: What takes the place of ``/``.
+        root: Replaces ``/``.
         name: Of the instance, and the robot's namespace.
         port: Its serial port; best a name below ``/dev/serial/by-path``, which stays with the
             socket.

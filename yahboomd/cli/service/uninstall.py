@@ -1,4 +1,4 @@
-"""``yahboomd uninstall``: stops the service and takes away what ``install`` put in place."""
+"""``yahboomd uninstall``: stops the service and removes what ``install`` wrote."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Uninstall, or say what would be done.
+    """Uninstall, or print what would be done.
 
     Returns:
         0, or 77 without the permission, 78 where dpkg has to do it.

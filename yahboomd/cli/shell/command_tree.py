@@ -91,7 +91,7 @@ def describe(parser: argparse.ArgumentParser, line: str = "") -> Command:
 
     Args:
         parser: As argparse has it, each command of it added.
-        line: What a list of commands says of it.
+        line: Its line in the list of commands.
     """
     formatter = parser._get_formatter()  # noqa: SLF001 - argparse has no public way to its parts
 

@@ -194,7 +194,7 @@ def _statuses(statuses: Mapping[int, str]) -> list[str]:
 
 
 def _epilog(epilog: str) -> list[str]:
-    """What an epilog has besides exit statuses: examples first."""
+    """An epilog without its exit statuses, examples first."""
     examples: list[str] = []
     others: list[str] = []
     notes: list[str] = []

@@ -1,4 +1,4 @@
-"""What goes below a folder ``share``: man pages, and completions for three shells.
+"""Writes what belongs below a folder ``share``: man pages, and completions for three shells.
 
 ``python -m yahboomd.cli.shell.shared_files FOLDER`` writes them.
 """
@@ -22,7 +22,7 @@ def shared_files() -> dict[str, str]:
 
 
 def main(argv: Sequence[str]) -> int:
-    """Write every file below the folder that is given, and remove those that are no more."""
+    """Write every file below the given folder, and remove all others there."""
     folder = Path(argv[0])
     texts = shared_files()
     for old in [path for path in folder.rglob("*") if path.is_file()]:
