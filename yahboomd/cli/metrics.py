@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from yahboomd import __version__
 from yahboomd.cli.options import (
     add_connect_option,
+    add_set_option,
     client_options,
     daemon_endpoints,
     read_config,
@@ -91,14 +92,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="the daemon's configuration (default: /etc/yahboomd/config.toml, if it exists); "
         "repeated: several robots",
     )
-    parser.add_argument(
-        "--set",
-        metavar="SECTION.KEY=VALUE",
-        action="append",
-        default=[],
-        dest="overrides",
-        help="change one key, over file and environment; may be repeated",
-    )
+    add_set_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:

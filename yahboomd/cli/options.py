@@ -10,6 +10,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from yahboomd.errors import ConfigError
+
 if TYPE_CHECKING:
     from yahboomd.bus.options import BusOptions
     from yahboomd.config import Config, Loaded
@@ -55,9 +57,14 @@ def add_config_options(parser: argparse.ArgumentParser, *, overrides: bool = Tru
         type=Path,
         help="configuration to read (default: /etc/yahboomd/config.toml, if it exists)",
     )
-    if not overrides:
+    if overrides:
+        add_set_option(parser)
+    else:
         parser.set_defaults(overrides=[])
-        return
+
+
+def add_set_option(parser: argparse.ArgumentParser) -> None:
+    """``--set SECTION.KEY=VALUE``, which may be repeated."""
     parser.add_argument(
         "--set",
         metavar="SECTION.KEY=VALUE",
@@ -66,6 +73,29 @@ def add_config_options(parser: argparse.ArgumentParser, *, overrides: bool = Tru
         dest="overrides",
         help="change one key, over file and environment; may be repeated",
     )
+
+
+def add_source_option(parser: argparse.ArgumentParser, default: str) -> None:
+    """``--source KEY``, for commands that drive."""
+    parser.add_argument(
+        "--source",
+        metavar="KEY",
+        default=default,
+        help="the key to command on; the daemon's [command.sources] gives it its priority "
+        "(default: %(default)s)",
+    )
+
+
+def check_source(args: argparse.Namespace) -> None:
+    """Raise if the key of ``--source`` cannot be one.
+
+    Raises:
+        ConfigError: With what is wrong.
+    """
+    from yahboomd.names import name_problem
+
+    if problem := name_problem(args.source):
+        raise ConfigError(f"--source {args.source}: {problem}.")
 
 
 def add_port_option(parser: argparse.ArgumentParser) -> None:

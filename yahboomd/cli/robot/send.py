@@ -9,7 +9,7 @@ import signal
 import sys
 from typing import TYPE_CHECKING
 
-from yahboomd.cli.options import number, take_negative_numbers
+from yahboomd.cli.options import add_source_option, check_source, number, take_negative_numbers
 from yahboomd.cli.robot.attended import add_robot_options, attend
 from yahboomd.errors import NoDaemon
 
@@ -61,13 +61,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         required=True,
         help="how long, from above 0 to 3600 seconds",
     )
-    parser.add_argument(
-        "--source",
-        metavar="KEY",
-        default="cmd_vel",
-        help="the key to command on; the daemon's [command.sources] gives it its priority "
-        "(default: %(default)s)",
-    )
+    add_source_option(parser, "cmd_vel")
     add_robot_options(parser)
     take_negative_numbers(parser)
 
@@ -86,11 +80,8 @@ def run(args: argparse.Namespace) -> int:
         )
         return 2
     from yahboomd.daemon.process import deadly
-    from yahboomd.errors import ConfigError
-    from yahboomd.names import name_problem
 
-    if problem := name_problem(args.source):
-        raise ConfigError(f"--source {args.source}: {problem}.")
+    check_source(args)
 
     async def work(robot: AsyncRobot) -> int:
         return await _drive(robot, args)

@@ -31,13 +31,17 @@ STATES = {
 SEVERITIES = {"info": "blue", "warning": "yellow", "error": "red"}
 """The colour of each severity of an event."""
 
+LONGEST = 1000
+"""Characters of a text that are drawn: long texts of other programs must not delay the keys."""
+
 Part = tuple[str, str]
 """A text and its style, such as ``bold red``; empty for none."""
 
 
 def line(*parts: str | Part) -> Text:
     """One line; what is too much is cut off. Control characters become blanks."""
-    shown = (plain(part) if isinstance(part, str) else (plain(part[0]), part[1]) for part in parts)
+    pairs = ((part, "") if isinstance(part, str) else part for part in parts)
+    shown = ((plain(words[:LONGEST]), style) for words, style in pairs)
     return Text.assemble(*shown, no_wrap=True, overflow="ellipsis")
 
 

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 from yahboomd.cli.options import (
     add_bus_options,
     add_config_options,
+    add_source_option,
+    check_source,
     client_options,
     daemon_endpoints,
     number,
@@ -70,13 +72,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         default=1.0,
         help="turning speed to begin with, in rad/s (default: %(default)s)",
     )
-    parser.add_argument(
-        "--source",
-        metavar="KEY",
-        default="cmd_vel/teleop",
-        help="the key to command on; the daemon's [command.sources] gives it its priority "
-        "(default: %(default)s)",
-    )
+    add_source_option(parser, "cmd_vel/teleop")
     add_bus_options(parser)
     add_config_options(parser)
 
@@ -101,11 +97,8 @@ def run(args: argparse.Namespace) -> int:
 
     config = read_config(args).config
     from yahboomd.cli.screens.teleop import Teleop
-    from yahboomd.errors import ConfigError
-    from yahboomd.names import name_problem
 
-    if problem := name_problem(args.source):
-        raise ConfigError(f"--source {args.source}: {problem}.")
+    check_source(args)
     options = client_options(daemon_endpoints(args, config), config)
     teleop = Teleop(linear_m_s=args.linear, angular_rad_s=args.angular)
     asyncio.run(_run(options, teleop, args.source))
