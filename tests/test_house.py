@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 import pytest
+from dead_code import without_callers
 
 from yahboomd.cli.shell.shared_files import shared_files
 
@@ -73,6 +74,51 @@ def test_every_package_says_what_is_inside() -> None:
     for package in packages:
         docstring = ast.get_docstring(ast.parse(package.read_text())) or ""
         assert len(docstring.split()) > 5, package
+
+
+CALLED_BY_OTHERS = {
+    "_action_max_length": "argparse",
+    "_fields_": "ctypes",
+    "model_config": "pydantic",
+    "connection_made": "asyncio",
+    "data_received": "asyncio",
+    "connection_lost": "asyncio",
+    "modify": "selectors",
+}
+"""What a library calls or reads that has no caller of ours."""
+
+
+def read(folder: str) -> dict[Path, str]:
+    return {path: path.read_text() for path in sorted((ROOT / folder).rglob("*.py"))}
+
+
+def test_no_code_is_there_for_tests_alone() -> None:
+    """But in the simulator, with which tests measure."""
+    callers = [
+        text for folder in ("examples", "benchmarks", "tools") for text in read(folder).values()
+    ]
+    found = without_callers(read("yahboomd"), callers, CALLED_BY_OTHERS)
+    assert [str(each) for each in found if "yahboomd/simulation/" not in each.where] == []
+
+
+def test_code_that_only_dead_code_calls_is_dead_and_what_is_exported_is_not() -> None:
+    source = """
+__all__ = ["Robot", "start"]
+LIMIT = 3
+class Robot:
+    def drive(self): self._speed = _clip(1)
+    def _lost(self): self._lost()
+def start(): _used()
+def _used(): return Robot
+def _clip(speed): return speed
+def helper(): return other() + LIMIT
+def other(): return helper()
+def retired(): return past()
+def past(): return 1
+"""
+    dead = without_callers({Path("robot.py"): source}, [], ["_speed"])
+    assert {each.name for each in dead} == {"_lost", "past", "retired"}
+    assert without_callers({Path("robot.py"): source}, ["Robot()._lost(retired)"], ["_speed"]) == []
 
 
 SAFETY = (ROOT / "docs" / "safety.md").read_text()

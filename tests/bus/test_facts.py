@@ -25,8 +25,6 @@ async def test_what_is_refused_lost_or_failed_on_the_bus_is_counted(bus, zenoh_a
     bus.serve(keys.CONFIG, lambda r: Response(payload=b"here"), fallback=refusal)
     bus.serve(keys.BOARD, lambda r: 1 / 0, fallback=refusal, max_bytes=8)
     pose.put(b"{}")
-    pose.close()
-    pose.put(b"{}")
     await app.reach("bot1/cmd_vel")
     app.session.put("bot1/cmd_vel", b"far too large")
     app.session.put("bot1/cmd_vel", b"small")
@@ -34,6 +32,8 @@ async def test_what_is_refused_lost_or_failed_on_the_bus_is_counted(bus, zenoh_a
     await app.ask("bot1/yahboomd/config")
     await app.ask("bot1/yahboomd/board", payload=b"far too large")
     await app.ask("bot1/yahboomd/board")
+    await bus.close()
+    pose.put(b"{}")
     found = bus.facts()
     assert found == {
         "puts": 1,

@@ -14,9 +14,9 @@ pytestmark = pytest.mark.realtime
 async def test_applications_see_the_token_come_and_go(bus, zenoh_app):
     app = zenoh_app("client", bus.options.listen[0])
     seen = app.session.liveliness().declare_subscriber("bot1/yahboomd/alive", history=True)
-    token = bus.token(keys.ALIVE)
+    bus.token(keys.ALIVE)
     assert str((await eventually(seen.try_recv)).kind).endswith("PUT")
-    token.close()
+    await bus.close()
     assert str((await eventually(seen.try_recv)).kind).endswith("DELETE")
 
 

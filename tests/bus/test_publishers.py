@@ -9,7 +9,6 @@ import zenoh
 from zenoh_fixtures import eventually
 
 from yahboomd.bus import keys
-from yahboomd.bus.publishers import PRIORITIES
 
 pytestmark = pytest.mark.realtime
 
@@ -54,17 +53,6 @@ async def test_a_cached_sample_reaches_who_comes_later(bus, zenoh_app):
     assert sample.payload.to_bytes() == b"static frames"
 
 
-async def test_reliable_samples_arrive_in_order(bus, zenoh_app):
-    publisher = bus.publisher(keys.EVENTS, reliable=True, priority="interactive_low")
-    samples = zenoh_app("client", bus.options.listen[0]).collect("bot1/yahboomd/events")
-    await eventually(lambda: publisher.has_subscribers)
-    for number in range(100):
-        assert publisher.put(b"%d" % number)
-    await eventually(lambda: len(samples) == 100)
-    assert [int(sample.payload.to_bytes()) for sample in samples] == list(range(100))
-    assert samples[0].congestion_control == zenoh.CongestionControl.BLOCK
-
-
 async def test_put_after_the_end_is_counted_and_not_raised(bus):
     publisher = bus.publisher(keys.POSE)
     await bus.close()
@@ -75,7 +63,6 @@ async def test_put_after_the_end_is_counted_and_not_raised(bus):
 
 async def test_a_frozen_subscriber_holds_up_neither_put_nor_the_others(bus, zenoh_app):
     publisher = bus.publisher(keys.POSE)
-    reliable = bus.publisher(keys.EVENTS, reliable=True)
     script = Path(__file__).parents[1] / "plugins" / "zenoh_listener_process.py"
     frozen = await asyncio.to_thread(
         subprocess.Popen,
@@ -92,7 +79,6 @@ async def test_a_frozen_subscriber_holds_up_neither_put_nor_the_others(bus, zeno
         # loop would stand still until the connection is given up.
         for number in range(3_000):
             assert publisher.put(b"%6d" % number * 1_000)
-            reliable.put(b"x" * 60_000)
             await asyncio.sleep(0)
         assert publisher.counters.puts == 3_000
         assert len(bus.neighbours) == 2
@@ -100,8 +86,3 @@ async def test_a_frozen_subscriber_holds_up_neither_put_nor_the_others(bus, zeno
     finally:
         frozen.kill()
         frozen.communicate()
-
-
-def test_no_two_names_of_priorities_mean_the_same():
-    assert len(PRIORITIES) == 7
-    assert len({str(priority) for priority in PRIORITIES.values()}) == 7

@@ -55,7 +55,6 @@ async def exercise(bus, app, *, ways=1):
     alive = app.session.liveliness().declare_subscriber(bus.key(keys.ALIVE), history=True)
     await eventually(alive.try_recv)
     subscription.close()
-    pose.close()
 
 
 def routers(bus):
@@ -211,7 +210,7 @@ async def test_nothing_of_a_closed_bus_stays():
         await bus.open()
         bus.subscribe(keys.CMD_VEL, lambda batch: None)
         bus.serve(keys.ESTOP, lambda _: Response(payload=b""), fallback=refusal)
-        bus.publisher(keys.EVENTS, reliable=True).put(b"x")
+        bus.publisher(keys.EVENTS).put(b"x")
         assert await bus.close()
         assert await bus.close()
         await eventually(lambda: {thread.name for thread in threading.enumerate()} <= before)
@@ -240,7 +239,7 @@ async def main():
         bus.subscribe("cmd_vel", print)
         bus.token("yahboomd/alive")
         bus.serve("yahboomd/board", lambda r: Response(payload=b""), fallback=print)
-        bus.publisher("yahboomd/events", reliable=True).put(b"x")
+        bus.publisher("yahboomd/events").put(b"x")
         bus.publisher("tf_static", cache=1).put(b"x")
         if sys.argv[3] == "fail":
             raise SystemExit(7)

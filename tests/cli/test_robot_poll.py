@@ -41,7 +41,7 @@ class Daemon:
         for key in self.samples:
             self.bus.serve(key, self._answer, fallback=lambda *_: Response(payload=b""))
         self.bus.token(keys.holder_key(keys.ALIVE, self.bus.zid))
-        self.events = self.bus.publisher(keys.EVENTS, reliable=True)
+        self.events = self.bus.publisher(keys.EVENTS)
         self.publishing = asyncio.create_task(self._publish())
 
     async def close(self) -> None:

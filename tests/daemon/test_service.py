@@ -114,9 +114,8 @@ async def test_every_native_key_carries_its_one_type_and_encoding_with_its_qos(
     for key, output in OUTPUTS.items():
         for sample in running.samples[key.partition("/")[2]]:
             assert str(sample.encoding) == f"application/json;{output.message.__name__}"
-            assert sample.priority == PRIORITIES[output.priority]
-            blocks = sample.congestion_control == zenoh.CongestionControl.BLOCK
-            assert blocks == output.reliable
+            assert sample.priority == zenoh.Priority.DATA_HIGH
+            assert sample.congestion_control == zenoh.CongestionControl.DROP
     for key in ("yahboomd/pose", "yahboomd/board", "yahboomd/estop"):
         (reply,) = await asyncio.to_thread(lambda key=key: list(running.session.get(f"bot1/{key}")))
         assert reply.ok.priority == PRIORITIES["data"]

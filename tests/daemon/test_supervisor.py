@@ -115,16 +115,20 @@ class Missing:
         return {"bytes": 1}
 
 
-class Watcher:
-    def __init__(self) -> None:
-        self.searches: list[int] = []
-        self.errors: list[YahboomdError] = []
+class Attempts:
+    """Makes sessions, and notes when."""
 
-    def searching(self) -> None:
-        self.searches.append(LoopClock().now_ns())
+    def __init__(self, kind: type[Missing]) -> None:
+        self._kind = kind
+        self.began_ns: list[int] = []
 
-    def unavailable(self, error: YahboomdError) -> None:
-        self.errors.append(error)
+    def __call__(self) -> Missing:
+        self.began_ns.append(LoopClock().now_ns())
+        return self._kind()
+
+
+def ignore(_error: YahboomdError) -> None:
+    pass
 
 
 async def run_for(supervisor: Supervisor, for_s: float) -> None:
@@ -136,20 +140,20 @@ async def run_for(supervisor: Supervisor, for_s: float) -> None:
 
 @on_virtual_time
 async def test_a_missing_port_is_looked_for_with_bounded_back_off_for_ever() -> None:
-    watcher = Watcher()
-    supervisor = Supervisor(Missing, LoopClock(), watcher)  # type: ignore[arg-type]
+    sessions = Attempts(Missing)
+    supervisor = Supervisor(sessions, LoopClock(), ignore)  # type: ignore[arg-type]
     await run_for(supervisor, 600.0)
-    waits = [b - a for a, b in zip(watcher.searches, watcher.searches[1:], strict=False)]
+    waits = [b - a for a, b in zip(sessions.began_ns, sessions.began_ns[1:], strict=False)]
     assert waits[: len(BACK_OFF_S)] == pytest.approx([s * 1e9 for s in BACK_OFF_S], rel=1e-6)
     assert max(waits) <= BACK_OFF_S[-1] * 1e9 * 1.000001
     # About one attempt a second: no spinning, and no giving up.
-    assert 590 < len(watcher.searches) < 610
+    assert 590 < len(sessions.began_ns) < 610
 
 
 def test_the_same_fault_is_logged_once_and_counted(caplog: pytest.LogCaptureFixture) -> None:
     @on_virtual_time
     async def scene() -> Supervisor:
-        supervisor = Supervisor(Missing, LoopClock(), Watcher())  # type: ignore[arg-type]
+        supervisor = Supervisor(Missing, LoopClock(), ignore)  # type: ignore[arg-type]
         await run_for(supervisor, 3600.0)
         return supervisor
 
@@ -171,7 +175,7 @@ def test_a_port_that_udev_has_not_yet_handed_over_is_no_news(
     async def scene(more: list[LinkError]) -> None:
         answers = [*errors, *more]
         sessions = Missing(lambda: answers.pop(0) if answers else errors[0])
-        supervisor = Supervisor(lambda: sessions, LoopClock(), Watcher())  # type: ignore[arg-type, return-value]
+        supervisor = Supervisor(lambda: sessions, LoopClock(), ignore)  # type: ignore[arg-type, return-value]
         await run_for(supervisor, 10.0)
 
     with caplog.at_level(logging.INFO, logger="yahboomd"):
@@ -191,9 +195,9 @@ async def test_after_a_good_session_the_next_attempt_comes_soon() -> None:
             await asyncio.sleep(10.0)
             raise PortLost("/dev/x: the port went away.")
 
-    watcher = Watcher()
-    await run_for(Supervisor(Steady, LoopClock(), watcher), 35.0)  # type: ignore[arg-type]
-    gaps = [b - a for a, b in zip(watcher.searches, watcher.searches[1:], strict=False)]
+    sessions = Attempts(Steady)
+    await run_for(Supervisor(sessions, LoopClock(), ignore), 35.0)  # type: ignore[arg-type]
+    gaps = [b - a for a, b in zip(sessions.began_ns, sessions.began_ns[1:], strict=False)]
     assert all(gap < 10.2e9 for gap in gaps)
 
 
@@ -208,7 +212,7 @@ async def test_a_port_that_goes_away_while_it_is_asked_to_end_does_not_keep_it()
                 raise PortLost("/dev/x: the port went away.") from None
 
     task = asyncio.create_task(
-        Supervisor(Losing, LoopClock(), Watcher()).run()  # type: ignore[arg-type]
+        Supervisor(Losing, LoopClock(), ignore).run()  # type: ignore[arg-type]
     )
     await asyncio.sleep(1.0)
     task.cancel()
@@ -219,7 +223,7 @@ async def test_a_port_that_goes_away_while_it_is_asked_to_end_does_not_keep_it()
 
 @on_virtual_time
 async def test_the_counters_of_ended_sessions_are_kept() -> None:
-    supervisor = Supervisor(Missing, LoopClock(), Watcher())  # type: ignore[arg-type]
+    supervisor = Supervisor(Missing, LoopClock(), ignore)  # type: ignore[arg-type]
     await run_for(supervisor, 10.0)
     assert supervisor.facts()["bytes"] == supervisor.counters["attempts"]
 
@@ -229,6 +233,6 @@ async def test_an_error_of_the_program_is_not_retried() -> None:
     def broken() -> LinkError:
         raise ZeroDivisionError
 
-    supervisor = Supervisor(lambda: Missing(broken), LoopClock(), Watcher())  # type: ignore[arg-type, return-value]
+    supervisor = Supervisor(lambda: Missing(broken), LoopClock(), ignore)  # type: ignore[arg-type, return-value]
     with pytest.raises(ZeroDivisionError):
         await supervisor.run()

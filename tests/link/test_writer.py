@@ -16,8 +16,13 @@ COUNTS = Totals(ticks=(0, 0, 0, 0))
 
 
 @pytest.fixture
-async def writer(port: Any, clock: Any) -> Any:
-    writer = Writer(port, clock, resend_ns=100 * MS, spacing_ns=20 * MS)
+def spacing_ns() -> int:
+    return 20 * MS
+
+
+@pytest.fixture
+async def writer(port: Any, clock: Any, spacing_ns: int) -> Any:
+    writer = Writer(port, clock, resend_ns=100 * MS, spacing_ns=spacing_ns)
     task = asyncio.create_task(writer.run())
     await asyncio.sleep(0)
     yield writer
@@ -230,8 +235,8 @@ async def test_a_lost_command_is_said_again_at_once(writer: Any, port: Any, cloc
     assert writer.counters["commands_lost"] == 1
 
 
+@pytest.mark.parametrize("spacing_ns", [0])
 async def test_a_poll_blocks_the_line_until_its_answer(writer: Any, port: Any, clock: Any) -> None:
-    writer.set_spacing(0)
     assert writer.poll(b"$read#", 100 * MS)
     writer.velocity(b"$a#")
     await advance(clock, 3)
@@ -240,11 +245,11 @@ async def test_a_poll_blocks_the_line_until_its_answer(writer: Any, port: Any, c
     assert port.frames == [b"$read#", b"$a#"]
 
 
+@pytest.mark.parametrize("spacing_ns", [0])
 @pytest.mark.parametrize("phase_ms", range(0, 120, 3))
 async def test_a_velocity_waits_20_ms_at_most_for_the_answer_to_a_slow_poll(
     writer: Any, port: Any, clock: Any, phase_ms: int
 ) -> None:
-    writer.set_spacing(0)
     writer.poll(b"$read#", 100 * MS)
     await advance(clock, phase_ms)
     commanded_ns = clock.ns
@@ -254,10 +259,10 @@ async def test_a_velocity_waits_20_ms_at_most_for_the_answer_to_a_slow_poll(
     assert port.sent[1][0] - commanded_ns <= len(b"$read#") * port.byte_ns + 20 * MS + MS
 
 
+@pytest.mark.parametrize("spacing_ns", [0])
 async def test_a_poll_that_came_early_goes_with_the_answer_to_the_one_before(
     writer: Any, port: Any, clock: Any
 ) -> None:
-    writer.set_spacing(0)
     assert writer.poll(b"$read#", 100 * MS)
     assert writer.poll(b"$read#", 100 * MS)
     assert not writer.poll(b"$read#", 100 * MS)
@@ -267,10 +272,10 @@ async def test_a_poll_that_came_early_goes_with_the_answer_to_the_one_before(
     assert port.frames == [b"$read#", b"$read#"]
 
 
+@pytest.mark.parametrize("spacing_ns", [0])
 async def test_a_poll_that_is_never_answered_does_not_block_for_ever(
     writer: Any, port: Any, clock: Any
 ) -> None:
-    writer.set_spacing(0)
     writer.poll(b"$read#", 20 * MS)
     writer.velocity(b"$a#")
     await advance(clock, 25)

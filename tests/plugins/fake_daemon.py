@@ -70,7 +70,7 @@ class FakeDaemon:
         """An event."""
         assert self._bus is not None
         event = daemon_samples.event(message)
-        self._bus.publisher(keys.EVENTS, reliable=True).put(encode(event, "json"))
+        self._bus.publisher(keys.EVENTS).put(encode(event, "json"))
 
     @property
     def velocities(self) -> list[tuple[object, object]]:

@@ -27,6 +27,19 @@ from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
 
 
+def steps_of(controller: Controller) -> list[int]:
+    """When it steps from now on, filled as it does."""
+    steps: list[int] = []
+    step = controller.step
+
+    def noting() -> None:
+        steps.append(controller._clock.now_ns())
+        step()
+
+    controller.step = noting  # type: ignore[method-assign]
+    return steps
+
+
 class Heard:
     """The events of the control path."""
 
@@ -99,7 +112,7 @@ class RobotBench:
         self.supervisor = Supervisor(
             lambda: assembly.session(self.config, self.clock, self.controller, self._open),
             self.clock,
-            self.controller,
+            self.controller.unavailable,
         )
         self.tasks: list[asyncio.Task[None]] = []
 

@@ -29,21 +29,12 @@ class Token:
 
     def __init__(self, key: str) -> None:
         self.key = key
-        self._open = True
         # A token without a reference is undeclared when it is collected.
         self._tokens: list[zenoh.LivelinessToken] = []
 
     def attach(self, session: zenoh.Session) -> None:
         """Be seen in this session too."""
-        if self._open:
-            self._tokens.append(session.liveliness().declare_token(self.key))
-
-    def close(self) -> None:
-        """Let the others see it go."""
-        self._open = False
-        for token in self._tokens:
-            token.undeclare()
-        self._tokens.clear()
+        self._tokens.append(session.liveliness().declare_token(self.key))
 
 
 MOST_TOKENS = 256
@@ -72,8 +63,6 @@ class TokenWatch:
         """Tokens that were not kept because there were too many or their keys were too long."""
         self._pattern = pattern
         self._handler = handler
-        self._inbox = inbox
-        self._open = True
         self._lane: Lane[None] = inbox.lane(self._compare, depth=1)
         self._subscribers: list[zenoh.Subscriber[None]] = []
         # A token is there as long as one session sees it.
@@ -83,8 +72,6 @@ class TokenWatch:
 
     def attach(self, session: zenoh.Session) -> None:
         """Look in this session too; those that exist already come first."""
-        if not self._open:
-            return
         index = len(self._subscribers)
 
         def changed(sample: zenoh.Sample) -> None:
@@ -112,14 +99,6 @@ class TokenWatch:
             else:
                 self._present.pop(key, None)
         self._lane.offer(None)
-
-    def close(self) -> None:
-        """Look no more."""
-        self._open = False
-        for subscriber in self._subscribers:
-            subscriber.undeclare()
-        self._subscribers.clear()
-        self._inbox.remove(self._lane)
 
     def _compare(self, _batch: list[None], _merged: int) -> None:
         with self._lock:

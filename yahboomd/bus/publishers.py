@@ -1,8 +1,7 @@
 """Samples out: one declared publisher per key, whose ``put`` neither blocks nor raises.
 
-Telemetry is dropped where a subscriber's connection is full: with congestion control BLOCK a
-subscriber that froze held the caller for five seconds. ``reliable`` samples, small and rare, are
-put by a thread that may wait.
+Samples are dropped where a subscriber's connection is full: with congestion control BLOCK a
+subscriber that froze held the caller for five seconds.
 """
 
 from __future__ import annotations
@@ -17,28 +16,14 @@ import zenoh
 import zenoh.ext
 from zenoh.handlers import Callback
 
-from yahboomd.bus.blocking import Sender
-
 log = logging.getLogger(__name__)
 
-PriorityName: TypeAlias = Literal[
-    "real_time",
-    "interactive_high",
-    "interactive_low",
-    "data_high",
-    "data",
-    "data_low",
-    "background",
-]
+PriorityName: TypeAlias = Literal["real_time", "data_high", "data"]
 
 PRIORITIES: dict[PriorityName, zenoh.Priority] = {
     "real_time": zenoh.Priority.REAL_TIME,
-    "interactive_high": zenoh.Priority.INTERACTIVE_HIGH,
-    "interactive_low": zenoh.Priority.INTERACTIVE_LOW,
     "data_high": zenoh.Priority.DATA_HIGH,
     "data": zenoh.Priority.DATA,
-    "data_low": zenoh.Priority.DATA_LOW,
-    "background": zenoh.Priority.BACKGROUND,
 }
 
 DROP = zenoh.CongestionControl.DROP
@@ -56,7 +41,6 @@ class _Outlet:
 
     def __init__(self, publisher: zenoh.Publisher | zenoh.ext.AdvancedPublisher) -> None:
         self.put: Callable[..., None] = publisher.put
-        self.undeclare: Callable[[], None] = publisher.undeclare
         # Who comes later gets what a cache holds: there is always somebody to put it for.
         self.matching = True
         if isinstance(publisher, zenoh.Publisher):
@@ -83,11 +67,8 @@ class BusPublisher:
     Args:
         key: The key in full.
         encoding: What the samples are, such as ``application/json;pose``.
-        reliable: Puts the samples and may wait for it, rather than drop them where a connection
-            is full; None for telemetry.
-        priority: Which samples go first when they queue. Samples that are dropped and samples that
-            are waited for must differ in it: they share a queue for each priority and connection,
-            and who waits in it holds up all others.
+        priority: Which samples go first when they queue; answers to queries go as ``data``, and a
+            sample of that priority would wait with them.
         express: Send each sample by itself, instead of in a batch with its neighbours. Of several
             put at once some are lost then: a connection's queue holds two batches, and what finds
             it full for a millisecond is dropped. Six samples at 50 Hz lost 0.5 % on an idle
@@ -100,17 +81,14 @@ class BusPublisher:
         key: str,
         *,
         encoding: str,
-        reliable: Sender | None,
         priority: PriorityName,
         express: bool,
         cache: int,
     ) -> None:
         self.key = key
         self.counters = PublisherCounters()
-        self._reliable = reliable
         self._cache = cache
         self._last: deque[tuple[bytes, bytes | None]] = deque(maxlen=cache)
-        self._open = True
         self._outlets: list[_Outlet] = []
         self._encoding = encoding
         self._priority = PRIORITIES[priority]
@@ -118,16 +96,13 @@ class BusPublisher:
 
     def attach(self, session: zenoh.Session) -> None:
         """Publish in this session too; what a cache holds is put there at once."""
-        if not self._open:
-            return
-        congestion = zenoh.CongestionControl.BLOCK if self._reliable else DROP
         if not self._cache:
             self._outlets.append(
                 _Outlet(
                     session.declare_publisher(
                         self.key,
                         encoding=self._encoding,
-                        congestion_control=congestion,
+                        congestion_control=DROP,
                         priority=self._priority,
                         express=self._express,
                     )
@@ -138,7 +113,7 @@ class BusPublisher:
             session,
             self.key,
             encoding=self._encoding,
-            congestion_control=congestion,
+            congestion_control=DROP,
             priority=self._priority,
             express=self._express,
             cache=zenoh.ext.CacheConfig(self._cache),
@@ -162,21 +137,6 @@ class BusPublisher:
         """
         if self._cache:
             self._last.append((payload, attachment))
-        if self._reliable is None:
-            return self._put(payload, attachment)
-        if self._reliable.send(lambda: self._put(payload, attachment)):
-            return True
-        self.counters.errors += 1
-        return False
-
-    def close(self) -> None:
-        """Tell the others that nothing more comes."""
-        self._open = False
-        for outlet in self._outlets:
-            outlet.undeclare()
-        self._outlets.clear()
-
-    def _put(self, payload: bytes, attachment: bytes | None) -> bool:
         taken = False
         # A put without a subscriber costs the same (45 us).
         listened = [outlet for outlet in self._outlets if outlet.matching]

@@ -71,14 +71,13 @@ class Bus:
         self._inbox: Inbox | None = None
         self._uplink: asyncio.Task[None] | None = None
         self._closed = True
-        # Three: an e-stop's acknowledgement waits neither behind an event nor behind an answer for
-        # an application that froze.
+        # Two: an e-stop's acknowledgement does not wait behind an answer for an application that
+        # froze.
         self._answering = Answering(
             answers=Sender("bus-answers"),
             acknowledgements=Sender("bus-acknowledgements"),
             large=threading.Semaphore(LARGE),
         )
-        self._reliable = Sender("bus-reliable")
         self._neighbours = Neighbours()
         self._declared: list[Declared] = [self._neighbours]
 
@@ -157,7 +156,7 @@ class Bus:
             lambda: [(link.src, link.dst) for session in sessions for link in session.info.links()]
         )
         answering = self._answering
-        for sender in (answering.acknowledgements, answering.answers, self._reliable):
+        for sender in (answering.acknowledgements, answering.answers):
             sender.close(self.options.close_timeout_s / 6)
         for session in sessions:
             session.close()
@@ -215,23 +214,17 @@ class Bus:
         key: str,
         *,
         encoding: str = "",
-        reliable: bool = False,
-        priority: PriorityName | None = None,
+        priority: PriorityName = "data_high",
         express: bool = False,
         cache: int = 0,
     ) -> BusPublisher:
-        """Declare a publisher; see :class:`BusPublisher`.
-
-        Telemetry goes as ``data_high`` by default, reliable samples as ``data`` (as answers to
-        queries do), because the two must not share a priority.
-        """
+        """Declare a publisher; see :class:`BusPublisher`."""
         self._ready()
         return self._declare(
             BusPublisher(
                 self.key(key),
                 encoding=encoding or "zenoh/bytes",
-                reliable=self._reliable if reliable else None,
-                priority=priority or ("data" if reliable else "data_high"),
+                priority=priority,
                 express=express,
                 cache=cache,
             )
@@ -351,7 +344,7 @@ class Bus:
         )
 
     def token(self, key: str) -> Token:
-        """Declare a liveliness token, alive as long as the bus or until ``close()``.
+        """Declare a liveliness token, alive as long as the bus.
 
         For several holders of one key see :func:`yahboomd.bus.keys.holder_key`.
         """

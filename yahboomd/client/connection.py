@@ -47,7 +47,6 @@ class Connection:
     Attributes:
         alive: Whether the daemon is there.
         status: Its newest status; None while it is away.
-        losses: Times that it was lost.
     """
 
     def __init__(
@@ -56,7 +55,6 @@ class Connection:
         self.options = options
         self.alive = False
         self.status: StatusSample | None = None
-        self.losses = 0
         self._clock = clock
         self._changed = changed
         self._bus: Bus | None = None
@@ -257,7 +255,6 @@ class Connection:
             self._found.set()
             log.info("The daemon at %s is there.", self.where)
         else:
-            self.losses += 1
             self._found.clear()
             self.status = self._status_ns = None
             log.warning(

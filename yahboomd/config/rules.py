@@ -16,9 +16,7 @@ from yahboomd.config.models import WHEELS, Config
 from yahboomd.config.values import Place, dotted, number
 from yahboomd.names import is_local, is_ros_name
 from yahboomd.protocol.profiles import NO_ENCODER_TYPE
-
-POLL_BYTES = 57
-"""On the wire for one poll: ``$read#``, an answer of 30 bytes and a speed frame of 21."""
+from yahboomd.protocol.registry import DIALECTS
 
 BITS_PER_BYTE = 10
 """8N1: a start bit, eight of data, a stop bit."""
@@ -232,11 +230,12 @@ def rates(config: Config) -> Iterator[Finding]:
     publish: Place = ("odometry", "publish_rate_hz")
     baud: Place = ("serial", "baudrate")
     dialect: Place = ("serial", "dialect")
-    most = config.serial.baudrate / BITS_PER_BYTE / POLL_BYTES
-    if poll_hz > most and config.serial.dialect != "streamed":
+    chosen = config.serial.dialect
+    poll_bytes = max(each.poll_bytes for each in DIALECTS.values() if chosen in {"auto", each.name})
+    most = config.serial.baudrate / BITS_PER_BYTE / poll_bytes if poll_bytes else math.inf
+    if poll_hz > most:
         words = f"expected at most {most:.0f}, what {config.serial.baudrate} baud carry, got "
-        is_warning = config.serial.dialect == "auto"
-        yield Finding(poll, f"{words}{number(poll_hz)}", (baud, dialect), is_warning)
+        yield Finding(poll, f"{words}{number(poll_hz)}", (baud, dialect), chosen == "auto")
     if config.serial.dialect == "streamed":
         if publish_hz > SAMPLES_PER_S:
             words = f"expected at most {SAMPLES_PER_S:g}, the samples of a streamed board, got "

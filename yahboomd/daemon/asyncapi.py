@@ -208,7 +208,7 @@ def document() -> Json:
         made.operation(
             *("publish", key, "send", made.native(*carried)),
             summary=f"Published {output.when}.",
-            zenoh=_qos(output.priority, blocks=output.reliable, encodings=encodings),
+            zenoh=_qos("data_high", blocks=False, encodings=encodings),
             tag="published",
         )
         if key in keys.SAMPLES:

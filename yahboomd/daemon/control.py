@@ -112,7 +112,6 @@ class Controller:
         self._seen_ns = 0
         self._raw_ticks: Counts = (0, 0, 0, 0)
         self._alarm = clock.alarm(self._extra_step)
-        self.progress = 0
         self.volts: float | None = None
         self._wait("No board yet.")
 
@@ -125,7 +124,6 @@ class Controller:
         dt_s = seconds(now_ns - self._stepped_ns)
         self._stepped_ns = now_ns
         self._step_pending = False
-        self.progress += 1
         before = self._decision
         decision = self._decision = self._arbiter.current(now_ns)
         self._look(now_ns)
@@ -336,9 +334,6 @@ class Controller:
         self._limiter.halt()
         self._wait("The connection to the board is being ended.")
         self._outputs.changed()
-
-    def searching(self) -> None:
-        """The supervisor looks for the board."""
 
     def unavailable(self, error: YahboomdError) -> None:
         """There is no board, or no longer."""

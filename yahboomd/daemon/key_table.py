@@ -1,7 +1,8 @@
 """The keys of the bus: what each carries, in which direction, and with which QoS.
 
 The daemon declares what is listed here, and ``schemas/asyncapi.json`` is made of it. Zenoh delivers
-all of it over reliable links; what finds a connection full is dropped, unless it is ``reliable``.
+all of it over reliable links; what finds a connection full is dropped: the thread that
+publishes drives the wheels.
 """
 
 from __future__ import annotations
@@ -9,7 +10,6 @@ from __future__ import annotations
 import msgspec
 
 from yahboomd.bus import keys
-from yahboomd.bus.publishers import PriorityName
 from yahboomd.messages import ros2
 from yahboomd.messages.native import (
     BatterySample,
@@ -32,15 +32,10 @@ class Output(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         message: What it carries.
         when: When it is published.
-        reliable: Waits where a connection is full; else the sample is dropped there. Telemetry
-            never waits: the thread that publishes it drives the wheels.
-        priority: Zenoh's priority.
     """
 
     message: type[msgspec.Struct]
     when: str
-    reliable: bool = False
-    priority: PriorityName = "data_high"
 
 
 class Input(msgspec.Struct, frozen=True, kw_only=True):

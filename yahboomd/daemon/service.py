@@ -134,7 +134,9 @@ class Daemon:
             step=controller.step_soon,
         )
         supervisor = Supervisor(
-            lambda: assembly.session(config, clock, controller, self._opener), clock, controller
+            lambda: assembly.session(config, clock, controller, self._opener),
+            clock,
+            controller.unavailable,
         )
         operator = Operator(clock, controller=controller, arbiter=arbiter, latch=latch)
         local = self._local = LocalStop(
@@ -304,8 +306,6 @@ class Daemon:
         return bus.publisher(
             key,
             encoding=encoding_name(output.message, self._config.zenoh.encoding),
-            reliable=output.reliable,
-            priority=output.priority,
         )
 
     def _announce(self, bus: Bus) -> None:

@@ -15,7 +15,6 @@ import contextlib
 import logging
 from collections import Counter
 from collections.abc import Callable
-from typing import Protocol
 
 from yahboomd.clock import Clock, nanoseconds, sleep_until
 from yahboomd.errors import (
@@ -88,31 +87,24 @@ STEADY_S = 5.0
 """A session that lasted so long was a good one: the next fault starts from the shortest wait."""
 
 
-class Watcher(Protocol):
-    """Who hears how the link fares."""
-
-    def searching(self) -> None:
-        """An attempt to connect begins."""
-        ...
-
-    def unavailable(self, error: YahboomdError) -> None:
-        """It failed, or an open session ended."""
-        ...
-
-
 class Supervisor:
     """Runs sessions one after another.
 
     Args:
         make_session: A fresh session.
         clock: What tells the time.
-        watcher: Hears how it goes.
+        unavailable: Called when an attempt to connect failed, or an open session ended.
     """
 
-    def __init__(self, make_session: Callable[[], Session], clock: Clock, watcher: Watcher) -> None:
+    def __init__(
+        self,
+        make_session: Callable[[], Session],
+        clock: Clock,
+        unavailable: Callable[[YahboomdError], None],
+    ) -> None:
         self._make_session = make_session
         self._clock = clock
-        self._watcher = watcher
+        self._unavailable = unavailable
         self._said: str | None = None
         self._denied = False
         self.session: Session | None = None
@@ -127,11 +119,10 @@ class Supervisor:
             started_ns = self._clock.now_ns()
             session = self.session = self._make_session()
             self.counters["attempts"] += 1
-            self._watcher.searching()
             try:
                 await session.run()
             except (LinkError, BoardError, ConfigError) as error:
-                self._watcher.unavailable(error)
+                self._unavailable(error)
                 self._tell(error, was_connected=session.board is not None)
                 if (task := asyncio.current_task()) is not None and task.cancelling():
                     # A task group that fails while it is cancelled tells of the failure alone.
@@ -170,7 +161,7 @@ class Supervisor:
         if just_there:
             log.debug("not yet: %s", words)
         elif was_connected:
-            # The watcher logged that a session ended; from here on only news is logged.
+            # `unavailable` logs that a session ended; from here on only news is logged.
             self._said = None
         elif words != self._said:
             self._said = words

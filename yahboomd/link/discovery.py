@@ -13,7 +13,7 @@ from pathlib import Path
 import msgspec
 from serial.tools import list_ports
 
-from yahboomd.errors import ConfigError, LinkError, PortMissing
+from yahboomd.errors import ConfigError, PortMissing
 
 UDEV_NAME = "/dev/yahboom_driver"
 
@@ -135,12 +135,6 @@ def without_driver(sysfs: Path = Path("/sys/bus/usb/devices")) -> str:
                 "to build it."
             )
     return ""
-
-
-def explain(error: LinkError) -> str:
-    """The message of an error, with what the machine's state adds to it."""
-    hint = without_driver() if isinstance(error, PortMissing) else ""
-    return f"{error} {hint}".rstrip() if hint and hint not in str(error) else str(error)
 
 
 def _driver(link: Path) -> str:

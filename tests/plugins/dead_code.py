@@ -1,0 +1,128 @@
+"""Finds what has no caller. By name: a name that two things share counts for both."""
+
+from __future__ import annotations
+
+import ast
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+
+import msgspec
+
+PLAIN = {"property", "staticmethod", "classmethod", "cache", "contextmanager"}
+"""Decorators that leave the calling to others; any other one registers what it decorates."""
+
+
+class Definition(msgspec.Struct, frozen=True, kw_only=True, eq=False):
+    """A function, class, constant or attribute.
+
+    Attributes:
+        where: File and line.
+        name: Its own.
+        uses: Names that are used inside of it.
+        outer: The class that it is part of.
+    """
+
+    where: str
+    name: str
+    uses: Counter[str]
+    outer: Definition | None
+
+    def __str__(self) -> str:
+        return f"{self.where} {self.name}"
+
+
+def without_callers(
+    sources: Mapping[Path, str], callers: Iterable[str], called_by_others: Iterable[str]
+) -> list[Definition]:
+    """What in ``sources`` is used neither there nor by ``callers``, nor ``called_by_others``.
+
+    A use inside of what has no caller is none. Fields of classes count as used: they are data.
+    """
+    trees = {path: ast.parse(text) for path, text in sources.items()}
+    every = [*trees.values(), *map(ast.parse, callers)]
+    used = sum(map(_uses, every), Counter[str]())
+    known = {*called_by_others, *_exported(trees.values())}
+    found = [
+        each
+        for path, tree in trees.items()
+        for each in _definitions(path, tree)
+        if each.name not in known
+    ]
+    dead: set[Definition] = set()
+    while True:
+        new = [
+            each
+            for each in found
+            if each not in dead
+            and each.outer not in dead
+            and used[each.name] <= each.uses[each.name]
+        ]
+        if not new:
+            return sorted(dead, key=str)
+        for each in new:
+            if each.outer not in new:
+                used.subtract(each.uses)
+        dead.update(new)
+
+
+def _uses(tree: ast.AST) -> Counter[str]:
+    uses: Counter[str] = Counter()
+    for node in ast.walk(tree):
+        match node:
+            case ast.Name(id=name, ctx=ast.Load()) | ast.Attribute(attr=name, ctx=ast.Load()):
+                uses[name] += 1
+            case ast.MatchClass(kwd_attrs=names):
+                uses.update(names)
+    return uses
+
+
+def _exported(trees: Iterable[ast.Module]) -> Iterator[str]:
+    """Names in an ``__all__``, and the public members of the classes among them."""
+    tops = [node for tree in trees for node in tree.body]
+    names = {
+        name
+        for node in tops
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__"
+        for name in ast.literal_eval(node.value)
+    }
+    yield from names
+    for node in tops:
+        if isinstance(node, ast.ClassDef) and node.name in names:
+            yield from (name for name, _ in _named(node) if not name.startswith("_"))
+
+
+def _definitions(
+    path: Path, scope: ast.Module | ast.ClassDef, outer: Definition | None = None
+) -> Iterator[Definition]:
+    for name, node in _named(scope):
+        where = f"{path}:{node.lineno}"
+        made = Definition(where=where, name=name, uses=_uses(node), outer=outer)
+        if not (name.startswith("__") and name.endswith("__")):
+            yield made
+        if isinstance(node, ast.ClassDef):
+            yield from _definitions(path, node, made)
+
+
+def _named(scope: ast.Module | ast.ClassDef) -> Iterator[tuple[str, ast.stmt]]:
+    for node in scope.body:
+        match node:
+            case ast.FunctionDef() | ast.AsyncFunctionDef() | ast.ClassDef():
+                if {ast.unparse(each).split("(")[0] for each in node.decorator_list} <= PLAIN:
+                    yield node.name, node
+                if isinstance(scope, ast.ClassDef):
+                    yield from _attributes(node)
+            case ast.Assign(targets=[ast.Name(id=name)]):
+                yield name, node
+            case ast.AnnAssign(target=ast.Name(id=name)) if isinstance(scope, ast.Module):
+                yield name, node
+
+
+def _attributes(method: ast.stmt) -> Iterator[tuple[str, ast.stmt]]:
+    for node in ast.walk(method):
+        match node:
+            case (
+                ast.Assign(targets=[ast.Attribute(value=ast.Name(id="self"), attr=name)])
+                | ast.AnnAssign(target=ast.Attribute(value=ast.Name(id="self"), attr=name))
+            ):
+                yield name, node
