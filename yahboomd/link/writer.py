@@ -99,6 +99,10 @@ class Writer:
         """Say the current velocity more or less often."""
         self._outbox.resend_ns = resend_ns
 
+    def set_spacing(self, spacing_ns: int) -> None:
+        """Keep another distance between frames, now that the dialect is known."""
+        self._spacing_ns = spacing_ns
+
     # What others ask for; each is written at once where the line is free.
 
     def velocity(self, frame: bytes) -> None:
