@@ -25,9 +25,9 @@ from yahboomd.errors import (
     PortDenied,
     YahboomdError,
 )
-from yahboomd.link.flash import Progress, Step, store
 from yahboomd.link.port import Opener, Port
 from yahboomd.link.session import Session
+from yahboomd.link.storing import Progress, Step, store
 from yahboomd.model import Event
 from yahboomd.protocol.settings import BoardSettings
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from yahboomd.cli.probe.probe_write import Printed, agreed, stored_value
-from yahboomd.link.flash import Step
+from yahboomd.link.storing import Step
 from yahboomd.protocol.dialect import SettingWrite
 from yahboomd.protocol.registry import DIALECTS
 from yahboomd.protocol.settings import BoardSettings

@@ -35,7 +35,7 @@ from yahboomd.errors import (
     PortMissing,
     YahboomdError,
 )
-from yahboomd.link import diagnosis, discovery, flash, latency_timer, probing
+from yahboomd.link import diagnosis, discovery, latency_timer, probing, storing
 from yahboomd.link.port import Opener, Port, PortOptions, open_port
 from yahboomd.link.port_errors import holders
 from yahboomd.program import readable
@@ -308,8 +308,8 @@ def _write(
         clock = SystemClock()
         opener = _opener(port, config, clock)
         _say(args, "")
-        storing = asyncio.run(flash.store(opener, clock, want, None if args.json else Printed()))
-        stored = tuple(stored_value(step) for step in storing.steps)
+        outcome = asyncio.run(storing.store(opener, clock, want, None if args.json else Printed()))
+        stored = tuple(stored_value(step) for step in outcome.steps)
         after = _examine(port, config, want, reopening=False)
     complete = all(value.outcome == "stored" for value in stored) and not after.differing
     if args.json:

@@ -7,8 +7,8 @@ from collections.abc import Collection, Iterable
 import msgspec
 
 from yahboomd.link.discovery import Candidate
-from yahboomd.link.flash import Outcome
 from yahboomd.link.probing import Examination, Reopening, Survival
+from yahboomd.link.storing import Outcome
 from yahboomd.model import Counts
 from yahboomd.protocol.dialect import Findings, SettingValue
 from yahboomd.protocol.profiles import MotorProfile

@@ -6,7 +6,7 @@ import sys
 
 from yahboomd.cli.probe.probe_report import StoredValue, setting_rows
 from yahboomd.cli.probe.probe_text import shown
-from yahboomd.link import flash
+from yahboomd.link import storing
 from yahboomd.protocol.dialect import Dialect, SettingWrite
 from yahboomd.protocol.settings import BoardSettings, StoredSetting
 
@@ -20,7 +20,7 @@ def agreed(count: int) -> bool:
     return sys.stdin.readline().strip().lower() in {"y", "yes"}
 
 
-class Printed(flash.Progress):
+class Printed(storing.Progress):
     """Says what is stored, as it happens."""
 
     def __init__(self) -> None:
@@ -34,7 +34,7 @@ class Printed(flash.Progress):
         self._table, self._had = dialect.settings, had
         print(f"storing {len(writes)} of the board's values, one at a time, the wheels at rest:")
 
-    def step(self, step: flash.Step, has: BoardSettings) -> None:
+    def step(self, step: storing.Step, has: BoardSettings) -> None:
         """See the base class."""
         name = step.write.reply_to
         rows = setting_rows(self._table, self._had, has, ())
@@ -51,7 +51,7 @@ class Printed(flash.Progress):
         print(f"  {row.name:<16}{before} -> {now}   {', '.join(notes)}", flush=True)
 
 
-def stored_value(step: flash.Step) -> StoredValue:
+def stored_value(step: storing.Step) -> StoredValue:
     """What became of a value, for the report."""
     return StoredValue(
         command=step.write.reply_to,

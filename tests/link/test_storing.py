@@ -6,7 +6,7 @@ import pytest
 from board_bench import LinkBench
 
 from yahboomd.errors import BoardError, ConfigError
-from yahboomd.link.flash import STORE_ATTEMPTS, Progress, Step, Storing, store
+from yahboomd.link.storing import STORE_ATTEMPTS, Progress, Step, Storing, store
 from yahboomd.protocol.dialect import Dialect, SettingWrite
 from yahboomd.protocol.profiles import PROFILES
 from yahboomd.protocol.settings import BoardSettings
