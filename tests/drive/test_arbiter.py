@@ -246,6 +246,20 @@ def test_a_command_that_was_under_way_is_good_for_the_rest_of_its_time(arbiter: 
     assert arbiter.deadline_ns == 1500 * MS
 
 
+@pytest.mark.parametrize("by_sender", [True, False])
+def test_a_stamp_is_the_transports_unless_it_is_said_to_be_the_senders(
+    sources: tuple[Source, ...], by_sender: bool
+) -> None:
+    arbiter = Arbiter(sources)
+    kinds = {"stamp_is_message": True} if by_sender else {}
+    for n in range(10):
+        arbiter.offer("cmd_vel", SLOWER, S + n * 100 * MS, S + n * 100 * MS, **kinds)
+    arbiter.paused(2 * S, 3 * S, waited_ns=S)
+    # Only the sender's own stamp shows that a command did not wait.
+    found = arbiter.offer("cmd_vel", FORWARD, 3 * S + MS, 3 * S + MS, **kinds)
+    assert reason(found) == (None if by_sender else "after_pause")
+
+
 def test_refusals_are_counted_by_reason_and_remembered_for_a_while(arbiter: Arbiter) -> None:
     arbiter.offer("cmd_vel/teleop", FORWARD, 0)
     for n in range(3):

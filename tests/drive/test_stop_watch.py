@@ -72,6 +72,15 @@ def test_wheels_that_stand_just_before_the_deadline_are_given_the_proof(watch: S
     assert watch.measure(T0 + 630 * MS, (0.0, 0.0)) == "stopped"
 
 
+@pytest.mark.parametrize(("still_ms", "waits"), [(541, True), (540, False)])
+def test_the_proof_of_a_standstill_is_waited_for_no_longer_than_60_ms(
+    watch: StopWatch, still_ms: int, waits: bool
+) -> None:
+    watch.measure(T0 + (still_ms - 20) * MS, (0.0, 0.4))
+    watch.measure(T0 + still_ms * MS, (0.0, 0.0))
+    assert (watch.check(T0 + 600 * MS) is None) is waits
+
+
 def test_readings_that_cease_in_standstill_are_no_proof(watch: StopWatch) -> None:
     watch.measure(T0 + 300 * MS, (0.0, 0.0))
     fault = watch.check(T0 + 600 * MS)

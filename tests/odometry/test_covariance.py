@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.odometry.covariance import TURN_VARIANCE_MAX, Covariance
-from yahboomd.odometry.integrator import Integrator
+from yahboomd.model import Pose2d
+from yahboomd.odometry.covariance import SIDEWAYS_M_S, TURN_VARIANCE_MAX, Covariance
+from yahboomd.odometry.integrator import Arc, Integrator
 from yahboomd.odometry.velocity import Window
 
 STEP_NS = 20_000_000
@@ -183,6 +184,118 @@ def test_the_twist_is_known_to_a_tick_of_its_window(kit):
 def test_a_twist_that_is_not_known_says_so(kit):
     covariance = Covariance(kit.differential(), kit.motors())
     assert covariance.twist(Window(0, (0, 0)))[0] == 1.0
+
+
+def spread_of_wheels(kit, kinematics, deltas, noise_m):
+    """Covariance of the body's travel over a window, from that of each wheel's travel."""
+    forward = np.array(kinematics.forward)
+    rolled = np.abs(np.array(deltas)) * kit.tick_m
+    return forward @ np.diag(noise_m * rolled + kit.tick_m**2 / 6.0) @ forward.T
+
+
+BASES = [("differential", (0, 1), (300, 500)), ("mecanum", (0, 1, 2, 3), (300, -200, 400, 100))]
+
+
+@pytest.mark.parametrize(("name", "wheels", "deltas"), BASES)
+def test_the_twist_is_as_unsure_as_its_wheels_and_moves_sideways_only_where_it_can(
+    kit, name, wheels, deltas
+):
+    kinematics = getattr(kit, name)()
+    covariance = Covariance(kinematics, kit.motors(wheels), noise_m=1e-5)
+    expected = spread_of_wheels(kit, kinematics, deltas, 1e-5) / 0.05**2
+    if name == "differential":
+        expected[1, 1] += SIDEWAYS_M_S**2
+    found = matrix(covariance.twist(Window(50_000_000, deltas)))
+    assert np.allclose(found, expected, rtol=1e-9, atol=1e-18)
+
+
+@pytest.mark.parametrize(("name", "wheels", "deltas"), BASES)
+@pytest.mark.parametrize(("unsure_ms", "rough_ms"), [(30, 0), (0, 5), (20, 10), (100, 0)])
+def test_a_twist_of_an_unknown_length_of_time_scales_as_a_whole(
+    kit, name, wheels, deltas, unsure_ms, rough_ms
+):
+    kinematics = getattr(kit, name)()
+    covariance = Covariance(kinematics, kit.motors(wheels), noise_m=1e-5)
+    shortest_s = max(0.05 - unsure_ms / 1e3, 0.0025)
+    way = np.array(kinematics.forward) @ np.array(deltas) * kit.tick_m
+    part = (0.5 * (0.05 / shortest_s - 1.0)) ** 2 + (rough_ms / 50.0) ** 2
+    expected = spread_of_wheels(kit, kinematics, deltas, 1e-5) / shortest_s**2
+    expected += part * np.outer(way, way) / 0.05**2
+    if name == "differential":
+        expected[1, 1] += SIDEWAYS_M_S**2
+    window = Window(50_000_000, deltas, unsure_ms * 1_000_000, rough_ms * 1_000_000)
+    assert np.allclose(matrix(covariance.twist(window)), expected, rtol=1e-9, atol=1e-18)
+
+
+@pytest.mark.parametrize(("name", "wheels", "deltas"), BASES)
+@pytest.mark.parametrize("theta", [0.0, 0.7, -2.0])
+def test_a_step_carries_a_small_covariance_through_its_jacobians(kit, name, wheels, deltas, theta):
+    """Where the heading is nearly known, all is linear: every entry, cross terms included."""
+    kinematics, motors, noise_m = getattr(kit, name)(), kit.motors(wheels), 1e-6
+
+    def end(way):
+        integrator = Integrator(kinematics, motors, corrected=False)
+        integrator.set_pose(Pose2d(theta=theta), (0,) * len(motors))
+        integrator.step(way, way, STEP_NS)
+        return np.array([integrator.pose.x, integrator.pose.y, integrator.pose.theta])
+
+    base = Base(kinematics, motors, noise_m=noise_m)
+    base.integrator.set_pose(Pose2d(theta=theta), (0,) * len(motors))
+    base.covariance.set_pose(theta, (4e-6, 1e-6, 5e-7, 1e-6, 9e-6, -8e-7, 5e-7, -8e-7, 1e-6))
+    before = base.pose
+    arc = base.step(*deltas)
+    columns = []
+    for motor in range(len(deltas)):
+        more, less = list(deltas), list(deltas)
+        more[motor] += 1
+        less[motor] -= 1
+        columns.append((end(more) - end(less)) / (2 * kit.tick_m))
+    wheels_noise = np.diag(noise_m * np.abs(np.array(deltas)) * kit.tick_m)
+    process = np.column_stack(columns) @ wheels_noise @ np.column_stack(columns).T
+    moved = np.array([[1.0, 0.0, -arc.dy], [0.0, 1.0, arc.dx], [0.0, 0.0, 1.0]])
+    expected = moved @ before @ moved.T + process
+    scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    assert np.max(np.abs(base.pose - expected) / scale) < 1e-3
+
+
+@pytest.mark.parametrize("theta", [0.0, 0.6, 2.5])
+def test_the_floor_of_a_set_pose_lies_along_its_heading(kit, theta):
+    covariance = Covariance(kit.mecanum(), kit.motors((0, 1, 2, 3)))
+    covariance.set_pose(0.0)
+    straight = matrix(covariance.pose)
+    covariance.set_pose(theta)
+    turn = np.array(
+        [[math.cos(theta), -math.sin(theta), 0], [math.sin(theta), math.cos(theta), 0], [0, 0, 1]]
+    )
+    assert np.allclose(matrix(covariance.pose), turn @ straight @ turn.T, atol=1e-16)
+
+
+def test_a_covariance_that_is_symmetric_only_to_rounding_counts_by_its_halves(kit):
+    covariance = Covariance(kit.differential(), kit.motors())
+    floor = matrix(covariance.pose)
+    covariance.set_pose(0.0, (1.0, 0.3, 0.1, 0.1, 1.0, 0.0, 0.3, 0.2, 1.0))
+    found = matrix(covariance.pose) - floor
+    assert found[0, 1] == pytest.approx(0.2)
+    assert found[0, 2] == pytest.approx(0.2)
+    assert found[1, 2] == pytest.approx(0.1)
+
+
+def test_an_unknown_order_grows_the_place_by_what_it_may_be_off(base):
+    before = base.pose
+    assert base.covariance.bridge(Arc(0.3, 0.4, 1.0, 0.0, 0.6)) == pytest.approx(0.15)
+    growth = base.pose - before
+    assert growth[0, 0] == growth[1, 1] == pytest.approx((0.5 * 0.6) ** 2 / 12.0)
+    assert growth[2, 2] == 0.0
+    assert base.covariance.bridge(Arc(0.0, 1.0, 1.0, 0.0, -20.0)) == 2.0
+    assert base.pose[0, 0] - before[0, 0] - growth[0, 0] == pytest.approx(1.0)
+
+
+def test_travel_that_was_not_counted_may_have_turned_the_base(kit, base):
+    before = base.pose
+    base.covariance.lose(0.03)
+    # Two wheels, each off by an even spread over 30 mm either way.
+    turned = 2.0 * 0.03**2 / 3.0 / kit.track_m**2
+    assert (base.pose - before)[2, 2] == pytest.approx(turned)
 
 
 # Consistency

@@ -208,6 +208,18 @@ def test_an_announced_reset_counts_what_coasted(rig, kit):
     assert grown == pytest.approx(event.data["unknown_m"] ** 2 / 3, rel=0.2)
 
 
+def test_what_a_reset_lost_is_bounded_by_the_fastest_wheel(rig, kit):
+    # In a turn about the left wheel, which stands.
+    for n in range(30):
+        rig.feed(1_000_000, 1_000_000 + 30 * n)
+    rig.feed(0, 20, after_ms=400.0, after_reset=True)
+    rig.feed(0, 20)
+    (event,) = rig.events
+    gap_s = event.data["gap_s"]
+    fastest_m_s = 30 * kit.tick_m / 0.010
+    assert event.data["unknown_m"] == pytest.approx((fastest_m_s + 0.1) * gap_s, rel=1e-3)
+
+
 def test_an_unannounced_reset_holds_the_pose(rig):
     last = straight(rig)
     before = rig.estimates[-1]

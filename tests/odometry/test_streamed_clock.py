@@ -202,6 +202,15 @@ def test_a_step_takes_at_least_the_time_that_it_needs():
     assert instant.step_ns >= 40 * MS
 
 
+def test_no_more_time_can_have_passed_than_until_the_line_left_in_whole_ticks():
+    clock = StreamedClock(TICK_NS)
+    assert clock.elapsed_at_most_ns(line(START_NS)) == 0.0
+    clock.observe(line(START_NS))
+    # The first was sampled half a tick before it left, as far as known, and lines may be early.
+    for after_ms, ticks in ((1, 1), (11, 1), (12, 2), (45, 5)):
+        assert clock.elapsed_at_most_ns(line(START_NS + after_ms * MS)) == ticks * TICK_NS
+
+
 def test_after_a_break_the_step_is_the_time_since_the_last_stamp():
     clock = StreamedClock(TICK_NS)
     first = clock.observe(line(START_NS))
