@@ -29,7 +29,7 @@ Ctrl-C ends it here.
 
 
 def main() -> int:
-    from yahboomd.cli.options import add_config_options, daemon_endpoints, read_config
+    from yahboomd.cli.shared_options import add_config_options, daemon_endpoints, read_config
     from yahboomd.errors import ConfigError
     from yahboomd.program import pasteable, readable
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 
-from yahboomd.cli.options import add_config_options, read_config
+from yahboomd.cli.shared_options import add_config_options, read_config
 
 DESCRIPTION = "Check, show and explain the configuration. Nothing is opened or moved."
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from yahboomd import __version__
-from yahboomd.cli.options import (
+from yahboomd.cli.shared_options import (
     add_connect_option,
     add_set_option,
     client_options,

@@ -9,7 +9,7 @@ import os
 import re
 import sys
 
-from yahboomd.cli.options import add_config_options, add_port_option, read_config
+from yahboomd.cli.shared_options import add_config_options, add_port_option, read_config
 from yahboomd.cli.unresponsive import FROZEN, is_yahboomd, process_state
 from yahboomd.errors import BusError
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import msgspec
 
 from yahboomd import program
-from yahboomd.cli.options import add_config_options, read_config
+from yahboomd.cli.shared_options import add_config_options, read_config
 from yahboomd.errors import ConfigError
 from yahboomd.simulation.boards import BOARDS
 from yahboomd.simulation.console import HELP

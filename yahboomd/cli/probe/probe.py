@@ -12,16 +12,16 @@ from collections.abc import Sequence
 
 import msgspec
 
-from yahboomd.cli.options import (
+from yahboomd.cli.probe import probe_report, probe_text
+from yahboomd.cli.probe.probe_report import Report, StoredValue
+from yahboomd.cli.probe.probe_write import Printed, agreed, stored_value
+from yahboomd.cli.shared_options import (
     add_bus_options,
     add_config_options,
     add_port_option,
     daemon_endpoints,
     read_config,
 )
-from yahboomd.cli.probe import probe_report, probe_text
-from yahboomd.cli.probe.probe_report import Report, StoredValue
-from yahboomd.cli.probe.probe_write import Printed, agreed, stored_value
 from yahboomd.cli.stop import stop_local
 from yahboomd.cli.stop.stop_port import pids
 from yahboomd.cli.unresponsive import FROZEN, process_state, true_names

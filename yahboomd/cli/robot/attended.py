@@ -12,7 +12,7 @@ from collections.abc import Awaitable, Callable, Iterable
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from yahboomd.cli.options import (
+from yahboomd.cli.shared_options import (
     add_bus_options,
     add_config_options,
     client_options,

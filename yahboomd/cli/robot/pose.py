@@ -7,8 +7,8 @@ import os
 import sys
 from typing import TYPE_CHECKING
 
-from yahboomd.cli.options import number, take_negative_numbers
 from yahboomd.cli.robot.attended import add_robot_options, attend
+from yahboomd.cli.shared_options import number, take_negative_numbers
 
 if TYPE_CHECKING:
     from yahboomd.client import AsyncRobot, PoseSample

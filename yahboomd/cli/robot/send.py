@@ -9,8 +9,13 @@ import signal
 import sys
 from typing import TYPE_CHECKING
 
-from yahboomd.cli.options import add_source_option, check_source, number, take_negative_numbers
 from yahboomd.cli.robot.attended import add_robot_options, attend
+from yahboomd.cli.shared_options import (
+    add_source_option,
+    check_source,
+    number,
+    take_negative_numbers,
+)
 from yahboomd.errors import NoDaemon
 
 if TYPE_CHECKING:

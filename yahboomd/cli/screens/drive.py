@@ -9,7 +9,7 @@ import os
 import sys
 from typing import TYPE_CHECKING
 
-from yahboomd.cli.options import (
+from yahboomd.cli.shared_options import (
     add_bus_options,
     add_config_options,
     add_source_option,

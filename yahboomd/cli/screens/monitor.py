@@ -10,7 +10,7 @@ import sys
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
-from yahboomd.cli.options import (
+from yahboomd.cli.shared_options import (
     add_bus_options,
     add_config_options,
     client_options,

@@ -11,7 +11,7 @@ import contextlib
 import os
 from typing import TYPE_CHECKING
 
-from yahboomd.cli.options import (
+from yahboomd.cli.shared_options import (
     add_bus_options,
     add_config_options,
     add_port_option,

@@ -15,7 +15,7 @@ import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from yahboomd.cli.options import read_config
+from yahboomd.cli.shared_options import read_config
 from yahboomd.cli.unresponsive import FROZEN, process_state, true_names, unresponsive
 from yahboomd.errors import ConfigError, LinkError, PortBusy
 from yahboomd.link import port_identity, port_note

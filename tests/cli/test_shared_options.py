@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.cli import options
+from yahboomd.cli import shared_options
 from yahboomd.config import load
 from yahboomd.errors import ConfigError
 
@@ -19,9 +19,9 @@ def parse(tmp_path):
     empty = tmp_path / "config.toml"
     empty.touch()
     parser = argparse.ArgumentParser()
-    options.add_config_options(parser)
-    options.add_port_option(parser)
-    options.add_bus_options(parser)
+    shared_options.add_config_options(parser)
+    shared_options.add_port_option(parser)
+    shared_options.add_bus_options(parser)
 
     def parsed(*arguments: str) -> argparse.Namespace:
         return parser.parse_args(["--config", str(empty), *arguments])
@@ -31,37 +31,37 @@ def parse(tmp_path):
 
 def test_a_port_and_a_namespace_win_over_set_and_environment(parse):
     args = parse("--port", "/dev/ttyUSB1", "--set", "serial.port=/dev/a", "--namespace", "1.0")
-    config = options.read_config(args, {"YAHBOOMD_ZENOH__NAMESPACE": "other"}).config
+    config = shared_options.read_config(args, {"YAHBOOMD_ZENOH__NAMESPACE": "other"}).config
     assert config.serial.port == "/dev/ttyUSB1"
     assert config.zenoh.namespace == "1.0"
 
 
 def test_set_may_be_repeated(parse):
     args = parse("--set", "log.level=debug", "--set", "command.rate_hz=20")
-    config = options.read_config(args, {}).config
+    config = shared_options.read_config(args, {}).config
     assert (config.log.level, config.command.rate_hz) == ("debug", 20.0)
 
 
 def test_the_environment_of_the_process_is_read(parse, monkeypatch):
     monkeypatch.setenv("YAHBOOMD_LOG__LEVEL", "error")
-    assert options.read_config(parse()).config.log.level == "error"
+    assert shared_options.read_config(parse()).config.log.level == "error"
 
 
 def test_a_file_that_is_missing_is_an_error(parse, tmp_path):
     with pytest.raises(ConfigError, match="No such file"):
-        options.read_config(parse("--config", str(tmp_path / "missing.toml")), {})
+        shared_options.read_config(parse("--config", str(tmp_path / "missing.toml")), {})
 
 
 def test_a_command_without_these_options_reads_the_rest(parse):
     args = parse()
     del args.port, args.namespace
-    assert options.read_config(args, {}).config.serial.port == ""
+    assert shared_options.read_config(args, {}).config.serial.port == ""
 
 
 def test_a_daemon_is_reached_where_it_listens_then_at_its_routers(parse):
     args = parse("--set", 'zenoh.listen=["tcp/0.0.0.0:7448", "tcp/[::]:7448"]')
-    config = options.read_config(args, {}).config
-    assert options.daemon_endpoints(args, config) == (
+    config = shared_options.read_config(args, {}).config
+    assert shared_options.daemon_endpoints(args, config) == (
         "tcp/127.0.0.1:7448",
         "tcp/[::1]:7448",
         "tcp/127.0.0.1:7447",
@@ -70,14 +70,14 @@ def test_a_daemon_is_reached_where_it_listens_then_at_its_routers(parse):
 
 def test_a_daemon_that_is_a_client_is_reached_at_its_router(parse):
     args = parse("--set", "zenoh.mode=client")
-    config = options.read_config(args, {}).config
-    assert options.daemon_endpoints(args, config) == ("tcp/127.0.0.1:7447",)
+    config = shared_options.read_config(args, {}).config
+    assert shared_options.daemon_endpoints(args, config) == ("tcp/127.0.0.1:7447",)
 
 
 def test_endpoints_that_are_given_are_used_alone(parse):
     args = parse("--connect", "tcp/10.0.0.1:1", "--connect", "tcp/10.0.0.2:1")
-    config = options.read_config(args, {}).config
-    assert options.daemon_endpoints(args, config) == ("tcp/10.0.0.1:1", "tcp/10.0.0.2:1")
+    config = shared_options.read_config(args, {}).config
+    assert shared_options.daemon_endpoints(args, config) == ("tcp/10.0.0.1:1", "tcp/10.0.0.2:1")
 
 
 def test_an_endpoint_that_cannot_work_is_refused_as_an_option(parse, capsys):
@@ -93,7 +93,7 @@ def test_an_endpoint_that_cannot_work_is_refused_as_an_option(parse, capsys):
     st.text(st.characters(min_codepoint=32, exclude_characters="\x7f", exclude_categories=["Cs"]))
 )
 def test_any_text_is_quoted_as_toml(text):
-    assert tomllib.loads(f"text = {options.quoted(text)}")["text"] == text
+    assert tomllib.loads(f"text = {shared_options.quoted(text)}")["text"] == text
 
 
 def test_a_client_takes_namespace_and_file_from_the_configuration(tmp_path: Path) -> None:
@@ -103,7 +103,7 @@ def test_a_client_takes_namespace_and_file_from_the_configuration(tmp_path: Path
         environ={},
         overrides=["zenoh.namespace=bot1", f"zenoh.config={tmp_path / 'zenoh.json5'}"],
     )
-    made = options.client_options(("tcp/10.0.0.1:7447",), config)
+    made = shared_options.client_options(("tcp/10.0.0.1:7447",), config)
     assert made.connect == ("tcp/10.0.0.1:7447",)
     assert made.namespace == "bot1"
     assert made.config_file == tmp_path / "zenoh.json5"
@@ -113,16 +113,16 @@ def test_a_client_takes_namespace_and_file_from_the_configuration(tmp_path: Path
 @pytest.mark.parametrize("text", ["-1", "nan", "3601", "soon", ""])
 def test_what_is_no_duration_is_a_mistake(text: str) -> None:
     with pytest.raises(argparse.ArgumentTypeError):
-        options.seconds(text)
+        shared_options.seconds(text)
 
 
 def test_a_duration_may_be_zero() -> None:
-    assert (options.seconds("0"), options.seconds("1e3")) == (0.0, 1000.0)
+    assert (shared_options.seconds("0"), shared_options.seconds("1e3")) == (0.0, 1000.0)
 
 
 @pytest.mark.parametrize("text", ["-1", "-.5", "-8.66e-17", "-1.", "-2E+3"])
 def test_negative_numbers_are_values_however_they_are_written(text: str) -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--place", nargs=2, type=float)
-    options.take_negative_numbers(parser)
+    shared_options.take_negative_numbers(parser)
     assert parser.parse_args(["--place", text, "1"]).place == [float(text), 1.0]
