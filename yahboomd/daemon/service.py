@@ -26,7 +26,7 @@ from yahboomd.daemon.process import Notifier, Signals
 from yahboomd.daemon.publisher import Publisher
 from yahboomd.daemon.requests import Operator, Services
 from yahboomd.daemon.stamps import WallStamps
-from yahboomd.daemon.status import Status
+from yahboomd.daemon.status_sample import Status
 from yahboomd.daemon.supervisor import Supervisor
 from yahboomd.link import port_note
 from yahboomd.link.port import Opener

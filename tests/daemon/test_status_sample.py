@@ -13,7 +13,7 @@ from status_check import assert_registered
 
 from yahboomd.bus.presence import Neighbour
 from yahboomd.clock import LoopClock
-from yahboomd.daemon.status import Status
+from yahboomd.daemon.status_sample import Status
 from yahboomd.messages.status_fields import ZEROS
 from yahboomd.simulation.virtual_time import on_virtual_time
 
