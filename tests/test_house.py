@@ -68,6 +68,15 @@ def test_no_text_uses_a_word_that_a_reader_has_to_translate() -> None:
     assert found == []
 
 
+SHARED = {"options.py": "the options of a room's constructors"}
+"""Names of files that mean the same thing in several rooms."""
+
+
+def test_no_two_files_of_one_name_mean_different_things() -> None:
+    names = [path.name for path in SOURCES]
+    assert {name for name in names if names.count(name) > 1} <= set(SHARED)
+
+
 def test_every_package_says_what_is_inside() -> None:
     packages = [path for path in texts() if path.name == "__init__.py"]
     assert len(packages) > len(ROOMS)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import pytest
 from zenoh_fixtures import free_endpoint, zenoh_app, zenoh_router
 
+from yahboomd.bus.bus import Bus
 from yahboomd.bus.options import BusOptions
-from yahboomd.bus.session import Bus
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator

@@ -4,9 +4,9 @@ from hypothesis import strategies as st
 from zenoh_fixtures import eventually, free_endpoint
 
 from yahboomd.bus import keys
+from yahboomd.bus.bus import Bus
 from yahboomd.bus.options import BusOptions
 from yahboomd.bus.presence import MOST_TOKENS, TokenChange, TokenWatch, stamp_id, stamper
-from yahboomd.bus.session import Bus
 
 pytestmark = pytest.mark.realtime
 

@@ -5,8 +5,8 @@ import pytest
 from zenoh_fixtures import eventually
 
 from yahboomd.bus import keys
+from yahboomd.bus.bus import LARGE
 from yahboomd.bus.services import LATER, Response
-from yahboomd.bus.session import LARGE
 
 pytestmark = pytest.mark.realtime
 

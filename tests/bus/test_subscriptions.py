@@ -6,9 +6,9 @@ import zenoh
 from zenoh_fixtures import eventually, free_endpoint
 
 from yahboomd.bus import keys
+from yahboomd.bus.bus import Bus
 from yahboomd.bus.inbox import Inbox
 from yahboomd.bus.options import BusOptions
-from yahboomd.bus.session import Bus
 from yahboomd.bus.subscriptions import FLOOD, RING, Subscription
 
 pytestmark = pytest.mark.realtime

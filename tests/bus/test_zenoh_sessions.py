@@ -11,8 +11,8 @@ import zenoh
 from zenoh_fixtures import eventually, free_endpoint
 
 from yahboomd.bus import keys
+from yahboomd.bus.bus import Bus
 from yahboomd.bus.options import BusOptions, zenoh_config
-from yahboomd.bus.session import Bus
 from yahboomd.bus.zenoh_sessions import hang_up_stuck, open_failure, open_uplink, port_holder
 from yahboomd.errors import BusError
 

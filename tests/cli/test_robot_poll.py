@@ -11,9 +11,9 @@ import pytest
 from zenoh_fixtures import eventually, free_endpoint
 
 from yahboomd.bus import keys
+from yahboomd.bus.bus import Bus
 from yahboomd.bus.options import BusOptions
 from yahboomd.bus.services import Request, Response
-from yahboomd.bus.session import Bus
 from yahboomd.cli import robot_poll
 from yahboomd.cli.robot_poll import ALIVE_S, RobotPoll
 from yahboomd.clock import SystemClock, nanoseconds

@@ -9,8 +9,8 @@ import pytest
 from zenoh_fixtures import eventually, free_endpoint
 
 from yahboomd.bus import keys
+from yahboomd.bus.bus import Bus
 from yahboomd.bus.options import BusOptions
-from yahboomd.bus.session import Bus
 from yahboomd.client.connecting import client_options
 from yahboomd.client.connection import Connection
 from yahboomd.clock import SystemClock

@@ -5,9 +5,9 @@ from typing import Any
 import pytest
 
 from yahboomd.bus import keys
+from yahboomd.bus.bus import Bus
 from yahboomd.bus.options import BusOptions
 from yahboomd.bus.services import Response
-from yahboomd.bus.session import Bus
 from yahboomd.client.questions import ask, read_answers
 from yahboomd.messages.codecs import encode
 from yahboomd.messages.native import ServiceReply

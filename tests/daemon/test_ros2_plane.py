@@ -13,8 +13,8 @@ from real_robot import Client, RealRobot, wait_for
 from ros_oracle import Oracle
 from zenoh_fixtures import ZenohApp, eventually
 
+from yahboomd.bus.bus import Bus
 from yahboomd.bus.options import BusOptions
-from yahboomd.bus.session import Bus
 from yahboomd.bus.subscriptions import Arrival
 from yahboomd.config import load
 from yahboomd.daemon.ros2_plane import AttachedOutlet, BridgeWay, NativeWay, topics

@@ -16,9 +16,9 @@ import pytest
 from zenoh_fixtures import free_endpoint
 
 from yahboomd.bus import keys
+from yahboomd.bus.bus import Bus
 from yahboomd.bus.options import BusOptions
 from yahboomd.bus.services import Request, Response
-from yahboomd.bus.session import Bus
 from yahboomd.bus.subscriptions import Arrival
 from yahboomd.messages.codecs import encode
 from yahboomd.messages.native import ServiceReply, StatusSample

@@ -12,8 +12,8 @@ from typing import Any, Self, TypeVar
 import msgspec
 
 from yahboomd.bus import keys
+from yahboomd.bus.bus import Bus
 from yahboomd.bus.options import BusOptions
-from yahboomd.bus.session import Bus
 from yahboomd.bus.subscriptions import Arrival
 from yahboomd.client.commanding import Commands, Counters, number
 from yahboomd.client.connection import MAX_BYTES, Connection

@@ -13,10 +13,10 @@ from collections.abc import Callable
 
 from yahboomd.bus import keys
 from yahboomd.bus.blocking import bounded
+from yahboomd.bus.bus import Bus
 from yahboomd.bus.keys import full_key
 from yahboomd.bus.options import BusOptions, zenoh_config
 from yahboomd.bus.presence import NeighbourChange, TokenChange
-from yahboomd.bus.session import Bus
 from yahboomd.bus.subscriptions import Arrival
 from yahboomd.client.streams import read_sample
 from yahboomd.clock import Clock, nanoseconds

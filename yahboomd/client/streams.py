@@ -17,7 +17,7 @@ from msgspec import structs
 from zenoh.handlers import RingChannel
 
 from yahboomd.bus import keys
-from yahboomd.bus.session import Bus
+from yahboomd.bus.bus import Bus
 from yahboomd.bus.subscriptions import Arrival
 from yahboomd.messages.codecs import encoding_of
 from yahboomd.messages.native import (

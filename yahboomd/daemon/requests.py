@@ -10,8 +10,8 @@ import msgspec
 
 from yahboomd.bus import keys
 from yahboomd.bus.alarms import READ_BYTES
+from yahboomd.bus.bus import Bus
 from yahboomd.bus.services import TOO_MANY, Request, Response
-from yahboomd.bus.session import Bus
 from yahboomd.clock import Clock
 from yahboomd.daemon.control import Controller
 from yahboomd.daemon.key_table import OFFERS

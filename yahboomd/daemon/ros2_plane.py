@@ -15,8 +15,8 @@ from collections.abc import Callable
 from typing import Protocol
 
 from yahboomd.bus import keys
+from yahboomd.bus.bus import Bus
 from yahboomd.bus.services import Request, Response
-from yahboomd.bus.session import Bus
 from yahboomd.bus.subscriptions import Arrival
 from yahboomd.clock import Clock
 from yahboomd.config import Config

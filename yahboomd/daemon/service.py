@@ -10,10 +10,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from yahboomd.bus import keys
+from yahboomd.bus.bus import Bus
 from yahboomd.bus.options import admitted
 from yahboomd.bus.presence import NeighbourChange, TokenChange
 from yahboomd.bus.publishers import BusPublisher
-from yahboomd.bus.session import Bus
 from yahboomd.clock import Clock, Schedule, SystemClock, nanoseconds
 from yahboomd.config import Config, runtime_folder
 from yahboomd.daemon import assembly, ros2_plane

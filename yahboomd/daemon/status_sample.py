@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from yahboomd.bus.session import Bus
+from yahboomd.bus.bus import Bus
 from yahboomd.clock import Clock, nanoseconds
 from yahboomd.daemon.commands import CommandIntake
 from yahboomd.daemon.control import Controller

@@ -8,9 +8,9 @@ import pytest
 from zenoh_fixtures import free_endpoint
 
 from yahboomd.bus import keys
+from yahboomd.bus.bus import Bus
 from yahboomd.bus.options import BusOptions
 from yahboomd.bus.services import Response
-from yahboomd.bus.session import Bus
 from yahboomd.cli.probe.probe_client import ask_board, examination
 from yahboomd.config import Config
 from yahboomd.messages.codecs import encode

@@ -11,9 +11,9 @@ import pytest
 from zenoh_fixtures import free_endpoint
 
 from yahboomd.bus import keys
+from yahboomd.bus.bus import Bus
 from yahboomd.bus.options import BusOptions
 from yahboomd.bus.services import Response
-from yahboomd.bus.session import Bus
 from yahboomd.cli.stop.stop_client import engage, no_daemon, release
 from yahboomd.client.async_robot import STANDING_SAMPLES
 from yahboomd.config import Config

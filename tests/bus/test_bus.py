@@ -12,9 +12,9 @@ import zenoh
 from zenoh_fixtures import eventually, free_endpoint
 
 from yahboomd.bus import keys
+from yahboomd.bus.bus import Bus
 from yahboomd.bus.options import BusOptions
 from yahboomd.bus.services import Response, Service
-from yahboomd.bus.session import Bus
 from yahboomd.errors import BusError
 
 pytestmark = pytest.mark.realtime
@@ -232,7 +232,7 @@ PROGRAM = """
 import asyncio, sys
 from yahboomd.bus.options import BusOptions
 from yahboomd.bus.services import Response, Service
-from yahboomd.bus.session import Bus
+from yahboomd.bus.bus import Bus
 
 async def main():
     async with Bus(BusOptions(listen=(sys.argv[1],), connect=(sys.argv[2],))) as bus:
