@@ -11,7 +11,6 @@ from board_bench import LinkBench
 from yahboomd.link.conversation import Conversation
 from yahboomd.link.line import Line
 from yahboomd.protocol.profiles import PROFILES
-from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 WANT = PROFILES["520"].settings
@@ -38,18 +37,6 @@ async def test_counters_that_do_not_come_are_none() -> None:
     async with talking(board) as talk:
         board.robot.mute(board.now_ns, 60.0)
         assert await talk.read_counters() is None
-
-
-@on_virtual_time
-async def test_the_streamed_board_answers_its_settings_and_its_voltage() -> None:
-    board = LinkBench(flash=FlashContent(lines=13), battery_volts=11.1)
-    async with talking(board) as talk:
-        settings = await talk.read_settings(WANT)
-        assert settings is not None
-        assert (settings["lines"], settings["version"]) == (13, "1.7.3")
-        volts = await talk.read_battery()
-        assert volts is not None
-        assert abs(volts - 11.1) < 0.2
 
 
 @on_virtual_time

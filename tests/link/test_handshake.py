@@ -8,7 +8,7 @@ import pytest
 from board_bench import Bench
 
 from yahboomd.clock import LoopClock
-from yahboomd.errors import BoardError, BoardSilent
+from yahboomd.errors import BoardSilent
 from yahboomd.link import handshake
 from yahboomd.link.line import Line
 from yahboomd.link.port import byte_time_ns
@@ -82,13 +82,6 @@ async def test_another_device_is_no_board_and_is_asked_no_more_than_needed() -> 
     with pytest.raises(BoardSilent, match="lines that are none of a board's"):
         await identified(script)
     assert script.asked == 6
-
-
-@on_virtual_time
-async def test_the_wrong_dialect_is_named_with_the_remedy() -> None:
-    script = Script(b"read_flash:OK!\r\n")
-    with pytest.raises(BoardError, match=r'serial\.dialect = "auto" or "streamed"'):
-        await identified(script, "polled")
 
 
 @on_virtual_time

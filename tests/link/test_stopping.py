@@ -10,9 +10,9 @@ from kernel_queue import Line, QueueingPort
 
 from yahboomd.clock import LoopClock
 from yahboomd.link import stopping
-from yahboomd.link.standstill import StandstillWatch
 from yahboomd.link.stopping import (
     STAND_WITHIN_S,
+    StandstillWatch,
     StopReport,
     bring_to_rest,
     stop_unidentified,
@@ -24,6 +24,8 @@ from yahboomd.simulation.motors import MotorFaults
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
 from yahboomd.simulation.virtual_time import on_virtual_time
+
+MS = 1_000_000
 
 
 class Scene:
@@ -218,3 +220,46 @@ async def test_it_ends_in_bounded_time_whatever_the_board_does() -> None:
     report = await scene.rest()
     assert report.stood is not True
     assert LoopClock().now_ns() - start_ns < 2_000_000_000
+
+
+# Do the wheels stand?
+
+
+def test_nothing_is_said_before_a_whole_window_was_seen() -> None:
+    watch = StandstillWatch(190.0)
+    watch.see((0, 0, 0, 0), 0)
+    watch.see((0, 0, 0, 0), 40 * MS)
+    assert watch.speed is None
+    assert not watch.standing
+
+
+def test_equal_counts_across_the_window_are_standstill() -> None:
+    watch = StandstillWatch(190.0)
+    for ms in range(0, 100, 10):
+        watch.see((5, 5, 5, 5), ms * MS)
+    assert watch.standing
+
+
+def test_one_turning_wheel_is_enough_to_deny_it() -> None:
+    watch = StandstillWatch(190.0)
+    for ms in range(0, 100, 10):
+        watch.see((5, 5, -ms, 5), ms * MS)
+    assert watch.speed is not None
+    assert abs(watch.speed - 1000.0) < 1.0
+    assert not watch.standing
+
+
+def test_a_wrap_of_the_counter_is_no_motion() -> None:
+    watch = StandstillWatch(190.0)
+    for ms in range(0, 100, 10):
+        ticks = 2**31 - 1 if ms < 50 else -(2**31)
+        watch.see((ticks, 0, 0, 0), ms * MS)
+    assert watch.standing
+
+
+def test_forgetting_restarts_the_window() -> None:
+    watch = StandstillWatch(190.0)
+    for ms in range(0, 100, 10):
+        watch.see((0, 0, 0, 0), ms * MS)
+    watch.forget()
+    assert not watch.standing

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-from typing import Any
 
 import pytest
 from board_bench import LinkBench
 
-from yahboomd.errors import PortLost
 from yahboomd.link.takeover import TakeoverReport, take_over
 from yahboomd.simulation.motors import FAULTS
 from yahboomd.simulation.options import ImpairmentOptions
@@ -33,14 +31,6 @@ async def test_wheels_that_turn_after_a_crash_come_to_rest_and_are_seen_to(diale
     assert report.stood is True
     assert report.within_s < 0.6
     assert board.ports[-1].closed
-
-
-@on_virtual_time
-async def test_the_stop_of_both_dialects_comes_before_any_question() -> None:
-    board = LinkBench()
-    await board.drive()
-    await taken_over(board)
-    assert board.frames[:2] == [b"$pwm:0,0,0,0#", b"$speed:0,0,0,0#"]
 
 
 @on_virtual_time
@@ -184,19 +174,3 @@ async def test_half_a_frame_in_the_boards_ear_does_not_swallow_the_stop() -> Non
     assert board.now_ns - began_ns < 25_000_000
     assert all(motor.pwm == 0 for motor in board.robot.plant.motors)
     await stopping
-
-
-@on_virtual_time
-async def test_a_port_that_goes_away_in_the_middle_is_said_so_at_once() -> None:
-    board = LinkBench()
-    await board.drive()
-    port = await board.open()
-
-    def pull(_now_ns: Any) -> None:
-        board.robot.unplug(board.now_ns)
-
-    asyncio.get_running_loop().call_later(0.1, pull, None)
-    start_ns = board.now_ns
-    with pytest.raises(PortLost, match="went away"):
-        await take_over(port, board.clock)
-    assert board.now_ns - start_ns < 200_000_000

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from typing import Protocol
 
-from yahboomd.link.battery import BatteryQuestions
+from yahboomd.clock import nanoseconds, sleep_until
 from yahboomd.link.handshake import Identity
 from yahboomd.link.line import Line
 from yahboomd.link.outbox import Lane
@@ -15,6 +15,12 @@ from yahboomd.model import EncoderReading, Event
 from yahboomd.protocol.dialect import Battery, Decoded, Units, VersionLine
 
 STILL: Units = (0, 0, 0, 0)
+
+BATTERY_ANSWER_S = 0.3
+BATTERY_SELDOM_S = 120.0
+"""A board that does not answer is asked at least so often."""
+BATTERY_UNANSWERED = 3
+"""After so many questions in a row without an answer a person should know."""
 
 
 class Listener(Protocol):
@@ -61,7 +67,6 @@ class ConnectedBoard:
         identity: What the board is.
         listener: Hears what the board does.
         poller: Gets the counts.
-        battery: Asks for the voltage, where the board tells it.
     """
 
     def __init__(
@@ -70,13 +75,12 @@ class ConnectedBoard:
         identity: Identity,
         listener: Listener,
         poller: Poller,
-        battery: BatteryQuestions | None,
     ) -> None:
         self._line = line
         self._dialect = identity.dialect
         self._listener = listener
         self._poller = poller
-        self._battery = battery
+        self._volts_heard = False
         self._velocity_units: Units | None = None
         self._stop_units: Units | None = None
         self._turning = False
@@ -139,8 +143,23 @@ class ConnectedBoard:
 
     def facts(self) -> dict[str, int]:
         """Its counters."""
-        asked = {} if self._battery is None else self._battery.counters
-        return {**self.counters, **self._poller.counters, **asked}
+        return {**self.counters, **self._poller.counters}
+
+    async def ask_battery(self, frame: bytes, period_s: float) -> None:
+        """Ask for the voltage until cancelled; less and less often while no answer comes."""
+        clock, wait_s, unanswered = self._line.clock, period_s, 0
+        while True:
+            await self._line.writer.request(frame, _is_battery, BATTERY_ANSWER_S)
+            await sleep_until(clock, clock.now_ns() + nanoseconds(wait_s))
+            # An answer that came late is one as well.
+            if self._volts_heard:
+                self._volts_heard, unanswered, wait_s = False, 0, period_s
+                continue
+            self.counters["battery_unanswered"] += 1
+            unanswered += 1
+            wait_s = max(period_s, min(2.0 * wait_s, BATTERY_SELDOM_S))
+            if unanswered == BATTERY_UNANSWERED:
+                self._listener.event(_no_voltage(self.port_name))
 
     def _sent(self, lane: Lane) -> None:
         if lane in {Lane.VELOCITY, Lane.STOP}:
@@ -153,8 +172,7 @@ class ConnectedBoard:
         if notice != "none":
             self._poller.unbroken = False
         if isinstance(decoded, Battery):
-            if self._battery is not None:
-                self._battery.answered()
+            self._volts_heard = True
             self._listener.battery(decoded.volts)
         elif isinstance(decoded, VersionLine):
             if notice == "start":
@@ -162,3 +180,17 @@ class ConnectedBoard:
                 self._listener.board_reset(decoded.version)
             else:
                 self.counters["settings_late"] += 1
+
+
+def _is_battery(said: Decoded) -> bool:
+    return isinstance(said, Battery)
+
+
+def _no_voltage(port: str) -> Event:
+    words = (
+        f"{port}: the board left {BATTERY_UNANSWERED} questions for the battery voltage in a row "
+        "unanswered. The voltage is unknown; yahboomd asks less often, down to once in "
+        f"{BATTERY_SELDOM_S:.0f} s. Where the board has no voltage to tell, set "
+        "board.battery_period_s = 0."
+    )
+    return Event(kind="battery_unanswered", severity="warning", message=words)

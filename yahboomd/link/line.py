@@ -21,10 +21,10 @@ from yahboomd.link.noise import NOISY_DAMAGES, LineNoise
 from yahboomd.link.outbox import Answers
 from yahboomd.link.port import Port
 from yahboomd.link.port_errors import lost
-from yahboomd.link.standstill import StandstillWatch
 from yahboomd.link.start_notices import Notice, StartNotices
 from yahboomd.link.stopping import (
     DRAIN_S,
+    StandstillWatch,
     StopReport,
     bring_to_rest,
     stop_unidentified,

@@ -12,6 +12,7 @@ SYSFS = "/sys"
 DEV = "/dev"
 
 _PSEUDO_TERMINALS = range(136, 144)
+"""The major device numbers that Linux gives them."""
 _NUMBERS_EACH = 256
 
 
@@ -38,7 +39,7 @@ def identify(status: os.stat_result, *, sysfs: str = SYSFS) -> Device:
         sysfs: Where the kernel shows its devices.
     """
     node = f"{status.st_dev}:{status.st_ino}"
-    if _is_pseudo(status.st_rdev):
+    if is_pseudo(status.st_rdev):
         node += f":{status.st_ctime_ns}"
     return Device(status.st_rdev, node, _usb(status.st_rdev, sysfs))
 
@@ -51,13 +52,13 @@ def same(noted: Device, found: Device) -> bool:
         # It dropped off the bus and came back to its socket.
         return noted.usb == found.usb
     # What is soldered on keeps its number; that of a pseudo-terminal goes to the next one.
-    return noted.number == found.number and not _is_pseudo(noted.number)
+    return noted.number == found.number and not is_pseudo(noted.number)
 
 
 def find(noted: Device, *, sysfs: str = SYSFS, dev: str = DEV) -> str | None:
     """A path of the device now; ``None`` where it is not there."""
     major, minor = os.major(noted.number), os.minor(noted.number)
-    if _is_pseudo(noted.number):
+    if is_pseudo(noted.number):
         number = (major - _PSEUDO_TERMINALS.start) * _NUMBERS_EACH + minor
         names = [f"pts/{number}"]
     else:
@@ -76,7 +77,8 @@ def find(noted: Device, *, sysfs: str = SYSFS, dev: str = DEV) -> str | None:
     return None
 
 
-def _is_pseudo(number: int) -> bool:
+def is_pseudo(number: int) -> bool:
+    """Whether a device number is a pseudo-terminal's."""
     return os.major(number) in _PSEUDO_TERMINALS
 
 

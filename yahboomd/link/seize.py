@@ -19,7 +19,7 @@ import termios
 import time
 from typing import NamedTuple
 
-from yahboomd.link.port_identity import Device, identify, same
+from yahboomd.link.port_identity import Device, identify, is_pseudo, same
 from yahboomd.protocol.first_words import FIRST_WORDS, SPACING_S
 
 PATIENCE_S = 1.0
@@ -29,9 +29,6 @@ PATIENCE_S = 1.0
 RETRY_S = 0.02
 WRITE_WITHIN_S = 0.1
 SENT_WITHIN_S = 3.0
-
-_PSEUDO_TERMINALS = range(136, 144)
-"""The major device numbers that Linux gives them."""
 
 _HELD = (errno.EBUSY, errno.EAGAIN)
 
@@ -141,7 +138,7 @@ def _keep_out(fd: int) -> None:
     Not on a pseudo-terminal: there it lasts as long as the far end, so that an owner who was killed
     would lock out every user but root, who alone could stop the (simulated) wheels.
     """
-    if os.major(os.fstat(fd).st_rdev) not in _PSEUDO_TERMINALS:
+    if not is_pseudo(os.fstat(fd).st_rdev):
         fcntl.ioctl(fd, termios.TIOCEXCL)
 
 

@@ -13,7 +13,6 @@ import msgspec
 
 from yahboomd.clock import Clock, nanoseconds
 from yahboomd.link import handshake, latency_timer
-from yahboomd.link.battery import BatteryQuestions
 from yahboomd.link.connected_board import ConnectedBoard, Listener
 from yahboomd.link.handshake import Identity
 from yahboomd.link.line import Line
@@ -145,17 +144,7 @@ class Session:
             # A stream that needs no arming proves nothing: a reset does not end it.
             unbroken=line.streaming and dialect.poll is None and bool(dialect.arm),
         )
-        battery = None
-        if dialect.battery is not None and options.battery_period_s > 0.0:
-            battery = BatteryQuestions(
-                line.writer,
-                self._clock,
-                dialect.battery,
-                period_s=options.battery_period_s,
-                port_name=line.port.name,
-                on_event=listener.event,
-            )
-        board = ConnectedBoard(line, identity, listener, poller, battery)
+        board = ConnectedBoard(line, identity, listener, poller)
         line.gather(dialect.line_end)
         poller.arm()
         listener.connected(board, identity)
@@ -163,8 +152,9 @@ class Session:
             words = " ".join(words.splitlines())
             listener.event(Event(kind="latency_timer", severity="warning", message=words))
         line.tasks.start(poller.run(), "link-poller")
-        if battery is not None:
-            line.tasks.start(battery.run(), "link-battery")
+        if dialect.battery is not None and options.battery_period_s > 0.0:
+            asking = board.ask_battery(dialect.battery, options.battery_period_s)
+            line.tasks.start(asking, "link-battery")
         return board
 
     def _port_is_slow(self, port: Port, bytes_per_s: float) -> None:
