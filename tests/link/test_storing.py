@@ -7,9 +7,9 @@ from board_bench import LinkBench
 
 from yahboomd.errors import BoardError, ConfigError
 from yahboomd.link.storing import STORE_ATTEMPTS, Progress, Step, Storing, store
-from yahboomd.protocol.dialect import Dialect, SettingWrite
+from yahboomd.protocol.dialect import Dialect
 from yahboomd.protocol.profiles import PROFILES
-from yahboomd.protocol.settings import BoardSettings
+from yahboomd.protocol.settings import BoardSettings, SettingWrite
 from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.motors import FAULTS
 from yahboomd.simulation.options import ImpairmentOptions

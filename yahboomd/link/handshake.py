@@ -15,10 +15,10 @@ from yahboomd.errors import BoardError, BoardSilent
 from yahboomd.link.line import Line
 from yahboomd.link.port_errors import takes_no_output
 from yahboomd.link.stopping import stop_unidentified
-from yahboomd.protocol.dialect import Decoded, Dialect, Setting, SettingValue, VersionLine
+from yahboomd.protocol.dialect import Decoded, Dialect, Setting, VersionLine
 from yahboomd.protocol.registry import DIALECTS
 from yahboomd.protocol.registry import identify as recognise
-from yahboomd.protocol.settings import VERSION, BoardSettings, is_complete
+from yahboomd.protocol.settings import VERSION, BoardSettings, SettingValue, is_complete
 
 ATTEMPTS = 3
 """How often a silent board is asked who it is."""

@@ -17,15 +17,8 @@ from yahboomd.errors import BoardError, BoardStoresNothing
 from yahboomd.link.conversation import Conversation
 from yahboomd.link.line import Line
 from yahboomd.link.port import Opener
-from yahboomd.protocol.dialect import (
-    CommandLost,
-    Decoded,
-    Dialect,
-    Reply,
-    SettingWrite,
-    VersionLine,
-)
-from yahboomd.protocol.settings import BoardSettings
+from yahboomd.protocol.dialect import CommandLost, Decoded, Dialect, Reply, VersionLine
+from yahboomd.protocol.settings import BoardSettings, SettingWrite
 from yahboomd.protocol.settings import writes as settings_writes
 
 Outcome: TypeAlias = Literal["stored", "refused", "failed"]

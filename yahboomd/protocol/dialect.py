@@ -10,18 +10,17 @@ A board that speaks otherwise is a folder with something that fulfils :class:`Di
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+from typing import Any, Protocol, TypeAlias
 
 import msgspec
 
 from yahboomd.model import Counts, Kinematics, Motor
-
-if TYPE_CHECKING:
-    from yahboomd.protocol.profiles import MotorProfile
-    from yahboomd.protocol.settings import BoardSettings, StoredSetting
+from yahboomd.protocol.profiles import MotorProfile
+from yahboomd.protocol.settings import BoardSettings, SettingValue, StoredSetting
 
 FourFloats: TypeAlias = tuple[float, float, float, float]
-SettingValue: TypeAlias = int | float | str | tuple[float, float, float]
+
+
 Units: TypeAlias = tuple[int, ...]
 """A motion in the board's own units: four motors, or a body's velocity."""
 
@@ -197,25 +196,6 @@ Decoded: TypeAlias = (
     Totals | Deltas | Speeds | Battery | Reply | Setting | VersionLine | CommandLost | Unrecognised
 )
 """All that a frame or a line can mean."""
-
-
-class SettingWrite(msgspec.Struct, frozen=True, kw_only=True):
-    """One stored value to write, and how to know that it was taken.
-
-    Attributes:
-        frame: What to send, alone on the line, with the wheels at rest.
-        text: The same, to show.
-        reply_to: The ``command`` of the :class:`Reply` that answers it.
-        timeout_s: How long to wait; the board is deaf while it writes its flash.
-        resets: The board restarts once the value is stored, and may give no reply: then the
-            :class:`VersionLine` of its banner is the answer. Streams are off afterwards.
-    """
-
-    frame: bytes
-    text: str
-    reply_to: str
-    timeout_s: float
-    resets: bool
 
 
 class Motion(Protocol):

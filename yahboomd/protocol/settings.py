@@ -11,13 +11,33 @@ from typing import TypeAlias
 import msgspec
 
 from yahboomd.errors import ConfigError
-from yahboomd.protocol.dialect import SettingValue, SettingWrite
+
+SettingValue: TypeAlias = int | float | str | tuple[float, float, float]
 
 BoardSettings: TypeAlias = dict[str, SettingValue]
 """Values by the field of their row in the dialect's table, and ``version``, the firmware's, which
 cannot be written. One that is missing is not known, or not wanted. Never changed in place."""
 
 VERSION = "version"
+
+
+class SettingWrite(msgspec.Struct, frozen=True, kw_only=True):
+    """One stored value to write, and how to know that it was taken.
+
+    Attributes:
+        frame: What to send, alone on the line, with the wheels at rest.
+        text: The same, to show.
+        reply_to: The ``command`` of the :class:`Reply` that answers it.
+        timeout_s: How long to wait; the board is deaf while it writes its flash.
+        resets: The board restarts once the value is stored, and may give no reply: then the
+            :class:`VersionLine` of its banner is the answer. Streams are off afterwards.
+    """
+
+    frame: bytes
+    text: str
+    reply_to: str
+    timeout_s: float
+    resets: bool
 
 
 class StoredSetting(msgspec.Struct, frozen=True, kw_only=True):

@@ -9,9 +9,8 @@ import pytest
 
 from yahboomd.cli.probe.probe_write import Printed, agreed, stored_value
 from yahboomd.link.storing import Step
-from yahboomd.protocol.dialect import SettingWrite
 from yahboomd.protocol.registry import DIALECTS
-from yahboomd.protocol.settings import BoardSettings
+from yahboomd.protocol.settings import BoardSettings, SettingWrite
 
 WRITE = SettingWrite(
     frame=b"$mline:13#", text="encoder lines 13", reply_to="mline", timeout_s=0.4, resets=False

@@ -7,10 +7,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from yahboomd.errors import BoardError, ConfigError
-from yahboomd.protocol.dialect import SettingWrite
 from yahboomd.protocol.four_channel.stored import TABLE, findings, units_per_m_s
 from yahboomd.protocol.profiles import PROFILES
-from yahboomd.protocol.settings import BoardSettings, check_storable, is_complete, writes
+from yahboomd.protocol.settings import (
+    BoardSettings,
+    SettingWrite,
+    check_storable,
+    is_complete,
+    writes,
+)
 
 LONGEST = 53
 """51 characters between ``$`` and ``#``."""

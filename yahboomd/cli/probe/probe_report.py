@@ -10,9 +10,9 @@ from yahboomd.link.discovery import Candidate
 from yahboomd.link.probing import Examination, Reopening, Survival
 from yahboomd.link.storing import Outcome
 from yahboomd.model import Counts
-from yahboomd.protocol.dialect import Findings, SettingValue
+from yahboomd.protocol.dialect import Findings
 from yahboomd.protocol.profiles import MotorProfile
-from yahboomd.protocol.settings import VERSION, BoardSettings, StoredSetting, writes
+from yahboomd.protocol.settings import VERSION, BoardSettings, SettingValue, StoredSetting, writes
 
 LOW_VOLTS = 5.5
 """Below it the board lives on its USB plug: the motors have no supply of their own."""

@@ -7,8 +7,8 @@ import sys
 from yahboomd.cli.probe.probe_report import StoredValue, setting_rows
 from yahboomd.cli.probe.probe_text import shown
 from yahboomd.link import storing
-from yahboomd.protocol.dialect import Dialect, SettingWrite
-from yahboomd.protocol.settings import BoardSettings, StoredSetting
+from yahboomd.protocol.dialect import Dialect
+from yahboomd.protocol.settings import BoardSettings, SettingWrite, StoredSetting
 
 
 def agreed(count: int) -> bool:

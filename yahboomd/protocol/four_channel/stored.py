@@ -12,10 +12,10 @@ from typing import Final
 
 from yahboomd.errors import BoardError
 from yahboomd.model import Kinematics, Motor
-from yahboomd.protocol.dialect import Findings, SettingValue
+from yahboomd.protocol.dialect import Findings
 from yahboomd.protocol.per_motor import PerMotor, per_motor
 from yahboomd.protocol.profiles import EDGES_PER_LINE, PROFILES, MotorProfile
-from yahboomd.protocol.settings import BoardSettings, StoredSetting
+from yahboomd.protocol.settings import BoardSettings, SettingValue, StoredSetting
 
 TITLE: Final = "Yahboom 4-channel motor driver"
 

@@ -17,11 +17,11 @@ from yahboomd.protocol.dialect import (
     Decoded,
     Reply,
     Setting,
-    SettingValue,
     Unrecognised,
     VersionLine,
 )
 from yahboomd.protocol.four_channel.fields import decimal, integer
+from yahboomd.protocol.settings import SettingValue
 
 VERSION_LABEL: Final = "Motor_Version:"
 RESET_NOTICE: Final = "Reset MCU"
