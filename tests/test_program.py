@@ -7,7 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from yahboomd import program
-from yahboomd.cli.main import COMMANDS
 from yahboomd.config import Config
 
 
@@ -21,10 +20,6 @@ def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PATH", "/nowhere")
     return own
-
-
-def test_every_subcommand_is_known() -> None:
-    assert tuple(COMMANDS) == program.COMMANDS
 
 
 def test_an_environment_that_is_not_active_is_named_in_what_is_pasted(own: Path) -> None:

@@ -14,6 +14,7 @@ from zenoh_fixtures import free_endpoint
 from yahboomd import __version__
 from yahboomd.cli import main as cli
 from yahboomd.errors import ConfigError, PortDenied, PortMissing
+from yahboomd.program import COMMANDS
 
 
 @pytest.fixture
@@ -48,7 +49,7 @@ def test_help_lists_every_command_in_one_line_each(capsys):
     assert left.value.code == 0
     shown = capsys.readouterr().out
     lines = [line.split(maxsplit=1) for line in shown.splitlines()]
-    assert all([name, text] in lines for name, text in cli.COMMANDS.items())
+    assert all([name, text] in lines for name, text in COMMANDS.items())
 
 
 def test_help_imports_none_of_the_heavy_libraries():

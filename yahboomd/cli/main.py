@@ -19,27 +19,7 @@ from typing import NoReturn, Protocol, TypeAlias, cast
 
 from yahboomd import __version__
 from yahboomd.errors import YahboomdError
-from yahboomd.program import pasteable, readable
-
-COMMANDS = {
-    "run": "drive the board: the daemon itself",
-    "simulate": "be a board on a pseudo-terminal, with a robot behind it",
-    "stop": "stop the wheels, through the daemon or on the port itself",
-    "monitor": "watch a running daemon: pose, wheels, battery, who drives",
-    "drive": "drive the robot with the keyboard",
-    "status": "print what a daemon does, and whether it can drive",
-    "pose": "print where the robot is, or set it",
-    "send": "drive for a number of seconds",
-    "call": "call a service of the daemon",
-    "events": "print events as they happen",
-    "metrics": "serve what the daemon counts, for Prometheus and Grafana",
-    "probe": "find the port, name the board, explain what is wrong",
-    "config": "check, show and explain the configuration",
-    "install": "install the service: at boot, or as the board is plugged in",
-    "uninstall": "take the service away again",
-    "completions": "print what completes commands in bash, zsh or fish",
-}
-"""Every subcommand with its line in the help."""
+from yahboomd.program import COMMANDS, pasteable, readable
 
 FOLDERS = {
     "stop": "stop",

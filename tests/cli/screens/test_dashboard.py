@@ -127,6 +127,15 @@ def test_the_full_bar_is_the_fastest_wheel_so_far() -> None:
     assert dashboard.view(0).full_scale_m_s == 0.8
 
 
+def test_a_full_bar_is_no_speed_of_long_ago() -> None:
+    dashboard = daemon.driving(0)
+    accept(dashboard, keys.WHEELS, daemon.wheels((0.8, 0.1), (0.1, 0.1)), 0)
+    accept(dashboard, keys.WHEELS, daemon.wheels((0.2, 0.2), (0.2, 0.2)), 9 * S)
+    assert dashboard.view(20 * S).full_scale_m_s == 0.8
+    accept(dashboard, keys.WHEELS, daemon.wheels((0.0, 0.0), (0.0, 0.0)), 11 * S)
+    assert dashboard.view(11 * S).full_scale_m_s == 0.2
+
+
 def test_a_robot_moves_while_a_wheel_turns_or_is_to_turn() -> None:
     dashboard = daemon.driving(0)
     assert dashboard.view(0).moving

@@ -6,8 +6,8 @@ import argparse
 
 import pytest
 
-from yahboomd.cli.main import COMMANDS
 from yahboomd.cli.shell.command_tree import Command, describe, whole
+from yahboomd.program import COMMANDS
 
 
 @pytest.fixture

@@ -8,9 +8,10 @@ import subprocess
 import pytest
 from completing_shell import Shell, shell
 
-from yahboomd.cli.main import COMMANDS, main
+from yahboomd.cli.main import main
 from yahboomd.cli.shell.command_tree import whole
 from yahboomd.cli.shell.completions import SCRIPTS
+from yahboomd.program import COMMANDS
 
 __all__ = ["shell"]
 

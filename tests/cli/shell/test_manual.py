@@ -9,9 +9,9 @@ import subprocess
 import pytest
 
 from yahboomd import errors
-from yahboomd.cli.main import COMMANDS
 from yahboomd.cli.shell.command_tree import Command, whole
 from yahboomd.cli.shell.manual import STATUSES, exit_statuses, pages, sections
+from yahboomd.program import COMMANDS
 
 
 @pytest.fixture(scope="module")

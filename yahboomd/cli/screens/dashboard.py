@@ -13,7 +13,7 @@ from typing import Any, Literal, TypeAlias, TypeVar
 import msgspec
 
 from yahboomd.bus import keys
-from yahboomd.cli.screens.rates import Rate, Rise, Scale
+from yahboomd.cli.screens.rates import Counter
 from yahboomd.client.streams import read_sample
 from yahboomd.messages.native import (
     BatterySample,
@@ -34,6 +34,15 @@ STALE_NS = 2 * NS_PER_S
 
 LATE_NS = NS_PER_S
 """Pose, twist and wheels come with every reading; older than this they show the past."""
+
+RATE_NS = 2 * NS_PER_S
+"""Rates are averages over so long."""
+
+NEWS_NS = 10 * NS_PER_S
+"""A counter that rose is news, and a speed counts for the scale of the bars, for so long."""
+
+SMALLEST_M_S = 0.1
+"""The smallest scale of the bars."""
 
 STANDING_M_S = 0.005
 """Slower than the numbers on a screen show well."""
@@ -98,7 +107,7 @@ class View(msgspec.Struct, frozen=True, kw_only=True):
     wheels: WheelsSample | None = None
     late: bool = False
     poses_per_s: float | None = None
-    full_scale_m_s: float = 0.1
+    full_scale_m_s: float = SMALLEST_M_S
     volts: float | None = None
     readings_per_s: float | None = None
     commands_per_s: float | None = None
@@ -146,11 +155,11 @@ class Dashboard:
         self._new_events: deque[EventSample] = deque(maxlen=MAX_EVENTS)
         self._event_ns = 0
         self._trail: deque[tuple[float, float]] = deque(maxlen=MAX_TRAIL)
-        self._scale = Scale(smallest=0.1)
-        self._poses = Rate()
-        self._readings = Rate()
-        self._commands = Rate()
-        self._rises: dict[str, Rise] = {}
+        self._peaks: deque[tuple[int, float]] = deque(maxlen=MAX_EVENTS)
+        self._poses = Counter(RATE_NS)
+        self._readings = Counter(RATE_NS)
+        self._commands = Counter(RATE_NS)
+        self._troubles: dict[str, Counter] = {}
         self._unreadable = 0
 
     def accept(self, key: str, payload: bytes, now_ns: int) -> None:
@@ -173,7 +182,8 @@ class Dashboard:
         elif key == keys.WHEELS and (wheels := self._read(payload, WheelsSample)) is not None:
             if self._finite(*wheels.speed_m_s, *wheels.command_m_s):
                 self._wheels = wheels
-                self._scale.see(*wheels.speed_m_s, *wheels.command_m_s, now_ns=now_ns)
+                speeds_m_s = (*wheels.speed_m_s, *wheels.command_m_s, SMALLEST_M_S)
+                self._peaks.append((now_ns, max(map(abs, speeds_m_s))))
         elif key == keys.BATTERY and (battery := self._read(payload, BatterySample)) is not None:
             self._volts = battery.volts
 
@@ -201,7 +211,7 @@ class Dashboard:
             wheels=self._wheels,
             late=self._pose is not None and now_ns - self._pose_ns > LATE_NS,
             poses_per_s=self._poses.per_s(now_ns),
-            full_scale_m_s=self._scale.full,
+            full_scale_m_s=self._full_scale_m_s(),
             volts=self._volts,
             readings_per_s=self._readings.per_s(now_ns),
             commands_per_s=self._commands.per_s(now_ns),
@@ -223,13 +233,13 @@ class Dashboard:
 
     def _accept_status(self, status: StatusSample, now_ns: int) -> None:
         self._status, self._status_ns = status, now_ns
-        self._readings.total(_number(status.link, "readings"), now_ns)
-        self._commands.total(_number(status.command, "received") or 0, now_ns)
+        if (readings := _number(status.link, "readings")) is not None:
+            self._readings.add(readings, now_ns)
+        self._commands.add(_number(status.command, "received") or 0, now_ns)
         facts = {**status.command, **status.link}
         for name in {*REFUSALS, *(each for names in LINK_COUNTS.values() for each in names)}:
-            value = _number(facts, name) or 0
             # What was counted before this program began is history.
-            self._rises.setdefault(name, Rise(value)).see(value, now_ns)
+            self._troubles.setdefault(name, Counter(NEWS_NS)).add(_number(facts, name) or 0, now_ns)
         if isinstance(volts := status.board.get("volts"), int | float):
             self._volts = float(volts)
 
@@ -237,11 +247,16 @@ class Dashboard:
         if self._pose is not None and pose.seq < self._pose.seq:
             # A daemon that was restarted: it was never on that path.
             self._trail.clear()
-        self._poses.total(pose.seq, arrived_ns)
+        self._poses.add(pose.seq, arrived_ns)
         self._pose, self._pose_ns = pose, arrived_ns
         # A centimetre is less than a dot on any terminal.
         if not self._trail or math.dist(self._trail[-1], (pose.x, pose.y)) > 0.01:
             self._trail.append((pose.x, pose.y))
+
+    def _full_scale_m_s(self) -> float:
+        newest_ns = self._peaks[-1][0] if self._peaks else 0
+        lately = (peak for at_ns, peak in self._peaks if newest_ns - at_ns <= NEWS_NS)
+        return max(lately, default=SMALLEST_M_S)
 
     def _counts(
         self, groups: Mapping[str, tuple[str, ...]], facts: Mapping[str, Any], now_ns: int
@@ -250,7 +265,7 @@ class Dashboard:
         found = []
         for words, names in groups.items():
             total = sum(_number(facts, name) or 0 for name in names)
-            rising = any(self._rises[name].rising(now_ns) for name in names if name in self._rises)
+            rising = any(self._troubles[name].rising(now_ns) for name in names)
             if total:
                 found.append(Count(name=words, total=total, rising=rising))
         return tuple(found)

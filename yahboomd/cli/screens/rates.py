@@ -1,4 +1,4 @@
-"""Rates, rises and scales over the latest seconds. Pure; monotonic nanoseconds handed in."""
+"""Whether a counter rises, and how fast. Pure; monotonic nanoseconds handed in."""
 
 from __future__ import annotations
 
@@ -7,92 +7,42 @@ from collections import deque
 NS_PER_S = 1_000_000_000
 
 
-class Rate:
-    """How often something happens a second, from its counter.
+class Counter:
+    """The counts of the latest seconds.
 
     Args:
-        window_ns: The average is taken over so long.
+        window_ns: So long counts are kept.
     """
 
-    def __init__(self, window_ns: int = 2 * NS_PER_S) -> None:
+    def __init__(self, window_ns: int) -> None:
         self._window_ns = window_ns
-        self._points: deque[tuple[int, int]] = deque()
-        self._total = 0
+        self._counts: deque[tuple[int, int]] = deque()
 
-    def total(self, total: int | None, now_ns: int) -> None:
-        """The counter shows ``total`` now; None for unknown.
+    def add(self, count: int, now_ns: int) -> None:
+        """It shows ``count`` now.
 
         A counter that fell was restarted. After that, and after a silence longer than the window,
-        the average begins again.
+        rates begin again.
         """
-        silent = bool(self._points) and now_ns - self._points[-1][0] > self._window_ns
-        if total is None or total < self._total or silent:
-            self._points.clear()
-        if total is None:
-            return
-        self._total = total
-        self._points.append((now_ns, total))
-        # One point from before the window stays, so that the average spans it whole.
-        while len(self._points) > 2 and self._points[1][0] <= now_ns - self._window_ns:
-            self._points.popleft()
+        if self._counts and (count < self._counts[-1][1] or self._silent(now_ns)):
+            self._counts.clear()
+        self._counts.append((now_ns, count))
+        # One count from before the window stays, so that a rate spans it whole.
+        while len(self._counts) > 2 and self._counts[1][0] <= now_ns - self._window_ns:
+            self._counts.popleft()
 
     def per_s(self, now_ns: int) -> float | None:
-        """The average; None before two counts, 0 when none has come for a window."""
-        if not self._points:
+        """The average rate; None before two counts, 0 when none has come for a window."""
+        if not self._counts:
             return None
-        if now_ns - self._points[-1][0] > self._window_ns:
+        if self._silent(now_ns):
             return 0.0
-        (first_ns, first), (last_ns, last) = self._points[0], self._points[-1]
-        if last_ns == first_ns:
-            return None
-        return (last - first) * NS_PER_S / (last_ns - first_ns)
-
-
-class Rise:
-    """Notices when a counter rises.
-
-    Args:
-        value: Its first count, which is no rise.
-        lately_ns: How long a rise is news.
-    """
-
-    def __init__(self, value: int, lately_ns: int = 10 * NS_PER_S) -> None:
-        self._value = value
-        self._lately_ns = lately_ns
-        self._rose_ns: int | None = None
-
-    def see(self, value: int, now_ns: int) -> None:
-        """The counter shows this now."""
-        if value > self._value:
-            self._rose_ns = now_ns
-        self._value = value
+        (first_ns, first), (last_ns, last) = self._counts[0], self._counts[-1]
+        return None if last_ns == first_ns else (last - first) * NS_PER_S / (last_ns - first_ns)
 
     def rising(self, now_ns: int) -> bool:
-        """Whether it rose within ``lately_ns``."""
-        return self._rose_ns is not None and now_ns - self._rose_ns <= self._lately_ns
+        """Whether it rose within the window; its first count is no rise."""
+        return bool(self.per_s(now_ns))
 
-
-class Scale:
-    """The largest recent magnitude, for bars that are neither clipped nor dwarfed for ever.
-
-    Args:
-        smallest: The lower bound of the scale.
-        lately_ns: A value counts for so long, and for up to twice as long.
-    """
-
-    def __init__(self, smallest: float, lately_ns: int = 10 * NS_PER_S) -> None:
-        self._smallest = smallest
-        self._lately_ns = lately_ns
-        self._began_ns = 0
-        self._before = self._now = smallest
-
-    def see(self, *values: float, now_ns: int) -> None:
-        """These are the values now."""
-        if now_ns - self._began_ns > self._lately_ns:
-            self._before, self._now, self._began_ns = self._now, self._smallest, now_ns
-        self._now = max((self._now, *map(abs, values)))
-
-    @property
-    def full(self) -> float:
-        """The value of a full bar."""
-        return max(self._before, self._now)
+    def _silent(self, now_ns: int) -> bool:
+        return now_ns - self._counts[-1][0] > self._window_ns
