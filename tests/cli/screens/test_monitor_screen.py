@@ -132,6 +132,8 @@ def test_while_it_waits_it_says_where_and_why() -> None:
     ):
         assert any(words in line for line in text)
     assert {len(line) for line in text} == {80}
+    assert (text[0][0], text[-1][0]) == ("╭", "╰")
+    assert not text[1].strip("│ ")
 
 
 @given(st.text(max_size=200), st.text(max_size=30), st.text(max_size=200))

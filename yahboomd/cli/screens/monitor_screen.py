@@ -61,12 +61,14 @@ def waiting(view: View, *, where: str, why: str) -> RenderableType:
         words.append((f"{view.unreadable} samples came that cannot be read", "red"))
     words += [("", ""), ("q ends this", QUIET)]
     centred = Text("\n", justify="center").join(sentence(each) for each in words)
-    return Panel(
+    box = Panel(
         Align.center(centred, vertical="middle"),
         title=line(("yahboomd monitor", "bold default")),
         title_align="left",
         border_style="yellow",
     )
+    # A layout is as high as the terminal.
+    return Layout(box)
 
 
 def _beside(left: RenderableType, right: RenderableType, width: int) -> Layout:
