@@ -1,4 +1,4 @@
-"""The only file that asks the time.
+"""Clocks, alarms and schedules: the only file that reads the time.
 
 Intervals and deadlines are integer monotonic nanoseconds (``CLOCK_MONOTONIC``); wall time exists
 for outgoing samples alone. Everything that waits takes a :class:`Clock`, so that tests run on
@@ -18,7 +18,7 @@ from typing import Protocol
 from yahboomd.model import NS_PER_S
 
 PAUSE_NS = 300_000_000
-"""A process that did not run for so long was held up: no control loop is that late by itself."""
+"""A gap this long means that the process did not run: no control loop is that late by itself."""
 
 _TFD_TIMER_ABSTIME = 1
 
@@ -41,12 +41,12 @@ class Alarm(Protocol):
         ...
 
     def close(self) -> None:
-        """Let go of what the alarm holds."""
+        """Release the alarm's resources."""
         ...
 
 
 class Clock(Protocol):
-    """What the edges and the wiring know of time."""
+    """The time as the edges and the wiring see it."""
 
     def now_ns(self) -> int:
         """Monotonic nanoseconds."""
@@ -86,11 +86,11 @@ class Pause:
 
 
 _HELD_UP_NS = 50_000_000
-"""Two clocks cannot be read at once; a suspend that is shorter is of no concern."""
+"""Two clocks cannot be read at once; shorter suspends are ignored."""
 
 
 class PauseWatch:
-    """Notices that this process did not run: stopped, frozen, starved, or suspended.
+    """Detects that this process did not run: stopped, frozen, starved, or suspended.
 
     All threads stand still then, so that those of a network library stamp what waited in the kernel
     as if it had arrived just now. Only a gap between two moments at which the loop ran shows it.
@@ -108,7 +108,7 @@ class PauseWatch:
         self._suspended_ns = 0
 
     def look(self) -> Pause | None:
-        """The pause that ended just now, once; ``None`` where there was none."""
+        """The pause that ended just now, returned once; ``None`` without one."""
         now_ns, suspended_ns = self._clock.now_ns(), self._clock.suspended_ns()
         before_ns, self._ran_ns = self._ran_ns, now_ns
         if before_ns is None:
@@ -125,10 +125,10 @@ class PauseWatch:
 
 
 class Schedule:
-    """Wakes at ``start + n * period``, without drift; beats that were missed are left out.
+    """Wakes at ``start + n * period``, without drift; missed beats are skipped.
 
     Args:
-        clock: What tells the time.
+        clock: The time.
         period_ns: Nanoseconds from beat to beat.
     """
 
@@ -142,7 +142,7 @@ class Schedule:
         self.late_ns = 0
 
     async def beat(self) -> int:
-        """Wait for the next beat and return the moment it was due; ``late_ns`` is how late."""
+        """Wait for the next beat and return the time it was due; ``late_ns`` is its delay."""
         due_ns = self._next_ns
         # A future costs half of what an asyncio.Event does, some hundred times a second.
         ringing = self._ringing = asyncio.get_running_loop().create_future()
@@ -156,7 +156,7 @@ class Schedule:
         return due_ns
 
     def close(self) -> None:
-        """Let go of the timer."""
+        """Release the timer."""
         self._alarm.close()
 
     def _ring(self) -> None:
@@ -165,7 +165,7 @@ class Schedule:
 
 
 async def sleep_until(clock: Clock, deadline_ns: int) -> None:
-    """Return at ``deadline_ns``, or at the loop's next turn when that has passed."""
+    """Return at ``deadline_ns``, or in the loop's next iteration if that has passed."""
     event = asyncio.Event()
     alarm = clock.alarm(event.set)
     try:
@@ -193,7 +193,7 @@ class _LoopAlarm:
 
 
 class LoopClock:
-    """The running event loop's own time: what a virtual-time loop moves by hand.
+    """The running event loop's own time, which a virtual-time loop controls.
 
     Wall time runs beside it from ``epoch_ns``, so that samples carry plausible stamps.
     """
@@ -261,7 +261,7 @@ class _KernelAlarm:
         try:
             os.read(self._fd, 8)
         except BlockingIOError:
-            return  # it was set again between the kernel's word and ours
+            return  # it was set again since the kernel's report
         self._armed_ns = 0
         self._callback()
 

@@ -1,7 +1,7 @@
 """The exceptions of yahboomd, split by what the caller does about them.
 
 ``YahboomdError``
-├── ``ConfigError``      a human edits something: exit 78 (EX_CONFIG)
+├── ``ConfigError``      a person edits something: exit 78 (EX_CONFIG)
 ├── ``LinkError``        the port: the supervisor reconnects
 │   ├── ``PortMissing``      nothing there to open: exit 69 (EX_UNAVAILABLE)
 │   ├── ``PortBusy``         another process owns it
@@ -25,7 +25,7 @@ from typing import ClassVar
 
 
 class YahboomdError(Exception):
-    """Something that a person has to know, in a sentence and with a remedy.
+    """An error that a person reads: what happened, and a remedy.
 
     Args:
         message: What happened and where (port, key, file and line).
@@ -50,7 +50,7 @@ class ConfigError(YahboomdError):
 
 
 class LinkError(YahboomdError):
-    """The serial port cannot be used, now; trying again later may work."""
+    """The serial port cannot be used now; a later attempt may succeed."""
 
     exit_code = os.EX_UNAVAILABLE
 
@@ -70,21 +70,21 @@ class PortDenied(LinkError):
 
 
 class PortLost(LinkError):
-    """The port was open and went away."""
+    """The open port was lost."""
 
 
 class BoardSilent(LinkError):
-    """The port is open and nothing on it answers like a board."""
+    """The port is open, and no board answers on it."""
 
 
 class BoardError(YahboomdError):
-    """The board answered, and refuses, or must not be driven as it is set up."""
+    """The board answered, but refuses, or must not be driven with its settings."""
 
     exit_code = os.EX_CONFIG
 
 
 class BoardStoresNothing(BoardError):
-    """The board's dialect knows no settings: it is sent its motors at each connection."""
+    """The board's dialect stores no settings: it gets its motor type at each connection."""
 
 
 class BusError(YahboomdError):
@@ -94,16 +94,16 @@ class BusError(YahboomdError):
 
 
 class NoDaemon(BusError):
-    """No daemon answers there, now; it may come later."""
+    """No daemon answers there now; it may start later."""
 
 
 class Refused(BusError):
-    """The daemon answered, and does not do what it was asked; the message says why."""
+    """The daemon refused the request; the message gives the reason."""
 
     exit_code = 1
 
 
 class ListenError(YahboomdError):
-    """An address where yahboomd is to be asked cannot be listened on."""
+    """An address for scrapers cannot be listened on."""
 
     exit_code = os.EX_UNAVAILABLE

@@ -1,4 +1,4 @@
-"""The nouns that the rooms hand to each other. Frozen, SI units, radians, monotonic nanoseconds.
+"""The values that rooms pass to each other: frozen, SI units, radians, monotonic nanoseconds.
 
 Axes follow REP 103: x forward, y left, z up; a positive turn is counter-clockwise.
 """
@@ -68,7 +68,7 @@ class Twist2d(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def is_zero(self) -> bool:
-        """Whether this asks for standstill exactly."""
+        """Whether this is exactly zero."""
         return self.vx == 0.0 and self.vy == 0.0 and self.wz == 0.0
 
 
@@ -87,7 +87,7 @@ class Motor(msgspec.Struct, frozen=True, kw_only=True):
     """One motor on the board and the wheel that it turns.
 
     Attributes:
-        name: What messages call it, such as ``left`` or ``front_left``.
+        name: Its name in messages, such as ``left`` or ``front_left``.
         wheel: Index of the kinematic wheel (``Kinematics.wheels``) that it turns; in a skid-steer
             base several motors turn one "wheel", a side.
         position: Its place on the board, 1 to 4.
@@ -186,7 +186,7 @@ class OdometryEstimate(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Event(msgspec.Struct, frozen=True, kw_only=True):
-    """Something that happened once and that a person or a program may have to know.
+    """Something that happened once, published for people and programs.
 
     Attributes:
         kind: What happened.

@@ -1,9 +1,9 @@
-"""CDR, the bytes of ROS 2, for the few messages that a robot base speaks.
+"""CDR, the encoding of ROS 2, for the messages of a robot base.
 
-One law: every value lies at a multiple of its size, counted from behind the four-byte header. So a
-layout is fixed once its strings are known, and is compiled once into a ``struct.Struct``; only
-diagnostics, whose strings change, are written value by value. What goes out is little-endian;
-both orders are read. A factory takes what is configured (frames, names) and returns the encoder.
+One law: every value starts at a multiple of its size, counted from the end of the four-byte header.
+A layout is therefore fixed once its strings are known, and compiled once into a ``struct.Struct``;
+only diagnostics, whose strings change, are written value by value. Output is little-endian; both
+orders are read. A factory takes the configured frames and names and returns the encoder.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ HEADER_LE = b"\x00\x01\x00\x00"
 """Representation CDR_LE, and two bytes of options, zero."""
 
 TWIST_BYTES = 52
-"""The header and six doubles: no stamped message is so short."""
+"""The header and six doubles: a stamped message is longer."""
 
 SECOND_NS = 1_000_000_000
 
@@ -84,9 +84,9 @@ class BatteryEncoder(Protocol):
 
 
 class Layout:
-    """Collects a layout's fields, puts the padding where CDR wants it, and compiles it.
+    """Collects the fields of a layout, pads them as CDR requires, and compiles it.
 
-    Strings and lengths that are known beforehand become part of the layout's constants.
+    Strings and lengths that are known in advance become constants of the layout.
     """
 
     def __init__(self) -> None:
@@ -116,7 +116,7 @@ class Layout:
 def stamp(stamp_ns: int) -> tuple[int, int]:
     """Unix nanoseconds as a builtin_interfaces/msg/Time: (seconds, nanoseconds).
 
-    ROS counts seconds in 32 bits; they wrap as they do there, rather than fail.
+    ROS counts seconds in 32 bits; they wrap here as they do there.
     """
     seconds, nanoseconds = divmod(stamp_ns, SECOND_NS)
     return seconds & 0xFFFFFFFF, nanoseconds
@@ -129,7 +129,7 @@ def decode_velocity(payload: bytes) -> Velocity | str:
         payload: Header and body, in either byte order.
 
     Returns:
-        The velocity, or what is wrong with the bytes. A stamp of zero counts as none.
+        The velocity, or the problem with the bytes. A stamp of zero counts as none.
     """
     order = _ORDERS.get(payload[:2])
     if order is None:
@@ -248,9 +248,9 @@ def joint_state(frame_id: str, names: Sequence[str]) -> JointEncoder:
 
 
 def battery_state(frame_id: str, *, location: str = "", serial_number: str = "") -> BatteryEncoder:
-    """An encoder of sensor_msgs/msg/BatteryState of a battery of which the voltage is measured.
+    """An encoder of sensor_msgs/msg/BatteryState with a measured voltage.
 
-    All else is NaN and "unknown", as the message prescribes for what is not measured.
+    All other fields are NaN or "unknown", as the message prescribes for unmeasured ones.
     """
     frame, place, serial = frame_id.encode(), location.encode(), serial_number.encode()
     pack = (
@@ -299,7 +299,7 @@ def decode_bool(payload: bytes) -> bool | str:
     Up to three bytes may follow: some middleware pads to a multiple of four.
 
     Returns:
-        The flag, or what is wrong.
+        The flag, or the problem.
     """
     if not is_cdr(payload):
         return "no CDR header"
@@ -326,7 +326,7 @@ def service_response(success: bool, message: str) -> bytes:
 
 
 def _float32(value: float) -> float:
-    """What fits a 32-bit float; what does not becomes infinite, where ``struct`` would raise."""
+    """A 32-bit float; larger numbers become infinite, where ``struct`` would raise."""
     return value if not abs(value) > _F32_MAX else math.copysign(math.inf, value)
 
 

@@ -1,6 +1,6 @@
 """Bytes to messages and back: JSON, MessagePack and CDR, distinguished by the first byte.
 
-Nothing here raises on what arrives: every payload becomes a message or a ``Refusal``.
+No payload raises: each becomes a message or a ``Refusal``.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Reason: TypeAlias = Literal[
 ]
 
 MAX_PAYLOAD_BYTES = 4096
-"""What is larger is refused unread; the largest honest request has a few hundred bytes."""
+"""Larger payloads are refused unread; the largest valid request has a few hundred bytes."""
 
 MEDIA_TYPES: dict[Encoding, str] = {
     "json": "application/json",
@@ -59,7 +59,7 @@ _BROKEN = (ValueError, RecursionError, OverflowError)
 
 
 class Refusal(NamedTuple):
-    """Why a payload is not taken: a word to count by, and a sentence for people."""
+    """The reason why a payload is refused: a word to count by, and a sentence for people."""
 
     reason: Reason
     detail: str
@@ -81,7 +81,7 @@ class _Angular(msgspec.Struct):
 
 
 class _Command(msgspec.Struct):
-    """Both shapes of a command; what is absent must be known, not zero."""
+    """Both shapes of a command; absent fields differ from zero."""
 
     vx: float | msgspec.UnsetType = msgspec.UNSET
     vy: float | msgspec.UnsetType = msgspec.UNSET
@@ -121,7 +121,7 @@ def encode_reply(reply: ServiceReply, encoding: Encoding) -> bytes:
 
 
 def encoding_name(message: type[msgspec.Struct] | str, encoding: Encoding) -> str:
-    """What a sample's Zenoh Encoding says, such as ``application/json;PoseSample``.
+    """The Zenoh Encoding of a sample, such as ``application/json;PoseSample``.
 
     Args:
         message: A native message, or the name of any, such as ``nav_msgs/msg/Odometry``.
@@ -132,7 +132,7 @@ def encoding_name(message: type[msgspec.Struct] | str, encoding: Encoding) -> st
 
 
 def encoding_of(payload: bytes) -> Encoding | None:
-    """Which encoding a payload starts like; none for an empty or a strange one."""
+    """The encoding that the first byte indicates; none for an empty or unknown payload."""
     if not payload:
         return None
     first = payload[0]
@@ -146,12 +146,12 @@ def decode_command(payload: bytes) -> ReceivedCommand | Refusal:
     """Reads a velocity command in any of the three encodings and either shape.
 
     JSON and MessagePack hold ``{vx, vy, wz, stamp_ns?, source?}``, or the shape of a ROS Twist,
-    ``{linear: {x, y}, angular: {z}}``; of both at once the first counts. CDR holds a
-    geometry_msgs/msg/Twist or TwistStamped. Unknown fields are ignored, of a field that is there
-    twice the last counts, and a stamp of zero is none.
+    ``{linear: {x, y}, angular: {z}}``; if both are present the first counts. CDR holds a
+    geometry_msgs/msg/Twist or TwistStamped. Unknown fields are ignored; of a
+    repeated field the last counts; a stamp of zero means none.
 
     Args:
-        payload: What arrived, whatever it is.
+        payload: Any bytes.
     """
     encoding = _admit(payload)
     if isinstance(encoding, Refusal):
@@ -185,12 +185,12 @@ def decode_set_pose(payload: bytes) -> SetPoseRequest | Refusal:
 
 
 def is_release_attempt(payload: bytes, *, query: bool = False) -> bool:
-    """Whether an e-stop payload asks for a release, which is refused; all else engages.
+    """Whether an e-stop payload requests a release, which is refused; every other one engages.
 
     Args:
-        payload: What arrived on the e-stop's key.
+        payload: The bytes on the e-stop's key.
         query: It came as a query: then CDR is the request of a SetBool, as ROS 2 calls services,
-            and its false is a release too. In a sample it is none: :func:`is_not_pressed`.
+            and its false requests a release. In a sample it does not: :func:`is_not_pressed`.
     """
     encoding = _admit(payload)
     if isinstance(encoding, Refusal):
@@ -198,7 +198,7 @@ def is_release_attempt(payload: bytes, *, query: bool = False) -> bool:
     if encoding == "cdr":
         return query and cdr.decode_bool(payload) is False
     try:
-        # All of it is read: a payload that is broken anywhere is none that releases.
+        # The whole payload is decoded: one that is malformed anywhere does not release.
         value = _DECODE_ANY[encoding](payload)
     except _BROKEN:
         return False
@@ -208,13 +208,13 @@ def is_release_attempt(payload: bytes, *, query: bool = False) -> bool:
 def is_not_pressed(payload: bytes) -> bool:
     """Whether an e-stop sample is a std_msgs/msg/Bool that is false: neither stop nor release.
 
-    Buttons in ROS 2 say all the time that they are not pressed.
+    ROS 2 buttons publish false all the time while they are not pressed.
     """
     return cdr.decode_bool(payload) is False
 
 
 def estop_by(payload: bytes) -> str:
-    """Who asks for the emergency stop, as its payload says; empty where it says nothing."""
+    """Who engages the emergency stop, by its payload; empty if it names no one."""
     encoding = _admit(payload)
     if isinstance(encoding, Refusal) or encoding == "cdr":
         return ""
@@ -227,7 +227,7 @@ def estop_by(payload: bytes) -> str:
 
 
 def _admit(payload: bytes) -> Encoding | Refusal:
-    """The encoding of a payload that is worth reading."""
+    """The encoding of a payload that is small enough and known."""
     size = len(payload)
     if size > MAX_PAYLOAD_BYTES:
         return Refusal("oversize", f"{size} bytes, {MAX_PAYLOAD_BYTES} at most")
@@ -281,7 +281,7 @@ def _from_map(command: _Command, encoding: Encoding) -> ReceivedCommand | Refusa
 
 
 def _why(error: Exception, payload: bytes, encoding: Encoding) -> Refusal:
-    """What kind of broken: not a number that a velocity may be, a wrong type, or no such bytes."""
+    """The kind of error: a number that is no velocity, a wrong type, or malformed bytes."""
     detail = str(error)[:_DETAIL_CHARACTERS]
     if encoding == "json" and _holds_infinite(payload):
         return Refusal("not_finite", "a number that is not finite")
@@ -291,9 +291,9 @@ def _why(error: Exception, payload: bytes, encoding: Encoding) -> Refusal:
 
 
 def _holds_infinite(payload: bytes) -> bool:
-    """Whether this is JSON but for a NaN, an Infinity, or a number beyond what a double holds.
+    """Whether this is JSON except for a NaN, an Infinity, or a number too large for a double.
 
-    msgspec, rightly, takes none of these for JSON; many libraries write them all the same.
+    msgspec rejects these, because they are not JSON; many libraries write them.
     """
     found: list[str] = []
 

@@ -1,4 +1,4 @@
-"""Every kind of event: how severe it is, when it is published, and what its ``data`` holds.
+"""Every kind of event: its severities, when it is published, and its ``data``.
 
 Only kinds of :data:`~yahboomd.model.EventKind` can be published, and each has its row here. Kinds
 with ``data`` have a message of their own: the same event, with the types of its data.

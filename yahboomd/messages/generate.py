@@ -1,7 +1,7 @@
-"""Writes ``schemas/``: what another language needs to speak with the daemon, from the Structs.
+"""Writes ``schemas/`` from the Structs: schemas and samples for programs in other languages.
 
 ``python -m yahboomd.messages.generate FOLDER`` writes; ``--check`` compares, lists what differs,
-and exits with 1 if anything does. The same Structs give the same bytes.
+and exits with 1 if anything does. Equal Structs give equal bytes.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 BESIDE = "asyncapi.json"
-"""Is in the same folder, made by :mod:`yahboomd.daemon.asyncapi`: it needs the keys, too."""
+"""In the same folder, but written by :mod:`yahboomd.daemon.asyncapi`, which knows the keys."""
 
 EXACT_IN_A_DOUBLE = 2**53
-"""Generators read a schema's numbers as doubles: a larger bound is another number to them."""
+"""Generators read numbers of a schema as doubles, which would change a larger bound."""
 
 
 def _none_of(*names: str) -> dict[str, Any]:
@@ -118,7 +118,7 @@ def schema(name: str) -> dict[str, Any]:
 
 
 def _for_generators(node: object) -> Any:  # noqa: ANN401 - a schema is any JSON
-    """The same schema in the forms that every generator of types understands.
+    """The same schema in forms that every type generator supports.
 
     A list of fixed length is a plain list (of a tuple they make ``never[]``, or nothing that
     compiles); a group of counters is an object of whatever is in it; 64 bits are said by a format.
@@ -163,7 +163,7 @@ def generated() -> dict[str, bytes]:
 
 
 def differences(expected: Mapping[str, bytes], found: Mapping[str, bytes]) -> list[str]:
-    """What is missing, different or superfluous, one line each."""
+    """Missing, different and superfluous files, one line each."""
     lines: list[str] = []
     for path in sorted({*expected, *found}):
         if path not in found:

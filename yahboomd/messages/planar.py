@@ -9,8 +9,8 @@ from yahboomd.messages import cdr
 from yahboomd.model import Matrix3, OdometryEstimate, Pose2d, Twist2d
 
 UNMEASURED = 1e6
-"""The variance of what wheels cannot tell (z, roll, pitch): so large that filters give it no
-weight, and not zero, which would claim perfect knowledge."""
+"""The variance of axes that wheels cannot measure (z, roll, pitch): so large that filters give
+them no weight. Zero would claim perfect knowledge."""
 
 Numbers = tuple[float, ...]
 

@@ -40,10 +40,10 @@ TYPE_HASHES: dict[str, str] = {
     TRIGGER: "RIHS01_eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f",
     SET_BOOL: "RIHS01_abe9e4bb6b41b40e6789712c00ec8871923e089af3f667a79992a428cff2da0a",
 }
-"""RIHS01 (REP 2016) of every type that we speak, the same in all distributions that have hashes."""
+"""RIHS01 (REP 2016) of every type in use, the same in all distributions that have hashes."""
 
 NO_TYPE_HASH = "TypeHashNotSupported"
-"""What rmw_zenoh writes in the hash's place on Humble, which has no type hashes."""
+"""Written instead of the hash on Humble, which has no type hashes."""
 
 DISTROS_WITHOUT_HASHES = frozenset({"humble"})
 
@@ -116,7 +116,7 @@ def bridge_token(
     """The token that announces a topic or a service to every bridge.
 
     Args:
-        kind: What we are on this key.
+        kind: Our role on this key.
         zid: Our session's Zenoh id.
         key: The plain key, with namespaces, such as ``bot1/odom``.
         ros_type: Such as ``nav_msgs/msg/Odometry``.
@@ -171,8 +171,8 @@ def endpoint_token(
     """The token that puts a publisher, a subscriber or a service into the graph.
 
     Args:
-        kind: What it is.
-        node: Whose it is.
+        kind: The endpoint's role.
+        node: Its node.
         entity: Its number, from 1 on, different from all others of the session.
         topic: Fully qualified, without slashes at its ends.
         ros_type: Such as ``nav_msgs/msg/Odometry``.
@@ -187,12 +187,12 @@ def endpoint_token(
 
 
 def gid_of(token: str) -> bytes:
-    """16 bytes that tell an endpoint from all others: a digest of its token, which is unique."""
+    """16 bytes that identify an endpoint: a digest of its token, which is unique."""
     return hashlib.blake2b(token.encode(), digest_size=GID_BYTES).digest()
 
 
 def attachment(sequence: int, stamp_ns: int, gid: bytes) -> bytes:
-    """The 33 bytes that rmw_zenoh wants with every sample.
+    """The 33 bytes that rmw_zenoh requires with every sample.
 
     Args:
         sequence: Counts the samples of this publisher, from 1 on; a reply repeats the request's.

@@ -125,7 +125,7 @@ NATIVE: dict[str, msgspec.Struct] = {
 
 
 class CdrSample(NamedTuple):
-    """A ROS 2 message: its type, what it holds in ROS 2's field names, and its bytes."""
+    """A ROS 2 message: its type, its fields by their ROS 2 names, and its bytes."""
 
     ros_type: str
     values: dict[str, Any]
@@ -284,4 +284,4 @@ REFUSED: dict[str, RefusedSample] = {
     "cdr_cut": RefusedSample("malformed", _TWIST_CDR[:-1]),
     "cdr_trailing_byte": RefusedSample("malformed", _TWIST_CDR + b"\0"),
 }
-"""Commands that are refused, by the name of what is wrong with them."""
+"""Refused commands, by the name of their error."""

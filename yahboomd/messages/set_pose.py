@@ -1,8 +1,7 @@
-"""What a request to set the pose may say: a covariance that can be one.
+"""Checks the covariance in a request to set the pose.
 
-Law: what passes has a pose and a covariance from which odometry can go on for ever, in numbers that
-stay finite. The limits of single numbers stand in the message (:mod:`.native`); this is what holds
-between them.
+Law: from an accepted pose and covariance odometry can continue for ever in finite numbers. The
+message limits single numbers (:mod:`.native`); this file checks them against each other.
 """
 
 from __future__ import annotations
@@ -12,19 +11,19 @@ import math
 from yahboomd.model import Matrix3
 
 TOLERANCE = 1e-6
-"""Of correlations: what writing a matrix with seven digits may make of it."""
+"""The rounding error of correlations in a matrix written with seven digits."""
 
 NOTHING = 1e-12
-"""Covariances no larger are zero: a tick of an encoder, which odometry adds, is more."""
+"""Smaller covariances count as zero: the encoder tick that odometry adds is more."""
 
 _PAIRS = ((0, 1), (0, 2), (1, 2))
 
 
 def covariance_problem(covariance: Matrix3) -> str | None:
-    """Why a matrix is no covariance of (x, y, theta); None when it is one.
+    """The reason why a matrix is no covariance of (x, y, theta); None if it is one.
 
-    Correlations are looked at instead of covariances: metres and radians differ by orders of
-    magnitude, and what rounding leaves is relative to them.
+    Correlations are checked instead of covariances: metres and radians differ by orders of
+    magnitude, and rounding errors are relative to them.
 
     Args:
         covariance: Row by row, all finite.

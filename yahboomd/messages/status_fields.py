@@ -1,7 +1,7 @@
 """Every counter and fact of the status: name, group, kind, unit and meaning.
 
-The groups of :class:`~yahboomd.messages.native.StatusSample` hold what is listed here and nothing
-else. Counters start at 0 with the daemon, only grow, and are present from the first status on.
+The groups of :class:`~yahboomd.messages.native.StatusSample` contain exactly the
+fields listed here. Counters start at 0 with the daemon, only grow, and are in every status.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Literal, TypeAlias, get_args
 import msgspec
 
 GroupName: TypeAlias = Literal["board", "link", "command", "sources", "bus"]
-"""A group of the status; ``sources`` is the account of one command source, ``command.sources``."""
+"""A group of the status; ``sources`` has the counters of one command source."""
 
 FieldKind: TypeAlias = Literal["counter", "gauge", "text"]
 """A counter only grows until the daemon ends; a gauge is a number that also falls."""
@@ -25,9 +25,9 @@ class StatusField(msgspec.Struct, frozen=True, kw_only=True):
         group: Where it is.
         kind: Counter, gauge or text.
         unit: ``s``, ``ns``, ``V``, ``mm``, ``bytes``; empty for a plain number or a text.
-        meaning: What it says, in one phrase.
-        absent: When it is missing; empty where it is present from the first status on.
-        per: What the value is a map by, such as ``source``; empty for a single value.
+        meaning: Its meaning, in one phrase.
+        absent: When it is missing; empty if it is present from the first status on.
+        per: The keys of a map, such as ``source``; empty for a single value.
     """
 
     name: str
@@ -55,7 +55,7 @@ REFUSALS: dict[str, str] = {
     "lower_priority": "another source drives, with at least the same priority",
     "not_standing": "control passes down only once the wheels stand",
 }
-"""Why a command is refused, by the word that it is counted under."""
+"""Reasons to refuse a command, by the word under which they are counted."""
 
 _ACCOUNT = {
     "received": "commands that arrived, lost and refused ones included",
@@ -269,4 +269,4 @@ ZEROS: dict[GroupName, dict[str, int]] = {
     }
     for group in get_args(GroupName)
 }
-"""The counters of each group as they start: a status is these, replaced by what has counted."""
+"""The counters of each group at the start, all zero."""

@@ -1,4 +1,4 @@
-"""The text that scrapers read: OpenMetrics 1.0, and Prometheus' older format for those who ask.
+"""The text format of metrics: OpenMetrics 1.0, or Prometheus' older format on request.
 
 The two differ in a few lines: OpenMetrics names a counter without ``_total``, knows units and the
 type ``info``, and ends with ``# EOF``. Sources:
@@ -19,7 +19,7 @@ CLASSIC = "text/plain; version=0.0.4; charset=utf-8"
 Kind: TypeAlias = Literal["counter", "gauge", "info"]
 
 MAX_LABEL = 128
-"""Characters of a label's value that are kept: some of them come from other programs."""
+"""The longest value of a label: some values come from other programs."""
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*\Z")
 _SUFFIX: Mapping[Kind, str] = {"counter": "_total", "gauge": "", "info": "_info"}
@@ -33,7 +33,7 @@ class Family:
 
     Args:
         name: Without the suffix of its kind, with its unit at the end.
-        kind: Counter, gauge, or an info whose labels are what it says.
+        kind: Counter, gauge, or an info, whose labels carry the information.
         meaning: One phrase.
         unit: A base unit in the plural, such as ``seconds``; empty for a plain number.
     """
@@ -77,7 +77,7 @@ class Exposition:
         """The family of a name; the first call decides about kind, meaning and unit.
 
         Raises:
-            ValueError: Its name or unit are not as the format wants them.
+            ValueError: Its name or unit violate the format.
         """
         known = self._families.get(name)
         if known is None:
@@ -87,7 +87,7 @@ class Exposition:
         return known
 
     def text(self, *, openmetrics: bool) -> str:
-        """Everything, as one of the two formats has it."""
+        """All families in one of the two formats."""
         lines = [
             line
             for family in self._families.values()

@@ -1,4 +1,4 @@
-"""The door for scrapers: HTTP, one page, bounded in time, size and number.
+"""The HTTP listener for scrapers: one page, bounded in time, size and number.
 
 A browser on the same machine reaches loopback too, and with a name that its owner points there
 (DNS rebinding) any website could read the answer. So the Host header has to be an address,
@@ -24,17 +24,17 @@ PATH = "/metrics"
 
 MAX_HEAD = 8192
 MAX_OPEN = 16
-"""Connections at once; one more closes the oldest."""
+"""Simultaneous connections; one more closes the oldest."""
 
 READ_S = 5.0
 WRITE_S = 10.0
-"""How long a scraper may take to ask, and to read the answer."""
+"""Time for a scraper to send its request, and to read the answer."""
 
 OUTCOMES: Final = (
     *("answered", "bad_request", "bad_host", "bad_method", "bad_path"),
     *("too_slow", "gone", "crowded_out"),
 )
-"""What becomes of a connection, as it is counted."""
+"""Outcomes of a connection, which are counted."""
 
 _PLACE = re.compile(r"(?P<host>\[[0-9A-Fa-f:.]+\]|[^\[\]:]+)(?::(?P<port>\d{1,5}))?\Z")
 _REASONS = {200: "OK", 400: "Bad Request", 404: "Not Found", 405: "Method Not Allowed"} | {
@@ -55,7 +55,7 @@ class Place(msgspec.Struct, frozen=True, kw_only=True):
 
     @classmethod
     def of(cls, text: str) -> Self | None:
-        """Read ``127.0.0.1:9448``, ``[::1]:9448`` or ``localhost:9448``; None for all else."""
+        """Read ``127.0.0.1:9448``, ``[::1]:9448`` or ``localhost:9448``; None for anything else."""
         found = _PLACE.match(text)
         if found is None or found["port"] is None or int(found["port"]) > 65535:
             return None
@@ -80,7 +80,7 @@ class MetricsListener:
         names: Host names, besides ``localhost`` and addresses, by which scrapers may ask.
 
     Attributes:
-        outcomes: Connections by what became of them.
+        outcomes: Connections by outcome.
     """
 
     def __init__(
@@ -116,7 +116,7 @@ class MetricsListener:
 
     @property
     def place(self) -> Place:
-        """Where it listens, with the port that it got."""
+        """The address on which it listens, with the actual port."""
         if self._server is None:
             return self._place
         host, port = self._server.sockets[0].getsockname()[:2]

@@ -1,6 +1,6 @@
-"""What is known of robots, as metrics, and the page of them that scrapers get.
+"""Metrics of robots, and the page of them for scrapers.
 
-Every number of the status is one: its name, kind, unit and meaning come from
+Every number of the status is a metric: its name, kind, unit and meaning come from
 :data:`~yahboomd.messages.status_fields.FIELDS`. Numbers that FIELDS does not list (from a daemon of
 another version) are left out and counted. Texts are left out, except those that describe the board.
 """
@@ -18,7 +18,7 @@ from yahboomd.messages.status_fields import FIELDS, StatusField
 from yahboomd.metrics.exposition import Exposition, Kind
 
 MAX_SERIES = 64
-"""Sources, wheels and reasons that are taken from one sample: any program may have written it."""
+"""The most sources, wheels and reasons of one sample: any program may have written it."""
 
 FRESH_NS = 2_000_000_000
 """A twist or wheels sample so much older than the status says nothing about now."""
@@ -45,16 +45,16 @@ Item = TypeVar("Item")
 
 
 class RobotFacts(msgspec.Struct, frozen=True, kw_only=True):
-    """What is known of one robot at one moment.
+    """The newest samples of one robot.
 
     Attributes:
         name: Its namespace, or ``yahboomd``.
         status: The newest status; None unless its daemon is alive.
-        status_age_s: For how long no new status has come; None before the first.
+        status_age_s: Seconds since the newest status arrived; None before the first.
         twist: The newest twist.
         wheels: The newest wheels.
         events: Events since this process began to listen, by kind and severity.
-        unreadable: Statuses, answers and events that were no such message.
+        unreadable: Statuses, answers and events that could not be decoded.
     """
 
     name: str
@@ -78,13 +78,13 @@ def add_robot(exposition: Exposition, robot: RobotFacts) -> None:
     """Add the series of one robot.
 
     A daemon that is not alive leaves ``yahboomd_up 0``, the age of its last status and what this
-    process itself has counted. Its old numbers are left out: they would look alive.
+    process itself has counted. Old numbers are left out: they would look current.
     """
     _RobotMetrics(exposition, robot).add()
 
 
 class _RobotMetrics:
-    """One robot on its way into an exposition."""
+    """Adds one robot to an exposition."""
 
     def __init__(self, exposition: Exposition, robot: RobotFacts) -> None:
         self._exposition = exposition
@@ -255,7 +255,7 @@ def _some(items: Iterable[Item]) -> Iterable[Item]:
 
 
 PAGE_KEPT_NS = 500_000_000
-"""A page is kept for so long: a flood of scrapes writes it out again, and computes nothing."""
+"""How long a page is reused, so that a flood of scrapes computes nothing."""
 
 
 class Page:
@@ -263,8 +263,8 @@ class Page:
 
     Args:
         now_ns: Monotonic time.
-        robots: What is known of each robot.
-        version: This program's.
+        robots: The facts of each robot.
+        version: The version of this program.
     """
 
     def __init__(
