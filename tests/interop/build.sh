@@ -3,6 +3,7 @@
 #   bridge   zenoh-bridge-ros2dds (Rust, with Cyclone DDS in it)
 #   native   a node that speaks rmw_zenoh's protocol (Rust)
 #   venv     Python with cyclonedds, for dds_node.py
+#   jazzy    ROS 2 itself as wheels: rclpy on rmw_fastrtps, for ros_node.py (300 MB)
 # What is there and up to date is left alone. Exit code: 0 all built, 1 something is missing (said which and why).
 set -uo pipefail
 here="$(cd "$(dirname "$0")" && pwd)"
@@ -29,6 +30,21 @@ if [ "$(cat "$cache/venv/.interop" 2>/dev/null)" != "$wanted" ]; then
     "$cache/venv/bin/python" -c 'import cyclonedds.domain' &&
     echo "$wanted" >"$cache/venv/.interop" ||
     lacks venv "pip could not install $wanted, or it does not load here"
+fi
+
+wheels="rclpy rmw-fastrtps-cpp nav-msgs geometry-msgs std-msgs std-srvs"
+ros="$cache/jazzy"
+if [ "$(cat "$ros/.interop" 2>/dev/null)" != "$wheels" ]; then
+  echo "interop: ROS 2 Jazzy: $wheels"
+  rm -rf "$ros"
+  # The wheels are for one version of Python.
+  # shellcheck disable=SC2086
+  "$python" -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' &&
+    "$python" -m venv "$ros" &&
+    "$ros/bin/python" -m pip install -q --disable-pip-version-check $(printf 'ros-jazzy-%s ' $wheels) &&
+    AMENT_PREFIX_PATH="$ros" "$ros/bin/python" -c 'import rclpy; rclpy.init(); rclpy.shutdown()' &&
+    echo "$wheels" >"$ros/.interop" ||
+    lacks jazzy "its wheels are for CPython 3.11; pip could not install them, or they do not load here"
 fi
 
 # The programs, keyed by every file that makes them.
@@ -69,4 +85,4 @@ find "$cache/bin" -mindepth 1 -maxdepth 1 -type d ! -name "$key" -exec rm -rf {}
 
 [ "${#missing[@]}" -eq 0 ] || exit 1
 [ -n "${KEEP_TARGET:-}" ] || rm -rf "$cache/target" # a gigabyte that only a rebuild would use
-echo "interop: bridge, native and venv are in $cache"
+echo "interop: bridge, native, venv and jazzy are in $cache"

@@ -17,6 +17,7 @@ from typing import Any
 
 import pytest
 import zenoh
+from real_robot import RealRobot
 from zenoh_fixtures import free_endpoint
 
 from yahboomd.messages import cdr, ros2
@@ -33,12 +34,15 @@ CACHE = (
 PATIENCE_S = 30.0
 """How long a condition may take: discovery over DDS needs a second or two, a busy machine more."""
 
+LASER = 'ros2.static_transforms=[{parent="base_link",child="laser",x=0.1,yaw=1.5707963267948966}]'
+
 Event = dict[str, Any]
 
 
 def built(name: str) -> Path:
     """The program or environment `name` out of the cache, or a skip that says how to get it."""
-    path = CACHE / ("venv/bin/python" if name == "venv" else f"bin/current/{name}")
+    environments = ("venv", "jazzy")
+    path = CACHE / (f"{name}/bin/python" if name in environments else f"bin/current/{name}")
     if not path.exists():
         pytest.skip(f"{name} is not built: `make interop` builds it ({path} is missing)")
     return path
@@ -323,6 +327,7 @@ class Bridge:
     program: Path
     log: Path
     config: Path = EXAMPLE
+    discovery: str = "LOCALHOST"
     port: int = field(default_factory=lambda: int(free_endpoint().rpartition(":")[2]))
     domain: int = field(default_factory=free_domain)
     process: subprocess.Popen[bytes] | None = None
@@ -336,7 +341,7 @@ class Bridge:
             **os.environ,
             "ROS_DISTRO": "jazzy",
             "ROS_DOMAIN_ID": str(self.domain),
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": self.discovery,
             "CYCLONEDDS_URI": "<CycloneDDS><Domain><General><Interfaces>"
             '<NetworkInterface name="lo"/></Interfaces></General></Domain></CycloneDDS>',
         }
@@ -384,6 +389,31 @@ def start_dds_node(bridge: Bridge, tmp_path: Path) -> Iterator[Callable[..., Pee
 
 
 @pytest.fixture
+def ros_bridge(tmp_path: Path) -> Iterator[Bridge]:
+    """The bridge beside ROS 2 as it is installed: discovery by multicast, but on loopback."""
+    bridge = Bridge(built("bridge"), tmp_path / "bridge.log", discovery="SUBNET")
+    try:
+        bridge.start()
+        yield bridge
+    finally:
+        bridge.stop()
+
+
+@pytest.fixture
+def start_ros_node(ros_bridge: Bridge, tmp_path: Path) -> Iterator[Callable[[], Peer]]:
+    """Starts nodes of ROS 2 itself on rmw_fastrtps, in the bridge's domain."""
+    with ExitStack() as stack:
+
+        def start() -> Peer:
+            command = [str(built("jazzy")), str(HERE / "ros_node.py"), str(ros_bridge.domain)]
+            peer = start_peer(command, tmp_path / f"ros_node_{time.monotonic_ns()}.log")
+            stack.callback(peer.close)
+            return peer
+
+        yield start
+
+
+@pytest.fixture
 def dds_node(start_dds_node: Callable[..., Peer]) -> Peer:
     """A ROS 2 node over DDS that hears every topic of a robot base."""
     return start_dds_node()
@@ -424,3 +454,21 @@ def start_native_node(router: Router, tmp_path: Path) -> Iterator[Callable[[], P
 @pytest.fixture
 def native_node(start_native_node: Callable[[], Peer]) -> Peer:
     return start_native_node()
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Iterator[Callable[..., RealRobot]]:
+    """Starts a robot that joins a router, with settings such as ``ros2.rmw_zenoh=true``."""
+    robots: list[RealRobot] = []
+
+    def start(endpoint: str, *settings: str) -> RealRobot:
+        run = [f'zenoh.connect=["{endpoint}"]', LASER, *settings]
+        folder = tmp_path / f"robot{len(robots)}"
+        folder.mkdir()
+        robots.append(RealRobot(folder, run=[part for each in run for part in ("--set", each)]))
+        robots[-1].daemon.says("Connected")
+        return robots[-1]
+
+    yield start
+    for each in robots:
+        each.close()

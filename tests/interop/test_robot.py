@@ -3,13 +3,11 @@
 import math
 
 import pytest
-from real_robot import RealRobot
 
 from yahboomd.messages import ros2
 
 pytestmark = pytest.mark.realtime
 
-LASER = 'ros2.static_transforms=[{parent="base_link",child="laser",x=0.1,yaw=1.5707963267948966}]'
 OUT = {
     "/odom": ros2.ODOMETRY,
     "/tf": ros2.TF_MESSAGE,
@@ -17,27 +15,10 @@ OUT = {
     "/joint_states": ros2.JOINT_STATE,
     "/battery_state": ros2.BATTERY_STATE,
     "/diagnostics": ros2.DIAGNOSTIC_ARRAY,
+    "/yahboomd/estopped": ros2.BOOL,
 }
 IN = ("/cmd_vel", "/cmd_vel/teleop")
 TRIGGERS = ("/yahboomd/estop/reset", "/yahboomd/odometry/reset")
-
-
-@pytest.fixture
-def robot(tmp_path):
-    """Starts a robot that joins a router, with settings such as ``ros2.rmw_zenoh=true``."""
-    robots = []
-
-    def start(endpoint, *settings):
-        run = [f'zenoh.connect=["{endpoint}"]', LASER, *settings]
-        folder = tmp_path / f"robot{len(robots)}"
-        folder.mkdir()
-        robots.append(RealRobot(folder, run=[part for each in run for part in ("--set", each)]))
-        robots[-1].daemon.says("Connected")
-        return robots[-1]
-
-    yield start
-    for each in robots:
-        each.close()
 
 
 def distance(message, x, y):
