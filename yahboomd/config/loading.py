@@ -133,9 +133,11 @@ def _wrong(layers: Layers, errors: list[ErrorDetails]) -> dict[Place, tuple[Orig
         from yahboomd.config.mistakes import place_of, words_for
 
         place = place_of(error)
-        # A list may have too few entries only because one of them is wrong.
-        if not any(len(bad) >= len(place) and _overlap(bad, place) for bad in wrong):
-            wrong[place] = (layers.origin(place), f"{dotted(place)}: {words_for(error)}")
+        if error["type"] == "too_short" and any(bad[: len(place)] == place for bad in wrong):
+            # Wrong entries do not count.
+            continue
+        mistake = f"{dotted(place)}: {words_for(error)}"
+        wrong.setdefault(place, (layers.origin(place), mistake))
     return wrong
 
 

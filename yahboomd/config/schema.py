@@ -66,14 +66,19 @@ def node_at(place: Place) -> Node:
     return node
 
 
-def places(node: Node | None = None, at: Place = ()) -> Iterator[Place]:
-    """Every key that there is, below a node."""
-    node = resolved(_whole() if node is None else node)
+@cache
+def places() -> tuple[Place, ...]:
+    """Every key that there is."""
+    return tuple(_places(_whole(), ()))
+
+
+def _places(node: Node, at: Place) -> Iterator[Place]:
+    node = resolved(node)
     for key, inner in node.get("properties", {}).items():
         yield (*at, key)
-        yield from places(inner, (*at, key))
+        yield from _places(inner, (*at, key))
     if inside := _entries(node):
-        yield from places(inside, (*at, ANY))
+        yield from _places(inside, (*at, ANY))
 
 
 def entry_table(node: Node) -> Node | None:
