@@ -64,6 +64,7 @@ def test_endpoints_that_zenoh_takes_are_taken(endpoint):
         "ws/localhost:80",
         "serial//dev/ttyUSB0",
         "unixsock-stream/",
+        "unixsock-stream/relative.sock",
         "tcp/127.0.0.1:7448\n",
     ],
 )

@@ -94,6 +94,18 @@ def test_set_wins_over_environment_over_file_over_default(given):
     assert config.zenoh.mode == "router"
 
 
+def test_contradictions_are_reported_beside_an_unknown_section(complaints):
+    lines = complaints("[nonsense]\nkey = 1\n[command]\nresend_s = 0.4\n")
+    assert [line.split(": ")[1] for line in lines] == ["nonsense", "command.resend_s"]
+
+
+def test_a_table_of_an_override_replaces_what_was_written_in_it_before(complaints):
+    (line,) = complaints("[limits]\nlinear = { velocity = 1 }\n", "limits.linear={velocity=0}")
+    assert line.startswith("--set limits.linear={velocity=0}: limits.linear.velocity: expected")
+    (line,) = complaints("", "ros2.joint_names.left=7", "ros2.joint_names={left=8}")
+    assert line.startswith("--set ros2.joint_names={left=8}: ros2.joint_names.left: expected")
+
+
 def test_the_last_of_two_overrides_wins(given):
     assert given("", "zenoh.namespace=a", "zenoh.namespace=b").config.zenoh.namespace == "b"
 

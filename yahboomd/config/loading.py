@@ -158,7 +158,7 @@ def _take_texts(layers: Layers, errors: list[ErrorDetails]) -> bool:
         if error["type"] == "tuple_type" and isinstance(value, str):
             bare = value.strip().removeprefix("[").removesuffix("]")
             table[place[-1]] = [entry.strip() for entry in bare.split(",") if entry.strip()]
-        elif error["type"] in {"string_type", "literal_error"} and not isinstance(value, str):
+        elif error["type"] == "string_type":
             table[place[-1]] = text
         else:
             continue

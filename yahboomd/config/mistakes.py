@@ -63,7 +63,6 @@ def _unknown(place: Place) -> str:
         return f'{words}; "{name}" belongs to each entry of {entries}, {{ {keys} }}'
     if close := difflib.get_close_matches(str(name).lower(), known, n=1):
         return f'{words}; did you mean "{close[0]}"?'
-    sections = [home for home in homes if len(home) == 1]
-    if len(sections) == 1:
-        return f'{words}; "{name}" belongs to [{dotted(sections[0])}]'
+    if sections := [f"[{home[0]}]" for home in homes if len(home) == 1]:
+        return f'{words}; "{name}" belongs to {" or ".join(sections)}'
     return f"{words}; known here: {', '.join(known)}"

@@ -23,7 +23,7 @@ def key_lines(text: str) -> dict[Place, int]:
     lines: dict[Place, int] = {}
     newest: dict[Place, int] = {}
     table: Place = ()
-    start, statement, has_begun = 1, "", False
+    start, statement = 1, ""
     for number, line in enumerate(text.split("\n"), start=1):
         statement += f"{line}\n"
         for end in _ENDS:
@@ -37,8 +37,7 @@ def key_lines(text: str) -> dict[Place, int]:
             else:
                 found = [(*table, *place) for place in _places(read)]
             for place in found:
-                lines.setdefault(place, number if end or has_begun else start)
-            has_begun = bool(end)
+                lines.setdefault(place, number)
             if not end:
                 start, statement = number + 1, ""
             break
