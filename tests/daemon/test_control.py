@@ -61,8 +61,9 @@ async def test_the_pose_follows_the_ground_truth(tmp_path: Path, dialect: str) -
 async def test_a_new_command_is_on_the_wire_at_once_when_the_line_is_free(tmp_path: Path) -> None:
     async with robot(tmp_path) as bench:
         await bench.ready()
-        await asyncio.sleep(0.305)
         assert bench.port is not None
+        while bench.clock.now_ns() - bench.port.written[-1][0] < 20_000_000:
+            await asyncio.sleep(0.005)
         before = len(bench.port.written)
         now_ns = bench.clock.now_ns()
         bench.command(0.3)
