@@ -1,4 +1,4 @@
-"""How often healthy wheels are accused, and how soon lying ones are cut, on virtual time.
+"""False alarms of healthy wheels, and times to the cut of broken ones, on virtual time.
 
     make alarms MINUTES=60 SEED=1
     make alarms SEED=1 ARGS='--first 37 --pieces 1 --words'
@@ -7,10 +7,10 @@
 Drives a simulated robot at random, in pieces of a minute. Each piece has its own dialect, share of
 lost bytes, supply voltage, motor lag and speed loop of the firmware, and ends with one wheel that
 breaks. An alarm is false when the wheel obeyed the bytes that the board received: a healthy wheel
-always does, so before the end of a piece every alarm is false. The table says of how many the board
-had received another speed than was sent. A wheel that breaks shows it only while it is driven: the
-time to the cut is the sum of the moments at which the robot was commanded to move, and the longest
-that it stood meanwhile, after a cut that blamed the line, has a row of its own.
+always does, so before the end of a piece every alarm is false. The table counts those for which the
+board had received another speed than was sent. A broken wheel shows only while it is driven: the
+time to the cut counts only while the robot is commanded to move. The longest time that it stood
+meanwhile, after a cut that blamed the line, has a row of its own.
 
 The second line replays one piece, by the number that ``--words`` prints. The third only breaks
 wheels.
@@ -50,7 +50,7 @@ ALARMS = (
     "reset_loop",
 )
 QUIET = ("slow_stops", "noisy_cuts")
-"""Cuts that accuse no wheel, by the counter in status."""
+"""Cuts that blame no wheel, by their counter in the status."""
 
 BROKEN = ("phases-swapped", "encoder-reversed", "encoder-dead", "stalled", "unplugged")
 LOSSES = (0.0, 0.0, 0.001, 0.01, 0.02, 0.05)
@@ -62,14 +62,14 @@ LATELY_NS = 300 * MS
 
 
 class Piece(msgspec.Struct, frozen=True, kw_only=True):
-    """What one robot is like.
+    """The properties of one robot.
 
     Attributes:
         dialect: The firmware.
         loss: Share of bytes lost, each way.
         volts: The supply; the motors are rated for 12 V.
-        lag_s: Of a driven motor.
-        gain: Of the firmware's speed loop.
+        lag_s: The time constant of a driven motor.
+        gain: The gain of the firmware's speed loop.
         missing: By how much the board's dead zone is below the motors', in PWM units.
         unlimited: Whether no acceleration is limited.
     """
@@ -84,7 +84,7 @@ class Piece(msgspec.Struct, frozen=True, kw_only=True):
 
     @staticmethod
     def draw(chance: random.Random, lags: tuple[float, float]) -> Piece:
-        """Any of those that are healthy."""
+        """Choose one of the healthy wheels."""
         gain = chance.choice((PLAIN_GAIN, QUICK_GAIN))
         return Piece(
             dialect=chance.choice(("streamed", "streamed", "polled")),
@@ -98,7 +98,7 @@ class Piece(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Tally:
-    """What came of all pieces."""
+    """The results of all pieces."""
 
     def __init__(self) -> None:
         self.minutes = 0.0
@@ -114,7 +114,7 @@ class Tally:
 
 
 class Received:
-    """The speeds that the board's loops were given, beside those that were sent."""
+    """The speeds that the board received, and those that were sent."""
 
     def __init__(self, bench: FaultBench) -> None:
         self._bench = bench
@@ -133,7 +133,7 @@ class Received:
 
 
 class AlarmBench(FaultBench):
-    """A bench that looks at the latest orders alone."""
+    """A bench that keeps only the latest frames."""
 
     def orders_of_late(self, since_ns: int) -> list[tuple[int, bytes]]:
         port = self.ports[-1]
@@ -254,7 +254,7 @@ def run(*, numbers: range, seed: int, lags: tuple[float, float], piece_s: float)
 
 
 def table(tally: Tally) -> str:
-    """For a page."""
+    """The table of results."""
     lines = ["| | |", "|---|---|", f"| minutes driven | {tally.minutes:.0f} |"]
     lines += [f"| false alarms | {sum(tally.alarms.values())} |"]
     lines += [

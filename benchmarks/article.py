@@ -1,4 +1,4 @@
-"""The bridge of the article, as it describes it, without ROS: what people use today.
+"""The article's bridge, rebuilt without ROS.
 
     python -m benchmarks.article PTY PORT LOG
 
@@ -7,8 +7,8 @@ one process, one serial handle, one thread. A timer asks for the counters 20 tim
 ``readline()``, whose time-out of 50 ms always runs out because the board ends its answers with
 ``#`` alone; the pose is integrated at the midpoint from the difference to the last counts, which
 are 0 at the start; a velocity becomes wheel speeds times SCALE_FACTOR 1000, each wheel clipped by
-itself, and is written once. Where ROS would deliver a velocity, a socket on loopback does, which
-costs less; as in a single-threaded executor one callback runs at a time. At its end it says one
+itself, and is written once. A socket on loopback delivers velocities in place of ROS, which
+costs less; as in a single-threaded executor one callback runs at a time. At its end it sends one
 speed of zero. Poses go to LOG, one JSON line each.
 """
 
@@ -97,7 +97,7 @@ def spin(bridge: Bridge, commands: socket.socket) -> None:
         wait_s = max(0.0, due - time.monotonic())
         ready, _, _ = select.select([commands], [], [], wait_s)
         if time.monotonic() >= due:
-            # A timer that is late skips what it missed.
+            # A late timer skips the periods that it missed.
             due += PERIOD_S * max(1, math.ceil((time.monotonic() - due) / PERIOD_S))
             bridge.poll()
         if ready:
@@ -118,7 +118,7 @@ if __name__ == "__main__":
         print("ready", flush=True)
         connection, _ = server.accept()
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        # What ends a ROS node ends its spinning, and then the node has its last word.
+        # The end of a ROS node ends its spinning; then the node stops the wheels.
         signal.signal(signal.SIGTERM, lambda _number, _frame: sys.exit(0))
         try:
             spin(node, connection)

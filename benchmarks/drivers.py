@@ -1,4 +1,4 @@
-"""The article's bridge and yahboomd behind one face, on simulated polled boards of their own."""
+"""One interface to the article's bridge and to yahboomd, each on its own simulated polled board."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Pose = tuple[float, float, float]
 
 
 class Driver(Protocol):
-    """What a trial knows of either."""
+    """The interface of both drivers."""
 
     def say(self, vx: float, wz: float = 0.0) -> None: ...
 
@@ -55,7 +55,7 @@ class ArticleDriver:
         return [(x, y, theta) for _, x, y, theta in lines]
 
     def account(self) -> str:
-        """It keeps none."""
+        """Nothing: the bridge does not count commands."""
         return ""
 
 
@@ -84,8 +84,8 @@ class YahboomdDriver:
         return list(self._poses)
 
     def account(self) -> str:
-        """What became of the commands, by the daemon's own counters."""
-        time.sleep(0.6)  # it tells twice a second
+        """The daemon's counters of commands."""
+        time.sleep(0.6)  # published twice a second
         said = self._status.latest
         link, command = said["link"], said["command"]
         refused = {
@@ -102,7 +102,7 @@ class YahboomdDriver:
 
 
 class Trial(NamedTuple):
-    """One board, one driver."""
+    """A trial of one driver on one board."""
 
     driver: Driver
     where: Path
@@ -116,20 +116,20 @@ class Trial(NamedTuple):
             line.makefile().readline()
 
     def heard(self) -> list[Heard]:
-        """What the board heard so far."""
+        """The bytes that the board has received."""
         return read_heard(self.where / "heard")
 
     def truth(self) -> Pose:
-        """Where the robot truly is, at most 200 ms ago."""
+        """The true pose, at most 200 ms old."""
         sample = read_truth(self.where / "truth")[-1]
         return sample.x, sample.y, sample.theta
 
     def speed(self) -> float:
-        """The true speed, at most 200 ms ago."""
+        """The true speed, at most 200 ms old."""
         return read_truth(self.where / "truth")[-1].vx
 
     def drive(self, seconds: float, vx: float, wz: float = 0.0) -> None:
-        """Say one velocity 20 times a second."""
+        """Command one velocity 20 times a second."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             with contextlib.suppress(OSError):
@@ -137,7 +137,7 @@ class Trial(NamedTuple):
             time.sleep(0.05)
 
     def error_m(self, origin: Pose = (0.0, 0.0, 0.0)) -> float:
-        """How far the pose is from the truth, 1.4 s after a command to stand.
+        """The error of the pose, 1.4 s after a command to stand.
 
         Args:
             origin: The pose with which it began, facing along x.
@@ -156,7 +156,7 @@ class Trial(NamedTuple):
 
 @contextlib.contextmanager
 def trial(name: str, *options: str, settings: tuple[str, ...] = ()) -> Iterator[Trial]:
-    """A board and one of the two drivers; the settings are the daemon's."""
+    """Run a board and one of the two drivers; ``settings`` are for the daemon."""
     with contextlib.ExitStack() as stack:
         where = stack.enter_context(rig.folder())
         files = [part for each in ("truth", "heard", "control") for part in

@@ -1,4 +1,4 @@
-"""Sampled stacks as a flame graph, and as shares of each room of the house."""
+"""Sampled stacks as a flame graph, and as shares of each room."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ IDLE = "selectors:"
 
 
 def read(path: Path) -> Stacks:
-    """The sampler's file; what comes before the event loop is left out, and so is waiting."""
+    """Read the sampler's file, without frames outside the event loop and without waiting."""
     stacks: Counter[tuple[str, ...]] = Counter()
     for line in path.read_text().splitlines():
         stack, _, count = line.rpartition(" ")
@@ -37,7 +37,7 @@ def read(path: Path) -> Stacks:
 
 
 def by_room(stacks: Stacks) -> Counter[str]:
-    """Samples by the innermost room of ours: what it calls outside the house is its own."""
+    """Samples by the innermost room; calls outside yahboomd count for their caller."""
     rooms: Counter[str] = Counter()
     for stack, count in stacks.items():
         ours = [name for name in stack if name.startswith("yahboomd.")]
@@ -47,7 +47,7 @@ def by_room(stacks: Stacks) -> Counter[str]:
 
 
 def by_function(stacks: Stacks) -> Counter[str]:
-    """Samples in which a function of ours was the innermost of ours."""
+    """Samples by the innermost function of yahboomd."""
     functions: Counter[str] = Counter()
     for stack, count in stacks.items():
         ours = [name for name in stack if name.startswith("yahboomd.")]

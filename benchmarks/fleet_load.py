@@ -9,10 +9,10 @@
     python -m benchmarks.fleet_load fill ROUTER SHARED MOST
 
 A robot here is a Zenoh client with a namespace that puts a pose of the daemon's size 50 times a
-second and hears its commands: what a router sees of a daemon, without the daemon. With HZ a router
-passes no robot's pose on more often than that. Thin robots put a pose that was made once, all but
-the first ten of a process. An operator with FIRST is a thin one, for the robots from that one on:
-it lets Zenoh receive all their poses and looks at those of the first ten alone.
+second and receives its commands, so that a router sees a daemon. With HZ a router passes on no
+robot's pose more often than that. Thin robots put a pose that was made once, except the first ten
+of a process. An operator with FIRST is a thin one, for the robots from that one on: Zenoh receives
+all their poses, and it reads those of the first ten.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from yahboomd.messages.native import PoseSample
 POSE_HZ = 50
 TICK_S = 0.002
 PROBES = 10
-"""Robots of a process with fresh poses, and those that a thin operator looks at."""
+"""Robots of a process with new poses, and those that a thin operator reads."""
 MOST_SESSIONS = 5000
 
 
@@ -130,7 +130,7 @@ def robots(endpoint: str, first: str, count: str, thin: str = "") -> None:
 
 
 def operator(endpoint: str, count: str, seconds: str, commands_hz: str, first: str = "") -> None:
-    """Hears every pose and commands every robot; prints what came."""
+    """Receives every pose and commands every robot; prints the result."""
     thin, numbers = bool(first), range(int(first or 0), int(first or 0) + int(count))
     rings = []
     ages: list[int] = []
@@ -143,8 +143,8 @@ def operator(endpoint: str, count: str, seconds: str, commands_hz: str, first: s
 
     with client(endpoint) as session:
         if thin:
-            # In a ring no Python runs for them. Those that are looked at come with them, over the
-            # same connection: as many of these are lost, and as late.
+            # In a ring no Python runs for them. Those that are read share their connection, so
+            # they are lost as often, and as late.
             for n in numbers:
                 key = f"bot{n}/yahboomd/pose"
                 rings.append(session.declare_subscriber(key, RingChannel(1)))
@@ -182,7 +182,7 @@ def operator(endpoint: str, count: str, seconds: str, commands_hz: str, first: s
 
 
 def ears(seconds: str, *endpoints: str) -> None:
-    """Hears the poses of daemons, each at its own endpoint; prints how many came, and how old."""
+    """Receives the poses of daemons, each at its own endpoint; prints their number and age."""
     ages: list[int] = []
 
     def take(sample: zenoh.Sample) -> None:
@@ -208,7 +208,7 @@ def ears(seconds: str, *endpoints: str) -> None:
 
 
 def join(endpoint: str, mode: str, count: str) -> None:
-    """Sessions that join a router and subscribe; prints the CPU seconds that it took them."""
+    """Sessions that join a router and subscribe; prints their CPU seconds."""
     sessions = []
     before = time.process_time()
     for n in range(int(count)):
@@ -225,10 +225,10 @@ def join(endpoint: str, mode: str, count: str) -> None:
 
 
 def fill(endpoint: str, shared: str, most: str) -> None:
-    """Idle clients, until the router takes no more or there are ``most``; prints how many."""
+    """Idle clients, until the router refuses one or there are ``most``; prints their number."""
     sessions: list[zenoh.Session] = []
     config = client_config(endpoint, shared=shared == "shared")
-    # What is refused once is refused again; a router that is only busy takes a second try.
+    # A full router refuses again; a busy one accepts the second attempt.
     refused = 0
     while len(sessions) < int(most) and refused < 3:
         try:

@@ -1,4 +1,4 @@
-"""Floors: processes that write what they receive to a port, and do nothing else.
+"""Floors: processes that write received bytes to a port, and do nothing else.
 
 python -m benchmarks.floors zenoh tcp/127.0.0.1:PORT PTY
 python -m benchmarks.floors socket tcp/127.0.0.1:PORT PTY
@@ -51,7 +51,7 @@ def socket_floor(endpoint: str, fd: int) -> None:
 
 
 def timer_floor(rate_hz: str, fd: int) -> None:
-    """A request after a sleep until its time, and nothing else: what the machine allows."""
+    """Sleep until the time, write a request, repeat: the limit of the machine."""
     period_ns = round(1e9 / float(rate_hz))
     due_ns = time.monotonic_ns() + period_ns
     print("ready", flush=True)
@@ -62,7 +62,7 @@ def timer_floor(rate_hz: str, fd: int) -> None:
 
 
 def poll_floor(seconds: str, fd: int) -> None:
-    """Ask, wait for the answer, ask again: what the board and this machine allow."""
+    """Poll, wait for the answer, poll again: the limit of board and machine."""
     os.write(fd, b"$mtype:1#")
     polls = 0
     start_ns = time.monotonic_ns()

@@ -1,8 +1,8 @@
-"""`make footprint`: what the daemon needs of the machine that it runs on.
+"""`make footprint`: memory, CPU, start-up time and sizes of the daemon.
 
 A simulated board and the daemon run as processes, the daemon with its default settings, while one
-application drives at 20 commands a second and reads every pose. Then sizes: of the wheel, of all
-that the wheel brings along, and of the Debian package where one can be built here.
+application drives at 20 commands a second and reads every pose. Then the sizes of the wheel, of
+its dependencies, and of the Debian package if one can be built here.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def main() -> int:
 def _on(
     dialect: str, folder: Path, starts: int, args: argparse.Namespace
 ) -> tuple[list[float], Usage]:
-    """Start the daemon some times on a board of one dialect, and watch the last one."""
+    """Start the daemon several times on a board of one dialect, and measure the last one."""
     port = folder / dialect
     took = []
     with _yahboomd("simulate", "--link", str(port), "--dialect", dialect) as board:
@@ -117,7 +117,7 @@ def _usage(pid: int, application: Application, seconds: float) -> Usage:
 
 def _cpu(pid: int, application: Application, seconds: float) -> tuple[float, float]:
     """The share of a core, and the poses a second."""
-    # Let the start, and the first turn of everything, pass.
+    # Let the start pass.
     time.sleep(3.0)
     poses, used_s, begun = application.poses, _cpu_s(pid), time.monotonic()
     time.sleep(seconds)
@@ -236,7 +236,7 @@ def _yahboomd(*arguments: str) -> subprocess.Popen[bytes]:
 
 
 def _cpu_s(pid: int) -> float:
-    """What the process has had of a core, as the scheduler counts it: ticks miss short turns."""
+    """CPU seconds of the process by the scheduler's count; ticks would miss short runs."""
     tasks = Path(f"/proc/{pid}/task").iterdir()
     return sum(int((task / "schedstat").read_text().split()[0]) for task in tasks) / 1e9
 

@@ -1,7 +1,7 @@
-"""Counts to pose by the formulas of others and by ours, on the same counts.
+"""Formulas from counts to pose: published ones of other projects, and yahboomd's.
 
-Each takes the counters of the left and of the right wheel at every sample and gives (x, y, theta)
-at every sample. Those of others are their published formulas, rewritten here for whole
+Each takes the counters of the left and of the right wheel and returns (x, y, theta), all at every
+sample. Those of others are their published formulas, rewritten here for whole
 arrays.
 """
 

@@ -1,10 +1,10 @@
-"""``yahboomd simulate`` with one more way to disturb it, for the trials of ``baseline``.
+"""``yahboomd simulate`` with one more fault, for the trials of ``baseline``.
 
     python -m benchmarks.garbling --link PATH ...
 
 Its options are those of ``yahboomd simulate``; on its control socket ``garble`` alters one digit of
-the board's next answer and nothing else. The frame stays well formed, and it has no checksum: only
-what the counts mean can tell that they are wrong.
+the board's next answer and nothing else. The frame stays well formed and has no checksum: the
+error shows only in the meaning of the counts.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ DIGIT = re.compile(rb"\d")
 
 def altered(answer: bytes) -> bytes:
     """The answer with the lowest bit of its first digit flipped: the first wheel's leading one."""
-    # Of a digit the lowest bit alone always leaves a digit: 0 and 1, 2 and 3, ... 8 and 9.
+    # Flipping the lowest bit of a digit always leaves a digit: 0 and 1, 2 and 3, ... 8 and 9.
     return DIGIT.sub(lambda digit: bytes([digit[0][0] ^ 1]), answer, count=1)
 
 

@@ -1,4 +1,4 @@
-"""Listens to all that a robot publishes, as an application would: ``... listener ENDPOINT [KEY]``.
+"""Subscribes to all samples of a robot, as an application would: ``... listener ENDPOINT [KEY]``.
 
 At the end it prints how many samples came, by key.
 """

@@ -1,7 +1,7 @@
-"""True paths, and what the wheels roll on them: arrays over time, exact to a micrometre.
+"""True paths and the travel of the wheels: arrays over time, exact to a micrometre.
 
-A path is a speed and a heading over time. Places come from Simpson's rule over milliseconds, wheel
-travel from the same: left is s - θ b/2, right is s + θ b/2.
+A path is a speed and a heading over time. Simpson's rule over milliseconds gives positions and the
+travel of the wheels: left is s - θ b/2, right is s + θ b/2.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ Over = Callable[[Array], Array]
 
 
 class Path(NamedTuple):
-    """What the base does.
+    """A path of the base.
 
     Attributes:
-        seconds: For how long.
+        seconds: Its duration.
         speed: m/s over seconds.
         heading: Radians over seconds, 0 at 0.
     """
@@ -38,7 +38,7 @@ class Path(NamedTuple):
 
 
 class Truth(NamedTuple):
-    """Places and travel every millisecond."""
+    """Positions and travel every millisecond."""
 
     x: Array
     y: Array
@@ -125,6 +125,6 @@ def truth(path: Path) -> Truth:
 
 
 def counts(travel: Array, ticks: float, offset: float) -> NDArray[np.int64]:
-    """What an encoder counts."""
+    """The counts of an encoder."""
     per_tick = 2.0 * math.pi * RADIUS_M / ticks
     return np.floor(travel / per_tick + offset).astype(np.int64)

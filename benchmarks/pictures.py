@@ -1,4 +1,4 @@
-"""Plots for the page. Importing matplotlib takes a second: only who draws does."""
+"""Plots for the page. Importing matplotlib takes a second, so functions import it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def blank(width: float = 7.5, height: float = 4.2) -> tuple[Figure, Axes]:
 def shares(
     axes: Axes, values: Mapping[str, Sequence[float]], *, lines: Sequence[str] = ("-",)
 ) -> None:
-    """Of each named list: which share lies below a value; on a logarithmic axis."""
+    """Plot the share of each list below a value, on a logarithmic axis."""
     for n, (name, found) in enumerate(values.items()):
         ordered = sorted(found)
         share = [(rank + 1) / len(ordered) for rank in range(len(ordered))]
@@ -41,6 +41,6 @@ def shares(
 
 
 def keep(section: Section, figure: Figure, images: Path, name: str, caption: str) -> None:
-    """Write the picture and put it on the page."""
+    """Write the picture, and list it in the section."""
     figure.savefig(images / name, dpi=130)
     section.images.append((name, caption))

@@ -41,12 +41,12 @@ DRIVES: dict[str, Drive] = {
 
 
 class Record(NamedTuple):
-    """What came of a drive.
+    """The record of a drive.
 
     Attributes:
-        readings: The board's counters as the link heard them.
-        end: Where the robot truly stands at the end.
-        length_m: The way of its middle.
+        readings: The counters that the link read.
+        end: The true pose at the end.
+        length_m: The length of its path.
     """
 
     readings: list[EncoderReading]

@@ -1,4 +1,4 @@
-"""Processes, sessions and meters that the benchmarks share. Whatever is started is ended here."""
+"""Processes, sessions and meters of the benchmarks. Every process that is started is ended."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Thing = TypeVar("Thing")
 
 
 def wait_for(condition: Callable[[], Thing | None], what: str) -> Thing:
-    """What ``condition`` returns once that is true."""
+    """Wait until ``condition`` returns something true, and return it."""
     deadline = time.monotonic() + PATIENCE_S
     while not (result := condition()):
         if time.monotonic() > deadline:
@@ -67,7 +67,7 @@ class Process:
 
     @property
     def pid(self) -> int:
-        """Its number."""
+        """Its process id."""
         return self._process.pid
 
     @property
@@ -91,7 +91,7 @@ class Process:
         return wait_for(found, words)
 
     def end(self) -> None:
-        """Ask it to end and see that it does."""
+        """Terminate it, and wait until it has ended."""
         if self.alive:
             self._process.send_signal(signal.SIGTERM)
         try:
@@ -112,13 +112,13 @@ class Process:
 
 @contextlib.contextmanager
 def folder() -> Iterator[Path]:
-    """A place for ports, logs and latches."""
+    """A temporary folder for ports, logs and latches."""
     with tempfile.TemporaryDirectory(prefix="yb") as path:
         yield Path(path)
 
 
 def thin_board(where: Path, *options: str, ports: int = 1, nice: int = 0) -> Process:
-    """A board that costs next to nothing; it logs what it hears to ``where``/heard."""
+    """A board that costs next to nothing; it logs received bytes to ``where``/heard."""
     process = Process(
         *("-m", "benchmarks.thin_board", "--log", str(where / "heard")),
         *("--links", *(str(where / f"port{n}") for n in range(ports)), *options),
@@ -168,7 +168,7 @@ def free_endpoint() -> str:
 
 
 def client_config(endpoint: str, *, mode: str = "client", shared: bool = False) -> zenoh.Config:
-    """How a client joins; as the daemon does, it shares no memory with others of its machine."""
+    """The configuration of a client, without shared memory, like the daemon's."""
     config = zenoh.Config()
     config.insert_json5("mode", json.dumps(mode))
     config.insert_json5("connect/endpoints", json.dumps([endpoint]))
@@ -207,7 +207,7 @@ class Status:
 
 
 class Usage(NamedTuple):
-    """What a process has used so far, and what it holds."""
+    """CPU, memory and threads of a process."""
 
     cpu_ns: int
     wall_ns: int
@@ -228,7 +228,7 @@ def usage(pid: int) -> Usage:
 
 
 def share_of_core(before: Usage, after: Usage) -> float:
-    """CPU over time between two looks."""
+    """CPU between two measurements, as a share of a core."""
     return (after.cpu_ns - before.cpu_ns) / (after.wall_ns - before.wall_ns)
 
 

@@ -30,13 +30,13 @@ STAGES: dict[str, tuple[type, str]] = {
     "outbox and line": (Writer, "velocity"),
     "write": (SerialPort, "write"),
 }
-"""What begins with the call of which function."""
+"""The function whose call begins each stage."""
 
 LONGEST_NS = 5_000_000
 
 
 def install(path: Path) -> None:
-    """Put the stamps in."""
+    """Wrap the functions of the stages."""
     begun: dict[str, int] = {}
     first = next(iter(STAGES))
 

@@ -1,12 +1,12 @@
-"""A board that costs next to nothing: canned answers on a pty, and a stamp on all that is heard.
+"""A board that costs next to nothing: fixed answers on a pty, and a stamp on every received byte.
 
     python -m benchmarks.thin_board --links /tmp/port0 --log /tmp/heard --dialect streamed
 
 The simulated robot of ``yahboomd simulate`` computes motors and a chassis, in Python, on the same
-machine: it would be half of what is measured. This one answers as a board does, turns its
-counters at the commanded speed, and hands its lines over whole, at the time at which their last
-byte would be out. Its log, written at the end, holds (port, monotonic ns, bytes) of everything
-heard, and how many lines were sent.
+machine, and would cost as much as the daemon. This one answers as a board does, turns its counters
+at the commanded speed, and writes whole lines at the time at which their last byte would be out.
+Its log, written at the end, has (port, monotonic ns, bytes) of everything received, and the number
+of lines sent.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ FLASH = (
 
 
 class Log(msgspec.Struct):
-    """What the board heard and said.
+    """The log of a board.
 
     Attributes:
-        heard: (port, monotonic nanoseconds, bytes).
+        heard: Received bytes as (port, monotonic nanoseconds, bytes).
         lines: Lines of counters sent, by port.
         lost: Lines that the pty did not take.
     """
@@ -54,7 +54,7 @@ class ThinBoard:
         index: Its number in the log.
         link: A name for the pty.
         dialect: ``streamed`` or ``polled``; ``silent`` only listens.
-        line_ns: From line to line of a stream.
+        line_ns: The period of lines of a stream.
         ticks: The counters at the start.
         paced: Answers take their time on the wire.
         most: Lines that are streamed; then the board falls silent for good.
@@ -93,18 +93,18 @@ class ThinBoard:
         self.lost = 0
 
     def next_ns(self) -> int:
-        """When there is something to say."""
+        """The time at which something is to be sent."""
         moments = [due_ns for due_ns, _ in self._due[:1]]
         if self._streaming:
             moments.append(self._line_due_ns)
         return min(moments, default=1 << 62)
 
     def speak(self, now_ns: int) -> None:
-        """Say what is due."""
+        """Send everything that is due."""
         while self._due and self._due[0][0] <= now_ns:
             self._say(self._due.pop(0)[1])
         if self._streaming and now_ns >= self._line_due_ns:
-            # A board does not make up for lines that it had no time for.
+            # A board does not send missed lines later.
             self._line_due_ns = max(self._line_due_ns + self._line_ns, now_ns)
             self._say(b"$MAll:%d,%d,%d,%d#\r\n" % self._counters(now_ns))
             self.lines += 1
@@ -112,7 +112,7 @@ class ThinBoard:
                 self._streaming, self._dialect = False, "silent"
 
     def hear(self, log: list[tuple[int, int, bytes]]) -> None:
-        """Read and stamp."""
+        """Read, and stamp the bytes."""
         data = os.read(self.fd, 4096)
         now_ns = time.monotonic_ns()
         log.append((self.index, now_ns, data))
@@ -212,7 +212,7 @@ def main() -> None:
 
 
 def read_log(where: Path) -> Log:
-    """What a board that has ended wrote."""
+    """Read the log of a board that has ended."""
     return msgspec.msgpack.decode((where / "heard").read_bytes(), type=Log)
 
 

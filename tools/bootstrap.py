@@ -1,4 +1,4 @@
-"""Makes the virtual environment that `make` works in, or says in one sentence why it cannot.
+"""Creates the virtual environment for `make`, or reports in one sentence why it cannot.
 
 Written for any Python from 2.7 on, so that an old one gets the sentence and not a SyntaxError.
 """
@@ -32,7 +32,7 @@ def check():
 
 
 def works(python):
-    """Whether an environment is there with its pip: one that was interrupted may lack it."""
+    """Whether an environment exists and has pip: an interrupted one may lack it."""
     if not os.path.exists(python):
         return False
     with open(os.devnull, "w") as nowhere:
@@ -51,7 +51,7 @@ def main():
         sys.stdout.flush()
         make = [sys.executable, "-m", "venv", folder]
         if os.path.exists(os.path.join(folder, "pyvenv.cfg")):
-            # Nothing is cleared away but what was an environment.
+            # Only an environment is removed.
             make.append("--clear")
         if subprocess.call(make) != 0:
             fail("the virtual environment could not be made in %s; see above." % folder)

@@ -1,8 +1,8 @@
-"""Coverage-guided fuzzing of everything that reads what others wrote: `make fuzz MINUTES=8`.
+"""Coverage-guided fuzzing of every parser of foreign bytes: `make fuzz MINUTES=8`.
 
 Each target of tests/plugins/fuzz_targets.py runs in a process of its own for its share of the
-time, starting from tests/fuzz/corpus/TARGET and from what earlier runs found (.fuzz/TARGET). An
-input that breaks a law is kept as .fuzz/TARGET/crash-..., and named; the status is 1 then.
+time, starting from tests/fuzz/corpus/TARGET and the finds of earlier runs (.fuzz/TARGET). An input
+that breaks a law is stored as .fuzz/TARGET/crash-... and named; the exit status is then 1.
 
 Needs atheris, which has wheels for CPython 3.11 to 3.13 on x86-64 Linux.
 """
@@ -34,7 +34,7 @@ def child(target, arguments):
 
 
 def run(target, seconds, seed, found):
-    """Fuzz one target in a child; what it says at the end, and its status."""
+    """Fuzz one target in a child; returns its last output and its status."""
     os.makedirs(found, exist_ok=True)
     command = [
         *(sys.executable, os.path.abspath(__file__), "--child", target),

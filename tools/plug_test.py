@@ -1,10 +1,10 @@
-"""`make plug-test`: what happens when a board is plugged in, on a real kernel with a real udev.
+"""`make plug-test`: plugging a board in, on a real kernel with a real udev.
 
 An emulated PC (qemu, without need of virtualisation) boots Debian with Debian's kernel, with the
 package installed. Inside, tests/system/plug/check.py puts simulated CH340 chips on virtual USB
 sockets; the kernel's ch341 driver, udev and systemd do the rest. Takes some five minutes.
 
-What `make system-test` prepares is used: the Debian and the package.
+It uses the Debian and the package of `make system-test`.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ def _with_kernel(cache: Path, root: Path) -> Path:
 
 
 def _boot(folder: Path, bootable: Path, package: Path) -> str:
-    """Boot a copy, and return what it said on its console."""
+    """Boot a copy, and return its console output."""
     root = folder / "root"
     subprocess.check_call(["cp", "-a", str(bootable), str(root)])
     for name in ("usbip_ch340.py", "check.py"):

@@ -1,4 +1,4 @@
-"""`make run`: the daemon on a real port, or on a simulated board that lives as long as it does."""
+"""`make run`: the daemon on a real port, or on a simulated board that ends with it."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ from pathlib import Path
 PATIENCE_S = 15.0
 
 PASSED_ON = (signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1, signal.SIGUSR2)
-"""To the daemon, which stops the wheels first and then ends; so does this, and the board with it.
-"""
+"""Passed on to the daemon, which stops the wheels and ends; then this and the board end."""
 
 HINT = """\
 
@@ -58,7 +57,7 @@ def main() -> int:
         with subprocess.Popen(
             [*_yahboomd(), "simulate", "--link", str(link), *_robot(options, link)],
             stdout=subprocess.DEVNULL,
-            # A Ctrl-C is the daemon's: the board has to be there still when it stops the wheels.
+            # Ctrl-C goes to the daemon: the board must live until the wheels are stopped.
             start_new_session=True,
         ) as board:
             try:
@@ -88,7 +87,7 @@ def _robot(options: argparse.Namespace, link: Path) -> list[str]:
 def _drive(
     port: str, more: list[str], endpoints: tuple[str, ...], own: tuple[str, ...] = ()
 ) -> int:
-    """Run the daemon, and invite to drive it once it listens.
+    """Run the daemon, and print how to drive it once it listens.
 
     Args:
         port: The board's.

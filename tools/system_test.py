@@ -1,4 +1,4 @@
-"""`make system-test`: the service under a real systemd, in a Debian of its own.
+"""`make system-test`: the service under a real systemd, in a Debian container.
 
 Prepares what the tests need and runs them:
 
@@ -30,7 +30,7 @@ NEEDED = {
 
 
 class Impossible(Exception):
-    """This machine cannot do it; the message says why."""
+    """This machine cannot run the tests; the message says why."""
 
 
 def main() -> int:

@@ -59,7 +59,7 @@ class PoseWatch:
         self._paused = False
 
     def pause(self) -> None:
-        """Somebody is about to say where the robot is."""
+        """Pause the comparison while the pose is set."""
         self._paused = True
 
     def resume(self) -> None:

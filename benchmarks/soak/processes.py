@@ -386,7 +386,7 @@ class ServiceManager:
 
     @property
     def tracebacks(self) -> int:
-        """Unhandled errors in the daemon's log."""
+        """Tracebacks in the daemon's log."""
         return self.log_path.read_text(errors="replace").count("Traceback")
 
     def close(self) -> None:
