@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 import zenoh
+from binary_dialect import registered
 from board_bench import BoardPort
 from fault_bench import is_stop, orders_of
 from zenoh_fixtures import eventually, free_endpoint
@@ -16,6 +18,14 @@ from yahboomd.clock import SystemClock
 from yahboomd.config import load
 from yahboomd.daemon.service import Daemon
 from yahboomd.simulation.robot import SimulatedRobot
+
+
+@pytest.fixture(autouse=True)
+def third_board(request: pytest.FixtureRequest) -> Iterator[None]:
+    """The board of the tests is known while a test asks for it."""
+    asked = getattr(request.node, "callspec", None)
+    with registered() if asked and "binary" in asked.params.values() else nullcontext():
+        yield
 
 
 class InnerDaemon:

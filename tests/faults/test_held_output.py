@@ -10,7 +10,7 @@ import asyncio
 from pathlib import Path
 
 import pytest
-from fault_bench import DIALECTS, MS
+from fault_bench import DIALECTS, MS, holds_stop
 from kernel_queue import Line, QueueingBench
 
 from yahboomd.simulation.options import SimulationOptions
@@ -150,9 +150,7 @@ async def test_whenever_a_stall_ends_an_estop_engaged_during_it_is_on_the_wire_a
             await bench.drive(0.1, 0.35)
             bench.operator.engage_estop("a test")
             await asyncio.sleep(stall_s + 0.5)
-            stops_ns = [
-                at_ns for at_ns, data in line.sent if at_ns >= ends_ns and b":0,0,0,0#" in data
-            ]
+            stops_ns = [at_ns for at_ns, data in line.sent if at_ns >= ends_ns and holds_stop(data)]
             assert stops_ns[0] - ends_ns < 20 * MS, stall_s
 
 

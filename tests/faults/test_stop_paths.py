@@ -11,7 +11,8 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 
 import pytest
-from fault_bench import CUT, DIALECTS, MS, FaultBench, first_stop_ns, is_stop
+from binary_dialect import BINARY
+from fault_bench import CUT, DIALECTS, MS, SUREST, FaultBench, first_stop_ns, is_stop
 
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
@@ -133,7 +134,7 @@ async def test_a_speed_that_waits_its_turn_is_not_said_after_the_last_stop(
 
 
 @pytest.mark.parametrize("end", AT_ONCE)
-@pytest.mark.parametrize(("dialect", "last"), [("streamed", CUT), ("polled", b"$speed:0,0,0,0#")])
+@pytest.mark.parametrize(("dialect", "last"), SUREST.items())
 @on_virtual_time
 async def test_every_way_out_ends_with_the_motors_let_go_and_all_of_it_on_the_wire(
     tmp_path: Path, dialect: str, last: bytes, end: End
@@ -184,7 +185,11 @@ async def test_a_stop_is_said_again_until_the_wheels_stand_and_cut_after_600_ms(
 async def test_wheels_of_a_crash_are_stopped_however_early_the_connecting_is_broken_off(
     tmp_path: Path, dialect: str
 ) -> None:
-    words = {"streamed": b"$spd:300,0,300,0#", "polled": b"$mtype:1#$speed:300,0,300,0#"}
+    words = {
+        "streamed": b"$spd:300,0,300,0#",
+        "polled": b"$mtype:1#$speed:300,0,300,0#",
+        "binary": BINARY.speeds((300, 0, 0)),
+    }
     for phase_ms in [1, 2, 5, 10, 20, 30, 50, 80, 100, 150, 200, 300]:
         folder = tmp_path / str(phase_ms)
         folder.mkdir()

@@ -8,6 +8,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+from binary_dialect import BINARY
 from board_bench import BoardPort
 from robot_bench import RobotBench
 
@@ -17,12 +18,18 @@ from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.truth import TruthSample
 
 MS = 1_000_000
-DIALECTS = ["streamed", "polled"]
+DIALECTS = ["streamed", "polled", "binary"]
 CUT = b"$pwm:0,0,0,0#"
+SUREST = {"streamed": CUT, "polled": b"$speed:0,0,0,0#", "binary": BINARY.cut}
+"""What lets the motors of each board go, or is the best that there is."""
+
 SPEED_MAX_M_S = 2.0
 TICK_M = math.pi * 0.067 / 1320
 
-_ORDER = re.compile(rb"\$(spd|speed|pwm):(-?\d+),(-?\d+),(-?\d+),(-?\d+)#")
+_ORDER = re.compile(
+    rb"\$(?:spd|speed|pwm):(-?\d+,-?\d+,-?\d+,-?\d+)#|\xa5\x06\x10(.{6})..|\xa5\x00\x11..",
+    re.DOTALL,
+)
 
 
 class FaultBench(RobotBench):
@@ -86,7 +93,14 @@ def orders_of(port: BoardPort) -> list[tuple[int, bytes]]:
 def is_stop(order: bytes) -> bool:
     """Whether a speed frame moves nothing."""
     match = _ORDER.fullmatch(order)
-    return match is not None and not any(map(int, match.groups()[1:]))
+    return match is not None and not (
+        any(map(int, (match[1] or b"0").split(b","))) or any(match[2] or b"")
+    )
+
+
+def holds_stop(data: bytes) -> bool:
+    """Whether a frame that moves nothing is among the bytes."""
+    return any(is_stop(match[0]) for match in _ORDER.finditer(data))
 
 
 def first_stop_ns(orders: Sequence[tuple[int, bytes]]) -> int:
