@@ -39,8 +39,8 @@ def stop_and_go(t):
 class Heard:
     """What a clock made of a stream: stamp errors, and whole ticks against the true ones."""
 
-    def __init__(self, lines, *, after_s=0.5):
-        self.clock = StreamedClock(TICK_NS)
+    def __init__(self, lines, *, after_s=0.5, clock=None):
+        self.clock = clock or StreamedClock(TICK_NS)
         self.locked_ms, self.other_ms, self.stamps, self.wrong_steps = [], [], [], 0
         self.steps_ns = self.truth_ns = 0
         last = None
@@ -291,6 +291,15 @@ def test_totals_that_are_new_in_every_line_have_no_tick(kit, gap_ms):
     assert heard.steps_ns == pytest.approx(heard.truth_ns, rel=1e-3)
     # A minute later the stamps are as good as at the beginning.
     assert max(map(abs, heard.other_ms)) < gap_ms
+
+
+def test_a_board_that_is_known_to_be_new_in_every_line_is_stamped_by_its_lines_at_once(kit):
+    clock = StreamedClock(40 * MS, each_line=True)
+    lines = kit.stream(steady, seconds=60.0, seed=3, tick_ms=0.0, gap_ms=40.0)
+    heard = Heard(lines, clock=clock)
+    assert (clock.renewal.fits, clock.renewal.notice) == (False, None)
+    assert heard.steps_ns == pytest.approx(heard.truth_ns, rel=1e-3)
+    assert max(map(abs, heard.other_ms)) < 40.0
 
 
 @pytest.mark.parametrize("timer_ms", [0.0, 1.0007, 4.003, 16.0041])

@@ -145,7 +145,8 @@ class Binary(msgspec.Struct, frozen=True, kw_only=True):
     totals_spacing_ns: int = 5_000_000
     brake: bytes = frame(0x10, bytes(6))
     cut: bytes | None = frame(0x11)
-    sample_period_ns: int | None = None
+    sample_period_ns: int | None = 40_000_000
+    renews_with_each_line: bool = True
     poll: bytes | None = None
     poll_bytes: int = 0
     arm: tuple[bytes, ...] = ()

@@ -258,7 +258,10 @@ class Controller:
         """A board is there: may its wheels turn, and in which units are they commanded?"""
         now_ns = self._clock.now_ns()
         self._arbiter.forget_commands(now_ns)
-        self._odometer.set_sample_period(identity.dialect.sample_period_ns)
+        dialect = identity.dialect
+        self._odometer.set_sample_period(
+            dialect.sample_period_ns, each_line=dialect.renews_with_each_line
+        )
         found = fit(
             identity,
             kinematics=self._options.kinematics,
@@ -275,7 +278,7 @@ class Controller:
             self._holds.drop(BOARD_UNFIT)
         self._wait("The board is connected; waiting for its first counts.")
         version = identity.settings.get(VERSION) if identity.settings else None
-        words = f"Connected to {board.port_name}: dialect {identity.dialect.name}" + (
+        words = f"Connected to {board.port_name}: dialect {dialect.name}" + (
             f", firmware {version}." if version else "."
         )
         self.event(Event(kind="connected", severity="info", message=words))

@@ -89,7 +89,7 @@ class Odometer:
         self._velocity = Velocity(kinematics, motors)
         self._covariance = Covariance(kinematics, motors, noise_m=noise_m)
         self._clock: PolledClock | StreamedClock = PolledClock()
-        self._period_ns: int | None = None
+        self._renewal: tuple[int | None, bool] = (None, False)
         self._radians = tuple(2.0 * math.pi / motor.ticks_per_revolution for motor in motors)
         self._stamp_ns = 0
         self._heard_ns = 0
@@ -123,17 +123,22 @@ class Odometer:
             return round(clock.renewal.period)
         return None
 
-    def set_sample_period(self, period_ns: int | None) -> None:
-        """Tell how often the board renews its totals; None for a board that is asked."""
-        if period_ns == self._period_ns:
+    def set_sample_period(self, period_ns: int | None, *, each_line: bool = False) -> None:
+        """Choose the clock of a board.
+
+        Args:
+            period_ns: How often it renews its totals; None for a board that is asked.
+            each_line: It renews them with each line that it sends.
+        """
+        if (period_ns, each_line) == self._renewal:
             return
-        self._period_ns = period_ns
+        self._renewal = (period_ns, each_line)
         self._asked = False
         self._velocity.rough_ns = 0
         if period_ns is None:
             self._clock = PolledClock(self._stamp_ns)
         else:
-            self._clock = StreamedClock(period_ns, self._stamp_ns)
+            self._clock = StreamedClock(period_ns, self._stamp_ns, each_line=each_line)
 
     def armed(self) -> None:
         """The board was asked to stream: lines from now on prove no more than that."""

@@ -46,13 +46,17 @@ class StreamedClock:
     Args:
         period_ns: The nominal period of the totals.
         after_ns: The last stamp that was given out, by another clock; 0 for none.
+        each_line: The totals are new with each line, and a line comes every ``period_ns``: there is
+            no tick to look for, and stamps follow the lines.
 
     Attributes:
         renewal: How often the totals are renewed, as far as known.
     """
 
-    def __init__(self, period_ns: int, after_ns: int = 0) -> None:
+    def __init__(self, period_ns: int, after_ns: int = 0, *, each_line: bool = False) -> None:
         self.renewal = TickPeriod(float(period_ns))
+        self.renewal.fits = not each_line
+        self._each_line = each_line
         self._envelope = Envelope(float(period_ns))
         self._arrivals = Arrivals()
         self._meter = TickMeter()
@@ -156,7 +160,7 @@ class StreamedClock:
             return self.restart(reading)
         sent_ns = reading.sent_ns
         left = self._arrivals.add(float(sent_ns - self._base_ns))
-        if self._arrivals.steady:
+        if self._arrivals.steady and not self._each_line:
             arrival = float(sent_ns - self._base_ns)
             moved = abs(ticks - self._left_out)
             measured = self._meter.add(arrival, moved, self._arrivals.gap, self._arrivals.spread)

@@ -316,7 +316,12 @@ class Dialect(Protocol):
 
     @property
     def sample_period_ns(self) -> int | None:
-        """How often the board renews its counters; None where an answer is always fresh."""
+        """How often the board renews its counters; None for one that is asked."""
+        ...
+
+    @property
+    def renews_with_each_line(self) -> bool:
+        """The counters are new with each line, which comes by itself every ``sample_period_ns``."""
         ...
 
     @property

@@ -50,6 +50,7 @@ class Polled(msgspec.Struct, frozen=True, kw_only=True):
     line_end: bytes = b""
     listen_ns: int = 0
     sample_period_ns: int | None = None
+    renews_with_each_line: bool = False
     brake: bytes = _BRAKE
     cut: bytes | None = None
     probe: bytes | None = b"$read#"

@@ -82,6 +82,7 @@ class Streamed(msgspec.Struct, frozen=True, kw_only=True):
     line_end: bytes = b"\r\n"
     listen_ns: int = 0
     sample_period_ns: int | None = 10_000_000
+    renews_with_each_line: bool = False
     brake: bytes = _BRAKE
     # The speed loop is incremental: with target 0 and a dead encoder it keeps its last output, so
     # only this one stops every wheel.
