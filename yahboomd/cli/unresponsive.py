@@ -1,4 +1,4 @@
-"""A process that holds the port or does not answer: its name, its state, and how to end it."""
+"""Other processes of this machine that hold the port or do not answer, and how to end them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def process_state(pid: int, *, proc: str = "/proc") -> str:
     """The kernel's letter for what a process does; empty where there is no such process."""
     try:
         with open(f"{proc}/{pid}/stat", encoding="utf-8", errors="replace") as file:
-            # Its name stands in brackets, and may have some of its own.
+            # Its name is in brackets, and may contain brackets.
             return file.read().rpartition(")")[2].split()[0]
     except (OSError, IndexError):
         return ""
@@ -82,7 +82,7 @@ def suspended_listener(endpoints: tuple[str, ...]) -> int | None:
 
 
 def reaching(pid: int, *, proc: str = "/proc") -> str:
-    """That a daemon has a port open, and the command that stops it; empty where it has none."""
+    """Names the port of a daemon, and the command that stops it; empty where it has none."""
     ports = serial_ports(pid, proc=proc)
     if not ports:
         return ""
@@ -130,7 +130,7 @@ def may_drive(pid: int, port: str, *, proc: str = "/proc") -> bool:
 
 
 def suspended(pid: int, again: str) -> tuple[str, str]:
-    """That a daemon is suspended and what a person can do, as message and remedy.
+    """Message and remedy for a suspended daemon.
 
     Args:
         pid: Of the daemon.
@@ -143,7 +143,7 @@ def suspended(pid: int, again: str) -> tuple[str, str]:
 
 
 def unresponsive(name: str, pid: int, state: str, again: str) -> tuple[str, str]:
-    """What is wrong with it and what a person can do, as message and remedy.
+    """Message and remedy for a process that does not answer.
 
     Args:
         name: The process, in a sentence.

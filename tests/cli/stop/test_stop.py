@@ -142,7 +142,7 @@ def test_another_device_under_the_name_of_a_board_that_is_gone_is_left_alone(
     assert not other.stands
     words = capsys.readouterr().err
     assert "is another device than the one that the daemon drove" in words
-    assert "Nothing was said to the other one" in words
+    assert "Nothing was sent to the other one" in words
     assert "stop --port" in words
 
 

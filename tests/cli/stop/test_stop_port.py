@@ -11,8 +11,8 @@ from yahboomd.cli.stop.stop_port import (
     describe,
     end,
     needs_no_configuration,
-    take,
-    tell,
+    print_report,
+    seize_port,
     undisturbed,
 )
 from yahboomd.errors import LinkError, PortMissing
@@ -57,15 +57,15 @@ def test_unseen_wheels_are_not_called_standing(capsys: pytest.CaptureFixture[str
     silent = describe(report(dialect=None, stood=None))
     assert "whether the wheels stand is unknown" in silent
     assert "Not a byte came" in silent
-    assert tell(report(stood=None)) is False
+    assert print_report(report(stood=None)) is False
     assert capsys.readouterr().out == ""
 
 
 def test_success_goes_to_the_output_and_failure_where_errors_go(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    assert tell(report()) is True
-    assert tell(report(stood=False)) is False
+    assert print_report(report()) is True
+    assert print_report(report(stood=False)) is False
     output = capsys.readouterr()
     assert output.out.count("\n") == 1
     assert output.err.startswith("yahboomd: /dev/board")
@@ -84,9 +84,9 @@ def test_a_named_port_needs_no_configuration_unless_one_is_named(
 
 def test_what_is_no_port_is_explained() -> None:
     with pytest.raises(PortMissing, match="/nonexistent: there is no such port"):
-        take(options(port="/nonexistent"), None)
+        seize_port(options(port="/nonexistent"), None)
     with pytest.raises(LinkError, match="/dev/null: this is no serial port"):
-        take(options(port="/dev/null"), None)
+        seize_port(options(port="/dev/null"), None)
 
 
 def test_the_command_that_ends_the_holders_is_complete() -> None:

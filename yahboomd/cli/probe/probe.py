@@ -106,7 +106,7 @@ def run(args: argparse.Namespace) -> int:
         0 for a board that may be driven, 1 for one that must not.
 
     Raises:
-        LinkError: The port or the board is not to be had; with what is wrong.
+        LinkError: The port or the board cannot be used; with what is wrong.
         ConfigError: The configuration has mistakes, or several ports could be the board's.
     """
     if args.list:
@@ -144,7 +144,7 @@ def _probe(args: argparse.Namespace) -> int:
         port = discovery.choose(config.serial.port, discovery.candidates())
         report = _examine(port, config, want, reopening=not args.write)
     except (PortBusy, PortMissing, ConfigError) as error:
-        # A port that was named and is not there is no matter of a daemon's.
+        # No daemon has a port that was named and is not there.
         ask = not args.write and (not port or isinstance(error, PortBusy))
         reported = _ask_daemon(args, config, port, want) if ask else None
         if reported is None:
@@ -228,7 +228,7 @@ def _opener(port: str, config: Config, clock: SystemClock) -> Opener:
 
 
 def _with_hints(error: YahboomdError, port: str) -> YahboomdError:
-    """The same error, with what this machine's state adds to it."""
+    """The same error, with hints from the state of this machine."""
     if not isinstance(error, LinkError):
         return error
     if isinstance(error, PortBusy):
@@ -273,7 +273,7 @@ def _ask_daemon(
     endpoints = daemon_endpoints(args, config)
     reported = asyncio.run(ask_board(endpoints, config))
     if reported is None or (port and reported.found is None):
-        # A port that another program holds is the news then.
+        # Then the error is that another program holds the port.
         return None
     if reported.found is None:
         where = " or ".join(endpoints)

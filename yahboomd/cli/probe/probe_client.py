@@ -24,7 +24,7 @@ Numbers: TypeAlias = int | float | tuple[float, float, float]
 
 
 class Reported(NamedTuple):
-    """What a daemon says of its board.
+    """A daemon's report of its board.
 
     Attributes:
         port: The port that it holds.

@@ -1,4 +1,4 @@
-"""What ``yahboomd probe`` has found and what it means, as one value. Pure."""
+"""The findings of ``yahboomd probe`` and what they mean, as one value. Pure."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class SettingRow(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         name: What it is, in words.
         command: The command that stores it.
-        have: What the board stores; None where it did not tell.
+        have: What the board stores; None where it did not answer.
         want: What it should store; None leaves the value alone.
         differs: Whether `probe --write` would store it.
     """
@@ -42,7 +42,7 @@ class StoredValue(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         command: The command that stores it.
         outcome: ``stored`` (and read back), ``refused`` by the board, or ``failed``.
-        answer: What the board said; empty where its answer was not heard.
+        answer: The answer of the board; empty where none came.
         attempts: How often it was sent.
         took_s: Until it was read back.
     """
@@ -61,7 +61,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
         port: The port that was probed; empty where none was found.
         device: The device behind it, where the port is a link.
         dialect: How the board is spoken to; None where none answered.
-        firmware: Its version, where it tells.
+        firmware: Its version, where known.
         volts: The supply of its motors.
         ticks: Its counters.
         standing: Whether the wheels were seen to stand.

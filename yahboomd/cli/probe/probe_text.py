@@ -1,4 +1,4 @@
-"""What ``yahboomd probe`` has found, in lines for a person. Pure."""
+"""The findings of ``yahboomd probe`` in lines for a person. Pure."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def verdict(found: Report, width: int = 100) -> list[str]:
         )
     lines = [NOT_READY if found.problems else READY]
     for point in points:
-        # Behind the first line stands what is pasted as it is.
+        # After the first line come commands to be pasted: they are not wrapped.
         sentence, *verbatim = pasteable(point).splitlines()
         lines += textwrap.wrap(
             sentence,

@@ -1,4 +1,4 @@
-"""What a person sees and is asked while ``yahboomd probe --write`` stores settings."""
+"""Asks and informs the person while ``yahboomd probe --write`` stores settings."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def agreed(count: int) -> bool:
 
 
 class Printed(storing.Progress):
-    """Says what is stored, as it happens."""
+    """Prints each value as it is stored."""
 
     def __init__(self) -> None:
         self._table: tuple[StoredSetting, ...] = ()

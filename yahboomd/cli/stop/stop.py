@@ -1,7 +1,7 @@
-"""``yahboomd stop``: the wheels stand when it ends, whatever drove them.
+"""``yahboomd stop``: stops the wheels, whatever drives them, and sees that they stand.
 
-Nothing is imported here that ``--help`` does not need: with ``--port`` the first stop is on the
-wire before asyncio, pydantic and Zenoh are loaded.
+It imports nothing that ``--help`` does not need: with ``--port`` the first stop is on the wire
+before asyncio, pydantic and Zenoh are loaded.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from yahboomd.cli.shared_options import (
 from yahboomd.cli.stop.stop_port import (
     configuration,
     needs_no_configuration,
+    print_report,
     readable_configuration,
-    take,
-    take_note,
-    take_noted,
-    tell,
+    seize_noted,
+    seize_noted_ports,
+    seize_port,
     undisturbed,
     warn,
 )
@@ -61,7 +61,7 @@ NOT_STANDING = 1
 """The exit status where the wheels were not shown to stand."""
 
 PREFIX = "YAHBOOMD_"
-"""Variables that start so are configuration."""
+"""The prefix of variables that configure."""
 
 DESCRIPTION = """\
 Stop the wheels, and see that they stand. A running daemon engages its emergency stop, and keeps it
@@ -178,11 +178,11 @@ def _status(stood: bool) -> int:
 
 
 def _direct(args: argparse.Namespace) -> bool:
-    seized = take_noted(args)
+    seized = seize_noted_ports(args)
     if not seized:
         config = None if needs_no_configuration(args) else configuration(args)
-        seized = [take(args, config)]
-    return _tell_all(_on_ports(seized))
+        seized = [seize_port(args, config)]
+    return _print_reports(_on_ports(seized))
 
 
 def _bus(args: argparse.Namespace) -> bool:
@@ -224,7 +224,7 @@ def _everywhere(args: argparse.Namespace) -> bool:
         config = config or configuration(args)
         seized, trouble = _try_port(args, config)
     config = config or configuration(args)
-    of_the_dead = _take_notes(local)
+    of_the_dead = _seize_noted(local)
     endpoints = daemon_endpoints(args, config)
     reports, answer, outcomes = _stop(
         seized + of_the_dead, config, endpoints, local, port=args.port or ""
@@ -232,23 +232,23 @@ def _everywhere(args: argparse.Namespace) -> bool:
     boards = [each.path for each in seized + of_the_dead]
     boards += [path for each in outcomes if not each.blind for path in each.robot.ports]
     several = len(outcomes) > 1
-    verdicts = [_tell_local(each, several) for each in outcomes if not covered(each, boards)]
+    verdicts = [_print_outcome(each, several) for each in outcomes if not covered(each, boards)]
     for each in outcomes:
         if covered(each, boards):
             print(f"{each.robot.name} does not hold the port; its emergency stop is engaged too.")
     if answer is not None and answer.daemons > len(outcomes):
         print(answer.words)
         verdicts.append(answer.stood)
-    verdicts += [tell(report) for report in reports]
+    verdicts += [print_report(report) for report in reports]
     if verdicts and len(verdicts) == len(of_the_dead) and isinstance(trouble, PortBusy):
         # The configured port is held, and nothing that answers has stopped its board.
-        verdicts.append(_tell_busy(args, config, endpoints))
+        verdicts.append(_report_busy(args, config, endpoints))
     if verdicts:
-        verdicts += [_tell_silent(robot, args) for robot in local.silent]
-        _tell_suspended(local, args)
+        verdicts += [_report_silent(robot, args) for robot in local.silent]
+        _report_suspended(local, args)
         if local.wanted == type(local.wanted)():
             over_bus = endpoints if answer is not None else ()
-            verdicts += [_tell_unreached(words) for words in _unreached(local, over_bus)]
+            verdicts += [_report_unreached(words) for words in _unreached(local, over_bus)]
         return all(verdicts)
     suspects = local.silent
     if not isinstance(trouble, PortBusy):
@@ -259,21 +259,21 @@ def _everywhere(args: argparse.Namespace) -> bool:
         assert trouble is not None
         raise _not_found(trouble, config, endpoints, local)
     # No daemon answers: the process that held the port may have been about to end.
-    return _tell_all(_on_ports([take(args, config, asked=endpoints)]))
+    return _print_reports(_on_ports([seize_port(args, config, asked=endpoints)]))
 
 
 def _try_port(
     args: argparse.Namespace, config: Config | None
 ) -> tuple[list[Seized], YahboomdError | None]:
-    """Take the port if it can be had at once; else why it cannot."""
+    """Seize the port if it is free; else why it cannot be seized."""
     try:
-        return [take(args, config, patience_s=0.0)], None
+        return [seize_port(args, config, patience_s=0.0)], None
     except (LinkError, ConfigError) as error:
         return [], error
 
 
-def _take_notes(local: LocalStops) -> list[Seized]:
-    """Take the ports of daemons that were killed: nothing else stops their boards."""
+def _seize_noted(local: LocalStops) -> list[Seized]:
+    """Seize the ports of daemons that were killed: nothing else stops their boards."""
     from yahboomd.cli.stop.stop_local import notes
 
     seized = []
@@ -281,14 +281,14 @@ def _take_notes(local: LocalStops) -> list[Seized]:
         # A port that is held is ours already, or another process drives; one that is gone, or is
         # another device by now, cannot be stopped any more.
         with contextlib.suppress(LinkError):
-            found = take_note(note)
+            found = seize_noted(note)
             seized += [found] if found is not None else []
     return seized
 
 
-def _tell_busy(args: argparse.Namespace, config: Config, endpoints: tuple[str, ...]) -> bool:
+def _report_busy(args: argparse.Namespace, config: Config, endpoints: tuple[str, ...]) -> bool:
     try:
-        return _tell_all(_on_ports([take(args, config, asked=endpoints)]))
+        return _print_reports(_on_ports([seize_port(args, config, asked=endpoints)]))
     except LinkError as error:
         warn(str(error))
         return False
@@ -318,7 +318,7 @@ def _stop_locally(args: argparse.Namespace, local: LocalStops) -> Config | None:
     return config
 
 
-def _tell_local(outcome: Outcome, several: bool) -> bool:
+def _print_outcome(outcome: Outcome, several: bool) -> bool:
     words = f"{outcome.robot.name}: {outcome.words}" if several else outcome.words
     if outcome.stood:
         print(words)
@@ -327,7 +327,7 @@ def _tell_local(outcome: Outcome, several: bool) -> bool:
     return outcome.stood
 
 
-def _tell_silent(robot: Robot, args: argparse.Namespace) -> bool:
+def _report_silent(robot: Robot, args: argparse.Namespace) -> bool:
     warn(str(_silent(robot, args)))
     return False
 
@@ -340,13 +340,13 @@ def _unreached(local: LocalStops, over_bus: tuple[str, ...] = ()) -> list[str]:
     return [words for pid in daemons() if pid not in known and (words := reaching(pid))]
 
 
-def _tell_unreached(words: str) -> bool:
+def _report_unreached(words: str) -> bool:
     warn(words)
     return False
 
 
-def _tell_suspended(local: LocalStops, args: argparse.Namespace) -> None:
-    """Name suspended daemons that had no part in this stop and may have let the port go."""
+def _report_suspended(local: LocalStops, args: argparse.Namespace) -> None:
+    """Warn of suspended daemons that this stop did not reach and that may have closed the port."""
     for robot in local.unknown:
         frozen = process_state(robot.pid) in FROZEN
         if frozen and may_drive(robot.pid, args.port or ""):
@@ -364,7 +364,7 @@ def _silent(robot: Robot, args: argparse.Namespace) -> LinkError:
 
 
 def _again(args: argparse.Namespace) -> str:
-    """This command, to be repeated."""
+    """This command, to be typed again."""
     import shlex
 
     again = ["yahboomd", "stop", *(["--release"] if args.release else [])]
@@ -390,8 +390,8 @@ def _not_found(
     )
 
 
-def _tell_all(reports: list[TakeoverReport]) -> bool:
-    verdicts = [tell(report) for report in reports]
+def _print_reports(reports: list[TakeoverReport]) -> bool:
+    verdicts = [print_report(report) for report in reports]
     return all(verdicts)
 
 

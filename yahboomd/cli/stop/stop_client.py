@@ -23,11 +23,11 @@ STAND_WITHIN_S = 2.0
 
 
 class BusStop(msgspec.Struct, frozen=True, kw_only=True):
-    """What the daemon did.
+    """What the daemons did.
 
     Attributes:
         stood: Its wheels were seen to stand.
-        words: What it said and what was seen, for a person.
+        words: Its answer and what was seen, for a person.
         daemons: How many answered.
     """
 
@@ -109,7 +109,7 @@ def _seen(wheels: WheelsSample | None, *, stood: bool, again: str) -> str:
 
 
 def release(endpoints: tuple[str, ...], config: Config, *, port: str = "") -> str:
-    """Release the emergency stop; what the daemon says to it.
+    """Release the emergency stop; returns the daemon's answer.
 
     Args:
         endpoints: Where the daemon is reached.

@@ -1,7 +1,7 @@
 """The local half of ``yahboomd stop``: the daemons of this machine, each on a socket of its own.
 
-It needs neither Zenoh nor asyncio nor the configuration, and so comes before them. What it speaks
-is in docs/bus.md.
+It needs neither Zenoh nor asyncio nor the configuration, so it runs before they are loaded. Its
+protocol is in docs/bus.md.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ STOOD_WITHIN_S = 2.5
 RETRY_S = 0.02
 MAX_BYTES = 65_536
 STOP = b"stop by yahboomd stop\n"
-"""Any request but ``status`` engages; this one also tells the daemon which program asks."""
+"""Any request but ``status`` engages; this one names the program that asks."""
 
 _LONGEST_PATH = 100
 
@@ -86,7 +86,7 @@ class Robot(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What became of a stop.
+    """The result of a stop.
 
     Attributes:
         robot: Whose.
@@ -123,7 +123,7 @@ class LocalStops:
     def engage(self, wanted: Wanted, found: Iterable[Robot]) -> None:
         """Stop them; returns once each that answers has engaged its emergency stop.
 
-        The others are not waited for: they have the stop, and engage it as they thaw.
+        The others are not awaited: they have the request, and engage as soon as they run again.
         """
         self.wanted = wanted
         for robot in found:
@@ -211,7 +211,7 @@ def folders(
 
 
 def notes(environ: Mapping[str, str], wanted: Wanted, living: Iterable[Robot]) -> list[PortNote]:
-    """What daemons noted that neither answer nor ended in order: their boards may drive on."""
+    """The notes of daemons that neither answer nor ended in order: their boards may drive on."""
     pids = {robot.pid for robot in living}
     found = []
     for folder in folders(environ):
@@ -269,7 +269,7 @@ class _Talk:
             self.ended = True
 
     def read(self) -> None:
-        """Take what came."""
+        """Receive."""
         try:
             data = self.sock.recv(MAX_BYTES)
         except BlockingIOError:
@@ -286,12 +286,12 @@ class _Talk:
                     self.lines.append(facts)
 
     def close(self) -> None:
-        """End it."""
+        """Close the socket."""
         self.sock.close()
 
 
 def _converse(talks: Iterable[_Talk], *, lines: int, within_s: float) -> None:
-    """Carry all of them on at once, until each has so many lines, or has ended."""
+    """Run all of them at once, until each has so many lines, or has ended."""
     deadline = time.monotonic() + within_s
     while True:
         open_ = [talk for talk in talks if len(talk.lines) < lines and not talk.ended]

@@ -1,6 +1,6 @@
-"""The port half of ``yahboomd stop``: taking the port, and saying how the stop went.
+"""The port half of ``yahboomd stop``: seizes the port, and reports how the stop went.
 
-What takes long to import is imported where it is used: see :mod:`yahboomd.link.seize`.
+Slow imports are made where they are needed: see :mod:`yahboomd.link.seize`.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _SIGNALS = (
 
 @contextlib.contextmanager
 def undisturbed() -> Iterator[None]:
-    """Go on to the end whatever signal comes: it takes some seconds at most."""
+    """Ignore signals until the stop is done, some seconds at most."""
     before = {number: signal.signal(number, signal.SIG_IGN) for number in _SIGNALS}
     try:
         yield
@@ -45,7 +45,7 @@ def undisturbed() -> Iterator[None]:
 
 
 def needs_no_configuration(args: argparse.Namespace) -> bool:
-    """Whether the port was named, and no other way to open it."""
+    """Whether the port is named, and nothing else configures how it is opened."""
     configured = (
         args.config or args.overrides or any(name.startswith(_SERIAL) for name in os.environ)
     )
@@ -53,7 +53,7 @@ def needs_no_configuration(args: argparse.Namespace) -> bool:
 
 
 def configuration(args: argparse.Namespace) -> Config:
-    """The configuration; a broken one must not keep the wheels turning."""
+    """The configuration, or the defaults: a broken file must not keep the wheels turning."""
     from yahboomd.config import Config
 
     return readable_configuration(args) or Config()
@@ -68,10 +68,10 @@ def readable_configuration(args: argparse.Namespace) -> Config | None:
         return None
 
 
-def take_noted(args: argparse.Namespace) -> list[Seized]:
-    """Take each port that a daemon had that was killed, as its note in the runtime folder says.
+def seize_noted_ports(args: argparse.Namespace) -> list[Seized]:
+    """Seize the port of each killed daemon, as its note in the runtime folder says.
 
-    That is so for ``ExecStopPost=`` of the service. Where no note leads to a port, the
+    ``ExecStopPost=`` of the service needs it. Where no note leads to a port, the
     configuration has to. Where it leads to another device, that one is left alone: udev may have
     given the name away.
 
@@ -89,7 +89,7 @@ def take_noted(args: argparse.Namespace) -> list[Seized]:
         held = []
         for note in waiting:
             try:
-                found = take_note(note)
+                found = seize_noted(note)
             except PortBusy:
                 # By a neighbour that lives, or by the killed one for a moment yet.
                 held.append(note)
@@ -109,8 +109,8 @@ def take_noted(args: argparse.Namespace) -> list[Seized]:
     return seized
 
 
-def take_note(note: PortNote) -> Seized | None:
-    """Take the port that a note leads to; ``None`` where it leads to none.
+def seize_noted(note: PortNote) -> Seized | None:
+    """Seize the port that a note leads to; ``None`` where it leads to none.
 
     Raises:
         PortBusy: Another process holds it.
@@ -137,29 +137,29 @@ def take_note(note: PortNote) -> Seized | None:
     was = note.device.usb or f"number {os.major(note.device.number)}:{os.minor(note.device.number)}"
     raise LinkError(
         f"{note.path} is another device than the one that the daemon drove ({was}), which is not "
-        "there any more. Nothing was said to the other one.",
+        "there any more. Nothing was sent to the other one.",
         remedy="If the wheels turn, switch the motors' supply off, or plug the board in again and "
         "run `yahboomd stop --port PATH`; `yahboomd probe --list` names the ports.",
     )
 
 
-def take(
+def seize_port(
     args: argparse.Namespace,
     config: Config | None,
     *,
     patience_s: float = PATIENCE_S,
     asked: tuple[str, ...] = (),
 ) -> Seized:
-    """Take the port and say the first stop.
+    """Seize the port, which sends the first stop.
 
     Args:
         args: Names the port, perhaps.
         config: How it is opened; None for the defaults, with the port that ``args`` names.
-        patience_s: How long to try again while somebody else holds it.
+        patience_s: How long to try again while another process holds it.
         asked: Where a daemon was asked on the bus, and did not answer.
 
     Raises:
-        LinkError: It cannot be had.
+        LinkError: It cannot be opened.
         ConfigError: Several ports could be the board's.
     """
     path: str = args.port or (config.serial.port if config is not None else "")
@@ -224,8 +224,8 @@ def pids(who: tuple[str, ...]) -> list[int]:
     return [int(each.rpartition("pid ")[2].rstrip(")")) for each in who]
 
 
-def tell(report: TakeoverReport) -> bool:
-    """Say how a stop on the port went; whether the wheels were seen to stand."""
+def print_report(report: TakeoverReport) -> bool:
+    """Print how a stop on the port went; whether the wheels were seen to stand."""
     words = describe(report)
     if report.stood:
         print(words)
@@ -271,7 +271,7 @@ def _readers(port: str) -> tuple[str, ...]:
 
 
 def warn(words: str) -> None:
-    """Say it where errors are said."""
+    """Print a warning to standard error."""
     print(f"yahboomd: {pasteable(readable(words))}", file=sys.stderr)
 
 
