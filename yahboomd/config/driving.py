@@ -116,7 +116,7 @@ class Command(Section):
     )
     at_rest: Literal["hold", "release"] = Field(
         default="hold",
-        description="Once the wheels stand: hold them ($spd:0), or let them go ($pwm:0).",
+        description="Once the wheels stand: hold them, or let them go.",
     )
     sources: dict[SourceKey, Source] = Field(
         default={

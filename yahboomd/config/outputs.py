@@ -26,8 +26,8 @@ class Odometry(Section):
         default=50.0,
         gt=0.0,
         le=1000.0,
-        description="Questions for the counters in a second, in the polled dialect; a streamed "
-        "board sends them by itself, new ones every 10 ms.",
+        description="Questions for the counters in a second, where the board has to be asked; "
+        "one that streams sends them by itself, new ones every 10 ms.",
     )
     publish_rate_hz: float = Field(
         default=50.0,

@@ -21,9 +21,6 @@ from yahboomd.protocol.registry import DIALECTS
 BITS_PER_BYTE = 10
 """8N1: a start bit, eight of data, a stop bit."""
 
-SAMPLES_PER_S = 100.0
-"""A streamed board takes new counts every 10 ms."""
-
 BOARD_MAX_M_S = 1.0
 """The board takes speeds up to 1000 mm/s."""
 
@@ -224,7 +221,7 @@ def timeouts(config: Config) -> Iterator[Finding]:
 
 
 def rates(config: Config) -> Iterator[Finding]:
-    """The serial line carries the polls, and no more samples are published than polled."""
+    """The serial line carries the polls, and no more samples are published than come."""
     poll_hz, publish_hz = config.odometry.poll_rate_hz, config.odometry.publish_rate_hz
     poll: Place = ("odometry", "poll_rate_hz")
     publish: Place = ("odometry", "publish_rate_hz")
@@ -236,9 +233,10 @@ def rates(config: Config) -> Iterator[Finding]:
     if poll_hz > most:
         words = f"expected at most {most:.0f}, what {config.serial.baudrate} baud carry, got "
         yield Finding(poll, f"{words}{number(poll_hz)}", (baud, dialect), chosen == "auto")
-    if config.serial.dialect == "streamed":
-        if publish_hz > SAMPLES_PER_S:
-            words = f"expected at most {SAMPLES_PER_S:g}, the samples of a streamed board, got "
+    period_ns = DIALECTS[chosen].sample_period_ns if chosen in DIALECTS else None
+    if period_ns is not None:
+        if publish_hz > (samples := 1e9 / period_ns):
+            words = f"expected at most {samples:g}, the samples of a {chosen} board, got "
             yield Finding(publish, f"{words}{number(publish_hz)}", (dialect,))
     elif publish_hz > poll_hz:
         words = f"expected at most poll_rate_hz ({number(poll_hz)}), got {number(publish_hz)}"

@@ -133,7 +133,7 @@ class Resets:
                 self._watch.clear()
             self._restarted("The board reset itself without a word")
         if cause in {"reset_unseen", "gap_lost", "rebased"}:
-            # A polled board without its motors' type turns no wheel; what the wheels did
+            # A board that was not sent its motors' type turns no wheel; what the wheels did
             # not do until now is no fault of theirs.
             self._wheels.forget()
             self._wheels.rearm()

@@ -1,4 +1,4 @@
-"""The serial port: opened and owned, written, polled, stopped and probed.
+"""The serial port: opened and owned, written, asked, stopped and probed.
 
 :class:`~yahboomd.link.session.Session` owns one connection for the daemon. The `line`
 receives, and leaves; `outbox` and `writer` decide what is sent next, the `poller` gets readings,

@@ -5,7 +5,7 @@
   drop one and its caller would not know;
 - **configuration** is first in, first out, each waiting for its answer.
 
-The request for counters of a board that is polled is a slot beside them. So that a flood of
+The request for counters of a board that has to be asked is a slot beside them. So that a flood of
 velocities cannot starve the poll, nor the poll the configuration, only a stop goes twice in a
 row while another waits.
 

@@ -1,6 +1,6 @@
 """The second of the two coroutines that share the stream: it gets the counts.
 
-A board that is polled is asked on an absolute schedule. A board that streams sends by itself, and
+One that has to be asked is asked on an absolute schedule. A board that streams sends by itself, and
 the same schedule only looks whether it still does. Either way every reading passes through here on
 its way to the odometry, at the moment its last byte arrived, without another iteration of the loop.
 """
@@ -21,7 +21,7 @@ REARM_AFTER_S = 0.25
 """A stream that paused so long is switched on again: the board may have reset itself unheard."""
 
 WATCH_NS = 50_000_000
-"""To see that a stream still comes, one need not look at the rate at which others are polled."""
+"""To see that a stream still comes, one need not look as often as others are asked."""
 
 SILENT_AFTER_S = 1.0
 """No counts for so long: the board is gone, whatever the port says."""

@@ -28,7 +28,7 @@ class SessionOptions(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         dialect: ``auto``, or the only one to accept.
-        poll_rate_hz: Polls per second of a board that is polled.
+        poll_rate_hz: Polls per second of a board that has to be asked.
         resend_s: How often the current velocity is said again.
         still_ticks_per_s: Below it a wheel counts as standing.
         profile: The motors; a board that stores no type is sent it at each start.

@@ -37,7 +37,7 @@ DRAIN_S = 0.2
 LOOK_NS = 2_000_000
 
 WINDOW_NS = 60_000_000
-"""Speed is judged over so long: six of the streamed board's ticks, five steps of a slow poll."""
+"""Speed is judged over so long: six renewals of a board that streams, five steps of a slow poll."""
 
 
 class StandstillWatch:

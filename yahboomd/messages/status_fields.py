@@ -87,7 +87,7 @@ _LINK = {
     "requests_sent": "other frames: questions for settings and the voltage, and set-up",
     "polls_late": "times that yahboomd was too late to poll the board, or to watch its stream",
     "polls_skipped": "polls that were left out because one waited already",
-    "polls_unanswered": "questions for the encoders of a polled board without an answer",
+    "polls_unanswered": "questions for the counters without an answer, of a board that has to be asked",
     "answers_missed": "other questions that were not answered in time",
     "answers_late": "answers that came after that time",
     "settings_late": "answers with settings that came when the board was connected already",
@@ -235,7 +235,7 @@ FIELDS: tuple[StatusField, ...] = (
     _fact("command", "gauge", "estop_not_on_file", "1 while an engaged e-stop is not on file"),
     _fact(
         *("command", "gauge", "board_tick_ns"),
-        "period in which the board renews its counts; 0: none fits, or the board is polled",
+        "period in which the board renews its counts; 0: none fits, or the board is asked for them",
         unit="ns",
     ),
     _fact("command", "text", "last_refusal", "why the latest refused command was; empty: none was"),
