@@ -8,7 +8,7 @@ import itertools
 import pytest
 from board_bench import Bench, BoardPort
 
-from yahboomd.link.noise import NOISY_DAMAGES
+from yahboomd.link.line import DAMAGES_MOST, NOISY_DAMAGES
 from yahboomd.link.session import SessionOptions
 from yahboomd.simulation.options import ImpairmentOptions, SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
@@ -71,7 +71,12 @@ async def test_on_a_noisy_line_a_speed_is_repeated_more_often_until_the_noise_is
             board.port._memory.on_data(b"$MAll:1,$")
         assert (board.wheels.damages, board.wheels.noisy) == (NOISY_DAMAGES, True)
         assert await sent_in_a_second() >= 25
-        await asyncio.sleep(9.1)
+        for _ in range(DAMAGES_MOST):
+            board.port._memory.on_data(b"$MAll:1,$")
+        assert board.wheels.damages == DAMAGES_MOST
+        await asyncio.sleep(9.9)
+        assert board.wheels.noisy
+        await asyncio.sleep(0.2)
         assert (board.wheels.damages, board.wheels.noisy) == (0, False)
         assert await sent_in_a_second() <= 11
 

@@ -58,13 +58,15 @@ class Desk:
 async def test_before_the_dialect_is_known_what_comes_is_kept_and_read_when_it_is() -> None:
     desk = Desk()
     async with desk.line.attended():
-        desk.take(COUNTS, b"Motor_Version:1.7.3\r\n", COUNTS)
+        desk.take(COUNTS, COUNTS, b"Motor_Version:1.7.3\r\n")
         assert (desk.ticks, desk.said) == ([], [])
         desk.line.understand(DIALECTS["streamed"], spacing_ns=0)
         assert len(desk.line.said) == 3
         assert desk.line.unread == []
-        assert (desk.line.heard.resets, desk.line.streaming) == (1, True)
+        assert (desk.line.heard.resets, desk.line.streaming) == (1, False)
         assert desk.line.counters["board_resets"] == 0
+        desk.take(COUNTS)
+        assert desk.line.streaming
 
 
 @on_virtual_time

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import AsyncIterator, Callable
 
 import msgspec
@@ -17,7 +17,6 @@ import msgspec
 from yahboomd.clock import Clock, nanoseconds
 from yahboomd.errors import PortLost
 from yahboomd.link.gathering import Gathering
-from yahboomd.link.noise import NOISY_DAMAGES, LineNoise
 from yahboomd.link.outbox import Answers
 from yahboomd.link.port import Port
 from yahboomd.link.port_errors import lost
@@ -46,6 +45,15 @@ from yahboomd.protocol.registry import DIALECTS, connect_spacing_ns
 STILL_TICKS_PER_S = 100.0
 """Below it a wheel counts as standing where no wheel is configured: six counts in the watch's
 window, at most 25 mm/s at the rim with any of the vendor's gears that has an encoder."""
+
+NOISY_DAMAGES = 5
+NOISY_NS = 10_000_000_000
+"""A line that damaged so many chunks in so long damages others, in the other direction too. A board
+that was reset cuts a line or two; and a question without an answer is no damage, since a busy
+computer has such, too."""
+
+DAMAGES_MOST = 16
+"""Damages of the last ten seconds are counted up to here."""
 
 NOISY_RESEND_NS = 25_000_000
 """On a noisy line a speed is said so often: one that arrives garbled lives no longer."""
@@ -115,7 +123,8 @@ class Line:
         self._framers = {name: dialect.framer() for name, dialect in DIALECTS.items()}
         self._framer = next(iter(self._framers.values()))
         self._gathering: Gathering | None = None
-        self._noise = LineNoise()
+        self._damage = 0
+        self._damaged_ns: deque[int] = deque(maxlen=DAMAGES_MOST)
         self._lost = False
         self._leaving = False
         self._at_rest = False
@@ -209,7 +218,10 @@ class Line:
     @property
     def damages(self) -> int:
         """How many chunks came damaged in the last ten seconds, up to 16."""
-        return self._noise.damages(self.clock.now_ns())
+        damaged_ns, since_ns = self._damaged_ns, self.clock.now_ns() - NOISY_NS
+        while damaged_ns and damaged_ns[0] <= since_ns:
+            damaged_ns.popleft()
+        return len(damaged_ns)
 
     @property
     def noisy(self) -> bool:
@@ -304,9 +316,10 @@ class Line:
     def _notice_noise(self, now_ns: int) -> None:
         seen = self._framer.counters
         framed = seen.broken_frames + seen.discarded_bytes + seen.overlong + seen.bad_bytes
-        self._noise.heard(framed + self.counters["unrecognised"], now_ns)
-        noisy = self._noise.damages(now_ns) >= NOISY_DAMAGES
-        if noisy != self._was_noisy:
+        damage, self._damage = self._damage, framed + self.counters["unrecognised"]
+        if damage != self._damage:
+            self._damaged_ns.append(now_ns)
+        if (noisy := self.noisy) != self._was_noisy:
             self._was_noisy = noisy
             resend_ns = min(self._resend_ns, NOISY_RESEND_NS) if noisy else self._resend_ns
             self.writer.set_resend(resend_ns)
