@@ -6,6 +6,7 @@ import argparse
 import asyncio
 import contextlib
 import signal
+from collections.abc import Iterable
 from pathlib import Path
 
 import msgspec
@@ -48,9 +49,42 @@ exit status:
 """
 
 
+ROBOT = (
+    ("--wheel-radius", "M", "wheel_radius_m", "true radius of the wheels"),
+    ("--wheel-separation", "M", "wheel_separation_m", "from the left wheels to the right ones"),
+    ("--wheel-base", "M", "wheel_base_m", "from axle to axle, for mecanum"),
+    ("--lines", "N", "lines", "encoder lines of the motors"),
+    ("--ratio", "X", "ratio", "their true gear ratio"),
+    ("--battery", "V", "battery_volts", "the battery at rest"),
+    ("--firmware", "VERSION", "firmware", "the version that the board reports, if it does"),
+    (
+        *("--tick-period", "S", "tick_period_s"),
+        "how often a board that sends its totals renews them, 0 for with every line",
+    ),
+    (
+        *("--tick-jitter", "S", "tick_jitter_s"),
+        "each of these periods is up to so much longer, at random",
+    ),
+    ("--seed", "N", "seed", "of all that is random: the same number, the same faults"),
+)
+"""Options of the robot, each with its metavar, its field of the options, and its help."""
+
+LINE = (
+    ("--loss", "SHARE", "loss", "share of bytes that vanish, each way, 0 to 1"),
+    (
+        *("--corruption", "SHARE", "corruption"),
+        "share of bytes that arrive with a bit flipped, each way, 0 to 1",
+    ),
+    ("--delay", "S", "delay_s", "what every chunk waits, each way"),
+    ("--jitter", "S", "jitter_s", "up to so much more, at random"),
+    ("--chunk", "S", "chunk_s", "period in which bytes arrive, 0 for each alone"),
+)
+"""The same of the line."""
+
+
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    robot, line = SimulationOptions(), ImpairmentOptions()
+    robot = SimulationOptions()
     where = parser.add_argument_group("where it appears")
     where.add_argument(
         "--link",
@@ -98,41 +132,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="the geometry (default: %(default)s); differential: left on M1, right on M3; the "
         "others: M1 to M4 as the vendor has them",
     )
-    what.add_argument(
-        "--wheel-radius",
-        metavar="M",
-        type=float,
-        default=robot.wheel_radius_m,
-        help="true radius of the wheels (default: %(default)s)",
-    )
-    what.add_argument(
-        "--wheel-separation",
-        metavar="M",
-        type=float,
-        default=robot.wheel_separation_m,
-        help="from the left wheels to the right ones (default: %(default)s)",
-    )
-    what.add_argument(
-        "--wheel-base",
-        metavar="M",
-        type=float,
-        default=robot.wheel_base_m,
-        help="from axle to axle, for mecanum (default: %(default)s)",
-    )
-    what.add_argument(
-        "--lines",
-        metavar="N",
-        type=int,
-        default=robot.lines,
-        help="encoder lines of the motors (default: %(default)s)",
-    )
-    what.add_argument(
-        "--ratio",
-        metavar="X",
-        type=float,
-        default=robot.ratio,
-        help="their true gear ratio (default: %(default)s)",
-    )
+    _add_fields(what, ROBOT, robot)
     what.add_argument(
         "--flash",
         metavar="NAME=VALUE",
@@ -146,23 +146,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         ),
     )
     what.add_argument(
-        "--firmware",
-        metavar="VERSION",
-        default=robot.firmware,
-        help="the version that the board reports, if it does (default: %(default)s)",
-    )
-    what.add_argument(
         "--ticks",
         metavar="A,B,C,D",
         default="0,0,0,0",
         help="counters at the start (default: %(default)s)",
-    )
-    what.add_argument(
-        "--battery",
-        metavar="V",
-        type=float,
-        default=robot.battery_volts,
-        help="the battery at rest (default: %(default)s)",
     )
     what.add_argument(
         "--stream-pace",
@@ -170,66 +157,23 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         default=robot.stream_pace,
         help="stream lines at the rate of a real board, or one right after the other",
     )
-
-    what.add_argument(
-        "--tick-period",
-        metavar="S",
-        type=float,
-        default=robot.tick_period_s,
-        help="how often a board that sends its totals renews them, 0 for with every line "
-        "(default: %(default)s)",
-    )
-    what.add_argument(
-        "--tick-jitter",
-        metavar="S",
-        type=float,
-        default=robot.tick_jitter_s,
-        help="each of these periods is up to so much longer, at random",
-    )
-
     bad = parser.add_argument_group("what is wrong with the line")
-    bad.add_argument(
-        "--seed",
-        metavar="N",
-        type=int,
-        default=robot.seed,
-        help="the same number, the same faults (default: %(default)s)",
-    )
-    bad.add_argument(
-        "--loss",
-        metavar="SHARE",
-        type=float,
-        default=line.loss,
-        help="share of bytes that vanish, each way, 0 to 1",
-    )
-    bad.add_argument(
-        "--corruption",
-        metavar="SHARE",
-        type=float,
-        default=line.corruption,
-        help="share of bytes that arrive with a bit flipped, each way, 0 to 1",
-    )
-    bad.add_argument(
-        "--delay",
-        metavar="S",
-        type=float,
-        default=line.delay_s,
-        help="what every chunk waits, each way",
-    )
-    bad.add_argument(
-        "--jitter",
-        metavar="S",
-        type=float,
-        default=line.jitter_s,
-        help="up to so much more, at random",
-    )
-    bad.add_argument(
-        "--chunk",
-        metavar="S",
-        type=float,
-        default=line.chunk_s,
-        help="period in which bytes arrive, 0 for each alone (default: %(default)s)",
-    )
+    _add_fields(bad, LINE, robot.impairments)
+
+
+def _add_fields(
+    group: argparse._ArgumentGroup, fields: Iterable[tuple[str, str, str, str]], of: msgspec.Struct
+) -> None:
+    for flag, metavar, field, words in fields:
+        default = getattr(of, field)
+        group.add_argument(
+            flag,
+            metavar=metavar,
+            dest=field,
+            type=type(default),
+            default=default,
+            help=f"{words} (default: %(default)s)",
+        )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -290,25 +234,10 @@ def _given(args: argparse.Namespace) -> SimulationOptions:
     return SimulationOptions(
         dialect=args.dialect,
         drive=args.drive,
-        lines=args.lines,
-        ratio=args.ratio,
-        wheel_radius_m=args.wheel_radius,
-        wheel_separation_m=args.wheel_separation,
-        wheel_base_m=args.wheel_base,
-        battery_volts=args.battery,
-        firmware=args.firmware,
         initial_ticks=_ticks(args.ticks),
         stream_pace=args.stream_pace,
-        tick_period_s=args.tick_period,
-        tick_jitter_s=args.tick_jitter,
-        seed=args.seed,
-        impairments=ImpairmentOptions(
-            loss=args.loss,
-            corruption=args.corruption,
-            delay_s=args.delay,
-            jitter_s=args.jitter,
-            chunk_s=args.chunk,
-        ),
+        impairments=ImpairmentOptions(**{field: getattr(args, field) for _, _, field, _ in LINE}),
+        **{field: getattr(args, field) for _, _, field, _ in ROBOT},
     )
 
 
