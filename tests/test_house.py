@@ -72,6 +72,29 @@ SHARED = {"options.py": "the options of a room's constructors"}
 """Names of files that mean the same thing in several rooms."""
 
 
+OWN_FOLDERS = ("yahboomd/protocol/four_channel/", "yahboomd/simulation/four_channel/")
+BOARD_WORDS = re.compile(
+    r"\b(streamed|polled|four_channel)\b"
+    r"|\$(spd|speed|pwm|mtype|upload|read|MAll|MTEP|MSPD|data|Battery)\b"
+)
+NAMED_ELSEWHERE = {
+    "yahboomd/protocol/registry.py": "the row of each dialect",
+    "yahboomd/protocol/first_words.py": "the stop before anything can be imported",
+    "yahboomd/simulation/boards.py": "the row of each simulated board",
+    "yahboomd/simulation/options.py": "the board that is simulated where none is named",
+    "yahboomd/messages/samples.py": "a golden sample is one of a real board",
+}
+
+
+def test_nothing_but_a_boards_own_folders_and_its_rows_name_it_or_its_commands() -> None:
+    found = {
+        str(path)
+        for path in (source.relative_to(ROOT) for source in (ROOT / "yahboomd").rglob("*.py"))
+        if not str(path).startswith(OWN_FOLDERS) and BOARD_WORDS.search((ROOT / path).read_text())
+    }
+    assert found == set(NAMED_ELSEWHERE)
+
+
 def test_no_two_files_of_one_name_mean_different_things() -> None:
     names = [path.name for path in SOURCES]
     assert {name for name in names if names.count(name) > 1} <= set(SHARED)

@@ -87,7 +87,7 @@ _LINK = {
     "requests_sent": "other frames: questions for settings and the voltage, and set-up",
     "polls_late": "times that yahboomd was too late to poll the board, or to watch its stream",
     "polls_skipped": "polls that were left out because one waited already",
-    "polls_unanswered": "questions for the counters without an answer, of a board that has to be asked",
+    "polls_unanswered": "questions for the counters without an answer",
     "answers_missed": "other questions that were not answered in time",
     "answers_late": "answers that came after that time",
     "settings_late": "answers with settings that came when the board was connected already",
