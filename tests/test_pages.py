@@ -10,6 +10,10 @@ import pytest
 
 from yahboomd.cli.shell import command_tree
 from yahboomd.config import Config
+from yahboomd.protocol.dialect import Dialect
+from yahboomd.protocol.first_words import FIRST_WORDS
+from yahboomd.protocol.registry import DIALECTS
+from yahboomd.simulation.boards import BOARDS
 
 ROOT = Path(__file__).resolve().parents[1]
 WRITTEN = [
@@ -94,3 +98,34 @@ def test_every_toml_example_is_a_configuration() -> None:
             Config.model_validate(tomllib.loads(block))
             count += 1
     assert count > 5
+
+
+ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text()
+ANOTHER_BOARD = ARCHITECTURE.partition("\n## Another board\n")[2]
+
+
+def test_the_page_lists_all_that_a_board_takes_and_every_board_has_it() -> None:
+    listed = set(re.findall(r"`((?:\w+/)+[\w.-]*)`", ANOTHER_BOARD.partition("Adding one")[2]))
+    taken = set()
+    for name, dialect in DIALECTS.items():
+        room = type(dialect).__module__.split(".")[2]
+        places = {
+            "protocol/BOARD/": ROOT / "yahboomd" / "protocol" / room,
+            "simulation/BOARD/": ROOT / "yahboomd" / "simulation" / room,
+            "tests/protocol/BOARD/captures/connect-DIALECT.txt": ROOT
+            / f"tests/protocol/{room}/captures/connect-{name}.txt",
+        }
+        assert all(place.exists() for place in places.values()), name
+        assert BOARDS[name].make.__module__.split(".")[2] == room
+        assert name in FIRST_WORDS
+        assert f"\n## `{name}`\n" in (ROOT / "docs" / "protocol.md").read_text()
+        taken |= set(places)
+    rows = {"protocol/registry.py", "protocol/first_words.py", "simulation/boards.py"}
+    tests = {"tests/plugins/fault_bench.py", "tests/plugins/binary_dialect.py"}
+    assert listed == taken | rows | tests | {"docs/protocol.md"}
+
+
+def test_the_page_names_every_part_of_a_dialect() -> None:
+    named = set(re.findall(r"`(\w+)(?:\(\))?`", ANOTHER_BOARD))
+    parts = {part for part in vars(Dialect) if not part.startswith("_")}
+    assert parts - {"name", "title", "for_profile"} <= named
