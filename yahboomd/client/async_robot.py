@@ -19,17 +19,14 @@ from yahboomd.client.commanding import Commands, Counters, number
 from yahboomd.client.connection import MAX_BYTES, Connection
 from yahboomd.client.endings import Endings
 from yahboomd.client.questions import Answer, ask, read_answers
-from yahboomd.client.streams import DEPTH, Newest, Samples, key_of, read_sample
+from yahboomd.client.streams import DEPTH, Newest, NewestSamples, Samples, key_of, read_sample
 from yahboomd.clock import Clock, SystemClock, seconds
 from yahboomd.errors import BusError, NoDaemon, Refused
 from yahboomd.messages.codecs import encode
 from yahboomd.messages.native import (
-    BatterySample,
     EstopRequest,
-    PoseSample,
     SetPoseRequest,
     StatusSample,
-    TwistSample,
     WheelsSample,
 )
 from yahboomd.model import Twist2d
@@ -54,7 +51,7 @@ STANDING_SAMPLES = 3
 """So many samples in a row must show it, in case one was under way when the stop was commanded."""
 
 
-class AsyncRobot:
+class AsyncRobot(NewestSamples):
     """One robot, through its daemon. Made by :func:`connect`, which explains the arguments.
 
     An asynchronous context manager: entering waits for the daemon, leaving stops the robot, also
@@ -300,31 +297,6 @@ class AsyncRobot:
         if payload is not None and (sample := read_sample(payload, message)) is not None:
             self._read[message] = sample
         return self._read.get(message)  # type: ignore[return-value]
-
-    @property
-    def pose(self) -> PoseSample | None:
-        """Where the robot is, in metres and radians; see :meth:`newest`."""
-        return self.newest(PoseSample)
-
-    @property
-    def twist(self) -> TwistSample | None:
-        """How it moves, in m/s and rad/s; see :meth:`newest`."""
-        return self.newest(TwistSample)
-
-    @property
-    def wheels(self) -> WheelsSample | None:
-        """Counts, angles and speeds of each wheel; see :meth:`newest`."""
-        return self.newest(WheelsSample)
-
-    @property
-    def battery(self) -> BatterySample | None:
-        """The battery's voltage; see :meth:`newest`."""
-        return self.newest(BatterySample)
-
-    @property
-    def status(self) -> StatusSample | None:
-        """Health, counters, and why the robot stands; None while the daemon is away."""
-        return self._connection.status
 
     def samples(self, message: type[Message], *, depth: int = DEPTH) -> Samples[Message]:
         """Samples as they come: ``async for pose in robot.samples(PoseSample)``.

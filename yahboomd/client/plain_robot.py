@@ -23,15 +23,8 @@ from yahboomd.client.commanding import Counters
 from yahboomd.client.connecting import connect
 from yahboomd.client.endings import Endings
 from yahboomd.client.questions import Answer
-from yahboomd.client.streams import DEPTH, Samples
+from yahboomd.client.streams import DEPTH, NewestSamples, Samples
 from yahboomd.errors import BusError, NoDaemon
-from yahboomd.messages.native import (
-    BatterySample,
-    PoseSample,
-    StatusSample,
-    TwistSample,
-    WheelsSample,
-)
 from yahboomd.model import Twist2d
 
 log = logging.getLogger("yahboomd.client")
@@ -40,7 +33,7 @@ Message = TypeVar("Message", bound=msgspec.Struct)
 Result = TypeVar("Result")
 
 
-class Robot:
+class Robot(NewestSamples):
     """One robot, through its daemon: ``with Robot("tcp/192.168.1.5:7448") as robot:``.
 
     Entering waits for the daemon; leaving stops the robot, also after an exception, Ctrl-C,
@@ -304,31 +297,6 @@ class Robot:
             except NoDaemon:
                 return None
         return sample
-
-    @property
-    def pose(self) -> PoseSample | None:
-        """Where the robot is, in metres and radians; see :meth:`newest`."""
-        return self.newest(PoseSample)
-
-    @property
-    def twist(self) -> TwistSample | None:
-        """How it moves, in m/s and rad/s; see :meth:`newest`."""
-        return self.newest(TwistSample)
-
-    @property
-    def wheels(self) -> WheelsSample | None:
-        """Counts, angles and speeds of each wheel; see :meth:`newest`."""
-        return self.newest(WheelsSample)
-
-    @property
-    def battery(self) -> BatterySample | None:
-        """The battery's voltage; see :meth:`newest`."""
-        return self.newest(BatterySample)
-
-    @property
-    def status(self) -> StatusSample | None:
-        """Health, counters, and why the robot stands; None while the daemon is away."""
-        return self.newest(StatusSample)
 
     def samples(
         self, message: type[Message], *, depth: int = DEPTH, timeout_s: float = math.inf

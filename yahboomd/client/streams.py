@@ -7,6 +7,7 @@ payload that it cannot read is a value, not an error: another version or another
 from __future__ import annotations
 
 import asyncio
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
 from functools import cache
@@ -117,6 +118,39 @@ class Newest:
         """The newest payload; None where none came since the last call."""
         sample = self._ring.try_recv()
         return None if sample is None else sample.payload.to_bytes()
+
+
+class NewestSamples(ABC):
+    """The newest sample of each message, by name."""
+
+    @abstractmethod
+    def newest(self, message: type[Message]) -> Message | None:
+        """The newest sample; None while there is none."""
+
+    @property
+    def pose(self) -> PoseSample | None:
+        """Where the robot is, in metres and radians; see :meth:`newest`."""
+        return self.newest(PoseSample)
+
+    @property
+    def twist(self) -> TwistSample | None:
+        """How it moves, in m/s and rad/s; see :meth:`newest`."""
+        return self.newest(TwistSample)
+
+    @property
+    def wheels(self) -> WheelsSample | None:
+        """Counts, angles and speeds of each wheel; see :meth:`newest`."""
+        return self.newest(WheelsSample)
+
+    @property
+    def battery(self) -> BatterySample | None:
+        """The battery's voltage; see :meth:`newest`."""
+        return self.newest(BatterySample)
+
+    @property
+    def status(self) -> StatusSample | None:
+        """Health, counters, and why the robot stands; None while the daemon is away."""
+        return self.newest(StatusSample)
 
 
 class Samples(Generic[Message]):
