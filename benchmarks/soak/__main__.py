@@ -84,7 +84,7 @@ def main(arguments: list[str]) -> int:
 
 
 def drive(course: Course, for_s: float, kinds: list[str], dialects: Sequence[str]) -> None:
-    """Fault after fault, until the time is over; the boards' dialects in turn."""
+    """Inject fault after fault until the time is over, on boards of alternating dialects."""
     began = time.monotonic()
     course.kind = "start"
     course.ready()
@@ -116,7 +116,7 @@ def another_board(course: Course, dialect: str) -> None:
 
 
 def one(course: Course, turn: Turn) -> None:
-    """A fault, what must follow, and the robot as it was before."""
+    """Inject one fault, verify its consequences, and restore the robot."""
     course.kind = turn.kind
     ledger = course.ledger
     lives, found = len(course.manager.lives), len(course.app.poses.found)
@@ -161,7 +161,7 @@ def one(course: Course, turn: Turn) -> None:
 
 
 def finish(course: Course) -> dict[str, Any]:
-    """End everything; what is known then."""
+    """End every process; returns the results."""
     lives = list(course.manager.lives)
     course.kind = "end"
     course.close()
@@ -201,12 +201,12 @@ def finish(course: Course) -> dict[str, Any]:
 
 
 def rounded(mb: float | None) -> float:
-    """For people."""
+    """The figures, rounded for people."""
     return round(mb or 0.0, 1)
 
 
 def figures(ledger: Ledger, facts: dict[str, Any]) -> dict[str, Any]:
-    """Everything, for a program."""
+    """All figures, for programs."""
     return {
         **facts,
         "faults": dict(ledger.faults),

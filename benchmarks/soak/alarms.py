@@ -1,4 +1,4 @@
-"""Whether wheels did what an event says of them."""
+"""Checks events about wheels against the ground truth."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from yahboomd.messages.native import EventSample
 from yahboomd.simulation.truth import TruthSample
 
 ALARMS = ("runaway_against", "runaway_fast", "no_counts")
-"""What lets the motors go, and keeps the robot where it is until a person came."""
+"""Events that cut the motors until a person clears the fault."""
 
 LATELY_NS = 300_000_000
 WHEELS = ("left", "right")
 
 
 def shown(event: EventSample, truth: Iterable[TruthSample], event_ns: int) -> bool:
-    """Whether a wheel really did it.
+    """Whether a wheel really did what the event reports.
 
     On a noisy line a speed that is garbled on its way to the board is driven, and one that is lost
     is not: then a wheel does turn against its command, or stands.

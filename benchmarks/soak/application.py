@@ -27,7 +27,7 @@ BACKWARD_M_S = -0.35
 TURN_RAD_S = 2.0
 
 KEEP_SAMPLES = 4000
-"""Poses and twists that can be judged afterwards: about twenty seconds of them."""
+"""Poses and twists that are kept for checks: about twenty seconds of them."""
 
 
 class Application:

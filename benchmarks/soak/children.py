@@ -28,7 +28,7 @@ STALL_NS = 3_000_000
 
 
 def session(endpoint: str) -> zenoh.Session:
-    """A client of the daemon that comes back by itself."""
+    """A client of the daemon that reconnects by itself."""
     config = zenoh.Config()
     config.insert_json5("mode", '"client"')
     config.insert_json5("connect/endpoints", json.dumps([endpoint]))
@@ -43,7 +43,7 @@ def session(endpoint: str) -> zenoh.Session:
 
 
 def drive(endpoint: str, key: str, vx: float, wz: float) -> None:
-    """Drive until killed, and tell when each command was said."""
+    """Drive until killed, and print the time of each command."""
     payload = json.dumps({"vx": vx, "wz": wz})
     with session(endpoint) as bus:
         while True:
@@ -54,7 +54,7 @@ def drive(endpoint: str, key: str, vx: float, wz: float) -> None:
 
 
 def flood(endpoint: str, key: str, kind: str) -> None:
-    """Say nonsense, far too much, or the same far too often, until killed."""
+    """Publish nonsense, large payloads, or the same command at a high rate, until killed."""
     vx = kind.partition("=")[2]
     payloads = {
         "garbage": [os.urandom(size) for size in range(1, 400)],
@@ -83,7 +83,7 @@ def flood(endpoint: str, key: str, kind: str) -> None:
 
 
 def stalls() -> None:
-    """Tell every time that the machine did not let us run when it should have."""
+    """Print each time for which the machine did not run this process."""
     print("ready", flush=True)
     while True:
         before_ns = time.monotonic_ns()
@@ -94,7 +94,7 @@ def stalls() -> None:
 
 
 def main(arguments: list[str]) -> None:
-    """Be one of them."""
+    """Run one of the processes."""
     match arguments:
         case ["drive", endpoint, key, vx, wz]:
             drive(endpoint, key, float(vx), float(wz))

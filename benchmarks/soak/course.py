@@ -1,4 +1,4 @@
-"""What faults are tried on: robot, daemon and application, and how to tell what became of them."""
+"""The robot under test, with daemon and application, and the checks after a fault."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ class Course:
     # Waiting and telling.
 
     def fail(self, words: str) -> None:
-        """Something that should not have happened."""
+        """Record a failure."""
         at_s = (time.monotonic_ns() - self.began_ns) / 1e9
         status = self.app.status
         state = f"{status.state}: {status.why}" if status is not None else "no status"
@@ -133,7 +133,7 @@ class Course:
             self.ledger.notes[f"while the machine stood still: {words}"] += 1
 
     def wait(self, condition: Callable[[], object], within_s: float) -> bool:
-        """Whether it came true in time."""
+        """Wait for a condition; whether it came true in time."""
         deadline = time.monotonic() + within_s
         while not condition():
             if time.monotonic() > deadline:
@@ -281,7 +281,7 @@ class Course:
 
     @property
     def why(self) -> str:
-        """Why it stands, in its own words, without what differs from time to time."""
+        """The status' reason to stand, without figures that change."""
         status = self.app.status
         return status.why.split(":")[0].split("(since")[0] if status is not None else "no status"
 

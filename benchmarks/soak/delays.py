@@ -1,4 +1,4 @@
-"""Faults of time: a daemon that is frozen, bytes that wait, answers that never come."""
+"""Faults of time: a frozen daemon, delayed bytes, answers that never come."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Faults of clients, daemon, board, line and motors: how each is made, and what must follow."""
+"""Faults of clients, daemon, board, line and motors: their injection and required consequences."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def engage(
 
 
 def silence(course: Course) -> None:
-    """The application falls silent in motion."""
+    """The application stops sending in motion."""
     course.move()
     _lapse(course, "command silence", course.app.silent())
 
@@ -197,7 +197,7 @@ def board_hangs(course: Course) -> None:
 
 
 def mute_short(course: Course) -> None:
-    """What the board says does not arrive for a moment."""
+    """The board's output is lost for a moment."""
     course.app.wander()
     time.sleep(0.5)
     course.board.do(f"mute {course.random.uniform(0.05, 0.7):.3f}")
@@ -205,7 +205,7 @@ def mute_short(course: Course) -> None:
 
 
 def mute_long(course: Course) -> None:
-    """What the board says does not arrive."""
+    """The board's output is lost for a while."""
     course.move()
     since_ns = course.board.do("mute 2.5")
     course.stands(since_ns, SILENT_S + BRAKE_S + 0.2)
@@ -213,7 +213,7 @@ def mute_long(course: Course) -> None:
 
 
 def babble(course: Course) -> None:
-    """Random bytes arrive instead of what the board says."""
+    """Random bytes arrive instead of the board's output."""
     course.move()
     for_s = course.random.choice([0.2, 0.6, 2.2])
     since_ns = course.board.do(f"babble {for_s}")

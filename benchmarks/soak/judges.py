@@ -1,4 +1,4 @@
-"""What is compared with the ground truth after a fault: alarms, and the pose in motion."""
+"""Checks against the ground truth after a fault: alarms, and the pose in motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was found out, counted."""
+"""Counts and latencies of the run."""
 
 from __future__ import annotations
 

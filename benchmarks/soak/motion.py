@@ -1,4 +1,4 @@
-"""Whether poses and twists of a moving robot agree with the ground truth at their stamps."""
+"""Compares poses and twists of a moving robot with the ground truth at their stamps."""
 
 from __future__ import annotations
 

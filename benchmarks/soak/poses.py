@@ -1,4 +1,4 @@
-"""What may never happen to the published pose, looked at sample by sample."""
+"""Checks each published pose for jumps, shrinking covariance and wrong stamps."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class PoseWatch:
         self._paused = True
 
     def resume(self) -> None:
-        """It was said, and the samples of before have arrived."""
+        """Continue after the pose was set and older samples have arrived."""
         self._last = None
         self._paused = False
 

@@ -97,7 +97,7 @@ class Helper:
 
 
 class Stalls:
-    """When the machine did not let anybody run, as a process beside ours sees it."""
+    """Times at which the machine ran no process, measured by a process beside ours."""
 
     def __init__(self) -> None:
         self._helper = Helper("stalls")

@@ -1,4 +1,4 @@
-"""Which faults there are, and in which order a board goes through them."""
+"""All faults, and their order on each board."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class Turn(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Segment(msgspec.Struct, frozen=True, kw_only=True):
-    """What one board goes through."""
+    """The faults of one board."""
 
     dialect: str
     turns: list[Turn]

@@ -1,4 +1,4 @@
-"""Files of JSON lines that others are writing: the ground truth, and what the daemon says."""
+"""Follows files of JSON lines: the ground truth, and the frames of the daemon."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from yahboomd.simulation.heard import Heard
 from yahboomd.simulation.truth import TruthSample
 
 KEEP_NS = 90_000_000_000
-"""Older lines are forgotten: no check looks back so far."""
+"""Older lines are discarded: no check needs them."""
 
 STANDING_M_S = 0.03
 SETTLED_NS = 50_000_000
@@ -47,20 +47,20 @@ class Tail(Generic[Line]):
         return [self._decoder.decode(line) for line in lines]
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         if self._file is not None:
             self._file.close()
 
 
 class Truth:
-    """Where the robot truly is and was lately."""
+    """The recent true poses of the robot."""
 
     def __init__(self, path: Path) -> None:
         self._tail = Tail(path, TruthSample)
         self.samples: deque[TruthSample] = deque()
 
     def look(self) -> None:
-        """Take in what is new."""
+        """Read new lines."""
         self.samples.extend(self._tail.news())
         while self.samples and self.samples[-1].t_ns - self.samples[0].t_ns > KEEP_NS:
             self.samples.popleft()
@@ -119,7 +119,7 @@ class Truth:
         )
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._tail.close()
 
 
@@ -150,7 +150,7 @@ class Wire:
         self.orders: deque[Order] = deque()
 
     def look(self) -> None:
-        """Take in what is new."""
+        """Read new lines."""
         for heard in self._tail.news():
             text = self._rest + heard.data
             end = 0
@@ -175,7 +175,7 @@ class Wire:
         return next((order for order in reversed(self.orders) if order.t_ns < t_ns), None)
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._tail.close()
 
 

@@ -1,4 +1,4 @@
-"""How long threads were ready to run and had no processor: what the kernel says of each of them.
+"""How long threads were ready to run and had no processor, by the kernel's count.
 
 A process that sleeps most of its time is woken at once even where those that work have to wait, so
 a stall that it sees is a stall of the machine, but not the other way round. The kernel counts for
