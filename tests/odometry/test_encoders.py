@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -290,6 +291,20 @@ def test_a_gap_of_days_is_never_bridged(encoders):
     encoders.announce("gap")
     feed(encoders, (500_100, 500_100), days_ms, days_ms)
     assert feed(encoders, (500_110, 500_110), days_ms + 10, days_ms + 10) == "gap_lost"
+
+
+@pytest.mark.parametrize(("hours", "outcome"), [(0.4, "gap_kept"), (0.6, "gap_lost")])
+def test_the_finest_counter_bounds_how_long_a_gap_may_be(kit, hours, outcome):
+    """At full speed it goes half round in 29 minutes, the other one in two days."""
+    left, right = kit.motors()
+    fine = msgspec.structs.replace(right, ticks_per_revolution=right.ticks_per_revolution * 100)
+    encoders = Encoders((left, fine), speed_max_m_s=2.0)
+    gap_ms = round(hours * 3600 * 1000)
+    ahead = 1_800_000_000
+    feed(encoders, (ahead, ahead), 0, 0)
+    encoders.announce("gap", unbroken=True)
+    feed(encoders, (ahead + 100, ahead + 100), gap_ms, gap_ms)
+    assert feed(encoders, (ahead + 110, ahead + 110), gap_ms + 10, gap_ms + 10) == outcome
 
 
 def test_a_notice_before_the_first_reading_means_nothing(encoders):

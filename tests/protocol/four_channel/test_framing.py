@@ -103,6 +103,12 @@ def test_every_case_gives_its_items_however_it_is_cut(each_way, case):
     assert each_way(data) == expected
 
 
+def test_a_whole_frame_ends_what_was_too_long_and_a_line_may_follow_it():
+    framer = Framer()
+    assert framer.feed(b"x" * (MAX_HELD_BYTES + 1)) == []
+    assert framer.feed(b"$a:1#OK!\r\n") == [frame("a", "1", trailing=5), line("OK!")]
+
+
 def test_a_frame_comes_out_at_its_last_byte():
     framer = Framer()
     assert framer.feed(b"$data:1,2,3,4") == []
