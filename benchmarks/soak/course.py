@@ -258,7 +258,7 @@ class Course:
         return moved()
 
     def _moves_when_released(self, since_ns: int) -> bool:
-        """A board that was reset where nothing tells of it stands, and a person has to look."""
+        """After a reset that nothing shows, the robot stands until a person releases it."""
         if not self.latched:
             return False
         if self.kind in NOISY:

@@ -17,7 +17,7 @@ TRUTH_S = 1.0
 
 
 def alarms(course: Course, since_ns: int) -> None:
-    """No wheel was accused of what it did not do."""
+    """Verify that every event about a wheel is true."""
     for event in course.app.events_since(since_ns, *ALARMS):
         event_ns = event.stamp_ns - time.time_ns() + time.monotonic_ns()
         if not shown(event, course.board.truth.since(event_ns - LATELY_NS), event_ns):
@@ -27,7 +27,7 @@ def alarms(course: Course, since_ns: int) -> None:
 
 
 def not_accused(course: Course, since_ns: int) -> None:
-    """No wheel was accused of anything: each of them obeyed what the board received."""
+    """Verify that no event blames a wheel: each obeyed the speeds that the board received."""
     for event in course.app.events_since(since_ns, *ALARMS, "stop_not_obeyed", "off_speed"):
         if event.kind == "stop_not_obeyed" and event.wheel is None:
             # It reports that no reading came, which accuses no wheel.
