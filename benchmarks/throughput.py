@@ -33,7 +33,7 @@ STREAMED = ("--dialect", "streamed", "--ticks", str(TICKS))
 NICE_SERVICE = -5
 """As in the unit of the service."""
 NICE_STAMPS = -10
-"""Of the process that stamps the frames."""
+"""The niceness of the process that stamps the frames."""
 
 
 def polls_by_floor(seconds: float) -> float:

@@ -1,4 +1,4 @@
-"""What counters showed lately, and how fast the wheels turn by it.
+"""The recent history of the counters, and the speeds of the wheels by it.
 
 Law: a speed is counts over the longest time that they can have taken. Where the moment of each
 reading is known, that is the mean speed; where only a span is known, it is a lower bound.

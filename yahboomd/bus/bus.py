@@ -46,7 +46,7 @@ LARGE = 2
 
 
 class Declared(Protocol):
-    """What is declared in every session."""
+    """Something that is declared in every session."""
 
     def attach(self, session: zenoh.Session) -> None:
         """Declare it in this session too."""

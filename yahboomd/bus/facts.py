@@ -1,4 +1,4 @@
-"""What all publishers, subscriptions and services of a bus have seen, in one table."""
+"""Counters of all publishers, subscriptions and services of a bus, in one table."""
 
 from __future__ import annotations
 

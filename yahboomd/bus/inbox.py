@@ -45,7 +45,7 @@ DEPTH = 64
 
 
 class LaneCounters(msgspec.Struct, kw_only=True):
-    """What a lane has seen.
+    """The counters of a lane.
 
     Attributes:
         received: Entries that arrived, refused ones included.

@@ -1,4 +1,4 @@
-"""Who is there: liveliness tokens, and the sessions that this one is connected to."""
+"""Presence: liveliness tokens, and the sessions that this one is connected to."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ Fallback: TypeAlias = Callable[[str, Request], Response]
 
 
 class ServiceCounters(msgspec.Struct, kw_only=True):
-    """What a service has seen.
+    """The counters of a service.
 
     Attributes:
         requests: Queries handed to the handler.
@@ -115,7 +115,7 @@ class Pending(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Answering(msgspec.Struct, frozen=True, kw_only=True):
-    """What the services of a bus share.
+    """State that the services of a bus share.
 
     Attributes:
         answers: Sends answers.

@@ -213,7 +213,7 @@ class Subscription:
             self._deliver_drained(batch, taken)
 
     def _drain(self, ring: zenoh.Subscriber[Handler[zenoh.Sample]]) -> tuple[list[Received], int]:
-        """What a ring holds, and how many samples that were; large ones go at once."""
+        """Take the samples of a ring, and their number; large ones are discarded at once."""
         now_ns = self._now_ns()
         batch = list[Received]()
         taken = 0

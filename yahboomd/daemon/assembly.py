@@ -43,13 +43,13 @@ def bus_options(config: Config) -> BusOptions:
 
 
 def arbiter(config: Config) -> Arbiter:
-    """Who may drive."""
+    """The arbiter of command sources."""
     command = config.command
     return Arbiter(config.sources(), on_timeout=command.on_timeout, stamps=command.stamps)
 
 
 def odometer(config: Config) -> Odometer:
-    """What makes estimates of readings."""
+    """The odometer."""
     return Odometer(
         config.kinematics(),
         config.motors(),

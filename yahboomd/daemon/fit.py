@@ -1,4 +1,4 @@
-"""What the control path knows of its robot, and whether a board fits it."""
+"""The robot as configured, and whether a board fits it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What ends the control path's beliefs: a pause of this process, or a reset of the board.
+"""Interruptions of the control path: a pause of this process, or a reset of the board.
 
 The process may have been stopped by a signal, frozen by its cgroup, starved of processor time, or
 the whole machine was suspended. The board drove on and sent counts; clients went on to command. All
@@ -79,7 +79,7 @@ class Pauses:
 
 
 class Resets:
-    """What the control path does about resets of the board.
+    """Handles resets of the board for the control path.
 
     Args:
         clock: What tells the time.

@@ -1,4 +1,4 @@
-"""What the control path publishes: estimates as samples, and events.
+"""Publishes for the control path: estimates as samples, and events.
 
 Both are limited: samples to a rate, events to a few of a kind in a second, because a fault may
 repeat faster than a person reads.
@@ -34,7 +34,7 @@ from yahboomd.model import Event, OdometryEstimate
 log = logging.getLogger(__name__)
 
 EVENTS_A_SECOND = 5
-"""Of one kind; a fault that repeats, or a flood on purpose, must drown neither log nor bus."""
+"""The most events of one kind: a repeated fault, or a flood, must fill neither log nor bus."""
 
 
 class Outputs(Protocol):

@@ -40,7 +40,7 @@ AtRest = Literal["hold", "release"]
 
 
 class Board(Protocol):
-    """What a session with the board does for its wheels."""
+    """The part of a session that commands the wheels."""
 
     def drive(self, units: Units) -> None:
         """Say these speeds until others replace them."""

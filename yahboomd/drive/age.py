@@ -23,7 +23,7 @@ HISTORY_NS = 10_000_000_000
 
 
 class Age(msgspec.Struct, frozen=True, kw_only=True):
-    """What a stamp tells.
+    """The age of a command by its stamp.
 
     Attributes:
         age_ns: How long the command was under way, as far as can be known.

@@ -1,4 +1,4 @@
-"""Who drives: one source at a time, by priority, for as long as its commands are fresh.
+"""Decides who drives: one source at a time, by priority, while its commands are fresh.
 
 - The larger priority takes control at once. Among equals the source in control keeps it, and a zero
   command holds it too.

@@ -9,7 +9,7 @@ from yahboomd.errors import ConfigError
 from yahboomd.model import NS_PER_S
 
 OnTimeout: TypeAlias = Literal["ramp", "halt"]
-"""What silence does: down within the limits, or standstill at once."""
+"""The reaction to silence: slow down within the limits, or stop at once."""
 
 
 class Deadman:

@@ -30,7 +30,7 @@ class Latched(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Release(msgspec.Struct, frozen=True, kw_only=True):
-    """What became of the wish to release it.
+    """The result of a request to release it.
 
     Attributes:
         released: Whether the robot may move again.

@@ -1,4 +1,4 @@
-"""What can be wrong with a wheel: one noun for every trouble, and for the event that tells it.
+"""Faults of a wheel: one value for every fault and its event.
 
 Faults are values; nothing is raised. Who finds them: :mod:`~yahboomd.drive.motor_watch`,
 :mod:`~yahboomd.drive.wheels_check`, :mod:`~yahboomd.drive.stop_watch`.

@@ -1,4 +1,4 @@
-"""What happened lately, in bounded memory whatever the rate.
+"""Recent occurrences, in bounded memory at any rate.
 
 A window is cut into equal slices and forgets a slice at a time, so it covers between its length and
 one slice more. That is exact enough for clocks that drift and for sentences about the last seconds,

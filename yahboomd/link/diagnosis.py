@@ -1,4 +1,4 @@
-"""What is wrong with a port, in words: looked up on this machine where an error says too little."""
+"""Explains the error of a port in words, with facts from this machine."""
 
 from __future__ import annotations
 

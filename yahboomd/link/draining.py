@@ -1,4 +1,4 @@
-"""What was written and has not left the machine: how much it is, and waiting for it.
+"""Output that has not left the machine: its size, and waiting for it.
 
 ``tcdrain`` would block the loop, for ever where nothing takes the output. A pseudo-terminal tells
 nothing of its queue (0 always), and the drivers of USB adapters cannot drop theirs: there what is

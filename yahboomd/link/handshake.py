@@ -35,7 +35,7 @@ SETTINGS_ATTEMPTS = 10
 
 
 class Identity(msgspec.Struct, frozen=True, kw_only=True):
-    """What a board turned out to be.
+    """The dialect and settings of a board.
 
     Attributes:
         dialect: How it is spoken to.

@@ -1,4 +1,4 @@
-"""What waits to be sent: three lanes, and one rule of who goes first.
+"""Frames that wait to be sent: three lanes, and one rule for their order.
 
 - **stop** overtakes everything, and wipes the velocity that it contradicts;
 - **velocity** is a slot: the newest wins, and it is said again until replaced, since the board may
@@ -54,7 +54,7 @@ class Request(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 
 
 class Outgoing(msgspec.Struct, frozen=True, kw_only=True):
-    """What goes out now."""
+    """The frame to send now."""
 
     lane: Lane
     frame: bytes

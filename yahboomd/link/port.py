@@ -67,11 +67,11 @@ class PortOptions(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Port(Protocol):
-    """What the session needs of a port; the simulated one in memory offers the same."""
+    """The interface of a port; the simulated one in memory has it too."""
 
     @property
     def name(self) -> str:
-        """What messages call it."""
+        """Its name in messages."""
         ...
 
     @property

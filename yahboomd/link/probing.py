@@ -1,4 +1,4 @@
-"""What can be found out about a board, and whether opening the port resets it. Nothing moves."""
+"""Examines a board, and whether opening the port resets it. No wheel moves."""
 
 from __future__ import annotations
 

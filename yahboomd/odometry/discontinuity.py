@@ -70,7 +70,7 @@ def event(
 
 
 def clock_event(notice: Notice, period_ms: float) -> Event:
-    """What is published when the board turns out to have another tick, or none.
+    """The event about another tick of the board, or none.
 
     Args:
         notice: What was found out.

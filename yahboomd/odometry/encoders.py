@@ -61,7 +61,7 @@ Notice: TypeAlias = Literal["none", "gap", "reset"]
 
 
 class Verdict(msgspec.Struct, frozen=True, kw_only=True):
-    """What one reading means.
+    """The meaning of one reading.
 
     Attributes:
         outcome: What happened.
@@ -155,7 +155,7 @@ class Encoders:
         return Verdict(outcome="travel", ticks=self._last, deltas=self._zero)
 
     def judge(self, ticks: Counts, sent_ns: int, elapsed_ns: float) -> Verdict:
-        """What a reading means; nothing is counted yet.
+        """The meaning of a reading; nothing is counted yet.
 
         Args:
             ticks: The raw counters.

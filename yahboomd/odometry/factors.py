@@ -14,7 +14,7 @@ from yahboomd.model import Kinematics, Motor
 
 
 class MotorFactors(NamedTuple):
-    """What one count of one motor does to the body.
+    """The motion of the body by one count of one motor.
 
     Attributes:
         x: Travel forward, metres per tick.

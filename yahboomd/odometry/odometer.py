@@ -46,7 +46,7 @@ SILENCE_NS = 300_000_000
 
 
 class Update(msgspec.Struct, frozen=True, kw_only=True):
-    """What one reading brought.
+    """The result of one reading.
 
     Attributes:
         estimate: The new estimate; None where the reading tells nothing new.
@@ -61,7 +61,7 @@ NOTHING = Update()
 
 
 class Odometer:
-    """Where the robot is, from what the board counts.
+    """Computes where the robot is from the board's counts.
 
     Args:
         kinematics: The geometry of the base.

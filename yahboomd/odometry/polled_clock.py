@@ -29,7 +29,7 @@ is at work on a backlog, and sampled at any time since the newest question."""
 
 
 class Instant(NamedTuple):
-    """What a clock says of one reading.
+    """The time of one reading.
 
     Attributes:
         stamp_ns: When the board sampled; monotonic nanoseconds of the host.

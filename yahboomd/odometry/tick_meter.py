@@ -41,7 +41,7 @@ Notice: TypeAlias = Literal["period", "unfit"]
 
 
 class Measured(NamedTuple):
-    """What one stretch of fast motion showed.
+    """The measurement of one stretch of fast motion.
 
     Attributes:
         period: Of the changes, in nanoseconds.

@@ -40,7 +40,7 @@ class Item(Protocol):
 
 
 class FramerCounters(msgspec.Struct, kw_only=True):
-    """What a framer has seen since it was made.
+    """The counters of a framer.
 
     Every byte is accounted for once: ``bytes`` is the sum of the sizes of all items,
     ``blank_bytes``, ``discarded_bytes`` and what is held.
@@ -234,7 +234,7 @@ class Findings(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Dialect(Protocol):
-    """What the rest asks of a dialect: data, encoders, and a decoder."""
+    """The interface of a dialect: data, encoders, and a decoder."""
 
     @property
     def name(self) -> str:

@@ -1,4 +1,4 @@
-"""What stops any board, sent before the rest of yahboomd is imported: this file imports nothing.
+"""Frames that stop any board before the rest of yahboomd is imported: this file imports nothing.
 
 It repeats :func:`yahboomd.protocol.registry.connect_stop`; a test compares.
 """

@@ -1,4 +1,4 @@
-"""What boards keep in their flash: values by name, and the table by which they are written.
+"""The stored settings of boards: values by name, and the table by which they are written.
 
 yahboomd reads them and corrects for them instead of overwriting them.
 """

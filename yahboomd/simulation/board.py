@@ -1,4 +1,4 @@
-"""What every simulated board is to the robot around it: a state machine on given time."""
+"""The interface of every simulated board: a state machine whose time is an argument."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Protocol, TypeAlias
 from yahboomd.model import Counts
 
 Emit: TypeAlias = Callable[[bytes, int], None]
-"""Where a board's bytes go, with the moment at which the first one leaves."""
+"""Receives a board's bytes, with the time at which the first one leaves."""
 
 NEVER = 2**63 - 1
 """Later than any moment."""

@@ -1,4 +1,4 @@
-"""Where the robot truly is: the rims' true travel, integrated in fine steps with exact arcs.
+"""The true pose of the robot: travel of the rims, integrated in fine steps with exact arcs.
 
 Every wheel moves the body by a fixed share of its rim travel (the forward kinematics, one row per
 motor), so that all drives integrate by the same formula.
@@ -13,7 +13,7 @@ from yahboomd.model import Pose2d, Twist2d
 from yahboomd.simulation.options import DriveName, Wiring
 
 Share: TypeAlias = tuple[float, float, float]
-"""What one metre of a wheel's rim moves the body: metres ahead, metres to the left, radians."""
+"""Motion of the body by one metre of a wheel's rim: metres ahead, metres to the left, radians."""
 
 _MECANUM: dict[str, tuple[int, int]] = {
     "front_left": (-1, -1),

@@ -1,4 +1,4 @@
-"""What the host says and when: the stamps that stop latencies are measured with.
+"""The host's frames and their times, by which stop latencies are measured.
 
 A file of JSON lines, one for each read of the port, flushed at once. Stamps are CLOCK_MONOTONIC at
 the moment the bytes had left the host's write, before the simulated wire delays them.

@@ -1,4 +1,4 @@
-"""What goes wrong between host and board, seeded."""
+"""Faults of the line between host and board, seeded."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Impairments:
         return bool(self.settings.loss or self.settings.corruption)
 
     def spoil(self, byte: int) -> int | None:
-        """What becomes of one byte: itself, another one, or None where it is lost."""
+        """Pass one byte: itself, another one, or None if it is lost."""
         if self.settings.loss and self._random.random() < self.settings.loss:
             return None
         if self.settings.corruption and self._random.random() < self.settings.corruption:
@@ -67,7 +67,7 @@ class Impairments:
         return byte
 
     def spoil_all(self, data: bytes) -> bytes:
-        """What becomes of several bytes."""
+        """Pass several bytes."""
         if not self.spoils:
             return data
         return bytes(b for b in (self.spoil(byte) for byte in data) if b is not None)
@@ -80,7 +80,7 @@ class Impairments:
         )
 
     def latency_ns(self) -> int:
-        """What the next chunk waits besides the wire."""
+        """The delay of the next chunk besides the wire."""
         settings = self.settings
         jitter_s = settings.jitter_s * self._random.random() if settings.jitter_s else 0.0
         return nanoseconds(settings.delay_s + jitter_s)

@@ -39,7 +39,7 @@ class MotorLaw(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class MotorFaults(msgspec.Struct, frozen=True, kw_only=True):
-    """What is wrong with a motor.
+    """The faults of a motor.
 
     Attributes:
         encoder_dead: The counts stay.

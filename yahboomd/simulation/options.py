@@ -1,4 +1,4 @@
-"""What a simulated robot is made of, in plain values."""
+"""The options of a simulated robot, in plain values."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ WIRINGS: dict[DriveName, tuple[Wiring, ...]] = {
 
 
 class ImpairmentOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """What is wrong with the line from the start; all of it can be changed at run time.
+    """Faults of the line at the start; all of them can be changed at run time.
 
     Attributes:
         loss: Share of bytes that vanish, 0 to 1, each way.

@@ -220,7 +220,7 @@ class SimulatedRobot:
         heapq.heappush(self._actions, (at_ns, next(self._order), action))
 
     def truth(self, now_ns: int) -> TruthSample:
-        """Where the robot is."""
+        """The true pose."""
         self._run(now_ns)
         return self._sample(now_ns)
 

@@ -23,7 +23,7 @@ T = TypeVar("T")
 P = ParamSpec("P")
 
 START_NS = 1_000 * NS_PER_S
-"""Where virtual time starts: not at 0, which hides mistakes."""
+"""The start of virtual time: not 0, which hides mistakes."""
 
 REAL_PATIENCE_S = 5.0
 """How long to wait, in real time, for a thread or a socket when no timer is left."""

@@ -1,4 +1,4 @@
-"""What the 4-channel motor driver stores, and what follows for its wheels.
+"""The settings that the 4-channel motor driver stores, and their meaning for its wheels.
 
 The board counts in what its settings make it believe: the command unit of ``$spd`` is a millimetre
 per second *if* lines, ratio and diameter are true.
