@@ -109,9 +109,21 @@ def test_counters_that_stay_just_after_a_rough_beginning_are_no_standstill(veloc
 def test_counts_over_other_than_whole_ticks_may_be_those_of_one_tick_more(velocity):
     velocity.tick_ns = 10 * MS
     velocity.interrupt((0, 0))
-    assert velocity.step((40, 40), 20 * MS).rough_ns == 0
-    assert velocity.step((90, 90), 25 * MS).rough_ns == 5 * MS
-    assert velocity.step((130, 130), 29 * MS).rough_ns == 3 * MS
+    assert velocity.step((80, 80), 40 * MS).rough_ns == 0
+    assert velocity.step((170, 170), 45 * MS).rough_ns == 5 * MS
+    assert velocity.step((250, 250), 49 * MS).rough_ns == 3 * MS
+
+
+def test_one_unseen_tick_more_or_less_is_a_quarter_of_the_speed_at_most(velocity, kit):
+    velocity.tick_ns = 10 * MS
+    velocity.interrupt((0, 0))
+    total, read = 0, []
+    # Asked every 20 ms, just where the counters are renewed.
+    for ticks in [2] * 10 + [3, 1, 2, 3, 2, 1, 2] * 5:
+        total += 40 * ticks
+        read.append(velocity.motor_speeds(velocity.step((total, total), 20 * MS))[0])
+    true = 40 * kit.tick_m / 0.010
+    assert all(0.75 * true <= each <= 1.25 * true + 1e-9 for each in read[2:])
 
 
 def test_a_speed_is_as_uncertain_as_the_period_that_it_is_taken_with(velocity):

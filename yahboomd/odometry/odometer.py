@@ -315,7 +315,9 @@ class Odometer:
         self._encoders.accept(verdict)
         totals = self._encoders.totals
         self._integrator.interrupt()
-        self._velocity.interrupt(None if instant.unsure_ns else totals, self._clock.rough_ns)
+        # At the first reading of all the wheels stand, most of the time: it need not wait.
+        rough_ns = 0 if verdict.outcome == "baseline" else self._clock.rough_ns
+        self._velocity.interrupt(None if instant.unsure_ns else totals, rough_ns)
         self._doubt = None
         if verdict.outcome == "baseline":
             return NOTHING

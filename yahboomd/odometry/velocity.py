@@ -30,6 +30,10 @@ LONGEST_NS = 100_000_000
 ENOUGH_TICKS = 32
 """It need not grow once the busiest motor has so many counts in it."""
 
+ASKED_TICKS = 3.5
+"""And over so many ticks that are not seen, which are four where the board is asked every two: one
+more or less is a quarter of the speed then, and over two of them it would be half."""
+
 STILL_DEVIATIONS = 6
 """Of a time that is known roughly: the wheels stood only where the counters stay for longer."""
 
@@ -111,7 +115,8 @@ class Velocity:
             history.drop_latest()
         else:
             enough = math.inf if self.rough_ns else ENOUGH_TICKS
-            found = history.since(SHORTEST_NS, LONGEST_NS, enough)
+            shortest_ns = max(SHORTEST_NS, round(ASKED_TICKS * self.tick_ns))
+            found = history.since(shortest_ns, LONGEST_NS, enough)
         if found is None or self._too_soon(*found):
             return Window(0, self._zero)
         return Window(*found, unsure_ns, self._rough_ns(found[0]))
