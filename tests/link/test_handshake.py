@@ -5,14 +5,16 @@ from __future__ import annotations
 import asyncio
 
 import pytest
-from board_bench import Bench
+from board_bench import Bench, LinkBench
 
 from yahboomd.clock import LoopClock
 from yahboomd.errors import BoardSilent
 from yahboomd.link import handshake
+from yahboomd.link.conversation import Conversation
 from yahboomd.link.line import Line
 from yahboomd.link.port import byte_time_ns
 from yahboomd.link.session import SessionOptions
+from yahboomd.link.start_notices import Notice
 from yahboomd.protocol.dialect import Dialect
 from yahboomd.protocol.profiles import PROFILES
 from yahboomd.protocol.registry import DIALECTS
@@ -131,3 +133,22 @@ async def test_a_noisy_line_never_leads_to_wrong_settings(seed: int) -> None:
         settings = board.recorder.identities[0].settings
         assert settings is not None
         assert (settings["lines"], settings["ratio"]) == (13, 20)
+
+
+@on_virtual_time
+async def test_a_version_alone_is_unclear_so_long_as_it_may_answer_a_question() -> None:
+    board = LinkBench()
+    line = Line(await board.open(), board.clock)
+    notices: list[Notice] = []
+    line.on_said = lambda _said, notice: notices.append(notice)
+    alone = b"Motor_Version:1.7.3\r\n"
+    async with line.attended():
+        talk = await Conversation.begin(line)
+        line._receive(alone)
+        # What it said when it was identified is enough: only the second time it is asked.
+        await talk.read_settings(PROFILES["520"].settings)
+        await asyncio.sleep(5.0)
+        line._receive(alone)
+        await talk.read_settings(PROFILES["520"].settings)
+        line._receive(alone)
+    assert [each for each in notices if each != "none"] == ["unclear", "start", "unclear"]
