@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import os
+import pty
 import signal
 
 import pytest
 
+from yahboomd.cli.main import main
+from yahboomd.cli.stop import stop_port
 from yahboomd.cli.stop.stop_port import (
     describe,
     end,
@@ -17,6 +21,7 @@ from yahboomd.cli.stop.stop_port import (
 )
 from yahboomd.errors import LinkError, PortMissing
 from yahboomd.link.line import Heard
+from yahboomd.link.seize import Seized
 from yahboomd.link.takeover import TakeoverReport
 from yahboomd.protocol.dialect import FramerCounters
 
@@ -87,6 +92,24 @@ def test_what_is_no_port_is_explained() -> None:
         seize_port(options(port="/nonexistent"), None)
     with pytest.raises(LinkError, match="/dev/null: this is no serial port"):
         seize_port(options(port="/dev/null"), None)
+
+
+def test_a_port_that_hangs_up_right_after_its_first_stop_is_reported_as_lost(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    board, end_of_line = pty.openpty()
+    path = os.ttyname(end_of_line)
+    os.close(end_of_line)
+    seize = stop_port.seize
+
+    def seize_and_hang_up(*arguments: object, **options: object) -> Seized:
+        seized = seize(*arguments, **options)  # type: ignore[arg-type]
+        os.close(board)
+        return seized
+
+    monkeypatch.setattr(stop_port, "seize", seize_and_hang_up)
+    assert main(["stop", "--direct", "--port", path]) == 69
+    assert f"{path}: the port went away" in capsys.readouterr().err
 
 
 def test_the_command_that_ends_the_holders_is_complete() -> None:
