@@ -13,7 +13,16 @@ from pathlib import Path
 
 import pytest
 from board_bench import BoardPort
-from fault_bench import CUT, DIALECTS, MS, FaultBench, assert_no_jump, first_stop_ns, is_stop
+from fault_bench import (
+    CUT,
+    DIALECTS,
+    MS,
+    STREAMS,
+    FaultBench,
+    assert_no_jump,
+    first_stop_ns,
+    is_stop,
+)
 
 from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.options import SimulationOptions
@@ -94,9 +103,12 @@ async def test_a_board_that_is_heard_again_drives_again_by_itself(
         assert alive(bench)
 
 
+@pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
-async def test_a_board_that_hangs_needs_a_reset_and_drives_after_it(tmp_path: Path) -> None:
-    async with robot(tmp_path) as bench:
+async def test_a_board_that_hangs_needs_a_reset_and_drives_after_it(
+    tmp_path: Path, dialect: str
+) -> None:
+    async with robot(tmp_path, dialect=dialect) as bench:
         await bench.ready()
         await bench.drive(1.0, 0.3)
         bench.do("hang")
@@ -213,11 +225,12 @@ async def test_half_frames_either_way_may_stop_the_robot_and_move_nothing_that_w
 
 @pytest.mark.parametrize("announced", [True, False])
 @pytest.mark.parametrize("fault", ["reset", "brown-out 0.3"])
+@pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
 async def test_after_a_reset_in_motion_the_robot_stands_a_second_heard_or_not(
-    tmp_path: Path, fault: str, announced: bool
+    tmp_path: Path, fault: str, announced: bool, dialect: str
 ) -> None:
-    async with robot(tmp_path) as bench:
+    async with robot(tmp_path, dialect=dialect) as bench:
         await bench.ready()
         await bench.drive(2.0, 0.3)
         if not announced:
@@ -305,11 +318,12 @@ async def test_whatever_the_kernel_calls_a_lost_port_it_is_opened_again_and_the_
         assert alive(bench)
 
 
+@pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
 async def test_what_was_commanded_while_the_board_was_away_is_over_when_it_comes_back(
-    tmp_path: Path,
+    tmp_path: Path, dialect: str
 ) -> None:
-    async with robot(tmp_path, "command.timeout_s=30") as bench:
+    async with robot(tmp_path, "command.timeout_s=30", dialect=dialect) as bench:
         await bench.ready()
         bench.command(0.3)
         bench.do("unplug 2")
@@ -350,9 +364,12 @@ async def test_a_missing_port_is_tried_for_ever_about_once_a_second_and_logged_o
         await bench.ready()
 
 
+@pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
-async def test_a_silent_port_is_tried_for_ever_without_spinning(tmp_path: Path) -> None:
-    async with robot(tmp_path) as bench:
+async def test_a_silent_port_is_tried_for_ever_without_spinning(
+    tmp_path: Path, dialect: str
+) -> None:
+    async with robot(tmp_path, dialect=dialect) as bench:
         await bench.ready()
         bench.do("hang")
         await asyncio.sleep(300.0)

@@ -9,7 +9,7 @@ import asyncio
 from pathlib import Path
 
 import pytest
-from fault_bench import CUT, DIALECTS, MS, SUREST, FaultBench, is_stop
+from fault_bench import CUT, DIALECTS, MS, STREAMS, SUREST, FaultBench, is_stop
 
 from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.motors import MotorFaults
@@ -206,26 +206,28 @@ async def test_a_dead_encoder_at_a_crawl_to_and_fro_is_cut_and_runs_750_mm_at_mo
 
 
 @pytest.mark.parametrize("for_s", [0.4, 3.0])
+@pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
 async def test_a_stop_does_not_leave_an_unseen_runaway_running(
-    tmp_path: Path, for_s: float
+    tmp_path: Path, for_s: float, dialect: str
 ) -> None:
-    async with robot(tmp_path) as bench:
+    async with robot(tmp_path, dialect=dialect) as bench:
         await bench.ready()
         bench.do("encoder-dead left")
         # Too short for a proof; the wheel has long broken loose in the longer ones.
         await bench.drive(for_s, 0.03)
         await asyncio.sleep(2.5)
         assert bench.standing
-        assert bench.frames[-1] == CUT
+        assert bench.frames[-1] == SUREST[dialect]
 
 
 @pytest.mark.parametrize("fault", ["encoder-dead", "encoder-reversed", "phases-swapped"])
+@pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
 async def test_after_a_cut_no_zero_speed_wakes_the_speed_loop_again(
-    tmp_path: Path, fault: str
+    tmp_path: Path, fault: str, dialect: str
 ) -> None:
-    async with robot(tmp_path) as bench:
+    async with robot(tmp_path, dialect=dialect) as bench:
         await bench.ready()
         bench.do(f"{fault} left")
         began_ns = bench.clock.now_ns()
@@ -236,15 +238,16 @@ async def test_after_a_cut_no_zero_speed_wakes_the_speed_loop_again(
         await asyncio.sleep(0.3)
         bench.tasks[0].cancel()
         await asyncio.sleep(1.0)
-        assert {order for _, order in bench.orders_since(at_ns)} == {CUT}
+        assert {order for _, order in bench.orders_since(at_ns)} == {SUREST[dialect]}
 
 
 @pytest.mark.parametrize("faults", [*RUNAWAYS, *SILENT])
+@pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
 async def test_a_repaired_wheel_drives_again_once_a_person_cleared_the_fault(
-    tmp_path: Path, faults: str
+    tmp_path: Path, faults: str, dialect: str
 ) -> None:
-    async with robot(tmp_path) as bench:
+    async with robot(tmp_path, dialect=dialect) as bench:
         await bench.ready()
         bench.do(f"{faults} left")
         await bench.drive(2.0, 0.3)
@@ -329,11 +332,12 @@ async def test_tt_motors_on_a_board_set_for_520_show_no_fault_in_any_count(tmp_p
 
 
 @pytest.mark.parametrize("policy", ["stop", "report"])
+@pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
 async def test_a_stalled_wheel_stops_the_base_or_is_only_reported_as_configured(
-    tmp_path: Path, policy: str
+    tmp_path: Path, policy: str, dialect: str
 ) -> None:
-    async with robot(tmp_path, f"faults.stall={policy}") as bench:
+    async with robot(tmp_path, f"faults.stall={policy}", dialect=dialect) as bench:
         await bench.ready()
         bench.do("stalled left")
         await bench.drive(1.0, 0.3)
@@ -345,25 +349,27 @@ async def test_a_stalled_wheel_stops_the_base_or_is_only_reported_as_configured(
 
 
 @pytest.mark.parametrize("policy", ["stop", "report"])
+@pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
 async def test_a_wheel_that_turns_by_itself_is_reported_and_stops_the_base_where_configured(
-    tmp_path: Path, policy: str
+    tmp_path: Path, policy: str, dialect: str
 ) -> None:
-    async with robot(tmp_path, f"faults.turns_without_command={policy}") as bench:
+    async with robot(tmp_path, f"faults.turns_without_command={policy}", dialect=dialect) as bench:
         await bench.ready()
         await asyncio.sleep(0.5)
         bench.do("turning right 0.08")
         await asyncio.sleep(2.0)
         assert len(bench.events("turns_without_command")) == 1
         assert (bench.controller.state()[0] == "fault") == (policy == "stop")
-        assert (bench.frames[-1] == CUT) == (policy == "stop")
+        assert (bench.frames[-1] == SUREST[dialect]) == (policy == "stop")
 
 
+@pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
 async def test_a_wheel_that_was_held_against_its_standstill_and_leaps_when_freed_is_cut(
-    tmp_path: Path,
+    tmp_path: Path, dialect: str
 ) -> None:
-    async with robot(tmp_path) as bench:
+    async with robot(tmp_path, dialect=dialect) as bench:
         await bench.ready()
         bench.do("turning all 0.08")
         await asyncio.sleep(1.0)

@@ -195,15 +195,19 @@ FAULTS = [
 ]
 
 
-@pytest.mark.parametrize("seed", range(30))
+SEQUENCES = [(DIALECTS[seed % 2], seed) for seed in range(30)]
+SEQUENCES += [("binary", seed) for seed in range(30, 45)]
+
+
+@pytest.mark.parametrize(("dialect", "seed"), SEQUENCES)
 @on_virtual_time
 async def test_no_sequence_of_faults_makes_the_pose_jump_or_the_covariance_shrink(
-    tmp_path: Path, seed: int
+    tmp_path: Path, dialect: str, seed: int
 ) -> None:
     chance = random.Random(seed)
     start = chance.choice([0, 40, 3000, 2**31 - 3000, -(2**31) + 500])
     options = {
-        "dialect": DIALECTS[seed % 2],
+        "dialect": dialect,
         "seed": seed,
         "initial_ticks": (start, 0, -start if start != -(2**31) else 0, 0),
     }

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from fault_bench import DIALECTS, MS, FaultBench, is_stop
+from fault_bench import DIALECTS, MS, STREAMS, FaultBench, is_stop
 from real_robot import Client, RealRobot, wait_for
 
 from yahboomd.simulation.options import SimulationOptions
@@ -136,9 +136,12 @@ async def test_a_wheel_that_runs_away_during_a_pause_is_cut_after_it(
         assert any(event.wheel == "left" for event in bench.heard.events)
 
 
+@pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
-async def test_commands_that_waited_for_a_paused_process_move_nothing(tmp_path: Path) -> None:
-    async with robot(tmp_path) as bench:
+async def test_commands_that_waited_for_a_paused_process_move_nothing(
+    tmp_path: Path, dialect: str
+) -> None:
+    async with robot(tmp_path, dialect=dialect) as bench:
         await bench.ready()
         freeze(6.0)
         now_ns = bench.clock.now_ns()
@@ -157,11 +160,12 @@ async def test_commands_that_waited_for_a_paused_process_move_nothing(tmp_path: 
 
 
 @pytest.mark.parametrize("for_s", [0.6, 6.0, 20.0])
+@pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
 async def test_of_stamped_commands_that_waited_only_the_fresh_ones_move_anything(
-    tmp_path: Path, for_s: float
+    tmp_path: Path, for_s: float, dialect: str
 ) -> None:
-    async with robot(tmp_path) as bench:
+    async with robot(tmp_path, dialect=dialect) as bench:
         await bench.ready()
         for _ in range(40):
             bench.payload(stamped(bench, 0.3, 0.0))
@@ -177,11 +181,12 @@ async def test_of_stamped_commands_that_waited_only_the_fresh_ones_move_anything
 
 
 @pytest.mark.parametrize("with_stamps", [True, False])
+@pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
 async def test_after_a_suspend_nothing_of_before_moves_anything(
-    tmp_path: Path, with_stamps: bool
+    tmp_path: Path, with_stamps: bool, dialect: str
 ) -> None:
-    async with robot(tmp_path) as bench:
+    async with robot(tmp_path, dialect=dialect) as bench:
         await bench.ready()
 
         def command(vx: float, ago_s: float = 0.0) -> None:
@@ -214,11 +219,12 @@ async def test_after_a_suspend_nothing_of_before_moves_anything(
         assert min(bench.rim_speeds) > 0.2
 
 
+@pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
 async def test_an_estop_is_not_released_at_the_end_of_a_pause_before_commands_are_heard(
-    tmp_path: Path,
+    tmp_path: Path, dialect: str
 ) -> None:
-    async with robot(tmp_path) as bench:
+    async with robot(tmp_path, dialect=dialect) as bench:
         await bench.ready()
         bench.operator.engage_estop("a test")
         await bench.drive(1.0, 0.3)

@@ -12,12 +12,13 @@ from pathlib import Path
 
 import pytest
 from binary_dialect import BINARY
-from fault_bench import CUT, DIALECTS, MS, SUREST, FaultBench, first_stop_ns, is_stop
+from fault_bench import CUT, DIALECTS, MS, STREAMS, SUREST, FaultBench, first_stop_ns, is_stop
 
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 BRAKE = b"$spd:0,0,0,0#"
+BRAKES = {"streamed": BRAKE, "binary": BINARY.brake}
 
 End = Callable[[FaultBench], Awaitable[None]]
 
@@ -157,11 +158,12 @@ async def test_every_way_out_ends_with_the_motors_let_go_and_all_of_it_on_the_wi
 
 
 @pytest.mark.parametrize("end", [estop, lost_bus])
+@pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
 async def test_a_stop_is_said_again_until_the_wheels_stand_and_cut_after_600_ms(
-    tmp_path: Path, end: End
+    tmp_path: Path, end: End, dialect: str
 ) -> None:
-    async with robot(tmp_path) as bench:
+    async with robot(tmp_path, dialect=dialect) as bench:
         await bench.ready()
         await bench.drive(1.0, 0.3)
         bench.do("turning left 0.08")
@@ -169,8 +171,8 @@ async def test_a_stop_is_said_again_until_the_wheels_stand_and_cut_after_600_ms(
         await end(bench)
         await asyncio.sleep(2.0)
         orders = bench.orders_since(now_ns)
-        braked = [at_ns for at_ns, order in orders if order == BRAKE]
-        cut_ns = next(at_ns for at_ns, order in orders if order == CUT)
+        braked = [at_ns for at_ns, order in orders if order == BRAKES[dialect]]
+        cut_ns = next(at_ns for at_ns, order in orders if order == SUREST[dialect])
         assert len(braked) >= 6
         assert max(b - a for a, b in itertools.pairwise(braked)) <= 110 * MS
         assert 600 * MS <= cut_ns - now_ns <= 650 * MS
@@ -221,22 +223,29 @@ async def test_half_a_frame_of_a_crash_does_not_swallow_the_stop(tmp_path: Path)
         assert (bench.stood_at(now_ns) - now_ns) / MS < 400
 
 
+@pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
-async def test_a_stop_under_way_is_not_broken_off_by_being_asked_again(tmp_path: Path) -> None:
-    async with robot(tmp_path) as bench:
+async def test_a_stop_under_way_is_not_broken_off_by_being_asked_again(
+    tmp_path: Path, dialect: str
+) -> None:
+    async with robot(tmp_path, dialect=dialect) as bench:
         await bench.ready()
         await bench.drive(0.5, 0.4)
         for _ in range(20):
             bench.tasks[0].cancel()
             await asyncio.sleep(0.007)
         await asyncio.gather(bench.tasks[0], return_exceptions=True)
-        assert bench.frames[-3:] == [CUT, b"$upload:0,0,0#", CUT]
+        ends = {"streamed": [CUT, b"$upload:0,0,0#", CUT], "binary": [BINARY.cut, BINARY.cut]}
+        assert bench.frames[-len(ends[dialect]) :] == ends[dialect]
         assert bench.standing
 
 
+@pytest.mark.parametrize("dialect", STREAMS)
 @on_virtual_time
-async def test_a_stop_at_the_end_that_was_not_seen_obeyed_is_reported(tmp_path: Path) -> None:
-    async with robot(tmp_path) as bench:
+async def test_a_stop_at_the_end_that_was_not_seen_obeyed_is_reported(
+    tmp_path: Path, dialect: str
+) -> None:
+    async with robot(tmp_path, dialect=dialect) as bench:
         await bench.ready()
         await bench.drive(0.5, 0.4)
         bench.do("hang")

@@ -19,6 +19,9 @@ from yahboomd.simulation.truth import TruthSample
 
 MS = 1_000_000
 DIALECTS = ["streamed", "polled", "binary"]
+STREAMS = ["streamed", "binary"]
+"""Those that report their counts by themselves, and can cut the power."""
+
 CUT = b"$pwm:0,0,0,0#"
 SUREST = {"streamed": CUT, "polled": b"$speed:0,0,0,0#", "binary": BINARY.cut}
 """What lets the motors of each board go, or is the best that there is."""

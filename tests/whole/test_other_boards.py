@@ -23,6 +23,7 @@ from yahboomd.clock import LoopClock
 from yahboomd.link.probing import examine
 from yahboomd.link.stopping import stop_unidentified
 from yahboomd.link.storing import store
+from yahboomd.protocol.first_words import FIRST_WORDS
 from yahboomd.protocol.profiles import PROFILES
 from yahboomd.protocol.registry import DIALECTS, connect_stop
 from yahboomd.simulation.options import SimulationOptions
@@ -206,6 +207,11 @@ async def test_another_family_delays_the_first_stop_of_none(
     alone = await stop_moments()
     assert (len(alone), len(together)) == (2, 3)
     assert {stop: together[stop] for stop in alone} == alone
+
+
+def test_a_direct_stop_sends_what_stops_each_of_them() -> None:
+    assert list(FIRST_WORDS.values()) == [resync + stop for resync, stop in connect_stop()]
+    assert FIRST_WORDS["binary"].endswith(BINARY.cut or b"none")
 
 
 @on_virtual_time
