@@ -7,6 +7,8 @@ PORT    ?=
 ARGS    ?=
 MINUTES ?= 2
 SEED    ?= 1
+ROOM    ?= drive
+SAMPLE  ?= 120
 # Many tests wait for something: four processes more than cores. WORKERS=0 runs them one by one.
 WORKERS ?= $(shell expr 4 + $$(getconf _NPROCESSORS_ONLN))
 # The tests start hundreds of Python processes, which need not compile yahboomd each time.
@@ -70,7 +72,7 @@ schemas-check: $(VENV)/.dev
 	$(PY) -m yahboomd.daemon.asyncapi --check schemas
 
 ##@ Suites that need other languages, or more time (.ci/run runs their short forms)
-.PHONY: interop generators asyncapi clients metrics fuzz soak alarms
+.PHONY: interop generators asyncapi clients metrics fuzz mutants soak alarms
 interop: $(VENV)/.dev ## build the real ROS 2 peers once (in a cache outside the tree), drive through them
 	@tests/interop/build.sh || echo "interop: what was not built is named above; its tests are skipped"
 	$(PYTEST) $(PARALLEL) tests/interop $(ARGS)
@@ -94,6 +96,13 @@ $(VENV)/.fuzz: pyproject.toml tools/bootstrap.py
 
 fuzz: $(VENV)/.fuzz ## fuzz every reader of foreign bytes: MINUTES=8 SEED=1
 	@exec $(PY) tools/fuzz.py --minutes $(MINUTES) --seed $(SEED) $(ARGS)
+
+$(VENV)/.mutants: pyproject.toml tools/bootstrap.py $(VENV)/.dev
+	@$(PYTHON) tools/bootstrap.py $(VENV) mutants
+	@touch $@
+
+mutants: $(VENV)/.mutants ## do tests notice one-token changes? ROOM=drive SAMPLE=120 SEED=1 (pure rooms; minutes to hours)
+	@exec $(PY) tools/mutants.py $(ROOM) --sample $(SAMPLE) --seed $(SEED) $(ARGS)
 
 soak: $(VENV)/.run ## daemon and simulated board through all faults: MINUTES=60 SEED=1
 	@exec $(PY) -m benchmarks.soak --minutes $(MINUTES) --seed $(SEED) $(ARGS)

@@ -70,6 +70,16 @@ def test_copies_of_one_stamped_command_are_no_backlog() -> None:
     assert all(isinstance(each, Age) for each in verdicts)
 
 
+def test_what_differs_or_stands_for_several_is_no_copy_whatever_its_stamp() -> None:
+    differing, several = source(), source()
+    verdicts = [
+        offer(differing, 10 * S + n * MS, 7 * S, twist=Twist2d(vx=0.1 + n)) for n in range(6)
+    ]
+    assert verdicts[-1] == "revoke"
+    assert isinstance(offer(several, 10 * S, 7 * S), Age)
+    assert offer(several, 10 * S + MS, 7 * S, arrivals=6) == "revoke"
+
+
 @pytest.mark.parametrize("stamp_ns", [None, 0])
 def test_without_a_stamp_the_same_again_is_no_copy(stamp_ns: int | None) -> None:
     line = source()
