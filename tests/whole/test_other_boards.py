@@ -189,6 +189,23 @@ def test_the_stops_of_all_families_stop_each_board_that_is_driving(there: str) -
     assert max(speeds(board)) < 0.03
 
 
+@pytest.mark.parametrize("there", ALL)
+def test_half_a_command_in_the_boards_ear_does_not_swallow_the_stop_behind_its_resync(
+    there: str,
+) -> None:
+    own = DIALECTS[there]
+    units = (300, 0, 0) if there == "binary" else (300, 0, 300, 0)
+    command = own.speeds(units)
+    for size in range(1, len(command)):
+        board = at_rest_and_ready(there)
+        board.host_wrote(command, 500 * MS)
+        board.advance(1000 * MS)
+        board.host_wrote(command[:size], 1000 * MS)
+        board.host_wrote(own.resync + (own.cut or own.brake), 1100 * MS)
+        board.advance(2500 * MS)
+        assert max(speeds(board)) < 0.03, size
+
+
 async def stop_moments() -> dict[bytes, int]:
     """When the stop of each dialect leaves, from the opening of a port."""
     board = LinkBench()
