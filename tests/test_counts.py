@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.counts import HALF, CountHistory, slowest, unwrapped
+from yahboomd.counts import CountHistory, slowest, unwrapped
 
 MS = 1_000_000
 S = 1000 * MS
@@ -22,7 +22,7 @@ def steady(per_reading: int, period_ms: int, count: int = 12) -> list[tuple[int,
     return [(1000 + n * period_ms, n * per_reading) for n in range(count)]
 
 
-@given(st.integers(-(2**31), 2**31 - 1), st.integers(-HALF, HALF - 1))
+@given(st.integers(-(2**31), 2**31 - 1), st.integers(-(2**31), 2**31 - 1))
 def test_a_step_is_the_same_wherever_the_counter_wraps(start: int, step: int) -> None:
     after = (start + step + 2**31) % 2**32 - 2**31
     assert unwrapped(after - start) == step
@@ -171,6 +171,36 @@ def test_few_readings_are_no_witnesses_unless_no_more_can_be_had() -> None:
     assert seen(steady(50, 20, 4)).witnessed(0) is None
     assert seen(steady(250, 100, 2)).witnessed(0) is None
     assert seen(steady(250, 100, 3)).witnessed(0) == pytest.approx(2500.0)
+
+
+def test_three_readings_over_a_tenth_of_a_second_are_witnesses() -> None:
+    assert seen(steady(150, 60, 3)).witnessed(0) == pytest.approx(2500.0)
+    assert seen(steady(125, 50, 3)).witnessed(0) == pytest.approx(2500.0)
+    assert seen(steady(120, 49, 3)).witnessed(0) is None
+
+
+def test_witnesses_are_no_older_than_80_ms_where_there_are_enough() -> None:
+    # It rolled on for long, and then stood: what is older does not count.
+    rolled = [(1000 - 20 * n, -1000 * n) for n in range(8, 0, -1)]
+    stood = [(1000 + 20 * n, 0) for n in range(5)]
+    assert seen([*rolled, *stood]).witnessed(0) == 0.0
+    # Two readings of before count in a row of five.
+    assert seen([*rolled, *stood[:3]]).witnessed(0) == pytest.approx(
+        seen([*rolled[-2:], *stood[:3]]).witnessed(0)
+    )
+
+
+def test_two_readings_are_kept_however_old_they_are() -> None:
+    history = CountHistory(100 * MS)
+    for n in range(4):
+        history.add(n * 500 * MS, (7,))
+    assert history.since(20 * MS, 50 * MS, 32) == (500 * MS, (0,))
+    assert seen(steady(7, 10, 5)).latest_ns == 1040 * MS
+
+
+def test_a_witness_of_80_ms_ago_counts() -> None:
+    ever_faster = [(1000 + 16 * n, 100 * n * n) for n in range(6)]
+    assert seen(ever_faster).witnessed(0) != seen(ever_faster[1:]).witnessed(0)
 
 
 def test_readings_that_arrive_all_at_once_show_no_speed() -> None:

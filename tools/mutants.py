@@ -12,6 +12,7 @@ import argparse
 import ast
 import os
 import random
+import re
 import signal
 import sys
 import time
@@ -49,6 +50,7 @@ PLAIN = (
     "ReplaceUnaryOperator_Delete_USub ReplaceUnaryOperator_Delete_Not"
 )
 LONGEST_S = 120.0
+DECLARES = re.compile(r"^\s*class |TYPE_CHECKING|\(.*\*, ")
 
 
 class Token(Operator):
@@ -117,7 +119,9 @@ def places(path):
         starts = [start for node in nodes for start, _ in operator.mutation_positions(node)]
         for occurrence, (line, _) in enumerate(starts):
             text = lines[line - 1]
-            if not ("class " in text or (isinstance(operator, Guard) and "strict=True" in text)):
+            if not (
+                DECLARES.search(text) or (isinstance(operator, Guard) and "strict=True" in text)
+            ):
                 yield path, operator, occurrence, line
 
 

@@ -158,3 +158,11 @@ def test_a_separation_that_is_no_distance_is_refused(name: str, separation_m: fl
 def test_mecanum_without_a_wheel_base_is_refused() -> None:
     with pytest.raises(ConfigError, match="wheel_base_m"):
         mecanum(separation_m=0.2)
+
+
+@pytest.mark.parametrize(("vx", "scale"), [(0.5, 1.0), (1.0, 1.0), (2.0, 0.5)])
+def test_a_wish_is_scaled_by_as_much_as_its_fastest_wheel_needs(
+    two_wheels: Kinematics, vx: float, scale: float
+) -> None:
+    slowed = desaturate_twist(two_wheels, Twist2d(vx=vx), (1.0, 1.5))
+    assert slowed == (Twist2d(vx=vx * scale), scale)

@@ -296,18 +296,21 @@ def test_a_garbled_count_does_not_begin_the_silence_again() -> None:
     pytest.fail("nothing was found")
 
 
-@pytest.mark.parametrize(("before_m_s", "found_ms"), [(0.3, 150), (-0.3, 300)])
+@pytest.mark.parametrize(
+    ("before_m_s", "then_m_s", "found_ms"),
+    [(0.3, 0.3, 150), (-0.3, 0.3, 300), (0.3, 0.05, 900), (-0.3, 0.05, 1760)],
+)
 def test_a_wheel_that_rolled_the_other_way_is_given_twice_as_long(
-    before_m_s: float, found_ms: int
+    before_m_s: float, then_m_s: float, found_ms: int
 ) -> None:
     check = WheelsCheck(["left"], latency_s=0.0)
     check.command(0, [before_m_s])
     for at_ms in range(0, 1000, 10):
         check.measure(at_ms * MS, [before_m_s], [round(before_m_s * 60)])
-    check.command(1000 * MS, [0.3])
+    check.command(1000 * MS, [then_m_s])
     found = [
         at_ms
-        for at_ms in range(1000, 2000, 10)
+        for at_ms in range(1000, 3500, 10)
         for fault in check.measure(at_ms * MS, [0.0], [0])
         if fault.kind == "no_counts"
     ]
