@@ -17,11 +17,12 @@ import pytest
 import serial_asyncio
 
 from yahboomd.clock import SystemClock
-from yahboomd.errors import LinkError, PortBusy, PortMissing
+from yahboomd.errors import LinkError, PortBusy, PortLost, PortMissing
 from yahboomd.link.port import (
     MAX_PENDING,
     PortOptions,
     SerialPort,
+    _Serial,
     adopt,
     byte_time_ns,
     open_port,
@@ -105,6 +106,29 @@ async def test_a_port_that_was_seized_is_carried_on_without_being_opened_again(
     device.close()
     await until(lambda: gone)
     assert gone == [None]
+
+
+@pytest.mark.parametrize("seized", [True, False])
+async def test_a_port_that_hangs_up_before_it_is_carried_is_lost_and_closed(
+    device: Device, monkeypatch: pytest.MonkeyPatch, seized: bool
+) -> None:
+    if seized:
+        held = seize(device.path)
+        device.close()
+        with pytest.raises(PortLost, match="went away"):
+            await adopt(held, SystemClock())
+        with pytest.raises(OSError, match="Bad file descriptor"):
+            os.fstat(held.fd)
+        return
+    configure = _Serial.configure
+
+    def configure_and_hang_up(self: _Serial, *, hangup_on_close: bool) -> None:
+        configure(self, hangup_on_close=hangup_on_close)
+        device.close()
+
+    monkeypatch.setattr(_Serial, "configure", configure_and_hang_up)
+    with pytest.raises(PortLost, match="went away"):
+        await open_port(PortOptions(path=device.path), SystemClock())
 
 
 async def test_what_waits_is_dropped_where_it_is_discarded(port: SerialPort) -> None:

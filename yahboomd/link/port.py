@@ -31,7 +31,7 @@ import serial_asyncio
 
 from yahboomd.clock import Clock
 from yahboomd.link.draining import drained, drop, in_kernel
-from yahboomd.link.port_errors import explained
+from yahboomd.link.port_errors import explained, lost
 from yahboomd.link.seize import Seized, take
 from yahboomd.model import NS_PER_S
 
@@ -343,7 +343,12 @@ async def adopt(seized: Seized, clock: Clock) -> SerialPort:
 
 async def _carried(device: _Serial, path: str, clock: Clock) -> SerialPort:
     port = SerialPort(device, path, clock)
-    await serial_asyncio.connection_for_serial(asyncio.get_running_loop(), lambda: port, device)
+    try:
+        # pyserial reads the port's settings once more, which fails where it hung up meanwhile.
+        await serial_asyncio.connection_for_serial(asyncio.get_running_loop(), lambda: port, device)
+    except OSError as error:
+        device.close()
+        raise lost(path, error) from error
     # The transport introduces itself at the loop's next turn.
     await asyncio.sleep(0)
     return port

@@ -418,17 +418,12 @@ def _stop(
             return []
         from yahboomd.clock import SystemClock
         from yahboomd.link.port import adopt
-        from yahboomd.link.port_errors import lost
         from yahboomd.link.takeover import take_over
 
         clock = SystemClock()
 
         async def on_port(each: Seized) -> TakeoverReport:
-            try:
-                port = await adopt(each, clock)
-            except OSError as error:
-                # It hung up after its first stop, before there was anything to hear of it.
-                raise lost(each.path, error) from error
+            port = await adopt(each, clock)
             return await take_over(port, clock, spoken_ns=each.spoken_ns)
 
         return await asyncio.gather(*map(on_port, seized))
