@@ -400,12 +400,14 @@ def ros_bridge(tmp_path: Path) -> Iterator[Bridge]:
 
 
 @pytest.fixture
-def start_ros_node(ros_bridge: Bridge, tmp_path: Path) -> Iterator[Callable[[], Peer]]:
-    """Starts nodes of ROS 2 itself on rmw_fastrtps, in the bridge's domain."""
+def start_ros_node(ros_bridge: Bridge, tmp_path: Path) -> Iterator[Callable[..., Peer]]:
+    """Starts nodes of ROS 2 itself on rmw_fastrtps, in the bridge's domain; ``NAME=value`` each is
+    a setting of their environment."""
     with ExitStack() as stack:
 
-        def start() -> Peer:
-            command = [str(built("jazzy")), str(HERE / "ros_node.py"), str(ros_bridge.domain)]
+        def start(*settings: str) -> Peer:
+            node = [str(built("jazzy")), str(HERE / "ros_node.py"), str(ros_bridge.domain)]
+            command = ["env", *settings, *node]
             peer = start_peer(command, tmp_path / f"ros_node_{time.monotonic_ns()}.log")
             stack.callback(peer.close)
             return peer

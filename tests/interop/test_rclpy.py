@@ -39,6 +39,19 @@ def test_it_drives_stops_by_a_topic_and_sees_so(ros_bridge, start_ros_node, robo
     estopped(start_ros_node(), True)
 
 
+@pytest.mark.parametrize(
+    "settings",
+    [(), ("ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST",), ("ROS_LOCALHOST_ONLY=1",)],
+    ids=["default", "range", "older"],
+)
+def test_a_bridge_on_loopback_is_found_however_nodes_of_this_machine_discover(
+    ros_bridge, start_ros_node, robot, settings
+):
+    """As docs/security.md advises."""
+    robot(ros_bridge.endpoint)
+    estopped(start_ros_node(*settings), False)
+
+
 def test_a_service_call_through_the_bridge_hangs_and_engages_nothing(
     ros_bridge, start_ros_node, robot
 ):
