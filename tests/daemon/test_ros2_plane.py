@@ -254,7 +254,7 @@ TYPES = {
     "joint_states": ros2.JOINT_STATE,
     "battery_state": ros2.BATTERY_STATE,
     "diagnostics": ros2.DIAGNOSTIC_ARRAY,
-    "yahboomd/estopped": ros2.BOOL,
+    "estopped": ros2.BOOL,
 }
 LASER = 'ros2.static_transforms=[{parent="base_link",child="laser",z=0.1}]'
 
@@ -427,10 +427,7 @@ def test_the_estop_is_a_topic_too_and_a_button_that_is_not_pressed_changes_nothi
         return int(app.latest("status")["command"]["estop_not_pressed"])
 
     def said() -> list[bool]:
-        return [
-            oracle.decode(ros2.BOOL, payload)["data"]
-            for payload in graph.payloads("yahboomd/estopped")
-        ]
+        return [oracle.decode(ros2.BOOL, payload)["data"] for payload in graph.payloads("estopped")]
 
     def press(key: str, payload: bytes) -> None:
         app.session.put(key, payload, attachment=attached if key != "yahboomd/estop" else None)

@@ -289,21 +289,21 @@ async def test_what_is_switched_off_has_no_topic(graph: Graph) -> None:
     publisher.battery(7.5, STAMP_NS)
     publisher.status(STATUS)
     # The emergency stop is not to be switched off, and nor is what tells of it.
-    assert graph.types == {"yahboomd/estopped": ros2.BOOL}
+    assert graph.types == {"estopped": ros2.BOOL}
 
 
 async def test_whether_the_estop_is_engaged_is_latched_said_at_once_and_again(
     graph: Graph,
 ) -> None:
     publisher = RosPublisher(graph.open, TOPICS, LoopClock())
-    assert graph.qos["yahboomd/estopped"] == Qos(reliable=True, latched=True, depth=1)
+    assert graph.qos["estopped"] == Qos(reliable=True, latched=True, depth=1)
     for state, said in (("standing", 1), ("standing", 1), ("estopped", 2), ("fault", 3)):
         publisher.status(changed(state=state))
-        assert len(graph.payloads("yahboomd/estopped")) == said
-        assert graph.latest("yahboomd/estopped") == {"data": state == "estopped"}
+        assert len(graph.payloads("estopped")) == said
+        assert graph.latest("estopped") == {"data": state == "estopped"}
     await asyncio.sleep(1.0)
     publisher.status(changed(state="fault"))
-    assert len(graph.payloads("yahboomd/estopped")) == 4
+    assert len(graph.payloads("estopped")) == 4
 
 
 async def test_static_frames_are_latched_and_stand_as_configured(graph: Graph) -> None:

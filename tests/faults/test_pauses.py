@@ -235,7 +235,7 @@ async def test_an_estop_is_not_released_at_the_end_of_a_pause_before_commands_ar
 
 
 @pytest.mark.realtime
-@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize("dialect", ["streamed", "polled"])
 def test_a_daemon_that_was_stopped_and_goes_on_says_so_and_drives_on(
     real_robot: Callable[..., RealRobot], client: Callable[..., Client], dialect: str
 ) -> None:

@@ -1,6 +1,6 @@
 """A node of ROS 2 itself: rclpy on rmw_fastrtps, its default middleware, driven by JSON lines.
 
-`ros_node.py DOMAIN`: hears `/odom` and, as a late joiner does, `/yahboomd/estopped`, and prints
+`ros_node.py DOMAIN`: hears `/odom` and, as a late joiner does, `/estopped`, and prints
 every message as one JSON line. It ends with its standard input:
 
     {"do":"drive","vx":0.1,"wz":0.0,"hz":20}
@@ -61,8 +61,8 @@ class Node:
         )
         self.node.create_subscription(
             Bool,
-            "/yahboomd/estopped",
-            lambda m: say(event="message", topic="/yahboomd/estopped", message={"data": m.data}),
+            "/estopped",
+            lambda m: say(event="message", topic="/estopped", message={"data": m.data}),
             LATCHED,
         )
 

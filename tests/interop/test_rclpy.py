@@ -6,7 +6,7 @@ pytestmark = pytest.mark.realtime
 
 
 def estopped(node, wanted):
-    return node.message("/yahboomd/estopped", lambda m: m["data"] is wanted, f"estopped {wanted}")
+    return node.message("/estopped", lambda m: m["data"] is wanted, f"estopped {wanted}")
 
 
 def press(node, eventually, data, times=1):

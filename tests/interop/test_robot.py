@@ -15,7 +15,7 @@ OUT = {
     "/joint_states": ros2.JOINT_STATE,
     "/battery_state": ros2.BATTERY_STATE,
     "/diagnostics": ros2.DIAGNOSTIC_ARRAY,
-    "/yahboomd/estopped": ros2.BOOL,
+    "/estopped": ros2.BOOL,
 }
 IN = ("/cmd_vel", "/cmd_vel/teleop")
 TRIGGERS = ("/yahboomd/estop/reset", "/yahboomd/odometry/reset")

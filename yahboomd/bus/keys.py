@@ -37,7 +37,7 @@ ROS_TF_STATIC = "tf_static"
 ROS_JOINT_STATES = "joint_states"
 ROS_BATTERY_STATE = "battery_state"
 ROS_DIAGNOSTICS = "diagnostics"
-ROS_ESTOPPED = "yahboomd/estopped"
+ROS_ESTOPPED = "estopped"
 
 
 def full_key(namespace: str, key: str) -> str:
