@@ -267,7 +267,7 @@ TRIALS: tuple[Callable[[str, float], Found], ...] = (
 
 
 def factor(row: str, article: str, ours: str) -> str:
-    """How many times better yahboomd is; ``-`` if a figure is not a positive number.
+    """The factor by which yahboomd is better; ``-`` if a figure is not a positive number.
 
     More polls are better; of everything else, less is better.
     """

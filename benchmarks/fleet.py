@@ -1,4 +1,4 @@
-"""How many robots one machine and one router carry, and the cost of a message.
+"""The number of robots that one machine and one router carry, and the cost of a message.
 
 Robots on one machine: a growing number of pairs of `yahboomd simulate` and `yahboomd run`,
 streamed, which publish at 50 Hz to a subscriber, until poses are lost or late. One router: clients
@@ -184,7 +184,7 @@ def joined(mode: str, count: int) -> tuple[float, float, float]:
 
 
 def taken(*, shared: bool, most: int) -> int:
-    """How many idle clients a router with its defaults accepts, of ``most``."""
+    """Count the idle clients that a router with its defaults accepts, of ``most``."""
     endpoint = rig.free_endpoint()
     load = ("-m", "benchmarks.fleet_load")
     with rig.Process(*load, "router", endpoint) as router:

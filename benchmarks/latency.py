@@ -156,7 +156,7 @@ def units_of(data: bytes) -> list[int]:
 
 
 def busy_until_ns(arrival: tuple[int, bytes], dialect: str) -> int:
-    """When the line is free after a frame: its bytes, its spacing, and its answer if it has one."""
+    """The time at which the line is free after a frame: its bytes, its spacing, and any answer."""
     t_ns, data = arrival
     end_ns = t_ns + len(data) * BYTE_NS + SPACING_NS[dialect]
     if b"read" in data:

@@ -1,4 +1,4 @@
-"""Where things live."""
+"""The rules of the tree: floors, names, words, sizes, and code that only tests call."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ CALLED_BY_OTHERS = {
     "connection_lost": "asyncio",
     "modify": "selectors",
 }
-"""What a library calls or reads that has no caller of ours."""
+"""Names that a library calls or reads, and no caller of ours."""
 
 
 def read(folder: str) -> dict[Path, str]:

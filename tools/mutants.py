@@ -57,11 +57,11 @@ class Token(Operator):
     """Replaces one token by another."""
 
     def other(self, value):
-        """What replaces it; None for a token that stays."""
+        """The replacement of a token; None for one that stays."""
         raise NotImplementedError
 
     def mutation_positions(self, node):
-        """Where it can."""
+        """The places of a change."""
         if isinstance(node, self.kind) and self.other(node.value) is not None:
             yield node.start_pos, node.end_pos
 
@@ -108,7 +108,7 @@ def operators():
 
 
 def places(path):
-    """Where one file can be changed: the operator, the number of its occurrence, and the line.
+    """The places where one file can be changed: operator, number of its occurrence, and line.
 
     Not where classes are declared, and not the guard of `zip(strict=True)` against ourselves.
     """

@@ -102,7 +102,7 @@ def drive(endpoint: str) -> list[Pose]:
 
 
 def errors_mm(poses: list[Pose], truth: list[TruthSample]) -> list[float]:
-    """How far each pose is from where the robot was at its stamp."""
+    """The distance of each pose from the robot's true place at its stamp."""
     true = [pose_at(truth, pose.t_ns) for pose in poses]
     return [1e3 * math.hypot(p.x - t.x, p.y - t.y) for p, t in zip(poses, true, strict=True)]
 

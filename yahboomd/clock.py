@@ -201,7 +201,7 @@ class LoopClock:
     def __init__(self, epoch_ns: int = 1_700_000_000 * NS_PER_S) -> None:
         self._epoch_ns = epoch_ns
         self.slept_ns = 0
-        """How long a suspended machine slept, as a test pretends."""
+        """The time a suspended machine slept, as a test pretends."""
 
     def now_ns(self) -> int:
         """The loop's time."""

@@ -36,7 +36,7 @@ ENOUGH = 5
 
 SELDOM = 3
 SELDOM_NS = 200_000_000
-"""Where readings are so seldom that ENOUGH would take longer, these have to do."""
+"""The readings that suffice where they are so seldom that ENOUGH would take longer."""
 
 
 def unwrapped(step: int) -> int:
@@ -78,7 +78,7 @@ class CountHistory:
 
     @property
     def latest_ns(self) -> int | None:
-        """When the latest reading was sampled at the latest; None where there is none."""
+        """The latest moment at which the newest reading was sampled; None where there is none."""
         return self._readings[-1].latest_ns if self._readings else None
 
     def clear(self) -> None:

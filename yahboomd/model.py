@@ -76,7 +76,7 @@ STANDSTILL = Twist2d()
 
 
 class Pose2d(msgspec.Struct, frozen=True, kw_only=True):
-    """Where the base is in the odometry frame: m, m, rad. ``theta`` is not wrapped."""
+    """The base's place in the odometry frame: m, m, rad. ``theta`` is not wrapped."""
 
     x: float = 0.0
     y: float = 0.0
@@ -107,7 +107,7 @@ class Motor(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def metres_per_tick(self) -> float:
-        """How far the rim travels in one count (unsigned)."""
+        """The travel of the rim in one count (unsigned)."""
         return 2.0 * 3.141592653589793 * self.radius_m / self.ticks_per_revolution
 
 
@@ -161,7 +161,7 @@ class EncoderReading(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class OdometryEstimate(msgspec.Struct, frozen=True, kw_only=True):
-    """Where the robot is and how it moves, from one encoder reading.
+    """The pose and the motion of the robot, from one encoder reading.
 
     Attributes:
         stamp_ns: When the board sampled its counters; monotonic nanoseconds.

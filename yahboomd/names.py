@@ -17,7 +17,7 @@ _CHUNK = re.compile(r"[^*$?#/@\s\x00-\x1f][^*$?#/\s\x00-\x1f]*\Z")
 
 
 def name_problem(name: str) -> str | None:
-    """Why ``name`` cannot be a namespace or a key below it; None when it can."""
+    """The reason why ``name`` cannot be a namespace or a key below it; None when it can."""
     if name.startswith("/") or name.endswith("/"):
         return "it may not begin or end with '/'"
     for chunk in name.split("/"):
@@ -29,7 +29,7 @@ def name_problem(name: str) -> str | None:
 
 
 def endpoint_problem(endpoint: str) -> str | None:
-    """Why ``endpoint`` cannot work; None when it looks right.
+    """The reason why ``endpoint`` cannot work; None when it looks right.
 
     Zenoh reports no wrong endpoint to connect to: it retries it for ever.
     """

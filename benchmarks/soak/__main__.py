@@ -33,7 +33,7 @@ from benchmarks.soak.schedule import (
 RSS_GROWTH_MB = 30.0
 
 STARVED_S = 1.0
-"""Of the four seconds before the watchdog acts, which hears nothing of a daemon for two."""
+"""A share of the four seconds after which the watchdog acts on a daemon that is silent for two."""
 
 
 def main(arguments: list[str]) -> int:

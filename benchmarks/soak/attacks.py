@@ -13,7 +13,7 @@ from benchmarks.soak.processes import Helper, memory_mb, stopped_by_signal
 from benchmarks.soak.tail import is_stop
 
 MEMORY_MB = 96.0
-"""What a flood may add to the daemon's memory at most."""
+"""The most that a flood may add to the daemon's memory."""
 
 STOPPING = (signal.SIGTSTP, signal.SIGTTOU)
 ENDING = (

@@ -21,7 +21,7 @@ PACES = {
     "query": (4, 0.05),
     "refusal": (10, 0.002),
 }
-"""How many samples at once, and how long until the next ones, by kind of flood."""
+"""The samples of a burst, and the seconds until the next, by kind of flood."""
 
 STALL_NS = 3_000_000
 """A wait of one millisecond that lasted this much longer is reported."""

@@ -35,7 +35,7 @@ MOST_RAD = 0.03
 """A way between two stands, on a line that is no worse than it should be, errs by less."""
 
 SIGMAS = 3.0
-"""Where the covariance says so, by up to so many standard deviations more."""
+"""The further standard deviations that are allowed where the covariance says so."""
 
 NEAR_ZERO = "a polled board was reset with its counters near zero"
 """It does not say so, and from one small count to another a wheel may well have rolled."""
@@ -142,7 +142,7 @@ class Course:
         return True
 
     def stalled_s(self, since_ns: int, until_ns: int) -> float:
-        """How long the machine stood still, or let one of us wait for a processor."""
+        """The time that the machine stood still, or let one of us wait for a processor."""
         return max(
             self.stalls.within_s(since_ns, until_ns), self.waiting.within_s(since_ns, until_ns)
         )
@@ -346,7 +346,7 @@ class Course:
             self.fail(f"the pose is {metres * 1e3:.1f} mm and {radians:.4f} rad off the truth")
 
     def _begin_again(self) -> None:
-        """What was not known so far would hide what is not known of the next way."""
+        """Reset the pose: the uncertainty of this way would hide that of the next."""
         self.app.poses.pause()
         reply = self.app.ask("yahboomd/odometry/reset")
         if reply is None or not reply.success:
@@ -360,7 +360,7 @@ class Course:
             self._anchor = (pose, *self._anchor[1:])
 
     def _unknown_m(self, since_ns: int) -> float:
-        """How much travel of each wheel was said to be unknown."""
+        """The travel of each wheel that was reported as unknown."""
         lost = self.app.events_since(since_ns, "odometry_discontinuity")
         return sum(float((event.data or {}).get("unknown_m") or 0.0) for event in lost)
 

@@ -12,16 +12,16 @@ from benchmarks.soak.processes import WATCHDOG_S
 from benchmarks.soak.tail import STANDING_M_S, Order, is_stop
 
 EX_TEMPFAIL = 75
-"""How the daemon ends where standstill was not confirmed."""
+"""The daemon's exit code where standstill was not confirmed."""
 
 NOTICE_S = 2.0
 """So long the odometry may take to notice another tick."""
 
 BACKED_M = 0.01
-"""What brakes may turn a wheel backward."""
+"""The backward travel that brakes may give a wheel."""
 
 QUEUE_S = 0.4
-"""What has queued during a stall needs so long on the wire."""
+"""The time on the wire of what queued during a stall."""
 
 
 def frozen(course: Course) -> None:
@@ -70,7 +70,7 @@ def _nothing_old(course: Course, thawed_ns: int) -> None:
 
 
 def burst(course: Course) -> None:
-    """What the board says is held back and arrives at once, again and again."""
+    """The board's lines are held back and arrive at once, again and again."""
     since_ns = time.monotonic_ns()
     course.app.wander()
     for _ in range(3):

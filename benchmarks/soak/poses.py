@@ -104,7 +104,7 @@ class PoseWatch:
 
 
 def determinant(m: Matrix3) -> float:
-    """Of a 3 x 3 matrix, row by row."""
+    """The determinant of a 3 x 3 matrix, given row by row."""
     return (
         m[0] * (m[4] * m[8] - m[5] * m[7])
         - m[1] * (m[3] * m[8] - m[5] * m[6])
@@ -118,7 +118,7 @@ def error(
     truth_0: tuple[float, float, float],
     truth_1: tuple[float, float, float],
 ) -> tuple[float, float]:
-    """How far a way as measured ends from the same way as driven.
+    """The distance between the end of a way as measured and the end of the same way as driven.
 
     Both are seen from where they began.
 
@@ -133,7 +133,7 @@ def error(
 def way_covariance(
     then: tuple[float, float, float], p_then: Matrix3, now: tuple[float, float, float], p: Matrix3
 ) -> tuple[float, float, float]:
-    """How unsure the way between two poses is, without what was unsure before it.
+    """The covariance of the way between two poses, without what was unsure before it.
 
     A heading that is off by a little swings all that follows about the place where it went wrong:
     ``P = J · P_then · Jᵀ + Q`` with ``J = [1 0 -dy; 0 1 dx; 0 0 1]``; this is Q's diagonal.

@@ -114,7 +114,7 @@ class Stalls:
         return self._found
 
     def within_s(self, since_ns: int, until_ns: int) -> float:
-        """How long it stood still in a stretch of time, in all."""
+        """The time that it stood still in a stretch of time, in all."""
         return (
             sum(
                 late
@@ -136,7 +136,7 @@ class Stalls:
 
     @property
     def count(self) -> int:
-        """How many so far."""
+        """The count so far."""
         return len(self._look())
 
     def close(self) -> None:
@@ -236,12 +236,12 @@ class Life(msgspec.Struct, kw_only=True):
 
     @property
     def age_s(self) -> float:
-        """How long it has lived."""
+        """The age of the process."""
         return ((self.ended_ns or time.monotonic_ns()) - self.began_ns) / 1e9
 
 
 class ServiceManager:
-    """What systemd does with the unit: starts the daemon, watches it, stops after it, restarts.
+    """Systemd's part for the unit: it starts the daemon, watches it, stops after it, restarts.
 
     Args:
         folder: For the log, the e-stop's file and the notification socket.
@@ -340,7 +340,7 @@ class ServiceManager:
             self._ending.wait(RESTART_S)
 
     def _stop_post(self) -> None:
-        """What the unit runs after a daemon that failed."""
+        """The command that the unit runs after a daemon that failed."""
         stop = subprocess.Popen(
             [
                 *(sys.executable, "-m", "yahboomd", "stop", "--direct"),
@@ -427,7 +427,7 @@ def stopped_by_signal(pid: int) -> bool:
 
 
 def _doing(pid: int) -> str:
-    """What the kernel says that a process does: running, sleeping, stopped, and where."""
+    """The kernel's account of a process: running, sleeping, stopped, and where."""
     with contextlib.suppress(OSError, IndexError):
         state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
         return f"state {state} in {Path(f'/proc/{pid}/wchan').read_text() or 'user space'}"

@@ -77,7 +77,7 @@ class Truth:
         return found
 
     def stood_at(self, since_ns: int) -> int | None:
-        """When all wheels first stood, and went on standing, from a moment on."""
+        """The moment from which all wheels stood, and went on standing, after a given one."""
         begun: int | None = None
         for sample in self.since(since_ns):
             if any(abs(speed) >= STANDING_M_S for speed in sample.speed_m_s):
@@ -170,7 +170,7 @@ class Wire:
         )
 
     def last_before(self, t_ns: int) -> Order | None:
-        """What was in force at a moment."""
+        """The faults in force at a moment."""
         self.look()
         return next((order for order in reversed(self.orders) if order.t_ns < t_ns), None)
 

@@ -1,4 +1,4 @@
-"""How long threads were ready to run and had no processor, by the kernel's count.
+"""The time that threads were ready to run and had no processor, by the kernel's count.
 
 A process that sleeps most of its time is woken at once even where those that work have to wait, so
 a stall that it sees is a stall of the machine, but not the other way round. The kernel counts for
@@ -68,7 +68,7 @@ class Waiting:
 
 
 def waits_ns(processes: Iterable[int]) -> dict[str, int]:
-    """How long every thread of some processes has waited so far."""
+    """The time that every thread of some processes has waited so far."""
     found: dict[str, int] = {}
     for process in processes:
         with contextlib.suppress(OSError):

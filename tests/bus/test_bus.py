@@ -148,7 +148,7 @@ async def test_an_application_reaches_the_robot_by_a_unix_socket(zenoh_app, tmp_
 
 
 def listening_addresses():
-    """What this process listens on, as the kernel says."""
+    """The addresses that this process listens on, as the kernel says."""
     inodes = set()
     for fd in os.listdir("/proc/self/fd"):
         try:

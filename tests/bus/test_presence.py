@@ -64,7 +64,7 @@ async def test_the_stamper_of_a_timestamp_is_the_session_that_made_it(zenoh_app,
 
 
 def seen(*changes):
-    """What a watch reports of changes, each in a turn of its own, and what it ignored."""
+    """The changes that a watch reports, each in a turn of its own, and those it ignored."""
     reported = []
 
     class Inbox:

@@ -213,7 +213,7 @@ async def test_a_flood_of_harmless_queries_refuses_no_alarm(bus, app):
 
 
 async def test_an_alarm_is_raised_where_its_answer_finds_no_place(bus, app):
-    """Of too many the last are refused, behind others that raise the alarm for them."""
+    """The last of too many requests are refused, behind others that raise the alarm for them."""
     order = []
 
     def engage(request):
@@ -287,7 +287,7 @@ async def test_an_acknowledgement_does_not_wait_for_other_answers(bus, app):
 
 
 async def test_a_handler_whose_answers_take_long_holds_few_queries(bus, app):
-    """What the handler did at once is done; the answer says that there are too many."""
+    """The work that the handler did at once is done; the answer says that there are too many."""
     go, begun = asyncio.Event(), []
 
     def handle(request):

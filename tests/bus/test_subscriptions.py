@@ -220,7 +220,7 @@ async def test_a_backlog_of_a_stalled_link_is_no_flood(bus, zenoh_app):
 
 
 class Ring:
-    """What a ring of Zenoh's looks like to who takes from it."""
+    """A ring as Zenoh offers it to its reader."""
 
     def __init__(self, samples):
         self.samples = list(samples)

@@ -1,4 +1,4 @@
-"""What a daemon receives of a client, and what a program sees of a daemon."""
+"""A client as a daemon receives it, and a daemon as a program sees it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a daemon receives of a client that drives."""
+"""The commands of a client, as a daemon receives them."""
 
 from __future__ import annotations
 

@@ -94,7 +94,7 @@ class ClientProgram:
     gateways: dict[str, Gateway]
 
     def address(self, robot: str, namespace: str = "") -> str:
-        """What it is given as ``ROBOT`` for a daemon's endpoint."""
+        """The endpoint that it is given as ``ROBOT``."""
         scheme, _, path = PROGRAMS[self.name].gateway.partition(":")
         if not scheme:
             return robot
@@ -125,7 +125,7 @@ class ClientProgram:
         return self._start(self.built.arc, robot).done()
 
     def decode(self, message: str, payload: bytes) -> Done:
-        """What its ``decode`` makes of a payload."""
+        """The result of its ``decode`` for a payload."""
         done = subprocess.run(
             [*self.built.robot, "decode", message],
             input=payload,

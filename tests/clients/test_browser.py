@@ -294,7 +294,7 @@ def site() -> Iterator[Site]:
 
 
 def attack(browser: Browser, origin: str, bases: list[str]) -> list[str]:
-    """What came of all attempts of a page on an origin."""
+    """The result of all attempts of a page on an origin."""
     browser("open", "evil", origin)
     try:
         outcomes: list[str] = browser("evaluate", "evil", f"({ATTACK})({json.dumps(bases)})")
@@ -334,7 +334,7 @@ def test_a_page_of_another_origin_neither_moves_releases_sets_nor_reads_the_robo
 def test_the_same_attempts_move_a_robot_whose_plugins_are_open(
     browser: Browser, robot: RealRobot, client: Callable[..., Client], site: Site, tmp_path: Path
 ) -> None:
-    """Why the gateway is there, and that the attack above is one."""
+    """Without the gateway the attack above succeeds."""
     try:
         program = web_programs.gateway_program()
     except Missing as missing:

@@ -14,7 +14,7 @@ pytestmark = [pytest.mark.realtime, pytest.mark.commands("decode")]
 SCHEMAS = Path(__file__).resolve().parents[2] / "schemas"
 MESSAGES = ("PoseSample", "StatusSample", "ServiceReply")
 OPTIONAL = {"board", "link", "command", "bus", "driver_since_ns", "data"}
-"""What a program need not print."""
+"""Fields that a program need not print."""
 
 
 def golden(message: str) -> dict[str, Any]:

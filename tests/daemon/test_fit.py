@@ -1,4 +1,4 @@
-"""Which faults cut the motors, and whether a board fits the robot."""
+"""Faults that cut the motors, and boards that do not fit the robot."""
 
 from __future__ import annotations
 

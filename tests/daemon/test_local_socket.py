@@ -1,4 +1,4 @@
-"""Whose socket it is, and who may use it."""
+"""The owner of the socket, and the users who may use it."""
 
 from __future__ import annotations
 

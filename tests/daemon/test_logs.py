@@ -104,7 +104,7 @@ def test_no_line_can_command_a_terminal(log: logging.Logger, tmp_path: Path, jou
 
 
 class Log:
-    """What is written of lines that are said at given times."""
+    """The lines that are written, of those logged at given times."""
 
     def __init__(self) -> None:
         self.written: list[str] = []

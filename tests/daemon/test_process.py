@@ -1,4 +1,4 @@
-"""Which signals are handled; what systemd receives, on a real datagram socket; descriptors."""
+"""Signals that are handled; systemd's messages, on a real datagram socket; descriptors."""
 
 from __future__ import annotations
 

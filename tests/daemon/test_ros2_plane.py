@@ -1,4 +1,4 @@
-"""What a bridge, an rmw_zenoh graph and nodes see of us on real sessions."""
+"""The ROS 2 plane as a bridge, an rmw_zenoh graph and nodes see it on real sessions."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ LATCHED = Qos(latched=True, depth=1)
 
 
 BRIDGES = "@/*/@ros2_lv/**"
-"""What a bridge asks for when it joins."""
+"""The query of a bridge that joins."""
 
 ROS_GRAPH = "@ros2_lv/7/**"
-"""What a node asks for when it joins the graph of its domain."""
+"""The query of a node that joins the graph of its domain."""
 
 
 def tokens(app: ZenohApp, joining: str = BRIDGES) -> set[str]:

@@ -203,7 +203,7 @@ class Graph:
         return one.payloads
 
     def latest(self, topic: str) -> Any:
-        """What ROS 2 reads, after a look that it would write the same bytes."""
+        """The message as ROS 2 reads it; ROS 2 would write the same bytes."""
         payload, ros_type = self.payloads(topic)[-1], self.types[topic]
         message = self.oracle.store.deserialize_cdr(payload, ros_type)
         assert bytes(self.oracle.store.serialize_cdr(message, ros_type)) == payload

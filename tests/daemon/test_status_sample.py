@@ -1,4 +1,4 @@
-"""How things stand, from every stage."""
+"""The status, from every stage."""
 
 from __future__ import annotations
 

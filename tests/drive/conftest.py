@@ -1,4 +1,4 @@
-"""What the tests of this room share: bases, motors, and sources that may drive."""
+"""Builders for the tests of this room: bases, motors, and sources that may drive."""
 
 from __future__ import annotations
 

@@ -97,7 +97,7 @@ def drive(
 
 
 def ramped(wishes: list[tuple[int, float]], until_ns: int) -> list[tuple[int, float | None]]:
-    """What the limiter makes of wishes, at 50 Hz."""
+    """The wishes as the limiter passes them, at 50 Hz."""
     limiter = Limiter(AxisLimits(velocity=1.0, acceleration=2.5, deceleration=5.0), AxisLimits())
     schedule, wish = deque(wishes), 0.0
     commands: list[tuple[int, float | None]] = []

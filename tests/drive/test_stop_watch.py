@@ -89,7 +89,7 @@ def test_readings_that_cease_in_standstill_are_no_proof(watch: StopWatch) -> Non
 
 
 def follow(watch: StopWatch, speed_at: Callable[[float], float]) -> list[int]:
-    """When, in ms after the stop, a wheel was accused."""
+    """The moment, in ms after the stop, at which a wheel was accused."""
     accused = []
     for ms in range(10, 3000, 10):
         watch.measure(T0 + ms * MS, (0.0, speed_at(ms / 1000)))
@@ -131,7 +131,7 @@ def test_on_a_noisy_line_a_wheel_is_accused_only_after_the_cut_had_as_long(
 
 
 def judged_on_a_noisy_line(watch: StopWatch, readings: dict[int, float]) -> list[int]:
-    """When, in ms after the stop, a wheel was accused, by the readings that arrived."""
+    """The moment, in ms after the stop, of an accusation by the readings that arrived."""
     accused = []
     for ms in range(10, 3000, 10):
         if ms in readings:

@@ -1,4 +1,4 @@
-"""Who drives, and what of: old commands move nothing, and status says why the robot stands."""
+"""Sources compete: old commands move nothing, and status says why the robot stands."""
 
 from __future__ import annotations
 

@@ -113,13 +113,13 @@ def resident_mb(pid: int) -> float:
 
 
 def readings_between(first: dict[str, Any], last: dict[str, Any]) -> tuple[float, float]:
-    """How many counts came from one status to another, and in how many seconds."""
+    """The counts that came from one status to another, and the seconds between them."""
     passed_s = (last["stamp_ns"] - first["stamp_ns"]) / 1e9
     return last["link"]["readings"] - first["link"]["readings"], passed_s
 
 
 MOST_MB = 2 * RING + 32
-"""What a flood of megabytes may hold at most: a full ring, another that the loop has just taken,
+"""The most that a flood of megabytes may occupy: a full ring, another that the loop has just taken,
 and what the network's own buffers hold. In the test some gigabytes are sent."""
 
 FLOODS = {

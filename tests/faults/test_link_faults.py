@@ -165,7 +165,7 @@ async def test_bytes_that_come_one_by_one_and_late_drive_as_well(
 
 
 class HalvingPort(BoardPort):
-    """Of everything that either side says, every so many-th line is broken off in its middle."""
+    """Each so many-th line of either side is broken off in its middle."""
 
     every = 0
 

@@ -30,13 +30,13 @@ def robot(tmp_path: Path, *overrides: str, **simulation: object) -> FaultBench:
 
 
 def cut_ns(bench: FaultBench, since_ns: int) -> int | None:
-    """When the motors were first let go; the polled dialect has nothing better than a stop."""
+    """The first moment at which the motors were released, or stopped in the polled dialect."""
     wanted = SUREST.values()
     return next((at for at, order in bench.orders_since(since_ns) if order in wanted), None)
 
 
 def left_plausibility_ns(bench: FaultBench, since_ns: int, wheel: int, sign: int) -> int | None:
-    """When what the encoder shows of a wheel first could not follow from its commands."""
+    """The first moment at which a wheel's counts could not follow from its commands."""
     commands = [
         (estimate.stamp_ns, command[wheel])
         for estimate, command in zip(bench.heard.estimates, bench.heard.commands, strict=True)
@@ -128,7 +128,7 @@ async def test_counts_that_stay_away_stop_the_wheels_after_150_ms_or_30_mm(
 
 
 def silence_due_ns(bench: FaultBench, since_ns: int, wheel: int) -> int:
-    """When 150 ms and 30 mm of commanded travel above the least speed are both over."""
+    """The end of both 150 ms and 30 mm of commanded travel above the least speed."""
     least_m_s = bench.config.faults.min_speed_m_s
     travel_m, silent_ns, before_ns = 0.0, 0, None
     for estimate, command in zip(bench.heard.estimates, bench.heard.commands, strict=True):

@@ -28,7 +28,7 @@ def robot(tmp_path: Path, *overrides: str, **simulation: object) -> FaultBench:
 
 
 def error_m(bench: FaultBench, estimate: OdometryEstimate) -> float:
-    """How far an estimate is from the truth of its moment."""
+    """The distance of an estimate from the truth of its moment."""
     # At rest the last sample is as good as the next.
     truth = pose_at(bench.truth, min(estimate.stamp_ns, bench.truth[-1].t_ns))
     return math.hypot(estimate.pose.x - truth.x, estimate.pose.y - truth.y)
@@ -40,7 +40,7 @@ def unknown_m(bench: FaultBench) -> float:
 
 
 def unsure_m(bench: FaultBench) -> float:
-    """How far beside the pose events say that the base may be."""
+    """The distance beside the pose that events allow the base."""
     return said_m(bench, "unsure_m")
 
 

@@ -1,4 +1,4 @@
-"""What happens to a process, happens to real ones: signals, kills, freezes, clients that die.
+"""Faults of processes happen to real ones: signals, kills, freezes, clients that die.
 
 The board is simulated on a real pty, everything speaks a real Zenoh. Outcomes are asserted, never
 times; those are printed.

@@ -32,7 +32,7 @@ CACHE = (
     / "interop"
 )
 PATIENCE_S = 30.0
-"""How long a condition may take: discovery over DDS needs a second or two, a busy machine more."""
+"""The time that a condition may take: DDS discovery needs a second or two, a busy machine more."""
 
 LASER = 'ros2.static_transforms=[{parent="base_link",child="laser",x=0.1,yaw=1.5707963267948966}]'
 

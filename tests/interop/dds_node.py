@@ -69,7 +69,7 @@ HEARD = {
     "/diagnostics": (t.DiagnosticArray, RELIABLE),
 }
 STRANGE = dict.fromkeys(("/yahboomd/pose", "/yahboomd/status", "/odometry"), (t.Odometry, RELIABLE))
-"""What no robot base publishes as a ROS message; heard where it is named."""
+"""Topics that no robot base publishes as a ROS message; received where they are named."""
 SERVICES = {
     "/yahboomd/estop": (t.SetBoolRequest, t.SetBoolResponse),
     "/yahboomd/estop/reset": (t.TriggerRequest, t.TriggerResponse),
@@ -208,7 +208,7 @@ class Node:
                 yield call.service, None
 
     def graph(self) -> dict[str, Any]:
-        """What other participants offer now: nodes, and DDS topics with their types."""
+        """The offers of other participants now: nodes, and DDS topics with their types."""
         nodes = {
             (info.node_namespace, info.node_name)
             for sample in self.announced.read(100)
@@ -232,7 +232,7 @@ def gid(entity: Any) -> t.Gid:
 
 
 def taken(reader: DataReader) -> list[Any]:
-    """What came in, without the samples that only say that a writer has gone."""
+    """The samples that came in, without those that only say that a writer has gone."""
     return [sample for sample in reader.take(100) if isinstance(sample, t.IdlStruct)]
 
 

@@ -55,7 +55,7 @@ def test_a_bridge_on_loopback_is_found_however_nodes_of_this_machine_discover(
 def test_a_service_call_through_the_bridge_hangs_and_engages_nothing(
     ros_bridge, start_ros_node, robot
 ):
-    """What docs/ros2.md warns of: with this fault mended, the warning can go."""
+    """The fault that docs/ros2.md warns of: once it is mended, the warning can go."""
     robot(ros_bridge.endpoint)
     node = start_ros_node()
     estopped(node, False)

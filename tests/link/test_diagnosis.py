@@ -1,4 +1,4 @@
-"""What is wrong, in words that say what to do."""
+"""Diagnoses, in words that say what to do."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which port, and what is wrong where there is none."""
+"""The port that is chosen, and the fault where there is none."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How many bytes are waited for."""
+"""The number of bytes that are waited for."""
 
 from __future__ import annotations
 

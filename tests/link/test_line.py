@@ -1,4 +1,4 @@
-"""What comes in on a line, what it means, and how the line is left."""
+"""Received bytes, their meaning, and the end of a line."""
 
 from __future__ import annotations
 

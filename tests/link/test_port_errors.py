@@ -1,4 +1,4 @@
-"""Which error a port's trouble is, and what is said of it."""
+"""The error for each kind of trouble with a port, and its words."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a board tells of itself, and what opening its port does to it."""
+"""A board's description of itself, and the effect of opening its port."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who may write when: one command in flight, spacing, answers, and no needless waiting."""
+"""Turns in writing: one command in flight, spacing, answers, and no needless waiting."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the tests of messages compare with."""
+"""Oracles for the tests of messages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What bytes become: commands, requests, refusals; never exceptions."""
+"""Bytes become commands, requests and refusals; never exceptions."""
 
 from __future__ import annotations
 

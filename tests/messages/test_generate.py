@@ -1,4 +1,4 @@
-"""What is in ``schemas/`` is what the messages are, now."""
+"""The files in ``schemas/`` describe today's messages."""
 
 from __future__ import annotations
 

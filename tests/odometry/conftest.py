@@ -80,7 +80,7 @@ def _stream(
     seed: int = 0,
     tick_ms: float = 10.0,
 ) -> Iterator[Line]:
-    """What a board sends that renews its totals every so often by its own clock.
+    """The lines of a board that renews its totals periodically by its own clock.
 
     Args:
         rate: Ticks a second of the left and the right wheel, over seconds.
@@ -133,7 +133,7 @@ def _stream(
 
 
 class Kit(NamedTuple):
-    """What the tests of this room build with."""
+    """Builders for the tests of this room."""
 
     differential: Callable[..., Kinematics]
     mecanum: Callable[..., Kinematics]

@@ -230,7 +230,7 @@ def test_a_twist_of_an_unknown_length_of_time_scales_as_a_whole(
 @pytest.mark.parametrize(("name", "wheels", "deltas"), BASES)
 @pytest.mark.parametrize("theta", [0.0, 0.7, -2.0])
 def test_a_step_carries_a_small_covariance_through_its_jacobians(kit, name, wheels, deltas, theta):
-    """Where the heading is nearly known, all is linear: every entry, cross terms included."""
+    """A heading that is nearly known makes all linear: every entry, cross terms included."""
     kinematics, motors, noise_m = getattr(kit, name)(), kit.motors(wheels), 1e-6
 
     def end(way):

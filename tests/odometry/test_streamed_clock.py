@@ -37,7 +37,7 @@ def stop_and_go(t):
 
 
 class Heard:
-    """What a clock made of a stream: stamp errors, and whole ticks against the true ones."""
+    """The clock's result for a stream: stamp errors, and whole ticks against the true ones."""
 
     def __init__(self, lines, *, after_s=0.5, clock=None):
         self.clock = clock or StreamedClock(TICK_NS)

@@ -10,7 +10,7 @@ MS = 1e6
 
 
 def measured(tick_ms, *, gap_ms=2.46, jitter_ms=0.0, speed=3000.0, seconds=3.0, loss=0.0):
-    """What the meter says of a wheel with ``speed`` counts a second."""
+    """The meter's result for a wheel with ``speed`` counts a second."""
     chance, meter, found = random.Random(1), TickMeter(), []
     next_ms, sampled_ms, at_ms, before = 0.0, 0.0, 0.3, 0
     while at_ms < seconds * 1e3:

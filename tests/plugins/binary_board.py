@@ -27,7 +27,7 @@ TUNING = Tuning(
 
 
 class Stored(msgspec.Struct, frozen=True, kw_only=True):
-    """What the board keeps over a reset."""
+    """The settings that the board keeps over a reset."""
 
     track_mm: int = 150
 

@@ -51,7 +51,7 @@ from yahboomd.simulation.boards import BOARDS
 START = 0xA5
 LONGEST_PAYLOAD = 32
 MM_PER_TICK = math.pi * 67.0 / 1320.0
-"""What the board takes a count for; it cannot be set."""
+"""The board's own measure of a count; it cannot be set."""
 
 
 def frame(kind: int, payload: bytes = b"") -> bytes:

@@ -152,7 +152,7 @@ class Bench:
 
     @property
     def wheels(self) -> ConnectedBoard:
-        """What takes commands."""
+        """The receiver of commands."""
         assert self.recorder.board is not None
         return self.recorder.board
 
@@ -201,7 +201,7 @@ class LinkBench:
 
     @property
     def frames(self) -> list[bytes]:
-        """What was written to the port that was opened last."""
+        """The bytes that were written to the port that was opened last."""
         return [frame for frame in self.ports[-1].frames if frame]
 
     @property

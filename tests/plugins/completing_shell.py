@@ -17,7 +17,7 @@ import pytest
 PATIENCE_S = 20.0
 
 PRINTED = re.compile(rb"<(\d+)([^<>]*)>")
-"""What the function in the place of ``yahboomd`` prints: a number, then its arguments."""
+"""The output of the function in the place of ``yahboomd``: a number, then its arguments."""
 
 FUNCTION = (
     "yahboomd() { number=$((number + 1)); printf '<%s' $number; printf ' %s' \"$@\"; echo '>'; }"
@@ -41,7 +41,7 @@ class Shell(Protocol):
     """A shell with our completions loaded."""
 
     def complete(self, typed: str) -> list[str]:
-        """What it offers for the last word of ``typed``, sorted."""
+        """The offers for the last word of ``typed``, sorted."""
         ...
 
 

@@ -35,7 +35,7 @@ class Definition(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 def without_callers(
     sources: Mapping[Path, str], callers: Iterable[str], called_by_others: Iterable[str]
 ) -> list[Definition]:
-    """What in ``sources`` is used neither there nor by ``callers``, nor ``called_by_others``.
+    """Names in ``sources`` that neither they nor ``callers`` nor ``called_by_others`` use.
 
     A use inside of what has no caller is none. Fields of classes count as used: they are data.
     """

@@ -1,4 +1,4 @@
-"""What rich draws for a terminal of some size: its lines, and the style of a word."""
+"""A screen as rich draws it for a terminal of some size: its lines, and the style of a word."""
 
 from __future__ import annotations
 
@@ -23,6 +23,6 @@ def lines(drawn: RenderableType, width: int = 80, height: int = 24) -> list[str]
 
 
 def style_of(words: str, drawn: RenderableType) -> str:
-    """How the piece that holds these words is drawn."""
+    """The style of the piece that has these words."""
     pieces = (each for line in segments(drawn, 80, 24) for each in line if words in each.text)
     return str(next(pieces).style)

@@ -1,4 +1,4 @@
-"""What the tests of faults share: a bench that keeps the truth, and what to read off a wire."""
+"""The bench for tests of faults: it keeps the truth, and reads frames off a wire."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ STREAMS = ["streamed", "binary"]
 
 CUT = b"$pwm:0,0,0,0#"
 SUREST = {"streamed": CUT, "polled": b"$speed:0,0,0,0#", "binary": BINARY.cut}
-"""What lets the motors of each board go, or is the best that there is."""
+"""The command that releases the motors of each board, or is the best that there is."""
 
 SPEED_MAX_M_S = 2.0
 TICK_M = math.pi * 0.067 / 1320
@@ -74,7 +74,7 @@ class FaultBench(RobotBench):
         return max(max(map(abs, each.speed_m_s)) for each in self.truth if each.t_ns >= ns)
 
     def stood_at(self, ns: int) -> int:
-        """When, from a moment on, all wheels truly stood for good."""
+        """The moment from which all wheels truly stood for good."""
         self.robot.advance(self.clock.now_ns())
         turning = [
             each.t_ns
@@ -107,7 +107,7 @@ def holds_stop(data: bytes) -> bool:
 
 
 def first_stop_ns(orders: Sequence[tuple[int, bytes]]) -> int:
-    """When the first of them that moves nothing was written."""
+    """The moment at which the first frame that moves nothing was written."""
     return next(at_ns for at_ns, order in orders if is_stop(order))
 
 
@@ -124,7 +124,7 @@ def assert_no_jump(estimates: Sequence[OdometryEstimate]) -> None:
 
 
 def assert_covariance_grows(estimates: Sequence[OdometryEstimate]) -> None:
-    """What is not known of the pose never becomes less."""
+    """The uncertainty of the pose never becomes less."""
     for before, after in itertools.pairwise(estimates):
         assert after.pose_covariance[8] >= before.pose_covariance[8]
         assert _volume(after) >= _volume(before) * (1.0 - 1e-6)

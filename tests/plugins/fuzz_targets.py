@@ -1,4 +1,4 @@
-"""What must hold for any bytes whatever, target by target.
+"""Laws for any bytes whatever, target by target.
 
 A target takes bytes and asserts; it raises where a law is broken. ``tests/fuzz`` runs each over its
 corpus and over what is made of it, ``make fuzz`` under a fuzzer that follows the code's branches.
@@ -54,7 +54,7 @@ REASONS = {"no_velocity", "not_finite", "wrong_type", "malformed", "oversize", "
 
 
 def framer(data: bytes) -> None:
-    """What comes out depends on the bytes alone, every byte is accounted for, little is held."""
+    """The output depends on the bytes alone, every byte is accounted for, little is kept."""
     whole = Framer()
     items = whole.feed(data)
     cut = Framer()

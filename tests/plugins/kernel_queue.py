@@ -17,7 +17,7 @@ FULL = 11520.0
 
 
 class QueueingPort(BoardPort):
-    """What is written waits in the system's queue until the adapter takes it, byte by byte.
+    """A queue of the system: written bytes wait until the adapter takes them, one by one.
 
     Attributes:
         line: How the adapter fares, for every port that is opened on it.

@@ -17,7 +17,7 @@ PATIENCE_S = 60.0
 
 
 def wait_until(condition: Callable[[], Any], what: str, patience_s: float = PATIENCE_S) -> Any:
-    """What ``condition`` returns once that is true."""
+    """Wait until ``condition`` returns something true, and return that."""
     deadline = time.monotonic() + patience_s
     while not (result := condition()):
         if time.monotonic() > deadline:

@@ -42,7 +42,7 @@ while True:
 
 
 def wait_for(condition: Callable[[], Any], what: str, patience_s: float = PATIENCE_S) -> Any:
-    """What ``condition`` returns once that is true."""
+    """Wait until ``condition`` returns something true, and return that."""
     deadline = time.monotonic() + patience_s
     while not (result := condition()):
         if time.monotonic() > deadline:
@@ -160,15 +160,15 @@ class RealRobot:
             return control.makefile().readline().strip()
 
     def truth(self) -> list[TruthSample]:
-        """Where the robot truly was, so far."""
+        """The true path of the robot so far."""
         return read_truth(self.truth_path)
 
     def travelled_m(self) -> float:
-        """How far its wheels have rolled so far, added up."""
+        """The travel of its wheels so far, added up."""
         return sum(self.truth()[-1].travel_m)
 
     def settled_truth(self) -> TruthSample:
-        """Where it truly is, once it stands."""
+        """The true place of the robot, once it stands."""
 
         def standing() -> TruthSample | None:
             samples = self.truth()[-30:]

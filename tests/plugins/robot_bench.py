@@ -28,7 +28,7 @@ from yahboomd.simulation.robot import SimulatedRobot
 
 
 def steps_of(controller: Controller) -> list[int]:
-    """When it steps from now on, filled as it does."""
+    """The moments of its steps from now on, filled as it steps."""
     steps: list[int] = []
     step = controller.step
 
@@ -197,6 +197,6 @@ class RobotBench:
 
     @property
     def frames(self) -> list[bytes]:
-        """What was written to the port, in order."""
+        """The bytes that were written to the port, in order."""
         assert self.port is not None
         return self.port.frames

@@ -81,7 +81,7 @@ class Board:
         assert answer.startswith("ok"), answer
 
     def truth(self) -> list[TruthSample]:
-        """Where the robot truly was, so far."""
+        """The true path of the robot so far."""
         return read_truth(self._truth)
 
     def speed_m_s(self) -> float:
@@ -97,7 +97,7 @@ class Board:
         return self.speed_m_s() < STANDING_M_S
 
     def stopped_after_s(self, since_ns: int) -> tuple[float, float]:
-        """When the wheels began to slow down, and when they stood, after a moment.
+        """The moments at which the wheels began to slow down and stood, after a given one.
 
         Waits for it.
         """
@@ -168,7 +168,7 @@ class Bench:
         self.machine.run("systemctl", "stop", "driver.service", check=False)
 
     def status(self) -> str:
-        """What systemctl status says that it is doing."""
+        """The service's status line, as systemctl shows it."""
         return self.machine.show(SERVICE, "StatusText")
 
     def wait_for_status(self, state: str) -> None:

@@ -84,7 +84,7 @@ class Gateway:
 
     @property
     def run_folder(self) -> Path:
-        """Where its sockets are."""
+        """The addresses of its sockets."""
         (folder,) = self._runtime.iterdir()
         return folder
 

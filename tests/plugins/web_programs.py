@@ -1,4 +1,4 @@
-"""What the tests of web clients build or install once, into the cache."""
+"""Builds and installations for the tests of web clients, made once, into the cache."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ def free_endpoint() -> str:
 
 
 async def eventually(condition: Callable[[], Any]) -> Any:
-    """What ``condition`` returns once that is true; fails the test when it never is."""
+    """Wait until ``condition`` returns something true, and return that; else fail the test."""
     for _ in range(int(PATIENCE_S / 0.01)):
         if result := condition():
             return result

@@ -1,4 +1,4 @@
-"""What the tests of this room share: bytes fed in every way, and captures with their meanings."""
+"""Bytes fed in every way, and captures with their meanings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What must hold of every row of the registry."""
+"""Laws that every row of the registry obeys."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from yahboomd.protocol.settings import is_complete
 
 
 def heard(*chunks):
-    """What every dialect's framer finds."""
+    """The items that every dialect's framer finds."""
     framers = {name: dialect.framer() for name, dialect in DIALECTS.items()}
     return [
         (name, item)

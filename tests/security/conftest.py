@@ -41,7 +41,7 @@ class Authority:
         return str(self.folder / name)
 
     def shown_by(self, name: str) -> dict[str, Any]:
-        """What a client needs to show the certificate of a name."""
+        """The options with which a client shows the certificate of a name."""
         return {
             "transport/link/tls/root_ca_certificate": self.path("ca.pem"),
             "transport/link/tls/enable_mtls": True,

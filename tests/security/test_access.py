@@ -1,4 +1,4 @@
-"""Who may drive, on a real robot: the examples, with certificates and passwords made here."""
+"""Access on a real robot: the examples, with certificates and passwords made here."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ HERE = {
     "    policies: [\n": '{ subjects: ["here"], '
     'rules: ["out", "watch", "stop", "drive", "services"] },',
 }
-"""What docs/security.md adds for the programs of this machine."""
+"""The addition of docs/security.md for the programs of this machine."""
 
 PASSWORDS = {"operator": "first", "viewer": "second", "stranger": "third"}
 

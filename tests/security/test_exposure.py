@@ -1,4 +1,4 @@
-"""What the machine's own tables say about who can reach the daemon."""
+"""The reach of the daemon, as the machine's own tables show it."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def address_of(text: str) -> tuple[str, int]:
 
 
 def reachable(pid: int) -> dict[str, set[tuple[str, int]]]:
-    """Where a process takes connections (tcp) or packets (udp), by protocol."""
+    """The addresses where a process takes connections (tcp) or packets (udp), by protocol."""
     own = sockets_of(pid)
     found: dict[str, set[tuple[str, int]]] = {}
     for table in ("tcp", "tcp6", "udp", "udp6", "udplite", "udplite6", "raw", "raw6"):

@@ -1,4 +1,4 @@
-"""What holds for every board."""
+"""Laws that every simulated board obeys."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ TRACK = Track(TRUTHS, WALL_NS)
 
 
 def pose(t_ns: int, late_s: float = 0.0) -> PoseSample:
-    """Where the robot was ``late_s`` before its stamp."""
+    """The place of the robot ``late_s`` before its stamp."""
     return PoseSample(
         stamp_ns=WALL_NS + t_ns,
         seq=1,

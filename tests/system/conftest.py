@@ -11,10 +11,10 @@ from nspawn_machine import Machine
 from service_bench import Bench, package_of_environment
 
 FIGURES: list[tuple[str, float, float]] = []
-"""What was measured: the fault, seconds to slowing down, seconds to standing."""
+"""Measurements: the fault, seconds to slowing down, seconds to standing."""
 
 RATES: list[tuple[str, float]] = []
-"""What was measured: a fault that lasts, lines in the journal per minute."""
+"""Measurements: a fault that lasts, lines in the journal per minute."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -1,4 +1,4 @@
-"""What installing, updating and removing do, on a real system."""
+"""Installing, updating and removing, on a real system."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `make` does before anything of yahboomd can be imported."""
+"""The work of `make` before anything of yahboomd can be imported."""
 
 from __future__ import annotations
 

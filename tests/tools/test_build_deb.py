@@ -1,4 +1,4 @@
-"""What the Debian package carries."""
+"""The contents of the Debian package."""
 
 from __future__ import annotations
 

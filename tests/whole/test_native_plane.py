@@ -1,4 +1,4 @@
-"""What another program sees of the native plane: keys, encodings, schemas, services."""
+"""The native plane as another program sees it: keys, encodings, schemas, services."""
 
 from __future__ import annotations
 

@@ -207,7 +207,7 @@ def test_half_a_command_in_the_boards_ear_does_not_swallow_the_stop_behind_its_r
 
 
 async def stop_moments() -> dict[bytes, int]:
-    """When the stop of each dialect leaves, from the opening of a port."""
+    """The moment of each dialect's stop, from the opening of a port."""
     board = LinkBench()
     port = await board.open()
     await stop_unidentified(port, LoopClock())

@@ -1,4 +1,4 @@
-"""Who drives and how it ends, from payloads on the keys to the true wheels."""
+"""Arbitration and ends of commands, from payloads on the keys to the true wheels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a ROS 2 node reads while each base drives: signs, frames, stamps, joints."""
+"""Signs, frames, stamps and joints as a ROS 2 node reads them while each base drives."""
 
 from __future__ import annotations
 

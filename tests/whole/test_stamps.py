@@ -69,7 +69,7 @@ class Published(FaultBench):
 
 
 def true_x(bench: FaultBench, at_ns: int) -> float:
-    """Where the robot was, between the truth's samples of every 10 ms."""
+    """The place of the robot, between the truth's samples of every 10 ms."""
     times = [each.t_ns for each in bench.truth]
     after = bisect.bisect_right(times, at_ns)
     a, b = bench.truth[after - 1], bench.truth[after]

@@ -18,7 +18,7 @@ from yahboomd.clock import SystemClock, nanoseconds, seconds
 Result = TypeVar("Result")
 
 EXIT_S = 2.0
-"""How long the end of the process waits for calls that are still going on."""
+"""The longest that the end of the process waits for calls that are still going on."""
 
 _running = set[threading.Thread]()
 

@@ -20,7 +20,7 @@ STATUS = "yahboomd/status"
 EVENTS = "yahboomd/events"
 
 SAMPLES = (POSE, TWIST, WHEELS, BATTERY, STATUS)
-"""What is published again and again: the newest sample can be asked for, too."""
+"""The samples that are published repeatedly: the newest of each can be queried, too."""
 
 ESTOP = "yahboomd/estop"
 ESTOP_RESET = "yahboomd/estop/reset"

@@ -28,7 +28,7 @@ _OWN_SETTINGS = {
 
 
 class BusOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """How the session is to be.
+    """Options of a Zenoh session.
 
     Attributes:
         mode: ``router`` serves clients and peers alike, and joins another router as a client does;
@@ -81,7 +81,7 @@ class BusOptions(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def admitted(options: BusOptions, endpoint: str = "") -> str:
-    """Who may use the bus through ``endpoint``, as a clause: "every user can drive".
+    """Describe who may use the bus through ``endpoint``, as a clause: "every user can drive".
 
     Args:
         options: How the bus is; its file must be readable.

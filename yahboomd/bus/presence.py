@@ -180,7 +180,7 @@ class Neighbours:
         return tuple(self._present.values())
 
     def sent_ns(self, timestamp: zenoh.Timestamp | None) -> int | None:
-        """When the sender says that it sent a sample, in Unix nanoseconds of its clock.
+        """The time at which the sender says it sent a sample, in Unix nanoseconds of its clock.
 
         Returns:
             None where the sender said nothing. Whatever comes without a stamp is stamped by the
@@ -201,7 +201,7 @@ class Neighbours:
                 watcher(changes)
 
     def _missed(self) -> list[Transported]:
-        """What must have been lost, from what is connected now."""
+        """The changes that were lost, found by what is connected now."""
         missed = list[Transported]()
         for index, session in enumerate(self._sessions):
             now = {str(each.zid): str(each.whatami) for each in session.info.transports()}

@@ -27,7 +27,7 @@ HEAD_BYTES = 16
 """Enough of a request to see how it is encoded."""
 
 _HEAD_OF_BYTES = 65_536
-"""Of a larger payload not even the beginning is looked at: it can only be copied whole."""
+"""A larger payload is refused unread: it can only be copied whole."""
 
 TOO_MANY = "Too many requests at once."
 """The reason of a refusal whose query was not looked at on the loop."""

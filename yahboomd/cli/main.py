@@ -54,7 +54,7 @@ Subparsers: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"  #
 
 
 class Command(Protocol):
-    """What a subcommand's module offers."""
+    """A subcommand's module."""
 
     DESCRIPTION: str
     EPILOG: str

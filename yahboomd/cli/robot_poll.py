@@ -86,7 +86,7 @@ class RobotPoll:
             await connection.close()
 
     def facts(self) -> RobotFacts:
-        """What is known now."""
+        """The robot's state as known now."""
         age_ns = None if self._status_ns is None else self._clock.now_ns() - self._status_ns
         fresh = age_ns is not None and age_ns < nanoseconds(ALIVE_S)
         return RobotFacts(

@@ -154,7 +154,7 @@ def read_config(args: argparse.Namespace, environ: Mapping[str, str] | None = No
 
 
 def daemon_endpoints(args: argparse.Namespace, config: Config) -> tuple[str, ...]:
-    """Where a client reaches the daemon: as given, else where the configuration has it listen.
+    """The endpoint of the daemon: as given, else where the configuration has it listen.
 
     An address that means "every interface" is reached on this machine.
     """

@@ -35,7 +35,7 @@ from yahboomd.names import name_problem
 Message = TypeVar("Message", bound=msgspec.Struct)
 
 ENDPOINT = "tcp/127.0.0.1:7448"
-"""Where a daemon listens by default, for this machine alone."""
+"""The endpoint where a daemon listens by default, for this machine alone."""
 
 DEADMAN_S = 1.0
 RATE_HZ = 20.0
@@ -170,7 +170,7 @@ class AsyncRobot(NewestSamples):
 
     @property
     def problem(self) -> str:
-        """Why no daemon is there, in a sentence; empty while one is."""
+        """The reason why no daemon is there, in a sentence; empty while one is."""
         return self._connection.problem
 
     @property
@@ -244,7 +244,7 @@ class AsyncRobot(NewestSamples):
 
     @property
     def counters(self) -> Counters:
-        """What became of this client's commands."""
+        """The fate of this client's commands, counted."""
         return self._commands.counters
 
     async def finished(self) -> bool:
@@ -445,7 +445,7 @@ class AsyncRobot(NewestSamples):
         return (await self.call(keys.CONFIG)).data
 
     async def board(self) -> dict[str, Any]:
-        """What is known of the board: firmware, settings, problems.
+        """The daemon's knowledge of the board: firmware, settings, problems.
 
         Raises:
             Refused: No board is connected.

@@ -36,7 +36,7 @@ LAST_PUT_S = 0.5
 ENCODING = "application/json;VelocityCommand"
 
 LONGEST_S = 1e9
-"""What ``math.inf`` seconds become; monotonic nanoseconds are integers."""
+"""The stand-in for ``math.inf`` seconds; monotonic nanoseconds are integers."""
 
 STANDS = frozenset({"waiting", "estopped", "fault"})
 """States in which no command moves the robot."""
@@ -55,7 +55,7 @@ def number(name: str, value: object) -> float:
 
 
 class Counters(msgspec.Struct, kw_only=True):
-    """What became of the commands of one client.
+    """Counters of what became of one client's commands.
 
     Attributes:
         published: Commands given to Zenoh, repetitions and zeros included.

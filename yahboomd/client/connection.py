@@ -84,7 +84,7 @@ class Connection:
 
     @property
     def where(self) -> str:
-        """Where the daemon is looked for."""
+        """The endpoints at which the daemon is expected, in words."""
         return " or ".join(self.options.connect)
 
     async def open(self, wait_s: float) -> None:
@@ -147,7 +147,7 @@ class Connection:
 
     @property
     def problem(self) -> str:
-        """Why no daemon is there, in a sentence; empty while one is."""
+        """The reason why no daemon is there, in a sentence; empty while one is."""
         if self.alive:
             return ""
         if self._bus is None:

@@ -16,7 +16,7 @@ GRACE_S = 0.5
 
 
 class Answer(msgspec.Struct, frozen=True, kw_only=True):
-    """What became of a request.
+    """The outcome of a request.
 
     Attributes:
         success: Whether every daemon that answered did it.

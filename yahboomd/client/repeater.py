@@ -1,4 +1,4 @@
-"""Which velocity to publish now: repeats a command until its deadline, then zeros, then nothing.
+"""The velocity to publish now: a command until its deadline, then zeros, then nothing.
 
 A zero command holds control of the robot as any other does, so the zeros end as well. Pure;
 monotonic nanoseconds are handed in.
@@ -14,7 +14,7 @@ ZEROS_NS = 300_000_000
 """For so long zeros follow motion. At 20 Hz these are seven, of which one has to arrive."""
 
 End: TypeAlias = Literal["", "time", "stop", "interrupted"]
-"""What ended the latest command: its time, a stop, or the loss of the daemon or a pause."""
+"""The cause that ended the latest command: its time, a stop, a lost daemon, or a pause."""
 
 
 class Repeater:

@@ -129,12 +129,12 @@ class NewestSamples(ABC):
 
     @property
     def pose(self) -> PoseSample | None:
-        """Where the robot is, in metres and radians; see :meth:`newest`."""
+        """The pose of the robot, in metres and radians; see :meth:`newest`."""
         return self.newest(PoseSample)
 
     @property
     def twist(self) -> TwistSample | None:
-        """How it moves, in m/s and rad/s; see :meth:`newest`."""
+        """The motion of the robot, in m/s and rad/s; see :meth:`newest`."""
         return self.newest(TwistSample)
 
     @property

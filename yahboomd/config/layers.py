@@ -36,7 +36,7 @@ _OVERRIDE = re.compile(rf"(?P<key>{_PART}(?:\.{_PART})+)=(?P<value>.*)", re.DOTA
 
 
 class Origin(NamedTuple):
-    """Where a value was written; sorts as the layers do, then by line."""
+    """The place where a value was written; sorts as the layers do, then by line."""
 
     layer: int
     line: int
@@ -72,7 +72,7 @@ class Layers:
 
     @cached_property
     def origins(self) -> dict[Place, Origin]:
-        """Where each key was written; slow, ask after everything is read."""
+        """The origin of each key that was written; slow, ask after everything is read."""
         found = {
             place: Origin(0, line, f"{self._path}:{line}")
             for place, line in key_lines(self._text).items()
@@ -83,7 +83,7 @@ class Layers:
         return found
 
     def origin(self, place: Place) -> Origin:
-        """Where ``place``, or the nearest table around it, was written; NOWHERE for a default.
+        """The origin of ``place`` or of the nearest table around it; NOWHERE for a default.
 
         The origin of a table without a header is that of its first key.
         """

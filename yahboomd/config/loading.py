@@ -38,7 +38,7 @@ class Loaded:
 
     @property
     def origins(self) -> Mapping[Place, Origin]:
-        """Where each key was written; others are defaults. Slow: reads the file's text again."""
+        """The origin of each key that was written. Slow: reads the file's text again."""
         found = self.layers.origins
         if not self.config.chassis.preset:
             return found
@@ -184,7 +184,7 @@ def _overlap(one: Place, other: Place) -> bool:
 
 
 def _blame(layers: Layers, finding: Finding) -> Origin:
-    """Where the contradiction was written: at the key itself, else at the one it contradicts."""
+    """The origin of a contradiction: the key itself, else the one that it contradicts."""
     places = (finding.place, *finding.beside)
     for place in places:
         if place in layers.origins:

@@ -21,12 +21,12 @@ _HINTS = {
 
 
 def place_of(error: ErrorDetails) -> Place:
-    """Where an error of pydantic's is; an error in a name itself is at that name."""
+    """The place of an error of pydantic's; an error in a name itself is at that name."""
     return tuple(part for part in error["loc"] if part != "[key]")
 
 
 def words_for(error: ErrorDetails) -> str:
-    """What was expected at the place of an error, and what stands there."""
+    """Say what was expected at the place of an error, and what is there."""
     place, value = place_of(error), error["input"]
     if error["type"] == "extra_forbidden":
         return _unknown(place)
@@ -51,7 +51,7 @@ def shown(value: object) -> str:
 
 
 def _unknown(place: Place) -> str:
-    """That there is no such key, and the one that was meant: the same elsewhere, or one like it."""
+    """Say that there is no such key, and suggest one: the same elsewhere, or one like it."""
     *table, name = place
     words = f"unknown {'key' if table else 'section'}"
     known = list(schema.node_at(tuple(table))["properties"])

@@ -15,7 +15,7 @@ LONGEST_STATEMENT = 200
 """Lines of one value; no line is found behind a longer one."""
 
 _ENDS = ("", "\n]", "\n]]", '\n"""', "\n'''")
-"""What completes a statement: nothing, or on its first lines the end of its list or text."""
+"""The end of a statement: nothing, or on its first lines the end of its list or text."""
 
 
 def key_lines(text: str) -> dict[Place, int]:

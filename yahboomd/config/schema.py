@@ -58,7 +58,7 @@ def resolved(node: Node) -> Node:
 
 
 def node_at(place: Place) -> Node:
-    """What the models say about a place that they know."""
+    """The part of the models' schema that describes a place."""
     node = _whole()
     for part in place:
         inside = _entries(node)
@@ -89,7 +89,7 @@ def entry_table(node: Node) -> Node | None:
 
 
 def takes(node: Node) -> str:
-    """What a key takes: "a number greater than 0"."""
+    """The values that a key takes: "a number greater than 0"."""
     node = resolved(node)
     if "enum" in node:
         *names, last = map(inline, node["enum"])
@@ -106,7 +106,7 @@ def takes(node: Node) -> str:
 
 
 def constraint(node: Node) -> str:
-    """What a key takes, as a sentence, where that is more than its type."""
+    """The values that a key takes, as a sentence, where that is more than its type."""
     words = takes(node)
     is_plain = resolved(node).get("type") == "object" or words in _TYPES.values()
     return "" if is_plain else f" Takes {words}."

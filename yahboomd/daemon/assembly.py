@@ -31,7 +31,7 @@ from yahboomd.program import release_command
 
 
 def bus_options(config: Config) -> BusOptions:
-    """How the Zenoh session is to be."""
+    """Options of the Zenoh session, from the configuration."""
     zenoh = config.zenoh
     return BusOptions(
         mode=zenoh.mode,
@@ -146,7 +146,7 @@ def _note(options: PortOptions, config: Config, environ: Mapping[str, str]) -> N
 
 
 def session_options(config: Config) -> SessionOptions:
-    """How a session with the board behaves."""
+    """Options of a session with the board, from the configuration."""
     finest_m = min(motor.metres_per_tick for motor in config.motors())
     return SessionOptions(
         dialect=config.serial.dialect,

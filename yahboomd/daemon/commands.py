@@ -46,7 +46,7 @@ class CommandIntake:
         self.last_refusal = ""
 
     def handler(self, source: str, *, attached: bool = False) -> Callable[[list[Arrival]], None]:
-        """What to subscribe with for a source's key. The key is the authority, not the payload.
+        """The subscription for a source's key. The key is the authority, not the payload.
 
         Args:
             source: The source.

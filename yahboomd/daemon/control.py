@@ -44,7 +44,7 @@ SOONEST_S = 0.002
 can be sent, and a bound on what a flood of commands can cost."""
 
 DOUBTFUL_S = 0.5
-"""How long the wheels stand after a cut that may be the line's fault: they roll out meanwhile."""
+"""The standstill after a cut that may be the line's fault: the wheels roll out meanwhile."""
 
 
 class Controller:
@@ -211,7 +211,7 @@ class Controller:
             self._tell(fault)
 
     def _trouble(self, fault: Fault, now_ns: int) -> None:
-        """What follows from a wheel that lies."""
+        """React to a wheel that does not obey."""
         if self._options.cuts(fault):
             self._limiter.halt()
             self._wheels.cut(now_ns)

@@ -58,7 +58,7 @@ class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Fit(msgspec.Struct, frozen=True, kw_only=True):
-    """What follows from a board's settings.
+    """The consequences of a board's settings.
 
     Attributes:
         motion: How the board turns the wheels; None where it must not move.

@@ -90,8 +90,8 @@ OUTPUTS: dict[str, Output] = {
     keys.STATUS: Output(message=StatusSample, when="twice a second, and when the state changes"),
     keys.EVENTS: Output(message=EventSample, when="as they happen"),
 }
-"""What is published natively, by key. A query on :data:`~yahboomd.bus.keys.SAMPLES` is answered
-with the newest sample."""
+"""The native samples, by key. A query on :data:`~yahboomd.bus.keys.SAMPLES` is answered with the
+newest sample."""
 
 COMMAND = Input(
     messages=(VelocityCommand, RosVelocityCommand),
@@ -109,7 +109,7 @@ INPUTS: dict[str, Input] = {
         '`{"engaged": false}` is refused, and a `std_msgs/Bool` that is false changes nothing',
     ),
 }
-"""What is received, by key; each further name in ``[command.sources]`` takes commands as well."""
+"""Received commands, by key; each further name in ``[command.sources]`` takes commands as well."""
 
 OFFERS: dict[str, Offer] = {
     keys.ESTOP: Offer(
@@ -152,4 +152,4 @@ ROS_TOPICS: dict[str, RosTopic] = {
         ros_type=ros2.DIAGNOSTIC_ARRAY, when="once a second, and when a level changes"
     ),
 }
-"""What is published for ROS 2, by the names that topics have unless configured otherwise."""
+"""The topics of ROS 2, by the names that they have unless configured otherwise."""

@@ -47,7 +47,7 @@ class LatchKeeper:
         self._hangs = False
 
     def load(self) -> str | None:
-        """Who engaged the latch that is on file; ``None`` where it is not engaged.
+        """The origin of the latch that is on file; ``None`` where it is not engaged.
 
         A file that cannot be read in time counts as engaged.
         """
@@ -191,7 +191,7 @@ class EstopLatch:
 
     @property
     def latched(self) -> Latched | None:
-        """Who engaged it, when and why."""
+        """The origin of the stop: who, when and why."""
         latched = self._stop.latched
         if latched is None or self._keeper.on_file:
             return latched

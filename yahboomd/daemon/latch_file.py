@@ -43,7 +43,7 @@ class LatchFile:
         return str(self._path)
 
     def load(self) -> str | None:
-        """Who engaged the latch that is on file; ``None`` where it is not engaged."""
+        """The origin of the latch that is on file; ``None`` where it is not engaged."""
         folder = self._path.parent
         try:
             check_folder(folder)
@@ -129,7 +129,7 @@ def _simulated(port: str) -> bool:
 
 
 def _author(path: Path) -> str:
-    """Who engaged the latch; in words where the file does not say."""
+    """The origin of the latch; in words where the file names none."""
     try:
         # A FIFO must not hold up the start, and a link may lead anywhere.
         fd = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)

@@ -97,7 +97,7 @@ def listen(folder: Path, name: str) -> Listening:
 
 
 def peer_of(sock: socket.socket) -> Peer:
-    """Who is at the other end.
+    """The user and process at the other end.
 
     Raises:
         OSError: The connection is gone.

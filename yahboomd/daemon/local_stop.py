@@ -27,7 +27,7 @@ log = logging.getLogger(__name__)
 NAME = "stop"
 STATUS = b"status\n"
 BY_COMMAND = b" by yahboomd stop"
-"""How the request of ``yahboomd stop`` ends, so that texts name the command."""
+"""The end of each request of ``yahboomd stop``, so that texts name the command."""
 
 MAX_BYTES = 256
 MAX_SILENT = 16

@@ -28,14 +28,14 @@ PRIORITIES = {
     logging.ERROR: 3,
     logging.CRITICAL: 2,
 }
-"""What the journal calls the levels (sd-daemon(3))."""
+"""The journal's numbers of the log levels (sd-daemon(3))."""
 
 
 LINES = 1000
 """So many lines wait for a reader that is slow; further ones are lost, and counted."""
 
 FLUSH_S = 1.0
-"""How long the end of the process waits for a reader."""
+"""The longest that the end of the process waits for a reader."""
 
 
 class PatientHandler(logging.Handler):

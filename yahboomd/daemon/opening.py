@@ -21,7 +21,7 @@ BACK_OFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)
 """Waits between attempts; the last one again and again."""
 
 PATIENCE_S = 60.0
-"""How long one start waits. A process that waits for the start to end (``systemctl start``, an
+"""The time that one start waits. A process that waits for the start to end (``systemctl start``, an
 installation, the machine's boot) is not held for ever; the service manager starts another one."""
 
 

@@ -30,7 +30,7 @@ ENDING = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 """These ask for an orderly end: status 0."""
 
 SUSPENDING = (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)
-"""What a terminal suspends its programs with."""
+"""The signal with which a terminal suspends its programs."""
 
 _FAULTS = {"ABRT", "BUS", "FPE", "ILL", "SEGV"}
 _HARMLESS = {"CHLD", "CONT", "URG", "WINCH"}
@@ -206,7 +206,7 @@ class Notifier:
 
 
 def _watchdog_ns(environ: Mapping[str, str]) -> int | None:
-    """How often the watchdog wants to be fed; ``None`` without a watchdog."""
+    """The period at which the watchdog wants to be fed; ``None`` without a watchdog."""
     try:
         interval_us = int(environ.get("WATCHDOG_USEC", ""))
         owner = int(environ.get("WATCHDOG_PID", str(os.getpid())))

@@ -38,7 +38,7 @@ EVENTS_A_SECOND = 5
 
 
 class Outputs(Protocol):
-    """Who hears what comes of it."""
+    """The receivers of what is measured and decided."""
 
     def estimate(self, estimate: OdometryEstimate, command_m_s: tuple[float, ...]) -> None:
         """A new reading, and the rim speeds that were commanded."""
@@ -90,7 +90,7 @@ class Events:
 
 
 class Outlet(Protocol):
-    """Where the samples of one key go."""
+    """The destinations of the samples of one key."""
 
     @property
     def has_subscribers(self) -> bool:
@@ -129,7 +129,7 @@ class Pace:
 
 
 class _Reading(NamedTuple):
-    """What the samples of one reading are made of."""
+    """The parts that the samples of one reading are made of."""
 
     stamp_ns: int
     seq: int

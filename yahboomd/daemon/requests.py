@@ -192,7 +192,7 @@ class Services:
             keys.CONFIG: self._tell_config,
             keys.BOARD: self._tell_board,
         }
-        """What each service does, by its key; the e-stop first."""
+        """The handler of each service, by its key; the e-stop first."""
 
     def serve(self, bus: Bus) -> None:
         """Declare everything on an open session; the e-stop first."""

@@ -303,7 +303,7 @@ def start(
 
 
 def topics(config: Config) -> Topics:
-    """What is published, as configured; the prefix in front of every frame."""
+    """The topics as configured, with the prefix in front of every frame."""
     chosen, odometry = config.ros2, config.odometry
     prefix = chosen.frame_prefix
     motors = config.motors()

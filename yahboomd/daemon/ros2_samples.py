@@ -173,7 +173,7 @@ class Placed(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Topics(msgspec.Struct, frozen=True, kw_only=True):
-    """What is published, under which names. An empty topic is not published.
+    """The names under which samples are published. An empty topic is not published.
 
     Attributes:
         odom: Topic of nav_msgs/Odometry.

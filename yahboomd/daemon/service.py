@@ -262,7 +262,7 @@ class Daemon:
             alarm.close()
 
     def _identity(self, supervisor: Supervisor) -> dict[str, Any]:
-        """Which robot this is, for a process of this machine."""
+        """The identity of this robot, for processes of this machine."""
         session, configured = supervisor.session, self._config.serial.port
         ports = (configured, "" if session is None else session.port_name)
         state, why = self._controller.state()

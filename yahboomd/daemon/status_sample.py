@@ -68,7 +68,7 @@ class Status:
         self._state_since, self._driver_since = _Moment(), _Moment()
 
     def sample(self) -> StatusSample:
-        """How things stand now."""
+        """The status of the daemon now."""
         now_ns, clock_ns = self._clock.wall_ns(), self._clock.now_ns()
         offset_ns = now_ns - clock_ns
         decision = self._controller.decision

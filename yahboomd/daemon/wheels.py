@@ -21,7 +21,7 @@ from yahboomd.model import Kinematics, Motor
 from yahboomd.protocol.dialect import Units
 
 STOP_REPEAT_S = 0.1
-"""How often an immediate stop is said before everything else until the counters obey."""
+"""The frames of an immediate stop that precede everything else until the counters obey."""
 
 WAITED_NS = 100_000_000
 """After a pause of this process counts that waited come for so long."""
@@ -65,7 +65,7 @@ class Board(Protocol):
 
     @property
     def damages(self) -> int:
-        """How often the line damaged something lately."""
+        """The chunks that the line damaged lately, counted."""
         ...
 
     def rearm(self) -> None:
@@ -145,7 +145,7 @@ class Wheels:
 
     @property
     def damages(self) -> int:
-        """How often the line from the board damaged something lately."""
+        """The chunks from the board that the line damaged lately, counted."""
         return 0 if self._board is None else self._board.damages
 
     @property
@@ -247,7 +247,7 @@ class Wheels:
         self._check.command(now_ns, None if units is None else speeds_m_s)
 
     def forget(self) -> None:
-        """What was seen of the wheels so far proves nothing about what comes."""
+        """Judge the wheels by later readings alone: earlier ones prove nothing about what comes."""
         self._check.reset()
 
     def paused(self, now_ns: int) -> None:

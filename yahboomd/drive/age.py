@@ -1,4 +1,4 @@
-"""How old a command is, by its stamp, where the clocks of sender and robot need not agree.
+"""The age of a command, by its stamp, where the clocks of sender and robot need not agree.
 
 ``relative``: now minus the stamp, less the smallest such difference of that source in the last ten
 seconds. A constant offset of the clocks cancels out; a command that was held up does not.

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 RECENT_NS = 2_000_000_000
-"""What :meth:`Arbiter.recent_refusals` looks back on."""
+"""The time that :meth:`Arbiter.recent_refusals` looks back on."""
 
 
 class _Handover(msgspec.Struct, frozen=True, kw_only=True):
@@ -173,7 +173,7 @@ class Arbiter:
         self._free_ns = now_ns
 
     def current(self, now_ns: int) -> Decision:
-        """What the wheels should do at ``now_ns``.
+        """The motion that the wheels should make at ``now_ns``.
 
         Never motion on the account of a command that ran out or was taken back.
         """
@@ -205,7 +205,7 @@ class Arbiter:
 
     @property
     def deadline_ns(self) -> int | None:
-        """When the command in effect runs out: a control step is due then. ``None``: none is."""
+        """The end of the command in effect: a control step is due then. ``None``: there is none."""
         return None if self._holder is None else self._holder.deadman.deadline_ns
 
     def moving_sources(self, now_ns: int) -> tuple[str, ...]:
@@ -223,7 +223,7 @@ class Arbiter:
         self._recent.add(now_ns, reason)
 
     def recent_refusals(self, now_ns: int) -> dict[str, int]:
-        """How many commands were refused in the last two seconds, by reason."""
+        """The commands that were refused in the last two seconds, counted by reason."""
         return self._recent.counts(now_ns)
 
     def clock_offsets_s(self, now_ns: int) -> dict[str, float]:

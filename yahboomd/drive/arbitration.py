@@ -71,7 +71,7 @@ class Refused(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Decision(msgspec.Struct, frozen=True, kw_only=True):
-    """What the wheels should do now, and the source that decides it.
+    """The motion that the wheels should make now, and the source that decides it.
 
     Attributes:
         twist: The wish, not limited yet.

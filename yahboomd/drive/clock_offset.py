@@ -1,4 +1,4 @@
-"""How far the clock of a command source is from ours, by its stamps, and what follows.
+"""The offset of a command source's clock from ours, by its stamps, and what follows.
 
 A stamp says when its sender's clock thought it was. Less our own time at its arrival, that is the
 clocks' difference, short of the way; the largest of the last ten seconds had the shortest way.
@@ -47,7 +47,7 @@ class ClockOffset:
         return None if behind_ns is None else -behind_ns / 1e9
 
     def warning(self, now_ns: int) -> str | None:
-        """What is wrong, what it does, and what helps; ``None`` while the clocks agree."""
+        """Describe the offset, its effect and its remedy; ``None`` while the clocks agree."""
         ahead_s = self.ahead_s(now_ns)
         if ahead_s is None or abs(ahead_s) <= NOTICEABLE_S:
             return None

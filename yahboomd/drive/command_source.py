@@ -20,7 +20,7 @@ Held: TypeAlias = Literal["revoke", "refuse"]
 
 
 class CommandSource:
-    """What one source commands.
+    """A command as its source sent it.
 
     Args:
         source: Its name, priority and timeout.

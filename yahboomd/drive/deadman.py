@@ -33,7 +33,7 @@ class Deadman:
 
     @property
     def deadline_ns(self) -> int | None:
-        """When the command runs out; ``None`` where there is none."""
+        """The end of the command; ``None`` where there is none."""
         return None if self._given_ns is None else self._given_ns + self.timeout_ns
 
     def feed(self, given_ns: int) -> None:
@@ -45,7 +45,7 @@ class Deadman:
         self._given_ns = None
 
     def age_ns(self, now_ns: int) -> int | None:
-        """How old the command is; ``None`` where there is none."""
+        """The age of the command; ``None`` where there is none."""
         return None if self._given_ns is None else now_ns - self._given_ns
 
     def expired(self, now_ns: int) -> bool:

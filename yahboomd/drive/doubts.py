@@ -20,7 +20,7 @@ ALL_SILENT_AGAIN = 16
 all wheels at once."""
 
 FORGOTTEN_NS = 5_000_000_000
-"""What happens so long after another is not in a row."""
+"""Two things that lie so far apart are not in a row."""
 
 FOLLOWED_NS = 1_000_000_000
 """A wheel that is driven for so long without trouble follows its commands. A broken one shows it

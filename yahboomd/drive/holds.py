@@ -76,7 +76,7 @@ class Holds:
 
 
 class ResetWatch:
-    """What resets of the board lead to: a pause after one in motion, a fault after too many.
+    """The consequences of a board's resets: a pause after one in motion, a fault after too many.
 
     A board that resets itself under load (a weak battery, a loose plug) would otherwise be driven
     into the next brown-out at once, for ever.

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Builder(Protocol):
-    """What a row of the registry does."""
+    """A function of the registry: it builds a geometry."""
 
     def __call__(self, *, separation_m: float, base_m: float | None = None) -> Kinematics:
         """Return the geometry for these two distances."""

@@ -1,4 +1,4 @@
-"""How fast the wish may become motion: velocity, acceleration, deceleration and jerk, per axis.
+"""The limits of motion for each axis: velocity, acceleration, deceleration and jerk.
 
 One law: **each step ends between where it started and the wish**, never beyond, never away. So a
 wish for less speed never speeds up first, a ramp to zero cannot swing through it, and the last
@@ -69,7 +69,7 @@ class Limiter:
 
     @property
     def current(self) -> Twist2d:
-        """What was let through last."""
+        """The latest velocity that was let through."""
         return Twist2d(vx=self._vx.speed, vy=self._vy.speed, wz=self._wz.speed)
 
     def step(self, wanted: Twist2d, dt_s: float) -> Twist2d:

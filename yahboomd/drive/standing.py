@@ -1,4 +1,4 @@
-"""Why the robot does not move, in words: the first question of the person in front of it.
+"""The reason why the robot does not move, in words: the first question of a person beside it.
 
 All reasons are given, not only the first, in the order in which they have to be dealt with.
 """

@@ -44,7 +44,7 @@ class SlidingMinimum:
 
 
 class SlidingCounts:
-    """How often each thing happened in the last ``window_ns``."""
+    """The occurrences of each thing in the last ``window_ns``, counted."""
 
     def __init__(self, window_ns: int) -> None:
         self._window_ns = window_ns
@@ -60,7 +60,7 @@ class SlidingCounts:
         self._slices[-1][1][what] += 1
 
     def counts(self, now_ns: int) -> dict[str, int]:
-        """What happened, with its count."""
+        """The things that happened, each with its count."""
         self._forget(now_ns)
         total: Counter[str] = Counter()
         for _, counted in self._slices:

@@ -24,7 +24,7 @@ BATTERY_UNANSWERED = 3
 
 
 class Listener(Protocol):
-    """What a session calls as things happen: on the loop, at arrival; must not block."""
+    """Callbacks of a session: called on the loop, at arrival; they must not block."""
 
     def connected(self, board: ConnectedBoard, identity: Identity) -> None:
         """The board is known and armed; counts follow."""
@@ -133,7 +133,7 @@ class ConnectedBoard:
 
     @property
     def damages(self) -> int:
-        """How many chunks the line damaged in the last ten seconds, up to 16."""
+        """The chunks that the line damaged in the last ten seconds, up to 16."""
         return self._line.damages
 
     @property

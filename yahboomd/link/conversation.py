@@ -54,7 +54,7 @@ class Conversation:
         return await self._line.ask(frame, answered, timeout_s)
 
     async def read_settings(self, expected: BoardSettings) -> BoardSettings | None:
-        """What the board stores; None for a dialect that stores nothing.
+        """The settings that the board stores; None for a dialect that stores nothing.
 
         Args:
             expected: A value that differs from it is believed when it was said twice.

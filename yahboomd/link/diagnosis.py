@@ -36,7 +36,7 @@ def hints(
     heard: Heard | None = None,
     sysfs: Path = Path("/sys/bus/usb/devices"),
 ) -> tuple[str, ...]:
-    """What else a person should know about an error, most likely cause first.
+    """Further facts about an error, the most likely cause first.
 
     Args:
         error: What happened.
@@ -94,7 +94,7 @@ def _denied(path: str) -> tuple[str, ...]:
 
 
 def busy(who: tuple[str, ...]) -> tuple[str, ...]:
-    """What to do about those who hold a port.
+    """Advice about those who hold a port.
 
     Args:
         who: As from :func:`yahboomd.link.port_errors.holders`.
@@ -106,7 +106,7 @@ def busy(who: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def what_was_heard(heard: Heard) -> str:
-    """What a port on which no board answers said instead, and what that points to."""
+    """Describe what a port without a board sent instead, and what that points to."""
     data = heard.start
     if not data:
         return (

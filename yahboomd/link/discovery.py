@@ -1,4 +1,4 @@
-"""Which port is the board's? By its udev name, else as the only CH340 on USB, else ask.
+"""Finds the board's port: by its udev name, else as the only CH340 on USB, else by asking.
 
 Also what a person needs to hear when there is none: the device may be on USB without a tty (some
 Jetson kernels lack the ch341 driver), or brltty may have taken it.
@@ -115,7 +115,7 @@ def choose(configured: str, found: Iterable[Candidate], *, udev_name: str = UDEV
 
 
 def without_driver(sysfs: Path = Path("/sys/bus/usb/devices")) -> str:
-    """What is wrong where a CH340 is on USB and no tty came of it; else empty."""
+    """The fault where a CH340 is on USB and no tty came of it; else empty."""
     for vendor in sorted(sysfs.glob("*/idVendor")):
         folder = vendor.parent
         try:

@@ -1,4 +1,4 @@
-"""How many bytes to wait for: a line that comes in many pieces wakes the reader once.
+"""The number of bytes to wait for: a line in many pieces wakes the reader once.
 
 A USB bridge hands over what it has every millisecond, so that a line of counts comes in three or
 more pieces, and each of them costs the reader a turn of its event loop for nothing. The kernel can

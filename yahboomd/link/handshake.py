@@ -21,7 +21,7 @@ from yahboomd.protocol.registry import identify as recognise
 from yahboomd.protocol.settings import VERSION, BoardSettings, SettingValue, is_complete
 
 ATTEMPTS = 3
-"""How often a silent board is asked who it is."""
+"""The period at which a silent board is asked who it is."""
 
 ANSWER_WITHIN_S = 0.25
 """The longest answer is begun in under 20 ms and takes 15 ms more."""
@@ -125,7 +125,7 @@ async def _quiet(line: Line) -> None:
 async def read_settings(
     line: Line, dialect: Dialect, expected: BoardSettings
 ) -> BoardSettings | None:
-    """What the board keeps in flash; ``None`` for a dialect that cannot tell.
+    """The settings that the board keeps in flash; ``None`` for a dialect that cannot tell.
 
     An answer may have no check of any kind, and a lost digit that makes 1 encoder line of 11 turns
     the wheels eleven times too fast. So a value that speed depends on is believed when it is the

@@ -31,7 +31,7 @@ def latency_ms(port: str) -> int | None:
 
 
 def describe(port: str) -> str | None:
-    """What a timer that is longer than need be does, and the line that sets it.
+    """The effect of a timer that is longer than need be, and the line that sets it.
 
     Returns:
         A sentence, and on a line of its own the udev rule; ``None`` where there is nothing to set.

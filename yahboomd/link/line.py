@@ -62,7 +62,7 @@ KEPT_BYTES = 512
 
 
 class Heard(msgspec.Struct, kw_only=True):
-    """What came from the port, to explain a board that is none.
+    """A sample of what came from the port, to explain a port without a board.
 
     Attributes:
         start: The first bytes, half a kilobyte at most.
@@ -217,7 +217,7 @@ class Line:
 
     @property
     def damages(self) -> int:
-        """How many chunks came damaged in the last ten seconds, up to 16."""
+        """The chunks that came damaged in the last ten seconds, up to 16."""
         damaged_ns, since_ns = self._damaged_ns, self.clock.now_ns() - NOISY_NS
         while damaged_ns and damaged_ns[0] <= since_ns:
             damaged_ns.popleft()
@@ -302,7 +302,7 @@ class Line:
         self.writer.heard(decoded)
 
     def _note(self, decoded: Decoded) -> Notice:
-        """What this says of a start of the board: what was seen before one says nothing now."""
+        """Note a start of the board, if this shows one: earlier readings prove nothing then."""
         if isinstance(decoded, Totals):
             self.streaming = True
             return "none"

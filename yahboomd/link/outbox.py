@@ -25,7 +25,7 @@ from yahboomd.protocol.dialect import Decoded
 
 
 class Lane(enum.Enum):
-    """Where a frame came from."""
+    """The origin of a frame."""
 
     STOP = "stop"
     VELOCITY = "velocity"
@@ -126,7 +126,7 @@ class Outbox:
         return bool(self._stops)
 
     def due_ns(self, *, asking: bool) -> int | None:
-        """When the next frame is due; 0 for at once, ``None`` where nothing waits.
+        """The time at which the next frame is due; 0 for at once, ``None`` where nothing waits.
 
         Args:
             asking: As for :meth:`take`.

@@ -44,12 +44,12 @@ MAX_PENDING = 4096
 
 
 def byte_time_ns(baudrate: int) -> int:
-    """How long one byte is on the wire (86.8 us at 115200)."""
+    """The time of one byte on the wire (86.8 us at 115200)."""
     return BITS_PER_BYTE * NS_PER_S // baudrate
 
 
 class PortOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """How a port is opened.
+    """Options for opening a port.
 
     Attributes:
         path: The device, such as ``/dev/yahboom_driver``.

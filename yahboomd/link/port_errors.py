@@ -19,7 +19,7 @@ def takes_no_output(path: str) -> PortLost:
 
 
 def explained(path: str, error: Exception) -> LinkError:
-    """Why a port cannot be opened, as the error to raise."""
+    """The error to raise for a port that cannot be opened."""
     code = getattr(error, "errno", None)
     words = str(error)
     if code in {errno.ENOENT, errno.ENODEV, errno.ENXIO, errno.EIO}:

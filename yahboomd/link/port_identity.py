@@ -1,4 +1,4 @@
-"""Which device is behind a port's name? Names are udev's to give away; the device stays what it is.
+"""The device behind a port's name. udev may give a name away; the device stays what it is.
 
 Read by ``yahboomd stop`` before anything else, so it imports nothing but ``os``.
 """

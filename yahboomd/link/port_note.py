@@ -1,4 +1,4 @@
-"""How a daemon opened its port, noted for the process that must stop the wheels after it.
+"""A note of how a daemon opened its port, for the process that must stop the wheels after it.
 
 ``ExecStopPost=`` of the service runs ``yahboomd stop --direct`` when the daemon was killed. Every
 millisecond until the first stop is distance, and reading the configuration would take several
@@ -48,7 +48,7 @@ class PortNote(NamedTuple):
     ended: bool = False
 
     def options(self) -> dict[str, Any]:
-        """What :func:`yahboomd.link.seize.seize` takes."""
+        """The arguments of :func:`yahboomd.link.seize.seize`."""
         return dict(zip(self._fields[:6], self[:6], strict=True))
 
 

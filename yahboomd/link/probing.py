@@ -83,7 +83,7 @@ async def examine(
 
 
 class Reopening(msgspec.Struct, frozen=True, kw_only=True):
-    """What closing and opening the port did to the counters.
+    """The effect on the counters of closing and opening the port.
 
     Attributes:
         survival: Whether they were kept, or the board restarted; unknown where they were near

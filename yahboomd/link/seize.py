@@ -23,7 +23,7 @@ from yahboomd.link.port_identity import Device, identify, is_pseudo, same
 from yahboomd.protocol.first_words import FIRST_WORDS, SPACING_S
 
 PATIENCE_S = 1.0
-"""How long a held port is tried again: a process that is being killed still holds it for a moment.
+"""The time for which a held port is tried again: a killed process holds it for a moment.
 """
 
 RETRY_S = 0.02

@@ -24,7 +24,7 @@ from yahboomd.protocol.profiles import PROFILES, MotorProfile
 
 
 class SessionOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """How a session behaves.
+    """Options of a session.
 
     Attributes:
         dialect: ``auto``, or the only one to accept.
@@ -105,7 +105,7 @@ class Session:
 
     @property
     def report(self) -> StopReport | None:
-        """How the wheels were brought to rest at the end; ``None`` where that was not possible."""
+        """The outcome of the stop at the end; ``None`` where no stop was possible."""
         return None if self._line is None else self._line.report
 
     @property

@@ -29,7 +29,7 @@ class StartNotices:
         self._answer_until_ns = now_ns + LATEST_ANSWER_NS
 
     def judge(self, decoded: Decoded, now_ns: int) -> Notice:
-        """What a line says of a start. Hand over every line, in order; counts may be left out.
+        """Tell a start by a line. Hand over every line, in order; counts may be left out.
 
         Returns:
             ``unclear`` for a banner, or an answer that lost its first line. What was believed of

@@ -16,16 +16,16 @@ from yahboomd.protocol.dialect import Dialect
 from yahboomd.protocol.registry import connect_spacing_ns, connect_stop
 
 STAND_WITHIN_S = 0.6
-"""How long a braked wheel may take to stand before it is cut."""
+"""The time that a braked wheel has to stand before it is cut."""
 
 REPEAT_S = 0.1
-"""How often the brake is said again meanwhile."""
+"""The period at which the brake is repeated meanwhile."""
 
 COAST_WITHIN_S = 1.0
-"""How long wheels that did not obey the brake may roll on once the motors are let go."""
+"""The time that wheels which ignored the brake may roll on once the motors are let go."""
 
 GIVE_UP_S = 3.0
-"""How long all of it may take where the port does not send: stalls of 2 s are outlasted."""
+"""The longest that all of it takes where the port does not send: stalls of 2 s are outlasted."""
 
 UNIDENTIFIED_WITHIN_S = 1.0
 """The same, for the frames that stop a board whose dialect is not known."""
@@ -77,7 +77,7 @@ class StandstillWatch:
 
 
 class StopReport(msgspec.Struct, frozen=True, kw_only=True):
-    """How a stop went.
+    """The outcome of a stop.
 
     Attributes:
         stood: The counters showed standstill in the end; ``None`` where they never came.
@@ -95,7 +95,7 @@ class StopReport(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def doubt(self) -> str | None:
-        """What keeps one from believing that the wheels stand; ``None`` where nothing does."""
+        """The reason to doubt that the wheels stand; ``None`` where there is none."""
         if not self.flushed:
             return "the port did not take all of it"
         if self.stood is None:

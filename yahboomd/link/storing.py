@@ -45,7 +45,7 @@ class Step(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Storing(msgspec.Struct, frozen=True, kw_only=True):
-    """How storing went.
+    """The outcome of storing.
 
     Attributes:
         had: What the board stored before.

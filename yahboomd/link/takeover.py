@@ -18,7 +18,7 @@ from yahboomd.link.stopping import stop_unidentified
 
 
 class TakeoverReport(msgspec.Struct, frozen=True, kw_only=True):
-    """How a stop on a port went.
+    """The outcome of a stop on a port.
 
     Attributes:
         port: The port, by name.

@@ -304,7 +304,7 @@ class Writer:
             self.counters["polls_unanswered"] += 1
 
     def _next_ns(self) -> int | None:
-        """When there may be something to do again."""
+        """The next moment at which there may be something to do."""
         moments = [each for each in (self._flight_until_ns, self._polled_until_ns) if each]
         asking = self._asking
         due_ns = self._outbox.due_ns(asking=asking)

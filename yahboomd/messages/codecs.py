@@ -214,7 +214,7 @@ def is_not_pressed(payload: bytes) -> bool:
 
 
 def estop_by(payload: bytes) -> str:
-    """Who engages the emergency stop, by its payload; empty if it names no one."""
+    """The name of the person or program that engages the emergency stop; empty if there is none."""
     encoding = _admit(payload)
     if isinstance(encoding, Refusal) or encoding == "cdr":
         return ""

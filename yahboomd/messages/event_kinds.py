@@ -23,7 +23,7 @@ class _EventOfKind(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
 
 
 class WheelFaultData(msgspec.Struct, frozen=True, kw_only=True):
-    """What a wheel was to do, and what it did."""
+    """The commanded and the measured motion of a wheel."""
 
     commanded_m_s: Annotated[float, Meta(description="Commanded speed of the rim, m/s.")]
     measured_m_s: Annotated[float, Meta(description="Measured speed of the rim, m/s.")]

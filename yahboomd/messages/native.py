@@ -99,7 +99,7 @@ class RosVelocityCommand(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PoseSample(msgspec.Struct, frozen=True, kw_only=True):
-    """Where the base is. One for each encoder reading; its twist has the same stamp and seq."""
+    """The pose of the base. One for each encoder reading; its twist has the same stamp and seq."""
 
     stamp_ns: Stamp
     seq: _Seq
@@ -112,7 +112,7 @@ class PoseSample(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class TwistSample(msgspec.Struct, frozen=True, kw_only=True):
-    """How the base moves, in its own frame, as the encoders tell."""
+    """The motion of the base, in its own frame, as measured by the encoders."""
 
     stamp_ns: Stamp
     seq: _Seq

@@ -89,7 +89,7 @@ class Node(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Attachment(NamedTuple):
-    """What rmw_zenoh attaches to a sample, a request and a reply."""
+    """The attachment of rmw_zenoh to a sample, a request and a reply."""
 
     sequence: int
     stamp_ns: int

@@ -43,7 +43,7 @@ _REASONS = {200: "OK", 400: "Bad Request", 404: "Not Found", 405: "Method Not Al
 
 
 class Place(msgspec.Struct, frozen=True, kw_only=True):
-    """Where to listen.
+    """An address to listen on.
 
     Attributes:
         host: An address of this machine.

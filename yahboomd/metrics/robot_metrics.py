@@ -255,7 +255,7 @@ def _some(items: Iterable[Item]) -> Iterable[Item]:
 
 
 PAGE_KEPT_NS = 500_000_000
-"""How long a page is reused, so that a flood of scrapes computes nothing."""
+"""The time for which a page is reused, so that a flood of scrapes computes nothing."""
 
 
 class Page:

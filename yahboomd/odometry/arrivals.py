@@ -1,4 +1,4 @@
-"""When lines left the board, from when they arrived.
+"""The moments at which lines left the board, from their arrivals.
 
 Law: a board sends its lines evenly, and what comes between delays them by chance. So the times of
 leaving are a smooth clock that lies below the times of arrival, at their lower edge.
@@ -17,7 +17,7 @@ BETA = 0.005
 """A critically damped filter's gains for a memory of some twenty lines (beta = alpha²/2)."""
 
 FADE = 0.99
-"""How slowly the lower edge is forgotten: half of it in seventy lines."""
+"""The rate at which the lower edge is forgotten: half of it in seventy lines."""
 
 CLEAN = 0.15
 """Off by less than this part of a gap, lines come evenly (by pure chance it would be a quarter)."""
@@ -61,7 +61,7 @@ class Arrivals:
 
     @property
     def spread(self) -> float:
-        """How long after its tick a line may come: the gap between lines, and their delays."""
+        """The longest delay of a line after its tick: the gap between lines, and their delays."""
         return (self._gap or 0.0) - 2.0 * self._edge
 
     def add(self, arrival: float) -> float:

@@ -1,4 +1,4 @@
-"""How sure the pose and the twist are.
+"""The covariance of the pose and of the twist.
 
 Law: what is not known grows and never shrinks by itself. Every wheel's travel is wrong by a random
 amount whose variance is proportional to the distance it rolled; every count is known to a tick.

@@ -11,7 +11,7 @@ from yahboomd.odometry.encoders import Outcome
 from yahboomd.odometry.tick_meter import Notice
 
 RESET_SPEED_M_S = 0.1
-"""How much faster than last measured a wheel may have been when the board reset itself."""
+"""The speed that a wheel may have gained since its last measurement when the board resets."""
 
 COUNTERS: dict[Outcome, str] = {
     "reset": "odometry_resets",
@@ -20,11 +20,11 @@ COUNTERS: dict[Outcome, str] = {
     "gap_lost": "odometry_gaps",
     "rebased": "odometry_rebased",
 }
-"""Which of the odometer's counters each is counted in."""
+"""The odometer's counter for each kind."""
 
 
 def unknown_m(outcome: Outcome, gap_s: float, *, fastest_m_s: float, speed_max_m_s: float) -> float:
-    """How far a wheel may have rolled without having been counted; metres.
+    """The travel that a wheel may have made without being counted; metres.
 
     Args:
         outcome: What ended.
@@ -43,7 +43,7 @@ def unknown_m(outcome: Outcome, gap_s: float, *, fastest_m_s: float, speed_max_m
 def event(
     outcome: Outcome, *, gap_s: float, lost_m: float, counted_m: float, unsure_m: float
 ) -> Event:
-    """How it is reported: a warning where something was lost.
+    """The severity of its event: a warning where something was lost.
 
     Args:
         outcome: What ended.

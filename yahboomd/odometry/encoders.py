@@ -18,7 +18,7 @@ from yahboomd.counts import HALF, unwrapped
 from yahboomd.model import Counts, Motor
 
 AGREE_SLACK_NS = 20_000_000
-"""How much longer two readings may lie apart than their arrival says: the worst USB latency."""
+"""The longest that two readings may lie apart beyond their arrivals: the worst USB latency."""
 
 AGREE_ANNOUNCED = 2
 AGREE_RESET = 3
@@ -110,7 +110,7 @@ class Encoders:
 
     @property
     def notice(self) -> Notice:
-        """What was announced and is not settled yet."""
+        """A step that was announced and is not settled yet."""
         return self._notice
 
     def announce(self, notice: Notice, *, unbroken: bool = False) -> None:

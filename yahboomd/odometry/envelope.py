@@ -25,7 +25,7 @@ SLOPE_TICKS = 400
 """Over a shorter stretch the slope would be mostly noise; the last one known is kept."""
 
 FRESH_TICKS = 150
-"""How far back the phase looks while the slope is unknown: 500 ppm are 0.75 ms by then."""
+"""The time that the phase looks back on while the slope is unknown: 500 ppm are 0.75 ms by then."""
 
 DRIFT_MAX = 1e-3
 """Crystals and ceramic resonators are better than this."""
@@ -49,7 +49,7 @@ class Envelope:
         self._low = (0, math.inf)
 
     def at(self, tick: int) -> float:
-        """When tick ``tick`` was."""
+        """The time of tick ``tick``."""
         return self._offset + tick * (self._period + self.drift)
 
     def forget(self) -> None:

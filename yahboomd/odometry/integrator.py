@@ -107,7 +107,7 @@ class Integrator:
 
     @property
     def pose(self) -> Pose2d:
-        """Where the base is, in the odometry frame; the heading is not wrapped."""
+        """The pose of the base in the odometry frame; the heading is not wrapped."""
         return Pose2d(x=self._x, y=self._y, theta=self._theta)
 
     def set_pose(self, pose: Pose2d, totals: Sequence[int]) -> None:
@@ -121,7 +121,7 @@ class Integrator:
         self._before = None
 
     def state(self) -> State:
-        """What :meth:`go_back` needs to take back what follows."""
+        """A snapshot, with which :meth:`go_back` takes back what follows."""
         return self._x, self._y, self._theta, self._before
 
     def go_back(self, state: State) -> None:

@@ -117,7 +117,7 @@ class Odometer:
 
     @property
     def tick_period_ns(self) -> int | None:
-        """How often the board renews its totals, as measured; None where no regular tick fits."""
+        """The period at which the board renews its totals, as measured; None where no tick fits."""
         clock = self._clock
         if isinstance(clock, StreamedClock) and clock.renewal.fits:
             return round(clock.renewal.period)

@@ -1,4 +1,4 @@
-"""When a board that is asked sampled its counters.
+"""The moments at which a board that is asked sampled its counters.
 
 Law: stamps increase, and none is later than the moment at which its line left the board. Where a
 burst of late lines leaves no room between the two, a reading is passed over: its counts are in the
@@ -124,7 +124,7 @@ class PolledClock:
         return Instant(stamp_ns, stamp_ns - last_ns if last_ns else 0, unsure_ns)
 
     def _unsure(self, sent_ns: int, requested_ns: int, earliest_ns: int | None) -> int:
-        """How much longer than usual it is not known when the board sampled."""
+        """The uncertainty of the moment of sampling beyond the usual one."""
         turn_rounds, took_ns = self._turn_rounds, sent_ns - requested_ns
         own = requested_ns != self._requested_ns
         self._requested_ns = requested_ns

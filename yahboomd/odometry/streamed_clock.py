@@ -1,4 +1,4 @@
-"""When a board that streams sampled its counters.
+"""The moments at which a board that streams sampled its counters.
 
 Law: stamps increase, and none is later than the moment at which its line left the board. Where a
 burst of late lines leaves no room between the two, a reading is passed over: its counts are in the
@@ -28,7 +28,7 @@ from yahboomd.odometry.polled_clock import Instant
 from yahboomd.odometry.tick_meter import FAST_TICKS, TickMeter, TickPeriod
 
 EARLY_NS = 3_000_000
-"""How early a line may come before its tick as it is known; earlier, it was numbered wrongly."""
+"""The earliest that a line may come before its tick; an earlier one was numbered wrongly."""
 
 STEADY_NS = 500_000_000
 """Lines that are late for so long, all of them, have been numbered too low."""
@@ -255,7 +255,7 @@ class StreamedClock:
         return QUIET_TICKS * max(period, self._meter.spacing)
 
     def _running(self, arrival: float, ticks: int, period: float) -> int:
-        """How many ticks have passed while every tick shows."""
+        """Count the ticks that have passed while every tick shows."""
         late = arrival - self._time
         if not ticks:
             # The line repeats a tick, unless even the latest line of a change would be there. One

@@ -1,4 +1,4 @@
-"""How often a board renews its totals, from the lines that show it.
+"""The period at which a board renews its totals, from the lines that show it.
 
 Law: a period is believed where the changes of the totals lie on a straight line over their number,
 as straight as the distance of the lines allows, with a slope of whole milliseconds.
@@ -154,7 +154,7 @@ class TickMeter:
 
 
 class TickPeriod:
-    """Which period the totals have, by what was measured.
+    """The period of the totals, chosen by what was measured.
 
     Args:
         period: The nominal one, in nanoseconds.

@@ -35,7 +35,7 @@ ASKED_TICKS = 3.5
 more or less is a quarter of the speed then, and over two of them it would be half."""
 
 STILL_DEVIATIONS = 6
-"""Of a time that is known roughly: the wheels stood only where the counters stay for longer."""
+"""In a time that is known roughly, wheels stood only where the counters stay for longer."""
 
 
 class Window(NamedTuple):

@@ -199,7 +199,7 @@ Decoded: TypeAlias = (
 
 
 class Motion(Protocol):
-    """How a board turns the wheels of one robot."""
+    """The commands that turn the wheels of one robot."""
 
     @property
     def wheel_limits(self) -> tuple[float, ...]:
@@ -220,7 +220,7 @@ class Motion(Protocol):
 
 
 class Findings(msgspec.Struct, frozen=True, kw_only=True):
-    """What a board's stored settings mean for the configured motors, a sentence each.
+    """The meaning of a board's stored settings for the configured motors, a sentence each.
 
     Attributes:
         unfit: Why its wheels must not turn, with the remedy.
@@ -243,7 +243,7 @@ class Dialect(Protocol):
 
     @property
     def title(self) -> str:
-        """What the board is called where it is sold."""
+        """The name under which the board is sold."""
         ...
 
     # Bytes and what they mean.
@@ -262,7 +262,7 @@ class Dialect(Protocol):
 
     @property
     def line_end(self) -> bytes:
-        """What follows a frame that is whole without it, for certain; nothing, where none does."""
+        """The start of what follows a frame that is whole without it; empty where nothing does."""
         ...
 
     def decode(self, item: Any) -> Decoded:  # noqa: ANN401 - whatever its framer finds
@@ -316,7 +316,7 @@ class Dialect(Protocol):
 
     @property
     def sample_period_ns(self) -> int | None:
-        """How often the board renews its counters; None for one that is asked."""
+        """The period at which the board renews its counters; None for one that is asked."""
         ...
 
     @property
@@ -365,7 +365,7 @@ class Dialect(Protocol):
         ...
 
     def findings(self, settings: BoardSettings, profile: MotorProfile) -> Findings:
-        """What the stored settings mean for these motors."""
+        """The meaning of the stored settings for these motors."""
         ...
 
     # Motion.
@@ -378,7 +378,7 @@ class Dialect(Protocol):
         *,
         scale: float,
     ) -> Motion:
-        """How this board turns these wheels.
+        """The commands with which this board turns these wheels.
 
         Args:
             kinematics: The drive geometry.

@@ -46,7 +46,7 @@ class MotorProfile(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def settings(self) -> BoardSettings:
-        """What a board should store for this motor. The speed loop's gains are left alone."""
+        """The settings that suit this motor. The speed loop's gains are left alone."""
         wanted = BoardSettings(
             motor_type=self.motor_type,
             lines=self.lines,

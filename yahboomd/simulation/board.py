@@ -31,12 +31,12 @@ class Board(Protocol):
 
     @property
     def next_ns(self) -> int:
-        """When the next thing happens inside."""
+        """The time of the next thing that happens inside."""
         ...
 
     @property
     def speaks_ns(self) -> int:
-        """When it may next say something, :data:`NEVER` while it waits for a command."""
+        """The next moment at which it may send, :data:`NEVER` while it waits for a command."""
         ...
 
     @property

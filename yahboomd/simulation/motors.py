@@ -71,7 +71,7 @@ FAULTS: dict[str, MotorFaults] = {
 """The faults by the names that the control interface uses."""
 
 Drive: TypeAlias = tuple[float, float, float]
-"""Where the rim speed tends to (m/s), its time constant (s), and sliding friction (m/s^2)."""
+"""The final rim speed (m/s), its time constant (s), and sliding friction (m/s^2)."""
 
 
 class Motor:
@@ -96,7 +96,7 @@ class Motor:
 
     @property
     def ticks(self) -> int:
-        """What the encoder has counted since the beginning, unbounded."""
+        """The counts of the encoder since the beginning, unbounded."""
         return math.floor(self._encoder_ticks)
 
     @property

@@ -14,7 +14,7 @@ STEP_NS = 1_000_000
 """Longest step of the integration: far below every time constant of the motors."""
 
 SAG_V = 0.15
-"""What one motor at full output takes off the battery's voltage."""
+"""The drop of the battery's voltage for one motor at full output."""
 
 
 class Plant:
@@ -69,7 +69,7 @@ class Plant:
 
     @property
     def ticks(self) -> Counts:
-        """What the encoders have counted since the beginning, positions 1 to 4."""
+        """The counts of the encoders since the beginning, positions 1 to 4."""
         first, second, third, fourth = (m.ticks if m else 0 for m in self._by_position)
         return first, second, third, fourth
 

@@ -97,7 +97,7 @@ class SimulatedRobot:
         self._to_board.send(data, taken_ns + self.impairments.latency_ns())
 
     def host_backlog_ns(self, now_ns: int) -> int:
-        """How long the wire still needs for what the host has written, stalls included."""
+        """The time that the wire still needs for what the host has written, stalls included."""
         return max(0, self._to_board.idle_ns - now_ns, self.impairments.stalled_until_ns - now_ns)
 
     def advance(self, now_ns: int) -> list[bytes]:
@@ -112,7 +112,7 @@ class SimulatedRobot:
 
     @property
     def next_ns(self) -> int:
-        """When :meth:`advance` is next worth calling."""
+        """The next moment at which :meth:`advance` is worth calling."""
         wake_ns = self._now_ns + WAKE_NS
         if self._late:
             wake_ns = min(wake_ns, self._late[0][0])
@@ -291,7 +291,7 @@ class SimulatedRobot:
             self._to_host.send(self.impairments.babble(size), now_ns)
 
     def _chunk_ns(self) -> int:
-        """When the bytes that are on their way to the host are next handed over."""
+        """The time at which the bytes on their way to the host are next handed over."""
         settings = self.impairments.settings
         wire = self._to_host
         period_ns = nanoseconds(settings.chunk_s)

@@ -25,7 +25,7 @@ SPEED_MAX = 1000
 
 
 class Tuning(msgspec.Struct, frozen=True, kw_only=True):
-    """What the interrupt takes from the settings.
+    """The settings as the interrupt uses them.
 
     Attributes:
         mm_s_per_tick: Rim speed that one count in 10 ms stands for; 0 where the settings hold a
@@ -109,7 +109,7 @@ class MotorControl:
         self._regulates = False
 
     def restart(self) -> None:
-        """What a reset of the MCU does: motors go, counters start from zero."""
+        """Reset as the MCU does: release the motors, count from zero."""
         self.release()
         self.totals = (0, 0, 0, 0)
         self.deltas = (0, 0, 0, 0)

@@ -26,7 +26,7 @@ START_NS = 1_000 * NS_PER_S
 """The start of virtual time: not 0, which hides mistakes."""
 
 REAL_PATIENCE_S = 5.0
-"""How long to wait, in real time, for a thread or a socket when no timer is left."""
+"""The real time to wait for a thread or a socket when no timer is left."""
 
 
 class Deadlock(RuntimeError):

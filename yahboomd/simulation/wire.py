@@ -9,7 +9,7 @@ BITS_PER_BYTE = 10
 
 
 def transfer_ns(size: int, baud: int) -> int:
-    """How long ``size`` bytes take: 86.8 us each at 115200 baud."""
+    """The time that ``size`` bytes take: 86.8 us each at 115200 baud."""
     return size * BITS_PER_BYTE * 1_000_000_000 // baud
 
 
@@ -33,12 +33,12 @@ class Wire:
 
     @property
     def idle_ns(self) -> int:
-        """When the last byte sent so far has arrived."""
+        """The arrival of the last byte sent so far."""
         return self._idle_ns
 
     @property
     def first_ns(self) -> int:
-        """When the next byte will have arrived; only while not :attr:`empty`."""
+        """The arrival of the next byte; only while not :attr:`empty`."""
         start_ns, _, taken = self._runs[0]
         return start_ns + transfer_ns(taken + 1, self._baud)
 
@@ -100,7 +100,7 @@ class Wire:
         self._idle_ns = 0
 
     def _arrived(self, start_ns: int, now_ns: int, size: int) -> int:
-        """How many bytes of a run have arrived: the most n with n byte times elapsed."""
+        """Count the bytes of a run that have arrived: the most n with n byte times elapsed."""
         elapsed_ns = now_ns - start_ns
         if elapsed_ns <= 0:
             return 0

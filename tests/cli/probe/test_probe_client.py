@@ -1,4 +1,4 @@
-"""What a daemon tells of its board, as if the board had been asked."""
+"""The board as a daemon describes it, in the form of a board's own answers."""
 
 from __future__ import annotations
 

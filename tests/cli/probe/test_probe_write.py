@@ -1,4 +1,4 @@
-"""What is seen and asked while settings are stored."""
+"""Progress and questions while settings are stored."""
 
 from __future__ import annotations
 

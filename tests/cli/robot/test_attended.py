@@ -1,4 +1,4 @@
-"""What ends a command that works on a robot."""
+"""Ends of a command that works on a robot."""
 
 from __future__ import annotations
 

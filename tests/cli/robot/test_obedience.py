@@ -30,7 +30,7 @@ def status(
 
 
 def judged(*statuses: StatusSample) -> list[str]:
-    """What is found at each status after the first, and after all of them."""
+    """The findings at each status after the first, and after all of them."""
     obedience = Obedience("cmd_vel", statuses[0])
     return [*map(obedience.trouble, statuses[1:]), obedience.trouble_after()]
 

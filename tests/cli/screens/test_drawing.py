@@ -17,7 +17,7 @@ ENTER, LEAVE = "\x1b[?1049h", "\x1b[?1049l"
 
 @pytest.fixture
 def pipe(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[int, int]]:
-    """What stands for a terminal, 40 by 10."""
+    """A stand-in for a terminal, 40 by 10."""
     monkeypatch.setenv("COLUMNS", "40")
     monkeypatch.setenv("LINES", "10")
     monkeypatch.setenv("TERM", "xterm-256color")

@@ -131,7 +131,7 @@ async def test_the_terminal_is_put_back_even_after_a_failure(pty: tuple[int, int
 
 
 def waiting(fd: int) -> int:
-    """How many bytes a terminal has ready. The kernel hands them over from a worker of its own."""
+    """The bytes that a terminal has ready. A worker of the kernel's hands them over."""
     count = array.array("i", [0])
     fcntl.ioctl(fd, termios.FIONREAD, count)
     return count[0]

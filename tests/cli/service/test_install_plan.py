@@ -1,4 +1,4 @@
-"""What an installation consists of."""
+"""The parts of an installation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What real shells complete with the scripts that are made for them."""
+"""Completions that real shells offer with the scripts that are made for them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What goes below ``share``: in the source, in the wheel, in the package, on the system."""
+"""The files below ``share``: in the source, in the wheel, in the package, on the system."""
 
 from __future__ import annotations
 

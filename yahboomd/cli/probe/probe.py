@@ -260,7 +260,7 @@ def _with_daemons(error: YahboomdError) -> YahboomdError:
 def _ask_daemon(
     args: argparse.Namespace, config: Config, port: str, want: BoardSettings
 ) -> Report | None:
-    """What the daemon knows of its board; None where none answers.
+    """The daemon's knowledge of its board; None where none answers.
 
     Args:
         args: Where it is asked.

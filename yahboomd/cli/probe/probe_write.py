@@ -52,7 +52,7 @@ class Printed(storing.Progress):
 
 
 def stored_value(step: storing.Step) -> StoredValue:
-    """What became of a value, for the report."""
+    """The outcome of storing a value, for the report."""
     return StoredValue(
         command=step.write.reply_to,
         outcome=step.outcome,

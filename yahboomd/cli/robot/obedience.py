@@ -36,7 +36,7 @@ class Obedience:
         self._refused_in_a_row = 0
 
     def trouble_before(self) -> str:
-        """Why no command would be obeyed; empty where one would be."""
+        """The reason why no command would be obeyed; empty where one would be."""
         accounts = _group(self._first.command, "sources")
         if accounts and self._source not in accounts:
             known = ", ".join(accounts)
@@ -47,7 +47,7 @@ class Obedience:
         return self._state_trouble(self._first)
 
     def trouble(self, status: StatusSample) -> str:
-        """Why commands since the last status were not obeyed; empty where they were."""
+        """The reason why commands since the last status were not obeyed; empty where they were."""
         last, self._last = self._last, status
         if words := self._state_trouble(status):
             return words
@@ -66,7 +66,7 @@ class Obedience:
         return self._refusal(refused, status)
 
     def trouble_after(self) -> str:
-        """Why none of the commands was obeyed, after the last status; empty where one was."""
+        """The reason why no command was obeyed, after the last status; empty where one was."""
         first, last = self._account(self._first), self._account(self._last)
         if _number(self._last.command, "limited") > _number(self._first.command, "limited"):
             self.warnings.append(

@@ -188,7 +188,7 @@ class Dashboard:
             self._volts = battery.volts
 
     def view(self, now_ns: int, *, connected: bool = True) -> View:
-        """What there is to show at ``now_ns``.
+        """The robot's state at ``now_ns``, to be shown.
 
         Args:
             now_ns: Monotonic nanoseconds of the watching program.
@@ -226,7 +226,7 @@ class Dashboard:
         )
 
     def new_events(self) -> tuple[EventSample, ...]:
-        """What happened since this was asked before."""
+        """The events since this was called before."""
         events = tuple(self._new_events)
         self._new_events.clear()
         return events

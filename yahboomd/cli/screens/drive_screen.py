@@ -20,7 +20,7 @@ KEYS = """
    hold to drive,            the same,      r           release it, or a fault
    let go to stop            and arcs       q           quit
 """
-"""What each key does."""
+"""The effect of each key."""
 
 FRESH_S = 10.0
 """An event is news for so long."""
@@ -116,7 +116,7 @@ def _robot(view: View, why: str) -> list[tuple[str, Text]]:
 
 
 def _trouble(view: View, key: str, *, heard: bool) -> list[tuple[str, Text]]:
-    """What keeps commands from being received at all."""
+    """The reason why the daemon receives no commands at all."""
     if heard or view.phase != "live":
         return []
     name = key if "/" not in key else f'"{key}"'

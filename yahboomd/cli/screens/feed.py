@@ -97,7 +97,7 @@ class Feed:
 
     @property
     def why(self) -> str:
-        """Why no sample has come yet, where that is known."""
+        """The reason why no sample has come yet, where that is known."""
         problem = self.client.problem
         if self.client.is_open:
             return (

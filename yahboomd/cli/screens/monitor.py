@@ -32,7 +32,7 @@ CALM_S = 0.5
 
 LINE_S = 1.0
 COMPLETE_S = 1.0
-"""How long ``--once`` waits for a pose, and for two statuses to compute rates from."""
+"""The time that ``--once`` waits for a pose, and for two statuses to compute rates from."""
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 

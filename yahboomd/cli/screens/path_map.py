@@ -1,4 +1,4 @@
-"""Where the robot has been, as a map of dots. Pure.
+"""The path of the robot so far, as a map of dots. Pure.
 
 A character of the Braille block is a grid of two by four dots, so a small corner of a terminal
 shows a path well. Axes are those of the pose: x points up the screen, y to the left, as seen from

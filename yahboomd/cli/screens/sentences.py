@@ -13,7 +13,7 @@ from yahboomd.program import pasteable, plain
 
 
 def driver(view: View) -> str:
-    """Which source drives, and since when."""
+    """The source that drives, and since when."""
     if view.status is None or view.status.driver is None:
         return "no source has control"
     since = "" if view.driver_s is None else f" for {duration(view.driver_s)}"
@@ -21,7 +21,7 @@ def driver(view: View) -> str:
 
 
 def lost_sight(view: View) -> str:
-    """What a person may have to do when the daemon falls silent; empty where nothing moved."""
+    """Advice for a person whose daemon falls silent; empty where nothing moved."""
     if view.status is None or view.status.state not in {"driving", "stopping"}:
         return ""
     return pasteable(
@@ -31,7 +31,7 @@ def lost_sight(view: View) -> str:
 
 
 def board(view: View) -> str:
-    """Which board is connected, and where."""
+    """The board that is connected, and its port."""
     facts: Mapping[str, Any] = {} if view.status is None else view.status.board
     if "dialect" not in facts:
         return "no board"
@@ -45,12 +45,12 @@ def supply(view: View) -> str:
 
 
 def readings(view: View) -> str:
-    """How often the board's counters are read."""
+    """The rate at which the board's counters are read."""
     return rate(view.readings_per_s, "readings")
 
 
 def traffic(view: View) -> str:
-    """How many samples the daemon receives and publishes."""
+    """The samples that the daemon receives and publishes, a second."""
     return f"{rate(view.commands_per_s, 'commands')} · {rate(view.poses_per_s, 'poses')}"
 
 

@@ -39,13 +39,13 @@ _WISHES: dict[str, Wish] = {
 
 
 def direction(key: str) -> tuple[int, int, int] | None:
-    """Where a key moves the base; None where it does not."""
+    """The direction in which a key moves the base; None where it does not."""
     # With caps lock on, W is still forward.
     return MOVES.get(key) or MOVES.get(key.lower())
 
 
 def wish(key: str) -> Wish:
-    """What a key asks for. Every key that means nothing else stops."""
+    """The wish behind a key. Every key that means nothing else stops."""
     if direction(key) is not None:
         return "move"
     return _WISHES.get(key, "stop")
@@ -54,13 +54,13 @@ def wish(key: str) -> Wish:
 MS = 1_000_000
 
 FIRST_NS = 700 * MS
-"""How long a press counts. Terminals repeat a held key after 250 to 660 ms, as people set it."""
+"""The time that a press counts. Terminals repeat a held key after 250 to 660 ms."""
 
 REPEATING_NS = 300 * MS
 """Presses of one key that follow each other closer than this come from a held key."""
 
 SHORTEST_NS = 250 * MS
-"""How long a repeat counts at least: a remote terminal hands several over at a time."""
+"""The least time that a repeat counts: a remote terminal hands several over at a time."""
 
 FASTER = 1.1
 MIN_SCALE, MAX_SCALE = 0.05, 10.0
@@ -100,7 +100,7 @@ class Teleop:
         return wanted
 
     def motion(self, now_ns: int) -> tuple[Twist2d, int] | None:
-        """What the held key asks for, and until when, unless it is pressed again; None for none."""
+        """The wish of the held key, and its end unless it is pressed again; None for none."""
         if self._key is None or now_ns >= self._until_ns:
             return None
         return self._twist(self._key), self._until_ns

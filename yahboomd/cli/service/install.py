@@ -46,7 +46,7 @@ Runner = Callable[[Sequence[str]], int]
 
 
 class System(NamedTuple):
-    """What an installation works on.
+    """The paths and programs that an installation works on.
 
     Attributes:
         root: Replaces ``/``.
@@ -158,7 +158,7 @@ def complain(words: str, status: int) -> int:
 
 
 def _trouble(system: System, instance: str | None, port: str | None) -> str:
-    """Why the installation cannot be; empty where it can."""
+    """The reason why the installation cannot be; empty where it can."""
     if instance is None and port is not None:
         return "--port is for --instance; one board's port is serial.port in config.toml."
     if instance is not None:

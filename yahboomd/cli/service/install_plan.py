@@ -14,7 +14,7 @@ from typing import Literal
 import msgspec
 
 PACKAGED = Path("/opt/yahboomd")
-"""Where the Debian package has its environment; dpkg installs its files."""
+"""The environment of the Debian package; dpkg installs its files."""
 
 UNIT_PROGRAM = "/usr/bin/yahboomd"
 """The program as the unit files of the source tree name it."""
@@ -29,7 +29,7 @@ FILES: Mapping[str, str] = {
 """Our own files, replaced at each installation: source to place, below the root."""
 
 SHARE = "usr/local/share"
-"""Where man and the shells look for what an administrator installed."""
+"""The folder where man and the shells look for what an administrator installed."""
 
 FISH = "etc/fish/completions/yahboomd.fish"
 """fish looks below /usr/local only where XDG_DATA_DIRS names it, which it does not over SSH."""

@@ -249,14 +249,14 @@ def fish(top: Command) -> str:
 
 
 SCRIPTS: Mapping[str, Callable[[Command], str]] = {"bash": bash, "zsh": zsh, "fish": fish}
-"""What makes the script of each shell."""
+"""The maker of each shell's script."""
 
 PLACES: Mapping[str, str] = {
     "bash": "bash-completion/completions/yahboomd",
     "zsh": "zsh/site-functions/_yahboomd",
     "fish": "fish/vendor_completions.d/yahboomd.fish",
 }
-"""Where each shell looks for it, below a folder ``share``."""
+"""The file in which each shell looks for it, below a folder ``share``."""
 
 
 def _below(command: Command) -> str:

@@ -148,7 +148,7 @@ def _release(args: argparse.Namespace) -> int:
 def _not_released(
     error: BusError, args: argparse.Namespace, found: list[Robot], endpoints: tuple[str, ...]
 ) -> BusError:
-    """Why no daemon answers, where this machine shows it: the one that is meant, and no other."""
+    """Explain why no daemon answers, by the one of this machine that is meant, and no other."""
     from yahboomd.cli.stop.stop_local import there
 
     meant = [robot.pid for robot in found if robot.silent and not args.connect]
@@ -198,7 +198,7 @@ def _bus(args: argparse.Namespace) -> bool:
 
 
 def _deaf(error: BusError, args: argparse.Namespace, endpoints: tuple[str, ...]) -> BusError:
-    """Why no daemon answers, where it is one of this machine."""
+    """Explain why no daemon answers, where it is one of this machine."""
     pid = listener(endpoints)
     if pid is None or not is_yahboomd(pid):
         return error

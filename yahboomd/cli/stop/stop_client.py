@@ -23,7 +23,7 @@ STAND_WITHIN_S = 2.0
 
 
 class BusStop(msgspec.Struct, frozen=True, kw_only=True):
-    """What the daemons did.
+    """The daemons' answers to a stop.
 
     Attributes:
         stood: Its wheels were seen to stand.

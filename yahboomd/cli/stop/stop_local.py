@@ -34,7 +34,7 @@ _LONGEST_PATH = 100
 
 
 class Wanted(NamedTuple):
-    """Which daemons are meant. None and empty fields fit all.
+    """A choice among daemons. None and empty fields fit all.
 
     Attributes:
         port: The serial port.
@@ -172,7 +172,7 @@ def covered(outcome: Outcome, paths: Iterable[str]) -> bool:
 
 
 def there(robots: Sequence[Robot], command: str) -> str:
-    """Which daemons are there instead, and how a command reaches them; empty for none."""
+    """Name the daemons that are there instead, and how a command reaches them; empty for none."""
     sentences = []
     for robot in robots:
         words = [f"yahboomd {command}"]
@@ -188,7 +188,7 @@ def there(robots: Sequence[Robot], command: str) -> str:
 def sockets(
     environ: Mapping[str, str], *, user_id: int | None = None, root: str = "/"
 ) -> list[str]:
-    """Where daemons listen: of services, of this user's own, and for root of all users'."""
+    """The folders of daemons: of services, of this user's own, and for root of all users'."""
     found = [glob(f"{glob_escape(each)}/stop*.sock") for each in folders(environ, user_id, root)]
     return [path for paths in found for path in sorted(paths) if _trusted(path)]
 

@@ -235,7 +235,7 @@ def print_report(report: TakeoverReport) -> bool:
 
 
 def describe(report: TakeoverReport) -> str:
-    """How a stop on the port went, in words."""
+    """Describe how a stop on the port went."""
     if report.stood is None and (readers := _readers(report.port)):
         return (
             f"{report.port}: a stop was sent, but {' and '.join(readers)} also "

@@ -83,7 +83,7 @@ class TextLine(msgspec.Struct, frozen=True, kw_only=True):
 
 
 Item: TypeAlias = Frame | TextLine
-"""What a framer finds."""
+"""The items that a framer finds."""
 
 
 class Framer:

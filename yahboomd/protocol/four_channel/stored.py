@@ -156,7 +156,7 @@ TABLE: Final = (
 
 
 def findings(settings: BoardSettings, profile: MotorProfile) -> Findings:
-    """What the stored settings mean for these motors.
+    """The meaning of the stored settings for these motors.
 
     Lines, ratio and diameter that merely differ from the profile are no problem, since
     :func:`units_per_m_s` corrects for them; zeros and a wrong type make wheels run away.
@@ -198,7 +198,7 @@ def _wrong(settings: BoardSettings) -> Iterator[str]:
 
 
 def _other_profiles(settings: BoardSettings, profile: MotorProfile) -> Iterator[str]:
-    """Where the board is set up for other motors than the configuration names."""
+    """Name the profiles that the stored settings fit, where it is not the configured one."""
     if settings.get("motor_type") == profile.motor_type:
         return
     stored = tuple(settings.get(field) for field in ("motor_type", "lines", "ratio"))
@@ -252,7 +252,7 @@ def motion(
     scale: float,
     max_command: int,
 ) -> PerMotor:
-    """How the board turns these wheels: a speed for each motor.
+    """The commands that turn these wheels: a speed for each motor.
 
     Raises:
         BoardError: As :func:`units_per_m_s` does.

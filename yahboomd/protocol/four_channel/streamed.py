@@ -117,7 +117,7 @@ class Streamed(msgspec.Struct, frozen=True, kw_only=True):
         return not isinstance(self.decode(item), Unrecognised)
 
     def findings(self, settings: BoardSettings, profile: MotorProfile) -> Findings:
-        """What the stored settings mean for these motors."""
+        """The meaning of the stored settings for these motors."""
         return findings(settings, profile)
 
     def motion(

@@ -15,7 +15,7 @@ from yahboomd.simulation.speed_loop import Tuning
 
 
 class FlashContent(msgspec.Struct, frozen=True, kw_only=True):
-    """What the streamed board keeps over a reset, with the vendor's defaults.
+    """The settings that the streamed board keeps over a reset, with the vendor's defaults.
 
     Attributes:
         motor_type: 1 to 4: 520, 310, TT with encoder, TT without.
@@ -59,7 +59,7 @@ def decimal(text: bytes) -> float:
 
 
 def short(value: int) -> int:
-    """What a 16-bit integer makes of a number."""
+    """Convert a number as a 16-bit integer of the firmware does."""
     return (value + 0x8000) % 0x1_0000 - 0x8000
 
 
@@ -128,7 +128,7 @@ def mm_s_per_tick(content: FlashContent) -> float:
 
 
 def tuning(content: FlashContent, wired_type: int) -> Tuning:
-    """What the 100 Hz interrupt makes of the settings.
+    """The settings as the 100 Hz interrupt uses them.
 
     Args:
         content: The settings.
@@ -155,7 +155,7 @@ for a 310 runs away; a TT motor on a board set for a 520 turns backward, and cou
 
 
 def confirmation(name: bytes, version: str) -> bytes:
-    """What follows a stored setting; 1.6.5 and older say nothing about the dead zone."""
+    """The answer to a stored setting; 1.6.5 and older send none for the dead zone."""
     numbers = tuple(whole(part.encode()) for part in version.split("."))
     if name == b"deadzone" and numbers <= (1, 6, 5):
         return b""

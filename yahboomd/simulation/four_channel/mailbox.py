@@ -1,4 +1,4 @@
-"""How the streamed firmware takes bytes in: a collector, and a mailbox for one command.
+"""The input of the streamed firmware: a collector, and a mailbox for one command.
 
 - ``$`` opens a frame, ``#`` closes it; between them everything is data, ``$`` and newlines too.
 - Outside a frame everything is ignored.
@@ -48,7 +48,7 @@ class Mailbox:
         self._content = b"\x00" + self._content[1:]
 
     def take(self) -> bytes:
-        """What the main loop finds: the newest finished frame, or nothing where it was wiped."""
+        """The frame for the main loop: the newest finished one, or none where it was wiped."""
         self.ready = False
         return self._content
 

@@ -63,12 +63,12 @@ class PolledBoard:
 
     @property
     def next_ns(self) -> int:
-        """When the next thing happens inside."""
+        """The time of the next thing that happens inside."""
         return min(self._tick_ns, self._main_ns)
 
     @property
     def speaks_ns(self) -> int:
-        """When the next frame is carried out."""
+        """The time at which the next frame is carried out."""
         return self._main_ns
 
     @property

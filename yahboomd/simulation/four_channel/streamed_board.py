@@ -36,7 +36,7 @@ NOTICE_NS = 400_000
 """From the last byte of a command to its effect, when the main loop has nothing else to do."""
 
 CARRY_OUT_NS = 200_000
-"""How long a command without an answer occupies the main loop."""
+"""The time for which a command without an answer occupies the main loop."""
 
 STORE_NS = (65_000_000, 116_000_000)
 STORE_GAINS_NS = (250_000_000, 350_000_000)
@@ -123,12 +123,12 @@ class StreamedBoard:
 
     @property
     def next_ns(self) -> int:
-        """When the next thing happens inside."""
+        """The time of the next thing that happens inside."""
         return min(self._tick_ns, self._renew_ns, self._main_ns)
 
     @property
     def speaks_ns(self) -> int:
-        """When the main loop next does something."""
+        """The time at which the main loop next does something."""
         return self._main_ns
 
     @property
@@ -138,7 +138,7 @@ class StreamedBoard:
 
     @property
     def streams(self) -> tuple[bool, bool, bool]:
-        """Which streams are on: totals, deltas, speeds."""
+        """The streams that are on: totals, deltas, speeds."""
         return self._streams
 
     def start(self, now_ns: int) -> None:
