@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import inspect
 import signal
 import sys
 import threading
@@ -11,7 +12,7 @@ from typing import Any
 import pytest
 from zenoh_fixtures import eventually, free_endpoint
 
-from yahboomd.client import BusError, NoDaemon, PoseSample, Robot
+from yahboomd.client import AsyncRobot, BusError, NoDaemon, PoseSample, Robot
 
 pytestmark = pytest.mark.realtime
 
@@ -41,6 +42,20 @@ async def test_a_program_drives_reads_and_stops_at_its_end(fake_daemon: Any) -> 
     assert seqs == list(range(seqs[0], seqs[0] + 4))
     assert daemon.velocities[0] == (0.2, 0.5)
     await eventually(lambda: daemon.velocities[-3:] == [ZERO] * 3)
+
+
+def test_methods_have_the_arguments_and_docstrings_of_the_asyncio_form() -> None:
+    own = {"newest", "samples", "on", "close"}
+    shared = {
+        name
+        for name, method in inspect.getmembers(Robot, inspect.isfunction)
+        if not name.startswith("_") and hasattr(AsyncRobot, name)
+    } - own
+    assert {"drive", "stop", "finished", "get", "estop", "set_pose"} <= shared
+    for name in shared:
+        ours, theirs = getattr(Robot, name), getattr(AsyncRobot, name)
+        assert inspect.signature(ours) == inspect.signature(theirs)
+        assert ours.__doc__ == theirs.__doc__
 
 
 async def test_a_callback_may_drive_and_may_not_wait(fake_daemon: Any) -> None:

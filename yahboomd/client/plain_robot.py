@@ -11,18 +11,18 @@ import os
 import threading
 from collections.abc import Callable, Coroutine, Iterator, Sequence
 from contextlib import suppress
+from functools import wraps
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, Concatenate, ParamSpec, Self, TypeVar
 
 import msgspec
 
 from yahboomd.bus import keys
-from yahboomd.client.async_robot import DEADMAN_S, ENDPOINT, RATE_HZ, WAIT_S
+from yahboomd.client.async_robot import DEADMAN_S, ENDPOINT, RATE_HZ, WAIT_S, AsyncRobot
 from yahboomd.client.commanding import Counters
 from yahboomd.client.connecting import connect
 from yahboomd.client.endings import Endings
-from yahboomd.client.questions import Answer
 from yahboomd.client.streams import DEPTH, NewestSamples, Samples
 from yahboomd.errors import BusError, NoDaemon
 from yahboomd.model import Twist2d
@@ -31,6 +31,31 @@ log = logging.getLogger("yahboomd.client")
 
 Message = TypeVar("Message", bound=msgspec.Struct)
 Result = TypeVar("Result")
+Arguments = ParamSpec("Arguments")
+
+
+def _waiting(
+    method: Callable[Concatenate[AsyncRobot, Arguments], Coroutine[Any, Any, Result]],
+) -> Callable[Concatenate[Robot, Arguments], Result]:
+    """The method of :class:`Robot` that waits for this one: same arguments and docstring."""
+
+    @wraps(method)
+    def waiting(self: Robot, /, *args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
+        return self._wait(method(self._robot, *args, **kwargs))
+
+    return waiting
+
+
+def _at_once(
+    method: Callable[Concatenate[AsyncRobot, Arguments], Result],
+) -> Callable[Concatenate[Robot, Arguments], Result]:
+    """The method of :class:`Robot` that calls this one: same arguments and docstring."""
+
+    @wraps(method)
+    def calling(self: Robot, /, *args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
+        return self._now(lambda: method(self._robot, *args, **kwargs))
+
+    return calling
 
 
 class Robot(NewestSamples):
@@ -233,52 +258,27 @@ class Robot(NewestSamples):
 
     @property
     def problem(self) -> str:
-        """Why no daemon is there, in a sentence; empty while one is."""
+        """The reason why no daemon is there, in a sentence; empty while one is."""
         return self._robot.problem
 
     @property
     def counters(self) -> Counters:
-        """What became of this program's commands."""
+        """The fate of this program's commands, counted."""
         return self._robot.counters
-
-    def wait_alive(self, wait_s: float = math.inf) -> None:
-        """Wait until the daemon is there (again); ``NoDaemon`` after ``wait_s`` seconds."""
-        self._wait(self._robot.wait_alive(wait_s))
-
-    # Driving.
-
-    def drive(
-        self, vx: float = 0.0, wz: float = 0.0, *, vy: float = 0.0, for_s: float | None = None
-    ) -> bool:
-        """Command a velocity and return; see :meth:`AsyncRobot.drive`.
-
-        Args:
-            vx: Forward, m/s.
-            wz: Counter-clockwise, rad/s.
-            vy: To the left, m/s; for mecanum wheels.
-            for_s: How long it is repeated, in seconds; None: the deadman's time.
-
-        Returns:
-            Whether it is sent; False while no daemon is there, then it is dropped and counted.
-        """
-        return self._now(lambda: self._robot.drive(vx, wz, vy=vy, for_s=for_s))
-
-    def stop(self) -> None:
-        """Command zero at once, for 0.3 s; then nothing, so that other sources may drive."""
-        self._now(self._robot.stop)
 
     @property
     def commanded(self) -> Twist2d | None:
         """The velocity that is published now, zeros included; None while nothing is."""
         return self._robot.commanded
 
-    def finished(self) -> bool:
-        """Wait until the latest command has ended; see :meth:`AsyncRobot.finished`."""
-        return self._wait(self._robot.finished())
+    wait_alive = _waiting(AsyncRobot.wait_alive)
 
-    def standing(self, within_s: float = 2.0) -> bool:
-        """Wait until the wheels are measured to stand; whether they do within that time."""
-        return self._wait(self._robot.standing(within_s))
+    # Driving.
+
+    drive = _at_once(AsyncRobot.drive)
+    stop = _at_once(AsyncRobot.stop)
+    finished = _waiting(AsyncRobot.finished)
+    standing = _waiting(AsyncRobot.standing)
 
     # Samples.
 
@@ -335,40 +335,14 @@ class Robot(NewestSamples):
         end = self._now(lambda: self._robot.on(message, callback))
         return lambda: self._now(end)
 
-    def get(self, message: type[Message], *, timeout_s: float = 1.5) -> Message | None:
-        """Ask the daemon for its newest sample; see :meth:`AsyncRobot.get`."""
-        return self._wait(self._robot.get(message, timeout_s=timeout_s))
+    get = _waiting(AsyncRobot.get)
 
     # Services.
 
-    def request(
-        self, key: str, payload: bytes = b"{}", *, timeout_s: float = 1.5, urgent: bool = False
-    ) -> Answer:
-        """Ask a service; what became of it, as a value."""
-        return self._wait(self._robot.request(key, payload, timeout_s=timeout_s, urgent=urgent))
-
-    def estop(self, by: str = "") -> str:
-        """Engage the emergency stop of every daemon there; see :meth:`AsyncRobot.estop`."""
-        return self._wait(self._robot.estop(by))
-
-    def release(self) -> str:
-        """Release the emergency stop, and clear a fault; ``Refused`` says why not."""
-        return self._wait(self._robot.release())
-
-    def reset_odometry(self) -> str:
-        """Make the pose zero; the daemon's words."""
-        return self._wait(self._robot.reset_odometry())
-
-    def set_pose(
-        self, x: float, y: float, theta: float, *, covariance: Sequence[float] | None = None
-    ) -> str:
-        """Have odometry go on from this pose, in metres and radians; the daemon's words."""
-        return self._wait(self._robot.set_pose(x, y, theta, covariance=covariance))
-
-    def config(self) -> dict[str, Any]:
-        """The daemon's configuration in effect, by section and key."""
-        return self._wait(self._robot.config())
-
-    def board(self) -> dict[str, Any]:
-        """What is known of the board: firmware, settings, problems."""
-        return self._wait(self._robot.board())
+    request = _waiting(AsyncRobot.request)
+    estop = _waiting(AsyncRobot.estop)
+    release = _waiting(AsyncRobot.release)
+    reset_odometry = _waiting(AsyncRobot.reset_odometry)
+    set_pose = _waiting(AsyncRobot.set_pose)
+    config = _waiting(AsyncRobot.config)
+    board = _waiting(AsyncRobot.board)
