@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from yahboomd.counts import CountHistory, slowest, unwrapped
@@ -23,6 +23,8 @@ def steady(per_reading: int, period_ms: int, count: int = 12) -> list[tuple[int,
 
 
 @given(st.integers(-(2**31), 2**31 - 1), st.integers(-(2**31), 2**31 - 1))
+@example(0, -(2**31))
+@example(0, 2**31 - 1)
 def test_a_step_is_the_same_wherever_the_counter_wraps(start: int, step: int) -> None:
     after = (start + step + 2**31) % 2**32 - 2**31
     assert unwrapped(after - start) == step
@@ -49,6 +51,14 @@ def test_one_reading_shows_no_speed() -> None:
 
 def test_readings_of_the_same_moment_show_no_speed() -> None:
     assert seen([(5, 100), (5, 110)]).since() is None
+    assert seen([(4, 90), (5, 100), (5, 110)]).since() is None
+
+
+def test_a_nanosecond_is_a_time() -> None:
+    history = CountHistory(S)
+    history.add(5, (100,))
+    history.add(6, (110,))
+    assert history.since() == (1, (10,))
 
 
 def test_counts_go_back_over_the_shortest_time_that_is_asked_for() -> None:
@@ -59,11 +69,12 @@ def test_counts_go_back_over_the_shortest_time_that_is_asked_for() -> None:
 
 
 def test_counts_go_back_to_where_there_are_enough_of_the_busiest_motor() -> None:
-    history = CountHistory(S)
-    for n in range(20):
-        history.add(n * 10 * MS, (n, -5 * n))
-    assert history.since(0, 100 * MS, 20) == (40 * MS, (4, -20))
-    assert history.since(0, 100 * MS, 1000) == (100 * MS, (10, -50))
+    for way in (1, -1):
+        history = CountHistory(S)
+        for n in range(20):
+            history.add(n * 10 * MS, (n, 5 * way * n))
+        assert history.since(0, 100 * MS, 20) == (40 * MS, (4, 20 * way))
+        assert history.since(0, 100 * MS, 1000) == (100 * MS, (10, 50 * way))
 
 
 def test_readings_that_lie_farther_apart_than_the_longest_time_still_show_a_speed() -> None:
@@ -75,6 +86,9 @@ def test_at_rest_counts_go_back_as_far_as_readings_are_kept() -> None:
     assert history.since(20 * MS, 50 * MS, 32) == (100 * MS, (0,))
     # Without a wish for counts there is nothing to look for.
     assert history.since(20 * MS) == (20 * MS, (0,))
+    # One that counted before has rested for as long as it stands still.
+    history = seen([(0, 0), *((10 * n, 5) for n in range(1, 10))])
+    assert history.since(20 * MS, 50 * MS, 32) == (50 * MS, (0,))
 
 
 def test_a_reading_that_was_wrong_is_forgotten() -> None:
@@ -177,6 +191,13 @@ def test_three_readings_over_a_tenth_of_a_second_are_witnesses() -> None:
     assert seen(steady(150, 60, 3)).witnessed(0) == pytest.approx(2500.0)
     assert seen(steady(125, 50, 3)).witnessed(0) == pytest.approx(2500.0)
     assert seen(steady(120, 49, 3)).witnessed(0) is None
+    assert seen(steady(625, 250, 3)).witnessed(0) == pytest.approx(2500.0)
+
+
+def test_five_readings_over_a_fifth_of_a_second_are_witnesses() -> None:
+    # Ever faster: without the last, the median pair is that of the first and the fourth.
+    ever_faster = [(1000 + 50 * n, 25 * n * n) for n in range(5)]
+    assert seen(ever_faster).witnessed(0) == pytest.approx(1500.0)
 
 
 def test_witnesses_are_no_older_than_80_ms_where_there_are_enough() -> None:
@@ -201,6 +222,13 @@ def test_two_readings_are_kept_however_old_they_are() -> None:
 def test_a_witness_of_80_ms_ago_counts() -> None:
     ever_faster = [(1000 + 16 * n, 100 * n * n) for n in range(6)]
     assert seen(ever_faster).witnessed(0) != seen(ever_faster[1:]).witnessed(0)
+    # Without the last, the median pair is that of the first and the last but one.
+    assert seen(ever_faster).witnessed(0) == pytest.approx(25_000.0)
+
+
+def test_readings_25_ms_apart_show_a_speed_and_nearer_ones_do_not() -> None:
+    assert seen([(1000 + n, 3 * n) for n in (0, 5, 10, 20, 25)]).witnessed(0) == pytest.approx(3000)
+    assert seen([(1000 + n, 3 * n) for n in (0, 5, 10, 20, 24)]).witnessed(0) is None
 
 
 def test_readings_that_arrive_all_at_once_show_no_speed() -> None:

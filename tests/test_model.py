@@ -9,7 +9,16 @@ import msgspec
 import pytest
 
 from yahboomd import model
-from yahboomd.model import CHANNELS, STANDSTILL, Motor, Twist2d
+from yahboomd.model import (
+    CHANNELS,
+    NS_PER_S,
+    STANDSTILL,
+    EncoderReading,
+    Kinematics,
+    Motor,
+    Pose2d,
+    Twist2d,
+)
 
 NOUNS = [
     each
@@ -38,6 +47,16 @@ def test_a_standstill_is_zero_in_every_direction_and_nothing_else_is() -> None:
 def test_a_tick_is_a_part_of_the_rim() -> None:
     motor = Motor(name="left", wheel=0, position=1, radius_m=0.0335, ticks_per_revolution=1320)
     assert motor.metres_per_tick == pytest.approx(math.pi * 0.067 / 1320)
+    assert NS_PER_S == 10**9
+
+
+def test_what_is_left_out_is_usual() -> None:
+    assert Pose2d() == Pose2d(x=0.0, y=0.0, theta=0.0)
+    motor = Motor(name="left", wheel=0, position=1, radius_m=0.03, ticks_per_revolution=1320)
+    assert (motor.command_sign, motor.encoder_sign) == (1, 1)
+    reading = EncoderReading(ticks=(0, 0, 0, 0), received_ns=2, sent_ns=1)
+    assert (reading.after_reset, reading.after_gap, reading.unbroken) == (False, False, False)
+    assert not Kinematics(name="none", wheels=(), inverse=(), forward=((), (), ())).holonomic
 
 
 def test_the_board_has_four_channels() -> None:

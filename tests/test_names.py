@@ -19,6 +19,7 @@ CHUNKS = st.lists(st.text(min_size=1, max_size=8), min_size=1, max_size=4).map("
 def test_names_that_zenoh_or_a_reader_would_trip_over_are_refused():
     for name in ("/bot1", "bot1/", "a//b", "bot*", "a/**", "b$t", "who?", "a#b", "a b", "@bot", ""):
         assert name_problem(name), name
+    assert name_problem("/bot1") == name_problem("bot1/") == "it may not begin or end with '/'"
 
 
 def test_usual_names_are_accepted():
@@ -39,6 +40,7 @@ def test_zenoh_takes_every_name_that_is_accepted(name):
         "tcp/[::1]:7447",
         "tcp/[fe80::1%eth0]:7447",
         "udp/robot.local:0",
+        "udp/robot.local:65535",
         "tls/10.0.0.1:7447#root_ca_certificate=/etc/ca.pem",
         "tcp/10.0.0.1:7447?rel=1#iface=eth0",
         "quic/localhost:7447",
@@ -56,7 +58,7 @@ def test_endpoints_that_zenoh_takes_are_taken(endpoint):
         "127.0.0.1:7448",
         "tcp:127.0.0.1:7448",
         "tcp/127.0.0.1",
-        "tcp/127.0.0.1:70000",
+        "tcp/127.0.0.1:65536",
         "tcp/:7447",
         "tcp/::1:7447",
         "tcp/a b:7447",

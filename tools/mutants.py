@@ -1,21 +1,23 @@
 """Whether tests notice one-token changes of a room: `make mutants ROOM=drive SAMPLE=120 SEED=1`.
 
-cosmic-ray makes the changes: comparisons, signs, and/or, min/max, numbers. Each one is imported in
-a forked process, from memory, so that no file changes. There the tests of the changed file run
-first, then the room's others, up to the first failure; those with real time are left out. A change
-that no test notices survives: a claim is missing, or code that is not needed. Changes that cannot
-be noticed are listed, each with its reason, in
-tests/equivalent_mutants.txt, and count as equivalent.
+cosmic-ray makes the changes: comparisons, signs, and/or, min/max, numbers. A sample has as large a
+part of each file. Each change is imported in a forked process, from memory, so that no file
+changes. There the tests of the changed file run first, then the room's others, up to the first
+failure; those with real time are left out. A change that no test notices survives: a claim is
+missing, or code that is not needed. Changes that cannot be noticed are listed, each with its
+reason, in tests/equivalent_mutants.txt, and count as equivalent.
 """
 
 import argparse
 import ast
+import contextlib
+import gc
+import io
 import os
 import random
 import re
-import signal
+import resource
 import sys
-import time
 from collections import Counter
 from importlib import machinery
 from pathlib import Path
@@ -38,6 +40,7 @@ ROOMS = {
     "messages": ("yahboomd/messages", ["tests/messages"]),
     "counts": ("yahboomd/counts.py", ["tests/test_counts.py"]),
     "model": ("yahboomd/model.py", ["tests/test_model.py"]),
+    "names": ("yahboomd/names.py", ["tests/test_names.py"]),
 }
 NEIGHBOURS = {
     "Binary": "Add_Sub Sub_Add Mul_Div Div_Mul FloorDiv_Mul Mod_Mul",
@@ -49,8 +52,7 @@ PLAIN = (
     "ReplaceBreakWithContinue ReplaceContinueWithBreak ZeroIterationForLoop "
     "ReplaceUnaryOperator_Delete_USub ReplaceUnaryOperator_Delete_Not"
 )
-LONGEST_S = 120.0
-DECLARES = re.compile(r"^\s*class |TYPE_CHECKING|\(.*\*, ")
+DECLARES = re.compile(r"^\s*class |TYPE_CHECKING|\(.*\*, |^\s*\*,$")
 
 
 class Token(Operator):
@@ -125,6 +127,18 @@ def places(path):
                 yield path, operator, occurrence, line
 
 
+def sampled(paths, seed):
+    """All places in an order drawn by `seed`, in which every file has its part of any beginning."""
+    chance = random.Random(seed)
+    ranked = []
+    for path in paths:
+        found = list(places(path))
+        chance.shuffle(found)
+        start = chance.random()
+        ranked += [((rank + start) / len(found), place) for rank, place in enumerate(found)]
+    return [place for _, place in sorted(ranked, key=lambda each: each[0])]
+
+
 def change(path, operator, occurrence, line):
     """The changed text, and the line before and after; None where that is no Python."""
     source = path.read_text()
@@ -137,25 +151,8 @@ def change(path, operator, occurrence, line):
     return changed, before, after
 
 
-def tested(path, changed, tests):
-    """Run the tests in this process, which imports `changed` in place of the file at `path`."""
-    module = ".".join(path.relative_to(HERE).with_suffix("").parts)
-    code = compile(changed, str(path), "exec", dont_inherit=True)
-    own = HERE / "tests" / path.relative_to(HERE / "yahboomd").with_name(f"test_{path.name}")
-    read = machinery.SourceFileLoader.get_code
-    machinery.SourceFileLoader.get_code = lambda loader, name: (
-        code if name == module else read(loader, name)
-    )
-    quiet = ["-x", "-q", "--no-header", "--tb=no", "-p", "no:cacheprovider", "-p", "no:xdist"]
-    # What is imported before pytest is no reason to fail.
-    quiet += ["-o", "filterwarnings=", "-m"]
-    return int(
-        pytest.main([*quiet, "not realtime", *([str(own)] * own.exists()), *tests], [Unshrunk()])
-    )
-
-
-class Unshrunk:
-    """Hypothesis looks for no smaller example of what fails."""
+class Hurry:
+    """Hypothesis comes last, and looks for no smaller example of what fails."""
 
     def pytest_configure(self):
         """Load a profile after conftest.py did."""
@@ -164,25 +161,62 @@ class Unshrunk:
         settings.register_profile("mutants", settings.default, phases=phases, database=None)
         settings.load_profile("mutants")
 
+    def pytest_collection_modifyitems(self, items):
+        """The tests of one example first."""
+        items.sort(key=lambda item: hypothesis.is_hypothesis_test(item.obj))
 
-def killed(path, changed, tests):
-    """Whether a test fails, or hangs, or cannot even start."""
+
+def passes(*arguments):
+    """Whether pytest finds no failure, in this process; no test at all is none."""
+    quiet = ["-x", "-q", "--no-header", "--tb=no", "--assert=plain"]
+    quiet += ["-p", "no:cacheprovider", "-p", "no:xdist", "-p", "no:unraisableexception"]
+    # What is imported before pytest is no reason to fail.
+    quiet += ["-o", "filterwarnings=", "-m", "not realtime"]
+    return pytest.main([*quiet, *arguments], [Hurry()]) in (0, 5)
+
+
+def import_libraries(tests):
+    """Import once what every run would: all that is not of this tree."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        passes("--collect-only", *tests)
+    for name, module in list(sys.modules.items()):
+        origin = Path(getattr(module, "__file__", None) or "/")
+        if origin.is_relative_to(HERE) and not origin.is_relative_to(sys.prefix):
+            del sys.modules[name]
+    gc.collect()
+    gc.freeze()
+
+
+def unnoticed(path, changed, tests):
+    """Whether tests pass in this process, which imports `changed` in place of the file."""
+    module = ".".join(path.relative_to(HERE).with_suffix("").parts)
+    code = compile(changed, str(path), "exec", dont_inherit=True)
+    read = machinery.SourceFileLoader.get_code
+    machinery.SourceFileLoader.get_code = lambda loader, name: (
+        code if name == module else read(loader, name)
+    )
+    own = HERE / "tests" / path.relative_to(HERE / "yahboomd").with_name(f"test_{path.name}")
+    return (not own.exists() or passes(str(own))) and passes(f"--ignore={own}", *tests)
+
+
+def forked(limit_s, work, *arguments):
+    """The CPU seconds of `work` in a process of its own; None where it fails, or has no end.
+
+    The limit is in CPU seconds too: a busy machine is no reason to end it.
+    """
     pid = os.fork()
     if not pid:
-        os.setsid()
-        silence = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(silence, 1)
-        os.dup2(silence, 2)
-        os._exit(tested(path, changed, tests))
-    due = time.monotonic() + LONGEST_S
-    while time.monotonic() < due:
-        done, status = os.waitpid(pid, os.WNOHANG)
-        if done:
-            return status != 0
-        time.sleep(0.02)
-    os.killpg(pid, signal.SIGKILL)
-    os.waitpid(pid, 0)
-    return True
+        passed = False
+        try:
+            resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s))
+            silence = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(silence, 1)
+            os.dup2(silence, 2)
+            passed = work(*arguments)
+        finally:
+            os._exit(not passed)
+    _, status, usage = os.wait4(pid, 0)
+    return None if status else usage.ru_utime + usage.ru_stime
 
 
 def main():
@@ -195,16 +229,21 @@ def main():
     options = parser.parse_args()
     os.chdir(HERE)
     sys.path[:0] = [str(HERE), str(HERE / "tests" / "plugins")]
-    sys.dont_write_bytecode = True
     where, tests = ROOMS[options.room]
-    paths = sorted((HERE / where).rglob("*.py")) or [HERE / where]
-    every = [place for path in paths if options.file in (None, path.name) for place in places(path)]
+    import_libraries(tests)
+    usual_s = forked(600, passes, *tests)
+    if usual_s is None:
+        sys.exit(f"mutants: the tests of {options.room} fail without a change")
+    limit_s = 20 + round(5 * usual_s)
     equivalent = {
         tuple(part.strip() for part in line.split(" | ")[:3])
         for line in EQUIVALENT.read_text().splitlines()
         if not line.startswith("#")
     }
-    random.Random(options.seed).shuffle(every)
+    paths = sorted((HERE / where).rglob("*.py")) or [HERE / where]
+    if options.file:
+        paths = [path for path in paths if path.name == options.file]
+    every = sampled(paths, options.seed)
     counted = Counter()
     for path, operator, occurrence, line in every:
         if options.sample and counted.total() == options.sample:
@@ -214,7 +253,7 @@ def main():
             continue
         changed, before, after = found
         name = str(path.relative_to(HERE))
-        if killed(path, changed, tests):
+        if forked(limit_s, unnoticed, path, changed, tests) is None:
             counted["killed"] += 1
         elif (name, before, after) in equivalent:
             counted["equivalent"] += 1

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from itertools import islice
+from itertools import combinations, islice
 from statistics import median
 from typing import NamedTuple
 
@@ -115,7 +115,7 @@ class CountHistory:
 
         Returns:
             The longest time that they can have taken, and the counts of each motor; None where
-            there is no time between any two readings.
+            there is no time between those readings.
         """
         readings = self._readings
         if len(readings) < 2:
@@ -160,9 +160,9 @@ class CountHistory:
                 break
             del heard[0]
         if len(heard) >= ENOUGH:
-            subsets = [heard[:index] + heard[index + 1 :] for index in range(len(heard))]
+            subsets = [*combinations(heard, len(heard) - 1)]
         elif len(heard) >= SELDOM and heard[-1][0] - heard[0][0] >= SELDOM_NS // 2:
-            subsets = [heard]
+            subsets = [tuple(heard)]
         else:
             return None
         speeds = [speed for subset in subsets if (speed := _median(subset)) is not None]
@@ -176,7 +176,7 @@ def _counted(now: Reading, then: Reading, enough_ticks: float) -> bool:
     return False
 
 
-def _median(heard: list[tuple[int, int]]) -> float | None:
+def _median(heard: tuple[tuple[int, int], ...]) -> float | None:
     """Counts in a nanosecond, the median over all pairs that lie far enough apart."""
     speeds = [
         (total - before) / (at_ns - before_ns)

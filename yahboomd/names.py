@@ -61,11 +61,13 @@ def is_local(endpoint: str) -> bool:
     """
     if endpoint.startswith("unixsock-stream/"):
         return True
-    host, _ = host_and_port(endpoint) or ("", 0)
-    if host == "localhost":
+    found = host_and_port(endpoint)
+    if found is None:
+        return False
+    if found[0] == "localhost":
         return True
     try:
-        return ipaddress.ip_address(host).is_loopback
+        return ipaddress.ip_address(found[0]).is_loopback
     except ValueError:
         return False
 
