@@ -12,7 +12,7 @@ from yahboomd.clock import LoopClock
 from yahboomd.link.connected_board import ConnectedBoard
 from yahboomd.link.handshake import Identity
 from yahboomd.link.session import Session, SessionOptions
-from yahboomd.model import Counts, EncoderReading, Event, Pose2d
+from yahboomd.model import Counts, EncoderReading, Event, ImuReading, Pose2d
 from yahboomd.simulation import virtual_time
 from yahboomd.simulation.memory import MemoryPort
 from yahboomd.simulation.options import SimulationOptions
@@ -70,6 +70,8 @@ class _Ears:
 
     def reading(self, reading: EncoderReading) -> None:
         self.readings.append(reading)
+
+    def imu(self, _reading: ImuReading) -> None: ...
 
     def battery(self, _volts: float) -> None: ...
 

@@ -17,6 +17,9 @@ Counts: TypeAlias = tuple[int, int, int, int]
 Matrix3: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
 """A 3 by 3 matrix, row by row."""
 
+Vector3: TypeAlias = tuple[float, float, float]
+"""Components along x, y and z."""
+
 Severity: TypeAlias = Literal["info", "warning", "error"]
 
 EventKind: TypeAlias = Literal[
@@ -158,6 +161,44 @@ class EncoderReading(msgspec.Struct, frozen=True, kw_only=True):
     unbroken: bool = False
     requested_ns: int | None = None
     earliest_ns: int | None = None
+
+
+class ImuSensor(msgspec.Struct, frozen=True, kw_only=True):
+    """What a kind of inertial sensor can measure, as its board has set it up.
+
+    Attributes:
+        name: Such as ``mpu9250``.
+        gyro_limit_rad_s: The fastest turn that it can report about an axis.
+        gyro_noise_rad_s: Standard deviation of one sample about one axis.
+        acceleration_limit_m_s2: The largest acceleration that it can report along an axis.
+        acceleration_noise_m_s2: Standard deviation of one sample along one axis.
+        delay_ns: How old the motion is when a sample leaves the board: filters and waiting.
+    """
+
+    name: str
+    gyro_limit_rad_s: float
+    gyro_noise_rad_s: float
+    acceleration_limit_m_s2: float
+    acceleration_noise_m_s2: float
+    delay_ns: int = 0
+
+
+class ImuReading(msgspec.Struct, frozen=True, kw_only=True):
+    """One sample of a board's inertial sensor, along the sensor's own axes.
+
+    Attributes:
+        sensor: What it was measured with.
+        sent_ns: When its first byte left the board, as far as the wire tells; monotonic.
+        gyro_rad_s: Rate of turn about x, y and z.
+        acceleration_m_s2: Specific force along x, y and z: at rest, gravity upward.
+        magnetic_t: The magnetic field in tesla; None where there is no magnetometer.
+    """
+
+    sensor: ImuSensor
+    sent_ns: int
+    gyro_rad_s: Vector3
+    acceleration_m_s2: Vector3
+    magnetic_t: Vector3 | None = None
 
 
 class OdometryEstimate(msgspec.Struct, frozen=True, kw_only=True):

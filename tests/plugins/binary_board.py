@@ -12,11 +12,14 @@ import msgspec
 from yahboomd.model import Counts
 from yahboomd.simulation.board import BOOT_NS, NEVER, Emit
 from yahboomd.simulation.boards import BoardKind
+from yahboomd.simulation.imu import Imu, ImuOptions
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.plant import Plant
 from yahboomd.simulation.speed_loop import TICK_NS, MotorControl, Tuning
 
 REPORT_NS = 40_000_000
+IMU_LAG_NS = 20_000_000
+"""The sensor is reported in the middle between two reports of the counters."""
 CARRY_OUT_NS = 200_000
 QUEUE = 8
 FASTEST_MM_S = 1000
@@ -27,32 +30,36 @@ TUNING = Tuning(
 
 
 class Stored(msgspec.Struct, frozen=True, kw_only=True):
-    """The settings that the board keeps over a reset."""
+    """The settings that the board keeps over a reset, and the sensor soldered to it, if any."""
 
     track_mm: int = 150
+    imu: ImuOptions | None = None
 
 
 class BinaryBoard:
     """Left motors are on 1 and 2, right ones on 3 and 4; those in front on 1 and 3."""
 
-    def __init__(self, options: SimulationOptions, plant: Plant, emit: Emit) -> None:
+    def __init__(
+        self, options: SimulationOptions, plant: Plant, emit: Emit, random: Random
+    ) -> None:
         self.emit = emit
         self.flash = options.flash if isinstance(options.flash, Stored) else Stored()
+        self.imu = None if self.flash.imu is None else Imu(self.flash.imu, random)
         self._plant = plant
         self._control = MotorControl(plant, options.initial_ticks, options.loop_gain)
         self._major, self._minor = (int(part) for part in options.firmware.split(".")[:2])
         self._collected = bytearray()
         self._frames: deque[tuple[int, bytes]] = deque()
-        self._tick_ns = self._report_ns = self._main_ns = NEVER
+        self._tick_ns = self._report_ns = self._main_ns = self._imu_ns = NEVER
         self._listens_ns = 0
 
     @property
     def next_ns(self) -> int:
-        return min(self._tick_ns, self._report_ns, self._main_ns)
+        return min(self._tick_ns, self._report_ns, self._main_ns, self._imu_ns)
 
     @property
     def speaks_ns(self) -> int:
-        return min(self._report_ns, self._main_ns)
+        return min(self._report_ns, self._main_ns, self._imu_ns)
 
     @property
     def totals(self) -> Counts:
@@ -62,6 +69,10 @@ class BinaryBoard:
         self._listens_ns = now_ns
         self._tick_ns = now_ns + TICK_NS
         self._report_ns = now_ns + REPORT_NS
+        self._start_imu()
+
+    def _start_imu(self) -> None:
+        self._imu_ns = NEVER if self.imu is None else self._report_ns + IMU_LAG_NS
 
     def reset(self, now_ns: int, *, off_ns: int = 0, by_power: bool) -> None:
         self._plant.advance(now_ns)
@@ -71,9 +82,11 @@ class BinaryBoard:
         self._main_ns = NEVER
         self._listens_ns = self._tick_ns = now_ns + off_ns + BOOT_NS
         self._report_ns = self._listens_ns + REPORT_NS
+        self._start_imu()
 
     def hang(self) -> None:
         self._tick_ns = self._report_ns = self._main_ns = self._listens_ns = NEVER
+        self._imu_ns = NEVER
 
     def set_tick_period(self, now_ns: int, period_ns: int, jitter_ns: int = 0) -> None:
         raise ValueError("a board that counts when it reports")
@@ -104,10 +117,22 @@ class BinaryBoard:
                 self._report_ns += REPORT_NS
                 self._control.renew_totals(at_ns, TUNING)
                 self._say(0x81, struct.pack("<4i", *self._control.totals), at_ns)
+            elif at_ns == self._imu_ns:
+                self._imu_ns += REPORT_NS
+                self._say(0x94, self._measured(at_ns), at_ns)
             else:
                 kind, payload = self._frames.popleft()
                 self._main_ns = at_ns + CARRY_OUT_NS if self._frames else NEVER
                 self._execute(kind, payload, at_ns)
+
+    def _measured(self, now_ns: int) -> bytes:
+        assert self.imu is not None
+        plant = self._plant
+        plant.advance(now_ns)
+        twist = plant.chassis.twist([motor.speed_m_s for motor in plant.motors])
+        shown = self.imu.sample(now_ns, twist, plant.chassis.pose.theta)
+        values = (*shown.gyro_rad_s, *shown.acceleration_m_s2)
+        return struct.pack("<6h", *(max(-32768, min(32767, round(1e3 * each))) for each in values))
 
     def _say(self, kind: int, payload: bytes, now_ns: int) -> None:
         inside = bytes((len(payload), kind)) + payload
@@ -140,7 +165,7 @@ def _make(
     emit: Emit,
     random: Random,
 ) -> BinaryBoard:
-    return BinaryBoard(options, plant, emit)
+    return BinaryBoard(options, plant, emit, random)
 
 
 BINARY_BOARD = BoardKind(make=_make, flash=Stored)

@@ -14,6 +14,7 @@ little-endian order, and CRC-16 (XMODEM) over LEN, KIND and payload.
 | 20 | read the settings | | 91 | track in mm, u16: the last of the settings |
 | 21 | store the track in mm, u16 | | 92 | stored: u8, 1 for yes |
 | 30 | read the voltage | | 93 | V/100, u16 |
+| | | | 94 | sensor: turn in mrad/s, force in mm/s^2, three i16 each |
 """
 
 from __future__ import annotations
@@ -28,12 +29,13 @@ import msgspec
 from binary_board import BINARY_BOARD
 
 from yahboomd.errors import BoardError
-from yahboomd.model import Kinematics, Motor
+from yahboomd.model import ImuSensor, Kinematics, Motor
 from yahboomd.protocol.dialect import (
     Battery,
     Decoded,
     Findings,
     FramerCounters,
+    Inertial,
     Reply,
     Setting,
     SettingValue,
@@ -52,6 +54,14 @@ START = 0xA5
 LONGEST_PAYLOAD = 32
 MM_PER_TICK = math.pi * 67.0 / 1320.0
 """The board's own measure of a count; it cannot be set."""
+
+SENSOR = ImuSensor(
+    name="binary",
+    gyro_limit_rad_s=8.7,
+    gyro_noise_rad_s=1e-3,
+    acceleration_limit_m_s2=32.7,
+    acceleration_noise_m_s2=0.02,
+)
 
 
 def frame(kind: int, payload: bytes = b"") -> bytes:
@@ -189,6 +199,11 @@ class Binary(msgspec.Struct, frozen=True, kw_only=True):
                     return Reply(command="track", ok=bool(done), text=f"stored: {done}")
                 case 0x93:
                     return Battery(volts=struct.unpack("<H", item.payload)[0] / 100.0)
+                case 0x94:
+                    p, q, r, x, y, z = (n / 1e3 for n in struct.unpack("<6h", item.payload))
+                    return Inertial(
+                        sensor=SENSOR, gyro_rad_s=(p, q, r), acceleration_m_s2=(x, y, z)
+                    )
         except (struct.error, ValueError):
             pass
         return Unrecognised(text=f"{item.kind:02x} {item.payload.hex(' ')}")

@@ -11,7 +11,7 @@ from yahboomd.link.connected_board import ConnectedBoard
 from yahboomd.link.handshake import Identity
 from yahboomd.link.port import byte_time_ns
 from yahboomd.link.session import Session, SessionOptions
-from yahboomd.model import Counts, EncoderReading, Event
+from yahboomd.model import Counts, EncoderReading, Event, ImuReading
 from yahboomd.simulation.memory import MemoryPort
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
@@ -70,6 +70,7 @@ class Recorder:
         self.board: ConnectedBoard | None = None
         self.identities: list[Identity] = []
         self.readings: list[EncoderReading] = []
+        self.imu_readings: list[ImuReading] = []
         self.volts: list[float] = []
         self.resets: list[str] = []
         self.events: list[Event] = []
@@ -84,6 +85,9 @@ class Recorder:
 
     def reading(self, reading: EncoderReading) -> None:
         self.readings.append(reading)
+
+    def imu(self, reading: ImuReading) -> None:
+        self.imu_readings.append(reading)
 
     def battery(self, volts: float) -> None:
         self.volts.append(volts)

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from binary_board import Stored
 from binary_dialect import BINARY, registered
-from board_bench import LinkBench
+from board_bench import Bench, LinkBench
 from fault_bench import FaultBench, is_stop
 
 from yahboomd.cli.probe.probe_report import report
@@ -26,6 +26,7 @@ from yahboomd.link.storing import store
 from yahboomd.protocol.first_words import FIRST_WORDS
 from yahboomd.protocol.profiles import PROFILES
 from yahboomd.protocol.registry import DIALECTS, connect_stop
+from yahboomd.simulation.imu import ImuOptions
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
 from yahboomd.simulation.virtual_time import on_virtual_time
@@ -246,3 +247,26 @@ async def test_a_board_that_may_report_by_itself_is_listened_for_before_any_is_a
         if at_ns < asked_ns and connect_stop()[-1][1] in data
     )
     assert asked_ns - stopped_ns >= BINARY.listen_ns
+
+
+@on_virtual_time
+async def test_samples_of_its_inertial_sensor_arrive_with_the_time_at_which_they_left() -> None:
+    simulation = SimulationOptions(dialect="binary", flash=Stored(imu=ImuOptions()))
+    async with Bench(simulation) as bench:
+        await bench.connected()
+        heard = bench.recorder.imu_readings
+        await bench.until(lambda: len(heard) >= 10)
+        for before, after in itertools.pairwise(heard):
+            assert after.sent_ns - before.sent_ns == pytest.approx(40 * MS, abs=2)
+        assert 0 <= bench.now_ns() - heard[-1].sent_ns < 3 * MS
+        assert heard[-1].gyro_rad_s == (0.0, 0.0, 0.0)
+        assert heard[-1].acceleration_m_s2 == (0.0, 0.0, 9.807)
+        assert heard[-1].sensor.name == "binary"
+        assert bench.session.facts()["imu_readings"] == len(heard)
+
+
+@on_virtual_time
+async def test_status_names_the_inertial_sensor_of_a_board_that_has_one(tmp_path: Path) -> None:
+    async with robot(tmp_path, flash=Stored(imu=ImuOptions())) as bench:
+        await bench.ready()
+        await bench.until(lambda: bench.controller.imu_sensor == "binary")

@@ -34,7 +34,7 @@ from yahboomd.drive.limiter import Limiter
 from yahboomd.errors import YahboomdError
 from yahboomd.link.connected_board import ConnectedBoard
 from yahboomd.link.handshake import Identity
-from yahboomd.model import Counts, EncoderReading, Event, Matrix3, Pose2d
+from yahboomd.model import Counts, EncoderReading, Event, ImuReading, Matrix3, Pose2d
 from yahboomd.odometry.odometer import Odometer
 from yahboomd.protocol.dialect import Units
 from yahboomd.protocol.settings import VERSION
@@ -113,6 +113,7 @@ class Controller:
         self._raw_ticks: Counts = (0, 0, 0, 0)
         self._alarm = clock.alarm(self._extra_step)
         self.volts: float | None = None
+        self.imu_sensor: str | None = None
         self._wait("No board yet.")
 
     # The control step.
@@ -258,6 +259,7 @@ class Controller:
         """A board is there: may its wheels turn, and in which units are they commanded?"""
         now_ns = self._clock.now_ns()
         self._arbiter.forget_commands(now_ns)
+        self.imu_sensor = None
         dialect = identity.dialect
         self._odometer.set_sample_period(
             dialect.sample_period_ns, each_line=dialect.renews_with_each_line
@@ -314,6 +316,10 @@ class Controller:
         if self._wheels.attached and self._holds.drop(WAITING_FOR_BOARD):
             self._outputs.changed()
         self._outputs.estimate(estimate, self._wheels.command_m_s)
+
+    def imu(self, reading: ImuReading) -> None:
+        """The inertial sensor was read."""
+        self.imu_sensor = reading.sensor.name
 
     def sent(self, units: Units | None) -> None:
         """Wheels are held against a command from the moment at which it was written."""

@@ -107,6 +107,8 @@ class Status:
                 facts.update(row.facts(settings.get(row.field)))
         if self._controller.volts is not None:
             facts["volts"] = self._controller.volts
+        if self._controller.imu_sensor is not None:
+            facts["imu"] = self._controller.imu_sensor
         return facts
 
     def bus(self) -> dict[str, Any]:

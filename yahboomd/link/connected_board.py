@@ -11,7 +11,7 @@ from yahboomd.link.line import Line
 from yahboomd.link.outbox import Lane
 from yahboomd.link.poller import Poller
 from yahboomd.link.start_notices import Notice
-from yahboomd.model import EncoderReading, Event
+from yahboomd.model import EncoderReading, Event, ImuReading
 from yahboomd.protocol.dialect import Battery, Decoded, Units, VersionLine
 
 STILL: Units = (0, 0, 0, 0)
@@ -36,6 +36,10 @@ class Listener(Protocol):
 
     def reading(self, reading: EncoderReading) -> None:
         """Units arrived."""
+        ...
+
+    def imu(self, reading: ImuReading) -> None:
+        """The inertial sensor was read."""
         ...
 
     def sent(self, units: Units | None) -> None:
@@ -89,6 +93,7 @@ class ConnectedBoard:
         self.counters: Counter[str] = Counter()
         line.writer.on_sent = self._sent
         line.on_counts = poller.reading
+        line.on_imu = listener.imu
         line.on_said = self._said
         line.on_leaving = listener.leaving
 

@@ -30,11 +30,12 @@ from yahboomd.link.stopping import (
 )
 from yahboomd.link.vital_tasks import VitalTasks, undisturbed
 from yahboomd.link.writer import Writer
-from yahboomd.model import Counts
+from yahboomd.model import Counts, ImuReading
 from yahboomd.protocol.dialect import (
     Decoded,
     Dialect,
     FramerCounters,
+    Inertial,
     Item,
     Reply,
     Totals,
@@ -105,6 +106,7 @@ class Line:
         heard: What came from the port.
         counters: What went wrong, by name.
         on_counts: Takes counts.
+        on_imu: Takes samples of the inertial sensor.
         on_said: Takes everything else, and what it says of a start of the board.
         on_leaving: Called when the wheels are being stopped by the line itself.
     """
@@ -146,6 +148,7 @@ class Line:
         self.heard = Heard(counters=self._framer.counters)
         self.counters: Counter[str] = Counter()
         self.on_counts: OnCounts = lambda *_: None
+        self.on_imu: Callable[[ImuReading], None] = lambda _: None
         self.on_said: Callable[[Decoded, Notice], None] = lambda *_: None
         self.on_leaving: Callable[[], None] = lambda: None
 
@@ -263,6 +266,8 @@ class Line:
                 gathering = self._gathering
                 if gathering is not None and gathering.line(item.size, item.trailing):
                     self.port.gather(gathering.least)
+            elif isinstance(decoded, Inertial):
+                self._inertial(decoded, item, now_ns)
             else:
                 self._words(decoded)
         if self._gathering is not None and self._gathering.rest(self._framer.held_bytes):
@@ -288,6 +293,18 @@ class Line:
         self.ticks, self.streaming = totals.ticks, True
         self.watch.see(totals.ticks, received_ns)
         self.on_counts(totals.ticks, received_ns, sent_ns, requested_ns, earliest_ns)
+
+    def _inertial(self, sample: Inertial, item: Item, now_ns: int) -> None:
+        self.counters["imu_readings"] += 1
+        self.on_imu(
+            ImuReading(
+                sensor=sample.sensor,
+                sent_ns=now_ns - (item.trailing + item.size) * self.port.byte_ns,
+                gyro_rad_s=sample.gyro_rad_s,
+                acceleration_m_s2=sample.acceleration_m_s2,
+                magnetic_t=sample.magnetic_t,
+            )
+        )
 
     def _words(self, decoded: Decoded) -> None:
         notice = self._note(decoded)

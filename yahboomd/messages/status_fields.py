@@ -69,6 +69,7 @@ _LINK = {
     "sessions": "connections with a recognised board that ended",
     "repeated_faults": "attempts that failed the same way as the one before, and were not logged",
     "readings": "readings of the encoders",
+    "imu_readings": "samples of the board's inertial sensor",
     "bytes": "bytes that came from the board",
     "frames": "frames that came from the board",
     "lines": "lines of text that came from the board",
@@ -229,6 +230,10 @@ FIELDS: tuple[StatusField, ...] = (
         *("board", "gauge", "volts", "the latest voltage of the motors' supply"),
         unit="V",
         absent="no board is connected, or no voltage came yet",
+    ),
+    _fact(
+        *("board", "text", "imu", "its inertial sensor"),
+        absent="no board is connected, or no sample of one came yet",
     ),
     *_counters("link", _LINK),
     *_counters("command", _ACCOUNT | _COMMAND),

@@ -14,7 +14,7 @@ from typing import Any, Protocol, TypeAlias
 
 import msgspec
 
-from yahboomd.model import Counts, Kinematics, Motor
+from yahboomd.model import Counts, ImuSensor, Kinematics, Motor, Vector3
 from yahboomd.protocol.profiles import MotorProfile
 from yahboomd.protocol.settings import BoardSettings, SettingValue, StoredSetting
 
@@ -125,6 +125,22 @@ class Battery(msgspec.Struct, frozen=True, kw_only=True):
     volts: float
 
 
+class Inertial(msgspec.Struct, frozen=True, kw_only=True):
+    """A sample of the board's inertial sensor, along the sensor's own axes.
+
+    Attributes:
+        sensor: What it was measured with.
+        gyro_rad_s: Rate of turn about x, y and z.
+        acceleration_m_s2: Specific force along x, y and z.
+        magnetic_t: The magnetic field in tesla; None where there is no magnetometer.
+    """
+
+    sensor: ImuSensor
+    gyro_rad_s: Vector3
+    acceleration_m_s2: Vector3
+    magnetic_t: Vector3 | None = None
+
+
 class Reply(msgspec.Struct, frozen=True, kw_only=True):
     """The board's answer to a command.
 
@@ -193,7 +209,16 @@ class Unrecognised(msgspec.Struct, frozen=True, kw_only=True):
 
 
 Decoded: TypeAlias = (
-    Totals | Deltas | Speeds | Battery | Reply | Setting | VersionLine | CommandLost | Unrecognised
+    Totals
+    | Deltas
+    | Speeds
+    | Battery
+    | Inertial
+    | Reply
+    | Setting
+    | VersionLine
+    | CommandLost
+    | Unrecognised
 )
 """All that a frame or a line can mean."""
 
