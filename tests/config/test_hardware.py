@@ -31,6 +31,14 @@ def test_every_dialect_of_the_registry_can_be_chosen(dialect):
     assert Serial(dialect=dialect).dialect == dialect
 
 
+def test_a_dialect_that_is_registered_at_run_time_can_be_named_and_then_not_any_more(monkeypatch):
+    monkeypatch.setitem(DIALECTS, "later", DIALECTS["polled"])
+    assert Serial(dialect="later").dialect == "later"
+    monkeypatch.delitem(DIALECTS, "later")
+    with pytest.raises(ValidationError):
+        Serial(dialect="later")
+
+
 @pytest.mark.parametrize("preset", PRESETS)
 def test_a_preset_gives_every_wheel_motors_of_its_own(preset):
     kinematics, motors = PRESETS[preset]

@@ -86,7 +86,7 @@ def test_a_custom_profile_is_made_of_its_figures():
     given = config(board={**board, "motor_type": 2, "deadzone": 1600})
     assert given.ticks_per_revolution() == pytest.approx(13 * 20.409 * 4)
     assert given.radius_m("left") == pytest.approx(0.024)
-    assert (given.profile().motor_type, given.profile().deadzone) == (2, 1600)
+    assert given.profile().stored == {"motor_type": 2, "deadzone": 1600}
 
 
 def test_a_custom_profile_may_follow_from_the_chassis():

@@ -247,6 +247,7 @@ def test_a_source_may_be_called_as_a_topic_without_the_bridge():
 
 def test_more_than_the_board_can_do_and_a_stall_that_is_never_seen_are_warnings():
     assert set(warned(limits={"linear": {"velocity": 1.1}})) == {"limits.linear.velocity"}
+    assert "than the board takes (1 m/s)" in str(warned(limits={"linear": {"velocity": 1.1}}))
     assert set(warned(limits={"linear": {"velocity": 0.05}})) == {"faults.min_speed_m_s"}
 
 

@@ -105,7 +105,8 @@ def test_text_of_another_device_is_quoted() -> None:
 
 
 def test_noise_points_to_the_baud_rate() -> None:
-    assert "baud rate" in what_was_heard(heard(bytes(range(128, 256))))
+    words = what_was_heard(heard(bytes(range(128, 256))))
+    assert "another baud rate than the board's 115200," in words
 
 
 def test_other_errors_have_no_hint_but_the_list_of_ports() -> None:

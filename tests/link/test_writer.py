@@ -8,11 +8,15 @@ from typing import Any
 import pytest
 
 from yahboomd.errors import PortLost
-from yahboomd.link.writer import Writer
+from yahboomd.link.writer import Spacing, Writer
 from yahboomd.protocol.dialect import Battery, CommandLost, Totals
 
 MS = 1_000_000
 COUNTS = Totals(ticks=(0, 0, 0, 0))
+
+
+def spaced(frame_ns: int) -> Spacing:
+    return Spacing(frame_ns=frame_ns, question_ns=20 * MS, answer_ns=2 * MS)
 
 
 @pytest.fixture
@@ -22,7 +26,7 @@ def spacing_ns() -> int:
 
 @pytest.fixture
 async def writer(port: Any, clock: Any, spacing_ns: int) -> Any:
-    writer = Writer(port, clock, resend_ns=100 * MS, spacing_ns=spacing_ns)
+    writer = Writer(port, clock, resend_ns=100 * MS, spacing=spaced(spacing_ns))
     task = asyncio.create_task(writer.run())
     await asyncio.sleep(0)
     yield writer
@@ -324,7 +328,7 @@ async def test_a_writer_that_is_closed_says_nothing_that_waited(
 
 
 async def test_a_port_that_takes_nothing_for_300_ms_is_given_up(port: Any, clock: Any) -> None:
-    writer = Writer(port, clock, resend_ns=100 * MS, spacing_ns=20 * MS)
+    writer = Writer(port, clock, resend_ns=100 * MS, spacing=spaced(20 * MS))
     task = asyncio.create_task(writer.run())
     port.queued = 15
     writer.velocity(b"$a#")
@@ -402,7 +406,7 @@ async def test_a_stop_waits_for_what_the_kernel_holds_and_goes_before_what_waite
 
 async def test_a_port_that_is_slow_is_reported_once_with_its_rate(port: Any, clock: Any) -> None:
     rates: list[float] = []
-    writer = Writer(port, clock, resend_ns=100 * MS, spacing_ns=20 * MS)
+    writer = Writer(port, clock, resend_ns=100 * MS, spacing=spaced(20 * MS))
     writer.on_slow = rates.append
     task = asyncio.create_task(writer.run())
     for _ in range(3):

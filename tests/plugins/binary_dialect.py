@@ -153,6 +153,10 @@ class Binary(msgspec.Struct, frozen=True, kw_only=True):
     probe: bytes | None = frame(0x20)
     spacing_ns: int = 5_000_000
     totals_spacing_ns: int = 5_000_000
+    question_spacing_ns: int = 5_000_000
+    answer_spacing_ns: int = 5_000_000
+    baudrate: int = 115_200
+    fastest_m_s: float = 1.0
     brake: bytes = frame(0x10, bytes(6))
     cut: bytes | None = frame(0x11)
     sample_period_ns: int | None = 40_000_000

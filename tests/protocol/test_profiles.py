@@ -20,14 +20,14 @@ from yahboomd.protocol.registry import DIALECTS, check_storable
 def test_the_profiles_are_the_vendors(name, motor_type, deadzone, ticks, radius_m):
     profile = PROFILES[name]
     assert profile.name == name
-    assert (profile.motor_type, profile.deadzone) == (motor_type, deadzone)
+    assert profile.stored == {"motor_type": motor_type, "deadzone": deadzone}
     assert profile.ticks_per_revolution == pytest.approx(ticks)
     assert profile.wheel_radius_m == pytest.approx(radius_m)
 
 
 def test_there_is_no_profile_without_an_encoder():
     assert set(PROFILES) == {"520", "520-1:19", "520-1:56", "l520", "310", "tt"}
-    assert all(profile.motor_type != 4 for profile in PROFILES.values())
+    assert all(profile.stored["motor_type"] != 4 for profile in PROFILES.values())
 
 
 @pytest.mark.parametrize("name", PROFILES)

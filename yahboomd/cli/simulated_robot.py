@@ -47,19 +47,12 @@ def as_configured(config: Config, base: SimulationOptions | None = None) -> Simu
             )
             for motor in config.motors()
         ),
-        motor_type=profile.motor_type,
+        motor_type=cast(int, profile.stored.get("motor_type", base.motor_type)),
         lines=profile.lines,
         ratio=config.ticks_per_revolution() / (profile.lines * EDGES_PER_LINE),
         wheel_radius_m=radius_m,
         wheel_separation_m=config.chassis.wheel_separation_m
         * config.chassis.wheel_separation_multiplier,
         wheel_base_m=config.chassis.wheel_base_m or base.wheel_base_m,
-        flash=BOARDS[dialect].stored(
-            {
-                "motor_type": profile.motor_type,
-                "lines": profile.lines,
-                "ratio": int(profile.ratio),
-                "wheel_diameter_mm": profile.wheel_diameter_mm,
-            }
-        ),
+        flash=BOARDS[dialect].stored({**profile.settings, "ratio": int(profile.ratio)}),
     )

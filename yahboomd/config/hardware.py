@@ -31,7 +31,7 @@ class Serial(Section):
         le=4_000_000,
         description="Bits per second; the board's firmware supports only 115200.",
     )
-    dialect: Annotated[str, Choice(("auto", *DIALECTS))] = Field(
+    dialect: Annotated[str, Choice(("auto",), DIALECTS)] = Field(
         default="auto",
         description="The board's protocol. auto detects it, after stopping the wheels.",
     )

@@ -21,9 +21,6 @@ from yahboomd.protocol.registry import DIALECTS
 BITS_PER_BYTE = 10
 """8N1: a start bit, eight of data, a stop bit."""
 
-BOARD_MAX_M_S = 1.0
-"""The board takes speeds up to 1000 mm/s."""
-
 
 @dataclass(frozen=True)
 class Finding:
@@ -180,9 +177,11 @@ def speeds(config: Config) -> Iterator[Finding]:
     """The limits fit the board, the odometry and the detection of stalls."""
     velocity = config.limits.linear.velocity
     place: Place = ("limits", "linear", "velocity")
-    if velocity is not None and velocity > BOARD_MAX_M_S:
-        words = f"{number(velocity)} m/s is more than the board takes ({BOARD_MAX_M_S:g} m/s)"
-        yield Finding(place, words, is_warning=True)
+    chosen = config.serial.dialect
+    taken = min(each.fastest_m_s for each in DIALECTS.values() if chosen in {"auto", each.name})
+    if velocity is not None and velocity > taken:
+        words = f"{number(velocity)} m/s is more than the board takes ({taken:g} m/s)"
+        yield Finding(place, words, (("serial", "dialect"),), is_warning=True)
     fastest: Place = ("odometry", "max_wheel_speed_m_s")
     if velocity is not None and velocity >= config.odometry.max_wheel_speed_m_s:
         words = f"expected more than limits.linear.velocity ({number(velocity)}), got "

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Annotated, Any, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler
-from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+from pydantic_core import CoreSchema, PydanticCustomError, PydanticKnownError, core_schema
 
 from yahboomd.names import PROTOCOLS, endpoint_problem, is_ros_name, name_problem
 
@@ -28,22 +28,35 @@ class Section(BaseModel):
 
 @dataclass(frozen=True)
 class Choice:
-    """One of a few names or numbers that are known at run time, such as the rows of a registry."""
+    """One of a few names or numbers.
+
+    Attributes:
+        names: Those that are always there.
+        registry: Its rows are names as well: those that it has when a value is checked.
+    """
 
     names: tuple[str | int, ...]
+    registry: Mapping[str, object] = field(default_factory=dict)
 
     def __get_pydantic_core_schema__(
         self, source: object, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
-        # The type comes first: True equals 1 for a literal.
-        return core_schema.chain_schema(
-            [handler(source), core_schema.literal_schema(list(self.names))]
-        )
+        # The type comes first: True equals 1.
+        return core_schema.no_info_after_validator_function(self._check, handler(source))
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
-        return {**handler(schema), "enum": list(self.names)}
+        return {**handler(schema), "enum": self._known}
+
+    @property
+    def _known(self) -> list[str | int]:
+        return [*self.names, *self.registry]
+
+    def _check(self, given: str | int) -> str | int:
+        if given not in self._known:
+            raise PydanticKnownError("literal_error", {"expected": str(self._known)})
+        return given
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from yahboomd.errors import BoardSilent, LinkError, PortBusy, PortDenied, PortMi
 from yahboomd.link.discovery import Candidate, without_driver
 from yahboomd.link.line import Heard
 from yahboomd.link.port_errors import holders
+from yahboomd.protocol.registry import DIALECTS
 
 KNOWN_HOLDERS = {
     "brltty": "brltty takes CH340 devices for braille displays: sudo apt remove brltty, then plug "
@@ -122,9 +123,10 @@ def what_was_heard(heard: Heard) -> str:
             f"{count} bytes of text came, but no board's ({_short(text)!r}): another device "
             "is behind this port."
         )
+    rates = " or ".join(str(rate) for rate in sorted({d.baudrate for d in DIALECTS.values()}))
     return (
         f"{count} bytes came and most are no text ({data[:8].hex(' ')} ...): another baud rate "
-        "than the board's 115200, another device, or a bad cable."
+        f"than the board's {rates}, another device, or a bad cable."
     )
 
 

@@ -24,7 +24,7 @@ class Gathering:
     """Finds the number of bytes from the sizes of the lines.
 
     Args:
-        line_end: Bytes behind the ``#`` of a frame that belong to it.
+        line_end: Bytes behind a frame that belong to it.
 
     Attributes:
         least: Bytes to wait for.
@@ -40,8 +40,8 @@ class Gathering:
         """A line of counts is whole.
 
         Args:
-            size: Its bytes, from ``$`` to ``#``.
-            trailing: Bytes that came with it, behind the ``#``.
+            size: Its bytes, without its line end.
+            trailing: Bytes that came with it, behind it.
 
         Returns:
             Whether :attr:`least` has changed, and the port must be set to it.
@@ -52,7 +52,7 @@ class Gathering:
         elif at_end:
             self._alike += 1
         if at_end and self._alike >= ALIKE and size <= LONGEST:
-            # From here to the same place in the next line, be it at its "#" or behind the LF.
+            # From here to the same place in the next line, be it before its line end or behind.
             return self._wait_for(size + self._line_end)
         return self._wait_for(1)
 

@@ -29,7 +29,7 @@ from yahboomd.link.stopping import (
     stop_unidentified,
 )
 from yahboomd.link.vital_tasks import VitalTasks, undisturbed
-from yahboomd.link.writer import Writer
+from yahboomd.link.writer import Spacing, Writer
 from yahboomd.model import Counts, ImuReading
 from yahboomd.protocol.dialect import (
     Decoded,
@@ -134,7 +134,10 @@ class Line:
         self.dialect: Dialect | None = None
         self.tasks = VitalTasks()
         self.writer = Writer(
-            port, clock, resend_ns=self._resend_ns, spacing_ns=connect_spacing_ns()
+            port,
+            clock,
+            resend_ns=self._resend_ns,
+            spacing=Spacing(frame_ns=connect_spacing_ns()),
         )
         self.watch = StandstillWatch(still_ticks_per_s)
         self.notices = StartNotices()
@@ -192,7 +195,11 @@ class Line:
         self.unread.clear()
         for decoded in self.said:
             self._note(decoded)
-        self.writer.set_spacing(spacing_ns)
+        self.writer.spacing = Spacing(
+            frame_ns=spacing_ns,
+            question_ns=dialect.question_spacing_ns,
+            answer_ns=dialect.answer_spacing_ns,
+        )
         self.tasks.start(self.writer.run(), "link-writer")
 
     def gather(self, line_end: bytes) -> None:

@@ -1,7 +1,7 @@
 """The first of the two coroutines that share the stream: it drains the outbox.
 
-One command is in flight at a time (the board's mailbox holds one and is wiped after each): after a
-frame the line is closed until its bytes are out and the dialect's spacing is over. Where it has an
+One command is in flight at a time, since a board may keep no more than one: after a frame the line
+is closed until its bytes are out and the dialect's spacing is over. Where it has an
 answer, other questions wait until that came or is overdue, and velocities until the board can take
 one: an answer that does not come must not delay a robot that is to brake. A frame that finds the
 line free is written at once, by its caller; the coroutine sees to those that had to wait
@@ -18,6 +18,8 @@ import asyncio
 from collections import Counter, deque
 from collections.abc import Callable
 
+import msgspec
+
 from yahboomd.clock import Clock, nanoseconds
 from yahboomd.link.draining import OutputWatch
 from yahboomd.link.outbox import Answers, Lane, Outbox, Request
@@ -25,12 +27,20 @@ from yahboomd.link.port import Port
 from yahboomd.link.port_errors import takes_no_output
 from yahboomd.protocol.dialect import CommandLost, Decoded, Deltas, Speeds, Totals
 
-AFTER_ANSWER_NS = 2_000_000
-"""The board wipes its mailbox when it is through with answering, a moment after the last byte."""
 
-MAILBOX_NS = 20_000_000
-"""From the last byte of a question to the first of a velocity, where no answer came before: the
-board is through with answering by then (isolated commands at this distance: none lost)."""
+class Spacing(msgspec.Struct, frozen=True, kw_only=True):
+    """What lies between two frames, so that the board can take the second.
+
+    Attributes:
+        frame_ns: From the last byte of a frame to the first of the next.
+        question_ns: From that of a question to a velocity, where no answer came before.
+        answer_ns: From the end of an answer to the next frame.
+    """
+
+    frame_ns: int
+    question_ns: int = 0
+    answer_ns: int = 0
+
 
 UNANSWERED = 256
 """More questions than are asked until a silent board is given up: answers that were held back for
@@ -48,9 +58,10 @@ class Writer:
         port: The open port.
         clock: What tells the time.
         resend_ns: How often the current velocity is said again.
-        spacing_ns: From the last byte of a frame to the first of the next.
+        spacing: What lies between frames.
 
     Attributes:
+        spacing: As given; the dialect's own, once it is known.
         closed: Nothing is written: whatever waits, the last words are the line's.
         on_sent: Called with its lane when a frame is written to the port.
         on_slow: Called once, with the bytes per second, where the port sends slower than its rate.
@@ -62,12 +73,12 @@ class Writer:
         clock: Clock,
         *,
         resend_ns: int,
-        spacing_ns: int,
+        spacing: Spacing,
     ) -> None:
         self._port = port
         self._clock = clock
         self._outbox = Outbox(resend_ns=resend_ns)
-        self._spacing_ns = spacing_ns
+        self.spacing = spacing
         self._free_ns = 0
         self._flight: Request | None = None
         self._flight_until_ns: int | None = None
@@ -98,10 +109,6 @@ class Writer:
     def set_resend(self, resend_ns: int) -> None:
         """Say the current velocity more or less often."""
         self._outbox.resend_ns = resend_ns
-
-    def set_spacing(self, spacing_ns: int) -> None:
-        """Keep another distance between frames, now that the dialect is known."""
-        self._spacing_ns = spacing_ns
 
     # What others ask for; each is written at once where the line is free.
 
@@ -180,7 +187,9 @@ class Writer:
             self._land(answered=True)
             if self._flight_alone:
                 # It may be the answer to an earlier question: this one has to be all there.
-                self._free_ns = max(self._clock.now_ns(), self._flight_end_ns) + AFTER_ANSWER_NS
+                self._free_ns = (
+                    max(self._clock.now_ns(), self._flight_end_ns) + self.spacing.answer_ns
+                )
         elif flight is None and self._missed is not None and self._missed.answered(decoded):
             self._missed = None
             self.counters["answers_late"] += 1
@@ -253,7 +262,7 @@ class Writer:
                 # What was held left this moment.
                 self._held = False
                 self._notice_slowness()
-                self._free_ns = now_ns + self._spacing_ns
+                self._free_ns = now_ns + self.spacing.frame_ns
                 continue
             asking = self._asking
             busy = asking and now_ns < self._hold_ns
@@ -265,19 +274,19 @@ class Writer:
             self._output.wrote(len(outgoing.frame), now_ns)
             self.counters[_SENT[outgoing.lane]] += 1
             self.on_sent(outgoing.lane)
-            self._free_ns = end_ns + self._spacing_ns
+            self._free_ns = end_ns + self.spacing.frame_ns
             self._flight_alone = False
             if outgoing.request is not None and outgoing.request.timeout_ns > 0:
                 self._flight = outgoing.request
                 self._flight_until_ns = end_ns + outgoing.request.timeout_ns
                 self._flight_end_ns = end_ns
                 self._flight_alone = True
-                self._hold_ns = end_ns + MAILBOX_NS
+                self._hold_ns = end_ns + self.spacing.question_ns
             elif outgoing.lane is Lane.POLL:
                 # The board cannot answer before the question is all there.
                 self.poll_heard_ns = end_ns
                 self._unanswered.append(end_ns)
-                self._hold_ns = end_ns + MAILBOX_NS
+                self._hold_ns = end_ns + self.spacing.question_ns
                 self._polled_until_ns = end_ns + self._poll_timeout_ns
             if now_ns < self._free_ns:
                 break

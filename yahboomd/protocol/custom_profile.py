@@ -5,6 +5,7 @@ from __future__ import annotations
 from yahboomd.errors import ConfigError
 from yahboomd.protocol.profiles import NO_ENCODER_TYPE, MotorProfile
 from yahboomd.protocol.registry import check_storable
+from yahboomd.protocol.settings import BoardSettings
 
 
 def custom_profile(
@@ -20,10 +21,12 @@ def custom_profile(
     Raises:
         ConfigError: If the board cannot be sent them, or could not count.
     """
+    stored: BoardSettings = {"motor_type": motor_type}
+    if deadzone is not None:
+        stored["deadzone"] = deadzone
     profile = MotorProfile(
         name="custom",
-        motor_type=motor_type,
-        deadzone=deadzone,
+        stored=stored,
         lines=lines,
         ratio=ratio,
         wheel_diameter_mm=wheel_diameter_mm,

@@ -325,6 +325,21 @@ class Dialect(Protocol):
         """The same gap, enough while the board sends its totals alone, or nothing."""
         ...
 
+    @property
+    def question_spacing_ns(self) -> int:
+        """The gap from a question to a motion, where no answer came before."""
+        ...
+
+    @property
+    def answer_spacing_ns(self) -> int:
+        """The gap from the end of an answer to the next frame."""
+        ...
+
+    @property
+    def baudrate(self) -> int:
+        """The only bits per second that it supports."""
+        ...
+
     # Stopping.
 
     @property
@@ -394,6 +409,11 @@ class Dialect(Protocol):
         ...
 
     # Motion.
+
+    @property
+    def fastest_m_s(self) -> float:
+        """The fastest rim speed that any of its boards takes."""
+        ...
 
     def motion(
         self,

@@ -20,16 +20,14 @@ class MotorProfile(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         name: The word in the configuration.
-        motor_type: What the board calls it, 1 to 3.
-        deadzone: PWM units; None keeps what the board has.
+        stored: What else a board of theirs should store; what is missing stays as it is.
         lines: Encoder lines of one turn of the motor.
         ratio: The true gear ratio, decimals included.
         wheel_diameter_mm: Millimetres.
     """
 
     name: str
-    motor_type: int
-    deadzone: int | None
+    stored: BoardSettings
     lines: int
     ratio: float
     wheel_diameter_mm: float
@@ -47,20 +45,18 @@ class MotorProfile(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def settings(self) -> BoardSettings:
         """The settings that suit this motor. The speed loop's gains are left alone."""
-        wanted = BoardSettings(
-            motor_type=self.motor_type,
-            lines=self.lines,
-            ratio=self.ratio,
-            wheel_diameter_mm=self.wheel_diameter_mm,
-        )
-        return wanted if self.deadzone is None else wanted | {"deadzone": self.deadzone}
+        return {
+            **self.stored,
+            "lines": self.lines,
+            "ratio": self.ratio,
+            "wheel_diameter_mm": self.wheel_diameter_mm,
+        }
 
 
 PROFILES: Final[dict[str, MotorProfile]] = {
     name: MotorProfile(
         name=name,
-        motor_type=motor_type,
-        deadzone=deadzone,
+        stored={"motor_type": motor_type, "deadzone": deadzone},
         lines=lines,
         ratio=ratio,
         wheel_diameter_mm=wheel_diameter_mm,

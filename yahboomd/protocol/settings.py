@@ -59,6 +59,7 @@ class StoredSetting(msgspec.Struct, frozen=True, kw_only=True):
             expected one, since an answer may have lost a digit.
         timeout_s: How long storing takes at most.
         resets: The board restarts once it is stored.
+        option: The help of its option of `yahboomd probe`, where no profile of motors has it.
     """
 
     field: str
@@ -75,6 +76,7 @@ class StoredSetting(msgspec.Struct, frozen=True, kw_only=True):
     steers: bool = False
     timeout_s: float
     resets: bool = False
+    option: str = ""
 
     def words(self, value: SettingValue) -> str:
         """The value for people."""

@@ -12,6 +12,7 @@ from real_robot import free_endpoint
 
 from yahboomd.cli.main import main
 from yahboomd.link import latency_timer
+from yahboomd.protocol.registry import DIALECTS
 
 pytestmark = pytest.mark.realtime
 
@@ -205,6 +206,15 @@ def test_mistakes_in_the_configuration_are_said_before_anything_is_opened(capsys
     assert "serial.baud" in capsys.readouterr().err
     assert main(["probe", "--port", "/nonexistent", "--write", "--pid", "1,-1,0"]) == 78
     assert "gains P, I, D" in capsys.readouterr().err
+
+
+def test_the_stored_values_of_no_profile_are_options_by_the_dialects_tables(capsys) -> None:
+    with pytest.raises(SystemExit):
+        main(["probe", "--help"])
+    shown = " ".join(capsys.readouterr().out.split())
+    rows = [row for dialect in DIALECTS.values() for row in dialect.settings if row.option]
+    assert {row.field for row in rows} == {"pid"}
+    assert all(f"--{row.field} P,I,D {row.option}" in shown for row in rows)
 
 
 def test_gains_that_are_no_three_numbers_are_a_usage_error(capsys) -> None:

@@ -8,7 +8,7 @@ import os
 import re
 import shutil
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import msgspec
 
@@ -39,8 +39,8 @@ from yahboomd.link import diagnosis, discovery, latency_timer, probing, storing
 from yahboomd.link.port import Opener, Port, PortOptions, open_port
 from yahboomd.link.port_errors import holders
 from yahboomd.program import readable
-from yahboomd.protocol.registry import check_storable
-from yahboomd.protocol.settings import BoardSettings
+from yahboomd.protocol.registry import DIALECTS, check_storable
+from yahboomd.protocol.settings import BoardSettings, StoredSetting
 
 FOUND_WANTING = 1
 """The exit status of a board that must not be driven as it is, or does not store what it should."""
@@ -76,13 +76,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="store the profile's settings in the board's flash: only what differs, one value at "
         "a time, each read back, the wheels at rest",
     )
-    parser.add_argument(
-        "--pid",
-        metavar="P,I,D",
-        type=_gains,
-        help="with --write: the gains of the board's speed loop, too (the vendor's: 0.8,0.06,0.5); "
-        "the board restarts",
-    )
+    for row in _own_options():
+        parser.add_argument(
+            f"--{row.field}",
+            metavar=",".join(row.parts).upper(),
+            type=_numbers,
+            help=row.option,
+        )
     parser.add_argument(
         "--yes", action="store_true", help="with --write: do not ask before storing"
     )
@@ -91,7 +91,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_bus_options(parser)
 
 
-def _gains(text: str) -> tuple[float, float, float]:
+def _own_options() -> Iterable[StoredSetting]:
+    """The stored values that are no part of a profile, each once."""
+    rows = [row for dialect in DIALECTS.values() for row in dialect.settings if row.option]
+    return {row.field: row for row in reversed(rows)}.values()
+
+
+def _numbers(text: str) -> tuple[float, float, float]:
     try:
         p, i, d = (float(part) for part in text.split(","))
     except ValueError:
@@ -136,8 +142,8 @@ def _list(*, as_json: bool) -> int:
 def _probe(args: argparse.Namespace) -> int:
     config = read_config(args).config
     want = config.profile().settings
-    if args.pid is not None:
-        want = want | {"pid": args.pid}
+    given = {row.field: getattr(args, row.field) for row in _own_options()}
+    want = want | {field: value for field, value in given.items() if value is not None}
     check_storable(want)
     port = ""
     try:

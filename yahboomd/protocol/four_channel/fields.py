@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from yahboomd.model import CHANNELS, Counts
-from yahboomd.protocol.dialect import FourFloats
+from yahboomd.protocol.dialect import FourFloats, Totals
 
 INT32_MIN: Final = -(2**31)
 INT32_MAX: Final = 2**31 - 1
@@ -45,6 +45,12 @@ def four_integers(args: str) -> Counts | None:
     if a is None or b is None or c is None or d is None:
         return None
     return a, b, c, d
+
+
+def totals(args: str) -> Totals | None:
+    """Four counters, or None."""
+    ticks = four_integers(args)
+    return None if ticks is None else Totals(ticks=ticks)
 
 
 def four_speeds(args: str) -> FourFloats | None:

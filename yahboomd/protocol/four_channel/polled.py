@@ -16,12 +16,18 @@ from yahboomd.protocol.dialect import (
     Findings,
     Totals,
     Units,
-    Unrecognised,
 )
-from yahboomd.protocol.four_channel.fields import command, four_integers
+from yahboomd.protocol.four_channel.fields import command, totals
 from yahboomd.protocol.four_channel.framing import RESYNC, Frame, Framer, TextLine
-from yahboomd.protocol.four_channel.stored import TITLE, motion
-from yahboomd.protocol.four_channel.texts import decode_text
+from yahboomd.protocol.four_channel.stored import (
+    AFTER_ANSWER_NS,
+    BAUDRATE,
+    MAILBOX_NS,
+    MAX_M_S,
+    TITLE,
+    motion,
+)
+from yahboomd.protocol.four_channel.texts import Meanings, decode_item
 from yahboomd.protocol.per_motor import PerMotor
 from yahboomd.protocol.profiles import MotorProfile
 from yahboomd.protocol.settings import BoardSettings, StoredSetting
@@ -31,6 +37,7 @@ MAX_SPEED: Final = 1000
 ARM_REPEATS: Final = 3
 """A command without an answer, which a noisy line may lose, is sent so often."""
 
+_FRAMES: Final[Meanings] = {"data": totals}
 _BRAKE: Final = command("speed", (0, 0, 0, 0), MAX_SPEED)
 
 
@@ -47,6 +54,10 @@ class Polled(msgspec.Struct, frozen=True, kw_only=True):
     resync: bytes = RESYNC
     spacing_ns: int = 0
     totals_spacing_ns: int = 0
+    question_spacing_ns: int = MAILBOX_NS
+    answer_spacing_ns: int = AFTER_ANSWER_NS
+    baudrate: int = BAUDRATE
+    fastest_m_s: float = MAX_M_S
     line_end: bytes = b""
     listen_ns: int = 0
     sample_period_ns: int | None = None
@@ -77,12 +88,7 @@ class Polled(msgspec.Struct, frozen=True, kw_only=True):
 
     def decode(self, item: Frame | TextLine) -> Decoded:
         """The counters; text as the other dialect has it, so that a wrong choice shows."""
-        if isinstance(item, TextLine):
-            return decode_text(item.text)
-        ticks = four_integers(item.args) if item.name == "data" else None
-        if ticks is None:
-            return Unrecognised(text=f"${item.name}:{item.args}#")
-        return Totals(ticks=ticks)
+        return decode_item(item, _FRAMES)
 
     def recognises(self, item: Frame | TextLine) -> bool:
         """An answer with counters, and nothing else."""
@@ -105,4 +111,5 @@ class Polled(msgspec.Struct, frozen=True, kw_only=True):
 
     def for_profile(self, profile: MotorProfile) -> Polled:
         """The dialect that arms with the profile's motor type."""
-        return msgspec.structs.replace(self, motor_type=profile.motor_type)
+        motor_type = profile.stored.get("motor_type", self.motor_type)
+        return msgspec.structs.replace(self, motor_type=motor_type)

@@ -19,6 +19,18 @@ from yahboomd.protocol.settings import BoardSettings, SettingValue, StoredSettin
 
 TITLE: Final = "Yahboom 4-channel motor driver"
 
+BAUDRATE: Final = 115_200
+
+MAX_M_S: Final = 1.0
+"""Both dialects take speeds up to 1000, about mm/s."""
+
+MAILBOX_NS: Final = 20_000_000
+"""From the last byte of a question to the first of a velocity, where no answer came before: the
+board is through with answering by then (isolated commands at this distance: none lost)."""
+
+AFTER_ANSWER_NS: Final = 2_000_000
+"""The board wipes its mailbox when it is through with answering, a moment after the last byte."""
+
 UNITS_PER_M_S: Final = 1000.0
 """Command units of one metre per second where the board's own idea of the wheel is right, and in
 the article's dialect always."""
@@ -150,6 +162,8 @@ TABLE: Final = (
         parts=("p", "i", "d"),
         timeout_s=_RESET_S,
         resets=True,
+        option="with --write: the gains of the board's speed loop, too (the vendor's: "
+        "0.8,0.06,0.5); the board restarts",
     ),
 )
 """The stored settings; the gains, which restart the board, last."""
@@ -176,11 +190,16 @@ def _unfit(settings: BoardSettings, profile: MotorProfile) -> Iterator[str]:
         if value is None:
             yield f"The board did not show its {row.label}; read its settings again."
         elif row.field == "motor_type":
-            if value != profile.motor_type:
+            needed = profile.stored.get(row.field)
+            if needed is None:
+                yield (
+                    f"The board is a {TITLE}, the motors of the profile {profile.name} belong to "
+                    "another one. Set board.profile to your motors'."
+                )
+            elif value != needed:
                 yield (
                     f"The board is set to motor type {row.words(value)}, the profile "
-                    f"{profile.name} needs {row.words(profile.motor_type)}: a wheel would run "
-                    f"away. {_REMEDY}"
+                    f"{profile.name} needs {row.words(needed)}: a wheel would run away. {_REMEDY}"
                 )
         elif _number(value) <= 0:
             yield (
@@ -199,11 +218,11 @@ def _wrong(settings: BoardSettings) -> Iterator[str]:
 
 def _other_profiles(settings: BoardSettings, profile: MotorProfile) -> Iterator[str]:
     """Name the profiles that the stored settings fit, where it is not the configured one."""
-    if settings.get("motor_type") == profile.motor_type:
+    if settings.get("motor_type") == profile.stored.get("motor_type"):
         return
     stored = tuple(settings.get(field) for field in ("motor_type", "lines", "ratio"))
     for name, other in PROFILES.items():
-        if stored == (other.motor_type, other.lines, round(other.ratio)):
+        if stored == (other.stored.get("motor_type"), other.lines, round(other.ratio)):
             yield (
                 f"What the board stores fits the profile {name}: if those are the motors, do not "
                 f'store anything, but set board.profile = "{name}".'

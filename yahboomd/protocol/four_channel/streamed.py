@@ -6,7 +6,6 @@ command table and the firmware's habits are in ``docs/protocol.md``.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import lru_cache
 from typing import Final
 
@@ -19,14 +18,22 @@ from yahboomd.protocol.dialect import (
     Deltas,
     Findings,
     Speeds,
-    Totals,
     Units,
     Unrecognised,
 )
-from yahboomd.protocol.four_channel.fields import command, four_integers, four_speeds, volts
+from yahboomd.protocol.four_channel.fields import command, four_integers, four_speeds, totals, volts
 from yahboomd.protocol.four_channel.framing import RESYNC, Frame, Framer, TextLine
-from yahboomd.protocol.four_channel.stored import TABLE, TITLE, findings, motion
-from yahboomd.protocol.four_channel.texts import decode_text
+from yahboomd.protocol.four_channel.stored import (
+    AFTER_ANSWER_NS,
+    BAUDRATE,
+    MAILBOX_NS,
+    MAX_M_S,
+    TABLE,
+    TITLE,
+    findings,
+    motion,
+)
+from yahboomd.protocol.four_channel.texts import Meanings, decode_item
 from yahboomd.protocol.per_motor import PerMotor
 from yahboomd.protocol.profiles import MotorProfile
 from yahboomd.protocol.settings import BoardSettings, StoredSetting
@@ -38,13 +45,6 @@ _STILL: Final = (0, 0, 0, 0)
 _BRAKE: Final = command("spd", _STILL, MAX_SPEED)
 _CUT: Final = command("pwm", _STILL, MAX_PWM)
 _STREAMS_OFF: Final = b"$upload:0,0,0#"
-
-
-# The board sends the same counts two to four times.
-@lru_cache(maxsize=1)
-def _totals(args: str) -> Decoded | None:
-    ticks = four_integers(args)
-    return None if ticks is None else Totals(ticks=ticks)
 
 
 def _deltas(args: str) -> Decoded | None:
@@ -62,8 +62,9 @@ def _battery(args: str) -> Decoded | None:
     return None if measured is None else Battery(volts=measured)
 
 
-_FRAMES: Final[dict[str, Callable[[str], Decoded | None]]] = {
-    "MAll": _totals,
+_FRAMES: Final[Meanings] = {
+    # The board sends the same counts two to four times.
+    "MAll": lru_cache(maxsize=1)(totals),
     "MTEP": _deltas,
     "MSPD": _speeds,
     "Battery": _battery,
@@ -79,6 +80,10 @@ class Streamed(msgspec.Struct, frozen=True, kw_only=True):
     # With all streams and long numbers 10 ms lost up to 19 % of the commands, 20 ms none.
     spacing_ns: int = 20_000_000
     totals_spacing_ns: int = 10_000_000
+    question_spacing_ns: int = MAILBOX_NS
+    answer_spacing_ns: int = AFTER_ANSWER_NS
+    baudrate: int = BAUDRATE
+    fastest_m_s: float = MAX_M_S
     line_end: bytes = b"\r\n"
     listen_ns: int = 0
     sample_period_ns: int | None = 10_000_000
@@ -106,11 +111,7 @@ class Streamed(msgspec.Struct, frozen=True, kw_only=True):
 
     def decode(self, item: Frame | TextLine) -> Decoded:
         """Frames by their exact names, lines as a whole."""
-        if isinstance(item, TextLine):
-            return decode_text(item.text)
-        parse = _FRAMES.get(item.name)
-        decoded = None if parse is None else parse(item.args)
-        return Unrecognised(text=f"${item.name}:{item.args}#") if decoded is None else decoded
+        return decode_item(item, _FRAMES)
 
     def recognises(self, item: Frame | TextLine) -> bool:
         """Any line or frame that has a meaning: other boards send neither."""

@@ -9,8 +9,8 @@ answer can look like another answer.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
-from typing import Final
+from collections.abc import Callable, Mapping
+from typing import Final, TypeAlias
 
 from yahboomd.protocol.dialect import (
     CommandLost,
@@ -21,6 +21,7 @@ from yahboomd.protocol.dialect import (
     VersionLine,
 )
 from yahboomd.protocol.four_channel.fields import decimal, integer
+from yahboomd.protocol.four_channel.framing import Frame, TextLine
 from yahboomd.protocol.settings import SettingValue
 
 VERSION_LABEL: Final = "Motor_Version:"
@@ -44,6 +45,19 @@ _LABELS: Final[dict[str, tuple[str, Callable[[str], int | float | None]]]] = {
     "wheel_diameter": ("wheel_diameter_mm", decimal),
 }
 _PID = re.compile(r"P:(\S+)\s+I:(\S+)\s+D:(\S+)")
+
+
+Meanings: TypeAlias = Mapping[str, Callable[[str], Decoded | None]]
+"""For each frame of a dialect what its arguments mean, or None where they mean nothing."""
+
+
+def decode_item(item: Frame | TextLine, frames: Meanings) -> Decoded:
+    """Say what a frame, by its exact name, or a line means; never raises."""
+    if isinstance(item, TextLine):
+        return decode_text(item.text)
+    parse = frames.get(item.name)
+    decoded = None if parse is None else parse(item.args)
+    return Unrecognised(text=f"${item.name}:{item.args}#") if decoded is None else decoded
 
 
 def decode_text(text: str) -> Decoded:
