@@ -21,6 +21,30 @@ def test_the_defaults_are_the_articles_robot():
     assert not Board().write_settings
 
 
+def test_a_battery_is_described_by_a_rising_curve():
+    assert Board().battery_curve == ()
+    curve = ((9.6, 0.0), (11.1, 0.4), (12.6, 1.0))
+    assert Board(battery_curve=[list(point) for point in curve]).battery_curve == curve
+
+
+@pytest.mark.parametrize(
+    ("curve", "why"),
+    [
+        ([[9.6, 0.0]], "one point is no curve"),
+        ([[9.6, 0.0], [9.6, 1.0]], "rise from point to point"),
+        ([[12.6, 0.0], [9.6, 1.0]], "rise from point to point"),
+        ([[9.6, 1.0], [12.6, 0.0]], "does not fall"),
+        ([[9.6, 0.0], [12.6, 100.0]], "from 0 to 1"),
+        ([[9.6, 0.0, 1.0], [12.6, 1.0]], "at most 2"),
+        ([9.6, 12.6], "battery_curve.0"),
+        ([[9.6, float("nan")], [12.6, 1.0]], "finite"),
+    ],
+)
+def test_what_is_no_curve_of_a_battery_is_refused(curve, why):
+    with pytest.raises(ValidationError, match=why):
+        Board(battery_curve=curve)
+
+
 @pytest.mark.parametrize("profile", [*PROFILES, "custom"])
 def test_every_profile_of_the_protocol_can_be_chosen(profile):
     assert Board(profile=profile).profile == profile

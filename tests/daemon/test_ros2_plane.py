@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import time
 from collections.abc import Callable
 from typing import Any
@@ -527,3 +528,15 @@ def test_names_follow_the_configuration() -> None:
     ]
     assert chosen.static[0].rotation == (0.0, 0.0, 0.0, 1.0)
     assert chosen.hardware_id == "bot1"
+
+
+@pytest.mark.parametrize(
+    ("given", "hardware_id"),
+    [
+        ([], socket.gethostname()),
+        (["zenoh.namespace=bot1"], "bot1"),
+        (["zenoh.namespace=bot1", "ros2.hardware_id=serial 7"], "serial 7"),
+    ],
+)
+def test_a_robot_has_its_own_name_in_the_diagnostics(given: list[str], hardware_id: str) -> None:
+    assert topics(load(None, environ={}, overrides=given)).hardware_id == hardware_id

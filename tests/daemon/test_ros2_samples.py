@@ -193,9 +193,10 @@ class Graph:
         self.outlets: dict[str, tuple[Outlet, Outlet]] = {}
         self.oracle = Oracle()
 
-    def open(self, topic: str, ros_type: str, qos: Qos) -> tuple[Outlet, Outlet]:
+    def open(self, topic: str, ros_type: str, qos: Qos) -> Spread:
         self.types[topic], self.qos[topic] = ros_type, qos
-        return self.outlets.setdefault(topic, (Outlet(), Outlet()))
+        outlets = self.outlets.setdefault(topic, (Outlet(), Outlet()))
+        return Spread(outlets, forgetful=outlets[:1])
 
     def payloads(self, topic: str) -> list[bytes]:
         one, other = self.outlets[topic]
@@ -231,7 +232,7 @@ async def test_all_of_one_reading_has_its_stamp_and_its_frames(graph: Graph) -> 
     assert odom["pose"]["pose"]["position"] == transform["transform"]["translation"]
     assert odom["pose"]["pose"]["orientation"] == transform["transform"]["rotation"]
     assert odom["twist"]["twist"]["angular"]["z"] == 0.2
-    assert joints["header"]["stamp"] == STAMP
+    assert joints["header"] == {"stamp": STAMP, "frame_id": "bot1/base_link"}
 
 
 async def test_joints_turn_at_the_speed_of_the_rims_by_their_radii(graph: Graph) -> None:
@@ -248,7 +249,19 @@ async def test_the_battery_tells_what_is_measured_and_nothing_else(graph: Graph)
     battery = graph.latest("battery_state")
     assert (battery["voltage"], battery["present"]) == (7.5, True)
     assert math.isnan(battery["percentage"])
-    assert battery["header"]["stamp"] == STAMP
+    assert battery["header"] == {"stamp": STAMP, "frame_id": "bot1/base_link"}
+    assert graph.qos["battery_state"] == Qos(reliable=True, latched=True, depth=1)
+
+
+@pytest.mark.parametrize(
+    ("volts", "charge"),
+    [(8.0, 0.1), (9.0, 0.1), (9.5, 0.3), (10.0, 0.5), (11.5, 0.875), (12.0, 1.0), (15.0, 1.0)],
+)
+async def test_the_charge_follows_the_curve(graph: Graph, volts: float, charge: float) -> None:
+    curve = ((9.0, 0.1), (10.0, 0.5), (12.0, 1.0))
+    topics = msgspec.structs.replace(TOPICS, battery_curve=curve)
+    RosPublisher(graph.open, topics, LoopClock()).battery(volts, STAMP_NS)
+    assert graph.latest("battery_state")["percentage"] == pytest.approx(charge)
 
 
 async def test_nothing_is_encoded_without_a_subscriber(graph: Graph) -> None:
@@ -321,6 +334,20 @@ async def test_static_frames_are_latched_and_stand_as_configured(graph: Graph) -
 
 
 @on_virtual_time
+async def test_static_frames_are_repeated_where_they_may_be_lost_alone(graph: Graph) -> None:
+    publisher = RosPublisher(
+        graph.open, Topics(joints=("a",), radii_m=(1.0,), static=(LASER,)), LoopClock()
+    )
+    publisher.place()
+    for _ in range(20):
+        publisher.status(STATUS)
+        await asyncio.sleep(0.5)
+    bridge, native = (outlet.payloads for outlet in graph.outlets["tf_static"])
+    assert len(native) == 1
+    assert bridge == native * 11
+
+
+@on_virtual_time
 async def test_diagnostics_come_once_a_second_and_at_once_when_a_level_changes(
     graph: Graph,
 ) -> None:
@@ -349,6 +376,7 @@ async def test_static_frames_are_repeated_without_a_reader_of_diagnostics(graph:
     for _ in range(6):
         publisher.status(STATUS)
         await asyncio.sleep(0.5)
-    assert len(graph.payloads("tf_static")) == 3
-    assert len(set(graph.payloads("tf_static"))) == 1
+    bridge = graph.outlets["tf_static"][0].payloads
+    assert len(bridge) == 3
+    assert len(set(bridge)) == 1
     assert graph.types["tf_static"] == ros2.TF_MESSAGE

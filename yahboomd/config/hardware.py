@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated, TypeAlias
 
 from pydantic import Field, field_validator
@@ -51,6 +52,18 @@ class Serial(Section):
     )
 
 
+BatteryPoint: TypeAlias = Annotated[
+    tuple[float, float],
+    Field(
+        strict=False,
+        json_schema_extra={
+            "$comment": "a pair [volts, charge from 0 to 1]",
+            "items": {"type": "number"},
+        },
+    ),
+]
+
+
 class Board(Section):
     """The motors that the board is set up for."""
 
@@ -71,6 +84,13 @@ class Board(Section):
         ge=0.0,
         le=3600.0,
         description="Seconds between requests for the battery's voltage; 0: never.",
+    )
+    battery_curve: tuple[BatteryPoint, ...] = Field(
+        default=(),
+        strict=False,
+        description="Charge of the battery by its voltage, rising, for the percentage in ROS 2; "
+        "straight lines join the points. Empty: the percentage is unknown. Three lithium-ion cells "
+        "in series: [[9.6, 0.0], [10.5, 0.1], [11.1, 0.4], [11.7, 0.7], [12.6, 1.0]].",
     )
     motor_type: int | None = Field(
         default=None,
@@ -113,12 +133,32 @@ class Board(Section):
         "stores it. Absent: from chassis.wheel_radius_m.",
     )
 
+    @field_validator("battery_curve")
+    @classmethod
+    def _rises(cls, curve: tuple[BatteryPoint, ...]) -> tuple[BatteryPoint, ...]:
+        if curve_problem := _curve_problem(curve):
+            raise PydanticCustomError("text", "{problem}", {"problem": curve_problem})
+        return curve
+
     @field_validator("profile", mode="before")
     @classmethod
     def _has_an_encoder(cls, given: object) -> object:
         if isinstance(given, str) and given.startswith("tt") and given not in PROFILES:
             raise PydanticCustomError("text", "a TT motor without encoder gives no odometry")
         return given
+
+
+def _curve_problem(curve: tuple[BatteryPoint, ...]) -> str | None:
+    if len(curve) == 1:
+        return "one point is no curve; give two at least, or none"
+    if any(not 0.0 <= charge <= 1.0 for _, charge in curve):
+        return "each charge, the second number of a pair, is from 0 to 1"
+    pairs = list(pairwise(curve))
+    if any(volts >= next_volts for (volts, _), (next_volts, _) in pairs):
+        return "the volts, the first number of each pair, rise from point to point"
+    if any(charge > next_charge for (_, charge), (_, next_charge) in pairs):
+        return "the charge does not fall while the volts rise"
+    return None
 
 
 class MotorEntry(Section):

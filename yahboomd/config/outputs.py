@@ -155,6 +155,11 @@ class Ros2(Section):
         description="Joint of each motor, by the motor's name; one that is missing is "
         "<motor>_wheel_joint.",
     )
+    hardware_id: str = Field(
+        default="",
+        description="Name of this robot in diagnostics. Empty: zenoh.namespace, else the name of "
+        "this machine.",
+    )
     static_transforms: tuple[StaticTransform, ...] = Field(
         default=(),
         strict=False,

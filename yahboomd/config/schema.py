@@ -96,9 +96,11 @@ def takes(node: Node) -> str:
         return f"{', '.join(names)} or {last}"
     if "properties" in node:
         return f"a table {{ {', '.join(node['properties'])} }}"
+    if comment := node.get("$comment"):
+        return str(comment)
     inside = _entries(node)
     if inside is None:
-        return str(node.get("$comment") or _TYPES[node["type"]] + _bounds(node))
+        return _TYPES[node["type"]] + _bounds(node)
     if node["type"] == "object":
         return f"a table of names, each {takes(inside)}"
     size = f" of {node['minItems']} to {node['maxItems']}" if "maxItems" in node else ""

@@ -137,11 +137,15 @@ ROS_TOPICS: dict[str, RosTopic] = {
         ros_type=ros2.TF_MESSAGE, when="for each new reading", qos=Qos(depth=100)
     ),
     keys.ROS_TF_STATIC: RosTopic(
-        ros_type=ros2.TF_MESSAGE, when="once, and once a second", qos=Qos(latched=True, depth=1)
+        ros_type=ros2.TF_MESSAGE,
+        when="once; to the bridge, once a second",
+        qos=Qos(latched=True, depth=1),
     ),
     keys.ROS_JOINT_STATES: RosTopic(ros_type=ros2.JOINT_STATE, when="for each new reading"),
     keys.ROS_BATTERY_STATE: RosTopic(
-        ros_type=ros2.BATTERY_STATE, when="for each voltage that the board reports"
+        ros_type=ros2.BATTERY_STATE,
+        when="for each voltage that the board reports",
+        qos=Qos(latched=True, depth=1),
     ),
     keys.ROS_ESTOPPED: RosTopic(
         ros_type=ros2.BOOL,

@@ -12,6 +12,7 @@ answer carries an attachment; a malformed one ends the process that receives it.
 from __future__ import annotations
 
 from collections.abc import Callable
+from socket import gethostname
 from typing import Protocol
 
 from yahboomd.bus import keys
@@ -24,7 +25,7 @@ from yahboomd.config.outputs import StaticTransform
 from yahboomd.daemon.key_table import OFFERS
 from yahboomd.daemon.publisher import Outlet
 from yahboomd.daemon.requests import Answer, Services
-from yahboomd.daemon.ros2_samples import Placed, RosPublisher, Topics
+from yahboomd.daemon.ros2_samples import Placed, RosPublisher, Spread, Topics
 from yahboomd.messages import planar, ros2
 from yahboomd.messages.codecs import encode_reply, encoding_name
 from yahboomd.messages.native import ServiceReply
@@ -275,8 +276,9 @@ def start(
         )
     ways = [way for way in (bridge, native) if way is not None]
 
-    def open_topic(topic: str, ros_type: str, qos: Qos) -> tuple[Outlet, ...]:
-        return tuple(way.publisher(topic, ros_type, qos) for way in ways)
+    def open_topic(topic: str, ros_type: str, qos: Qos) -> Spread:
+        outlets = tuple(way.publisher(topic, ros_type, qos) for way in ways)
+        return Spread(outlets, outlets[:1] if bridge is not None else ())
 
     # Services and commands come before samples: the e-stop first. As a topic besides, because the
     # bridge drops the service calls of rmw_fastrtps, the default of ROS 2.
@@ -318,7 +320,8 @@ def topics(config: Config) -> Topics:
         static=tuple(_placed(prefix, each) for each in chosen.static_transforms),
         joints=tuple(config.joint_name(motor.name) for motor in motors),
         radii_m=tuple(motor.radius_m for motor in motors),
-        hardware_id=config.zenoh.namespace or "yahboomd",
+        hardware_id=chosen.hardware_id or config.zenoh.namespace or gethostname(),
+        battery_curve=config.board.battery_curve,
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import bisect
+import math
 from collections.abc import Iterator, Mapping
 from typing import Any, Protocol
 
@@ -187,6 +189,7 @@ class Topics(msgspec.Struct, frozen=True, kw_only=True):
         joints: The joint of each motor, in the order of the estimates.
         radii_m: The radius of each motor's wheel.
         hardware_id: Tells this robot from others in the diagnostics.
+        battery_curve: Points (volts, charge from 0 to 1), the volts rising; unknown without any.
     """
 
     odom: str = "odom"
@@ -200,14 +203,7 @@ class Topics(msgspec.Struct, frozen=True, kw_only=True):
     joints: tuple[str, ...]
     radii_m: tuple[float, ...]
     hardware_id: str = "yahboomd"
-
-
-class OpenTopic(Protocol):
-    """Opens the outlets of a topic, one for each way into ROS 2."""
-
-    def __call__(self, topic: str, ros_type: str, qos: Qos) -> tuple[Outlet, ...]:
-        """The outlets."""
-        ...
+    battery_curve: tuple[tuple[float, float], ...] = ()
 
 
 class Spread:
@@ -215,10 +211,14 @@ class Spread:
 
     Args:
         outlets: Where it goes.
+        forgetful: Those of them that may lose what is latched when a program restarts.
     """
 
-    def __init__(self, outlets: tuple[Outlet, ...] = ()) -> None:
+    def __init__(
+        self, outlets: tuple[Outlet, ...] = (), forgetful: tuple[Outlet, ...] = ()
+    ) -> None:
         self._outlets = outlets
+        self._forgetful = forgetful
 
     @property
     def has_subscribers(self) -> bool:
@@ -230,6 +230,19 @@ class Spread:
         for outlet in self._outlets:
             if outlet.has_subscribers:
                 outlet.put(payload)
+
+    def repeat(self, payload: bytes) -> None:
+        """Send a latched sample again where it may be lost."""
+        for outlet in self._forgetful:
+            outlet.put(payload)
+
+
+class OpenTopic(Protocol):
+    """Opens a topic on each way into ROS 2."""
+
+    def __call__(self, topic: str, ros_type: str, qos: Qos) -> Spread:
+        """Its outlets."""
+        ...
 
 
 class RosPublisher:
@@ -244,7 +257,7 @@ class RosPublisher:
     def __init__(self, open_topic: OpenTopic, topics: Topics, clock: Clock) -> None:
         def opened(topic: str, default: str) -> Spread:
             row = ROS_TOPICS[default]
-            return Spread(open_topic(topic, row.ros_type, row.qos)) if topic else Spread()
+            return open_topic(topic, row.ros_type, row.qos) if topic else Spread()
 
         frames = topics.frame_id, topics.child_frame_id
         self._clock = clock
@@ -260,18 +273,16 @@ class RosPublisher:
         self._fixed = _fixed(topics.static, clock.wall_ns()) if topics.static else b""
         self._encode_odom = planar.odometry(*frames)
         self._encode_tf = planar.transform(*frames)
-        self._encode_joints = cdr.joint_state("", topics.joints)
-        self._encode_battery = cdr.battery_state("")
+        self._base = topics.child_frame_id
+        self._encode_joints = cdr.joint_state(self._base, topics.joints)
+        self._encode_battery = cdr.battery_state(self._base)
+        self._battery_curve = topics.battery_curve
         self._entries = Diagnostics(hardware_id=topics.hardware_id)
         self._pace = Pace(nanoseconds(DIAGNOSTICS_EVERY_S))
         self._levels: tuple[int, ...] = ()
 
     def place(self) -> None:
-        """Publish the frames that do not move. A late reader gets them from a cache.
-
-        They are published again with the diagnostics all the same: a bridge that is a router and
-        restarts may not ask the cache.
-        """
+        """Publish the frames that do not move. A late reader gets them from a cache."""
         if self._fixed:
             self._static.put(self._fixed)
 
@@ -287,15 +298,17 @@ class RosPublisher:
             self._joints.put(self._encode_joints(stamp_ns, estimate.motor_position_rad, turning))
 
     def battery(self, volts: float, stamp_ns: int) -> None:
-        """Publish the voltage."""
+        """Publish the voltage, and the charge by it."""
         if self._battery.has_subscribers:
-            self._battery.put(self._encode_battery(stamp_ns, volts))
+            charge = charge_of(volts, self._battery_curve)
+            self._battery.put(self._encode_battery(stamp_ns, volts, charge))
 
     def status(self, sample: StatusSample) -> None:
         """Publish diagnostics and e-stop: once a second, and at once when they change."""
         is_due = self._pace.due(self._clock.now_ns())
-        if is_due:
-            self.place()
+        if is_due and self._fixed:
+            # A bridge that is a router and restarts may not ask the cache.
+            self._static.repeat(self._fixed)
         if self._estopped.has_subscribers:
             estopped = sample.state == "estopped"
             if is_due or estopped != self._was_estopped:
@@ -306,7 +319,23 @@ class RosPublisher:
         entries = self._entries.of(sample)
         if is_due or levels(entries) != self._levels:
             self._levels = levels(entries)
-            self._diagnostics.put(cdr.diagnostics(sample.stamp_ns, "", entries))
+            self._diagnostics.put(cdr.diagnostics(sample.stamp_ns, self._base, entries))
+
+
+def charge_of(volts: float, curve: tuple[tuple[float, float], ...]) -> float:
+    """The charge of a battery, from 0 to 1, on straight lines between points (volts, charge).
+
+    Args:
+        volts: Its voltage.
+        curve: The points, their volts rising; beyond its ends the charge stays. NaN without any.
+    """
+    if not curve:
+        return math.nan
+    above = bisect.bisect_right(curve, volts, key=lambda point: point[0])
+    if above == 0 or above == len(curve):
+        return curve[min(above, len(curve) - 1)][1]
+    (low, charge), (high, next_charge) = curve[above - 1], curve[above]
+    return charge + (next_charge - charge) * (volts - low) / (high - low)
 
 
 def _fixed(frames: tuple[Placed, ...], stamp_ns: int) -> bytes:
