@@ -92,3 +92,18 @@ def test_each_verb_has_a_help_of_its_own(capsys):
         with pytest.raises(SystemExit):
             main(["config", verb, "--help"])
         assert f"usage: yahboomd config {verb}" in capsys.readouterr().out
+
+
+def test_show_prints_json_for_programs_with_the_preset_written_out(empty, capsys):
+    main(["config", "show", "--json", "--config", empty, "--set", "chassis.preset=4wd"])
+    shown = json.loads(capsys.readouterr().out)
+    assert shown["chassis"]["kinematics"] == "skid_steer"
+    assert shown["ros2"]["publish_tf"] is True
+
+
+def test_urdf_and_parameters_are_those_of_the_configuration(empty, capsys):
+    assert main(["config", "urdf", "--config", empty, "--set", "zenoh.namespace=bot1"]) == 0
+    assert '<robot name="bot1">' in capsys.readouterr().out
+    limit = "limits.linear={velocity=0.2}"
+    assert main(["config", "parameters", "nav2", "--config", empty, "--set", limit]) == 0
+    assert "vx_max: 0.2\n" in capsys.readouterr().out

@@ -5,6 +5,9 @@ from __future__ import annotations
 import argparse
 import sys
 
+from yahboomd.cli.ros_files.node_parameters import PARAMETERS
+from yahboomd.cli.ros_files.robot_model import urdf
+from yahboomd.cli.ros_files.yaml_text import as_yaml
 from yahboomd.cli.shared_options import add_config_options, read_config
 
 DESCRIPTION = "Check, show and explain the configuration. Nothing is opened or moved."
@@ -14,6 +17,8 @@ examples:
   yahboomd config check                           the file that the service reads
   yahboomd config show --origin --config robot.toml
   yahboomd config reference --toml > robot.toml   every key, commented
+  yahboomd config urdf > robot.urdf               the robot's model for ROS 2
+  yahboomd config parameters nav2                 what Nav2 has to know of this base
 
 exit status:
   0    the configuration can be used
@@ -22,7 +27,7 @@ exit status:
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """Declare the four verbs."""
+    """Declare the verbs."""
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
 
     check = verbs.add_parser(
@@ -39,9 +44,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "such.",
     )
     add_config_options(show)
-    show.add_argument(
+    form = show.add_mutually_exclusive_group()
+    form.add_argument(
         "--origin", action="store_true", help="say behind each value where it comes from"
     )
+    form.add_argument("--json", action="store_true", help="print JSON, for programs")
 
     verbs.add_parser(
         "schema",
@@ -56,6 +63,24 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     reference.add_argument(
         "--toml", action="store_true", help="print the commented default file instead"
     )
+
+    model = verbs.add_parser(
+        "urdf",
+        help="print the robot's model for ROS 2",
+        description="Print the robot's model as URDF, for robot_state_publisher: the wheels as "
+        "configured, and the frames in ros2.static_transforms.",
+    )
+    add_config_options(model)
+    parameters = verbs.add_parser(
+        "parameters",
+        help="print parameters of ROS 2 nodes that fit the base",
+        description="Print parameters of ROS 2 nodes that follow from the configuration, as YAML: "
+        "frames, topics, speeds, message types. Those of nav2 and slam_toolbox are laid over the "
+        "files that these packages come with; those of robot_localization and joystick stand "
+        "alone.",
+    )
+    parameters.add_argument("package", choices=tuple(PARAMETERS), help="whose nodes")
+    add_config_options(parameters)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -74,8 +99,17 @@ def run(args: argparse.Namespace) -> int:
             print(f"ok: {reference.summary(loaded)}")
         case "show":
             loaded = read_config(args)
+            if args.json:
+                print(loaded.config.resolved().model_dump_json(indent=2))
+                return 0
             origins = loaded.origins if args.origin else None
             print(reference.as_toml(loaded.config, origins=origins), end="")
+        case "urdf":
+            print(urdf(read_config(args).config), end="")
+        case "parameters":
+            tree = PARAMETERS[args.package](read_config(args).config)
+            print(f"# Parameters of {args.package} by `yahboomd config parameters`.")
+            print(as_yaml(tree), end="")
         case "schema":
             print(schema.as_json(), end="")
         case _:
