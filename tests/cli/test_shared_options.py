@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from yahboomd.cli import shared_options
-from yahboomd.config import load
+from yahboomd.config import read
 from yahboomd.errors import ConfigError
 
 
@@ -98,11 +98,11 @@ def test_any_text_is_quoted_as_toml(text):
 
 def test_a_client_takes_namespace_and_file_from_the_configuration(tmp_path: Path) -> None:
     (tmp_path / "zenoh.json5").write_text("{}")
-    config = load(
+    config = read(
         None,
         environ={},
         overrides=["zenoh.namespace=bot1", f"zenoh.config={tmp_path / 'zenoh.json5'}"],
-    )
+    ).config
     made = shared_options.client_options(("tcp/10.0.0.1:7447",), config)
     assert made.connect == ("tcp/10.0.0.1:7447",)
     assert made.namespace == "bot1"

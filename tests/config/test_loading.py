@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from yahboomd.config import Config, load, read
+from yahboomd.config import Config, read
 from yahboomd.errors import ConfigError
 
 
@@ -176,7 +176,7 @@ def test_without_a_file_the_standard_one_is_read_if_it_exists(tmp_path):
 def test_a_file_that_is_named_must_exist(tmp_path):
     missing = tmp_path / "missing.toml"
     with pytest.raises(ConfigError, match=r"missing\.toml: cannot be read: No such file"):
-        load(missing, environ={}, overrides=[])
+        read(missing, environ={}, overrides=[])
 
 
 def test_an_empty_file_is_the_defaults(given):

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from yahboomd.clock import LoopClock, SystemClock
-from yahboomd.config import Config, load
+from yahboomd.config import Config, read
 from yahboomd.daemon import assembly
 from yahboomd.daemon.latch_file import LatchFile
 from yahboomd.errors import PortMissing
@@ -19,7 +19,7 @@ from yahboomd.simulation.virtual_time import on_virtual_time
 
 
 def config(*overrides: str) -> Config:
-    return load(None, environ={}, overrides=overrides)
+    return read(None, environ={}, overrides=overrides).config
 
 
 def test_the_bus_listens_where_the_configuration_says() -> None:

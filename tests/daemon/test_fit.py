@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import pytest
 
-from yahboomd.config import load
+from yahboomd.config import read
 from yahboomd.daemon import assembly
 from yahboomd.daemon.fit import ControlOptions, Fit, fit, no_board
 from yahboomd.drive.faults import Action, Fault, FaultKind
@@ -20,7 +20,7 @@ from yahboomd.protocol.settings import BoardSettings
 
 def options(overrides: Mapping[str, str]) -> ControlOptions:
     words = [f"{key}={value}" for key, value in overrides.items()]
-    return assembly.control_options(load(None, environ={}, overrides=words))
+    return assembly.control_options(read(None, environ={}, overrides=words).config)
 
 
 def fault(kind: FaultKind, action: Action = "policy") -> Fault:

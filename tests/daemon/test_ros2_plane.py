@@ -17,7 +17,7 @@ from zenoh_fixtures import ZenohApp, eventually
 from yahboomd.bus.bus import Bus
 from yahboomd.bus.options import BusOptions
 from yahboomd.bus.subscriptions import Arrival
-from yahboomd.config import load
+from yahboomd.config import read
 from yahboomd.daemon.ros2_plane import AttachedOutlet, BridgeWay, NativeWay, topics
 from yahboomd.messages import cdr, ros2
 from yahboomd.messages.native import ServiceReply
@@ -518,7 +518,7 @@ def test_names_follow_the_configuration() -> None:
         "zenoh.namespace=bot1",
         LASER,
     ]
-    chosen = topics(load(None, environ={}, overrides=given))
+    chosen = topics(read(None, environ={}, overrides=given).config)
     assert (chosen.odom, chosen.transform) == ("", False)
     assert chosen.joint_states == "wheels/joints"
     assert (chosen.frame_id, chosen.child_frame_id) == ("bot1_odom", "bot1_base_footprint")

@@ -18,7 +18,7 @@ from zenoh_fixtures import eventually, free_endpoint
 
 from yahboomd.bus.publishers import PRIORITIES
 from yahboomd.clock import Schedule, SystemClock
-from yahboomd.config import load
+from yahboomd.config import read
 from yahboomd.daemon.key_table import OUTPUTS
 from yahboomd.daemon.service import Daemon
 from yahboomd.errors import BusError
@@ -40,7 +40,7 @@ class Running:
             "zenoh.namespace=bot1",
             f"estop.latch_file={folder / 'estop'}",
         ]
-        self.config = load(None, environ={}, overrides=overrides)
+        self.config = read(None, environ={}, overrides=overrides).config
         environ = {"RUNTIME_DIRECTORY": str(folder / "run"), **environ}
         self.daemon = Daemon(self.config, environ=environ, clock=SystemClock(), opener=self.open)
         self.task = asyncio.create_task(self.daemon.run())
@@ -251,11 +251,11 @@ async def test_an_error_in_a_task_stops_the_wheels_and_ends_the_daemon(
 
 
 async def test_a_bus_that_cannot_be_opened_is_reported_without_a_traceback(tmp_path: Path) -> None:
-    config = load(
+    config = read(
         None,
         environ={},
         overrides=["zenoh.mode=client", f'zenoh.connect=["{free_endpoint()}"]'],
-    )
+    ).config
     with pytest.raises(BusError):
         await Daemon(config, environ={"RUNTIME_DIRECTORY": str(tmp_path)}).run()
 
@@ -268,7 +268,7 @@ async def test_a_service_is_ready_once_the_port_that_it_listens_on_is_free(tmp_p
         "zenoh.connect=[]",
         f"estop.latch_file={tmp_path / 'estop'}",
     ]
-    config = load(None, environ={}, overrides=overrides)
+    config = read(None, environ={}, overrides=overrides).config
     heard: list[bytes] = []
 
     def hear() -> list[bytes]:

@@ -15,7 +15,7 @@ from fault_bench import is_stop, orders_of
 from zenoh_fixtures import eventually, free_endpoint
 
 from yahboomd.clock import SystemClock
-from yahboomd.config import load
+from yahboomd.config import read
 from yahboomd.daemon.service import Daemon
 from yahboomd.simulation.robot import SimulatedRobot
 
@@ -40,7 +40,7 @@ class InnerDaemon:
             "zenoh.connect=[]",
             f"estop.latch_file={folder / 'estop'}",
         ]
-        config = load(None, environ={}, overrides=overrides)
+        config = read(None, environ={}, overrides=overrides).config
         environ = {"RUNTIME_DIRECTORY": str(folder / "run"), **environ}
         self.daemon = Daemon(config, environ=environ, clock=SystemClock(), opener=self._open)
         self.task = asyncio.create_task(self.daemon.run())

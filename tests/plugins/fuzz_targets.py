@@ -18,7 +18,7 @@ from typing import Any
 
 import msgspec
 
-from yahboomd.config import Config, load
+from yahboomd.config import Config, read
 from yahboomd.errors import BoardError, ConfigError
 from yahboomd.messages.codecs import (
     MAX_PAYLOAD_BYTES,
@@ -240,7 +240,7 @@ def override(data: bytes) -> None:
 
 def _loads(path: Path, environ: dict[str, str], overrides: list[str]) -> None:
     try:
-        found = load(path, environ=environ, overrides=overrides)
+        found = read(path, environ=environ, overrides=overrides).config
     except ConfigError as error:
         words = str(error)
         assert words.strip()

@@ -13,7 +13,7 @@ from event_check import assert_registered
 
 from yahboomd.bus.subscriptions import Arrival
 from yahboomd.clock import LoopClock, Schedule
-from yahboomd.config import Config, load
+from yahboomd.config import Config, read
 from yahboomd.daemon import assembly
 from yahboomd.daemon.commands import CommandIntake
 from yahboomd.daemon.control import Controller
@@ -85,7 +85,7 @@ class RobotBench:
         simulation: SimulationOptions | None = None,
     ) -> None:
         latch = f"estop.latch_file={folder / 'estop'}"
-        self.config: Config = load(None, environ={}, overrides=[latch, *overrides])
+        self.config: Config = read(None, environ={}, overrides=[latch, *overrides]).config
         self.clock = LoopClock()
         self.robot = SimulatedRobot(simulation or SimulationOptions())
         self.port: BoardPort | None = None

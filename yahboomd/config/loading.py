@@ -48,11 +48,6 @@ class Loaded:
         return kept | dict.fromkeys(filled, self.layers.origin(("chassis", "preset")))
 
 
-def load(path: Path | None, *, environ: Mapping[str, str], overrides: Sequence[str] = ()) -> Config:
-    """Read the configuration; see :func:`read`."""
-    return read(path, environ=environ, overrides=overrides).config
-
-
 def read(
     path: Path | None,
     *,

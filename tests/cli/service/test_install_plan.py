@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from yahboomd.cli.service import install_plan
-from yahboomd.config import load
+from yahboomd.config import read
 
 PROGRAM = Path("/opt/robot/bin/yahboomd")
 
@@ -80,7 +80,7 @@ def test_the_configuration_of_an_instance_can_be_used(tmp_path: Path) -> None:
     file = install_plan.instance_file(tmp_path, "front", "/dev/serial/by-path/usb-0:1.2-port0")
     file.path.parent.mkdir(parents=True)
     file.path.write_text(file.text)
-    config = load(file.path, environ={})
+    config = read(file.path, environ={}).config
     assert config.serial.port == "/dev/serial/by-path/usb-0:1.2-port0"
     assert config.zenoh.namespace == "front"
     assert config.zenoh.listen == ("tcp/127.0.0.1:7449",)
@@ -92,7 +92,7 @@ def test_instances_get_a_listen_port_each(tmp_path: Path) -> None:
         file = install_plan.instance_file(tmp_path, name, f"/dev/{name}")
         file.path.parent.mkdir(parents=True, exist_ok=True)
         file.path.write_text(file.text)
-        ports += load(file.path, environ={}).zenoh.listen
+        ports += read(file.path, environ={}).config.zenoh.listen
     assert ports == [f"tcp/127.0.0.1:{port}" for port in (7449, 7450, 7451)]
 
 
