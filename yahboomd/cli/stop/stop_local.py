@@ -188,7 +188,7 @@ def there(robots: Sequence[Robot], command: str) -> str:
 def sockets(
     environ: Mapping[str, str], *, user_id: int | None = None, root: str = "/"
 ) -> list[str]:
-    """The folders of daemons: of services, of this user's own, and for root of all users'."""
+    """The sockets of daemons: of services, of this user's own, and for root of all users'."""
     found = [glob(f"{glob_escape(each)}/stop*.sock") for each in folders(environ, user_id, root)]
     return [path for paths in found for path in sorted(paths) if _trusted(path)]
 
