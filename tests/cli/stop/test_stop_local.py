@@ -11,13 +11,23 @@ from pathlib import Path
 import pytest
 
 from yahboomd.cli.stop import stop_local
-from yahboomd.cli.stop.stop_local import LocalStops, Robot, Wanted, find, holds, sockets, there
+from yahboomd.cli.stop.stop_local import (
+    LocalDaemon,
+    LocalStops,
+    Wanted,
+    find,
+    holds,
+    sockets,
+    there,
+)
 from yahboomd.daemon.local_stop import LocalStop
 
 pytestmark = pytest.mark.realtime
 
-BOT1 = Robot("/run/a", 1, namespace="bot1", ports=("/dev/a", "/dev/ttyUSB0"), listen=("tcp/x:1",))
-SILENT = Robot("/run/b", 2, silent=True)
+BOT1 = LocalDaemon(
+    "/run/a", 1, namespace="bot1", ports=("/dev/a", "/dev/ttyUSB0"), listen=("tcp/x:1",)
+)
+SILENT = LocalDaemon("/run/b", 2, silent=True)
 
 
 class Daemon:
@@ -186,7 +196,7 @@ async def test_a_refused_user_finds_no_daemon(
     ],
 )
 def test_the_port_decides_then_the_namespace_and_where_it_listens(
-    wanted: Wanted, robot: Robot, fits: bool
+    wanted: Wanted, robot: LocalDaemon, fits: bool
 ) -> None:
     assert wanted.fits(robot) is fits
 
@@ -237,12 +247,14 @@ def test_a_socket_in_a_folder_that_a_stranger_made_is_not_asked(
 
 
 def test_those_that_are_there_instead_are_named_with_the_command_that_reaches_them() -> None:
-    alone = Robot("/run/c", 3, ports=("/tmp/board",))
+    alone = LocalDaemon("/run/c", 3, ports=("/tmp/board",))
     assert there([BOT1, alone], "stop") == (
         "bot1 (pid 1, /dev/a) runs here: `yahboomd stop --namespace bot1`.\n"
         "yahboomd (pid 3, /tmp/board) runs here: `yahboomd stop --port /tmp/board`."
     )
-    assert there([Robot("/run/d", 4)], "stop") == "yahboomd (pid 4) runs here: `yahboomd stop`."
+    assert (
+        there([LocalDaemon("/run/d", 4)], "stop") == "yahboomd (pid 4) runs here: `yahboomd stop`."
+    )
     assert "`yahboomd probe --namespace bot1 --connect tcp/x:1`" in there([BOT1], "probe")
     assert there([], "stop") == ""
 
@@ -255,7 +267,7 @@ def test_words_of_a_daemon_of_another_user_command_no_terminal() -> None:
 
 def test_a_board_that_is_gone_is_named_once_with_one_remedy() -> None:
     lines = [{"message": "Emergency stop engaged."}, {"stood": None, "why": "no port, and so on"}]
-    robot = Robot("/run/c", 3, ports=("/nonexistent/board",))
+    robot = LocalDaemon("/run/c", 3, ports=("/nonexistent/board",))
     assert stop_local._outcome(robot, lines).words == (
         "Emergency stop engaged, but /nonexistent/board is gone, so no stop reached the board. "
         "The wheels may still turn: switch the motor supply off."

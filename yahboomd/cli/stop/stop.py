@@ -18,6 +18,14 @@ from yahboomd.cli.shared_options import (
     daemon_endpoints,
     read_config,
 )
+from yahboomd.cli.stop.stop_advice import (
+    no_answer,
+    not_found,
+    not_released,
+    silent,
+    unreached,
+    warn_of_suspended,
+)
 from yahboomd.cli.stop.stop_port import (
     configuration,
     needs_no_configuration,
@@ -29,20 +37,7 @@ from yahboomd.cli.stop.stop_port import (
     undisturbed,
     warn,
 )
-from yahboomd.cli.unresponsive import (
-    FROZEN,
-    daemons,
-    is_yahboomd,
-    listener,
-    may_drive,
-    process_state,
-    reaching,
-    serial_ports,
-    suspended,
-    unresponsive,
-)
 from yahboomd.errors import (
-    BusError,
     ConfigError,
     LinkError,
     NoDaemon,
@@ -53,7 +48,7 @@ from yahboomd.link.seize import Seized
 
 if TYPE_CHECKING:
     from yahboomd.cli.stop.stop_client import BusStop
-    from yahboomd.cli.stop.stop_local import LocalStops, Outcome, Robot
+    from yahboomd.cli.stop.stop_local import LocalStops, Outcome
     from yahboomd.config import Config
     from yahboomd.link.takeover import TakeoverReport
 
@@ -138,39 +133,11 @@ def _release(args: argparse.Namespace) -> int:
     try:
         words = release(endpoints, config, port=args.port or "")
     except NoDaemon as error:
-        raise _not_released(error, args, found, endpoints) from error
+        raise not_released(error, args, found, endpoints) from error
     wanted = Wanted(namespace=config.zenoh.namespace, listen=endpoints)
     answered = [robot for robot in found if not robot.silent and wanted.fits(robot)]
     print(f"{answered[0].name}: {words}" if len(answered) == 1 else words)
     return os.EX_OK
-
-
-def _not_released(
-    error: BusError, args: argparse.Namespace, found: list[Robot], endpoints: tuple[str, ...]
-) -> BusError:
-    """Explain why no daemon answers, by the one of this machine that is meant, and no other."""
-    from yahboomd.cli.stop.stop_local import there
-
-    meant = [robot.pid for robot in found if robot.silent and not args.connect]
-    if args.port:
-        meant = [pid for pid in meant if may_drive(pid, args.port)]
-    if (pid := listener(endpoints)) is not None and is_yahboomd(pid):
-        meant.insert(0, pid)
-    again = _again(args)
-    for pid in meant:
-        if (state := process_state(pid)) in FROZEN:
-            message, remedy = suspended(pid, again)
-            return type(error)(message, remedy=remedy)
-        if pid != 0 and not args.namespace:
-            doing = f" (state {state})" if state else ""
-            return type(error)(
-                f"{error.message} yahboomd (pid {pid}) runs here and does not answer{doing}.",
-                remedy=f"Repeat it: {again}\nWhere that does not help, end it: kill {pid}",
-            )
-    if args.port or args.connect:
-        return error
-    others = there([robot for robot in found if not robot.silent], "stop --release")
-    return type(error)(error.message, remedy=others or error.remedy)
 
 
 def _status(stood: bool) -> int:
@@ -192,20 +159,9 @@ def _bus(args: argparse.Namespace) -> bool:
     if answer is None:
         from yahboomd.cli.stop.stop_client import no_daemon
 
-        raise _deaf(no_daemon(endpoints), args, endpoints)
+        raise no_answer(no_daemon(endpoints), args, endpoints)
     print(answer.words)
     return answer.stood
-
-
-def _deaf(error: BusError, args: argparse.Namespace, endpoints: tuple[str, ...]) -> BusError:
-    """Explain why no daemon answers, where it is one of this machine."""
-    pid = listener(endpoints)
-    if pid is None or not is_yahboomd(pid):
-        return error
-    ports = serial_ports(pid)
-    again = f"yahboomd stop --port {ports[0]}" if ports else _again(args)
-    message, remedy = unresponsive(f"yahboomd (pid {pid})", pid, process_state(pid), again)
-    return type(error)(message, remedy=remedy)
 
 
 def _everywhere(args: argparse.Namespace) -> bool:
@@ -244,20 +200,21 @@ def _everywhere(args: argparse.Namespace) -> bool:
         # The configured port is held, and nothing that answers has stopped its board.
         verdicts.append(_report_busy(args, config, endpoints))
     if verdicts:
-        verdicts += [_report_silent(robot, args) for robot in local.silent]
-        _report_suspended(local, args)
+        troubles = [str(silent(robot, args)) for robot in local.silent]
+        warn_of_suspended(local, args)
         if local.wanted == type(local.wanted)():
-            over_bus = endpoints if answer is not None else ()
-            verdicts += [_report_unreached(words) for words in _unreached(local, over_bus)]
-        return all(verdicts)
+            troubles += unreached(local, endpoints if answer is not None else ())
+        for words in troubles:
+            warn(words)
+        return all(verdicts) and not troubles
     suspects = local.silent
     if not isinstance(trouble, PortBusy):
         suspects += local.unknown
     if suspects:
-        raise _silent(suspects[0], args)
+        raise silent(suspects[0], args)
     if not isinstance(trouble, PortBusy):
         assert trouble is not None
-        raise _not_found(trouble, config, endpoints, local)
+        raise not_found(trouble, config, endpoints, local)
     # No daemon answers: the process that held the port may have been about to end.
     return _print_reports(_on_ports([seize_port(args, config, asked=endpoints)]))
 
@@ -325,69 +282,6 @@ def _print_outcome(outcome: Outcome, several: bool) -> bool:
     else:
         warn(words)
     return outcome.stood
-
-
-def _report_silent(robot: Robot, args: argparse.Namespace) -> bool:
-    warn(str(_silent(robot, args)))
-    return False
-
-
-def _unreached(local: LocalStops, over_bus: tuple[str, ...] = ()) -> list[str]:
-    """Daemons of this machine whose sockets are elsewhere, each with the command that stops it."""
-    known = {robot.pid for robot in (*local.answering, *local.silent, *local.unknown)}
-    if over_bus:
-        known.add(listener(over_bus) or 0)
-    return [words for pid in daemons() if pid not in known and (words := reaching(pid))]
-
-
-def _report_unreached(words: str) -> bool:
-    warn(words)
-    return False
-
-
-def _report_suspended(local: LocalStops, args: argparse.Namespace) -> None:
-    """Warn of suspended daemons that this stop did not reach and that may have closed the port."""
-    for robot in local.unknown:
-        frozen = process_state(robot.pid) in FROZEN
-        if frozen and may_drive(robot.pid, args.port or ""):
-            warn(
-                f"yahboomd (pid {robot.pid}) is suspended: no emergency stop is engaged in it, and "
-                "once continued it obeys new commands. To engage one, continue it with `fg` or "
-                f"`kill -CONT {robot.pid}`, then repeat: {_again(args)}"
-            )
-
-
-def _silent(robot: Robot, args: argparse.Namespace) -> LinkError:
-    state = process_state(robot.pid)
-    message, remedy = unresponsive(f"yahboomd (pid {robot.pid})", robot.pid, state, _again(args))
-    return LinkError(message, remedy=remedy)
-
-
-def _again(args: argparse.Namespace) -> str:
-    """This command, to be typed again."""
-    import shlex
-
-    again = ["yahboomd", "stop", *(["--release"] if args.release else [])]
-    for option in ("port", "namespace", "config"):
-        value = getattr(args, option)
-        again += [f"--{option}", str(value)] if value else []
-    again += [word for each in args.connect or () for word in ("--connect", each)]
-    again += [word for each in args.overrides for word in ("--set", each)]
-    return shlex.join(again)
-
-
-def _not_found(
-    trouble: YahboomdError, config: Config, endpoints: tuple[str, ...], local: LocalStops
-) -> YahboomdError:
-    from yahboomd.cli.stop.stop_local import there
-
-    namespace = config.zenoh.namespace
-    below = f" below the namespace {namespace!r}" if namespace else ""
-    return type(trouble)(
-        f"No daemon answers at {' or '.join(endpoints)}{below}, and {trouble.message}",
-        remedy="\n".join(filter(None, (there(local.others, "stop"), *_unreached(local))))
-        or trouble.remedy,
-    )
 
 
 def _print_reports(reports: list[TakeoverReport]) -> bool:

@@ -9,14 +9,14 @@ import msgspec
 
 from yahboomd.bus import keys
 from yahboomd.cli.shared_options import client_options
-from yahboomd.cli.stop.stop_local import same_port
+from yahboomd.cli.stop.stop_local import same_port, verdict
 from yahboomd.cli.words import listed
 from yahboomd.client import AsyncRobot
 from yahboomd.client.streams import read_sample
 from yahboomd.config import Config
 from yahboomd.errors import BusError, NoDaemon, Refused
 from yahboomd.messages.native import StatusSample, WheelsSample
-from yahboomd.program import pasteable, release_command
+from yahboomd.program import release_command
 
 STATUS_WITHIN_S = 1.5
 STAND_WITHIN_S = 2.0
@@ -70,10 +70,12 @@ async def engage(
         return None
     finally:
         await robot.close()
+    speeds = () if wheels is None else wheels.speed_m_s
+    fastest_m_s = max(map(abs, speeds), default=None)
     again = release_command(config.zenoh.namespace, endpoints)
     return BusStop(
         stood=stood,
-        words=f"{answer.message} {_seen(wheels, stood=stood, again=again)}",
+        words=f"{answer.message} {verdict(fastest_m_s, stood=stood, again=again)}",
         daemons=answer.answered,
     )
 
@@ -94,18 +96,6 @@ async def _elsewhere(robot: AsyncRobot, port: str) -> bool:
                     return not any(same_port(each, port) for each in ports)
                 await asyncio.sleep(0.1)
     return False
-
-
-def _seen(wheels: WheelsSample | None, *, stood: bool, again: str) -> str:
-    if stood:
-        return pasteable(f"The wheels stand. To drive again: {again}")
-    if wheels is not None and wheels.speed_m_s:
-        fastest_m_s = max(map(abs, wheels.speed_m_s))
-        return f"The wheels still turn, at {fastest_m_s:.2f} m/s: switch their supply off."
-    return (
-        "The daemon receives no counts from the board, so it cannot see whether the wheels stand. "
-        "Look at them: where they turn, switch the motor supply off."
-    )
 
 
 def release(endpoints: tuple[str, ...], config: Config, *, port: str = "") -> str:

@@ -7,17 +7,13 @@ protocol is in docs/bus.md.
 from __future__ import annotations
 
 import contextlib
-import json
 import os
-import select
-import socket
-import struct
-import time
 from collections.abc import Iterable, Mapping, Sequence
 from glob import escape as glob_escape
 from glob import glob
 from typing import Any, NamedTuple
 
+from yahboomd.cli.stop.stop_talk import Talk, converse
 from yahboomd.link import port_note
 from yahboomd.link.port_note import PortNote
 from yahboomd.program import pasteable, plain, release_command
@@ -25,12 +21,8 @@ from yahboomd.program import pasteable, plain, release_command
 STATUS_WITHIN_S = 0.5
 ENGAGED_WITHIN_S = 1.5
 STOOD_WITHIN_S = 2.5
-RETRY_S = 0.02
-MAX_BYTES = 65_536
 STOP = b"stop by yahboomd stop\n"
 """Any request but ``status`` engages; this one names the program that asks."""
-
-_LONGEST_PATH = 100
 
 
 class Wanted(NamedTuple):
@@ -46,7 +38,7 @@ class Wanted(NamedTuple):
     namespace: str | None = None
     listen: tuple[str, ...] = ()
 
-    def fits(self, robot: Robot) -> bool:
+    def fits(self, robot: LocalDaemon) -> bool:
         """Whether a daemon is meant. One that did not answer may hold the port all the same."""
         if self.port:
             return any(same_port(self.port, each) for each in robot.ports) or holds(
@@ -59,7 +51,7 @@ class Wanted(NamedTuple):
         return not self.listen or bool({*self.listen} & {*robot.listen})
 
 
-class Robot(NamedTuple):
+class LocalDaemon(NamedTuple):
     """A daemon of this machine.
 
     Attributes:
@@ -95,7 +87,7 @@ class Outcome(NamedTuple):
         blind: No counts came.
     """
 
-    robot: Robot
+    robot: LocalDaemon
     words: str
     stood: bool
     blind: bool = False
@@ -113,14 +105,14 @@ class LocalStops:
     """
 
     def __init__(self) -> None:
-        self.answering: list[Robot] = []
+        self.answering: list[LocalDaemon] = []
         self.wanted = Wanted()
-        self.silent: list[Robot] = []
-        self.others: list[Robot] = []
-        self.unknown: list[Robot] = []
-        self._meant: list[tuple[Robot, _Talk]] = []
+        self.silent: list[LocalDaemon] = []
+        self.others: list[LocalDaemon] = []
+        self.unknown: list[LocalDaemon] = []
+        self._meant: list[tuple[LocalDaemon, Talk]] = []
 
-    def engage(self, wanted: Wanted, found: Iterable[Robot]) -> None:
+    def engage(self, wanted: Wanted, found: Iterable[LocalDaemon]) -> None:
         """Stop them; returns once each that answers has engaged its emergency stop.
 
         The others are not awaited: they have the request, and engage as soon as they run again.
@@ -130,17 +122,17 @@ class LocalStops:
             if not robot.silent:
                 self.answering.append(robot)
             if wanted.fits(robot):
-                self._meant.append((robot, _Talk(robot.socket, STOP)))
+                self._meant.append((robot, Talk(robot.socket, STOP)))
             else:
                 (self.unknown if robot.silent else self.others).append(robot)
         for _, talk in self._meant:
             talk.connect()
         answering = [talk for robot, talk in self._meant if not robot.silent]
-        _converse(answering, lines=1, within_s=ENGAGED_WITHIN_S)
+        converse(answering, lines=1, within_s=ENGAGED_WITHIN_S)
 
     def outcomes(self) -> list[Outcome]:
         """Wait until the wheels stand, for some seconds at most; how each stop went."""
-        _converse([talk for _, talk in self._meant], lines=2, within_s=STOOD_WITHIN_S)
+        converse([talk for _, talk in self._meant], lines=2, within_s=STOOD_WITHIN_S)
         found = []
         for robot, talk in self._meant:
             talk.close()
@@ -151,10 +143,10 @@ class LocalStops:
         return found
 
 
-def find(environ: Mapping[str, str]) -> list[Robot]:
+def find(environ: Mapping[str, str]) -> list[LocalDaemon]:
     """The daemons of this machine that this user may stop."""
-    talks = [_Talk(path, b"status\n") for path in sockets(environ)]
-    _converse(talks, lines=1, within_s=STATUS_WITHIN_S)
+    talks = [Talk(path, b"status\n") for path in sockets(environ)]
+    converse(talks, lines=1, within_s=STATUS_WITHIN_S)
     found = []
     for talk in talks:
         talk.close()
@@ -171,7 +163,7 @@ def covered(outcome: Outcome, paths: Iterable[str]) -> bool:
     )
 
 
-def there(robots: Sequence[Robot], command: str) -> str:
+def there(robots: Sequence[LocalDaemon], command: str) -> str:
     """Name the daemons that are there instead, and how a command reaches them; empty for none."""
     sentences = []
     for robot in robots:
@@ -210,7 +202,9 @@ def folders(
     return tuple(dict.fromkeys(path for each in patterns for path in sorted(glob(each))))
 
 
-def notes(environ: Mapping[str, str], wanted: Wanted, living: Iterable[Robot]) -> list[PortNote]:
+def notes(
+    environ: Mapping[str, str], wanted: Wanted, living: Iterable[LocalDaemon]
+) -> list[PortNote]:
     """The notes of daemons that neither answer nor ended in order: their boards may drive on."""
     pids = {robot.pid for robot in living}
     found = []
@@ -223,7 +217,7 @@ def notes(environ: Mapping[str, str], wanted: Wanted, living: Iterable[Robot]) -
         note
         for note in found
         if note.pid not in pids
-        and wanted.fits(Robot("", note.pid, False, note.namespace, (note.path,), note.listen))
+        and wanted.fits(LocalDaemon("", note.pid, False, note.namespace, (note.path,), note.listen))
     ]
 
 
@@ -236,92 +230,6 @@ def holds(pid: int, port: str) -> bool:
                 if os.stat(f"/proc/{pid}/fd/{fd}").st_rdev == device != 0:
                     return True
     return False
-
-
-class _Talk:
-    """One request on one socket, and the lines that come back."""
-
-    def __init__(self, path: str, request: bytes) -> None:
-        self.path = path
-        self.lines: list[dict[str, Any]] = []
-        self.connected = False
-        self.ended = False
-        self.pid = 0
-        self._request = request
-        self._data = b""
-        self.sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK)
-
-    def connect(self) -> None:
-        """Connect and ask; a full queue is tried again by the caller."""
-        try:
-            _connect(self.sock, self.path)
-            size = struct.calcsize("iII")
-            raw = self.sock.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, size)
-            self.pid = struct.unpack("iII", raw)[0]
-            self.connected = True
-            self.sock.send(self._request, socket.MSG_NOSIGNAL)
-        except BlockingIOError:
-            return
-        except BrokenPipeError:
-            # Refused; the reason can be read.
-            return
-        except OSError:
-            self.ended = True
-
-    def read(self) -> None:
-        """Receive."""
-        try:
-            data = self.sock.recv(MAX_BYTES)
-        except BlockingIOError:
-            return
-        except OSError:
-            data = b""
-        self._data += data
-        self.ended = not data or len(self._data) > MAX_BYTES
-        *whole, self._data = self._data.split(b"\n")
-        for line in whole:
-            with contextlib.suppress(ValueError):
-                facts = json.loads(line)
-                if isinstance(facts, dict):
-                    self.lines.append(facts)
-
-    def close(self) -> None:
-        """Close the socket."""
-        self.sock.close()
-
-
-def _converse(talks: Iterable[_Talk], *, lines: int, within_s: float) -> None:
-    """Run all of them at once, until each has so many lines, or has ended."""
-    deadline = time.monotonic() + within_s
-    while True:
-        open_ = [talk for talk in talks if len(talk.lines) < lines and not talk.ended]
-        left = deadline - time.monotonic()
-        if not open_ or left <= 0:
-            return
-        for talk in open_:
-            if not talk.connected:
-                talk.connect()
-        waiting = [talk for talk in open_ if talk.connected]
-        wait_s = left if len(waiting) == len(open_) else min(left, RETRY_S)
-        poll = select.poll()
-        for talk in waiting:
-            poll.register(talk.sock, select.POLLIN)
-        ready = {fd for fd, _ in poll.poll(1000 * wait_s)}
-        for talk in waiting:
-            if talk.sock.fileno() in ready:
-                talk.read()
-
-
-def _connect(sock: socket.socket, path: str) -> None:
-    if len(os.fsencode(path)) <= _LONGEST_PATH:
-        sock.connect(path)
-        return
-    folder, name = os.path.split(path)
-    fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        sock.connect(f"/proc/self/fd/{fd}/{name}")
-    finally:
-        os.close(fd)
 
 
 def _trusted(path: str) -> bool:
@@ -337,11 +245,11 @@ def _trusted(path: str) -> bool:
     return status.st_uid in {0, os.geteuid()} or named == str(status.st_uid)
 
 
-def _robot(talk: _Talk) -> Robot:
+def _robot(talk: Talk) -> LocalDaemon:
     facts = talk.lines[0] if talk.lines else {}
     if facts.get("daemon") != "yahboomd":
-        return Robot(talk.path, talk.pid, silent=True)
-    return Robot(
+        return LocalDaemon(talk.path, talk.pid, silent=True)
+    return LocalDaemon(
         talk.path,
         talk.pid,
         namespace=str(facts.get("namespace", "")),
@@ -359,27 +267,37 @@ def same_port(one: str, other: str) -> bool:
     return os.path.realpath(one) == os.path.realpath(other)
 
 
-def _outcome(robot: Robot, lines: Sequence[dict[str, Any]]) -> Outcome:
+def _outcome(robot: LocalDaemon, lines: Sequence[dict[str, Any]]) -> Outcome:
     words = pasteable(plain(str(lines[0].get("message", ""))))
     seen = lines[1] if len(lines) > 1 else {}
-    if seen.get("stood") is True:
-        again = release_command(robot.namespace, robot.listen)
-        words += pasteable(f" The wheels stand. To drive again: {again}")
-        return Outcome(robot, words, stood=True)
-    fastest = seen.get("fastest_m_s")
-    if isinstance(fastest, int | float):
-        words += f" The wheels still turn, at {fastest:.2f} m/s: switch their supply off."
-        return Outcome(robot, words, stood=False)
-    missing = next((port for port in robot.ports if not os.path.exists(port)), "")
-    words = words.removesuffix(".")
+    stood, fastest = seen.get("stood") is True, seen.get("fastest_m_s")
+    fastest_m_s = float(fastest) if isinstance(fastest, int | float) else None
+    blind = not stood and fastest_m_s is None
+    missing = next((port for port in robot.ports if blind and not os.path.exists(port)), "")
     if missing:
-        words += (
-            f", but {missing} is gone, so no stop reached the board. The wheels may still turn: "
-            "switch the motor supply off."
+        words = (
+            f"{words.removesuffix('.')}, but {missing} is gone, so no stop reached the board. "
+            "The wheels may still turn: switch the motor supply off."
         )
     else:
-        words += (
-            ", but the daemon receives no counts from the board, so it cannot see whether the "
-            "wheels stand. Look at them: where they turn, switch the motor supply off."
-        )
-    return Outcome(robot, words, stood=False, blind=True)
+        again = release_command(robot.namespace, robot.listen)
+        words += f" {verdict(fastest_m_s, stood=stood, again=again)}"
+    return Outcome(robot, words, stood=stood, blind=blind)
+
+
+def verdict(fastest_m_s: float | None, *, stood: bool, again: str) -> str:
+    """Say whether the wheels stand.
+
+    Args:
+        fastest_m_s: The fastest wheel at the end; None where no counts came.
+        stood: They were seen to stand.
+        again: The command that releases the emergency stop.
+    """
+    if stood:
+        return pasteable(f"The wheels stand. To drive again: {again}")
+    if fastest_m_s is not None:
+        return f"The wheels still turn, at {fastest_m_s:.2f} m/s: switch their supply off."
+    return (
+        "The daemon receives no counts from the board, so it cannot see whether the wheels stand. "
+        "Look at them: where they turn, switch the motor supply off."
+    )

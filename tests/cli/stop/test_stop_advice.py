@@ -1,0 +1,50 @@
+"""Advice where no daemon was reached; test_stop.py has it on real processes."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+
+from zenoh_fixtures import free_endpoint
+
+from yahboomd.cli.main import whole_parser
+from yahboomd.cli.stop.stop_advice import no_answer, not_found, silent, this_command
+from yahboomd.cli.stop.stop_local import LocalDaemon, LocalStops
+from yahboomd.config import Config
+from yahboomd.errors import NoDaemon, PortMissing
+
+GONE = 4_194_305
+"""No process has such an id: the kernel's largest is one less."""
+
+
+def parsed(*words: str) -> argparse.Namespace:
+    return whole_parser().parse_args(["stop", *words])
+
+
+def test_the_command_to_repeat_has_every_option_that_was_given() -> None:
+    words = ["--release", "--namespace", "bot 1", "--connect", "tcp/x:1", "--connect", "tcp/y:1"]
+    words += ["--set", "log.level=debug"]
+    repeated = shlex.split(this_command(parsed(*words)))
+    assert repeated[:2] == ["yahboomd", "stop"]
+    assert parsed(*repeated[2:]) == parsed(*words)
+
+
+def test_a_daemon_that_does_not_answer_is_named_with_what_ends_it() -> None:
+    error = silent(LocalDaemon("/run/a", GONE, silent=True), parsed("--port", "/dev/a"))
+    assert error.message == f"yahboomd (pid {GONE}) does not answer."
+    assert f"kill -9 {GONE}; yahboomd stop --port /dev/a" in error.remedy
+
+
+def test_where_nothing_listens_the_error_stays() -> None:
+    error = NoDaemon("No daemon answers.", remedy="Start it.")
+    assert no_answer(error, parsed(), (free_endpoint(),)) is error
+
+
+def test_a_missing_port_and_a_missing_daemon_are_one_error_with_its_exit_code() -> None:
+    local = LocalStops()
+    local.others.append(LocalDaemon("/run/c", 3, namespace="bot1"))
+    missing = PortMissing("/dev/a is not there.", remedy="Plug it in.")
+    error = not_found(missing, Config(), ("tcp/x:1",), local)
+    assert type(error) is PortMissing
+    assert error.message == "No daemon answers at tcp/x:1, and /dev/a is not there."
+    assert "yahboomd stop --namespace bot1" in error.remedy

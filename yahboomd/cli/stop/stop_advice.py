@@ -1,0 +1,121 @@
+"""The reasons why ``yahboomd stop`` reached no daemon, and what a person can do about them."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from yahboomd.cli.stop.stop_port import warn
+from yahboomd.cli.unresponsive import (
+    FROZEN,
+    daemons,
+    is_yahboomd,
+    listener,
+    may_drive,
+    process_state,
+    reaching,
+    serial_ports,
+    suspended,
+    unresponsive,
+)
+from yahboomd.errors import BusError, LinkError, YahboomdError
+
+if TYPE_CHECKING:
+    from yahboomd.cli.stop.stop_local import LocalDaemon, LocalStops
+    from yahboomd.config import Config
+
+
+def not_released(
+    error: BusError, args: argparse.Namespace, found: list[LocalDaemon], endpoints: tuple[str, ...]
+) -> BusError:
+    """Explain why no daemon answers, by the one of this machine that is meant, and no other."""
+    from yahboomd.cli.stop.stop_local import there
+
+    meant = [robot.pid for robot in found if robot.silent and not args.connect]
+    if args.port:
+        meant = [pid for pid in meant if may_drive(pid, args.port)]
+    if (pid := listener(endpoints)) is not None and is_yahboomd(pid):
+        meant.insert(0, pid)
+    again = this_command(args)
+    for pid in meant:
+        if (state := process_state(pid)) in FROZEN:
+            message, remedy = suspended(pid, again)
+            return type(error)(message, remedy=remedy)
+        if pid != 0 and not args.namespace:
+            doing = f" (state {state})" if state else ""
+            return type(error)(
+                f"{error.message} yahboomd (pid {pid}) runs here and does not answer{doing}.",
+                remedy=f"Repeat it: {again}\nWhere that does not help, end it: kill {pid}",
+            )
+    if args.port or args.connect:
+        return error
+    others = there([robot for robot in found if not robot.silent], "stop --release")
+    return type(error)(error.message, remedy=others or error.remedy)
+
+
+def no_answer(error: BusError, args: argparse.Namespace, endpoints: tuple[str, ...]) -> BusError:
+    """Explain why no daemon answers, where it is one of this machine."""
+    pid = listener(endpoints)
+    if pid is None or not is_yahboomd(pid):
+        return error
+    ports = serial_ports(pid)
+    again = f"yahboomd stop --port {ports[0]}" if ports else this_command(args)
+    message, remedy = unresponsive(f"yahboomd (pid {pid})", pid, process_state(pid), again)
+    return type(error)(message, remedy=remedy)
+
+
+def not_found(
+    trouble: YahboomdError, config: Config, endpoints: tuple[str, ...], local: LocalStops
+) -> YahboomdError:
+    """The error where neither a daemon nor a port was found."""
+    from yahboomd.cli.stop.stop_local import there
+
+    namespace = config.zenoh.namespace
+    below = f" below the namespace {namespace!r}" if namespace else ""
+    return type(trouble)(
+        f"No daemon answers at {' or '.join(endpoints)}{below}, and {trouble.message}",
+        remedy="\n".join(filter(None, (there(local.others, "stop"), *unreached(local))))
+        or trouble.remedy,
+    )
+
+
+def silent(robot: LocalDaemon, args: argparse.Namespace) -> LinkError:
+    """The error where this daemon does not answer."""
+    state = process_state(robot.pid)
+    message, remedy = unresponsive(
+        f"yahboomd (pid {robot.pid})", robot.pid, state, this_command(args)
+    )
+    return LinkError(message, remedy=remedy)
+
+
+def unreached(local: LocalStops, over_bus: tuple[str, ...] = ()) -> list[str]:
+    """Daemons of this machine whose sockets are elsewhere, each with the command that stops it."""
+    known = {robot.pid for robot in (*local.answering, *local.silent, *local.unknown)}
+    if over_bus:
+        known.add(listener(over_bus) or 0)
+    return [words for pid in daemons() if pid not in known and (words := reaching(pid))]
+
+
+def warn_of_suspended(local: LocalStops, args: argparse.Namespace) -> None:
+    """Warn of suspended daemons that this stop did not reach and that may have closed the port."""
+    for robot in local.unknown:
+        frozen = process_state(robot.pid) in FROZEN
+        if frozen and may_drive(robot.pid, args.port or ""):
+            warn(
+                f"yahboomd (pid {robot.pid}) is suspended: no emergency stop is engaged in it, and "
+                "once continued it obeys new commands. To engage one, continue it with `fg` or "
+                f"`kill -CONT {robot.pid}`, then repeat: {this_command(args)}"
+            )
+
+
+def this_command(args: argparse.Namespace) -> str:
+    """This command, to be typed again."""
+    import shlex
+
+    words = ["yahboomd", "stop", *(["--release"] if args.release else [])]
+    for option in ("port", "namespace", "config"):
+        value = getattr(args, option)
+        words += [f"--{option}", str(value)] if value else []
+    words += [word for each in args.connect or () for word in ("--connect", each)]
+    words += [word for each in args.overrides for word in ("--set", each)]
+    return shlex.join(words)
