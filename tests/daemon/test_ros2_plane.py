@@ -539,4 +539,4 @@ def test_names_follow_the_configuration() -> None:
     ],
 )
 def test_a_robot_has_its_own_name_in_the_diagnostics(given: list[str], hardware_id: str) -> None:
-    assert topics(load(None, environ={}, overrides=given)).hardware_id == hardware_id
+    assert topics(read(None, environ={}, overrides=given).config).hardware_id == hardware_id
