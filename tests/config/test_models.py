@@ -7,6 +7,7 @@ import pytest
 from yahboomd.config import WHEELS, Config
 from yahboomd.drive.arbitration import Source
 from yahboomd.drive.kinematics import KINEMATICS
+from yahboomd.errors import ConfigError
 from yahboomd.model import Motor
 from yahboomd.protocol.profiles import PROFILES
 
@@ -96,6 +97,13 @@ def test_a_custom_profile_may_follow_from_the_chassis():
     ).profile()
     assert given.ticks_per_revolution == pytest.approx(1320)
     assert given.wheel_diameter_mm == pytest.approx(80.0)
+
+
+def test_a_custom_profile_that_no_board_can_store_is_refused_by_name():
+    chassis = {"ticks_per_revolution": 1_000_000, "wheel_radius_m": 0.0004}
+    given = config(board={"profile": "custom"}, chassis=chassis)
+    with pytest.raises(ConfigError, match=r"gear ratio 22727\..*, wheel diameter 0\.8"):
+        given.profile()
 
 
 def test_a_source_without_a_timeout_has_the_common_one():

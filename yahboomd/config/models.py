@@ -24,8 +24,9 @@ from yahboomd.config.values import Section
 from yahboomd.drive.arbitration import Source
 from yahboomd.drive.kinematics import KINEMATICS
 from yahboomd.model import Kinematics, Motor
-from yahboomd.protocol.custom_profile import custom_profile
 from yahboomd.protocol.profiles import EDGES_PER_LINE, PROFILES, MotorProfile
+from yahboomd.protocol.registry import check_storable
+from yahboomd.protocol.settings import BoardSettings
 
 WHEELS: dict[str, tuple[str, ...]] = {
     name: build(separation_m=1.0, base_m=1.0).wheels for name, build in KINEMATICS.items()
@@ -84,13 +85,18 @@ class Config(Section):
             return PROFILES[board.profile]
         lines = board.lines or USUAL_LINES
         ratio = board.ratio or (chassis.ticks_per_revolution or 0.0) / (lines * EDGES_PER_LINE)
-        return custom_profile(
+        stored: BoardSettings = {"motor_type": board.motor_type or 1}
+        if board.deadzone is not None:
+            stored["deadzone"] = board.deadzone
+        custom = MotorProfile(
+            name=CUSTOM,
+            stored=stored,
             lines=lines,
             ratio=ratio,
             wheel_diameter_mm=board.wheel_diameter_mm or 2000.0 * (chassis.wheel_radius_m or 0.0),
-            motor_type=board.motor_type or 1,
-            deadzone=board.deadzone,
         )
+        check_storable(custom.settings)
+        return custom
 
     def radius_m(self, wheel: str) -> float:
         """The radius of a wheel in metres, calibration included."""

@@ -16,6 +16,7 @@ import msgspec
 from yahboomd.messages.native import State, StatusSample, TwistSample, WheelsSample
 from yahboomd.messages.status_fields import FIELDS, StatusField
 from yahboomd.metrics.exposition import Exposition, Kind
+from yahboomd.model import NS_PER_S
 
 MAX_SERIES = 64
 """The most sources, wheels and reasons of one sample: any program may have written it."""
@@ -23,7 +24,6 @@ MAX_SERIES = 64
 FRESH_NS = 2_000_000_000
 """A twist or wheels sample so much older than the status says nothing about now."""
 
-_NS_PER_S = 1_000_000_000
 
 # By the unit that FIELDS names: the ending of the field, its base unit, and the factor to that.
 _UNITS: Mapping[str, tuple[str, str, float]] = {
@@ -128,7 +128,7 @@ class _RobotMetrics:
         self._gauge(
             "yahboomd_status_timestamp_seconds",
             "when the status was made, by the robot's clock, Unix time",
-            status.stamp_ns / _NS_PER_S,
+            status.stamp_ns / NS_PER_S,
             unit="seconds",
         )
         for state in get_args(State):
@@ -141,7 +141,7 @@ class _RobotMetrics:
         self._gauge(
             "yahboomd_state_timestamp_seconds",
             "since when it is in this state, by the robot's clock, Unix time",
-            status.since_ns / _NS_PER_S,
+            status.since_ns / NS_PER_S,
             unit="seconds",
         )
         self._gauge(

@@ -24,10 +24,9 @@ from yahboomd.messages.native import (
     WheelsSample,
 )
 from yahboomd.messages.status_fields import REFUSALS
+from yahboomd.model import NS_PER_S
 
 Message = TypeVar("Message", bound=msgspec.Struct)
-
-NS_PER_S = 1_000_000_000
 
 STALE_NS = 2 * NS_PER_S
 """A daemon publishes its status twice a second; after four of them it is gone, or stuck."""
