@@ -52,7 +52,7 @@ class Truth(NamedTuple):
 
 
 def _swell(t: Array, begin: float, length: float) -> Array:
-    """From 0 to 1, smoothly, over ``length`` seconds from ``begin`` on."""
+    """A smooth step from 0 to 1 over ``length`` seconds from ``begin`` on."""
     u = np.clip((t - begin) / length, 0.0, 1.0)
     return u - np.sin(2.0 * np.pi * u) / (2.0 * np.pi)
 

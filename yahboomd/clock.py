@@ -212,7 +212,7 @@ class LoopClock:
         return self._epoch_ns + self.now_ns()
 
     def suspended_ns(self) -> int:
-        """As a test pretends."""
+        """The time a suspended machine slept, as a test pretends."""
         return self.slept_ns
 
     def alarm(self, callback: Callable[[], None]) -> Alarm:

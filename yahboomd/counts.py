@@ -32,7 +32,7 @@ APART_NS = 25_000_000
 """Readings that lie closer together show too little of a speed."""
 
 ENOUGH = 5
-"""So many witnesses are needed, and any one of them may be wrong."""
+"""The readings that prove a speed; any one of them may be wrong."""
 
 SELDOM = 3
 SELDOM_NS = 200_000_000

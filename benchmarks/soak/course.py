@@ -27,7 +27,7 @@ EXCUSE_WAIT_S = 0.5
 """So is one that lets one of our threads wait for so long in all, ready to run, during a fault."""
 
 BRAKE_S = 0.8
-"""Wheels at the speeds of the soak stand so long after a stop frame, with room."""
+"""The time after a stop frame by which wheels at the speeds of the soak stand, with room."""
 
 
 MOST_M = 0.03
@@ -38,7 +38,7 @@ SIGMAS = 3.0
 """The further standard deviations that are allowed where the covariance says so."""
 
 NEAR_ZERO = "a polled board was reset with its counters near zero"
-"""It does not say so, and from one small count to another a wheel may well have rolled."""
+"""The board does not report it, and a wheel may have rolled from one small count to another."""
 
 
 NOISY = frozenset({"byte loss", "corruption", "output stall"})

@@ -15,7 +15,7 @@ EX_TEMPFAIL = 75
 """The daemon's exit code where standstill was not confirmed."""
 
 NOTICE_S = 2.0
-"""So long the odometry may take to notice another tick."""
+"""The time that the odometry may take to notice another tick."""
 
 BACKED_M = 0.01
 """The backward travel that brakes may give a wheel."""

@@ -15,7 +15,7 @@ SILENT_S = 1.0
 """After so long without counts the link gives a board up."""
 CONNECT_S = 3.0
 NOISY_S = 10.5
-"""From a port that is back to a board that received a stop: back-off, and the handshake's stop."""
+"""The time from a port that is back to a stopped board: back-off, and the handshake's stop."""
 
 
 # What people and applications do.
@@ -151,7 +151,7 @@ def reset(course: Course) -> None:
 
 
 def brown_out(course: Course) -> None:
-    """Its supply fails for a moment."""
+    """The board's supply fails for a moment."""
     course.move()
     _counts_from_zero(course)
     off_s = course.random.choice([0.02, 0.1, 0.4])
@@ -173,7 +173,7 @@ def _after_reset(course: Course, since_ns: int) -> None:
 
 
 def reset_loop(course: Course) -> None:
-    """It resets itself again and again."""
+    """The board resets itself again and again."""
     if not course.streamed:
         # Such a board does not say that it was reset.
         brown_out(course)

@@ -97,7 +97,7 @@ class Ledger:
         return [each for each in self.latencies.get(kind, []) if each.seconds > most]
 
     def unexplained(self, kind: str) -> list[Latency]:
-        """Those that the machine's own stalls do not explain."""
+        """The findings that the machine's own stalls do not explain."""
         most = BUDGETS_S.get(kind, float("inf"))
         return [each for each in self.late(kind) if each.seconds > most + each.stalled_s]
 

@@ -58,7 +58,7 @@ class Track:
 def pose_excess_m(
     anchor: PoseSample, anchor_truth: TruthSample, poses: Sequence[PoseSample], track: Track
 ) -> float:
-    """By how much the worst pose is further from the truth at its stamp than it may be.
+    """The distance by which the worst pose is further from the truth at its stamp than it may be.
 
     It may be off by :data:`MARGIN_M`, what its covariance admits, and :data:`LATE_S` of driving.
     """
@@ -81,7 +81,7 @@ def pose_excess_m(
 
 
 def twist_excess_m_s(twists: Sequence[TwistSample], track: Track) -> float:
-    """By how much the worst forward speed is outside of what the robot did lately.
+    """The amount by which the worst forward speed is outside of what the robot did lately.
 
     It may be outside by :data:`MARGIN_M_S` and what its covariance admits.
     """

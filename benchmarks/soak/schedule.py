@@ -64,11 +64,11 @@ SHOWN = frozenset(
         *RESETS,
     }
 )
-"""Those in which wheels move as reported, or a board that forgot its motors
+"""The faults in which wheels move as reported, or a board that forgot its motors
 turns none."""
 
 STREAMED = frozenset({"another tick"})
-"""Those of a board that streams."""
+"""The faults of a board that streams."""
 
 DIALECTS = ("streamed", "polled")
 

@@ -93,7 +93,7 @@ def held_by_the_kernel(processes: Iterable[int]) -> list[str]:
 
 
 def longest_wait_ns(samples: list[Sample], since_ns: int, until_ns: int) -> int:
-    """By how much the wait of any one thread grew from before a moment to after another."""
+    """The most that the wait of any one thread grew from before a moment to after another."""
     before = [waits for at_ns, waits in samples if at_ns <= since_ns]
     after = [waits for at_ns, waits in samples if at_ns >= until_ns]
     first = before[-1] if before else samples[0][1] if samples else {}

@@ -1,4 +1,4 @@
-"""From Zenoh's threads to the event loop: bounded, one hop for everything that is pending.
+"""The way from Zenoh's threads to the event loop: bounded, one hop for all that is pending.
 
 A callback of Zenoh's runs in the thread that reads the network. Whatever it waits for, all that
 comes over the same connection waits for too; calling Zenoh from it can deadlock. So it does three

@@ -42,13 +42,13 @@ RATE_HZ = 20.0
 WAIT_S = 5.0
 
 LISTEN_S = 1.0
-"""So long an open session listens at least, before it says that no daemon is there."""
+"""The least time that an open session listens before it reports that no daemon is there."""
 
 STANDING_M_S = 0.03
 """A wheel that is slower counts as standing."""
 
 STANDING_SAMPLES = 3
-"""So many samples in a row must show it, in case one was under way when the stop was commanded."""
+"""The samples in a row that must show it: one may have been under way when the stop was sent."""
 
 
 class AsyncRobot(NewestSamples):

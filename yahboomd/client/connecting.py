@@ -1,4 +1,4 @@
-"""From an address to a robot."""
+"""Makes a robot of an address."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ NUMBERS = (signal.SIGTERM, signal.SIGHUP)
 
 
 _entered: list[Endings] = []
-"""Those of asyncio programs; all in the main thread, which alone receives signals."""
+"""The endings of asyncio programs; all in the main thread, which alone receives signals."""
 
 
 class Endings:
@@ -82,7 +82,7 @@ class Endings:
             raise SystemExit(128 + self.came)
 
     def _beside(self) -> list[Endings]:
-        """Those that are entered in the same event loop."""
+        """The endings that are entered in the same event loop."""
         return [] if self.loop is None else [it for it in _entered if it.loop is self.loop]
 
 

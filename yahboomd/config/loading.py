@@ -1,4 +1,4 @@
-"""From a file, the environment and ``--set`` to a :class:`Config`, or to every mistake at once."""
+"""Reads a file, the environment and ``--set`` into a :class:`Config`, or names every mistake."""
 
 from __future__ import annotations
 

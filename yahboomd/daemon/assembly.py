@@ -1,4 +1,4 @@
-"""From the configuration to objects: the only place that knows both."""
+"""Builds objects from the configuration: the only place that knows both."""
 
 from __future__ import annotations
 
@@ -167,5 +167,5 @@ def session(config: Config, clock: Clock, listener: Listener, open_it: Opener) -
 
 
 def command_period_ns(config: Config) -> int:
-    """From one control step to the next."""
+    """The time from one control step to the next."""
     return nanoseconds(1.0 / config.command.rate_hz)

@@ -46,7 +46,7 @@ PAUSE_S = 0.1
 """After connections could not be accepted, such as for want of descriptors."""
 
 SAMPLES = 3
-"""So many readings in a row must show standing wheels."""
+"""The readings in a row that must show standing wheels."""
 
 
 class _Watch:

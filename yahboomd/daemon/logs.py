@@ -32,7 +32,7 @@ PRIORITIES = {
 
 
 LINES = 1000
-"""So many lines wait for a reader that is slow; further ones are lost, and counted."""
+"""The most lines that wait for a slow reader; further ones are lost, and counted."""
 
 FLUSH_S = 1.0
 """The longest that the end of the process waits for a reader."""
@@ -151,12 +151,12 @@ def _is_journal(environ: Mapping[str, str], stream: TextIO) -> bool:
 
 
 WRITTEN = 5
-"""So many lines of a kind are written within a window."""
+"""The most lines of a kind that are written within a window."""
 
 WINDOW_S = 60.0
 
 KINDS = 200
-"""So many kinds are remembered; the one that was longest away is forgotten first."""
+"""The most kinds that are remembered; the one that was longest away goes first."""
 
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 

@@ -27,7 +27,7 @@ from yahboomd.model import NS_PER_S
 log = logging.getLogger(__name__)
 
 ENDING = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
-"""These ask for an orderly end: status 0."""
+"""The signals that ask for an orderly end: status 0."""
 
 SUSPENDING = (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)
 """The signal with which a terminal suspends its programs."""

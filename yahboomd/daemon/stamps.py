@@ -12,7 +12,7 @@ STEP_S = 1.0
 by more (chrony: 1 s, by default)."""
 
 SLEW = 10
-"""By less than a step stamps follow at a tenth of their pace: they stay in order and well apart."""
+"""A smaller difference is followed at a tenth of the pace: stamps stay in order and well apart."""
 
 
 class WallStamps:

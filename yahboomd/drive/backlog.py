@@ -29,13 +29,13 @@ from typing import Literal, TypeAlias
 Verdict: TypeAlias = Literal["pass", "revoke", "refuse"]
 
 MOST = 5
-"""So many within the window are ordinary."""
+"""The commands that may arrive within the window without being a backlog."""
 WINDOW_NS = 20_000_000
 
 MOST_COPIES = 32
-"""So many commands in a row that say the same may be copies of one ..."""
+"""The most commands in a row with the same content that may be copies of one ..."""
 ROW_GAP_NS = 5_000_000
-"""... and a row ends with a gap of so long. A link that lets a long backlog through has none."""
+"""... and the gap that ends a row. A link that lets a long backlog through has no gap."""
 
 
 class BacklogGate:

@@ -42,7 +42,7 @@ class ClockOffset:
             self._behind.add(now_ns, wall_ns - stamp_ns)
 
     def ahead_s(self, now_ns: int) -> float | None:
-        """Its clock less ours, in seconds; ``None`` where nothing stamped came lately."""
+        """The source's clock less ours, in seconds; ``None`` where nothing stamped came lately."""
         behind_ns = self._behind.smallest(now_ns)
         return None if behind_ns is None else -behind_ns / 1e9
 

@@ -16,7 +16,7 @@ MOVING_NS = 1_000_000_000
 of every sender worth the name, and copies of a command come within a few milliseconds."""
 
 Held: TypeAlias = Literal["revoke", "refuse"]
-"""It is part of a backlog (:mod:`~yahboomd.drive.backlog`)."""
+"""The command is part of a backlog (:mod:`~yahboomd.drive.backlog`)."""
 
 
 class CommandSource:
@@ -81,11 +81,11 @@ class CommandSource:
         self.deadman.clear()
 
     def in_effect(self, now_ns: int) -> Twist2d | None:
-        """Its wish; ``None`` where that ran out or was taken back."""
+        """The velocity that it wants; ``None`` where that ran out or was revoked."""
         return None if self.deadman.expired(now_ns) else self.wish
 
     def note_motion(self, now_ns: int) -> None:
-        """It commands motion: by a command, or by one that was lost unread."""
+        """Note that it commands motion: by a command, or by one that was lost unread."""
         self._moved_ns = max(now_ns, self._moved_ns or now_ns)
 
     def commands_motion(self, now_ns: int) -> bool:

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 AGAIN = 5
 NO_COUNTS_AGAIN = 8
 ALL_SILENT_AGAIN = 16
-"""So often in a row, and it is not the line. One lost speed in two or three silences a start, and
-all wheels at once."""
+"""The repetitions in a row that the line cannot have caused. One lost speed in two or three
+silences a start, and all wheels at once."""
 
 FORGOTTEN_NS = 5_000_000_000
 """Two things that lie so far apart are not in a row."""

@@ -43,7 +43,7 @@ class Listener(Protocol):
         ...
 
     def sent(self, units: Units | None) -> None:
-        """These speeds were written to the port just now; ``None``: the motors were let go."""
+        """Note the speeds that were just written to the port; ``None``: the motors were let go."""
         ...
 
     def battery(self, volts: float) -> None:

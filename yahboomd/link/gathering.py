@@ -14,7 +14,7 @@ from __future__ import annotations
 from typing import Final
 
 ALIKE: Final = 8
-"""So many lines of one length are heard before the next one is waited for."""
+"""The lines of one length that must come before the next one is waited for."""
 
 LONGEST: Final = 64
 """No line of counts is longer. (The kernel's own limit is 255.)"""
@@ -57,7 +57,7 @@ class Gathering:
         return self._wait_for(1)
 
     def rest(self, held: int) -> bool:
-        """So many bytes came of what is not whole yet; the same as :meth:`line`."""
+        """Note the bytes of a line that is not whole yet; returns the same as :meth:`line`."""
         return held > self._line_end and self._wait_for(1)
 
     def _wait_for(self, least: int) -> bool:

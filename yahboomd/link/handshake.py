@@ -112,7 +112,7 @@ async def _recognised(line: Line, first: int, deadline_ns: int) -> str | None:
 
 
 async def _quiet(line: Line) -> None:
-    """Until nothing more comes; or not for ever, where a stream runs on."""
+    """Wait until nothing more comes; not for ever, since a stream may run on."""
     clock = line.clock
     end_ns = clock.now_ns() + nanoseconds(QUIET_WITHIN_S)
     while clock.now_ns() < end_ns:

@@ -165,7 +165,7 @@ class _Serial(serial.Serial):
             raise serial.SerialException(str(error)) from error
 
     def flush(self) -> None:
-        """Not here: it is ``tcdrain``, which would block the loop. See ``SerialPort.drain``."""
+        """Do nothing: ``tcdrain`` would block the loop. See ``SerialPort.drain``."""
 
     def close(self) -> None:
         fd, self.fd, self.is_open = self.fd, None, False

@@ -14,7 +14,7 @@ from yahboomd.protocol.dialect import Decoded, Reply, VersionLine
 Notice: TypeAlias = Literal["none", "start", "unclear"]
 
 LATEST_ANSWER_NS = 1_200_000_000
-"""So long after a question for the settings no part of its answer comes any more."""
+"""The longest that any part of an answer comes after the question for the settings."""
 
 
 class StartNotices:

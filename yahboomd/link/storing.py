@@ -70,7 +70,7 @@ class Progress:
     def begins(
         self, dialect: Dialect, writes: tuple[SettingWrite, ...], had: BoardSettings
     ) -> None:
-        """These values differ and will be stored."""
+        """The values that differ and will be stored."""
 
     def step(self, step: Step, has: BoardSettings) -> None:
         """One value was dealt with; the board stores ``has`` now."""

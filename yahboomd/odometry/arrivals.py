@@ -56,7 +56,7 @@ class Arrivals:
 
     @property
     def gap(self) -> float:
-        """From line to line, on the average."""
+        """The time from line to line, on the average."""
         return self._gap or 0.0
 
     @property

@@ -1,7 +1,7 @@
-"""Counts that do not go on: how much of the way is lost with them, and the words that say so.
+"""Breaks in the counts: how much of the way is lost with them, and the words that report it.
 
-Which reading ends one is for :mod:`~yahboomd.odometry.encoders` to judge; the pose goes on from
-where it was all the same.
+:mod:`~yahboomd.odometry.encoders` judges which reading ends one; the pose goes on from where it
+was.
 """
 
 from __future__ import annotations

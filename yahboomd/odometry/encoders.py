@@ -23,7 +23,7 @@ AGREE_SLACK_NS = 20_000_000
 AGREE_ANNOUNCED = 2
 AGREE_RESET = 3
 AGREE_ELSEWHERE = 5
-"""So many readings in a row have to agree: after a notice, to believe an unannounced reset, and to
+"""The readings in a row that have to agree: after a notice, to believe an unannounced reset, and to
 believe counters that are elsewhere for no reason (a lossy line drops the same digit twice in a row
 more often than one thinks)."""
 
@@ -37,11 +37,11 @@ millisecond when a board sampled. A wheel that is blocked or let go strays as we
 one reading later; a digit that was garbled on its way is contradicted by that."""
 
 AGREE_STRAYED = 3
-"""So many readings in a row that one wheel could have made, however unevenly they came."""
+"""The readings in a row that one wheel must be able to have made, however unevenly they came."""
 
 ELSEWHERE_NS = 200_000_000
-"""And for so long. A garbled line that was taken for travel is taken back by the lines after it as
-soon as there was time for the way back; lines that come in a burst must not settle it before."""
+"""The time that these readings must span. A garbled line that was taken for travel is taken back by
+later lines once there was time for the way back; lines in a burst must not settle it before."""
 
 UNMISTAKABLE_TICKS = 64
 """Counters that come back unchanged to the tick, at least so far from zero, were not reset."""

@@ -1,4 +1,4 @@
-"""From counts of single motors to motion of the body, as plain factors.
+"""The factors that turn counts of single motors into motion of the body.
 
 Law: a wheel's travel is the mean of its motors' travel, and the body's motion is linear in the
 travel of the wheels. So every motor has three constant factors, and all of odometry is sums of

@@ -21,11 +21,11 @@ PROMPT_NS = 20_000_000
 """An answer that took no longer than this over the shortest was prompt: the worst USB latency."""
 
 PROMPT_ANSWERS = 3
-"""So many in a row, each to a question of its own, pair answers and questions again."""
+"""The prompt answers in a row, each to a question of its own, that pair both again."""
 
 PAIRED_NS = 2_000_000
-"""Those that took longer than this over the shortest may answer a question of before: such a board
-is at work on a backlog, and sampled at any time since the newest question."""
+"""An answer that took longer than this over the shortest may answer an earlier question: such a
+board works on a backlog, and sampled at any time since the newest question."""
 
 
 class Instant(NamedTuple):

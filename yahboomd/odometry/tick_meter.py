@@ -16,10 +16,10 @@ from typing import Literal, NamedTuple, TypeAlias
 MS = 1e6
 
 FAST_TICKS = 3
-"""From so many counts a tick on, a tick without any would be a miracle."""
+"""The counts a tick from which on a tick without any would be a miracle."""
 
 WARM_UP = 8
-"""So many changes tell the pace; none is numbered before."""
+"""The changes that show the pace; none is numbered before."""
 
 ENOUGH_TICKS = 24
 ENOUGH_NS = 400 * MS
@@ -28,13 +28,13 @@ PAUSE_NS = 100 * MS
 """Totals that stay for so long belong to wheels that stand."""
 
 MARKS_SHARE = 0.025
-"""So many of the lines at least repeat the totals or skip a tick, where there is a tick."""
+"""The least share of lines that repeat the totals or skip a tick, where there is a tick."""
 
 
 AGREE_PERIODS = 2
 AGREE_AGAIN = 4
 MISFITS = 3
-"""So many measurements in a row to believe another period, one after none did fit, and that none
+"""The measurements in a row that prove another period, a period after none fitted, and that none
 fits."""
 
 Notice: TypeAlias = Literal["period", "unfit"]

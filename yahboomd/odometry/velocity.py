@@ -22,16 +22,16 @@ from yahboomd.model import Kinematics, Motor, Twist2d
 from yahboomd.odometry.factors import motor_factors
 
 SHORTEST_NS = 20_000_000
-"""The window is at least so long, where readings allow."""
+"""The shortest window, where readings allow."""
 
 LONGEST_NS = 100_000_000
-"""It grows no longer than this, unless readings lie farther apart."""
+"""The longest window, unless readings lie farther apart."""
 
 ENOUGH_TICKS = 32
-"""It need not grow once the busiest motor has so many counts in it."""
+"""The counts of the busiest motor with which the window need not grow."""
 
 ASKED_TICKS = 3.5
-"""And over so many ticks that are not seen, which are four where the board is asked every two: one
+"""The unseen ticks that a window must span, which are four where the board is asked every two: one
 more or less is a quarter of the speed then, and over two of them it would be half."""
 
 STILL_DEVIATIONS = 6

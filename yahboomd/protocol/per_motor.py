@@ -1,4 +1,4 @@
-"""From wheels to the motors of a board that takes a speed for each of its four positions.
+"""Speeds of wheels as speeds of the motors of a board that takes one for each of four positions.
 
 A wheel of the geometry may have several motors (each side of a skid-steer base). Positions that no
 motor uses are commanded 0, always.

@@ -14,7 +14,7 @@ NEVER = 2**63 - 1
 """Later than any moment."""
 
 BOOT_NS = 60_000_000
-"""From power or reset to the first instruction that matters; motors are off, bytes are lost."""
+"""The time from power or reset to the first useful instruction; motors are off, bytes are lost."""
 
 
 class Board(Protocol):

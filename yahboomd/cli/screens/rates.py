@@ -19,7 +19,7 @@ class Counter:
         self._counts: deque[tuple[int, int]] = deque()
 
     def add(self, count: int, now_ns: int) -> None:
-        """It shows ``count`` now.
+        """Note that the counter shows ``count`` now.
 
         A counter that fell was restarted. After that, and after a silence longer than the window,
         rates begin again.

@@ -71,12 +71,12 @@ class Command(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def options(self) -> tuple[Argument, ...]:
-        """Its arguments that have flags."""
+        """The arguments that have flags."""
         return tuple(argument for argument in self.arguments if argument.flags)
 
     @property
     def positionals(self) -> tuple[Argument, ...]:
-        """Its arguments without flags."""
+        """The arguments without flags."""
         return tuple(argument for argument in self.arguments if not argument.flags)
 
     def walk(self) -> Iterator[Command]:

@@ -25,8 +25,8 @@ MAX_M_S: Final = 1.0
 """Both dialects take speeds up to 1000, about mm/s."""
 
 MAILBOX_NS: Final = 20_000_000
-"""From the last byte of a question to the first of a velocity, where no answer came before: the
-board is through with answering by then (isolated commands at this distance: none lost)."""
+"""The distance from the last byte of a question to the first of a velocity, unless an answer came
+before: the board has answered by then (isolated commands at this distance: none lost)."""
 
 AFTER_ANSWER_NS: Final = 2_000_000
 """The board wipes its mailbox when it is through with answering, a moment after the last byte."""

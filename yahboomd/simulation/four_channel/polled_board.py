@@ -20,7 +20,7 @@ from yahboomd.simulation.speed_loop import SPEED_MAX, TICK_NS, MotorControl, Tun
 from yahboomd.simulation.wire import transfer_ns
 
 CARRY_OUT_NS = 200_000
-"""From the last byte of a frame to its effect."""
+"""The time from the last byte of a frame to its effect."""
 
 LONGEST_FRAME = 64
 QUEUE = 16

@@ -33,7 +33,7 @@ from yahboomd.simulation.speed_loop import SPEED_MAX, TICK_NS, MotorControl
 from yahboomd.simulation.wire import transfer_ns
 
 NOTICE_NS = 400_000
-"""From the last byte of a command to its effect, when the main loop has nothing else to do."""
+"""The time from the last byte of a command to its effect, when the main loop is idle."""
 
 CARRY_OUT_NS = 200_000
 """The time for which a command without an answer occupies the main loop."""
@@ -50,7 +50,7 @@ SPOILT_SHARE = 0.115
 """Commands lost while total lines of :data:`LONG_LINE` bytes and more are sent: 7 to 16 %."""
 
 FATAL_NUMBERS = 14
-"""So many numbers in one command overwrite what the MCU needs to go on."""
+"""The numbers in one command that overwrite what the MCU needs to go on."""
 
 _NOT_FOUND = b"fail,Command not found!"
 
@@ -375,7 +375,7 @@ def make(options: SimulationOptions, plant: Plant, emit: Emit, random: Random) -
 
 
 def line_period_ns(size: int, baud: int, pace: StreamPace) -> int:
-    """From the start of a stream line to the next thing that the main loop does.
+    """The time from the start of a stream line to the next thing that the main loop does.
 
     The rates seen on boards (407 lines a second of 16 bytes, 169 of 32, 120 of 44, 92 of 56) fit
     0.2125 ms a byte less 0.95 ms at 115200 baud: about twice the transfer time.
