@@ -12,6 +12,7 @@ from yahboomd.daemon.requests import Services
 from yahboomd.messages import samples
 from yahboomd.messages.event_kinds import EVENTS
 from yahboomd.messages.native import MESSAGES, ServiceReply
+from yahboomd.messages.rcl_interfaces import ParameterServer
 from yahboomd.messages.ros2 import TYPE_HASHES
 
 
@@ -43,7 +44,8 @@ def test_every_type_of_ros_2_is_known_and_has_a_sample():
         *(ros_type for entry in INPUTS.values() for ros_type in entry.ros_types),
         *(offer.ros_type for offer in OFFERS.values() if offer.ros_type),
     }
-    assert types == TYPE_HASHES.keys()
+    parameters = ParameterServer({}, lambda _: ("", ""), "").services.values()
+    assert types | {ros_type for ros_type, _ in parameters} == TYPE_HASHES.keys()
     sampled = {sample.ros_type.partition("_Re")[0] for sample in samples.CDR.values()}
     assert types == sampled
 

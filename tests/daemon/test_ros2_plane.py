@@ -1,4 +1,4 @@
-"""The ROS 2 plane as a bridge, an rmw_zenoh graph and nodes see it on real sessions."""
+"""A robot as ROS 2 sees it: a bridge, an rmw_zenoh graph and its nodes, on real sessions."""
 
 from __future__ import annotations
 
@@ -12,242 +12,12 @@ import zenoh
 import zenoh.ext
 from real_robot import Client, RealRobot, wait_for
 from ros_oracle import Oracle
-from zenoh_fixtures import ZenohApp, eventually
 
-from yahboomd.bus.bus import Bus
-from yahboomd.bus.options import BusOptions
-from yahboomd.bus.subscriptions import Arrival
 from yahboomd.config import read
-from yahboomd.daemon.ros2_plane import AttachedOutlet, BridgeWay, NativeWay, topics
+from yahboomd.daemon.ros2_plane import topics
 from yahboomd.messages import cdr, ros2
-from yahboomd.messages.native import ServiceReply
-from yahboomd.messages.ros2 import Qos
 
 pytestmark = pytest.mark.realtime
-LATCHED = Qos(latched=True, depth=1)
-
-
-BRIDGES = "@/*/@ros2_lv/**"
-"""The query of a bridge that joins."""
-
-ROS_GRAPH = "@ros2_lv/7/**"
-"""The query of a node that joins the graph of its domain."""
-
-
-def tokens(app: ZenohApp, joining: str = BRIDGES) -> set[str]:
-    replies = app.session.liveliness().get(joining)
-    return {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
-
-
-async def test_topics_show_before_anybody_uses_them(bus: Bus, app: ZenohApp) -> None:
-    way = BridgeWay(bus, "jazzy")
-    way.publisher("odom", ros2.ODOMETRY, Qos())
-    way.publisher("tf_static", ros2.TF_MESSAGE, LATCHED)
-    way.subscriber("cmd_vel/teleop", ros2.TWIST, Qos(reliable=False, depth=1))
-    way.service("yahboomd/estop", ros2.SET_BOOL)
-
-    hashes = {each: ros2.TYPE_HASHES[each] for each in (ros2.ODOMETRY, ros2.TF_MESSAGE, ros2.TWIST)}
-    lv = f"@/{bus.zid}/@ros2_lv"
-    odom, static, twist = hashes.values()
-    wanted = {
-        f"{lv}/MP/bot1§odom/nav_msgs§msg§Odometry/:1:0:0,10:typehash={odom};",
-        f"{lv}/MP/bot1§tf_static/tf2_msgs§msg§TFMessage/:1:1:0,1:typehash={static};",
-        f"{lv}/MS/bot1§cmd_vel§teleop/geometry_msgs§msg§Twist/:0:0:0,1:typehash={twist};",
-        f"{lv}/SS/bot1§yahboomd§estop/std_srvs§srv§SetBool",
-    }
-    await eventually(lambda: len(tokens(app)) >= len(wanted))
-    assert tokens(app) == wanted
-
-
-async def test_humble_has_no_type_hashes(bus: Bus, app: ZenohApp) -> None:
-    BridgeWay(bus, "humble").publisher("odom", ros2.ODOMETRY, Qos())
-    await eventually(lambda: tokens(app))
-    (token,) = tokens(app)
-    assert token.endswith("/:1:0:0,10")
-
-
-async def test_samples_go_out_on_the_plain_key(bus: Bus, app: ZenohApp) -> None:
-    outlet = BridgeWay(bus, "jazzy").publisher("odom", ros2.ODOMETRY, Qos())
-    assert not outlet.has_subscribers
-    heard = app.collect("bot1/odom")
-    await eventually(lambda: outlet.has_subscribers)
-    outlet.put(b"\0\1\0\0cdr")
-    (sample,) = await eventually(lambda: heard)
-    assert sample.priority == zenoh.Priority.DATA_HIGH
-    assert sample.congestion_control == zenoh.CongestionControl.DROP
-    assert sample.payload.to_bytes() == b"\0\1\0\0cdr"
-    assert str(sample.encoding) == "application/cdr;nav_msgs/msg/Odometry"
-    assert sample.attachment is None
-
-
-async def test_who_comes_late_is_given_what_is_latched(bus: Bus, app: ZenohApp) -> None:
-    outlet = BridgeWay(bus, "jazzy").publisher("tf_static", ros2.TF_MESSAGE, LATCHED)
-    outlet.put(b"old frames")
-    outlet.put(b"frames")
-    heard: list[bytes] = []
-    # As the bridge subscribes to a latched topic.
-    subscriber = zenoh.ext.declare_advanced_subscriber(
-        app.session,
-        "bot1/tf_static",
-        lambda sample: heard.append(sample.payload.to_bytes()),
-        history=zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1),
-    )
-    await eventually(lambda: heard)
-    assert heard == [b"frames"]
-    subscriber.undeclare()
-
-
-async def test_a_namespace_that_is_no_name_in_ros_is_not_announced(
-    zenoh_app: Callable[..., ZenohApp], bus: Bus
-) -> None:
-    endpoint = bus.options.listen[0]
-    async with Bus(
-        BusOptions(mode="client", listen=(), connect=(endpoint,), namespace="my-bot")
-    ) as odd:
-        way = BridgeWay(odd, "jazzy")
-        outlet = way.publisher("odom", ros2.ODOMETRY, Qos())
-        way.service("yahboomd/estop", ros2.SET_BOOL)
-        app = zenoh_app("client", endpoint)
-        heard = app.collect("my-bot/odom")
-        await eventually(lambda: outlet.has_subscribers)
-        outlet.put(b"flows all the same")
-        await eventually(lambda: heard)
-        assert tokens(app) == set()
-
-
-WALL_NS = 1_700_000_000_123_456_789
-DISTRO = "jazzy"
-
-
-@pytest.fixture
-def way(bus: Bus) -> NativeWay:
-    return NativeWay(bus, domain_id=7, distro=DISTRO, wall_ns=lambda: WALL_NS)
-
-
-def key(topic: str, ros_type: str) -> str:
-    return f"7/bot1/{topic}/{ros2.dds_type(ros_type)}/{ros2.TYPE_HASHES[ros_type]}"
-
-
-async def test_the_node_shows_with_all_that_it_has(bus: Bus, way: NativeWay, app: ZenohApp) -> None:
-    way.publisher("odom", ros2.ODOMETRY, Qos())
-    way.subscriber("cmd_vel", ros2.TWIST, Qos(reliable=False, depth=1), lambda _: None)
-    way.service("yahboomd/estop", ros2.SET_BOOL, lambda at, answer: None)
-    await eventually(lambda: len(tokens(app, ROS_GRAPH)) == 4)
-    ours, hashes = f"@ros2_lv/7/{bus.zid}/0", ros2.TYPE_HASHES
-    odom = f"%bot1%odom/nav_msgs::msg::dds_::Odometry_/{hashes[ros2.ODOMETRY]}"
-    commands = f"%bot1%cmd_vel/geometry_msgs::msg::dds_::Twist_/{hashes[ros2.TWIST]}"
-    estop = f"%bot1%yahboomd%estop/std_srvs::srv::dds_::SetBool_/{hashes[ros2.SET_BOOL]}"
-    assert tokens(app, ROS_GRAPH) == {
-        f"{ours}/0/NN/%/%bot1/yahboomd",
-        f"{ours}/1/MP/%/%bot1/yahboomd/{odom}/::,10:,:,:,,",
-        f"{ours}/2/MS/%/%bot1/yahboomd/{commands}/2::,1:,:,:,,",
-        f"{ours}/3/SS/%/%bot1/yahboomd/{estop}/::,10:,:,:,,",
-    }
-
-
-async def test_every_sample_has_an_attachment_of_33_bytes(way: NativeWay, app: ZenohApp) -> None:
-    odom = way.publisher("odom", ros2.ODOMETRY, Qos())
-    joints = way.publisher("joint_states", ros2.JOINT_STATE, Qos())
-    heard = (
-        app.collect(key("odom", ros2.ODOMETRY)),
-        app.collect(key("joint_states", ros2.JOINT_STATE)),
-    )
-    await eventually(lambda: odom.has_subscribers and joints.has_subscribers)
-    for payload in (b"one", b"two", b"three"):
-        odom.put(payload)
-    joints.put(b"joints")
-    await eventually(lambda: len(heard[0]) == 3 and heard[1])
-    attached = [sample.attachment.to_bytes() for samples in heard for sample in samples]
-    assert [len(each) for each in attached] == [33] * 4
-    parsed = [ros2.parse_attachment(each) for each in attached]
-    assert [each.sequence for each in parsed] == [1, 2, 3, 1]
-    assert {each.stamp_ns for each in parsed} == {WALL_NS}
-    assert {each[16] for each in attached} == {16}
-    gids = [each.gid for each in parsed]
-    assert gids[0] == gids[1] == gids[2] != gids[3]
-
-
-async def test_who_comes_late_is_given_what_is_latched_with_its_attachment(
-    way: NativeWay, app: ZenohApp
-) -> None:
-    outlet = way.publisher("tf_static", ros2.TF_MESSAGE, Qos(latched=True, depth=1))
-    outlet.put(b"frames")
-    heard: list[tuple[bytes, bytes]] = []
-    subscriber = zenoh.ext.declare_advanced_subscriber(
-        app.session,
-        key("tf_static", ros2.TF_MESSAGE),
-        lambda s: heard.append((s.payload.to_bytes(), s.attachment.to_bytes())),
-        history=zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1),
-    )
-    ((payload, attached),) = await eventually(lambda: heard)
-    assert payload == b"frames"
-    assert ros2.parse_attachment(attached) is not None
-    subscriber.undeclare()
-
-
-async def test_both_kinds_of_commands_are_heard_and_one_is_announced(
-    way: NativeWay, app: ZenohApp
-) -> None:
-    arrived: list[Arrival] = []
-    way.subscriber("cmd_vel", ros2.TWIST, Qos(depth=1), arrived.extend, also=ros2.TWIST_STAMPED)
-    gid = bytes(range(16))
-    for ros_type in (ros2.TWIST, ros2.TWIST_STAMPED):
-        await app.reach(key("cmd_vel", ros_type))
-        app.session.put(
-            key("cmd_vel", ros_type), b"\0command", attachment=ros2.attachment(9, WALL_NS, gid)
-        )
-    await eventually(lambda: len(arrived) == 2)
-    assert {ros2.parse_attachment(each.attachment or b"") for each in arrived} == {
-        ros2.Attachment(9, WALL_NS, gid)
-    }
-    announced = "".join(tokens(app, ROS_GRAPH))
-    assert "::Twist_" in announced
-    assert "TwistStamped" not in announced
-
-
-async def test_an_answer_repeats_the_number_and_the_gid_of_its_request(
-    bus: Bus, way: NativeWay, app: ZenohApp
-) -> None:
-    def offer(at, answer) -> None:
-        bus.serve(
-            at,
-            lambda request: answer(request, ServiceReply(success=True, message="done")),
-            fallback=lambda reason, request: answer(
-                request, ServiceReply(success=False, message=reason)
-            ),
-        )
-
-    way.service("yahboomd/odometry/reset", ros2.TRIGGER, offer)
-    service = key("yahboomd/odometry/reset", ros2.TRIGGER)
-    gid = bytes(range(16))
-    (reply,) = await app.ask(
-        service, payload=cdr.trigger_request(), attachment=ros2.attachment(42, 1, gid)
-    )
-    assert reply.ok.payload.to_bytes() == cdr.service_response(True, "done")
-    assert reply.ok.attachment.to_bytes() == ros2.attachment(42, WALL_NS, gid)
-    # One without attachment, or a strange one, is no client of rmw_zenoh's, and is answered too.
-    for attachment in (None, b"x" * 33, b"x" * 5000):
-        (reply,) = await app.ask(service, attachment=attachment)
-        assert len(reply.ok.attachment.to_bytes()) == ros2.ATTACHMENT_BYTES
-        assert cdr.is_cdr(reply.ok.payload.to_bytes())
-
-
-def test_numbers_go_on_while_samples_are_dropped() -> None:
-    class Full:
-        has_subscribers = True
-
-        def __init__(self) -> None:
-            self.attachments: list[bytes] = []
-
-        def put(self, payload: bytes, attachment: bytes | None = None) -> bool:
-            self.attachments.append(attachment or b"")
-            return False
-
-    publisher = Full()
-    outlet = AttachedOutlet(publisher, bytes(16), lambda: WALL_NS)
-    assert [outlet.put(b"") for _ in range(3)] == [False] * 3
-    assert [ros2.parse_attachment(each).sequence for each in publisher.attachments] == [1, 2, 3]
-
 
 TYPES = {
     "odom": ros2.ODOMETRY,
@@ -451,6 +221,68 @@ def test_the_estop_is_a_topic_too_and_a_button_that_is_not_pressed_changes_nothi
         assert app.latest("status")["command"]["release_refused"] == 0
         graph.ask("yahboomd/estop/reset", cdr.trigger_request())
         app.in_state("standing")
+
+
+def test_events_are_on_the_graphs_one_log_and_a_late_node_gets_them(
+    run: Callable[..., RealRobot], client: Callable[..., Client], oracle: Oracle
+) -> None:
+    robot = run("ros2.rmw_zenoh=true", "zenoh.namespace=bot1")
+    app = client("client", robot.endpoint, "bot1/yahboomd")
+    app.in_state("standing")
+    app.session.put(native_key("bot1/yahboomd/estop", ros2.BOOL), cdr.boolean(True))
+    app.in_state("estopped")
+    for key in ("bot1/rosout", native_key("rosout", ros2.LOG)):
+        heard: list[bytes] = []
+        subscriber = zenoh.ext.declare_advanced_subscriber(
+            app.session,
+            key,
+            lambda sample, heard=heard: heard.append(sample.payload.to_bytes()),
+            history=zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1000),
+        )
+        wait_for(lambda heard=heard: heard, key)
+        lines = [oracle.decode(ros2.LOG, payload) for payload in heard]
+        (line,) = [line for line in lines if line["function"] == "estop"]
+        assert (line["level"], line["name"]) == (30, "yahboomd")
+        assert line["msg"].startswith("Emergency stop engaged by a sample")
+        subscriber.undeclare()
+
+
+def test_the_node_answers_for_its_parameters(
+    run: Callable[..., RealRobot], client: Callable[..., Client], oracle: Oracle
+) -> None:
+    robot = run("ros2.rmw_zenoh=true", "zenoh.namespace=bot1")
+    graph = Graph(client("client", robot.endpoint, "bot1/yahboomd").session)
+    sequence = 0
+
+    def ask(service: str, ros_type: str, payload: bytes) -> Any:
+        nonlocal sequence
+        sequence += 1
+        gid = bytes(range(16))
+        key = native_key(f"bot1/yahboomd/{service}", ros_type)
+        answer = graph.ask(key, payload, ros2.attachment(sequence, 1, gid))
+        returned = ros2.parse_attachment(answer.attachment.to_bytes())
+        assert (returned.sequence, returned.gid) == (sequence, gid)
+        return oracle.decode(f"{ros_type}_Response", answer.payload.to_bytes())
+
+    def encode(ros_type: str, **request: Any) -> bytes:
+        return oracle.encode(f"{ros_type}_Request", request)
+
+    every = encode(ros2.LIST_PARAMETERS, prefixes=[], depth=0)
+    names = ask("list_parameters", ros2.LIST_PARAMETERS, every)["result"]["names"]
+    assert "zenoh.namespace" in names
+    # All at once, as `ros2 param dump` asks.
+    wanted = encode(ros2.GET_PARAMETERS, names=names)
+    values = ask("get_parameters", ros2.GET_PARAMETERS, wanted)["values"]
+    assert values[names.index("zenoh.namespace")]["string_value"] == "bot1"
+    assert len(values) == len(names)
+    # Even more than a command may have.
+    wanted = encode(ros2.DESCRIBE_PARAMETERS, names=names * 5)
+    assert len(wanted) > 4096
+    described = ask("describe_parameters", ros2.DESCRIBE_PARAMETERS, wanted)["descriptors"]
+    assert len(described) == 5 * len(names)
+    # What is no request is answered as well.
+    for payload in (b"", b"{}"):
+        assert ask("get_parameters", ros2.GET_PARAMETERS, payload) == {"values": []}
 
 
 def test_a_node_with_another_clock_drives_and_is_named_in_the_diagnostics(

@@ -1,4 +1,4 @@
-"""Each message once, for those who listen; the status in ROS 2's words."""
+"""Each message once, for those who listen."""
 
 from __future__ import annotations
 
@@ -12,135 +12,16 @@ from ros_oracle import Oracle
 
 from yahboomd.clock import LoopClock
 from yahboomd.daemon.ros2_samples import (
-    ERROR,
-    OK,
-    STALE,
-    WARN,
-    Diagnostics,
     Placed,
     RosPublisher,
     Spread,
     Topics,
-    levels,
 )
 from yahboomd.messages import ros2
-from yahboomd.messages.cdr import Diagnostic
 from yahboomd.messages.native import StatusSample
 from yahboomd.messages.ros2 import Qos
-from yahboomd.model import OdometryEstimate, Pose2d, Twist2d
+from yahboomd.model import Event, OdometryEstimate, Pose2d, Severity, Twist2d
 from yahboomd.simulation.virtual_time import on_virtual_time
-
-S = 1_000_000_000
-FULL = StatusSample(
-    stamp_ns=1_700_000_012 * S,
-    state="standing",
-    driver=None,
-    since_ns=1_700_000_000 * S,
-    why="No source commands motion.",
-    board={"dialect": "streamed", "version": "1.7.3", "volts": 7.4, "wheel_diameter_mm": 67.0},
-    link={"frames": 100, "broken_frames": 3, "discarded_bytes": 0},
-    command={"accepted": 5, "last_refusal": ""},
-    bus={"zid": "ab", "routers": "", "put_errors": 0},
-)
-
-
-def changed(**fields: Any) -> StatusSample:
-    return msgspec.structs.replace(FULL, **fields)
-
-
-def named(entries: list[Diagnostic]) -> dict[str, Diagnostic]:
-    return {entry.name.removeprefix("yahboomd: "): entry for entry in entries}
-
-
-@pytest.fixture
-def diagnostics() -> Diagnostics:
-    return Diagnostics(hardware_id="bot1")
-
-
-@pytest.mark.parametrize(
-    ("state", "level"),
-    [
-        ("standing", OK),
-        ("driving", OK),
-        ("stopping", OK),
-        ("estopped", WARN),
-        ("fault", ERROR),
-        ("waiting", STALE),
-    ],
-)
-def test_every_state_has_its_level_and_its_reason(
-    diagnostics: Diagnostics, state: str, level: int
-) -> None:
-    base = named(diagnostics.of(changed(state=state, why="Because.")))["base"]
-    assert (base.level, base.message, base.hardware_id) == (level, "Because.", "bot1")
-    assert ("state", state) in base.values
-    assert ("since [s]", "12") in base.values
-
-
-def test_all_is_well_with_a_robot_that_stands(diagnostics: Diagnostics) -> None:
-    entries = diagnostics.of(FULL)
-    assert levels(entries) == (OK, OK, OK, OK)
-    board = named(entries)["board"]
-    assert board.message == "Connected: dialect streamed, firmware 1.7.3."
-    assert {("volts", "7.4"), ("wheel diameter [mm]", "67"), ("frames", "100")} <= set(board.values)
-
-
-def test_without_a_board_there_is_an_error(diagnostics: Diagnostics) -> None:
-    board = named(diagnostics.of(changed(board={})))["board"]
-    assert board.level == ERROR
-
-
-def test_only_new_trouble_on_the_line_is_warned_of(diagnostics: Diagnostics) -> None:
-    diagnostics.of(FULL)
-    worse = changed(link={"broken_frames": 5, "discarded_bytes": 0})
-    board = named(diagnostics.of(worse))["board"]
-    assert board.level == WARN
-    assert "2 broken frames" in board.message
-    assert named(diagnostics.of(worse))["board"].level == OK
-
-
-@pytest.mark.parametrize(
-    ("bus", "message"),
-    [
-        ({"routers": "tcp/10.0.0.1:7447", "neighbours": 2}, "Joined the router at"),
-        ({"routers": "", "neighbours": 2}, "2 sessions are connected."),
-    ],
-)
-def test_the_bus_tells_who_is_there(
-    diagnostics: Diagnostics, bus: dict[str, Any], message: str
-) -> None:
-    assert named(diagnostics.of(changed(bus=bus)))["bus"].message.startswith(message)
-
-
-def test_lost_samples_are_warned_of_once(diagnostics: Diagnostics) -> None:
-    lossy = changed(bus={"put_errors": 4})
-    assert named(diagnostics.of(lossy))["bus"].level == WARN
-    assert named(diagnostics.of(lossy))["bus"].level == OK
-
-
-def test_a_clock_that_is_off_is_named_with_its_offset(diagnostics: Diagnostics) -> None:
-    command = {
-        "accepted": 5,
-        "clock_offset_s": {"cmd_vel": -3.2},
-        "clock_warnings": {"cmd_vel": "Its clock is 3.20 s behind this machine's."},
-    }
-    commands = named(diagnostics.of(changed(command=command)))["commands"]
-    assert commands.level == WARN
-    assert commands.message == "cmd_vel: Its clock is 3.20 s behind this machine's."
-    assert ("clock offset [s]: cmd_vel", "-3.2") in commands.values
-
-
-def test_every_value_is_text_that_people_read(diagnostics: Diagnostics) -> None:
-    bus = {"a": None, "b": True, "c": 0.1 + 0.2, "d": ["x", "y"], "e_m_s": 2}
-    values = named(diagnostics.of(changed(bus=bus)))["bus"].values
-    assert list(values) == [
-        ("a", "unknown"),
-        ("b", "yes"),
-        ("c", "0.3"),
-        ("d", "x, y"),
-        ("e [m/s]", "2"),
-    ]
-
 
 STAMP_NS = 1_700_000_000_123_456_789
 STAMP = {"sec": 1_700_000_000, "nanosec": 123_456_789}
@@ -301,8 +182,20 @@ async def test_what_is_switched_off_has_no_topic(graph: Graph) -> None:
     publisher.estimate(ESTIMATE, STAMP_NS)
     publisher.battery(7.5, STAMP_NS)
     publisher.status(STATUS)
-    # The emergency stop is not to be switched off, and nor is what tells of it.
-    assert graph.types == {"estopped": ros2.BOOL}
+    # The emergency stop is not to be switched off, and nor is what tells of it, and of faults.
+    assert graph.types == {"estopped": ros2.BOOL, "rosout": ros2.LOG}
+
+
+async def test_events_are_lines_of_the_nodes_log(graph: Graph) -> None:
+    publisher = RosPublisher(graph.open, TOPICS, LoopClock())
+    assert graph.qos["rosout"] == Qos(reliable=True, latched=True, depth=1000)
+    levels_by_severity: dict[Severity, int] = {"info": 20, "warning": 30, "error": 40}
+    for severity, level in levels_by_severity.items():
+        event = Event(kind="connected", severity=severity, message="The board is there.")
+        publisher.event(event, STAMP_NS)
+        line = graph.latest("rosout")
+        assert (line["stamp"], line["level"], line["name"]) == (STAMP, level, "yahboomd")
+        assert (line["msg"], line["function"]) == ("The board is there.", "connected")
 
 
 async def test_whether_the_estop_is_engaged_is_latched_said_at_once_and_again(
@@ -311,11 +204,11 @@ async def test_whether_the_estop_is_engaged_is_latched_said_at_once_and_again(
     publisher = RosPublisher(graph.open, TOPICS, LoopClock())
     assert graph.qos["estopped"] == Qos(reliable=True, latched=True, depth=1)
     for state, said in (("standing", 1), ("standing", 1), ("estopped", 2), ("fault", 3)):
-        publisher.status(changed(state=state))
+        publisher.status(msgspec.structs.replace(STATUS, state=state))
         assert len(graph.payloads("estopped")) == said
         assert graph.latest("estopped") == {"data": state == "estopped"}
     await asyncio.sleep(1.0)
-    publisher.status(changed(state="fault"))
+    publisher.status(msgspec.structs.replace(STATUS, state="fault"))
     assert len(graph.payloads("estopped")) == 4
 
 

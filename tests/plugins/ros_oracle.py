@@ -17,7 +17,7 @@ class Oracle:
         self._add_services()
 
     def _add_services(self) -> None:
-        base, name, sequence = Nodetype.BASE, Nodetype.NAME, Nodetype.SEQUENCE
+        base = Nodetype.BASE
         fields = self.store.fielddefs
         # A .msg `char` is a uint8 to the type hash; rosbags hashes it as a char.
         constants, info = fields["service_msgs/msg/ServiceEventInfo"]
@@ -29,26 +29,65 @@ class Oracle:
         empty = [("structure_needs_at_least_one_member", (base, ("uint8", 0)))]
         flag = [("data", (base, ("bool", 0)))]
         reply = [("success", (base, ("bool", 0))), ("message", (base, ("string", 0)))]
-        for service, request in (("Trigger", empty), ("SetBool", flag)):
-            full = f"std_srvs/srv/{service}"
-            event = [
-                ("info", (name, "service_msgs/msg/ServiceEventInfo")),
-                ("request", (sequence, ((name, f"{full}_Request"), 1))),
-                ("response", (sequence, ((name, f"{full}_Response"), 1))),
-            ]
-            parts = [
-                ("request_message", (name, f"{full}_Request")),
-                ("response_message", (name, f"{full}_Response")),
-                ("event_message", (name, f"{full}_Event")),
-            ]
-            self.store.register(
-                {
-                    f"{full}_Request": ([], request),
-                    f"{full}_Response": ([], reply),
-                    f"{full}_Event": ([], event),
-                    full: ([], parts),
-                }
-            )
+        self._add_service("std_srvs/srv/Trigger", empty, reply)
+        self._add_service("std_srvs/srv/SetBool", flag, reply)
+        self._add_parameter_services()
+
+    def _add_parameter_services(self) -> None:
+        base, name, sequence = Nodetype.BASE, Nodetype.NAME, Nodetype.SEQUENCE
+
+        def several(message: str) -> Any:
+            return (sequence, ((name, f"rcl_interfaces/msg/{message}"), 0))
+
+        texts = (sequence, ((base, ("string", 0)), 0))
+        result = (name, "rcl_interfaces/msg/SetParametersResult")
+        listed = (name, "rcl_interfaces/msg/ListParametersResult")
+        for service, request, response in (
+            (
+                "ListParameters",
+                [("prefixes", texts), ("depth", (base, ("uint64", 0)))],
+                ("result", listed),
+            ),
+            (
+                "DescribeParameters",
+                [("names", texts)],
+                ("descriptors", several("ParameterDescriptor")),
+            ),
+            ("GetParameters", [("names", texts)], ("values", several("ParameterValue"))),
+            (
+                "GetParameterTypes",
+                [("names", texts)],
+                ("types", (sequence, ((base, ("uint8", 0)), 0))),
+            ),
+            (
+                "SetParameters",
+                [("parameters", several("Parameter"))],
+                ("results", several("SetParametersResult")),
+            ),
+            ("SetParametersAtomically", [("parameters", several("Parameter"))], ("result", result)),
+        ):
+            self._add_service(f"rcl_interfaces/srv/{service}", request, [response])
+
+    def _add_service(self, full: str, request: list[Any], response: list[Any]) -> None:
+        name, sequence = Nodetype.NAME, Nodetype.SEQUENCE
+        event = [
+            ("info", (name, "service_msgs/msg/ServiceEventInfo")),
+            ("request", (sequence, ((name, f"{full}_Request"), 1))),
+            ("response", (sequence, ((name, f"{full}_Response"), 1))),
+        ]
+        parts = [
+            ("request_message", (name, f"{full}_Request")),
+            ("response_message", (name, f"{full}_Response")),
+            ("event_message", (name, f"{full}_Event")),
+        ]
+        self.store.register(
+            {
+                f"{full}_Request": ([], request),
+                f"{full}_Response": ([], response),
+                f"{full}_Event": ([], event),
+                full: ([], parts),
+            }
+        )
 
     def build(self, typename: str, value: Any) -> Any:
         """A rosbags message from nested dicts; what is not given is refused."""

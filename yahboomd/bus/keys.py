@@ -38,6 +38,7 @@ ROS_JOINT_STATES = "joint_states"
 ROS_BATTERY_STATE = "battery_state"
 ROS_DIAGNOSTICS = "diagnostics"
 ROS_ESTOPPED = "estopped"
+ROS_ROSOUT = "rosout"
 
 
 def full_key(namespace: str, key: str) -> str:

@@ -155,5 +155,8 @@ ROS_TOPICS: dict[str, RosTopic] = {
     keys.ROS_DIAGNOSTICS: RosTopic(
         ros_type=ros2.DIAGNOSTIC_ARRAY, when="once a second, and when a level changes"
     ),
+    keys.ROS_ROSOUT: RosTopic(
+        ros_type=ros2.LOG, when="for each event", qos=Qos(latched=True, depth=1000)
+    ),
 }
 """The topics of ROS 2, by the names that they have unless configured otherwise."""

@@ -226,10 +226,11 @@ class Publisher:
         make = self._newest.get(key)
         return None if make is None else make()
 
-    def event(self, event: Event) -> None:
-        """Publish something that happened."""
-        sample = event_sample(event, stamp_ns=self._stamps.now())
-        self._events.put(encode(sample, self._encoding))
+    def event(self, event: Event) -> int:
+        """Publish something that happened. Returns its stamp."""
+        stamp_ns = self._stamps.now()
+        self._events.put(encode(event_sample(event, stamp_ns=stamp_ns), self._encoding))
+        return stamp_ns
 
     def _pose_of(self, reading: _Reading) -> PoseSample:
         return pose_sample(

@@ -1,11 +1,10 @@
-"""Samples for ROS 2, each encoded once for all ways it goes; the status becomes diagnostics."""
+"""Samples for ROS 2, each encoded once for all ways it goes."""
 
 from __future__ import annotations
 
 import bisect
 import math
-from collections.abc import Iterator, Mapping
-from typing import Any, Protocol
+from typing import Protocol
 
 import msgspec
 
@@ -13,154 +12,12 @@ from yahboomd.bus import keys
 from yahboomd.clock import Clock, nanoseconds
 from yahboomd.daemon.key_table import ROS_TOPICS
 from yahboomd.daemon.publisher import Outlet, Pace
+from yahboomd.daemon.ros2_diagnostics import Diagnostics, levels
 from yahboomd.messages import cdr, planar
-from yahboomd.messages.cdr import Diagnostic
-from yahboomd.messages.native import Group, State, StatusSample
-from yahboomd.messages.ros2 import Qos
-from yahboomd.model import OdometryEstimate
-
-OK, WARN, ERROR, STALE = 0, 1, 2, 3
-
-_LEVELS: dict[State, int] = {
-    "standing": OK,
-    "driving": OK,
-    "stopping": OK,
-    "estopped": WARN,
-    "fault": ERROR,
-    # Nothing is known of the base: neither where it is nor whether it stands.
-    "waiting": STALE,
-}
-
-_LINE_TROUBLE = ("discarded_bytes", "broken_frames", "bad_bytes", "overlong")
-"""Counters that stand still on a line without faults."""
-
-
-class Diagnostics:
-    """Makes the entries; it remembers the counters, because only what is new is worth a warning.
-
-    Args:
-        name: Stands in front of every entry's name, as a node's does in ROS 2.
-        hardware_id: Tells this robot from others: its namespace.
-    """
-
-    def __init__(self, *, name: str = "yahboomd", hardware_id: str) -> None:
-        self._name = name
-        self._hardware_id = hardware_id
-        self._line_trouble: dict[str, int] = {}
-        self._put_errors = 0
-
-    def of(self, sample: StatusSample) -> list[Diagnostic]:
-        """The entries for a status; call it once for each that is published."""
-        return [
-            self._entry("base", *_base(sample), _base_facts(sample)),
-            self._entry("board", *self._board(sample), {**sample.board, **sample.link}),
-            self._entry("commands", *_commands(sample), _command_facts(sample)),
-            self._entry("bus", *self._bus(sample), sample.bus),
-        ]
-
-    def _entry(self, what: str, level: int, message: str, facts: Group) -> Diagnostic:
-        return Diagnostic(
-            level=level,
-            name=f"{self._name}: {what}",
-            message=message,
-            hardware_id=self._hardware_id,
-            values=list(_values(facts)),
-        )
-
-    def _board(self, sample: StatusSample) -> tuple[int, str]:
-        counted = {name: _count(sample.link, name) for name in _LINE_TROUBLE}
-        before, self._line_trouble = self._line_trouble, counted
-        if not sample.board:
-            return ERROR, "No board is connected."
-        news = {name: count - before.get(name, 0) for name, count in counted.items()}
-        worse = [f"{count} {_words(name)}" for name, count in news.items() if count > 0]
-        if before and worse:
-            return WARN, f"The line is disturbed: {', '.join(worse)} since the last look."
-        board = sample.board
-        version = f", firmware {board['version']}" if board.get("version") else ""
-        return OK, f"Connected: dialect {board.get('dialect', 'unknown')}{version}."
-
-    def _bus(self, sample: StatusSample) -> tuple[int, str]:
-        errors = _count(sample.bus, "put_errors")
-        lost, self._put_errors = errors - self._put_errors, errors
-        if lost > 0:
-            return WARN, f"{lost} samples could not be sent since the last look."
-        routers = sample.bus.get("routers")
-        if routers:
-            return OK, f"Joined the router at {routers}."
-        return OK, f"{_count(sample.bus, 'neighbours')} sessions are connected."
-
-
-def levels(entries: list[Diagnostic]) -> tuple[int, ...]:
-    """Facts whose change is published at once, rather than at the next beat."""
-    return tuple(entry.level for entry in entries)
-
-
-def _base(sample: StatusSample) -> tuple[int, str]:
-    return _LEVELS[sample.state], sample.why
-
-
-def _base_facts(sample: StatusSample) -> dict[str, Any]:
-    return {
-        "state": sample.state,
-        "driver": sample.driver or "none",
-        "since_s": round(max(0, sample.stamp_ns - sample.since_ns) / 1e9, 1),
-    }
-
-
-def _commands(sample: StatusSample) -> tuple[int, str]:
-    warnings = sample.command.get("clock_warnings")
-    if isinstance(warnings, Mapping) and warnings:
-        return WARN, " ".join(f"{source}: {words}" for source, words in warnings.items())
-    accepted = _count(sample.command, "accepted")
-    return OK, f"{accepted} commands were obeyed so far."
-
-
-def _command_facts(sample: StatusSample) -> dict[str, Any]:
-    return {name: fact for name, fact in sample.command.items() if name != "clock_warnings"}
-
-
-def _values(facts: Group, group: str = "") -> Iterator[tuple[str, str]]:
-    for name, value in facts.items():
-        # What a group holds goes by the names of sources and the like, not of fields.
-        key = f"{group}: {name}" if group else _words(name)
-        if isinstance(value, Mapping):
-            yield from _values(value, key)
-        else:
-            yield key, _text(value)
-
-
-def _text(value: object) -> str:
-    match value:
-        case None:
-            return "unknown"
-        case bool():
-            return "yes" if value else "no"
-        case float():
-            return f"{value:.6g}"
-        case str() | int():
-            return str(value)
-        case list() | tuple():
-            return ", ".join(str(item) for item in value)
-        case _:
-            return repr(value)
-
-
-def _words(name: str) -> str:
-    """A field's name as people write it: ``clock_offset_s`` is "clock offset [s]"."""
-    for end, unit in _UNITS.items():
-        if name.endswith(end):
-            return f"{name.removesuffix(end).replace('_', ' ')} [{unit}]"
-    return name.replace("_", " ")
-
-
-_UNITS = {"_mm": "mm", "_m_s": "m/s", "_m": "m", "_s": "s", "_ns": "ns"}
-
-
-def _count(facts: Group, name: str) -> int:
-    value = facts.get(name, 0)
-    return value if isinstance(value, int) else 0
-
+from yahboomd.messages.native import StatusSample
+from yahboomd.messages.rcl_interfaces import LEVELS, log
+from yahboomd.messages.ros2 import NODE, Qos
+from yahboomd.model import Event, OdometryEstimate
 
 DIAGNOSTICS_EVERY_S = 1.0
 
@@ -268,6 +125,7 @@ class RosPublisher:
         self._battery = opened(topics.battery_state, keys.ROS_BATTERY_STATE)
         self._diagnostics = opened(topics.diagnostics, keys.ROS_DIAGNOSTICS)
         self._estopped = opened(keys.ROS_ESTOPPED, keys.ROS_ESTOPPED)
+        self._rosout = opened(keys.ROS_ROSOUT, keys.ROS_ROSOUT)
         self._was_estopped: bool | None = None
         self._static = opened(keys.ROS_TF_STATIC if topics.static else "", keys.ROS_TF_STATIC)
         self._fixed = _fixed(topics.static, clock.wall_ns()) if topics.static else b""
@@ -302,6 +160,12 @@ class RosPublisher:
         if self._battery.has_subscribers:
             charge = charge_of(volts, self._battery_curve)
             self._battery.put(self._encode_battery(stamp_ns, volts, charge))
+
+    def event(self, event: Event, stamp_ns: int) -> None:
+        """Publish something that happened, as a line of the node's log."""
+        if self._rosout.has_subscribers:
+            level = LEVELS[event.severity]
+            self._rosout.put(log(stamp_ns, level, NODE, event.message, event.kind))
 
     def status(self, sample: StatusSample) -> None:
         """Publish diagnostics and e-stop: once a second, and at once when they change."""

@@ -25,6 +25,7 @@ from yahboomd.daemon.opening import open_bus
 from yahboomd.daemon.process import Notifier, Signals
 from yahboomd.daemon.publisher import Publisher
 from yahboomd.daemon.requests import Operator, Services
+from yahboomd.daemon.ros2_samples import RosPublisher
 from yahboomd.daemon.stamps import WallStamps
 from yahboomd.daemon.status_sample import Status
 from yahboomd.daemon.supervisor import Supervisor
@@ -64,6 +65,7 @@ class Daemon:
         self._signals = Signals(self.stop)
         self._status_due = asyncio.Event()
         self._others: set[str] = set()
+        self._ros2: RosPublisher | None = None
         self._callback_failed = asyncio.Event()
         self.left_clean = True
         """Whether the bus could be closed; where not, only ``os._exit`` ends the process."""
@@ -252,7 +254,8 @@ class Daemon:
                 self._stamps.follow()
                 sample = status.sample()
                 self._publisher.status(sample)
-                self._ros2.status(sample)
+                if self._ros2 is not None:
+                    self._ros2.status(sample)
                 self._clocks.look(self._clock.now_ns())
                 notifier.status(f"{sample.state}: {sample.why}")
                 alarm.set(self._clock.now_ns() + nanoseconds(STATUS_EVERY_S))
@@ -281,16 +284,21 @@ class Daemon:
         """A new reading."""
         self._local.observe(estimate.motor_speed_m_s)
         stamp_ns = self._publisher.estimate(estimate, command_m_s)
-        if stamp_ns is not None:
+        if stamp_ns is not None and self._ros2 is not None:
             self._ros2.estimate(estimate, stamp_ns)
 
     def battery(self, volts: float) -> None:
         """The voltage."""
-        self._ros2.battery(volts, self._publisher.battery(volts))
+        stamp_ns = self._publisher.battery(volts)
+        if self._ros2 is not None:
+            self._ros2.battery(volts, stamp_ns)
 
     def event(self, event: Event) -> None:
         """Something happened."""
-        self._publisher.event(event)
+        stamp_ns = self._publisher.event(event)
+        # An emergency stop over the local socket may come before the bus is set up.
+        if self._ros2 is not None:
+            self._ros2.event(event, stamp_ns)
 
     def _clock_stepped(self, event: Event) -> None:
         self._controller.event(event)

@@ -275,16 +275,16 @@ def battery_state(frame_id: str, *, location: str = "", serial_number: str = "")
 def diagnostics(stamp_ns: int, frame_id: str, status: Sequence[Diagnostic]) -> bytes:
     """A diagnostic_msgs/msg/DiagnosticArray."""
     out = bytearray(struct.pack("<4s2I", HEADER_LE, *stamp(stamp_ns)))
-    _put_text(out, frame_id)
-    _put_count(out, len(status))
+    put_text(out, frame_id)
+    put_count(out, len(status))
     for one in status:
         out.append(one.level)
         for text in (one.name, one.message, one.hardware_id):
-            _put_text(out, text)
-        _put_count(out, len(one.values))
+            put_text(out, text)
+        put_count(out, len(one.values))
         for key, value in one.values:
-            _put_text(out, key)
-            _put_text(out, value)
+            put_text(out, key)
+            put_text(out, value)
     return bytes(out)
 
 
@@ -321,7 +321,7 @@ def trigger_request() -> bytes:
 def service_response(success: bool, message: str) -> bytes:
     """The response of a std_srvs/srv/Trigger, and of a SetBool: they have the same layout."""
     out = bytearray((*HEADER_LE, success))
-    _put_text(out, message)
+    put_text(out, message)
     return bytes(out)
 
 
@@ -330,13 +330,15 @@ def _float32(value: float) -> float:
     return value if not abs(value) > _F32_MAX else math.copysign(math.inf, value)
 
 
-def _put_count(out: bytearray, count: int) -> None:
+def put_count(out: bytearray, count: int) -> None:
+    """Appends the length of a sequence or a text to a message, aligned."""
     out += bytes(-len(out) % 4)  # the header's four bytes do not change a multiple of four
     out += count.to_bytes(4, "little")
 
 
-def _put_text(out: bytearray, text: str) -> None:
+def put_text(out: bytearray, text: str) -> None:
+    """Appends a string to a message, aligned."""
     data = text.encode(errors="replace")
-    _put_count(out, len(data) + 1)
+    put_count(out, len(data) + 1)
     out += data
     out.append(0)

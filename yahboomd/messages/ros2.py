@@ -25,8 +25,15 @@ JOINT_STATE = "sensor_msgs/msg/JointState"
 BATTERY_STATE = "sensor_msgs/msg/BatteryState"
 DIAGNOSTIC_ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
 BOOL = "std_msgs/msg/Bool"
+LOG = "rcl_interfaces/msg/Log"
 TRIGGER = "std_srvs/srv/Trigger"
 SET_BOOL = "std_srvs/srv/SetBool"
+LIST_PARAMETERS = "rcl_interfaces/srv/ListParameters"
+DESCRIBE_PARAMETERS = "rcl_interfaces/srv/DescribeParameters"
+GET_PARAMETERS = "rcl_interfaces/srv/GetParameters"
+GET_PARAMETER_TYPES = "rcl_interfaces/srv/GetParameterTypes"
+SET_PARAMETERS = "rcl_interfaces/srv/SetParameters"
+SET_ATOMICALLY = "rcl_interfaces/srv/SetParametersAtomically"
 
 TYPE_HASHES: dict[str, str] = {
     TWIST: "RIHS01_9c45bf16fe0983d80e3cfe750d6835843d265a9a6c46bd2e609fcddde6fb8d2a",
@@ -37,8 +44,15 @@ TYPE_HASHES: dict[str, str] = {
     BATTERY_STATE: "RIHS01_4bee5dfce981c98faa6828b868307a0a73f992ed0789f374ee96c8f840e69741",
     DIAGNOSTIC_ARRAY: "RIHS01_5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
     BOOL: "RIHS01_feb91e995ff9ebd09c0cb3d2aed18b11077585839fb5db80193b62d74528f6c9",
+    LOG: "RIHS01_e28ce254ca8abc06abf92773b74602cdbf116ed34fbaf294fb9f81da9f318eac",
     TRIGGER: "RIHS01_eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f",
     SET_BOOL: "RIHS01_abe9e4bb6b41b40e6789712c00ec8871923e089af3f667a79992a428cff2da0a",
+    LIST_PARAMETERS: "RIHS01_3e6062bfbb27bfb8730d4cef2558221f51a11646d78e7bb30a1e83afac3aad9d",
+    DESCRIBE_PARAMETERS: "RIHS01_845b484d71eb0673dae682f2e3ba3c4851a65a3dcfb97bddd82c5b57e91e4cff",
+    GET_PARAMETERS: "RIHS01_bf9803d5c74cf989a5de3e0c2e99444599a627c7ff75f97b8c05b01003675cbc",
+    GET_PARAMETER_TYPES: "RIHS01_da199c878688b3e530bdfe3ca8f74cb9fa0c303101e980a9e8f260e25e1c80ca",
+    SET_PARAMETERS: "RIHS01_56eed9a67e169f9cb6c1f987bc88f868c14a8fc9f743a263bc734c154015d7e0",
+    SET_ATOMICALLY: "RIHS01_0e192ef259c07fc3c07a13191d27002222e65e00ccec653ca05e856f79285fcd",
 }
 """RIHS01 (REP 2016) of every type in use, the same in all distributions that have hashes."""
 
@@ -46,6 +60,9 @@ NO_TYPE_HASH = "TypeHashNotSupported"
 """Written instead of the hash on Humble, which has no type hashes."""
 
 DISTROS_WITHOUT_HASHES = frozenset({"humble"})
+
+NODE = "yahboomd"
+"""The name of our node."""
 
 EndpointKind: TypeAlias = Literal["MP", "MS", "SS", "SC"]
 """Message publisher, message subscriber, service server, service client."""
@@ -84,7 +101,7 @@ class Node(msgspec.Struct, frozen=True, kw_only=True):
 
     domain_id: int
     zid: str
-    name: str = "yahboomd"
+    name: str = NODE
     namespace: str = ""
 
 

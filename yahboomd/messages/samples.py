@@ -24,6 +24,7 @@ from yahboomd.messages.native import (
     VelocityCommand,
     WheelsSample,
 )
+from yahboomd.messages.rcl_interfaces import LEVELS, log
 from yahboomd.model import OdometryEstimate, Pose2d, Twist2d
 
 STAMP_NS = 1_700_000_000_123_456_789
@@ -251,6 +252,19 @@ def _samples() -> dict[str, CdrSample]:
             cdr.diagnostics(STAMP_NS, "", [diagnostic]),
         ),
         "Bool": CdrSample(ros2.BOOL, {"data": True}, cdr.boolean(True)),
+        "Log": CdrSample(
+            ros2.LOG,
+            {
+                "stamp": _STAMP,
+                "level": LEVELS["warning"],
+                "name": ros2.NODE,
+                "msg": done,
+                "file": "",
+                "function": "estop",
+                "line": 0,
+            },
+            log(STAMP_NS, LEVELS["warning"], ros2.NODE, done, "estop"),
+        ),
         "Trigger_Request": CdrSample(
             f"{ros2.TRIGGER}_Request",
             {"structure_needs_at_least_one_member": 0},

@@ -1,0 +1,62 @@
+"""The configuration as the parameters of a ROS 2 node: read-only, without what is secret."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from yahboomd.config import Config, schema
+from yahboomd.config.values import Place
+from yahboomd.messages.rcl_interfaces import ParameterServer, Value
+
+REFUSAL = (
+    "It is read-only: yahboomd reads its configuration when it starts. Change config.toml, the "
+    "environment or --set, and restart yahboomd."
+)
+
+HIDDEN: frozenset[Place] = frozenset({("zenoh", "config")})
+"""Keys that are no parameters: the file names keys and passwords."""
+
+ENDPOINTS: frozenset[Place] = frozenset({("zenoh", "listen"), ("zenoh", "connect")})
+
+
+def parameter_server(config: Config) -> ParameterServer:
+    """Answers for a configuration."""
+    places = dict(_parameters(config.model_dump(mode="json", exclude_none=True), ()))
+    names = {_name(place): place for place in places}
+
+    def describe(name: str) -> tuple[str, str]:
+        place = names[name]
+        return _meaning(place), schema.takes(schema.node_at(place))
+
+    return ParameterServer(
+        {name: places[place] for name, place in names.items()}, describe, REFUSAL
+    )
+
+
+def _name(place: Place) -> str:
+    return ".".join(map(str, place))
+
+
+def _meaning(place: Place) -> str:
+    """What a key means; entries of a table or a list have at least its own meaning."""
+    *above, last = place
+    node = schema.node_at(tuple(above)).get("properties", {}).get(last, {})
+    return str(node["description"]) if "description" in node else _meaning(tuple(above))
+
+
+def _parameters(value: object, place: Place) -> Iterator[tuple[Place, Value]]:
+    """Tables and lists of tables become a parameter for each of their values."""
+    if place in HIDDEN:
+        return
+    if isinstance(value, dict):
+        for key, item in value.items():
+            yield from _parameters(item, (*place, key))
+    elif isinstance(value, list) and any(isinstance(item, dict | list) for item in value):
+        for index, item in enumerate(value):
+            yield from _parameters(item, (*place, index))
+    elif isinstance(value, list):
+        # Behind the # of an endpoint are keys and passwords of its protocol.
+        cut = place in ENDPOINTS
+        yield place, tuple(item.partition("#")[0] if cut else item for item in value)
+    elif isinstance(value, bool | int | float | str):
+        yield place, value
