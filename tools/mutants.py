@@ -52,7 +52,7 @@ PLAIN = (
     "ReplaceBreakWithContinue ReplaceContinueWithBreak ZeroIterationForLoop "
     "ReplaceUnaryOperator_Delete_USub ReplaceUnaryOperator_Delete_Not"
 )
-DECLARES = re.compile(r"^\s*class |TYPE_CHECKING|\(.*\*, |^\s*\*,$")
+DECLARES = re.compile(r"^\s*class |TYPE_CHECKING|(^|[(,])\s*\*,")
 
 
 class Token(Operator):

@@ -153,6 +153,7 @@ def test_a_backlog_of_200_old_commands_in_4_ms_after_a_stall_moves_nothing(
         decision = arbiter.current(now_ns)
         assert (decision.twist, decision.ramp, decision.why) == (STANDSTILL, False, "revoked")
     assert arbiter.current(5 * S + MS).driver is None
+    assert arbiter.counters["revoked"] == 1
 
 
 def test_a_backlog_handed_over_in_one_piece_is_never_in_effect(arbiter: Arbiter) -> None:
@@ -196,6 +197,17 @@ def test_the_driver_before_a_backlog_drives_on_after_it(arbiter: Arbiter) -> Non
         arbiter.offer("cmd_vel/teleop", FORWARD, 10 * MS + n * 1000)
     decision = arbiter.current(11 * MS)
     assert (decision.driver, decision.twist, decision.since_ns) == ("cmd_vel", SLOWER, 0)
+
+
+def test_a_backlog_of_a_source_that_does_not_drive_revokes_nothing(arbiter: Arbiter) -> None:
+    arbiter.offer("cmd_vel/teleop", FORWARD, 0)
+    for n in range(20):
+        result = arbiter.offer("cmd_vel", SLOWER, 10 * MS + n * 1000)
+        assert isinstance(result, Refused)
+        assert not result.revoked
+    assert reason(result) == "backlog"
+    assert arbiter.counters["revoked"] == 0
+    assert arbiter.current(11 * MS).twist == FORWARD
 
 
 def test_a_driver_interrupted_by_a_backlog_goes_on_with_its_newest_wish(arbiter: Arbiter) -> None:
@@ -258,6 +270,17 @@ def test_a_stamp_is_the_transports_unless_it_is_said_to_be_the_senders(
     # Only the sender's own stamp shows that a command did not wait.
     found = arbiter.offer("cmd_vel", FORWARD, 3 * S + MS, 3 * S + MS, **kinds)
     assert reason(found) == (None if by_sender else "after_pause")
+
+
+@pytest.mark.parametrize(
+    ("at_ns", "refused"),
+    [(2 * S, None), (2 * S + 1, "after_pause"), (4 * S, "after_pause"), (4 * S + 1, None)],
+)
+def test_what_may_have_waited_during_a_pause_is_refused(
+    arbiter: Arbiter, at_ns: int, refused: str | None
+) -> None:
+    arbiter.paused(2 * S, 3 * S, waited_ns=S)
+    assert reason(arbiter.offer("cmd_vel", FORWARD, at_ns)) == refused
 
 
 def test_refusals_are_counted_by_reason_and_remembered_for_a_while(arbiter: Arbiter) -> None:

@@ -13,7 +13,7 @@ def test_the_default_decision_is_standstill_without_a_driver() -> None:
     decision = Decision()
     assert (decision.twist, decision.driver, decision.source) == (STANDSTILL, None, None)
     assert decision.why == "no_command"
-    assert not decision.timed_out
+    assert (decision.timed_out, decision.ramp) == (False, True)
 
 
 def test_whatever_is_wrong_with_a_commands_age_is_a_reason_to_refuse_it() -> None:

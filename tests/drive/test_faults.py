@@ -12,11 +12,11 @@ def test_a_fault_becomes_an_event_that_names_the_wheel() -> None:
         message="left stands.",
         action="policy",
         commanded_m_s=0.30004,
-        measured_m_s=0.0,
+        measured_m_s=0.10004,
     ).event()
     assert (event.kind, event.severity, event.wheel) == ("no_counts", "error", "left")
     assert event.message == "left stands."
-    assert event.data == {"commanded_m_s": 0.3, "measured_m_s": 0.0}
+    assert event.data == {"commanded_m_s": 0.3, "measured_m_s": 0.1}
 
 
 @pytest.mark.parametrize(
@@ -30,3 +30,5 @@ def test_what_is_only_reported_is_a_warning(action: Action, severity: str) -> No
 def test_a_fault_of_all_motors_names_none() -> None:
     fault = Fault(kind="no_counts", motor=None, message="All stand.", action="policy")
     assert fault.event().wheel is None
+    assert fault.event().data == {"commanded_m_s": 0.0, "measured_m_s": 0.0}
+    assert not fault.certain

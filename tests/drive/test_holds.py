@@ -39,6 +39,11 @@ def test_the_same_reason_again_keeps_its_beginning_and_takes_the_new_end() -> No
     holds.put(hold(BOARD_RESET, 0, S))
     holds.put(hold(BOARD_RESET, S // 2, 2 * S))
     assert holds.active(S) == (hold(BOARD_RESET, 0, 2 * S),)
+    # One without an end goes on; one that ended before begins again.
+    holds.put(hold(FAULT, S))
+    holds.put(hold(FAULT, 3 * S))
+    holds.put(hold(BOARD_RESET, 2 * S, 4 * S))
+    assert holds.active(3 * S) == (hold(FAULT, S), hold(BOARD_RESET, 2 * S, 4 * S))
 
 
 def test_after_a_reset_in_motion_the_robot_stands_for_one_second() -> None:

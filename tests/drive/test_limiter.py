@@ -115,6 +115,19 @@ def test_a_stop_in_the_middle_of_speeding_up_never_speeds_up_first() -> None:
     assert speeds[-1] == 0.0
 
 
+def test_a_wish_that_one_step_of_jerk_reaches_is_reached_in_one_step() -> None:
+    ramp = limiter(AxisLimits(jerk=10.0))
+    assert ramp.step(Twist2d(vx=0.1), 0.1).vx == 0.1
+
+
+def test_after_a_wish_that_is_met_early_the_rate_is_zero() -> None:
+    ramp = limiter(AxisLimits(acceleration=2.5, jerk=10.0))
+    for _ in range(20):
+        near = ramp.step(Twist2d(vx=5.0), 0.02).vx + 0.01
+    assert ramp.step(Twist2d(vx=near), 0.02).vx == near
+    assert ramp.step(Twist2d(vx=5.0), 0.02).vx == pytest.approx(near + 10.0 * 0.02 * 0.02)
+
+
 def test_the_default_limits_reach_full_speed_in_their_time_and_stop_in_half_of_it() -> None:
     ramp = limiter(DEFAULT)
     up = [ramp.step(Twist2d(vx=2.0), 0.02).vx for _ in range(20)]
@@ -135,6 +148,7 @@ def test_missing_limits_let_everything_through_at_once() -> None:
     ramp = limiter(AxisLimits())
     assert ramp.step(Twist2d(vx=5.0, vy=-4.0, wz=9.0), 1e-6) == Twist2d(vx=5.0, vy=-4.0, wz=9.0)
     assert ramp.step(Twist2d(vx=-5.0), 1e-6) == Twist2d(vx=-5.0)
+    assert ramp.step(Twist2d(vx=1e300, wz=-1e300), 1e-6) == Twist2d(vx=1e9, wz=-1e9)
 
 
 def test_each_axis_has_its_own_limits() -> None:

@@ -209,7 +209,9 @@ def test_a_wheel_that_runs_away_from_standstill_is_cut() -> None:
 
 
 @pytest.mark.parametrize("broken", ["blocked", "no_encoder"])
-@pytest.mark.parametrize(("speed", "after_s"), [(1.0, 0.15), (0.3, 0.15), (0.1, 0.3)])
+@pytest.mark.parametrize(
+    ("speed", "after_s"), [(1.0, 0.15), (0.3, 0.15), (0.1, 0.3), (0.08, 0.375)]
+)
 def test_missing_counts_are_noticed_after_150_ms_or_30_mm_whichever_is_later(
     broken: str, speed: float, after_s: float
 ) -> None:
@@ -218,6 +220,90 @@ def test_missing_counts_are_noticed_after_150_ms_or_30_mm_whichever_is_later(
     waited_s = (found[0][0] - S) / S
     # The reading shows a command 60 ms late, and comes once in 20 ms.
     assert after_s <= waited_s <= after_s + 0.1
+
+
+def judged(
+    commanded: float, speeds: list[float], *, period_ms: int = 10, ticks: int = 0
+) -> list[tuple[int, str]]:
+    """The troubles of one motor by readings that show each command at once, and when."""
+    watch = MotorWatch("left", 0.08, 0, None)
+    watch.command(0, commanded)
+    return [
+        (n * period_ms, fault.kind)
+        for n, speed in enumerate(speeds, 1)
+        for fault in watch.measure(
+            (n - 1) * period_ms * MS, n * period_ms * MS, speed, ticks, speed, held_up=False
+        )
+    ]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_wheel_at_rest_may_show_a_tenth_of_a_metre_per_second_and_no_more(sign: float) -> None:
+    still = "turns_without_command"
+    assert judged(0.0, [sign * 0.1] * 62) == [(610, still)]
+    assert judged(0.0, [sign * 0.1001] * 62) == [(50, "runaway_fast"), (610, still)]
+    # So it may against a command that is too slow to turn it.
+    assert judged(sign * 0.02, [sign * -0.09] * 50, ticks=7) == []
+    assert judged(sign * 0.04, [sign * -0.09] * 100, ticks=7) != []
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_wheel_creeps_from_30_mm_per_second_on(sign: float) -> None:
+    assert judged(0.0, [sign * 0.0299] * 100) == []
+    assert judged(0.0, [sign * 0.03] * 61) == [(610, "turns_without_command")]
+    assert judged(sign * 0.03, [sign * 0.03] * 61, ticks=7) == []
+
+
+def test_a_wheel_outside_its_bounds_is_accused_after_40_ms_unless_it_loses_4_percent() -> None:
+    assert judged(0.0, [1.0] * 5) == [(50, "runaway_fast")]
+    assert judged(0.0, [1.0, 1.0, 1.0, 1.0, 0.97]) == [(50, "runaway_fast")]
+    assert judged(0.0, [1.0, 1.0, 1.0, 1.0, 0.96]) == []
+    # And has to lose as much again in the next 40 ms.
+    assert judged(0.0, [1.0, 1.0, 1.0, 1.0, *[0.96] * 5]) == [(90, "runaway_fast")]
+
+
+def test_a_wheel_that_slows_down_has_half_a_second_to_get_inside_its_bounds() -> None:
+    slower = [5.0 * 0.95**n for n in range(20)]
+    assert judged(0.0, slower, period_ms=50) == [
+        (550, "runaway_fast"),
+        (650, "turns_without_command"),
+    ]
+
+
+def test_silence_begins_with_the_first_reading_that_shows_the_command() -> None:
+    assert judged(0.3, [0.0] * 20) == [(160, "no_counts")]
+
+
+@pytest.mark.parametrize("commanded", [0.3, -0.3])
+def test_a_line_that_is_held_up_excuses_silence_for_a_second(commanded: float) -> None:
+    watch = MotorWatch("left", 0.08, 0, None)
+    watch.command(0, commanded)
+    found = [
+        (n * 20, fault.kind)
+        for n in range(1, 100)
+        for fault in watch.measure((n - 1) * 20 * MS, n * 20 * MS, 0.0, 0, 0.0, held_up=True)
+    ]
+    # 50 readings are excused; of those that follow, eight make 150 ms.
+    assert found == [(1160, "no_counts")]
+
+
+def test_after_counts_that_were_held_back_a_slow_wheel_owes_20_ms_of_its_way() -> None:
+    watch = MotorWatch("left", 0.08, 0, None)
+    watch.command(0, 0.11)
+    now_ns = 0
+    for step_ms in [20] * 9 + [400]:
+        before_ns, now_ns = now_ns, now_ns + step_ms * MS
+        ticks = round(0.11 * step_ms / 1e3 / METRES_PER_TICK)
+        assert not watch.measure(before_ns, now_ns, 0.11, ticks, 0.11, held_up=False)
+    # 30 mm take 273 ms, of which 20 are those of the last counts.
+    silent = [
+        n * 20
+        for n in range(1, 30)
+        if watch.measure(
+            now_ns + (n - 1) * 20 * MS, now_ns + n * 20 * MS, 0.0, 0, 0.0, held_up=False
+        )
+    ]
+    assert silent == [260]
 
 
 @pytest.mark.parametrize("held_ms", [160, 250, 400])
@@ -420,6 +506,8 @@ def test_a_wheel_that_all_readings_show_running_is_cut_within_100_ms() -> None:
     for n in range(1, 30):
         assert check.measure(n * 20 * MS, [0.2], [25]) == ()
     for n in range(30, 40):
+        # Commands go on.
+        check.command(n * 20 * MS, [0.2])
         found = check.measure(n * 20 * MS, [1.0], [125])
         if found:
             assert [fault.action for fault in found] == ["cut"]

@@ -86,7 +86,7 @@ def test_sideways_motion_on_a_base_that_cannot_is_named() -> None:
     decision = Decision(twist=Twist2d(vy=0.5), driver="cmd_vel", why="driving")
     (found,) = reasons(S, decision=decision, holonomic=False)
     assert found.kind == "sideways"
-    assert reasons(S, decision=decision, holonomic=True) == ()
+    assert reasons(S, decision=decision) == ()
 
 
 @pytest.mark.parametrize(

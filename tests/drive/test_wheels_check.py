@@ -49,6 +49,13 @@ def test_motors_that_are_all_silent_point_to_the_supply() -> None:
     assert "supply" in found[0].message
 
 
+def test_of_motors_that_are_all_silent_the_first_one_gives_the_speeds() -> None:
+    check = WheelsCheck(["left", "right"])
+    check.command(0, [0.3, 0.4])
+    (found,) = [fault for n in range(50) for fault in check.measure(n * 20 * MS, [0, 0], [0, 0])]
+    assert found.commanded_m_s == 0.3
+
+
 def test_the_only_motor_there_is_keeps_its_name_when_it_is_silent() -> None:
     assert [fault.motor for fault in drive(0.3, {"left": 0})] == ["left"]
 
@@ -99,6 +106,19 @@ def test_nothing_is_raised_whatever_the_wheels_do(
             for fault in check.measure(now_ns, [value or 0.0], [round((value or 0.0) * 10)]):
                 assert fault.motor == "left"
                 assert "{" not in fault.message
+
+
+def test_a_speed_is_proven_by_the_counts_of_40_ms() -> None:
+    check = WheelsCheck(["left"], metres_per_tick=[METRES_PER_TICK])
+    check.command(0, [0.2])
+    speeds = [0.2] * 30 + [0.2 + 0.1 * n for n in range(1, 20)]
+    for n, speed in enumerate(speeds):
+        ticks = round(speed * 0.02 / METRES_PER_TICK)
+        found = check.measure(n * 20 * MS, [speed], [ticks], earliest_ns=n * 20 * MS)
+        if found:
+            assert found[0].measured_m_s == pytest.approx(speed - 0.05, abs=0.01)
+            return
+    pytest.fail("nothing was found")
 
 
 @pytest.mark.parametrize(("late_ms", "cut"), [(0, True), (100, False)])

@@ -54,7 +54,7 @@ class AgeJudge:
     def __init__(self, policy: StampPolicy, timeout_ns: int) -> None:
         self._policy = policy
         self._timeout_ns = timeout_ns
-        self._histories = {True: _History(), False: _History()}
+        self.forget()
 
     def forget(self) -> None:
         """Begin new histories: our own clock stood still while the sender's went on."""

@@ -58,10 +58,10 @@ class BacklogGate:
         self,
         now_ns: int,
         *,
-        arrivals: int = 1,
-        proven: bool = False,
-        copy: bool = False,
-        alike: bool = False,
+        arrivals: int,
+        proven: bool,
+        copy: bool,
+        alike: bool,
     ) -> Verdict:
         """Judge what arrived at ``now_ns``.
 

@@ -121,8 +121,6 @@ class _Axis:
     def step(self, wish: float, dt_s: float) -> None:
         if not math.isfinite(wish):
             wish = 0.0
-        if wish == self.speed and self._rate == 0.0 and abs(wish) <= self._velocity:
-            return
         wish = max(-self._velocity, min(self._velocity, wish))
         if math.isinf(self._jerk):
             self.speed = self._ramp(wish, dt_s)
@@ -146,28 +144,22 @@ class _Axis:
         # Turning round passes through a true standstill, so that the two rates need not agree.
         goal = 0.0 if _must_cross_zero(self.speed, wish) else wish
         distance = abs(goal - self.speed)
-        if distance == 0.0:
-            self._rate = 0.0
-            return
         towards = math.copysign(1.0, goal - self.speed)
         most = self._deceleration if abs(goal) < abs(self.speed) else self._acceleration
         rate = max(0.0, self._rate * towards)
         change = self._jerk * dt_s
         landing = distance / dt_s
-        if landing <= min(most, change) and abs(landing - rate) <= change:
-            # One step away, and the rate can be zero in the step after.
-            self.speed = goal
-            self._rate = 0.0
-            return
-        # The largest rate that can still be taken back: a dt + a^2 / (2 j) = distance.
-        safe = 2.0 * distance / (dt_s + math.sqrt(dt_s * dt_s + 2.0 * distance / self._jerk))
-        rate = min(max(min(safe, rate + change), rate - change), most, landing)
-        if rate >= landing:
-            self.speed = goal
-            self._rate = 0.0
-            return
-        self.speed += towards * rate * dt_s
-        self._rate = towards * rate
+        if landing > min(most, change):
+            # The largest rate that can still be taken back: a dt + a^2 / (2 j) = distance.
+            safe = 2.0 * distance / (dt_s + math.sqrt(dt_s * dt_s + 2.0 * distance / self._jerk))
+            rate = min(max(min(safe, rate + change), rate - change), most, landing)
+            if rate < landing:
+                self.speed += towards * rate * dt_s
+                self._rate = towards * rate
+                return
+        # One step away, and the rate can be zero in the step after.
+        self.speed = goal
+        self._rate = 0.0
 
 
 def _must_cross_zero(speed: float, wish: float) -> bool:

@@ -95,12 +95,7 @@ class MotorWatch:
         self._high = max(0.0, measured_m_s, commanded)
         self._low = min(0.0, measured_m_s, commanded)
         self._measured = measured_m_s
-        self._begin_silence()
-        self.owed_m = self._owed_signed_m = 0.0
-        self._owed_ns = self._owed_one_way_ns = 0
-        self._held_up_ns = 0
-        self._owed_ticks = 0
-        self._owed_ticks_before = 0
+        self._owe_nothing()
         self._rolled = 0
         self._outside_ns: int | None = None
         self._left_ns = 0
@@ -132,7 +127,7 @@ class MotorWatch:
         ticks: int,
         proven: float,
         *,
-        held_up: bool = False,
+        held_up: bool,
     ) -> list[Fault]:
         """Judge a reading.
 
@@ -220,6 +215,14 @@ class MotorWatch:
             return None
         return self._new("turns_without_command", "policy", speed)
 
+    def _owe_nothing(self) -> None:
+        self.owed_m = self._owed_signed_m = 0.0
+        self._owed_ns = self._owed_one_way_ns = 0
+        self._owed_ticks = self._owed_ticks_before = 0
+        # A step that ends with counts was no silence, however long they were held back.
+        self._held_up_ns = 0
+        self._begin_silence()
+
     def _begin_silence(self) -> None:
         self._silent_ns = 0
         self._silent_m = 0.0
@@ -228,7 +231,6 @@ class MotorWatch:
         if held_up and self._held_up_ns < HELD_UP_NS:
             self._held_up_ns += step_ns
             step_ns = 0
-        step_m = abs(steady) * step_ns / NS_PER_S
         self._owed_ticks_before = self._owed_ticks
         self._owed_ticks += ticks
         self._owe(steady, step_ns)
@@ -237,21 +239,15 @@ class MotorWatch:
         # have to agree on it: a digit that was garbled on its way is no motion.
         if min(abs(self._owed_ticks), abs(self._owed_ticks_before)) >= COUNTS_OF_MOTION:
             self._rolled = self._owed_ticks
-            self.owed_m = self._owed_signed_m = 0.0
-            self._owed_ns = self._owed_one_way_ns = 0
-            self._owed_ticks = self._owed_ticks_before = 0
-            self._begin_silence()
+            self._owe_nothing()
             self._known.discard("no_counts")
-            # A step that ends with counts was no silence, however long they were held back.
-            self._held_up_ns = 0
             if ticks:
-                step_m *= min(1.0, COUNTED_NS / max(step_ns, 1))
                 step_ns = min(step_ns, COUNTED_NS)
         if abs(steady) < self._min_speed_m_s:
             self._begin_silence()
         else:
             self._silent_ns += step_ns
-            self._silent_m += step_m
+            self._silent_m += abs(steady) * step_ns / NS_PER_S
         times = TURNING_ROUND if self._rolled * steady < 0.0 else 1
         proven = self._silent_ns >= times * NO_COUNTS_NS and self._silent_m >= times * NO_COUNTS_M
         times = TURNING_ROUND if self._rolled * self._owed_signed_m < 0.0 else 1
