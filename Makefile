@@ -111,7 +111,7 @@ alarms: $(VENV)/.dev ## false alarms and cut times on virtual time, random drivi
 	@PYTHONPATH=tests/plugins $(PY) -m benchmarks.alarms --minutes $(MINUTES) --seed $(SEED) $(ARGS)
 
 ##@ Measure
-.PHONY: bench bench-short footprint picture
+.PHONY: bench bench-short footprint calibration picture
 $(VENV)/.bench: $(VENV)/.dev
 	@$(PYTHON) tools/bootstrap.py $(VENV) uvloop || echo "bench: there is no uvloop here; its rows are left out"
 	@touch $@
@@ -124,6 +124,9 @@ bench-short: $(VENV)/.dev ## the same in a short form, only to see that it works
 
 footprint: $(VENV)/.run ## memory, threads, CPU, start-up time and sizes of the daemon
 	@$(PY) -m benchmarks.footprint $(ARGS)
+
+calibration: $(VENV)/.dev ## how well `calibrate` finds 100 random robots that are off (a minute)
+	@$(PY) -m benchmarks.random_robots $(ARGS)
 
 picture: $(VENV)/.dev ## drive the simulated robot, and draw docs/images/path.png
 	$(PY) tools/picture.py $(ARGS)

@@ -26,6 +26,7 @@ COMMANDS = {
     "events": "print events as they happen",
     "metrics": "serve what the daemon counts, for Prometheus and Grafana",
     "probe": "find the port, name the board, explain what is wrong",
+    "calibrate": "find the true size of the wheels and the track",
     "config": "check, show and explain the configuration",
     "install": "install the service: at boot, or as the board is plugged in",
     "uninstall": "take the service away again",

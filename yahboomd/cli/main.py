@@ -26,12 +26,13 @@ FOLDERS = {
     **dict.fromkeys(("monitor", "drive"), "screens"),
     **dict.fromkeys(("status", "pose", "send", "call", "events"), "robot"),
     "probe": "probe",
+    "calibrate": "calibrate",
     **dict.fromkeys(("install", "uninstall"), "service"),
     "completions": "shell",
 }
 """The folder of each command that has one; the others are modules of this room itself."""
 
-EXTRAS = {"rich": "monitor", "matplotlib": "plot", "uvloop": "uvloop"}
+EXTRAS = {"rich": "monitor", "matplotlib": "plot", "numpy": "calibrate", "uvloop": "uvloop"}
 """Packages that are installed only when asked for, with the name of the extra."""
 
 FULL = (errno.ENOSPC, errno.EDQUOT)

@@ -250,6 +250,12 @@ class Chassis(Section):
         description="Calibration of the track; a skid-steer base acts as if it were 1.3 to 1.9 "
         "times as wide as it is.",
     )
+    calibration_file: str = Field(
+        default="",
+        description="The file that `yahboomd calibrate` writes and that goes over the two "
+        "multipliers. Empty: calibration.toml in the state directory, /var/lib/yahboomd for the "
+        "service.",
+    )
     motors: dict[str, MotorEntries] = Field(
         default={"left": (MotorEntry(position=1),), "right": (MotorEntry(position=3),)},
         description="The motors of each wheel.",

@@ -1,4 +1,4 @@
-"""The layers of a configuration, one over the other: file, environment, ``--set``.
+"""The layers of a configuration, one over the other: file, calibration, environment, ``--set``.
 
 Each value keeps its origin, so that a mistake is reported where it was written.
 """
@@ -119,6 +119,17 @@ class Layers:
         except RecursionError:
             self._refuse("tables or lists are nested too deeply")
 
+    def take(self, place: tuple[str, ...], value: object, words: str) -> None:
+        """Take a calibrated value over that of the file, unless one was given over both.
+
+        Args:
+            place: The key.
+            value: What it is set to.
+            words: Where it comes from.
+        """
+        if not any(key[: len(place)] == place for key in self.written):
+            self._put(place, value, Origin(1, 0, words), "")
+
     def read_environment(self, environ: Mapping[str, str]) -> None:
         """Take every ``YAHBOOMD_SECTION__KEY``; similar names belong to other programs.
 
@@ -126,7 +137,7 @@ class Layers:
         """
         for name in sorted(name for name in environ if name.startswith(PREFIX)):
             rest = name.removeprefix(PREFIX).lower()
-            place, origin = tuple(rest.split("__")), Origin(1, 0, plain(name))
+            place, origin = tuple(rest.split("__")), Origin(2, 0, plain(name))
             section = next((s for s in self.defaults if f"{rest}_".startswith(f"{s}_")), None)
             if len(place) > 1 and all(place):
                 self._set(place, environ[name], origin)
@@ -139,7 +150,7 @@ class Layers:
     def read_overrides(self, overrides: Sequence[str]) -> None:
         """Take each ``section.key=value`` of ``--set``, the later over the earlier."""
         for number, override in enumerate(overrides):
-            origin = Origin(2, number, f"--set {plain(override)}")
+            origin = Origin(3, number, f"--set {plain(override)}")
             found = _OVERRIDE.fullmatch(override)
             if found is None:
                 self.mistakes.append((origin, "expected section.key=value"))
@@ -148,6 +159,9 @@ class Layers:
             self._set(tuple(part.strip(" \t\"'") for part in parts), found["value"], origin)
 
     def _set(self, place: tuple[str, ...], text: str, origin: Origin) -> None:
+        self._put(place, toml_value(text), origin, text)
+
+    def _put(self, place: tuple[str, ...], value: object, origin: Origin, text: str) -> None:
         # A single key changes that key alone: a table that the file left out starts as the default.
         table: dict[str, Any] = self.data
         default: Any = self.defaults
@@ -156,7 +170,7 @@ class Layers:
             if not isinstance(table.get(part), dict):
                 table[part] = copy.deepcopy(default) if isinstance(default, dict) else {}
             table = table[part]
-        table[place[-1]] = toml_value(text)
+        table[place[-1]] = value
         self.written = {key: at for key, at in self.written.items() if key[: len(place)] != place}
         self.written[place] = (origin, text)
 

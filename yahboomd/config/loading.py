@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,8 +11,8 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from yahboomd.config.layers import Layers, Origin, plain
-from yahboomd.config.models import Config
+from yahboomd.config.layers import NOWHERE, Layers, Origin, plain
+from yahboomd.config.models import Config, calibration_path
 from yahboomd.config.rules import Finding, findings
 from yahboomd.config.values import Place, dotted
 from yahboomd.errors import ConfigError
@@ -29,12 +30,14 @@ class Loaded:
         layers: What it was read from.
         path: The file that was read, if any.
         warnings: Sentences about what works and may surprise.
+        calibration_path: Where its calibration is, or would be; None without a state directory.
     """
 
     config: Config
     layers: Layers
     path: Path | None = None
     warnings: tuple[str, ...] = ()
+    calibration_path: Path | None = None
 
     @property
     def origins(self) -> Mapping[Place, Origin]:
@@ -57,7 +60,7 @@ def read(
 ) -> Loaded:
     """Read the configuration, and say where its values come from.
 
-    Precedence: ``overrides``, environment (``YAHBOOMD_SECTION__KEY``), file, default.
+    Precedence: ``overrides``, environment (``YAHBOOMD_SECTION__KEY``), calibration, file, default.
 
     Args:
         path: A TOML file that must exist; None for ``standard_path``, if it does.
@@ -87,6 +90,11 @@ def read(
             _remove(layers.data, place)
         config, _ = _validated(layers.data)
     warnings: list[tuple[Origin, str]] = []
+    calibrated_at = calibration_path(config, environ, path, user_id=os.geteuid())
+    if calibrated_at is not None and not mistakes and _is_there(calibrated_at):
+        if ignored := _calibrate(layers, config, calibrated_at):
+            warnings.append((NOWHERE, ignored))
+        config, _ = _validated(layers.data)
     for finding in findings(config):
         if any(_overlap(place, bad) for place in (finding.place, *finding.beside) for bad in wrong):
             continue
@@ -95,7 +103,26 @@ def read(
     if mistakes:
         count = "a mistake" if len(mistakes) == 1 else f"{len(mistakes)} mistakes"
         raise ConfigError("\n".join([f"The configuration has {count}:", *_lines(sorted(mistakes))]))
-    return Loaded(config.resolved(), layers, path, tuple(_lines(warnings)))
+    return Loaded(config.resolved(), layers, path, tuple(_lines(warnings)), calibrated_at)
+
+
+def _calibrate(layers: Layers, config: Config, path: Path) -> str:
+    """Take the calibration in a file; why it is ignored, else."""
+    from yahboomd.config.calibration_file import difference, read_calibration
+
+    try:
+        calibration = read_calibration(path)
+    except ConfigError as error:
+        return f"{error} It is ignored: the robot drives uncalibrated."
+    if changed := difference(calibration, config):
+        return (
+            f"{path} is ignored: it was made for another robot ({changed}). Calibrate again, or "
+            "remove it with `yahboomd calibrate undo`."
+        )
+    words = f"{path} ({calibration.method}, {calibration.made})"
+    for key, value in calibration.chassis.model_dump().items():
+        layers.take(("chassis", key), value, words)
+    return ""
 
 
 def _is_there(path: Path) -> bool:

@@ -33,6 +33,9 @@ WHEELS: dict[str, tuple[str, ...]] = {
 }
 """The wheels of each drive geometry."""
 
+CALIBRATION = "calibration.toml"
+"""The name of the calibration file in the state directory."""
+
 USUAL_LINES = 11
 """Encoder lines of the motors that are sold with the board."""
 
@@ -187,3 +190,33 @@ def runtime_folder(environ: Mapping[str, str], *, user_id: int) -> Path:
     if session := environ.get("XDG_RUNTIME_DIR"):
         return Path(session) / "yahboomd"
     return Path(f"/tmp/yahboomd-{user_id}")  # noqa: S108 - checked before it is used
+
+
+def calibration_path(
+    config: Config, environ: Mapping[str, str], path: Path | None, *, user_id: int
+) -> Path | None:
+    """The calibration file of a configuration.
+
+    Args:
+        config: Names it, or leaves the choice to the state directory.
+        environ: For ``STATE_DIRECTORY`` (the service manager's), ``XDG_STATE_HOME`` and ``HOME``.
+        path: The configuration file; one below /etc/yahboomd is that of a service.
+        user_id: Of the process.
+
+    Returns:
+        None where there is no state directory.
+    """
+    if config.chassis.calibration_file:
+        return Path(config.chassis.calibration_file)
+    if given := environ.get("STATE_DIRECTORY", "").split(":")[0]:
+        return Path(given) / CALIBRATION
+    if path is not None and path.parent == Path("/etc/yahboomd"):
+        instance = "" if path.stem == "config" else f"-{path.stem}"
+        return Path(f"/var/lib/yahboomd{instance}") / CALIBRATION
+    if user_id == 0:
+        return Path("/var/lib/yahboomd") / CALIBRATION
+    if state := environ.get("XDG_STATE_HOME"):
+        return Path(state) / "yahboomd" / CALIBRATION
+    if home := environ.get("HOME"):
+        return Path(home) / ".local/state/yahboomd" / CALIBRATION
+    return None

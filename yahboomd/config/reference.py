@@ -37,7 +37,8 @@ may be left out.
 | from | example | over |
 |---|---|---|
 | `--set section.key=value` | `--set zenoh.namespace=bot1` | everything |
-| environment, `YAHBOOMD_SECTION__KEY` | `YAHBOOMD_ZENOH__NAMESPACE=bot1` | the file |
+| environment, `YAHBOOMD_SECTION__KEY` | `YAHBOOMD_ZENOH__NAMESPACE=bot1` | the calibration |
+| [calibration](calibration.md) | `yahboomd calibrate` | the file |
 | the file | `[zenoh]` and below it `namespace = "bot1"` | the defaults |
 
 Values in the environment and after `--set` are read as TOML where they are TOML, else as text:

@@ -1,0 +1,53 @@
+"""Ticks of single motors as the travel of two sides, and how long a leg may last."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from yahboomd.cli.calibrate.shapes import Leg, Sides, square
+from yahboomd.config import read
+
+
+def config(preset: str):
+    overrides = [f"chassis.preset={preset}"]
+    if preset == "mecanum":
+        overrides.append("chassis.wheel_base_m=0.2")
+    return read(None, environ={}, overrides=overrides).config
+
+
+@pytest.mark.parametrize("preset", ["2wd", "4wd", "mecanum"])
+def test_a_side_is_the_mean_of_its_motors_without_any_calibration(preset: str) -> None:
+    made = config(preset)
+    calibrated = made.model_copy(
+        update={
+            "chassis": made.chassis.model_copy(
+                update={"wheel_radius_multiplier": {made.kinematics().wheels[0]: 1.2}}
+            )
+        }
+    )
+    motors = calibrated.motors()
+    wheels = calibrated.kinematics().wheels
+    per_turn = made.ticks_per_revolution()
+    moved = [per_turn if wheels[motor.wheel].endswith("left") else 0.0 for motor in motors]
+    sides = Sides(calibrated, [motor.name for motor in motors])
+    left, right = sides.travel([[0.0] * len(motors), moved])
+    assert left[0] == pytest.approx(2.0 * math.pi * made.radius_m(wheels[0]))
+    assert right[0] == 0.0
+
+
+def test_a_leg_is_done_by_the_counts_and_lasts_no_longer_than_it_says() -> None:
+    back = Leg(-0.2, 0.0, 1.0)
+    assert back.done(-0.5, -0.5, 0.2) == 0.5
+    assert back.limit_s == pytest.approx(12.5)
+    right = Leg(0.0, -1.0, math.pi)
+    assert right.done(0.1, -0.1, 0.2) == pytest.approx(1.0)
+
+
+def test_a_square_ends_as_it_began() -> None:
+    legs = square(2.0, 0.2, 1.0, left=False)
+    assert sum(math.copysign(leg.amount, leg.wz) for leg in legs if leg.wz) == pytest.approx(
+        -2.0 * math.pi
+    )
+    assert [leg.amount for leg in legs if leg.vx] == [2.0] * 4

@@ -1,0 +1,118 @@
+"""The calibration file: a layer over the configuration, for the robot that it was made for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from yahboomd.config import read
+from yahboomd.config.calibration_file import (
+    Calibration,
+    Multipliers,
+    geometry_of,
+    undo_calibration,
+    write_calibration,
+)
+from yahboomd.config.models import Config, calibration_path
+from yahboomd.errors import ConfigError
+
+
+def calibration(track: float = 1.05, config: Config | None = None) -> Calibration:
+    radii = {"left": 1.01, "right": 1.02}
+    return Calibration(
+        made="2026-05-04 10:00 UTC",
+        method="tape",
+        residual="1.1 times what slip and tape explain, 3 runs",
+        geometry=geometry_of(config or Config()),
+        chassis=Multipliers(wheel_radius_multiplier=radii, wheel_separation_multiplier=track),
+        before=Multipliers(
+            wheel_radius_multiplier={"left": 1.0, "right": 1.0}, wheel_separation_multiplier=1.0
+        ),
+    )
+
+
+def loaded(state: Path, *overrides: str, **environ: str):
+    return read(
+        None,
+        environ={"STATE_DIRECTORY": str(state), **environ},
+        overrides=overrides,
+        standard_path=state / "none.toml",
+    )
+
+
+def test_it_goes_over_the_file_and_under_environment_and_set(tmp_path: Path) -> None:
+    write_calibration(tmp_path / "calibration.toml", calibration())
+    file = tmp_path / "robot.toml"
+    file.write_text("[chassis]\nwheel_separation_multiplier = 1.5\n")
+    environ = {"STATE_DIRECTORY": str(tmp_path)}
+    found = read(file, environ=environ)
+    assert found.config.chassis.wheel_separation_multiplier == 1.05
+    assert found.config.chassis.wheel_radius_multiplier == {"left": 1.01, "right": 1.02}
+    origin = found.origins["chassis", "wheel_separation_multiplier"]
+    assert origin.words == f"{tmp_path / 'calibration.toml'} (tape, 2026-05-04 10:00 UTC)"
+    over = read(file, environ=environ, overrides=["chassis.wheel_separation_multiplier=1.2"])
+    assert over.config.chassis.wheel_separation_multiplier == 1.2
+    assert over.config.chassis.wheel_radius_multiplier == {"left": 1.01, "right": 1.02}
+    by_environ = environ | {"YAHBOOMD_CHASSIS__WHEEL_SEPARATION_MULTIPLIER": "1.3"}
+    assert read(file, environ=by_environ).config.chassis.wheel_separation_multiplier == 1.3
+
+
+@pytest.mark.parametrize(
+    "override",
+    ["chassis.wheel_separation_m=0.16", "chassis.wheel_radius_m=0.03", "board.profile=310"],
+)
+def test_it_is_ignored_with_a_warning_where_the_robot_changed(tmp_path, override) -> None:
+    write_calibration(tmp_path / "calibration.toml", calibration())
+    found = loaded(tmp_path, override)
+    assert found.config.chassis.wheel_separation_multiplier == 1.0
+    (warning,) = found.warnings
+    assert "is ignored: it was made for another robot" in warning
+    assert "chassis.w" in warning
+
+
+@pytest.mark.parametrize("text", ["[broken", "made = 1", "", "\udcff"])
+def test_a_damaged_file_is_ignored_with_a_warning(tmp_path: Path, text: str) -> None:
+    (tmp_path / "calibration.toml").write_bytes(text.encode(errors="surrogateescape"))
+    found = loaded(tmp_path)
+    assert found.config == read(None, environ={}, standard_path=tmp_path / "none").config
+    (warning,) = found.warnings
+    assert warning.startswith(f"{tmp_path / 'calibration.toml'} is no calibration:")
+
+
+def test_undo_brings_back_the_one_before_and_then_none(tmp_path: Path) -> None:
+    path = tmp_path / "calibration.toml"
+    write_calibration(path, calibration(1.05))
+    write_calibration(path, calibration(1.07))
+    assert loaded(tmp_path).config.chassis.wheel_separation_multiplier == 1.07
+    assert undo_calibration(path)
+    assert loaded(tmp_path).config.chassis.wheel_separation_multiplier == 1.05
+    assert undo_calibration(path)
+    assert loaded(tmp_path).config.chassis.wheel_separation_multiplier == 1.0
+    assert not undo_calibration(path)
+
+
+def test_a_folder_that_cannot_be_written_is_named_with_what_to_do(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ConfigError, match="cannot be written") as refused:
+        write_calibration(tmp_path / "file" / "calibration.toml", calibration())
+    assert "chassis.calibration_file=" in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("environ", "path", "user_id", "expected"),
+    [
+        ({"STATE_DIRECTORY": "/s:/t"}, None, 5, "/s/calibration.toml"),
+        ({}, "/etc/yahboomd/config.toml", 5, "/var/lib/yahboomd/calibration.toml"),
+        ({}, "/etc/yahboomd/left.toml", 5, "/var/lib/yahboomd-left/calibration.toml"),
+        ({}, None, 0, "/var/lib/yahboomd/calibration.toml"),
+        ({"XDG_STATE_HOME": "/x"}, None, 5, "/x/yahboomd/calibration.toml"),
+        ({"HOME": "/h"}, None, 5, "/h/.local/state/yahboomd/calibration.toml"),
+        ({}, None, 5, None),
+    ],
+)
+def test_it_is_in_the_state_directory_of_whom_the_configuration_is(
+    environ, path, user_id, expected
+) -> None:
+    found = calibration_path(Config(), environ, path and Path(path), user_id=user_id)
+    assert found == (expected and Path(expected))

@@ -1,0 +1,137 @@
+"""What a calibration found, in words and as the file that the daemon reads."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from yahboomd.calibration.verdict import doubts
+from yahboomd.errors import Refused
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from yahboomd.calibration.least_squares import Fit
+    from yahboomd.calibration.runs import Run
+    from yahboomd.config import Config
+    from yahboomd.config.calibration_file import Calibration
+
+
+def conclude(
+    fit: Fit,
+    config: Config,
+    path: Path | None,
+    *,
+    method: str,
+    runs: Sequence[Run] = (),
+    dry_run: bool,
+    as_json: bool,
+) -> int:
+    """Print what was found, and write it unless it cannot be trusted.
+
+    Args:
+        fit: The result.
+        config: The robot's configuration in effect.
+        path: The calibration file; None where there is no state directory.
+        method: How it was measured, in a few words.
+        runs: What it was fitted to.
+        dry_run: Whether to print only.
+        as_json: Whether the result is one line of JSON.
+
+    Raises:
+        Refused: The result cannot be trusted; nothing was written.
+        ConfigError: The file cannot be written.
+    """
+    calibration = made_of(fit, config, method=method, runs=len(runs))
+    wrong = doubts(fit, skid_steer=config.kinematics_name() == "skid_steer", runs=runs)
+    target = None if dry_run or wrong else path
+    if as_json:
+        print(json.dumps(_facts(fit, calibration, wrong, target)))
+    else:
+        print(_table(fit, calibration))
+    if wrong:
+        raise Refused("\n".join(["Nothing was written:", *(f"  {words}" for words in wrong)]))
+    if dry_run:
+        print("A dry run: nothing was written.", file=sys.stderr)
+        return 0
+    if path is None:
+        raise Refused(
+            "Nothing was written: there is no state directory. Name the file: "
+            "`--set chassis.calibration_file=/path/to/calibration.toml`."
+        )
+    from yahboomd.config.calibration_file import write_calibration
+
+    write_calibration(path, calibration)
+    print(
+        f"Written to {path}. The daemon reads it when it starts: "
+        "`sudo systemctl restart yahboomd`. `yahboomd calibrate undo` takes it back.",
+        file=sys.stderr,
+    )
+    return 0
+
+
+def made_of(fit: Fit, config: Config, *, method: str, runs: int) -> Calibration:
+    """The calibration file's contents."""
+    from yahboomd.config.calibration_file import Calibration, Multipliers, geometry_of
+    from yahboomd.config.models import WHEELS
+
+    factors, chassis = fit.factors, config.chassis
+    wheels = WHEELS[config.kinematics_name()]
+    track = factors.track
+    if chassis.wheel_base_m is not None:
+        # Only the distance of the sides is calibrated; a mecanum base turns by half of both sums.
+        whole = chassis.wheel_separation_m + chassis.wheel_base_m
+        track = (track * whole - chassis.wheel_base_m) / chassis.wheel_separation_m
+    radii = {
+        name: round(factors.left if name.endswith("left") else factors.right, 6) for name in wheels
+    }
+    return Calibration(
+        made=f"{datetime.datetime.now(datetime.UTC):%Y-%m-%d %H:%M} UTC",
+        method=method,
+        residual=f"{fit.chi_squared**0.5:.2f} times what slip and tape explain, {runs} runs",
+        geometry=geometry_of(config),
+        chassis=Multipliers(
+            wheel_radius_multiplier=radii, wheel_separation_multiplier=round(track, 6)
+        ),
+        before=Multipliers(
+            wheel_radius_multiplier={
+                name: chassis.wheel_radius_multiplier.get(name, 1.0) for name in wheels
+            },
+            wheel_separation_multiplier=chassis.wheel_separation_multiplier,
+        ),
+    )
+
+
+def _table(fit: Fit, calibration: Calibration) -> str:
+    before, after = calibration.before, calibration.chassis
+    lines = ["                    before      now         known within"]
+    for name, value in after.wheel_radius_multiplier.items():
+        was = before.wheel_radius_multiplier[name]
+        lines.append(f"{f'radius {name}':<20}{was:<12.5f}{value:<12.5f}{_percent(fit.std.scale)}")
+    lines.append(
+        f"{'track':<20}{before.wheel_separation_multiplier:<12.5f}"
+        f"{after.wheel_separation_multiplier:<12.5f}{_percent(fit.std.track)}"
+    )
+    lines.append(f"{'right over left':<32}{fit.factors.ratio:<12.5f}{_percent(fit.std.ratio)}")
+    lines.append(f"What is left over: {calibration.residual}.")
+    return "\n".join(lines)
+
+
+def _percent(std: float) -> str:
+    return f"{std:.3%}" if std else "not measured"
+
+
+def _facts(
+    fit: Fit, calibration: Calibration, wrong: list[str], written: Path | None
+) -> dict[str, Any]:
+    return {
+        **calibration.model_dump(mode="json"),
+        "std": dict(zip(fit.std._fields, fit.std, strict=True)),
+        "chi_squared": fit.chi_squared,
+        "errors": fit.errors,
+        "refused": wrong,
+        "written": None if written is None else str(written),
+    }
