@@ -34,6 +34,11 @@ def test_what_is_not_shown_or_not_wanted_is_left_alone():
     assert writes(TABLE, {"wide": 1}, {"long": 2}) == ()
 
 
+def test_what_follows_one_that_is_left_alone_is_written():
+    (found,) = writes(TABLE, {"long": 2}, {"wide": 1, "long": 3})
+    assert found.frame == b"long=3"
+
+
 def test_every_value_that_must_not_be_stored_is_named():
     check_storable(TABLE, {"wide": 9, "gains": (1, 9), "long": 1})
     with pytest.raises(ConfigError) as refused:

@@ -60,6 +60,17 @@ def test_frames_may_follow_each_other_at_once():
     assert POLLED.sample_period_ns is None
 
 
+def test_it_says_nothing_before_it_is_asked():
+    assert POLLED.listen_ns == 0
+    assert not POLLED.renews_with_each_line
+
+
+def test_a_poll_costs_a_question_an_answer_and_a_speed():
+    answer = 30
+    speed = len(POLLED.speeds((1000, 100, 10, 0)))
+    assert POLLED.poll_bytes == len(POLLED.poll) + answer + speed
+
+
 def test_the_profile_tells_the_motor_type():
     assert POLLED.for_profile(PROFILES["310"]).arm == (b"$mtype:2#",) * 3
 

@@ -125,6 +125,17 @@ def test_once_a_board_shows_what_was_written_nothing_differs(want):
     assert writes(TABLE, have, want) == ()
 
 
+def test_the_limits_of_what_is_stored_are_the_boards():
+    assert {row.field: (row.least, row.most) for row in TABLE} == {
+        "motor_type": (1, 4),
+        "deadzone": (0, 3600),
+        "lines": (1, 100_000),
+        "ratio": (1, 10_000),
+        "wheel_diameter_mm": (1, 10_000),
+        "pid": (0, 1000),
+    }
+
+
 def test_negative_gains_must_not_be_stored():
     with pytest.raises(ConfigError, match="gains P, I, D"):
         check_storable(TABLE, BoardSettings(pid=(0.8, -0.06, 0.5)))
@@ -219,7 +230,10 @@ def test_a_board_set_up_for_other_known_motors_names_them():
 @pytest.mark.parametrize(
     ("field", "value", "words"),
     [
+        ("motor_type", 1, "1 (520)"),
         ("motor_type", 2, "2 (310)"),
+        ("motor_type", 3, "3 (TT with encoder)"),
+        ("motor_type", 4, "4 (TT, no encoder)"),
         ("motor_type", 9, "9 (unknown)"),
         ("ratio", 30, "30"),
         ("ratio", 20.409, "20 (truly 20.409)"),

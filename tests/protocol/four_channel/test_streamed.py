@@ -87,6 +87,12 @@ def test_the_times_are_those_observed():
     assert STREAMED.spacing_ns == 20_000_000
     assert STREAMED.totals_spacing_ns == 10_000_000
     assert STREAMED.sample_period_ns == 10_000_000
+    assert not STREAMED.renews_with_each_line
+    assert STREAMED.poll_bytes == 0
+
+
+def test_it_says_nothing_before_it_is_asked():
+    assert STREAMED.listen_ns == 0
 
 
 def test_the_profile_changes_nothing_on_the_wire():
