@@ -51,6 +51,7 @@ def test_a_command_runs_out_after_its_sources_timeout(arbiter: Arbiter) -> None:
     silent = arbiter.current(S + 500 * MS)
     assert (silent.twist, silent.timed_out, silent.why) == (STANDSTILL, True, "timed_out")
     assert (silent.source, silent.age_ns) == ("cmd_vel", 500 * MS)
+    arbiter.current(S + 600 * MS)
     assert arbiter.counters["timed_out"] == 1
 
 

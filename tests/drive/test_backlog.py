@@ -10,6 +10,7 @@ from yahboomd.drive.backlog import MOST, BacklogGate, Verdict
 
 MS = 1_000_000
 S = 1000 * MS
+START_NS = 3600 * S
 
 
 def arrive(
@@ -21,7 +22,7 @@ def arrive(
     copy: bool = False,
     alike: bool = False,
 ) -> Verdict:
-    return gate.arrive(now_ns, arrivals=arrivals, proven=proven, copy=copy, alike=alike)
+    return gate.arrive(START_NS + now_ns, arrivals=arrivals, proven=proven, copy=copy, alike=alike)
 
 
 def test_a_single_command_after_a_silence_passes_at_once() -> None:

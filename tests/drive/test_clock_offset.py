@@ -50,6 +50,9 @@ def test_clocks_that_agree_warn_of_nothing() -> None:
     now_ns = hears(offset, 90 * MS, [3 * MS, 8 * MS])
     assert offset.warning(now_ns) is None
     assert offset.ahead_s(now_ns) == pytest.approx(0.087)
+    offset = ClockOffset("absolute", TIMEOUT_NS)
+    assert offset.warning(hears(offset, 100 * MS, [0])) is None
+    assert offset.warning(hears(offset, 101 * MS, [0])) is not None
 
 
 @pytest.mark.parametrize(

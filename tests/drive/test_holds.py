@@ -59,9 +59,9 @@ def test_a_reset_at_rest_holds_nothing_up() -> None:
 @pytest.mark.parametrize("in_motion", [True, False])
 def test_three_resets_in_ten_seconds_are_a_fault_without_an_end(in_motion: bool) -> None:
     watch = ResetWatch()
-    watch.reset(0, in_motion=in_motion)
-    watch.reset(5 * S, in_motion=in_motion)
-    found = watch.reset(10 * S, in_motion=in_motion)
+    watch.reset(100 * S, in_motion=in_motion)
+    watch.reset(105 * S, in_motion=in_motion)
+    found = watch.reset(110 * S, in_motion=in_motion)
     assert found is not None
     assert (found.kind, found.until_ns) == (FAULT, None)
 

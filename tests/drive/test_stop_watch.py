@@ -81,6 +81,23 @@ def test_the_proof_of_a_standstill_is_waited_for_no_longer_than_60_ms(
     assert (watch.check(T0 + 600 * MS) is None) is waits
 
 
+def test_a_wheel_that_one_of_two_readings_shows_standing_is_not_accused(watch: StopWatch) -> None:
+    for ms, speed in ((580, 0.029), (600, 0.031)):
+        watch.measure(T0 + ms * MS, (speed, speed))
+    assert watch.check(T0 + 600 * MS) is None
+    assert watch.state == "overdue"
+
+
+def test_a_reading_of_the_moment_of_the_stop_counts(watch: StopWatch) -> None:
+    watch.measure(T0 - 1, (0.0, 0.0))
+    assert watch.measure(T0 + 30 * MS, (0.0, 0.0)) == "stopping"
+    assert watch.measure(T0 + 59 * MS, (0.0, 0.0)) == "stopping"
+    again = StopWatch(("left", "right"))
+    again.begin(T0)
+    again.measure(T0, (0.0, 0.0))
+    assert again.measure(T0 + 30 * MS, (0.0, 0.0)) == "stopped"
+
+
 def test_readings_that_cease_in_standstill_are_no_proof(watch: StopWatch) -> None:
     watch.measure(T0 + 300 * MS, (0.0, 0.0))
     fault = watch.check(T0 + 600 * MS)
@@ -89,10 +106,10 @@ def test_readings_that_cease_in_standstill_are_no_proof(watch: StopWatch) -> Non
 
 
 def follow(watch: StopWatch, speed_at: Callable[[float], float]) -> list[int]:
-    """The moment, in ms after the stop, at which a wheel was accused."""
+    """The moment, in ms after the stop, at which a wheel of two that turn alike was accused."""
     accused = []
     for ms in range(10, 3000, 10):
-        watch.measure(T0 + ms * MS, (0.0, speed_at(ms / 1000)))
+        watch.measure(T0 + ms * MS, (speed_at(ms / 1000),) * 2)
         if watch.check(T0 + ms * MS) is not None:
             accused.append(ms)
     return accused

@@ -108,6 +108,26 @@ def test_nothing_is_raised_whatever_the_wheels_do(
                 assert "{" not in fault.message
 
 
+def test_readings_of_before_the_wheels_were_commanded_are_no_witnesses() -> None:
+    check = WheelsCheck(["left"], metres_per_tick=[METRES_PER_TICK])
+    check.command(0, None)
+    coasting = round(2.0 * 0.02 / METRES_PER_TICK)
+    for n in range(20):
+        assert check.measure(n * 20 * MS, [0.0], [coasting]) == ()
+    check.command(390 * MS, [0.1])
+    cut = [n for n in range(20, 30) if check.measure(n * 20 * MS, [2.0], [coasting])]
+    # Five of those that follow.
+    assert cut == [24]
+
+
+def test_readings_of_one_moment_prove_no_speed() -> None:
+    check = WheelsCheck(["left"], metres_per_tick=[METRES_PER_TICK])
+    check.command(0, [0.1])
+    for n in range(10):
+        found = check.measure(S + n * 20 * MS, [5.0], [500], received_ns=S, earliest_ns=S)
+        assert found == ()
+
+
 def test_a_speed_is_proven_by_the_counts_of_40_ms() -> None:
     check = WheelsCheck(["left"], metres_per_tick=[METRES_PER_TICK])
     check.command(0, [0.2])

@@ -307,8 +307,8 @@ class Arbiter:
         if self._holder is not line or not had_a_command:
             return False
         self.counters["revoked"] += 1
-        before, since_ns = self._handover, line.gate.watching_since_ns
-        if before is not None and since_ns is not None and before.at_ns >= since_ns:
+        before = self._handover
+        if before is not None and before.at_ns >= line.gate.watching_since_ns:
             # It took control with the backlog: the source before keeps it, with its newest wish,
             # which may be one that was refused meanwhile.
             self._holder = self._lines[before.previous] if before.previous else None

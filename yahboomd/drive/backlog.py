@@ -52,7 +52,7 @@ class BacklogGate:
         self._within = False
         self._since_silence = 0
         self._in_row = 0
-        self.watching_since_ns: int | None = None
+        self.watching_since_ns = 0
 
     def arrive(
         self,
@@ -97,7 +97,7 @@ class BacklogGate:
         if not dense or now_ns > self._watch_until_ns:
             self._within = False
             return "pass"
-        elapsed_ns = now_ns - (self.watching_since_ns or 0)
+        elapsed_ns = now_ns - self.watching_since_ns
         if self._since_silence * WINDOW_NS > MOST * elapsed_ns:
             self._watch_until_ns = now_ns + self._silence_ns
         if self._within:

@@ -163,7 +163,7 @@ class _Axis:
 
 
 def _must_cross_zero(speed: float, wish: float) -> bool:
-    return speed != 0.0 and (wish == 0.0 or (speed > 0.0) != (wish > 0.0))
+    return speed > 0.0 >= wish or speed < 0.0 <= wish
 
 
 def _limit(axis: str, name: str, value: float | None, *, zero: bool = False) -> float:
