@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import random
 import socket
 import subprocess
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass, field
@@ -45,19 +47,28 @@ def built(name: str) -> Path:
     return path
 
 
+_RESERVED: deque[socket.socket] = deque()
+
+
 def free_domain() -> int:
-    """A DDS domain whose ports are free: they are fixed, 250 to a domain from 7400 on."""
-    # Workers that run side by side begin ten domains apart.
-    first = 10 * int(os.environ.get("PYTEST_XDIST_WORKER", f"gw{os.getpid()}")[2:]) % 100
-    for domain in (1 + (first + step) % 100 for step in range(100)):
-        with ExitStack() as stack:
-            try:
+    """A DDS domain whose ports are free, and that no other test of this machine gets."""
+    # Its ports are fixed, 250 to a domain from 7400 on; above 100 they are the system's own.
+    for domain in random.SystemRandom().sample(range(1, 101), 100):
+        reserved = socket.socket(socket.AF_UNIX)
+        try:
+            # An abstract name: the kernel gives it to one process, until that closes it or ends.
+            reserved.bind(f"\0yahboomd test domain {domain}")
+            with ExitStack() as stack:
                 for port in (7400, 7410, 7411, 7412, 7413):
                     probe = stack.enter_context(socket.socket(type=socket.SOCK_DGRAM))
                     probe.bind(("127.0.0.1", port + 250 * domain))
-            except OSError:
-                continue
-            return domain
+        except OSError:
+            reserved.close()
+            continue
+        _RESERVED.append(reserved)
+        if len(_RESERVED) > 4:
+            _RESERVED.popleft().close()
+        return domain
     raise RuntimeError("every DDS domain is in use")
 
 
