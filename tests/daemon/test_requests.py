@@ -118,6 +118,35 @@ async def test_one_release_opens_the_latch_and_clears_the_fault(tmp_path: Path) 
         assert bench.controller.state()[0] == "standing"
 
 
+@pytest.mark.parametrize("copies", [2, 32])
+@on_virtual_time
+async def test_no_copy_of_a_release_releases_what_was_engaged_after_it(
+    tmp_path: Path, copies: int
+) -> None:
+    async with RobotBench(tmp_path) as bench:
+        await bench.ready()
+        bench.operator.engage_estop("a test")
+        assert bench.operator.release_estop()[0]
+        bench.operator.engage_estop("another")
+        for _ in range(copies - 1):
+            released, why = bench.operator.release_estop()
+            assert not released
+            assert "copy of that request" in why
+            await asyncio.sleep(0.01)
+        assert bench.controller.counters["release_refused"] == copies - 1
+        await asyncio.sleep(1.0)
+        assert bench.operator.release_estop()[0]
+
+
+@on_virtual_time
+async def test_copies_of_a_release_are_answered_as_done(tmp_path: Path) -> None:
+    async with RobotBench(tmp_path) as bench:
+        await bench.ready()
+        bench.operator.engage_estop("a test")
+        assert all(bench.operator.release_estop()[0] for _ in range(32))
+        assert bench.heard.kinds.count("estop_released") == 1
+
+
 @on_virtual_time
 async def test_setting_the_pose_says_where_the_robot_is_now(tmp_path: Path) -> None:
     async with RobotBench(tmp_path) as bench:

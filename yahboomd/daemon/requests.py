@@ -33,6 +33,9 @@ from yahboomd.messages.codecs import encode as encode_sample
 from yahboomd.messages.native import ServiceReply
 from yahboomd.model import Event, Matrix3, Pose2d
 
+COPIES_NS = 1_000_000_000
+"""Copies of one request (the ROS 2 bridge may make them) come within so long, mostly at once."""
+
 SET_POSE_TAKES = (
     'It takes x and y in metres and theta in radians, such as {"x": 1.0, "y": 2.0, "theta": 0.5}.'
 )
@@ -55,6 +58,7 @@ class Operator:
         self._controller = controller
         self._arbiter = arbiter
         self._latch = latch
+        self._released_ns: int | None = None
 
     def engage_estop(self, by: str, *, times: int = 1, unread: int = 0) -> str:
         """Stop at once and stay so. Returns what was done.
@@ -111,6 +115,9 @@ class Operator:
     def release_estop(self) -> tuple[bool, str]:
         """Release the e-stop, and clear a latched fault with it, unless somebody commands motion.
 
+        An e-stop that was engaged within a second of the last release stays: this may be a copy of
+        that request.
+
         Returns:
             Whether the robot may move again, and what was done.
         """
@@ -118,7 +125,16 @@ class Operator:
         was_engaged = self._latch.engaged
         # Commands that waited with this request may be handled after it.
         controller.notice_pause()
-        moving = self._arbiter.moving_sources(self._clock.now_ns())
+        now_ns = self._clock.now_ns()
+        released_ns = self._released_ns
+        if was_engaged and released_ns is not None and now_ns - released_ns < COPIES_NS:
+            controller.counters["release_refused"] += 1
+            words = (
+                "Still engaged: it was engaged within a second of the last release, and this may "
+                "be a copy of that request. Wait a second, then release it again."
+            )
+            return False, words
+        moving = self._arbiter.moving_sources(now_ns)
         if moving and controller.faulty and not was_engaged:
             controller.counters["release_refused"] += 1
             words = (
@@ -139,7 +155,8 @@ class Operator:
             words = f"{release.message} {cleared}" if was_engaged else cleared
         if was_engaged or fault is not None:
             # What arrived while the disk was busy with the release is over, like all before it.
-            self._arbiter.forget_commands(self._clock.now_ns())
+            self._released_ns = self._clock.now_ns()
+            self._arbiter.forget_commands(self._released_ns)
             controller.event(Event(kind="estop_released", severity="info", message=words))
         return True, words
 
