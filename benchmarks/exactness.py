@@ -243,7 +243,7 @@ def nees(runs: int, path: Path, seed: int) -> float:
         for left, right in zip(columns[0][1:], columns[1][1:], strict=True):
             now = left - start[0], right - start[1]
             deltas = now[0] - before[0], now[1] - before[1]
-            covariance.step(deltas, integrator.step(deltas, now, 1))
+            covariance.propagate(deltas, integrator.integrate(deltas, now, 1))
             before = now
         pose = integrator.pose
         error = np.array([pose.x - at.x[-1], pose.y - at.y[-1], pose.theta - at.theta[-1]])

@@ -100,7 +100,7 @@ def yahboomd(left: Counted, right: Counted, ticks: float) -> Places:
     places = [(0.0, 0.0, 0.0)]
     totals = list(zip((left - left[0]).tolist(), (right - right[0]).tolist(), strict=True))
     for before, now in pairwise(totals):
-        integrator.step((now[0] - before[0], now[1] - before[1]), now, 1)
+        integrator.integrate((now[0] - before[0], now[1] - before[1]), now, 1)
         pose = integrator.pose
         places.append((pose.x, pose.y, pose.theta))
     x, y, theta = np.array(places).T

@@ -25,7 +25,7 @@ STAGES: dict[str, tuple[type, str]] = {
     "hop to the event loop": (Lane, "offer"),
     "unpacking of the sample": (Inbox, "_turn"),
     "decoding, and who may drive": (CommandIntake, "_take"),
-    "control step: holds, limits, kinematics": (Controller, "step"),
+    "control step: holds, limits, kinematics": (Controller, "control_step"),
     "wheel speeds to a frame": (Wheels, "turn"),
     "outbox and line": (Writer, "velocity"),
     "write": (SerialPort, "write"),

@@ -109,40 +109,40 @@ def test_a_process_that_runs_often_enough_has_no_pause() -> None:
     hands = Hands()
     watch = PauseWatch(hands, 300_000_000)  # type: ignore[arg-type]
     for _ in range(10):
-        assert watch.look() is None
+        assert watch.detect() is None
         hands.now += 299_000_000
 
 
 def test_a_gap_between_two_looks_is_a_pause_once() -> None:
     hands = Hands()
     watch = PauseWatch(hands, 300_000_000)  # type: ignore[arg-type]
-    watch.look()
+    watch.detect()
     hands.now += 1_400_000_000
-    pause = watch.look()
+    pause = watch.detect()
     assert pause == Pause(since_ns=1_000_000_000, until_ns=2_400_000_000, suspended_ns=0)
     assert pause.duration_s == 1.4
-    assert watch.look() is None
+    assert watch.detect() is None
 
 
 def test_a_suspend_is_a_pause_although_monotonic_time_stood_still() -> None:
     hands = Hands()
     watch = PauseWatch(hands, 300_000_000)  # type: ignore[arg-type]
-    watch.look()
+    watch.detect()
     hands.slept += 6_000_000_000
-    pause = watch.look()
+    pause = watch.detect()
     assert pause is not None
     assert (pause.suspended_ns, pause.duration_s) == (6_000_000_000, 6.0)
-    assert watch.look() is None
+    assert watch.detect() is None
 
 
 def test_being_held_up_between_two_clocks_is_no_suspend() -> None:
     hands = Hands()
     watch = PauseWatch(hands, 300_000_000)  # type: ignore[arg-type]
-    watch.look()
+    watch.detect()
     for error_ns in (-20_000_000, 0, -200_000_000, 0):
         hands.now += 100_000_000
         hands.slept = 1_000_000_000 + error_ns
-        assert watch.look() is None
+        assert watch.detect() is None
 
 
 def test_a_machine_that_was_never_suspended_says_so_to_the_microsecond() -> None:

@@ -107,7 +107,7 @@ class PauseWatch:
         self._ran_ns: int | None = None
         self._suspended_ns = 0
 
-    def look(self) -> Pause | None:
+    def detect(self) -> Pause | None:
         """The pause that ended just now, returned once; ``None`` without one."""
         now_ns, suspended_ns = self._clock.now_ns(), self._clock.suspended_ns()
         before_ns, self._ran_ns = self._ran_ns, now_ns

@@ -77,7 +77,7 @@ def seen(*changes):
 
     watch = TokenWatch("alive/*", reported.extend, Inbox())
     for key, session, present in changes:
-        watch.see(key, session, present=present)
+        watch.note_token(key, session, present=present)
     return reported, watch
 
 
@@ -113,10 +113,10 @@ def test_foreign_tokens_fill_a_bounded_table_and_the_rest_is_counted():
     assert len(reported) == len(watch._present) == MOST_TOKENS
     assert watch.ignored == 100
     # One that is known keeps its place, and the end of one that is not changes nothing.
-    watch.see("alive/0", 1, present=True)
-    watch.see(f"alive/{MOST_TOKENS + 1}", 0, present=False)
+    watch.note_token("alive/0", 1, present=True)
+    watch.note_token(f"alive/{MOST_TOKENS + 1}", 0, present=False)
     assert (len(watch._present), watch.ignored) == (MOST_TOKENS, 100)
-    watch.see("alive/" + "x" * 60_000, 0, present=True)
+    watch.note_token("alive/" + "x" * 60_000, 0, present=True)
     assert watch.ignored == 101
 
 
@@ -129,7 +129,7 @@ async def test_tokens_of_a_client_beyond_the_most_are_counted(bus, zenoh_app):
     ]
     await eventually(lambda: watch.ignored == 9)
     await eventually(lambda: len(changes) == MOST_TOKENS)
-    assert bus.facts()["tokens_ignored"] == 9
+    assert bus.status_values()["tokens_ignored"] == 9
     for token in tokens:
         token.undeclare()
     await eventually(lambda: len(changes) == 2 * MOST_TOKENS)

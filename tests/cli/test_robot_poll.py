@@ -97,8 +97,8 @@ async def poll(
 
 async def test_it_knows_the_newest_samples(daemon: Daemon, poll: Any) -> None:
     watched, _ = poll
-    await eventually(lambda: watched.facts().status and watched.facts().wheels)
-    facts = watched.facts()
+    await eventually(lambda: watched.current().status and watched.current().wheels)
+    facts = watched.current()
     assert facts.name == "bot1"
     assert facts.status.state == "driving"
     assert 0.0 <= facts.status_age_s < 3.0
@@ -109,33 +109,33 @@ async def test_it_knows_the_newest_samples(daemon: Daemon, poll: Any) -> None:
 
 async def test_who_reads_how_often_costs_the_daemon_nothing(daemon: Daemon, poll: Any) -> None:
     watched, _ = poll
-    await eventually(lambda: watched.facts().status)
+    await eventually(lambda: watched.current().status)
     before = len(daemon.asked)
     for _ in range(100_000):
-        watched.facts()
+        watched.current()
     # The loop had no turn in between, so no question can have left.
     assert len(daemon.asked) == before
 
 
 async def test_without_a_new_status_the_daemon_counts_as_dead(daemon: Daemon, poll: Any) -> None:
     watched, clock = poll
-    await eventually(lambda: watched.facts().status)
+    await eventually(lambda: watched.current().status)
     daemon.publishing.cancel()
     asked = len(daemon.asked)
     # Its token is there, and it answers still.
     await eventually(lambda: len(daemon.asked) > asked + 4)
     clock.ahead_ns = nanoseconds(ALIVE_S)
-    facts = watched.facts()
+    facts = watched.current()
     assert facts.status is None
     assert facts.status_age_s >= ALIVE_S
 
 
 async def test_a_daemon_that_ended_counts_as_dead_at_once(daemon: Daemon, poll: Any) -> None:
     watched, _ = poll
-    await eventually(lambda: watched.facts().status)
+    await eventually(lambda: watched.current().status)
     await daemon.close()
-    await eventually(lambda: watched.facts().status is None)
-    assert watched.facts().status_age_s is not None
+    await eventually(lambda: watched.current().status is None)
+    assert watched.current().status_age_s is not None
 
 
 async def test_before_the_first_sample_nothing_counts_as_unreadable(
@@ -143,43 +143,45 @@ async def test_before_the_first_sample_nothing_counts_as_unreadable(
 ) -> None:
     watched, _ = poll
     daemon.samples[keys.TWIST] = ServiceReply(success=False, message="There was no sample yet.")
-    await eventually(lambda: watched.facts().status)
-    await eventually(lambda: watched.facts().twist is None)
-    assert watched.facts().unreadable == 0
+    await eventually(lambda: watched.current().status)
+    await eventually(lambda: watched.current().twist is None)
+    assert watched.current().unreadable == 0
 
 
 @pytest.mark.parametrize("payload", [b"{", b"\xff\x00", b"[" * 3000, b'{"success": 3}', b""])
 async def test_what_cannot_be_read_is_counted(daemon: Daemon, poll: Any, payload: bytes) -> None:
     watched, _ = poll
     daemon.samples[keys.WHEELS] = payload
-    await eventually(lambda: watched.facts().unreadable > 1)
-    assert watched.facts().wheels is None
+    await eventually(lambda: watched.current().unreadable > 1)
+    assert watched.current().wheels is None
 
 
 async def test_events_are_counted_by_kind(daemon: Daemon, poll: Any) -> None:
     watched, _ = poll
-    await eventually(lambda: watched.facts().status)
+    await eventually(lambda: watched.current().status)
     event = daemon_samples.event()
     for _ in range(3):
         daemon.events.put(encode(event, "json"))
     daemon.events.put(b"nonsense")
     key = (event.kind, event.severity)
-    assert watched.facts().events[key] == 0
-    await eventually(lambda: watched.facts().events.get(key) == 3 and watched.facts().unreadable)
+    assert watched.current().events[key] == 0
+    await eventually(
+        lambda: watched.current().events.get(key) == 3 and watched.current().unreadable
+    )
 
 
 async def test_kinds_of_events_are_bounded(
     daemon: Daemon, poll: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     watched, _ = poll
-    await eventually(lambda: watched.facts().status)
-    known = len(watched.facts().events)
+    await eventually(lambda: watched.current().status)
+    known = len(watched.current().events)
     monkeypatch.setattr(robot_poll, "MAX_KINDS", known + 1)
     for number in range(3):
         event = msgspec.structs.replace(daemon_samples.event(), kind=f"kind_{number}")
         daemon.events.put(encode(event, "json"))
-    await eventually(lambda: sum(watched.facts().events.values()) == 3)
-    events = watched.facts().events
+    await eventually(lambda: sum(watched.current().events.values()) == 3)
+    events = watched.current().events
     assert len(events) == known + 2
     assert events["other", "warning"] == 2
 

@@ -64,13 +64,13 @@ def test_a_batch_is_offered_whole_before_one_step() -> None:
     scene.take([scene.arrival(b'{"vx": 0.1}'), scene.arrival(b'{"vx": 0.2}')])
     assert scene.steps == 1
     assert scene.arbiter.current(scene.clock.now).twist.vx == 0.2
-    assert scene.intake.facts()["received"] == 2
+    assert scene.intake.status_values()["received"] == 2
 
 
 def test_what_was_overrun_is_counted() -> None:
     scene = Scene()
     scene.take([scene.arrival(b'{"vx": 0.1}', dropped=3)])
-    facts = scene.intake.facts()
+    facts = scene.intake.status_values()
     assert facts["received"] == 4
     assert facts["overrun"] == 3
 
@@ -97,13 +97,13 @@ def test_two_hundred_old_commands_at_once_move_nothing() -> None:
     scene.take([scene.arrival(b'{"vx": 0.5}') for _ in range(64)])
     scene.take([scene.arrival(b'{"vx": 0.5}', dropped=72) for _ in range(64)])
     assert scene.arbiter.current(scene.clock.now).twist.is_zero
-    assert scene.intake.facts()["backlog"] > 0
+    assert scene.intake.status_values()["backlog"] > 0
 
 
 def test_an_oversize_payload_is_refused_and_named() -> None:
     scene = Scene()
     scene.take([scene.arrival(b"", oversize=True)])
-    assert scene.intake.facts()["oversize"] == 1
+    assert scene.intake.status_values()["oversize"] == 1
     assert scene.intake.last_refusal.startswith("cmd_vel: oversize")
 
 
@@ -112,7 +112,7 @@ def test_a_sideways_wish_counts_only_where_the_base_can(holonomic: bool, vy: flo
     scene = Scene(holonomic=holonomic)
     scene.take([scene.arrival(b'{"vx": 0.1, "vy": 0.2}')])
     assert scene.arbiter.current(scene.clock.now).twist.vy == vy
-    assert scene.intake.facts().get("vy_ignored", 0) == (0 if holonomic else 1)
+    assert scene.intake.status_values().get("vy_ignored", 0) == (0 if holonomic else 1)
 
 
 def test_the_label_in_a_payload_is_no_authority() -> None:
@@ -128,7 +128,7 @@ def test_a_refusal_of_the_arbiter_is_put_into_words() -> None:
     scene.clock.now += 900 * MS
     scene.take([scene.arrival(json.dumps({"vx": 0.2, "stamp_ns": stamp_ns + 1}).encode())])
     assert "stale" in scene.intake.last_refusal
-    assert scene.intake.facts()["stale"] == 1
+    assert scene.intake.status_values()["stale"] == 1
 
 
 def test_every_source_has_its_own_account() -> None:
@@ -136,7 +136,7 @@ def test_every_source_has_its_own_account() -> None:
     teleop = scene.intake.handler("cmd_vel/teleop")
     scene.take([scene.arrival(b'{"vx": 0.1, "vy": 0.2}'), scene.arrival(b"garbage", dropped=2)])
     teleop([scene.arrival(b'{"vx": 0.1}'), scene.arrival(b'{"vx": NaN}')])
-    facts = scene.intake.facts()
+    facts = scene.intake.status_values()
     assert facts["sources"] == {
         "cmd_vel": {
             "received": 4,
@@ -171,7 +171,7 @@ class ClockScene:
 
     def look(self, at_s: int, **warnings: str) -> None:
         self.warnings = warnings
-        self._watch.look(at_s * S)
+        self._watch.report(at_s * S)
 
 
 def test_a_clock_that_is_off_is_reported_once_while_it_is() -> None:

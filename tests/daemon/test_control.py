@@ -228,7 +228,7 @@ async def test_a_bad_command_is_refused_counted_and_explained(
         bench.payload(payload)
         await asyncio.sleep(0.2)
         assert bench.standing
-        facts = bench.intake.facts()
+        facts = bench.intake.status_values()
         assert facts["refused"] == 1
         assert facts[reason] == 1
         assert reason in str(facts["last_refusal"])
@@ -246,7 +246,7 @@ async def test_a_stale_command_is_refused(tmp_path: Path) -> None:
         bench.payload(json.dumps({"vx": 0.3, "stamp_ns": stamp_ns + 1}).encode())
         await asyncio.sleep(0.2)
         assert bench.standing
-        assert bench.intake.facts()["stale"] == 1
+        assert bench.intake.status_values()["stale"] == 1
 
 
 @on_virtual_time
@@ -257,7 +257,7 @@ async def test_a_sideways_wish_on_a_differential_drive_is_ignored_and_counted(
         await bench.ready()
         bench.payload(b'{"vx": 0.3, "vy": 0.3}')
         await asyncio.sleep(0.3)
-        assert bench.intake.facts()["vy_ignored"] == 1
+        assert bench.intake.status_values()["vy_ignored"] == 1
         assert min(bench.rim_speeds) > 0.1
 
 
@@ -303,10 +303,10 @@ async def test_wishes_that_cannot_be_met_are_counted_by_what_held_them_back(
     async with robot(tmp_path, "limits.linear.velocity=0.4") as bench:
         await bench.ready()
         await bench.drive(0.5, 0.4)
-        assert bench.controller.facts().get("limited", 0) == 0
+        assert bench.controller.status_values().get("limited", 0) == 0
         await bench.drive(0.5, 0.6)
-        assert bench.controller.facts()["limited"] >= 20
-        assert bench.controller.facts().get("desaturated", 0) == 0
+        assert bench.controller.status_values()["limited"] >= 20
+        assert bench.controller.status_values().get("desaturated", 0) == 0
         await bench.drive(0.5, 0.0, 60.0)
-        assert bench.controller.facts()["desaturated"] >= 20
+        assert bench.controller.status_values()["desaturated"] >= 20
         assert max(map(abs, bench.rim_speeds)) < 0.5

@@ -28,7 +28,7 @@ async def test_a_pause_is_one_event_and_counted(tmp_path: Path) -> None:
         await asyncio.sleep(1.0)
         (event,) = [event for event in bench.heard.events if event.kind == "paused"]
         assert "yahboomd did not run for 1.4 s" in event.message
-        assert bench.controller.facts()["pauses"] == 1
+        assert bench.controller.status_values()["pauses"] == 1
 
 
 @on_virtual_time

@@ -221,16 +221,16 @@ def test_what_is_not_on_file_is_said_in_the_status(
         LatchFile, "engage", lambda self, by: let_go.wait(60.0) and engage(self, by)
     )
     latch = EstopLatch(LatchFile(tmp_path / "estop"), 0)
-    assert latch.facts() == {"estop_not_on_file": 0, "estop_file_failures": 0}
+    assert latch.status_values() == {"estop_not_on_file": 0, "estop_file_failures": 0}
     latch.engage("one", 1)
     latch.remember()
     assert latch.latched is not None
     assert latch.latched.reason.endswith("(not on file: it would not survive a restart)")
-    assert latch.facts()["estop_not_on_file"] == 1
+    assert latch.status_values()["estop_not_on_file"] == 1
     let_go.set()
     assert latch.settle()
     assert "not on file" not in latch.latched.reason
-    assert latch.facts()["estop_not_on_file"] == 0
+    assert latch.status_values()["estop_not_on_file"] == 0
 
 
 def test_a_file_that_is_removed_too_late_is_written_again(
@@ -247,5 +247,5 @@ def test_a_file_that_is_removed_too_late_is_written_again(
     assert not latch.release(()).released
     assert latch.engaged
     let_go.set()
-    wait_for(lambda: latch.facts()["estop_not_on_file"] == 0, "it is on file")
+    wait_for(lambda: latch.status_values()["estop_not_on_file"] == 0, "it is on file")
     assert EstopLatch(LatchFile(tmp_path / "estop"), 2).engaged

@@ -143,7 +143,7 @@ async def test_half_a_request_is_decided_when_its_time_is_over(
     await until_engaged(robot)
     assert await reader.read() == b""
     assert len(robot.engaged_by) == 1
-    assert robot.local.facts()["local_dropped"] == 1
+    assert robot.local.status_values()["local_dropped"] == 1
     half.close()
     silent.close()
 
@@ -154,7 +154,7 @@ async def test_connections_that_send_nothing_lock_no_client_out(robot: Robot) ->
     asking = asyncio.create_task(robot.ask(b"stop\n"))
     await until_engaged(robot)
     # Two more may have made room for those that asked.
-    assert 0 <= robot.local.facts()["local_dropped"] - 4 * MAX_SILENT <= 2
+    assert 0 <= robot.local.status_values()["local_dropped"] - 4 * MAX_SILENT <= 2
     for _ in range(3):
         robot.local.observe((0.0,))
     assert (await asking)[1]["stood"]
@@ -192,7 +192,7 @@ async def test_a_flood_of_stops_is_acknowledged_and_bounded(robot: Robot) -> Non
     for reader, writer in connections:
         await reader.read()
         writer.close()
-    assert robot.local.facts()["local_stops"] == count
+    assert robot.local.status_values()["local_stops"] == count
 
 
 async def test_another_user_is_refused_with_the_reason_and_counted(
@@ -203,7 +203,7 @@ async def test_another_user_is_refused_with_the_reason_and_counted(
         (answer,) = await robot.ask(b"")
         assert "is not in the group of" in answer["error"]
     assert robot.engaged_by == []
-    assert robot.local.facts()["local_refused"] == 2
+    assert robot.local.status_values()["local_refused"] == 2
     assert len(caplog.messages) == 1
 
 
@@ -214,12 +214,12 @@ async def test_a_daemon_without_the_socket_goes_on_and_says_so(
     robot = Robot(tmp_path / "file")
     await robot.local.open()
     assert "reaches this daemon over the bus alone" in caplog.text
-    assert robot.local.facts()["local_socket"] == ""
+    assert robot.local.status_values()["local_socket"] == ""
     robot.local.close()
 
 
 async def test_the_file_is_gone_once_it_is_closed(robot: Robot) -> None:
-    assert robot.local.facts()["local_socket"] == str(robot.path)
+    assert robot.local.status_values()["local_socket"] == str(robot.path)
     robot.local.close()
     assert not robot.path.exists()
 
@@ -238,4 +238,4 @@ async def test_where_no_connection_can_be_accepted_it_is_tried_again(
 
     monkeypatch.setattr(socket.socket, "accept", full)
     assert (await robot.ask(b"status\n"))[0]["namespace"] == "bot1"
-    assert robot.local.facts()["local_dropped"] == 3
+    assert robot.local.status_values()["local_dropped"] == 3

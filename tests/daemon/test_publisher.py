@@ -51,8 +51,8 @@ async def test_a_flood_of_one_kind_of_event_is_bounded_and_counted(tmp_path: Pat
 async def test_a_flood_of_one_kind_keeps_no_other_kind_back() -> None:
     gate = Gate()
     for _ in range(100):
-        gate.events.tell(event("board_reset"))
-    gate.events.tell(event("disconnected"))
+        gate.events.report(event("board_reset"))
+    gate.events.report(event("disconnected"))
     assert gate.heard.kinds == ["board_reset"] * EVENTS_A_SECOND + ["disconnected"]
     assert gate.counters == {"events": 6, "events_suppressed": 95}
 
@@ -61,12 +61,12 @@ async def test_a_flood_of_one_kind_keeps_no_other_kind_back() -> None:
 async def test_after_a_second_a_kind_is_published_again() -> None:
     gate = Gate()
     for _ in range(EVENTS_A_SECOND + 1):
-        gate.events.tell(event())
+        gate.events.report(event())
     await asyncio.sleep(0.9)
-    gate.events.tell(event())
+    gate.events.report(event())
     assert len(gate.heard.events) == EVENTS_A_SECOND
     await asyncio.sleep(0.2)
-    gate.events.tell(event())
+    gate.events.report(event())
     assert len(gate.heard.events) == EVENTS_A_SECOND + 1
 
 
@@ -75,7 +75,7 @@ async def test_an_event_is_logged_as_grave_as_it_is(caplog: pytest.LogCaptureFix
     gate = Gate()
     with caplog.at_level(logging.INFO):
         for kind in ("connected", "board_reset", "disconnected"):
-            gate.events.tell(event(kind))
+            gate.events.report(event(kind))
     assert [record.levelname for record in caplog.records] == ["INFO", "WARNING", "ERROR"]
     assert caplog.records[0].getMessage() == "connected it is."
     assert gate.heard.changes == 3

@@ -170,7 +170,7 @@ async def test_an_acknowledgement_says_when_the_stop_would_not_survive_a_restart
     assert message.startswith("Emergency stop engaged by a test.")
     assert ("would not survive a restart" in message) is hangs
     assert ("not on file" in bench.controller.state()[1]) is hangs
-    assert bench.controller.facts()["estop_not_on_file"] == int(hangs)
+    assert bench.controller.status_values()["estop_not_on_file"] == int(hangs)
     let_go.set()
     assert bench.latch.settle()
     bench.controller.close()

@@ -244,7 +244,7 @@ async def test_an_error_in_a_task_stops_the_wheels_and_ends_the_daemon(
     def broken(*_: object) -> None:
         raise ZeroDivisionError
 
-    monkeypatch.setattr(type(running.daemon._controller), "step", broken)
+    monkeypatch.setattr(type(running.daemon._controller), "control_step", broken)
     with pytest.raises(BaseExceptionGroup):
         await running.task
     assert max(abs(motor.speed_m_s) for motor in running.robot.plant.motors) < 0.03

@@ -25,7 +25,7 @@ class Bus:
         Neighbour(zid="c1", kind="client"),
     )
 
-    def facts(self) -> dict[str, int]:
+    def status_values(self) -> dict[str, int]:
         return {"puts": 3, "put_errors": 0}
 
 

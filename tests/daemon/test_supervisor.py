@@ -111,7 +111,7 @@ class Missing:
 
     left_standing: bool | None = None
 
-    def facts(self) -> dict[str, int]:
+    def status_values(self) -> dict[str, int]:
         return {"bytes": 1}
 
 
@@ -225,7 +225,7 @@ async def test_a_port_that_goes_away_while_it_is_asked_to_end_does_not_keep_it()
 async def test_the_counters_of_ended_sessions_are_kept() -> None:
     supervisor = Supervisor(Missing, LoopClock(), ignore)  # type: ignore[arg-type]
     await run_for(supervisor, 10.0)
-    assert supervisor.facts()["bytes"] == supervisor.counters["attempts"]
+    assert supervisor.status_values()["bytes"] == supervisor.counters["attempts"]
 
 
 @on_virtual_time

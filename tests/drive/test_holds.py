@@ -13,7 +13,7 @@ def hold(kind: str, since_ns: int = 0, until_ns: int | None = None) -> Hold:
 
 def test_a_hold_lasts_until_it_is_dropped() -> None:
     holds = Holds()
-    holds.put(hold(WAITING_FOR_BOARD))
+    holds.add(hold(WAITING_FOR_BOARD))
     assert [h.kind for h in holds.active(100 * S)] == [WAITING_FOR_BOARD]
     assert holds.drop(WAITING_FOR_BOARD)
     assert holds.active(100 * S) == ()
@@ -22,27 +22,27 @@ def test_a_hold_lasts_until_it_is_dropped() -> None:
 
 def test_a_hold_with_an_end_ends_there() -> None:
     holds = Holds()
-    holds.put(hold(BOARD_RESET, 0, S))
+    holds.add(hold(BOARD_RESET, 0, S))
     assert len(holds.active(S - 1)) == 1
     assert holds.active(S) == ()
 
 
 def test_holds_of_several_kinds_are_all_in_force_the_oldest_first() -> None:
     holds = Holds()
-    holds.put(hold(FAULT, 5))
-    holds.put(hold(WAITING_FOR_BOARD, 3))
+    holds.add(hold(FAULT, 5))
+    holds.add(hold(WAITING_FOR_BOARD, 3))
     assert [h.kind for h in holds.active(10)] == [WAITING_FOR_BOARD, FAULT]
 
 
 def test_the_same_reason_again_keeps_its_beginning_and_takes_the_new_end() -> None:
     holds = Holds()
-    holds.put(hold(BOARD_RESET, 0, S))
-    holds.put(hold(BOARD_RESET, S // 2, 2 * S))
+    holds.add(hold(BOARD_RESET, 0, S))
+    holds.add(hold(BOARD_RESET, S // 2, 2 * S))
     assert holds.active(S) == (hold(BOARD_RESET, 0, 2 * S),)
     # One without an end goes on; one that ended before begins again.
-    holds.put(hold(FAULT, S))
-    holds.put(hold(FAULT, 3 * S))
-    holds.put(hold(BOARD_RESET, 2 * S, 4 * S))
+    holds.add(hold(FAULT, S))
+    holds.add(hold(FAULT, 3 * S))
+    holds.add(hold(BOARD_RESET, 2 * S, 4 * S))
     assert holds.active(3 * S) == (hold(FAULT, S), hold(BOARD_RESET, 2 * S, 4 * S))
 
 
@@ -83,7 +83,7 @@ def test_cleared_resets_count_no_more() -> None:
 def test_whether_a_reason_is_in_force_can_be_asked() -> None:
     holds = Holds()
     assert not holds.has(FAULT)
-    holds.put(Hold(kind=FAULT, message="m", since_ns=0))
+    holds.add(Hold(kind=FAULT, message="m", since_ns=0))
     assert holds.has(FAULT)
     holds.drop(FAULT)
     assert not holds.has(FAULT)

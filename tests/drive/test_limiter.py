@@ -40,7 +40,7 @@ def test_every_step_ends_between_where_it_started_and_the_wish(
     ramp = limiter(limits)
     for wish, dt_s in steps:
         before = ramp.current.vx
-        after = ramp.step(Twist2d(vx=wish), dt_s).vx
+        after = ramp.limit(Twist2d(vx=wish), dt_s).vx
         goal = clamped(wish, limits)
         assert min(before, goal) <= after <= max(before, goal)
 
@@ -54,7 +54,7 @@ def test_the_speed_grows_by_acceleration_and_falls_by_deceleration(
     slower = math.inf if limits.deceleration is None else limits.deceleration
     for wish, dt_s in steps:
         before = ramp.current.vx
-        after = ramp.step(Twist2d(vx=wish), dt_s).vx
+        after = ramp.limit(Twist2d(vx=wish), dt_s).vx
         # Through zero, the step is shared between the two: how long would it have taken at least?
         down = abs(before) if before * after < 0 else max(0.0, abs(before) - abs(after))
         up = abs(after) if before * after < 0 else max(0.0, abs(after) - abs(before))
@@ -65,7 +65,7 @@ def test_the_speed_grows_by_acceleration_and_falls_by_deceleration(
 def test_the_velocity_limit_holds(limits: AxisLimits, steps: list[tuple[float, float]]) -> None:
     ramp = limiter(limits)
     for wish, dt_s in steps:
-        assert abs(ramp.step(Twist2d(vx=wish), dt_s).vx) <= (limits.velocity or math.inf) or (
+        assert abs(ramp.limit(Twist2d(vx=wish), dt_s).vx) <= (limits.velocity or math.inf) or (
             limits.velocity == 0.0 and ramp.current.vx == 0.0
         )
 
@@ -77,7 +77,7 @@ def test_the_jerk_limit_holds_on_the_way_to_a_wish(
     ramp = limiter(AxisLimits(acceleration=rate, deceleration=rate, jerk=jerk))
     speeds = [0.0, 0.0]
     for _ in range(200):
-        speeds.append(ramp.step(Twist2d(vx=wish), dt_s).vx)
+        speeds.append(ramp.limit(Twist2d(vx=wish), dt_s).vx)
     for v0, v1, v2 in zip(speeds, speeds[1:], speeds[2:], strict=False):
         assert abs(v2 - 2 * v1 + v0) <= jerk * dt_s * dt_s * (1 + 1e-6) + 1e-12
 
@@ -99,7 +99,7 @@ def test_jerk_limited_motion_stops_for_good_without_swinging(
     for dt_s in itertools.cycle(lengths):
         if elapsed_s > 1.5 * bound_s + 1.0:
             break
-        speed = ramp.step(STANDSTILL, dt_s).vx
+        speed = ramp.limit(STANDSTILL, dt_s).vx
         elapsed_s += dt_s
         assert speed * start >= 0.0
     assert ramp.current.vx == 0.0
@@ -108,8 +108,8 @@ def test_jerk_limited_motion_stops_for_good_without_swinging(
 def test_a_stop_in_the_middle_of_speeding_up_never_speeds_up_first() -> None:
     ramp = limiter(AxisLimits(acceleration=2.5, deceleration=5.0, jerk=10.0))
     for _ in range(20):
-        ramp.step(Twist2d(vx=1.0), 0.02)
-    speeds = [ramp.current.vx] + [ramp.step(STANDSTILL, 0.02).vx for _ in range(60)]
+        ramp.limit(Twist2d(vx=1.0), 0.02)
+    speeds = [ramp.current.vx] + [ramp.limit(STANDSTILL, 0.02).vx for _ in range(60)]
     assert speeds[0] > 0.2
     assert all(later <= earlier for earlier, later in itertools.pairwise(speeds))
     assert speeds[-1] == 0.0
@@ -117,43 +117,43 @@ def test_a_stop_in_the_middle_of_speeding_up_never_speeds_up_first() -> None:
 
 def test_a_wish_that_one_step_of_jerk_reaches_is_reached_in_one_step() -> None:
     ramp = limiter(AxisLimits(jerk=10.0))
-    assert ramp.step(Twist2d(vx=0.1), 0.1).vx == 0.1
+    assert ramp.limit(Twist2d(vx=0.1), 0.1).vx == 0.1
 
 
 def test_after_a_wish_that_is_met_early_the_rate_is_zero() -> None:
     ramp = limiter(AxisLimits(acceleration=2.5, jerk=10.0))
     for _ in range(20):
-        near = ramp.step(Twist2d(vx=5.0), 0.02).vx + 0.01
-    assert ramp.step(Twist2d(vx=near), 0.02).vx == near
-    assert ramp.step(Twist2d(vx=5.0), 0.02).vx == pytest.approx(near + 10.0 * 0.02 * 0.02)
+        near = ramp.limit(Twist2d(vx=5.0), 0.02).vx + 0.01
+    assert ramp.limit(Twist2d(vx=near), 0.02).vx == near
+    assert ramp.limit(Twist2d(vx=5.0), 0.02).vx == pytest.approx(near + 10.0 * 0.02 * 0.02)
 
 
 def test_the_default_limits_reach_full_speed_in_their_time_and_stop_in_half_of_it() -> None:
     ramp = limiter(DEFAULT)
-    up = [ramp.step(Twist2d(vx=2.0), 0.02).vx for _ in range(20)]
+    up = [ramp.limit(Twist2d(vx=2.0), 0.02).vx for _ in range(20)]
     assert up == pytest.approx([0.05 * n for n in range(1, 21)])
-    down = [ramp.step(STANDSTILL, 0.02).vx for _ in range(10)]
+    down = [ramp.limit(STANDSTILL, 0.02).vx for _ in range(10)]
     assert down == pytest.approx([1.0 - 0.1 * n for n in range(1, 11)], abs=1e-12)
 
 
 def test_turning_round_decelerates_to_zero_before_it_accelerates() -> None:
     ramp = limiter(DEFAULT)
     ramp.reset(Twist2d(vx=0.15))
-    speeds = [ramp.step(Twist2d(vx=-1.0), 0.02).vx for _ in range(3)]
+    speeds = [ramp.limit(Twist2d(vx=-1.0), 0.02).vx for _ in range(3)]
     # 0.15 m/s take 30 ms at 5 m/s^2; the other 10 ms of the second step go backward at 2.5.
     assert speeds == pytest.approx([0.05, -0.025, -0.075])
 
 
 def test_missing_limits_let_everything_through_at_once() -> None:
     ramp = limiter(AxisLimits())
-    assert ramp.step(Twist2d(vx=5.0, vy=-4.0, wz=9.0), 1e-6) == Twist2d(vx=5.0, vy=-4.0, wz=9.0)
-    assert ramp.step(Twist2d(vx=-5.0), 1e-6) == Twist2d(vx=-5.0)
-    assert ramp.step(Twist2d(vx=1e300, wz=-1e300), 1e-6) == Twist2d(vx=1e9, wz=-1e9)
+    assert ramp.limit(Twist2d(vx=5.0, vy=-4.0, wz=9.0), 1e-6) == Twist2d(vx=5.0, vy=-4.0, wz=9.0)
+    assert ramp.limit(Twist2d(vx=-5.0), 1e-6) == Twist2d(vx=-5.0)
+    assert ramp.limit(Twist2d(vx=1e300, wz=-1e300), 1e-6) == Twist2d(vx=1e9, wz=-1e9)
 
 
 def test_each_axis_has_its_own_limits() -> None:
     ramp = Limiter(DEFAULT, AxisLimits(acceleration=12.0))
-    moved = ramp.step(Twist2d(vx=1.0, vy=-1.0, wz=3.0), 0.02)
+    moved = ramp.limit(Twist2d(vx=1.0, vy=-1.0, wz=3.0), 0.02)
     assert (moved.vx, moved.vy, moved.wz) == pytest.approx((0.05, -0.05, 0.24))
 
 
@@ -161,21 +161,21 @@ def test_each_axis_has_its_own_limits() -> None:
 @pytest.mark.parametrize("jerk", [None, 10.0])
 def test_a_step_of_no_time_changes_nothing(dt_s: float, jerk: float | None) -> None:
     ramp = limiter(AxisLimits(acceleration=2.5, jerk=jerk))
-    before = ramp.step(Twist2d(vx=1.0), 0.02)
-    assert ramp.step(Twist2d(vx=-1.0), dt_s) == before
+    before = ramp.limit(Twist2d(vx=1.0), 0.02)
+    assert ramp.limit(Twist2d(vx=-1.0), dt_s) == before
 
 
 def test_halt_stands_at_once_and_forgets_the_acceleration() -> None:
     ramp = limiter(AxisLimits(acceleration=2.5, jerk=10.0))
     for _ in range(10):
-        ramp.step(Twist2d(vx=1.0), 0.02)
+        ramp.limit(Twist2d(vx=1.0), 0.02)
     assert ramp.halt() == STANDSTILL
-    assert ramp.step(Twist2d(vx=1.0), 0.02).vx == pytest.approx(10.0 * 0.02 * 0.02, rel=0.5)
+    assert ramp.limit(Twist2d(vx=1.0), 0.02).vx == pytest.approx(10.0 * 0.02 * 0.02, rel=0.5)
 
 
 def test_a_long_pause_does_not_let_the_next_command_through_whole() -> None:
     ramp = limiter(DEFAULT)
-    assert ramp.step(Twist2d(vx=1.0), 10.0).vx == pytest.approx(0.25)
+    assert ramp.limit(Twist2d(vx=1.0), 10.0).vx == pytest.approx(0.25)
 
 
 @pytest.mark.parametrize("wish", [math.nan, math.inf, -math.inf])
@@ -184,7 +184,7 @@ def test_a_wish_that_is_no_number_asks_for_standstill(wish: float, limits: AxisL
     ramp = limiter(limits)
     ramp.reset(Twist2d(vx=0.5))
     for _ in range(100):
-        speed = ramp.step(Twist2d(vx=wish), 0.02).vx
+        speed = ramp.limit(Twist2d(vx=wish), 0.02).vx
         assert 0.0 <= speed <= 0.5
     assert speed == 0.0
 
@@ -193,7 +193,7 @@ def test_a_wish_that_is_no_number_asks_for_standstill(wish: float, limits: AxisL
 def test_speeds_stay_numbers_whatever_is_wished(limits: AxisLimits, wishes: list[float]) -> None:
     ramp = limiter(limits)
     for wish in wishes:
-        assert math.isfinite(ramp.step(Twist2d(vx=wish), 0.02).vx)
+        assert math.isfinite(ramp.limit(Twist2d(vx=wish), 0.02).vx)
 
 
 @pytest.mark.parametrize(
@@ -211,7 +211,7 @@ def test_a_limit_that_cannot_work_is_refused(limits: AxisLimits, name: str) -> N
 
 
 def test_a_velocity_limit_of_zero_keeps_the_axis_still() -> None:
-    assert limiter(AxisLimits(velocity=0.0)).step(Twist2d(vx=1.0), 0.1).vx == 0.0
+    assert limiter(AxisLimits(velocity=0.0)).limit(Twist2d(vx=1.0), 0.1).vx == 0.0
 
 
 def test_a_wish_beyond_the_velocity_limit_is_known_to_be_clipped() -> None:

@@ -104,7 +104,7 @@ def ramped(wishes: list[tuple[int, float]], until_ns: int) -> list[tuple[int, fl
     for now_ns in range(0, until_ns, 20 * MS):
         while schedule and schedule[0][0] <= now_ns:
             wish = schedule.popleft()[1]
-        commands.append((now_ns, limiter.step(Twist2d(vx=wish), 0.02).vx))
+        commands.append((now_ns, limiter.limit(Twist2d(vx=wish), 0.02).vx))
     return commands
 
 

@@ -49,7 +49,7 @@ async def test_a_backlog_of_200_commands_in_4_ms_moves_nothing(
         await asyncio.sleep(1.0)
         assert bench.robot.plant.ticks == before
         assert all(is_stop(order) for _, order in bench.orders_since(since_ns + 25 * MS))
-        facts = bench.intake.facts()
+        facts = bench.intake.status_values()
         assert facts.get("stale", 0) + facts.get("backlog", 0) >= 150
         # The next fresh command is obeyed all the same.
         await bench.drive(0.5, 0.3)

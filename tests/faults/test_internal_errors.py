@@ -36,7 +36,7 @@ async def test_a_task_that_is_cancelled_ends_the_daemon_with_the_wheels_at_rest(
     await inner.ends_by_itself_at_rest()
 
 
-@pytest.mark.parametrize("place", ["step", "_look", "_drive"])
+@pytest.mark.parametrize("place", ["control_step", "_look", "_drive"])
 async def test_an_error_in_the_control_path_ends_the_daemon_with_the_wheels_at_rest(
     inner: Any, monkeypatch: pytest.MonkeyPatch, place: str
 ) -> None:

@@ -61,9 +61,9 @@ async def test_on_a_noisy_line_a_speed_is_repeated_more_often_until_the_noise_is
         board.wheels.drive((300, 0, 300, 0))
 
         async def sent_in_a_second() -> int:
-            before = board.session.facts().get("velocities_sent", 0)
+            before = board.session.status_values().get("velocities_sent", 0)
             await asyncio.sleep(1.0)
-            return board.session.facts().get("velocities_sent", 0) - before
+            return board.session.status_values().get("velocities_sent", 0) - before
 
         assert await sent_in_a_second() <= 11
         for _ in range(NOISY_DAMAGES):
@@ -139,7 +139,7 @@ async def test_a_voltage_that_is_not_answered_is_asked_for_less_and_less_and_log
         assert waits_s[:6] == [5, 10, 20, 40, 80, 120]
         assert [each.kind for each in board.recorder.events] == ["battery_unanswered"]
         assert "board.battery_period_s = 0" in board.recorder.events[0].message
-        assert board.session.facts()["battery_unanswered"] >= 6
+        assert board.session.status_values()["battery_unanswered"] >= 6
 
 
 @on_virtual_time
@@ -149,5 +149,5 @@ async def test_a_voltage_that_is_answered_late_is_asked_for_as_often() -> None:
         board.robot.impairments.change(delay_s=0.4)
         before = len(board.recorder.volts)
         await board.until(lambda: len(board.recorder.volts) >= before + 4, 30.0)
-        assert board.session.facts()["answers_late"] >= 3
-        assert not board.session.facts().get("battery_unanswered")
+        assert board.session.status_values()["answers_late"] >= 3
+        assert not board.session.status_values().get("battery_unanswered")

@@ -99,7 +99,7 @@ async def test_on_a_clean_line_the_board_is_asked_once_and_no_command_is_lost() 
         await board.connected()
         assert board.port is not None
         assert sum(b"$read_flash#" in data for _, data in board.port.written) == 1
-        assert board.session.facts().get("commands_lost", 0) == 0
+        assert board.session.status_values().get("commands_lost", 0) == 0
 
 
 @on_virtual_time

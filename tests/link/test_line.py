@@ -87,7 +87,7 @@ async def test_a_frame_of_nothing_is_no_count(dialect: str) -> None:
         desk.line.understand(DIALECTS[dialect], spacing_ns=0)
         desk.take(b"$#", b"$#", b"$:#", b"$MAll#", b"$data:#")
         assert [type(each) for each in desk.said] == [Unrecognised] * 5
-        assert desk.line.facts()["unrecognised"] == 5
+        assert desk.line.status_values()["unrecognised"] == 5
 
 
 @on_virtual_time

@@ -26,7 +26,7 @@ class Pen:
         self.open = False
         self.looks = 0
 
-    def look(self) -> None:
+    def read_now(self) -> None:
         self.looks += 1
 
     def poll(self, frame: bytes, timeout_ns: int) -> bool:
@@ -35,7 +35,7 @@ class Pen:
         self.polls.append(LoopClock().now_ns())
         return True
 
-    def tell(self, frame: bytes) -> None:
+    def queue(self, frame: bytes) -> None:
         self.frames.append(frame)
 
 

@@ -266,9 +266,9 @@ async def test_a_line_in_pieces_wakes_the_reader_once(port: SerialPort, device: 
     os.write(device.master, b"$data:")
     await asyncio.sleep(0.02)
     assert len(heard) == 1
-    port.look()
+    port.read_now()
     assert heard[1:] == [b"$data:"]
-    port.look()
+    port.read_now()
     port.gather(1)
     os.write(device.master, b"1")
     await until(lambda: heard[2:] == [b"1"])
@@ -284,7 +284,7 @@ async def test_a_port_that_hangs_up_is_reported_however_much_was_waited_for(
     device.close()
     await until(lambda: gone)
     port.gather(20)
-    port.look()
+    port.read_now()
     assert len(gone) == 1
 
 

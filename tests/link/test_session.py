@@ -231,7 +231,7 @@ async def test_late_answers_to_what_was_asked_twice_are_no_reset(
     async with board:
         await asyncio.sleep(4.0)
         assert board.recorder.resets == []
-        assert board.session.facts().get("board_resets", 0) == 0
+        assert board.session.status_values().get("board_resets", 0) == 0
         # Without the diameter no wheel may turn; else the board is ready.
         assert bool(board.recorder.readings) == (b"diameter" not in without)
 
@@ -269,7 +269,7 @@ async def test_a_reset_whose_notice_is_lost_is_armed_again_after_the_silence() -
         board.robot.reset(board.now_ns())
         count = len(board.recorder.readings)
         await board.until(lambda: len(board.recorder.readings) > count + 10)
-        assert board.session.facts()["rearmed"] >= 1
+        assert board.session.status_values()["rearmed"] >= 1
         assert board.recorder.readings[count].after_gap
 
 
@@ -345,7 +345,9 @@ async def test_a_line_that_loses_every_fiftieth_byte_still_drives_and_counts(dia
         board.wheels.drive((300, 0, 300, 0))
         await board.until(lambda: min(board.rim_speeds) > 0.2)
         spoilt = ("discarded_bytes", "unrecognised", "broken_frames")
-        await board.until(lambda: sum(board.session.facts().get(each, 0) for each in spoilt) > 0)
+        await board.until(
+            lambda: sum(board.session.status_values().get(each, 0) for each in spoilt) > 0
+        )
         board.wheels.drive((0, 0, 0, 0))
         await board.until(lambda: max(map(abs, board.rim_speeds)) < 0.03)
 

@@ -44,7 +44,7 @@ class Scene:
         for item in self.framer.feed(data):
             decoded = self.dialect.decode(item)
             if isinstance(decoded, Totals) and not self.deaf:
-                self.watch.see(decoded.ticks, LoopClock().now_ns())
+                self.watch.add(decoded.ticks, LoopClock().now_ns())
 
     async def drive(self, fault: MotorFaults | None = None) -> None:
         for frame in self.dialect.arm:
@@ -227,8 +227,8 @@ async def test_it_ends_in_bounded_time_whatever_the_board_does() -> None:
 
 def test_nothing_is_said_before_a_whole_window_was_seen() -> None:
     watch = StandstillWatch(190.0)
-    watch.see((0, 0, 0, 0), 0)
-    watch.see((0, 0, 0, 0), 40 * MS)
+    watch.add((0, 0, 0, 0), 0)
+    watch.add((0, 0, 0, 0), 40 * MS)
     assert watch.speed is None
     assert not watch.standing
 
@@ -236,14 +236,14 @@ def test_nothing_is_said_before_a_whole_window_was_seen() -> None:
 def test_equal_counts_across_the_window_are_standstill() -> None:
     watch = StandstillWatch(190.0)
     for ms in range(0, 100, 10):
-        watch.see((5, 5, 5, 5), ms * MS)
+        watch.add((5, 5, 5, 5), ms * MS)
     assert watch.standing
 
 
 def test_one_turning_wheel_is_enough_to_deny_it() -> None:
     watch = StandstillWatch(190.0)
     for ms in range(0, 100, 10):
-        watch.see((5, 5, -ms, 5), ms * MS)
+        watch.add((5, 5, -ms, 5), ms * MS)
     assert watch.speed is not None
     assert abs(watch.speed - 1000.0) < 1.0
     assert not watch.standing
@@ -253,13 +253,13 @@ def test_a_wrap_of_the_counter_is_no_motion() -> None:
     watch = StandstillWatch(190.0)
     for ms in range(0, 100, 10):
         ticks = 2**31 - 1 if ms < 50 else -(2**31)
-        watch.see((ticks, 0, 0, 0), ms * MS)
+        watch.add((ticks, 0, 0, 0), ms * MS)
     assert watch.standing
 
 
 def test_forgetting_restarts_the_window() -> None:
     watch = StandstillWatch(190.0)
     for ms in range(0, 100, 10):
-        watch.see((0, 0, 0, 0), ms * MS)
-    watch.forget()
+        watch.add((0, 0, 0, 0), ms * MS)
+    watch.reset()
     assert not watch.standing

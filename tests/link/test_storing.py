@@ -248,7 +248,7 @@ async def test_progress_is_reported_as_it_happens() -> None:
         ) -> None:
             self.steps.append(f"{len(writes)} values, dead zone {had['deadzone']}")
 
-        def step(self, step: Step, has: BoardSettings) -> None:
+        def stored(self, step: Step, has: BoardSettings) -> None:
             self.steps.append(f"{step.write.reply_to} {step.outcome}, dead zone {has['deadzone']}")
 
     listening = Listening()

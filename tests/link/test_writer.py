@@ -88,10 +88,10 @@ async def test_a_request_returns_when_its_answer_came(writer: Any, port: Any, cl
         writer.request(b"$read_vol#", lambda said: isinstance(said, Battery), 1.0)
     )
     await advance(clock, 5)
-    writer.heard(COUNTS)
+    writer.receive(COUNTS)
     await settle()
     assert not waiting.done()
-    writer.heard(Battery(volts=7.4))
+    writer.receive(Battery(volts=7.4))
     assert await waiting is True
 
 
@@ -102,7 +102,7 @@ async def test_after_an_answer_the_line_is_free_without_waiting_for_the_spacing(
         writer.request(b"$read_vol#", lambda said: isinstance(said, Battery), 1.0)
     )
     await advance(clock, 5)
-    writer.heard(Battery(volts=7.4))
+    writer.receive(Battery(volts=7.4))
     await waiting
     writer.velocity(b"$a#")
     await advance(clock, 3)
@@ -167,7 +167,7 @@ async def test_a_late_answer_does_not_shorten_the_distance_behind_a_velocity(
     writer.velocity(b"$a#")
     await advance(clock, 22)
     assert port.frames[-1] == b"$a#"
-    writer.heard(Battery(volts=7.4))
+    writer.receive(Battery(volts=7.4))
     assert await waiting is True
     writer.velocity(b"$b#")
     await advance(clock, 40)
@@ -183,8 +183,8 @@ async def test_an_answer_that_comes_after_its_time_is_counted(
     )
     await advance(clock, 130)
     assert await waiting is False
-    writer.heard(Battery(volts=7.4))
-    writer.heard(Battery(volts=7.4))
+    writer.receive(Battery(volts=7.4))
+    writer.receive(Battery(volts=7.4))
     assert writer.counters["answers_late"] == 1
 
 
@@ -196,7 +196,7 @@ async def test_a_late_answer_to_one_question_does_not_let_a_velocity_into_the_ne
     )
     await settle()
     # The answer to an earlier one arrives before this one has left.
-    writer.heard(Battery(volts=7.4))
+    writer.receive(Battery(volts=7.4))
     writer.velocity(b"$a#")
     await advance(clock, 30)
     assert await waiting is True
@@ -209,7 +209,7 @@ async def test_what_expects_no_answer_passes_an_unanswered_question(
 ) -> None:
     waiting = asyncio.create_task(writer.request(b"$read_vol#", lambda _: False, 0.3))
     await settle()
-    writer.tell(b"$upload:1,0,0#")
+    writer.queue(b"$upload:1,0,0#")
     await advance(clock, 25)
     assert port.frames == [b"$read_vol#", b"$upload:1,0,0#"]
     waiting.cancel()
@@ -223,7 +223,7 @@ async def test_a_velocity_that_is_lost_beside_a_question_is_said_again(
     await settle()
     writer.velocity(b"$a#")
     await advance(clock, 30)
-    writer.heard(CommandLost(text="fail,Command not found!"))
+    writer.receive(CommandLost(text="fail,Command not found!"))
     await advance(clock, 20)
     assert port.frames == [b"$read_vol#", b"$a#", b"$a#"]
     waiting.cancel()
@@ -233,7 +233,7 @@ async def test_a_velocity_that_is_lost_beside_a_question_is_said_again(
 async def test_a_lost_command_is_said_again_at_once(writer: Any, port: Any, clock: Any) -> None:
     writer.velocity(b"$a#")
     await advance(clock, 30)
-    writer.heard(CommandLost(text="fail,Command not found!"))
+    writer.receive(CommandLost(text="fail,Command not found!"))
     await advance(clock, 2)
     assert port.frames == [b"$a#", b"$a#"]
     assert writer.counters["commands_lost"] == 1
@@ -245,7 +245,7 @@ async def test_a_poll_blocks_the_line_until_its_answer(writer: Any, port: Any, c
     writer.velocity(b"$a#")
     await advance(clock, 3)
     assert port.frames == [b"$read#"]
-    writer.heard(COUNTS)
+    writer.receive(COUNTS)
     assert port.frames == [b"$read#", b"$a#"]
 
 
@@ -272,7 +272,7 @@ async def test_a_poll_that_came_early_goes_with_the_answer_to_the_one_before(
     assert not writer.poll(b"$read#", 100 * MS)
     await advance(clock, 3)
     assert port.frames == [b"$read#"]
-    writer.heard(COUNTS)
+    writer.receive(COUNTS)
     assert port.frames == [b"$read#", b"$read#"]
 
 
@@ -294,15 +294,15 @@ async def test_a_full_port_takes_nothing_more_and_is_counted(
     writer.velocity(b"$a#")
     writer.velocity(b"$b#")
     assert port.frames == []
-    assert writer.facts()["port_held"] == 1
-    assert writer.facts()["velocities_replaced"] == 1
+    assert writer.status_values()["port_held"] == 1
+    assert writer.status_values()["velocities_replaced"] == 1
     port.queued = 0
     await advance(clock, 25)
     assert port.frames == [b"$b#"]
 
 
 async def test_a_frame_without_an_answer_waits_for_none(writer: Any, port: Any, clock: Any) -> None:
-    writer.tell(b"$upload:1,0,0#")
+    writer.queue(b"$upload:1,0,0#")
     writer.velocity(b"$a#")
     await advance(clock, 30)
     assert port.frames == [b"$upload:1,0,0#", b"$a#"]
@@ -322,7 +322,7 @@ async def test_a_writer_that_is_closed_says_nothing_that_waited(
     writer.poll(b"$read#", 20 * MS)
     writer.velocity(b"$fast#")
     writer.closed = True
-    writer.heard(COUNTS)
+    writer.receive(COUNTS)
     await advance(clock, 300)
     assert port.frames == [b"$read#"]
 
@@ -417,6 +417,6 @@ async def test_a_port_that_is_slow_is_reported_once_with_its_rate(port: Any, clo
         await advance(clock, 50)
     assert len(rates) == 1
     assert 90 < rates[0] < 110
-    assert writer.facts()["port_slow"] >= 2
+    assert writer.status_values()["port_slow"] >= 2
     task.cancel()
     await asyncio.gather(task, return_exceptions=True)

@@ -147,7 +147,7 @@ def test_odometry_goes_on_from_whatever_is_taken_in_finite_numbers(matrix, theta
         arc = Arc(
             0.1 * math.cos(theta), 0.1 * math.sin(theta), math.cos(theta), math.sin(theta), turn
         )
-        covariance.step([step, -step], arc)
+        covariance.propagate([step, -step], arc)
         covariance.lose(1.0)
     pose = covariance.pose
     assert all(map(math.isfinite, pose))

@@ -27,8 +27,8 @@ class Base:
 
     def step(self, *deltas):
         self.totals = tuple(a + b for a, b in zip(self.totals, deltas, strict=True))
-        arc = self.integrator.step(deltas, self.totals, STEP_NS)
-        self.covariance.step(deltas, arc)
+        arc = self.integrator.integrate(deltas, self.totals, STEP_NS)
+        self.covariance.propagate(deltas, arc)
         return arc
 
     @property
@@ -122,7 +122,7 @@ def test_the_jacobians_are_the_derivatives_of_the_arc(kit):
 
     def end(left, right):
         integrator = Integrator(kit.differential(), motors, corrected=False)
-        integrator.step((left, right), (left, right), STEP_NS)
+        integrator.integrate((left, right), (left, right), STEP_NS)
         pose = integrator.pose
         return np.array([pose.x, pose.y, pose.theta])
 
@@ -236,7 +236,7 @@ def test_a_step_carries_a_small_covariance_through_its_jacobians(kit, name, whee
     def end(way):
         integrator = Integrator(kinematics, motors, corrected=False)
         integrator.set_pose(Pose2d(theta=theta), (0,) * len(motors))
-        integrator.step(way, way, STEP_NS)
+        integrator.integrate(way, way, STEP_NS)
         return np.array([integrator.pose.x, integrator.pose.y, integrator.pose.theta])
 
     base = Base(kinematics, motors, noise_m=noise_m)

@@ -63,7 +63,7 @@ def test_forgetting_keeps_the_period_only():
     envelope = Envelope(PERIOD)
     fill(envelope, 2000, ppm=200.0)
     drift = envelope.drift
-    envelope.forget()
+    envelope.reset()
     assert not envelope.settled
     assert envelope.drift == drift
     envelope.add(0, 77.0 * MS)

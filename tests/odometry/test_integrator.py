@@ -19,7 +19,7 @@ def drive(integrator, steps, step_ns=STEP_NS):
     totals = [0] * len(steps[0])
     for deltas in steps:
         totals = [total + delta for total, delta in zip(totals, deltas, strict=True)]
-        integrator.step(tuple(deltas), tuple(totals), step_ns)
+        integrator.integrate(tuple(deltas), tuple(totals), step_ns)
     return integrator.pose
 
 
@@ -91,7 +91,7 @@ def test_heading_is_never_off_by_more_than_two_ticks_over_the_track(kit):
         integrator = Integrator(kit.differential(), kit.motors())
         last = (0, 0)
         for now, theta in zip(counts[1:].tolist(), truth[1:], strict=True):
-            integrator.step((now[0] - last[0], now[1] - last[1]), tuple(now), STEP_NS)
+            integrator.integrate((now[0] - last[0], now[1] - last[1]), tuple(now), STEP_NS)
             last = now
             worst = max(worst, abs(integrator.pose.theta - theta))
     assert 0.3 * limit < worst <= limit
@@ -100,7 +100,7 @@ def test_heading_is_never_off_by_more_than_two_ticks_over_the_track(kit):
 def test_heading_does_not_creep_in_an_hour_of_spinning(kit):
     integrator = Integrator(kit.differential(), kit.motors())
     for n in range(1, 180_001):
-        integrator.step((-23, 23), (-23 * n, 23 * n), 20_000_000)
+        integrator.integrate((-23, 23), (-23 * n, 23 * n), 20_000_000)
     exact = mpmath.mpf(2 * 23 * 180_000) * mpmath.mpf(kit.tick_m) / mpmath.mpf(kit.track_m)
     assert abs(integrator.pose.theta - float(exact)) < 1e-9
 
@@ -150,7 +150,7 @@ def end_error(kit, steps_count, *, corrected):
     last = (0, 0)
     for a, b in zip(left, right, strict=True):
         now = (int(a), int(b))
-        integrator.step((now[0] - last[0], now[1] - last[1]), now, STEP_NS)
+        integrator.integrate((now[0] - last[0], now[1] - last[1]), now, STEP_NS)
         last = now
     return math.dist((integrator.pose.x, integrator.pose.y), end)
 
@@ -193,7 +193,7 @@ def test_unequal_steps_are_corrected_as_well(kit, pattern):
             turned = 1.5 * math.sin(omega * t) * kit.track_m / 2.0
             now = (round((speed * t - turned) / per_tick), round((speed * t + turned) / per_tick))
             claimed_ns = step_ms * 1_000_000 if honest else 20_000_000
-            integrator.step((now[0] - last[0], now[1] - last[1]), now, claimed_ns)
+            integrator.integrate((now[0] - last[0], now[1] - last[1]), now, claimed_ns)
             last = now
         fine = np.linspace(0.0, t, 400_001)
         heading = 1.5 * np.sin(omega * fine)
@@ -240,7 +240,7 @@ def test_a_mecanum_base_is_integrated_to_the_same_order(kit):
         for row in counts:
             now = tuple(int(each) for each in row)
             deltas = tuple(b - a for a, b in zip(last, now, strict=True))
-            integrator.step(deltas, now, STEP_NS)
+            integrator.integrate(deltas, now, STEP_NS)
             last = now
         return math.dist((integrator.pose.x, integrator.pose.y), (0.5 * seconds, 0.0))
 
@@ -311,10 +311,10 @@ def test_an_interruption_takes_no_correction_across_it(kit):
     paths = []
     for interrupted in (False, True):
         integrator = Integrator(kit.differential(), kit.motors())
-        integrator.step((50, 10), (50, 10), STEP_NS)
+        integrator.integrate((50, 10), (50, 10), STEP_NS)
         if interrupted:
             integrator.interrupt()
-        integrator.step((10, 50), (60, 60), STEP_NS)
+        integrator.integrate((10, 50), (60, 60), STEP_NS)
         paths.append(integrator.pose)
     plain = drive(
         Integrator(kit.differential(), kit.motors(), corrected=False), [(50, 10), (10, 50)]
@@ -325,7 +325,7 @@ def test_an_interruption_takes_no_correction_across_it(kit):
 
 def test_a_set_pose_keeps_counting_from_there(kit):
     integrator = Integrator(kit.differential(), kit.motors())
-    integrator.step((100, 100), (100, 100), STEP_NS)
+    integrator.integrate((100, 100), (100, 100), STEP_NS)
     integrator.set_pose(Pose2d(x=5.0, y=6.0, theta=math.pi / 2), (100, 100))
-    integrator.step((100, 100), (200, 200), STEP_NS)
+    integrator.integrate((100, 100), (200, 200), STEP_NS)
     assert near(integrator.pose, Pose2d(x=5.0, y=6.0 + 100 * kit.tick_m, theta=math.pi / 2), 1e-12)

@@ -21,7 +21,7 @@ def run(velocity, path, step_ms=10):
     speeds = []
     for travel in path:
         now = math.floor(travel)
-        window = velocity.step((now, now), step_ms * MS)
+        window = velocity.measure((now, now), step_ms * MS)
         speeds.append(velocity.motor_speeds(window)[0])
     return speeds
 
@@ -59,7 +59,7 @@ def test_unequal_steps_are_divided_by_their_own_time(velocity, kit):
     read = []
     for step_ms in [10, 30, 20, 10, 10, 40] * 10:
         total += ticks * step_ms // 10
-        read.append(velocity.motor_speeds(velocity.step((total, total), step_ms * MS))[0])
+        read.append(velocity.motor_speeds(velocity.measure((total, total), step_ms * MS))[0])
     assert read == pytest.approx([ticks * kit.tick_m / 0.010] * len(read))
 
 
@@ -71,13 +71,13 @@ def test_readings_farther_apart_than_the_window_still_give_a_speed(velocity, kit
 def test_an_interruption_is_not_looked_across(velocity):
     run(velocity, [40 * n for n in range(1, 50)])
     velocity.interrupt((5000, 5000))
-    window = velocity.step((5000, 5000), 10 * MS)
+    window = velocity.measure((5000, 5000), 10 * MS)
     assert velocity.motor_speeds(window) == (0.0, 0.0)
 
 
 def test_without_two_readings_there_is_no_speed(kit):
     velocity = Velocity(kit.differential(), kit.motors())
-    window = velocity.step((7, 7), 10 * MS)
+    window = velocity.measure((7, 7), 10 * MS)
     assert window.span_ns == 0
     assert velocity.motor_speeds(window) == (0.0, 0.0)
     assert velocity.twist(window).is_zero
@@ -85,7 +85,7 @@ def test_without_two_readings_there_is_no_speed(kit):
 
 def test_the_twist_is_that_of_the_wheels(velocity, kit):
     for n in range(1, 10):
-        window = velocity.step((30 * n, 40 * n), 10 * MS)
+        window = velocity.measure((30 * n, 40 * n), 10 * MS)
     twist = velocity.twist(window)
     left, right = velocity.motor_speeds(window)
     assert twist.vx == pytest.approx((left + right) / 2)
@@ -95,23 +95,23 @@ def test_the_twist_is_that_of_the_wheels(velocity, kit):
 
 def test_a_speed_is_as_uncertain_as_the_moment_at_which_it_begins(velocity):
     velocity.interrupt((0, 0), rough_ns=4 * MS)
-    assert velocity.step((40, 40), 20 * MS).rough_ns == 4 * MS
-    assert velocity.step((80, 80), 20 * MS).rough_ns == 0
+    assert velocity.measure((40, 40), 20 * MS).rough_ns == 4 * MS
+    assert velocity.measure((80, 80), 20 * MS).rough_ns == 0
 
 
 def test_counters_that_stay_just_after_a_rough_beginning_are_no_standstill(velocity):
     velocity.interrupt((7, 7), rough_ns=4 * MS)
-    assert velocity.step((7, 7), 10 * MS).span_ns == 0
-    assert velocity.step((7, 7), 10 * MS).span_ns == 0
-    assert velocity.step((7, 7), 10 * MS).span_ns == 30 * MS
+    assert velocity.measure((7, 7), 10 * MS).span_ns == 0
+    assert velocity.measure((7, 7), 10 * MS).span_ns == 0
+    assert velocity.measure((7, 7), 10 * MS).span_ns == 30 * MS
 
 
 def test_counts_over_other_than_whole_ticks_may_be_those_of_one_tick_more(velocity):
     velocity.tick_ns = 10 * MS
     velocity.interrupt((0, 0))
-    assert velocity.step((80, 80), 40 * MS).rough_ns == 0
-    assert velocity.step((170, 170), 45 * MS).rough_ns == 5 * MS
-    assert velocity.step((250, 250), 49 * MS).rough_ns == 3 * MS
+    assert velocity.measure((80, 80), 40 * MS).rough_ns == 0
+    assert velocity.measure((170, 170), 45 * MS).rough_ns == 5 * MS
+    assert velocity.measure((250, 250), 49 * MS).rough_ns == 3 * MS
 
 
 def test_one_unseen_tick_more_or_less_is_a_quarter_of_the_speed_at_most(velocity, kit):
@@ -121,11 +121,11 @@ def test_one_unseen_tick_more_or_less_is_a_quarter_of_the_speed_at_most(velocity
     # Asked every 20 ms, just where the counters are renewed.
     for ticks in [2] * 10 + [3, 1, 2, 3, 2, 1, 2] * 5:
         total += 40 * ticks
-        read.append(velocity.motor_speeds(velocity.step((total, total), 20 * MS))[0])
+        read.append(velocity.motor_speeds(velocity.measure((total, total), 20 * MS))[0])
     true = 40 * kit.tick_m / 0.010
     assert all(0.75 * true <= each <= 1.25 * true + 1e-9 for each in read[2:])
 
 
 def test_a_speed_is_as_uncertain_as_the_period_that_it_is_taken_with(velocity):
     velocity.doubt = 0.5
-    assert velocity.step((40, 40), 20 * MS).rough_ns == 10 * MS
+    assert velocity.measure((40, 40), 20 * MS).rough_ns == 10 * MS

@@ -108,7 +108,7 @@ class BinaryBoard:
                 self._frames.append((inside[1], inside[2:]))
                 self._main_ns = min(self._main_ns, now_ns + CARRY_OUT_NS)
 
-    def step(self, now_ns: int) -> None:
+    def run_due(self, now_ns: int) -> None:
         while (at_ns := self.next_ns) <= now_ns:
             if at_ns == self._tick_ns:
                 self._tick_ns += TICK_NS

@@ -42,7 +42,7 @@ class BoardPort:
     def gather(self, least: int) -> None:
         """Bytes come as they come."""
 
-    def look(self) -> None:
+    def read_now(self) -> None:
         """None is kept."""
 
     def discard(self) -> None:

@@ -30,13 +30,13 @@ from yahboomd.simulation.robot import SimulatedRobot
 def steps_of(controller: Controller) -> list[int]:
     """The moments of its steps from now on, filled as it steps."""
     steps: list[int] = []
-    step = controller.step
+    step = controller.control_step
 
     def noting() -> None:
         steps.append(controller._clock.now_ns())
         step()
 
-    controller.step = noting  # type: ignore[method-assign]
+    controller.control_step = noting  # type: ignore[method-assign]
     return steps
 
 
@@ -143,7 +143,7 @@ class RobotBench:
         try:
             while True:
                 await schedule.beat()
-                self.controller.step()
+                self.controller.control_step()
         finally:
             schedule.close()
 

@@ -56,7 +56,7 @@ def test_settings_are_complete_with_every_row_and_the_version():
 
 def test_numbers_of_one_value_have_names_of_their_own_among_the_facts():
     wide, gains, _ = TABLE
-    assert wide.facts(3) == {"wide": 3}
-    assert wide.facts(None) == {"wide": None}
-    assert gains.facts((1, 2)) == {"p": 1, "i": 2}
-    assert gains.facts(None) == {}
+    assert wide.named(3) == {"wide": 3}
+    assert wide.named(None) == {"wide": None}
+    assert gains.named((1, 2)) == {"p": 1, "i": 2}
+    assert gains.named(None) == {}

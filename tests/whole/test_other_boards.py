@@ -262,7 +262,7 @@ async def test_samples_of_its_inertial_sensor_arrive_with_the_time_at_which_they
         assert heard[-1].gyro_rad_s == (0.0, 0.0, 0.0)
         assert heard[-1].acceleration_m_s2 == (0.0, 0.0, 9.807)
         assert heard[-1].sensor.name == "binary"
-        assert bench.session.facts()["imu_readings"] == len(heard)
+        assert bench.session.status_values()["imu_readings"] == len(heard)
 
 
 @on_virtual_time

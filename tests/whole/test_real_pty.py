@@ -75,7 +75,7 @@ async def test_at_200_polls_a_second_every_poll_is_accounted_for_and_velocities_
         await robot.until(driven)
         passed_s = (readings[-1].received_ns - readings[0].received_ns) / 1e9
         print(f"{(len(readings) - 1) / passed_s:.0f} readings a second")
-        facts = robot.session.facts()
+        facts = robot.session.status_values()
         # One may be under way, and what counts as unanswered may be answered late.
         missing = facts["polls_sent"] - facts["readings"]
         assert 0 <= missing <= facts.get("polls_unanswered", 0) + 1
@@ -87,7 +87,7 @@ async def test_polls_keep_an_absolute_schedule(tmp_path: Path) -> None:
     async with connected(tmp_path, SimulationOptions(dialect="polled"), options) as robot:
 
         def beats() -> int:
-            facts = robot.session.facts()
+            facts = robot.session.status_values()
             return facts["polls_sent"] + facts.get("polls_skipped", 0) + facts["polls_late"]
 
         begin, begin_ns = beats(), robot.clock.now_ns()
@@ -133,5 +133,5 @@ async def test_streamed_reads_every_frame_that_the_wire_carries(tmp_path: Path, 
 
         await robot.until(all_heard)
         assert robot.board.dropped_bytes == 0
-        facts = robot.session.facts()
+        facts = robot.session.status_values()
         assert facts["bad_bytes"] + facts["discarded_bytes"] + facts["overlong"] == 0

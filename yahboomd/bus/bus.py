@@ -20,7 +20,7 @@ import zenoh
 
 from yahboomd.bus.alarms import Alarm, Harmless
 from yahboomd.bus.blocking import Sender, bounded
-from yahboomd.bus.facts import facts
+from yahboomd.bus.bus_counters import summed_counters
 from yahboomd.bus.inbox import DEPTH, MAX_BYTES, Inbox
 from yahboomd.bus.keys import full_key
 from yahboomd.bus.options import BusOptions, zenoh_config
@@ -201,9 +201,9 @@ class Bus:
         """The sessions that this one is connected to."""
         return self._neighbours.now()
 
-    def facts(self) -> dict[str, int]:
-        """See :func:`yahboomd.bus.facts.facts`."""
-        return facts(self._declared)
+    def status_values(self) -> dict[str, int]:
+        """See :func:`yahboomd.bus.bus_counters.summed_counters`."""
+        return summed_counters(self._declared)
 
     def key(self, name: str) -> str:
         """A key in full: below the namespace, unless ``name`` begins with ``/``."""

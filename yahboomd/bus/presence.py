@@ -75,7 +75,9 @@ class TokenWatch:
         index = len(self._subscribers)
 
         def changed(sample: zenoh.Sample) -> None:
-            self.see(str(sample.key_expr), index, present=sample.kind == zenoh.SampleKind.PUT)
+            self.note_token(
+                str(sample.key_expr), index, present=sample.kind == zenoh.SampleKind.PUT
+            )
 
         self._subscribers.append(
             session.liveliness().declare_subscriber(
@@ -83,7 +85,7 @@ class TokenWatch:
             )
         )
 
-    def see(self, key: str, session: int, *, present: bool) -> None:
+    def note_token(self, key: str, session: int, *, present: bool) -> None:
         """A session saw a token come or go; from any thread."""
         with self._lock:
             seen = self._present.get(key, frozenset())

@@ -151,7 +151,7 @@ async def _serve(robots: dict[str, BusOptions], place: Place, names: list[str]) 
     logging.getLogger("yahboomd.client").addHandler(logging.NullHandler())
     clock = SystemClock()
     polls = [RobotPoll(name, options, clock) for name, options in robots.items()]
-    page = Page(clock.now_ns, lambda: [poll.facts() for poll in polls], version=__version__)
+    page = Page(clock.now_ns, lambda: [poll.current() for poll in polls], version=__version__)
     tasks: list[asyncio.Task[None]] = []
     try:
         async with MetricsListener(place, page.text, names=names) as listener:
@@ -178,7 +178,7 @@ async def _report(
             if task.done():
                 task.result()
         for poll in polls:
-            facts = poll.facts()
+            facts = poll.current()
             if alive[poll.name] != (facts.status is not None):
                 alive[poll.name] = facts.status is not None
                 words = "its daemon answers" if facts.status else "its daemon has gone silent"

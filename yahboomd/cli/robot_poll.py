@@ -42,7 +42,7 @@ Sample = TypeVar("Sample", bound=msgspec.Struct)
 class RobotPoll:
     """Follows one robot.
 
-    The daemon is asked once a second, however often :meth:`facts` is read.
+    The daemon is asked once a second, however often :meth:`current` is read.
 
     Args:
         name: The robot's name in the metrics.
@@ -85,7 +85,7 @@ class RobotPoll:
         finally:
             await connection.close()
 
-    def facts(self) -> RobotFacts:
+    def current(self) -> RobotFacts:
         """The robot's state as known now."""
         age_ns = None if self._status_ns is None else self._clock.now_ns() - self._status_ns
         fresh = age_ns is not None and age_ns < nanoseconds(ALIVE_S)

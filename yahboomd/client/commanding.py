@@ -140,7 +140,7 @@ class Commands:
             self._warn(f"A command is dropped. {self._connection.problem}".rstrip())
             return False
         # A pause before this command does not end it; one after it does, even before it is sent.
-        self._pauses.look()
+        self._pauses.detect()
         now_ns = self._clock.now_ns()
         self._by_deadman = for_s is None
         seconds = self._deadman_s if for_s is None else for_s
@@ -226,7 +226,7 @@ class Commands:
         try:
             while not self._repeater.idle:
                 await schedule.beat()
-                self._end_after(self._pauses.look())
+                self._end_after(self._pauses.detect())
                 self._publish()
                 if not self.heard and self._clock.now_ns() - begun_ns > HEARD_NS:
                     self._warn(
@@ -249,7 +249,7 @@ class Commands:
         )
 
     def _publish_soon(self) -> None:
-        self._end_after(self._pauses.look())
+        self._end_after(self._pauses.detect())
         self._publish()
 
     def _publish(self) -> None:

@@ -63,7 +63,7 @@ class CommandIntake:
 
         return take
 
-    def facts(self) -> dict[str, Any]:
+    def status_values(self) -> dict[str, Any]:
         """Counters of everything that came, why the latest refused command was, and clocks."""
         now_ns = self._clock.now_ns()
         facts: dict[str, Any] = dict(self.counters)
@@ -166,7 +166,7 @@ class ClockWatch:
         self._tell = tell
         self._seen_ns: dict[str, int] = {}
 
-    def look(self, now_ns: int) -> None:
+    def report(self, now_ns: int) -> None:
         """Look at the warnings of this moment; called now and then."""
         for source, words in self._warnings(now_ns).items():
             seen_ns = self._seen_ns.get(source)

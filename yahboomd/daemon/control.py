@@ -118,7 +118,7 @@ class Controller:
 
     # The control step.
 
-    def step(self) -> None:
+    def control_step(self) -> None:
         """Decide what the wheels do now, and tell the board."""
         self.notice_pause()
         now_ns = self._clock.now_ns()
@@ -174,14 +174,14 @@ class Controller:
         soonest_ns = self._extra_ns + nanoseconds(SOONEST_S)
         if now_ns >= soonest_ns:
             self._extra_ns = now_ns
-            self.step()
+            self.control_step()
         elif not self._step_pending:
             self._step_pending = True
             self._alarm.set(soonest_ns)
 
     def _extra_step(self) -> None:
         self._extra_ns = self._clock.now_ns()
-        self.step()
+        self.control_step()
 
     def close(self) -> None:
         """Let go of the timer."""
@@ -197,7 +197,7 @@ class Controller:
             self.counters["desaturated"] += 1
         if self._limiter.clips(wish):
             self.counters["limited"] += 1
-        limited = self._limiter.step(wish, dt_s)
+        limited = self._limiter.limit(wish, dt_s)
         speeds, _ = desaturate(wheel_speeds(kinematics, limited), limits)
         if any(speeds):
             self._wheels.turn(speeds)
@@ -219,7 +219,7 @@ class Controller:
             hold = self._doubtful(fault, now_ns) or Hold(
                 kind=FAULT, message=fault.message, since_ns=now_ns
             )
-            self._holds.put(hold)
+            self._holds.add(hold)
             if hold.kind == FAULT:
                 self._tell(fault)
             self._outputs.changed()
@@ -239,7 +239,7 @@ class Controller:
             f"from the motors' wires. If it goes on: {fault.message}"
         )
         self.event(Event(kind="line_noisy", severity="warning", message=words, wheel=fault.motor))
-        self._wheels.forget()
+        self._wheels.restart_check()
         # A board that was reset without a word has forgotten its motors, and obeys no speed.
         self._wheels.rearm()
         return Hold(
@@ -274,7 +274,7 @@ class Controller:
         self._wheels.attach(board, found)
         if found.wrong:
             words = " ".join(found.wrong)
-            self._holds.put(Hold(kind=BOARD_UNFIT, message=words, since_ns=now_ns))
+            self._holds.add(Hold(kind=BOARD_UNFIT, message=words, since_ns=now_ns))
             self.event(Event(kind="board_unfit", severity="error", message=words))
         else:
             self._holds.drop(BOARD_UNFIT)
@@ -359,7 +359,7 @@ class Controller:
 
     def _wait(self, words: str) -> None:
         now_ns = self._clock.now_ns()
-        self._holds.put(Hold(kind=WAITING_FOR_BOARD, message=words, since_ns=now_ns))
+        self._holds.add(Hold(kind=WAITING_FOR_BOARD, message=words, since_ns=now_ns))
 
     def bus_lost(self) -> None:
         """No client is connected any more: its commands are over, at once."""
@@ -367,14 +367,14 @@ class Controller:
         if any(self._wheels.command_m_s):
             self.counters["bus_lost"] += 1
         self._limiter.halt()
-        self.step()
+        self.control_step()
 
     # What people ask for (daemon.operator).
 
     def stop_now(self) -> None:
         """Say a stop before everything else, whatever is under way."""
         self._wheels.stop_again(self._clock.now_ns())
-        self.step()
+        self.control_step()
 
     @property
     def faulty(self) -> bool:
@@ -388,7 +388,7 @@ class Controller:
             return None
         self._holds.drop(FAULT)
         self._resets.clear()
-        self._wheels.forget()
+        self._wheels.restart_check()
         # The fault may have been a board that forgot its motors.
         self._wheels.rearm()
         return found[0].message
@@ -399,17 +399,17 @@ class Controller:
 
     def event(self, event: Event) -> None:
         """Log and publish, as often as :class:`~yahboomd.daemon.publisher.Events` lets it."""
-        self._events.tell(event)
+        self._events.report(event)
 
     # What status tells.
 
-    def facts(self) -> dict[str, int]:
+    def status_values(self) -> dict[str, int]:
         """Counters of the control path and of the odometry."""
         return {
             **self.counters,
             **self._odometer.counters,
             "board_tick_ns": self._odometer.tick_period_ns or 0,
-            **self._latch.facts(),
+            **self._latch.status_values(),
         }
 
     @property

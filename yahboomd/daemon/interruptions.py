@@ -48,7 +48,7 @@ class Pauses:
 
     def notice(self) -> bool:
         """Whether a pause ended just now; called before anything that may have waited is used."""
-        pause = self._watch.look()
+        pause = self._watch.detect()
         if pause is None:
             return False
         self._arbiter.paused(
@@ -59,7 +59,7 @@ class Pauses:
         )
         self._wheels.paused(pause.until_ns)
         self._waited_ns = pause.until_ns + WAITED_NS
-        self._events.tell(
+        self._events.report(
             Event(
                 kind="paused",
                 severity="warning",
@@ -135,7 +135,7 @@ class Resets:
         if cause in {"reset_unseen", "gap_lost", "rebased"}:
             # A board that was not sent its motors' type turns no wheel; what the wheels did
             # not do until now is no fault of theirs.
-            self._wheels.forget()
+            self._wheels.restart_check()
             self._wheels.rearm()
 
     def _restarted(self, what: str) -> None:
@@ -143,18 +143,20 @@ class Resets:
         in_motion = self._wheels.in_motion
         self._limiter.halt()
         self._wheels.release(now_ns)
-        self._wheels.forget()
+        self._wheels.restart_check()
         words = what + (
             " in motion: its motors are free, and it stands a second before it may drive again."
             if in_motion
             else "."
         )
-        self._events.tell(Event(kind="board_reset", severity="warning", message=words))
+        self._events.report(Event(kind="board_reset", severity="warning", message=words))
         hold = self._watch.reset(now_ns, in_motion=in_motion)
         if hold is not None:
-            self._holds.put(hold)
+            self._holds.add(hold)
             if hold.kind == FAULT:
-                self._events.tell(Event(kind="reset_loop", severity="error", message=hold.message))
+                self._events.report(
+                    Event(kind="reset_loop", severity="error", message=hold.message)
+                )
         self._outputs.changed()
 
     def clear(self) -> None:

@@ -198,7 +198,7 @@ class EstopLatch:
         words = f"{latched.reason} (not on file: it would not survive a restart)"
         return structs.replace(latched, reason=words)
 
-    def facts(self) -> dict[str, int]:
+    def status_values(self) -> dict[str, int]:
         """For the status: whether an engaged latch is missing on file, and failures so far."""
         missing = self.engaged and not self._keeper.on_file
         return {"estop_not_on_file": int(missing), "estop_file_failures": self._keeper.failures}

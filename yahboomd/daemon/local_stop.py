@@ -144,7 +144,7 @@ class LocalStop:
             for watch in self._watches:
                 watch.observe(fastest_m_s)
 
-    def facts(self) -> dict[str, Any]:
+    def status_values(self) -> dict[str, Any]:
         """For the status: where the socket is, and what became of connections."""
         path = "" if self._listening is None else str(self._listening.path)
         names = ("stops", "refused", "dropped")

@@ -72,7 +72,7 @@ class Events:
         self._counters = counters
         self._published: dict[str, tuple[int, int]] = {}
 
-    def tell(self, event: Event) -> None:
+    def report(self, event: Event) -> None:
         """Log and publish; of one kind not more than a few in a second, the rest is counted."""
         now_ns = self._clock.now_ns()
         since_ns, count = self._published.get(event.kind, (now_ns, 0))
@@ -177,7 +177,7 @@ class Publisher:
         # Made when somebody asks: at 50 Hz few of them are ever asked for.
         self._newest: dict[str, Callable[[], msgspec.Struct]] = {}
 
-    def facts(self) -> dict[str, int]:
+    def status_values(self) -> dict[str, int]:
         """Readings that went out, stamps that were held back, and steps of the wall clock."""
         return {
             "published": self._seq,

@@ -153,7 +153,7 @@ class Daemon:
             intake=intake,
             supervisor=supervisor,
             bus=bus,
-            more_bus_facts=lambda: {**self._publisher.facts(), **local.facts()},
+            more_bus_facts=lambda: {**self._publisher.status_values(), **local.status_values()},
         )
         services = Services(
             operator,
@@ -239,7 +239,7 @@ class Daemon:
         try:
             while True:
                 beat_ns = await schedule.beat()
-                controller.step()
+                controller.control_step()
                 controller.counters["beats_missed"] = schedule.missed
                 if feed_ns is not None and beat_ns - fed_ns >= feed_ns:
                     fed_ns = beat_ns
@@ -256,7 +256,7 @@ class Daemon:
                 self._publisher.status(sample)
                 if self._ros2 is not None:
                     self._ros2.status(sample)
-                self._clocks.look(self._clock.now_ns())
+                self._clocks.report(self._clock.now_ns())
                 notifier.status(f"{sample.state}: {sample.why}")
                 alarm.set(self._clock.now_ns() + nanoseconds(STATUS_EVERY_S))
                 self._status_due.clear()

@@ -87,8 +87,12 @@ class Status:
             since_ns=self._state_since.of(self._since_ns, offset_ns),
             why=why,
             board=self.board(),
-            link={**ZEROS["link"], **self._supervisor.facts()},
-            command={**ZEROS["command"], **self._intake.facts(), **self._controller.facts()},
+            link={**ZEROS["link"], **self._supervisor.status_values()},
+            command={
+                **ZEROS["command"],
+                **self._intake.status_values(),
+                **self._controller.status_values(),
+            },
             bus=self.bus(),
         )
 
@@ -104,7 +108,7 @@ class Status:
         if settings is not None:
             facts[VERSION] = settings.get(VERSION)
             for row in identity.dialect.settings:
-                facts.update(row.facts(settings.get(row.field)))
+                facts.update(row.named(settings.get(row.field)))
         if self._controller.volts is not None:
             facts["volts"] = self._controller.volts
         if self._controller.imu_sensor is not None:
@@ -121,6 +125,6 @@ class Status:
             "zid": self._bus.zid,
             "routers": ", ".join(routers),
             "neighbours": len(self._bus.neighbours),
-            **self._bus.facts(),
+            **self._bus.status_values(),
             **self._more_bus_facts(),
         }

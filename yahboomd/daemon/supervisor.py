@@ -60,7 +60,7 @@ class _Reported(Progress):
     def __init__(self, tell: Callable[[Event], None]) -> None:
         self._tell = tell
 
-    def step(self, step: Step, has: BoardSettings) -> None:  # noqa: ARG002 (the seam's shape)
+    def stored(self, step: Step, has: BoardSettings) -> None:  # noqa: ARG002 (the seam's shape)
         what = step.write.text
         if step.outcome == "stored":
             words = f"Stored {what} in the board's flash (board.write_settings)."
@@ -138,15 +138,15 @@ class Supervisor:
             attempt += 1
             await sleep_until(self._clock, self._clock.now_ns() + nanoseconds(wait_s))
 
-    def facts(self) -> dict[str, int]:
+    def status_values(self) -> dict[str, int]:
         """Counters of all sessions so far, and of reconnecting."""
         facts = Counter(self.counters)
         if self.session is not None:
-            facts.update(self.session.facts())
+            facts.update(self.session.status_values())
         return dict(facts)
 
     def _keep(self, session: Session) -> None:
-        self.counters.update(session.facts())
+        self.counters.update(session.status_values())
         self.session = None
         if session.left_standing is not None:
             self.left_standing = session.left_standing

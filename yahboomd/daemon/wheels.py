@@ -246,7 +246,7 @@ class Wheels:
             speeds_m_s = self.zeros
         self._check.command(now_ns, None if units is None else speeds_m_s)
 
-    def forget(self) -> None:
+    def restart_check(self) -> None:
         """Judge the wheels by later readings alone: earlier ones prove nothing about what comes."""
         self._check.reset()
 
@@ -255,7 +255,7 @@ class Wheels:
 
         A stop that is under way is said again, and has its time again.
         """
-        self.forget()
+        self.restart_check()
         self._waited_ns = now_ns + WAITED_NS
         self._stop_watch.restart(now_ns)
         if self._stop_watch.state == "stopping":
@@ -291,7 +291,7 @@ class Wheels:
             # The session that closed the board stops its wheels; they obey no command of ours.
             return ()
         if (received_ns or stamp_ns) < self._waited_ns:
-            self.forget()
+            self.restart_check()
             return ()
         asked_ns = stamp_ns if earliest_ns is None else earliest_ns
         # Where answers are lost one seems late as well; there a speed is repeated every 25 ms.

@@ -54,9 +54,9 @@ class AgeJudge:
     def __init__(self, policy: StampPolicy, timeout_ns: int) -> None:
         self._policy = policy
         self._timeout_ns = timeout_ns
-        self.forget()
+        self.reset()
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Begin new histories: our own clock stood still while the sender's went on."""
         self._histories = {True: _History(), False: _History()}
 

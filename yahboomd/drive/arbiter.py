@@ -268,7 +268,7 @@ class Arbiter:
                 # It may go on commanding motion, unseen.
                 line.note_motion(until_ns)
             if clock_stood:
-                line.judge.forget()
+                line.judge.reset()
         if clock_stood:
             self.forget_commands(until_ns)
 

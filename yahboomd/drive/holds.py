@@ -46,7 +46,7 @@ class Holds:
     def __init__(self) -> None:
         self._holds: dict[str, Hold] = {}
 
-    def put(self, hold: Hold) -> None:
+    def add(self, hold: Hold) -> None:
         """Stand for this reason; it replaces one of the same kind, but keeps its beginning."""
         before = self._holds.get(hold.kind)
         if before is not None and (before.until_ns is None or before.until_ns > hold.since_ns):

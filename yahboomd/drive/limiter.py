@@ -72,7 +72,7 @@ class Limiter:
         """The latest velocity that was let through."""
         return Twist2d(vx=self._vx.speed, vy=self._vy.speed, wz=self._wz.speed)
 
-    def step(self, wanted: Twist2d, dt_s: float) -> Twist2d:
+    def limit(self, wanted: Twist2d, dt_s: float) -> Twist2d:
         """Go towards ``wanted`` for ``dt_s`` seconds and return the speed at the end.
 
         Args:
@@ -81,9 +81,9 @@ class Limiter:
         """
         if dt_s > 0.0:
             dt_s = min(dt_s, self._longest_step_s)
-            self._vx.step(wanted.vx, dt_s)
-            self._vy.step(wanted.vy, dt_s)
-            self._wz.step(wanted.wz, dt_s)
+            self._vx.approach(wanted.vx, dt_s)
+            self._vy.approach(wanted.vy, dt_s)
+            self._wz.approach(wanted.wz, dt_s)
         return self.current
 
     def clips(self, wanted: Twist2d) -> bool:
@@ -118,7 +118,7 @@ class _Axis:
     def clips(self, wish: float) -> bool:
         return abs(wish) > self._velocity
 
-    def step(self, wish: float, dt_s: float) -> None:
+    def approach(self, wish: float, dt_s: float) -> None:
         if not math.isfinite(wish):
             wish = 0.0
         wish = max(-self._velocity, min(self._velocity, wish))

@@ -146,7 +146,7 @@ class ConnectedBoard:
         """Whether the wheels were seen to stand last; ``None`` where they were not driven."""
         return (self._line.watch.standing and not self._turning) if self._drove else None
 
-    def facts(self) -> dict[str, int]:
+    def status_values(self) -> dict[str, int]:
         """Its counters."""
         return {**self.counters, **self._poller.counters}
 

@@ -238,11 +238,11 @@ class Line:
         """Whether the line damaged something lately, so that commands may not arrive as sent."""
         return self.damages >= NOISY_DAMAGES
 
-    def facts(self) -> dict[str, int]:
+    def status_values(self) -> dict[str, int]:
         """Every counter of the line."""
         framed = self._framer.counters
         found = {name: getattr(framed, name) for name in framed.__struct_fields__}
-        return {**found, **self.counters, **self.writer.facts()}
+        return {**found, **self.counters, **self.writer.status_values()}
 
     # What comes in.
 
@@ -296,9 +296,9 @@ class Line:
             earliest_ns = requested_ns if asked_ns is None else min(asked_ns, requested_ns)
         # Now that it is known which question this answers, the next one may go: the board is at
         # work while the counts are made use of here.
-        writer.heard(totals)
+        writer.receive(totals)
         self.ticks, self.streaming = totals.ticks, True
-        self.watch.see(totals.ticks, received_ns)
+        self.watch.add(totals.ticks, received_ns)
         self.on_counts(totals.ticks, received_ns, sent_ns, requested_ns, earliest_ns)
 
     def _inertial(self, sample: Inertial, item: Item, now_ns: int) -> None:
@@ -323,7 +323,7 @@ class Line:
         elif isinstance(decoded, Reply) and not decoded.ok:
             self.counters["refusals"] += 1
         self.on_said(decoded, notice)
-        self.writer.heard(decoded)
+        self.writer.receive(decoded)
 
     def _note(self, decoded: Decoded) -> Notice:
         """Note a start of the board, if this shows one: earlier readings prove nothing then."""
@@ -334,7 +334,7 @@ class Line:
         if notice != "none":
             self.heard.resets += 1
             self.streaming = False
-            self.watch.forget()
+            self.watch.reset()
         return notice
 
     def _notice_noise(self, now_ns: int) -> None:

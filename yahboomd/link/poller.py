@@ -120,7 +120,7 @@ class Poller:
                     self._heard_ns = max(self._heard_ns, self._clock.now_ns())
                 if self._heard_ns < looked_ns:
                     # Fewer bytes may have come than the kernel waits for.
-                    self._port.look()
+                    self._port.read_now()
                 looked_ns = due_ns
                 self._look()
                 if self._dialect.poll is not None and not self._writer.poll(
@@ -150,4 +150,4 @@ class Poller:
         self._rearmed_ns = self._clock.now_ns()
         self._on_armed()
         for frame in self._dialect.arm:
-            self._writer.tell(frame)
+            self._writer.queue(frame)

@@ -98,7 +98,7 @@ class Port(Protocol):
         """Hear bytes once so many are there, where the port can wait for them."""
         ...
 
-    def look(self) -> None:
+    def read_now(self) -> None:
         """Hear what is there now, however little."""
         ...
 
@@ -266,7 +266,7 @@ class SerialPort(asyncio.Protocol):
         except (OSError, termios.error) as error:
             self._broken(error)
 
-    def look(self) -> None:
+    def read_now(self) -> None:
         """See :class:`Port`."""
         # Whatever is wrong with the port, the event loop hears of it by itself.
         if self._lost:

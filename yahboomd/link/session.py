@@ -118,12 +118,12 @@ class Session:
             return self.report.doubt is None
         return None if self.board is None else self.board.seen_standing
 
-    def facts(self) -> dict[str, int]:
+    def status_values(self) -> dict[str, int]:
         """Every counter of the link."""
         facts: Counter[str] = Counter()
         for part in (self._line, self.board):
             if part is not None:
-                facts.update(part.facts())
+                facts.update(part.status_values())
         return dict(facts)
 
     async def _connect(self, line: Line) -> ConnectedBoard:

@@ -52,11 +52,11 @@ class StandstillWatch:
         self._limit = ticks_per_s
         self._history = CountHistory(WINDOW_NS)
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Judge from what comes now on (the counters restarted, or a stop was just sent)."""
         self._history.clear()
 
-    def see(self, ticks: Counts, now_ns: int) -> None:
+    def add(self, ticks: Counts, now_ns: int) -> None:
         """A reading of the counters."""
         self._history.add(now_ns, ticks)
 
@@ -138,7 +138,7 @@ class _LastWords:
         await self.pause(self.spacing_ns)
         return True
 
-    async def say(self, *frames: bytes) -> bool:
+    async def send(self, *frames: bytes) -> bool:
         """Say frames, each by itself; whether any was held up."""
         held = False
         for frame in frames:
@@ -190,12 +190,12 @@ class _Watching:
             if now_ns >= due_ns:
                 self.said += 1
                 due_ns = now_ns + nanoseconds(REPEAT_S)
-                held = await words.say(stop)
+                held = await words.send(stop)
             elif dialect.poll is not None:
-                held = await words.say(dialect.poll)
+                held = await words.send(dialect.poll)
             elif watch.speed is None and now_ns >= arm_due_ns:
                 arm_due_ns = now_ns + nanoseconds(REPEAT_S)
-                held = await words.say(*dialect.arm)
+                held = await words.send(*dialect.arm)
             else:
                 await words.pause(words.spacing_ns)
             now_ns = self._clock.now_ns()
@@ -220,7 +220,7 @@ async def stop_unidentified(port: Port, clock: Clock) -> bool:
         for resync, stop in connect_stop():
             if resync:
                 words.write(resync)
-            held |= await words.say(stop)
+            held |= await words.send(stop)
         if not held:
             break
     return not words.gave_up
@@ -244,7 +244,7 @@ async def bring_to_rest(
     brake = (dialect.cut or dialect.brake) if let_go else dialect.brake
     words = _LastWords(port, clock, within_s=GIVE_UP_S)
     start_ns = clock.now_ns()
-    watch.forget()
+    watch.reset()
     # Half a frame may be in the board's ear, and would swallow the stop.
     words.write(dialect.resync + brake)
     held = await words.sent()
@@ -252,13 +252,13 @@ async def bring_to_rest(
     until_ns = await watching.until_still(brake, STAND_WITHIN_S, again=held)
     brakes, braked = 1 + watching.said, watch.standing
     if dialect.cut is not None:
-        held = await words.say(dialect.cut)
+        held = await words.send(dialect.cut)
         if not braked:
             until_ns = await watching.until_still(dialect.cut, COAST_WITHIN_S, again=held)
-    await words.say(*dialect.disarm)
+    await words.send(*dialect.disarm)
     # A stop is the last word, and the last of a burst: said again where it was held up.
-    if await words.say(dialect.cut or dialect.brake):
-        await words.say(dialect.cut or dialect.brake)
+    if await words.send(dialect.cut or dialect.brake):
+        await words.send(dialect.cut or dialect.brake)
     if words.gave_up:
         # Dropping it may cut a frame in half, and half a frame swallows the stop.
         port.discard()

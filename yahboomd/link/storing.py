@@ -72,7 +72,7 @@ class Progress:
     ) -> None:
         """The values that differ and will be stored."""
 
-    def step(self, step: Step, has: BoardSettings) -> None:
+    def stored(self, step: Step, has: BoardSettings) -> None:
         """One value was dealt with; the board stores ``has`` now."""
 
 
@@ -112,7 +112,7 @@ async def store(
         for write in writes:
             step, has = await _store_one(talk, clock, write, want)
             steps.append(step)
-            progress.step(step, has)
+            progress.stored(step, has)
             if step.outcome != "stored":
                 break
         return Storing(had=had, has=has, steps=tuple(steps))

@@ -102,7 +102,7 @@ class Writer:
         self.on_sent: Callable[[Lane], None] = lambda _lane: None
         self.on_slow: Callable[[float], None] = lambda _bytes_per_s: None
 
-    def facts(self) -> dict[str, int]:
+    def status_values(self) -> dict[str, int]:
         """Its counters, and how many velocities another one replaced before they went out."""
         return {**self.counters, "velocities_replaced": self._outbox.replaced}
 
@@ -139,7 +139,7 @@ class Writer:
         self._pump()
         return True
 
-    def tell(self, frame: bytes) -> None:
+    def queue(self, frame: bytes) -> None:
         """Queue a frame of the configuration lane that has no answer."""
         self._outbox.request(Request(frame=frame, answered=_never, timeout_ns=0, done=_unawaited))
         self._pump()
@@ -169,7 +169,7 @@ class Writer:
                 self._flight = None
                 self._flight_until_ns = None
 
-    def heard(self, decoded: Decoded) -> None:
+    def receive(self, decoded: Decoded) -> None:
         """Something came from the board: it may be what a frame waits for."""
         if isinstance(decoded, Totals):
             if self._polled_until_ns is not None:

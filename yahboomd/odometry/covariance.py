@@ -134,7 +134,7 @@ class Covariance:
         self._volume = 0.0
         self._keep_volume()
 
-    def step(self, deltas: Sequence[int], arc: Arc) -> None:
+    def propagate(self, deltas: Sequence[int], arc: Arc) -> None:
         """Grow by one step: the counts of each motor and the arc that they made."""
         nxx = nxy = nxt = nyy = nyt = ntt = 0.0
         for (axx, axy, axt, ayy, ayt, att), delta in zip(self._per_tick, deltas, strict=True):

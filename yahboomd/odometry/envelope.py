@@ -52,7 +52,7 @@ class Envelope:
         """The time of tick ``tick``."""
         return self._offset + tick * (self._period + self.drift)
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Drop the phase; the period stays."""
         self.settled = False
         self._offset = math.inf

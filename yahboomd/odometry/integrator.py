@@ -128,7 +128,7 @@ class Integrator:
         """Take back every step since; the totals that belong to the heading stay."""
         self._x, self._y, self._theta, self._before = state
 
-    def step(self, deltas: Sequence[int], totals: Sequence[int], step_ns: int) -> Arc:
+    def integrate(self, deltas: Sequence[int], totals: Sequence[int], step_ns: int) -> Arc:
         """Advance by the counts of one step.
 
         Args:

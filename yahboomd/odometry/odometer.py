@@ -236,14 +236,14 @@ class Odometer:
             self._stray(verdict, instant)
         else:
             self._doubt = None
-            arc = self._integrator.step(deltas, totals, instant.step_ns)
-            self._covariance.step(deltas, arc)
+            arc = self._integrator.integrate(deltas, totals, instant.step_ns)
+            self._covariance.propagate(deltas, arc)
             if instant.step_ns > UNSEEN_NS:
                 self._covariance.bridge(arc)
         clock, velocity = self._clock, self._velocity
         velocity.doubt = clock.renewal.doubt if isinstance(clock, StreamedClock) else 0.0
         velocity.tick_ns = ASKED_TICK_NS if self._asked else 0
-        window = velocity.step(totals, instant.step_ns, instant.unsure_ns)
+        window = velocity.measure(totals, instant.step_ns, instant.unsure_ns)
         self._stamp_ns = instant.stamp_ns
         if instant.unsure_ns:
             self.counters["odometry_unsure"] += 1
@@ -277,18 +277,18 @@ class Odometer:
             self._doubt = None
             integrator.go_back(doubt.state)
             deltas = tuple(map(sum, zip(doubt.deltas, verdict.deltas, strict=True)))
-            integrator.step(deltas, totals, doubt.step_ns + step_ns)
+            integrator.integrate(deltas, totals, doubt.step_ns + step_ns)
             arc = arc_between(pose, integrator.pose)
             if math.hypot(arc.dx, arc.dy) <= self._speed_max_m_s * step_ns * 1e-9:
-                self._covariance.step(verdict.deltas, arc)
+                self._covariance.propagate(verdict.deltas, arc)
                 self._covariance.bridge(arc)
                 self._velocity.take_back()
                 self.counters["odometry_taken_back"] += 1
                 return
             # Farther than a wheel rolls: that would be a jump.
             integrator.go_back(before)
-        arc = integrator.step(verdict.deltas, totals, step_ns)
-        self._covariance.step(verdict.deltas, arc)
+        arc = integrator.integrate(verdict.deltas, totals, step_ns)
+        self._covariance.propagate(verdict.deltas, arc)
         # Several readings in one, or a garbled one: the order of going and turning is not known.
         self._covariance.bridge(arc)
 
@@ -324,8 +324,8 @@ class Odometer:
         unsure_m = 0.0
         if any(verdict.deltas):
             before = self._integrator.state()
-            arc = self._integrator.step(verdict.deltas, totals, gap_ns)
-            self._covariance.step(verdict.deltas, arc)
+            arc = self._integrator.integrate(verdict.deltas, totals, gap_ns)
+            self._covariance.propagate(verdict.deltas, arc)
             unsure_m = self._covariance.bridge(arc)
             self._integrator.interrupt()
             self._doubt = Doubt(state=before, deltas=verdict.deltas, step_ns=gap_ns)

@@ -316,7 +316,7 @@ class StreamedClock:
         self._tick = 0
         self._run_start = arrival
         self._late_count = 0
-        self._envelope.forget()
+        self._envelope.reset()
 
     def _catch_up(self, arrival: float, period: float) -> bool:
         """Notice that ticks were lost without a trace: all lines are late for a long time.

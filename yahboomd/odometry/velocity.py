@@ -98,7 +98,7 @@ class Velocity:
         if self._kept:
             self._history.drop_latest()
 
-    def step(self, totals: tuple[int, ...], step_ns: int, unsure_ns: int = 0) -> Window:
+    def measure(self, totals: tuple[int, ...], step_ns: int, unsure_ns: int = 0) -> Window:
         """Take in the totals after a step on the board's clock.
 
         Args:

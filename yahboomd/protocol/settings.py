@@ -91,7 +91,7 @@ class StoredSetting(msgspec.Struct, frozen=True, kw_only=True):
             for number in numbers
         )
 
-    def facts(self, value: SettingValue | None) -> dict[str, SettingValue | None]:
+    def named(self, value: SettingValue | None) -> dict[str, SettingValue | None]:
         """The value under the names that it has among the board's facts."""
         if not self.parts:
             return {self.field: value}

@@ -48,7 +48,7 @@ class Board(Protocol):
         """One byte has arrived completely; the caller has stepped to ``now_ns``."""
         ...
 
-    def step(self, now_ns: int) -> None:
+    def run_due(self, now_ns: int) -> None:
         """Do everything that is due up to ``now_ns``."""
         ...
 

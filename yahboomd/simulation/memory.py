@@ -90,7 +90,7 @@ class MemoryPort:
     def gather(self, least: int) -> None:
         """Nothing: bytes are handed over as they come, in the chunks of the impairments."""
 
-    def look(self) -> None:
+    def read_now(self) -> None:
         """Nothing: no byte is kept."""
 
     async def drain(self, timeout_s: float) -> bool:

@@ -258,11 +258,11 @@ class SimulatedRobot:
         if not self._to_board.empty:
             for byte, at_ns in self._to_board.take_each(now_ns):
                 if board.next_ns <= at_ns:
-                    board.step(at_ns)
+                    board.run_due(at_ns)
                 arrives = line.spoil(byte) if line.spoils else byte
                 if arrives is not None:
                     board.receive(arrives, at_ns)
-        board.step(now_ns)
+        board.run_due(now_ns)
 
     def _sample(self, now_ns: int) -> TruthSample:
         plant = self.plant

@@ -69,7 +69,7 @@ class SpeedLoop:
         """Forget output and errors; the target stays."""
         self._output = self._error = self._error_before = 0.0
 
-    def step(self, measured_mm_s: float, tuning: Tuning) -> int:
+    def regulate(self, measured_mm_s: float, tuning: Tuning) -> int:
         """The output of the next 10 ms, in PWM units."""
         error = self.target_mm_s - measured_mm_s
         change = (
@@ -173,7 +173,7 @@ class MotorControl:
                 loop.reset()
                 outputs.append(0)
                 continue
-            output = loop.step(measured, tuning)
+            output = loop.regulate(measured, tuning)
             outputs.append(-output if tuning.inverted else output)
         return outputs
 

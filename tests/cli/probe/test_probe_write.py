@@ -31,7 +31,7 @@ def printed(capsys: pytest.CaptureFixture[str], done: Step, lines_now: int = 13)
     progress = Printed()
     progress.begins(DIALECTS["streamed"], (WRITE,), BoardSettings(lines=11))
     capsys.readouterr()
-    progress.step(done, BoardSettings(lines=lines_now))
+    progress.stored(done, BoardSettings(lines=lines_now))
     return capsys.readouterr().out.strip()
 
 

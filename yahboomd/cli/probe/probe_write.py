@@ -34,7 +34,7 @@ class Printed(storing.Progress):
         self._table, self._had = dialect.settings, had
         print(f"storing {len(writes)} of the board's values, one at a time, the wheels at rest:")
 
-    def step(self, step: storing.Step, has: BoardSettings) -> None:
+    def stored(self, step: storing.Step, has: BoardSettings) -> None:
         """See the base class."""
         name = step.write.reply_to
         rows = setting_rows(self._table, self._had, has, ())

@@ -122,7 +122,7 @@ class PolledBoard:
             if len(self._collected) > LONGEST_FRAME:
                 self._collected = None
 
-    def step(self, now_ns: int) -> None:
+    def run_due(self, now_ns: int) -> None:
         """Do everything that is due up to ``now_ns``."""
         while True:
             if self._tick_ns <= self._main_ns:

@@ -183,7 +183,7 @@ class StreamedBoard:
         if self._idle:
             self._main_ns = min(self._main_ns, now_ns + NOTICE_NS)
 
-    def step(self, now_ns: int) -> None:
+    def run_due(self, now_ns: int) -> None:
         """Do everything that is due up to ``now_ns``."""
         while True:
             if self._renew_ns <= self._tick_ns and self._renew_ns <= self._main_ns:

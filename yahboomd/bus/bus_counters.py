@@ -11,7 +11,7 @@ from yahboomd.bus.services import Service
 from yahboomd.bus.subscriptions import Subscription
 
 
-def facts(declared: Iterable[object]) -> dict[str, int]:
+def summed_counters(declared: Iterable[object]) -> dict[str, int]:
     """Sum their counters up.
 
     Of samples that were taken nothing is said: their takers count them. What a ring of Zenoh's

@@ -2,7 +2,7 @@ import pytest
 from zenoh_fixtures import eventually
 
 from yahboomd.bus import keys
-from yahboomd.bus.facts import facts
+from yahboomd.bus.bus_counters import summed_counters
 from yahboomd.bus.services import Response
 
 pytestmark = pytest.mark.realtime
@@ -13,8 +13,8 @@ def refusal(reason, _request):
 
 
 def test_nothing_declared_is_nothing_seen():
-    assert facts([]) == {}
-    assert facts([object()]) == {}
+    assert summed_counters([]) == {}
+    assert summed_counters([object()]) == {}
 
 
 async def test_what_is_refused_lost_or_failed_on_the_bus_is_counted(bus, zenoh_app):
@@ -34,7 +34,7 @@ async def test_what_is_refused_lost_or_failed_on_the_bus_is_counted(bus, zenoh_a
     await app.ask("bot1/yahboomd/board")
     await bus.close()
     pose.put(b"{}")
-    found = bus.facts()
+    found = bus.status_values()
     assert found == {
         "puts": 1,
         "put_errors": 1,
