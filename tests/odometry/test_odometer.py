@@ -1,8 +1,11 @@
 from __future__ import annotations
 
+import json
 import math
 import random
+from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -530,3 +533,143 @@ def test_the_same_dialect_again_keeps_what_the_clock_learned(kit):
     assert clock.locked
     rig.odometer.set_sample_period(10 * MS)
     assert rig.odometer._clock is clock
+
+
+# How well streams are known: a change of any estimator changes these figures. Are they better?
+
+
+def held_up(lines):
+    """Every three seconds lines are held back for 0.3 s, and arrive at once."""
+    behind = 0
+    for each, sampled_ns in lines:
+        since_ns = (each.sent_ns - START_NS) % (3000 * MS)
+        behind = behind + 1 if since_ns < 300 * MS else 0
+        late_ns = 300 * MS - since_ns + behind * MS // 10 if behind else 0
+        at_ns = each.sent_ns + late_ns
+        yield msgspec.structs.replace(each, sent_ns=at_ns, received_ns=at_ns), sampled_ns
+
+
+def unplugged(lines):
+    """Nothing for two seconds of every seven; the board counts on."""
+    away = False
+    for each, sampled_ns in lines:
+        if (each.sent_ns - START_NS) % (7000 * MS) >= 5000 * MS:
+            away = True
+            continue
+        yield msgspec.structs.replace(each, after_gap=away, unbroken=away), sampled_ns
+        away = False
+
+
+def restarted(lines):
+    """The board counts from zero after five seconds."""
+    fell = None
+    for each, sampled_ns in lines:
+        reset = fell is None and each.sent_ns - START_NS >= 5000 * MS
+        fell = each.ticks if reset else fell
+        ticks = tuple(now - then for now, then in zip(each.ticks, fell or (0,) * 4, strict=True))
+        yield msgspec.structs.replace(each, ticks=ticks, after_reset=reset), sampled_ns
+
+
+def asked(lines):
+    """One line in eight is an answer; one in forty comes 45 ms late, the next two never."""
+    for n, (each, sampled_ns) in enumerate(lines):
+        if n % 8 or n % 320 in {168, 176}:
+            continue
+        late_ns = 45 * MS if n % 320 == 160 else n * 7919 % 6 * MS
+        asked_ns = each.sent_ns - MS
+        yield (
+            msgspec.structs.replace(
+                each,
+                sent_ns=each.sent_ns + late_ns,
+                received_ns=each.received_ns + late_ns,
+                requested_ns=asked_ns + (late_ns // (40 * MS)) * 20 * MS,
+                earliest_ns=asked_ns,
+            ),
+            sampled_ns,
+        )
+
+
+def steady(_):
+    return 3000.0, 2800.0
+
+
+def crawling(_):
+    return 160.0, -130.0
+
+
+def curves(t):
+    return 1500.0 + 1200.0 * math.sin(t), 1500.0 - 1200.0 * math.cos(0.7 * t)
+
+
+def stop_and_go(t):
+    t %= 6.0
+    part = min(1.0, 2.0 * t) if t < 4.0 else max(0.0, 1.0 - 3.0 * (t - 4.0))
+    return 3000.0 * part, -2500.0 * part
+
+
+STREAMS = {
+    "one tick in four lines": (steady, iter, {"seconds": 12.0}),
+    "a slow clock behind usb": (
+        curves,
+        iter,
+        {"seconds": 25.0, "gap_ms": 5.917, "timer_ms": 1.0007, "ppm": 100.0},
+    ),
+    "a bridge of 16 ms": (steady, iter, {"seconds": 30.0, "timer_ms": 16.0041, "ppm": 60.0}),
+    "a fast clock, now and then": (
+        stop_and_go,
+        iter,
+        {"seconds": 30.0, "timer_ms": 4.003, "ppm": -300.0, "seed": 2},
+    ),
+    "lost lines": (curves, iter, {"seconds": 20.0, "gap_ms": 5.917, "loss": 0.1, "seed": 3}),
+    "a crawl": (crawling, iter, {"seconds": 10.0, "timer_ms": 1.0007, "loss": 0.02}),
+    "a tick of 8 ms": (steady, iter, {"seconds": 20.0, "tick_ms": 8.0, "ppm": 40.0}),
+    "a tick of 20 ms": (
+        curves,
+        iter,
+        {"seconds": 30.0, "gap_ms": 5.917, "timer_ms": 1.0007, "tick_ms": 20.0},
+    ),
+    "no tick": (steady, iter, {"seconds": 15.0, "gap_ms": 5.917, "tick_ms": 0}),
+    "held up": (curves, held_up, {"seconds": 20.0, "timer_ms": 1.0007}),
+    "held up, now and then": (stop_and_go, held_up, {"seconds": 20.0, "gap_ms": 5.917, "seed": 4}),
+    "unplugged": (curves, unplugged, {"seconds": 20.0, "timer_ms": 1.0007}),
+    "restarted": (curves, restarted, {"seconds": 10.0}),
+    "asked": (curves, asked, {"seconds": 20.0, "tick_ms": 0}),
+    "asked, now and then": (stop_and_go, asked, {"seconds": 20.0, "seed": 6}),
+}
+
+
+@pytest.mark.parametrize("name", STREAMS)
+def test_the_errors_of_a_stream_are_the_known_ones(kit, name):
+    """Stamps are late by so many us, speeds off by so many mm/s: known_errors.json."""
+    rates, lines, options = STREAMS[name]
+    odometer = Odometer(kit.differential(), kit.motors(), speed_max_m_s=SPEED_MAX)
+    odometer.set_sample_period(None if lines is asked else 10 * MS)
+    late_us, off_mm_s, said, events = [], [], [], []
+    for reading, sampled_ns in lines(kit.stream(rates, **options)):
+        update = odometer.update(reading)
+        events.extend(update.events)
+        if (estimate := update.estimate) is not None:
+            left, right = rates((sampled_ns - START_NS) * 1e-9)
+            late_us.append((estimate.stamp_ns - sampled_ns) * 1e-3)
+            off_mm_s.append((estimate.twist.vx - 0.5 * (left + right) * kit.tick_m) * 1e3)
+            said.append(estimate.twist_covariance)
+    last = odometer.estimate
+    found = {
+        "estimates": len(said),
+        "late": math.sqrt(math.fsum(each * each for each in late_us) / len(said)),
+        "latest": max(late_us),
+        "off": math.sqrt(math.fsum(each * each for each in off_mm_s) / len(said)),
+        "said": [math.fsum(each[n] for each in said) / len(said) * 1e6 for n in (0, 2, 8)],
+        **{each: getattr(last.pose, each) for each in ("x", "y", "theta")},
+        "covariance": [last.pose_covariance[n] for n in (0, 1, 2, 4, 5, 8)],
+        **{
+            each: math.fsum(event.data[each] for event in events if each in event.data)
+            for each in ("gap_s", "unknown_m", "counted_m", "unsure_m")
+        },
+        **{each: count for each, count in odometer.counters.items() if count},
+    }
+    known = json.loads(Path(__file__).with_name("known_errors.json").read_text())
+    assert found.keys() == known[name].keys()
+    for each, value in found.items():
+        same = value == pytest.approx(known[name][each], rel=1e-5, abs=1e-12)
+        assert same, f"{each} is another; all of it now: {json.dumps({name: found})}"
