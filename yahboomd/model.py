@@ -43,6 +43,7 @@ EventKind: TypeAlias = Literal[
     "off_speed",
     "paused",
     "port_slow",
+    "pose_refused",
     "pose_set",
     "reset_loop",
     "router_joined",

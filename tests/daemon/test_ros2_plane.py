@@ -16,6 +16,7 @@ from ros_oracle import Oracle
 from yahboomd.config import read
 from yahboomd.daemon.ros2_plane import topics
 from yahboomd.messages import cdr, ros2
+from yahboomd.messages.set_pose import pose_message
 
 pytestmark = pytest.mark.realtime
 
@@ -221,6 +222,30 @@ def test_the_estop_is_a_topic_too_and_a_button_that_is_not_pressed_changes_nothi
         assert app.latest("status")["command"]["release_refused"] == 0
         graph.ask("yahboomd/estop/reset", cdr.trigger_request())
         app.in_state("standing")
+
+
+def test_a_pose_in_the_frame_of_the_odometry_is_set_and_any_other_refused(
+    run: Callable[..., RealRobot], client: Callable[..., Client], oracle: Oracle
+) -> None:
+    robot = run("ros2.rmw_zenoh=true", "ros2.frame_prefix=bot1/")
+    app = client("client", robot.endpoint)
+    graph = Graph(app.session)
+    app.in_state("standing")
+    turned = (0.0, 0.0, 0.6, 0.8)
+    keys = ("yahboomd/odometry/set_pose", native_key("yahboomd/odometry/set_pose", ros2.POSE))
+    for count, key in enumerate(keys, start=1):
+        for frame, x in (("bot1/odom", float(count)), ("map", 7.0)):
+            payload = pose_message(1, frame, (x, 0.0, 0.0, *turned, *([0.0] * 36)))
+            app.session.put(key, payload, attachment=ros2.attachment(1, 1, bytes(16)))
+        wait_for(
+            lambda count=count: app.latest("status")["command"]["poses_refused"] == count,
+            "a refusal",
+        )
+        wait_for(lambda count=count: app.latest("pose")["x"] == count, "the pose")
+        odom = oracle.decode(ros2.ODOMETRY, graph.payloads("odom")[-1])
+        assert odom["pose"]["pose"]["orientation"] == pytest.approx(
+            dict(zip("xyzw", turned, strict=True))
+        )
 
 
 def test_events_are_on_the_graphs_one_log_and_a_late_node_gets_them(

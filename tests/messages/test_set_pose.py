@@ -13,7 +13,7 @@ from yahboomd.messages.native import (
     MAX_VARIANCE,
     SetPoseRequest,
 )
-from yahboomd.messages.set_pose import covariance_problem
+from yahboomd.messages.set_pose import covariance_problem, decode_pose, pose_message
 from yahboomd.model import Motor
 from yahboomd.odometry.covariance import Covariance
 from yahboomd.odometry.integrator import Arc
@@ -152,3 +152,61 @@ def test_odometry_goes_on_from_whatever_is_taken_in_finite_numbers(matrix, theta
     pose = covariance.pose
     assert all(map(math.isfinite, pose))
     assert min(pose[::4]) > 0.0
+
+
+POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
+
+
+def message(ros, *, frame="odom", xyz=(1.0, -2.0, 0.5), quaternion=(0.0, 0.0, 0.6, 0.8), **entries):
+    covariance = [0.0] * 36
+    for entry, value in entries.items():
+        covariance[int(entry.removeprefix("c"))] = value
+    pose = {"position": ros.xyz(xyz), "orientation": ros.quaternion(quaternion)}
+    return {"header": ros.header(5, frame), "pose": {"pose": pose, "covariance": covariance}}
+
+
+@pytest.mark.parametrize("little_endian", [True, False])
+@pytest.mark.parametrize("frame", ["odom", "bot1/odom", "a" * 61])
+def test_the_planar_part_of_a_ros_pose_is_read(oracle, ros, frame, little_endian):
+    diagonal = {"c0": 0.25, "c1": 0.01, "c6": 0.01, "c7": 0.5, "c14": 9.0, "c35": 0.125}
+    value = message(ros, frame=frame, **diagonal)
+    wanted = decode_pose(oracle.encode(POSE, value, little_endian=little_endian), frame)
+    assert isinstance(wanted, SetPoseRequest)
+    assert (wanted.x, wanted.y) == (1.0, -2.0)
+    assert wanted.theta == pytest.approx(2.0 * math.atan2(0.6, 0.8))
+    assert wanted.covariance == (0.25, 0.01, 0.0, 0.01, 0.5, 0.0, 0.0, 0.0, 0.125)
+
+
+def test_a_pose_is_written_as_ros_writes_it(oracle, ros):
+    numbers = (1.0, -2.0, 0.5, 0.0, 0.0, 0.6, 0.8, *(number / 8 for number in range(36)))
+    value = message(ros, **{f"c{index}": index / 8 for index in range(36)})
+    assert pose_message(5, "odom", numbers) == oracle.encode(POSE, value)
+
+
+@pytest.mark.parametrize(
+    ("fields", "why"),
+    [
+        ({"frame": "map"}, 'its frame is "map", and a pose in "odom" is expected'),
+        ({"frame": ""}, 'its frame is ""'),
+        ({"frame": "/odom"}, 'its frame is "/odom"'),
+        ({"xyz": (math.nan, 0.0, 0.0)}, "not finite"),
+        ({"xyz": (1e300, 0.0, 0.0)}, "x"),
+        ({"c35": math.inf}, "not finite"),
+        ({"c0": -1.0}, "covariance"),
+        ({"c1": 0.5}, "covariance"),
+        ({"quaternion": (0.0, 0.0, 0.0, 0.0)}, "quaternion"),
+        ({"quaternion": (0.0, 0.0, 3.0, 4.0)}, "quaternion"),
+    ],
+)
+def test_a_ros_pose_that_cannot_be_set_has_its_reason(oracle, ros, fields, why):
+    problem = decode_pose(oracle.encode(POSE, message(ros, **fields)), "odom")
+    assert isinstance(problem, str)
+    assert why in problem
+
+
+@given(cut=st.integers(0, 400), noise=st.binary(max_size=20))
+def test_what_is_no_ros_pose_is_named_so(oracle, ros, cut, noise):
+    payload = oracle.encode(POSE, message(ros))
+    for broken in (payload[:cut], payload[: min(cut, 30)] + noise, payload + noise):
+        assume(broken != payload)
+        assert "PoseWithCovarianceStamped" in str(decode_pose(broken, "odom"))

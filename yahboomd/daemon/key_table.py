@@ -108,6 +108,11 @@ INPUTS: dict[str, Input] = {
         does="engages the emergency stop, whatever its payload; only a well-formed "
         '`{"engaged": false}` is refused, and a `std_msgs/Bool` that is false changes nothing',
     ),
+    keys.ODOMETRY_SET_POSE: Input(
+        messages=(SetPoseRequest,),
+        ros_types=(ros2.POSE,),
+        does="sets the pose; a ROS 2 message has to be in the frame of the odometry",
+    ),
 }
 """Received commands, by key; each further name in ``[command.sources]`` takes commands as well."""
 

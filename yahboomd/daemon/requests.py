@@ -167,6 +167,12 @@ class Operator:
         self._controller.event(Event(kind="pose_set", severity="info", message=words))
         return words
 
+    def refuse_pose(self, problem: str) -> None:
+        """Count and report a sample that set no pose."""
+        self._controller.counters["poses_refused"] += 1
+        words = f"A pose was not set: {problem}."
+        self._controller.event(Event(kind="pose_refused", severity="warning", message=words))
+
 
 Facts = Callable[[], dict[str, Any]]
 Newest = Callable[[str], msgspec.Struct | None]

@@ -28,6 +28,8 @@ ESTOP_QOS = Qos(reliable=True, depth=10)
 """No press may be lost on DDS, so a publisher has to be reliable, as ROS 2's are by default. Not
 latched: a press of yesterday must not stop the robot again whenever the bridge restarts."""
 
+POSE_QOS = Qos(reliable=True, depth=10)
+
 SERVICES = {key: offer.ros_type for key, offer in OFFERS.items() if offer.ros_type}
 """The services whose requests ROS 2 has types for."""
 
@@ -41,6 +43,7 @@ def start(
     *,
     services: Services,
     commands: Callable[[str], Handler],
+    poses: Handler,
 ) -> RosPublisher:
     """Enter ROS 2's graphs, as far as configured.
 
@@ -50,6 +53,7 @@ def start(
         clock: What tells the time.
         services: Carry out what is asked natively.
         commands: What to hand a source's commands to that arrive natively.
+        poses: Takes messages that set the pose and arrive natively.
 
     Returns:
         Publishes readings and status. Without any way it publishes nothing.
@@ -90,6 +94,10 @@ def start(
         if native is not None:
             other = ros2.TWIST if stamped else ros2.TWIST_STAMPED
             native.subscriber(source, ros_type, COMMANDS, commands(source), also=other)
+    if bridge is not None:
+        bridge.subscriber(keys.ODOMETRY_SET_POSE, ros2.POSE, POSE_QOS)
+    if native is not None:
+        native.subscriber(keys.ODOMETRY_SET_POSE, ros2.POSE, POSE_QOS, poses)
     publisher = RosPublisher(open_topic, topics(config), clock)
     publisher.place()
     return publisher

@@ -22,6 +22,7 @@ from yahboomd.daemon.control import Controller
 from yahboomd.daemon.key_table import OUTPUTS
 from yahboomd.daemon.local_stop import LocalStop
 from yahboomd.daemon.opening import open_bus
+from yahboomd.daemon.pose_intake import PoseIntake
 from yahboomd.daemon.process import Notifier, Signals
 from yahboomd.daemon.publisher import Publisher
 from yahboomd.daemon.requests import Operator, Services
@@ -167,12 +168,15 @@ class Daemon:
         services.serve(bus)
         for source in config.command.sources:
             bus.subscribe(source, intake.handler(source), keep_oversize=True)
+        poses = PoseIntake(operator, config.ros2.frame_prefix + config.odometry.frame_id)
+        bus.subscribe(keys.ODOMETRY_SET_POSE, poses.take)
         self._ros2 = ros2_plane.start(
             bus,
             config,
             clock,
             services=services,
             commands=lambda source: intake.handler(source, attached=True),
+            poses=poses.take,
         )
         self._announce(bus)
         notifier.ready()

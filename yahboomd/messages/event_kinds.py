@@ -237,6 +237,9 @@ KINDS: dict[EventKind, KindInfo] = {
     "estop_release_refused": KindInfo(
         ("warning",), "A release was sent to `yahboomd/estop`, which only engages."
     ),
+    "pose_refused": KindInfo(
+        ("warning",), "A sample was to set the pose, and is in another frame or is no pose."
+    ),
     "pose_set": KindInfo(("info",), "A client set the pose."),
     "second_daemon": KindInfo(("warning",), "Another yahboomd uses the same namespace."),
     "router_joined": KindInfo(("warning",), "A Zenoh router was joined: others may drive."),

@@ -25,6 +25,7 @@ from yahboomd.messages.native import (
     WheelsSample,
 )
 from yahboomd.messages.rcl_interfaces import LEVELS, log
+from yahboomd.messages.set_pose import pose_message
 from yahboomd.model import OdometryEstimate, Pose2d, Twist2d
 
 STAMP_NS = 1_700_000_000_123_456_789
@@ -250,6 +251,24 @@ def _samples() -> dict[str, CdrSample]:
                 ],
             },
             cdr.diagnostics(STAMP_NS, "", [diagnostic]),
+        ),
+        "PoseWithCovarianceStamped": CdrSample(
+            ros2.POSE,
+            {
+                "header": _header("odom"),
+                "pose": {
+                    "pose": {
+                        "position": _xyz(pose.x, pose.y, 0.0),
+                        "orientation": _rotation(pose.theta),
+                    },
+                    "covariance": list(planar.covariance(pose.covariance)),
+                },
+            },
+            pose_message(
+                STAMP_NS,
+                "odom",
+                (*planar.pose(_ESTIMATE.pose), *planar.covariance(pose.covariance)),
+            ),
         ),
         "Bool": CdrSample(ros2.BOOL, {"data": True}, cdr.boolean(True)),
         "Log": CdrSample(

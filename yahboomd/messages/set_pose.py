@@ -1,4 +1,4 @@
-"""Checks the covariance in a request to set the pose.
+"""Reads ROS 2's message that sets the pose, and checks covariances.
 
 Law: from an accepted pose and covariance odometry can continue for ever in finite numbers. The
 message limits single numbers (:mod:`.native`); this file checks them against each other.
@@ -7,8 +7,70 @@ message limits single numbers (:mod:`.native`); this file checks them against ea
 from __future__ import annotations
 
 import math
+import struct
+from collections.abc import Sequence
 
+import msgspec
+
+from yahboomd.messages import cdr
+from yahboomd.messages.native import SetPoseRequest
 from yahboomd.model import Matrix3
+
+_PLANAR = (0, 1, 5, 6, 7, 11, 30, 31, 35)
+"""Where x, y and yaw are in a covariance over (x, y, z, roll, pitch, yaw), row by row."""
+
+
+def decode_pose(payload: bytes, frame_id: str) -> SetPoseRequest | str:
+    """Reads a geometry_msgs/msg/PoseWithCovarianceStamped, of which the planar part counts.
+
+    Args:
+        payload: Header and body, in either byte order.
+        frame_id: The frame that its pose has to be in.
+
+    Returns:
+        The pose, or the problem with the message.
+    """
+    if not cdr.is_cdr(payload) or len(payload) < 16:
+        return "it is no geometry_msgs/PoseWithCovarianceStamped"
+    order = "<" if payload[1] else ">"
+    (length,) = struct.unpack_from(f"{order}I", payload, 12)
+    # Doubles start at a multiple of eight behind the header.
+    body = 4 + (12 + length + 7 & ~7)
+    if len(payload) != body + 8 * (7 + 36):
+        return "it is no geometry_msgs/PoseWithCovarianceStamped"
+    frame = payload[16 : 16 + length].rstrip(b"\0").decode(errors="replace")
+    if frame != frame_id:
+        return f'its frame is "{frame[:80]}", and a pose in "{frame_id}" is expected'
+    numbers = struct.unpack_from(f"{order}43d", payload, body)
+    if not all(map(math.isfinite, numbers)):
+        return "a number is not finite"
+    x, y, _, qx, qy, qz, qw = numbers[:7]
+    if abs(math.hypot(qx, qy, qz, qw) - 1.0) > 0.01:
+        return "its orientation is no quaternion of length 1"
+    xx, xy, xt, yx, yy, yt, tx, ty, tt = (numbers[7 + place] for place in _PLANAR)
+    covariance = (xx, xy, xt, yx, yy, yt, tx, ty, tt)
+    theta = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+    try:
+        request = msgspec.convert(
+            {"x": x, "y": y, "theta": theta, "covariance": covariance}, SetPoseRequest
+        )
+    except msgspec.ValidationError as error:
+        return str(error)
+    return covariance_problem(covariance) or request
+
+
+def pose_message(stamp_ns: int, frame_id: str, numbers: Sequence[float]) -> bytes:
+    """A geometry_msgs/msg/PoseWithCovarianceStamped. For clients and tests.
+
+    Args:
+        stamp_ns: Unix time.
+        frame_id: The frame that the pose is in.
+        numbers: Position, quaternion, and 36 covariances.
+    """
+    frame = frame_id.encode()
+    pack = cdr.Layout().add("I", 4, 2).text(frame).add("d", 8, 43).packer()
+    return pack(cdr.HEADER_LE, *cdr.stamp(stamp_ns), len(frame) + 1, frame, *numbers)
+
 
 TOLERANCE = 1e-6
 """The rounding error of correlations in a matrix written with seven digits."""

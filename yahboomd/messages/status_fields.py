@@ -137,6 +137,7 @@ _COMMAND = {
     "release_refused": "releases of the e-stop that were refused, on either key",
     "estop_not_pressed": "samples on the e-stop's key which say that it is not pressed (a "
     "`std_msgs/Bool` that is false)",
+    "poses_refused": "samples that were to set the pose, and did not: another frame, or no pose",
     "estop_file_failures": "times that the e-stop's file could not be written or removed",
     "events": "events that were published",
     "events_suppressed": "events that were left out: more than five of one kind in a second",
