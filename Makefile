@@ -36,7 +36,7 @@ $(VENV)/.dev: pyproject.toml tools/bootstrap.py
 ##@ Use it
 .PHONY: run
 run: $(VENV)/.run ## start the daemon: on a simulated board, or on a real one with PORT=/dev/...
-	@exec $(PY) tools/run.py $(if $(PORT),--port $(PORT)) $(ARGS)
+	@exec $(PY) tools/make_run.py $(if $(PORT),--port $(PORT)) $(ARGS)
 
 ##@ Check a change
 .PHONY: quick test check lint types imports schemas schemas-check
@@ -61,8 +61,8 @@ imports: $(VENV)/.dev ## which room may import which
 schemas: $(VENV)/.dev ## write schemas/, generated pages of docs/, man pages and completions
 	$(PY) -m yahboomd.messages.generate schemas
 	$(PY) -m yahboomd.daemon.asyncapi schemas
-	$(PY) -m yahboomd.messages.pages events > docs/events.md
-	$(PY) -m yahboomd.messages.pages status > docs/status.md
+	$(PY) -m yahboomd.messages.reference_pages events > docs/events.md
+	$(PY) -m yahboomd.messages.reference_pages status > docs/status.md
 	$(PY) -m yahboomd config reference > docs/configuration.md
 	$(PY) -m yahboomd config reference --toml > config.toml
 	$(PY) -m yahboomd.cli.shell.shared_files share
@@ -108,7 +108,7 @@ soak: $(VENV)/.run ## daemon and simulated board through all faults: MINUTES=60 
 	@exec $(PY) -m benchmarks.soak --minutes $(MINUTES) --seed $(SEED) $(ARGS)
 
 alarms: $(VENV)/.dev ## false alarms and cut times on virtual time, random driving on bad lines: MINUTES=60 SEED=1
-	@PYTHONPATH=tests/plugins $(PY) -m benchmarks.alarms --minutes $(MINUTES) --seed $(SEED) $(ARGS)
+	@PYTHONPATH=tests/plugins $(PY) -m benchmarks.false_alarms --minutes $(MINUTES) --seed $(SEED) $(ARGS)
 
 ##@ Measure
 .PHONY: bench bench-short footprint calibration picture

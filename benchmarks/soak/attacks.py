@@ -8,7 +8,7 @@ import time
 
 from benchmarks.soak.children import ATTACHMENT_BYTES
 from benchmarks.soak.course import BRAKE_S, Course
-from benchmarks.soak.faults import engage
+from benchmarks.soak.injections import engage
 from benchmarks.soak.processes import Helper, memory_mb, stopped_by_signal
 from benchmarks.soak.tail import is_stop
 

@@ -7,7 +7,7 @@ import time
 
 from benchmarks.soak import judges
 from benchmarks.soak.course import BRAKE_S, Course
-from benchmarks.soak.faults import RAMP_S, TIMEOUT_S, engage
+from benchmarks.soak.injections import RAMP_S, TIMEOUT_S, engage
 from benchmarks.soak.processes import WATCHDOG_S
 from benchmarks.soak.tail import STANDING_M_S, Order, is_stop
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import statistics
 import time
 
-from benchmarks.soak.alarms import ALARMS, LATELY_NS, shown
 from benchmarks.soak.course import NOISY, Course
 from benchmarks.soak.motion import TWIST_SPAN_NS, Track, pose_excess_m, twist_excess_m_s
+from benchmarks.soak.wheel_events import ALARMS, LATELY_NS, shown
 
 STEADY_SHARE = 0.05
 STEADY_M_S = 0.01

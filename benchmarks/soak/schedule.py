@@ -7,29 +7,29 @@ from random import Random
 
 import msgspec
 
-from benchmarks.soak import attacks, delays, faults
+from benchmarks.soak import attacks, delays, injections
 from benchmarks.soak.course import Course
 
 Fault = Callable[[Course], None]
 
 FAULTS: dict[str, Fault] = {
-    "e-stop": faults.estop,
-    "command silence": faults.silence,
-    "client killed": faults.client_killed,
-    "flood": faults.flood,
-    "short mute": faults.mute_short,
-    "long mute": faults.mute_long,
-    "babble": faults.babble,
-    "short unplug": faults.unplug_short,
-    "long unplug": faults.unplug_long,
-    "byte loss": faults.loss,
-    "corruption": faults.corruption,
-    "jitter": faults.jitter,
-    "encoder dead": faults.encoder_dead,
-    "encoder reversed": faults.encoder_reversed,
-    "motor unplugged": faults.motor_unplugged,
-    "wheel stalled": faults.stalled,
-    "wheel turned": faults.turning,
+    "e-stop": injections.estop,
+    "command silence": injections.silence,
+    "client killed": injections.client_killed,
+    "flood": injections.flood,
+    "short mute": injections.mute_short,
+    "long mute": injections.mute_long,
+    "babble": injections.babble,
+    "short unplug": injections.unplug_short,
+    "long unplug": injections.unplug_long,
+    "byte loss": injections.loss,
+    "corruption": injections.corruption,
+    "jitter": injections.jitter,
+    "encoder dead": injections.encoder_dead,
+    "encoder reversed": injections.encoder_reversed,
+    "motor unplugged": injections.motor_unplugged,
+    "wheel stalled": injections.stalled,
+    "wheel turned": injections.turning,
     "frozen process": delays.frozen,
     "burst": delays.burst,
     "another tick": delays.another_tick,
@@ -42,18 +42,18 @@ FAULTS: dict[str, Fault] = {
 """Faults that daemon and board live through."""
 
 RESETS: dict[str, Fault] = {
-    "board reset": faults.reset,
-    "brown-out": faults.brown_out,
-    "reset loop": faults.reset_loop,
-    "board hangs": faults.board_hangs,
+    "board reset": injections.reset,
+    "brown-out": injections.brown_out,
+    "reset loop": injections.reset_loop,
+    "board hangs": injections.board_hangs,
 }
 """Faults after which the board counts from zero."""
 
 ENDING: dict[str, Fault] = {
-    "SIGTERM": faults.sigterm,
+    "SIGTERM": injections.sigterm,
     "SIGTERM in an output stall": delays.sigterm_in_output_stall,
-    "SIGKILL": faults.sigkill,
-    "SIGSTOP": faults.sigstop,
+    "SIGKILL": injections.sigkill,
+    "SIGSTOP": injections.sigstop,
     "another signal": attacks.other_signal,
 }
 """Faults that end the daemon."""

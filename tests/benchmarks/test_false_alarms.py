@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchmarks.alarms import run, table
+from benchmarks.false_alarms import run, table
 
 
 def test_a_run_drives_for_its_minutes_and_cuts_every_wheel_that_breaks() -> None:

@@ -1,6 +1,6 @@
 """The pages ``docs/events.md`` and ``docs/status.md``, from their registries.
 
-``python -m yahboomd.messages.pages events`` prints one; ``make schemas`` writes both.
+``python -m yahboomd.messages.reference_pages events`` prints one; ``make schemas`` writes both.
 """
 
 from __future__ import annotations

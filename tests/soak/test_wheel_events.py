@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchmarks.soak.alarms import shown
+from benchmarks.soak.wheel_events import shown
 from yahboomd.messages.native import EventSample
 from yahboomd.simulation.truth import TruthSample
 

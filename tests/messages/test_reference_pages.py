@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from yahboomd.messages.event_kinds import EVENTS, KINDS
-from yahboomd.messages.pages import PAGES, events_page, status_page
+from yahboomd.messages.reference_pages import PAGES, events_page, status_page
 from yahboomd.messages.status_fields import FIELDS, REFUSALS
 
 DOCS = Path(__file__).parents[2] / "docs"

@@ -15,7 +15,7 @@ from real_robot import Client, free_endpoint, wait_for
 
 pytestmark = pytest.mark.realtime
 
-SCRIPT = Path(__file__).resolve().parents[2] / "tools" / "run.py"
+SCRIPT = Path(__file__).resolve().parents[2] / "tools" / "make_run.py"
 
 
 class MakeRun:
