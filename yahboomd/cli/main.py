@@ -27,12 +27,19 @@ FOLDERS = {
     **dict.fromkeys(("status", "pose", "send", "call", "events"), "robot"),
     "probe": "probe",
     "calibrate": "calibrate",
+    "record": "record",
     **dict.fromkeys(("install", "uninstall"), "service"),
     "completions": "shell",
 }
 """The folder of each command that has one; the others are modules of this room itself."""
 
-EXTRAS = {"rich": "monitor", "matplotlib": "plot", "numpy": "calibrate", "uvloop": "uvloop"}
+EXTRAS = {
+    "rich": "monitor",
+    "matplotlib": "plot",
+    "numpy": "calibrate",
+    "mcap": "record",
+    "uvloop": "uvloop",
+}
 """Packages that are installed only when asked for, with the name of the extra."""
 
 FULL = (errno.ENOSPC, errno.EDQUOT)

@@ -1,0 +1,133 @@
+"""`yahboomd record` beside a real daemon: nothing lost, killed without harm, refused in words."""
+
+from __future__ import annotations
+
+import argparse
+import io
+import json
+import signal
+import struct
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from mcap.exceptions import McapError
+from mcap.reader import NonSeekingReader, make_reader
+from real_robot import RealRobot, wait_for
+from rosbags.highlevel import AnyReader
+
+from yahboomd.bus.subscriptions import Arrival
+from yahboomd.cli.record.record import Recorder, size
+from yahboomd.cli.record.recorded_topics import Recorded
+from yahboomd.recording.mcap_files import McapFiles
+
+pytestmark = pytest.mark.xdist_group("one_robot")
+
+
+def start(robot: RealRobot, *arguments: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "yahboomd", "record", *arguments, "--connect", robot.endpoint],
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+
+
+@pytest.mark.realtime
+def test_a_recording_has_all_samples_and_other_readers_read_them(
+    one_robot: RealRobot, on_robot: Callable[..., int], tmp_path: Path
+) -> None:
+    folder = tmp_path / "run"
+    process = start(one_robot, str(folder), "--json")
+    wait_for(lambda: list(folder.glob("*.mcap")), "it records")
+    assert on_robot("send", "--vx", "0.2", "--wz", "0.5", "--for", "2") == 0
+    one_robot.settled_truth()
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 0, err
+    facts = json.loads(out)
+    assert facts["lost"] == facts["unreadable"] == 0
+
+    with (folder / "native_0.mcap").open("rb") as stream:
+        native = [
+            (channel.topic, json.loads(message.data))
+            for _, channel, message in make_reader(stream).iter_messages()
+        ]
+    poses = [sample for topic, sample in native if topic == "yahboomd/pose"]
+    assert len(poses) > 50
+    assert [each["seq"] for each in poses] == list(
+        range(poses[0]["seq"], poses[0]["seq"] + len(poses))
+    )
+    assert any(topic == "cmd_vel" and sample.get("vx") == 0.2 for topic, sample in native)
+
+    with AnyReader([folder]) as reader:
+        odometry = [
+            reader.deserialize(raw, connection.msgtype)
+            for connection, _, raw in reader.messages()
+            if connection.topic == "/odom"
+        ]
+        types = {connection.topic: connection.msgtype for connection in reader.connections}
+    assert {"/odom", "/tf", "/joint_states", "/diagnostics", "/estopped"} <= set(types)
+    assert odometry[-1].pose.pose.position.x == pytest.approx(poses[-1]["x"], abs=0.05)
+
+
+@pytest.mark.realtime
+def test_a_recorder_that_is_killed_leaves_what_it_has_written(
+    one_robot: RealRobot, on_robot: Callable[..., int], tmp_path: Path
+) -> None:
+    folder = tmp_path / "run"
+    process = start(one_robot, str(folder))
+    part = folder / "native_0.mcap"
+    assert on_robot("send", "--wz", "1", "--for", "1") == 0
+    wait_for(lambda: part.exists() and part.stat().st_size > 20_000, "a chunk is written")
+    process.kill()
+    process.communicate()
+    found = 0
+    try:
+        reader = NonSeekingReader(io.BytesIO(part.read_bytes()))
+        for _ in reader.iter_messages(log_time_order=False):
+            found += 1
+    except (McapError, ValueError, EOFError, struct.error):
+        pass
+    assert found > 100
+    one_robot.settled_truth()
+
+
+@pytest.mark.realtime
+def test_a_folder_that_exists_is_left_alone(
+    one_robot: RealRobot, on_robot: Callable[..., int], tmp_path: Path, capsys
+) -> None:
+    assert on_robot("record", str(tmp_path), "--for", "1") == 1
+    assert "Name a new folder" in capsys.readouterr().err
+    assert list(tmp_path.glob("*.mcap")) == []
+
+
+def arrival(payload: bytes, dropped: int = 0) -> Arrival:
+    return Arrival(
+        key="yahboomd/pose", payload=payload, stamp_ns=None, arrived_ns=0, dropped=dropped
+    )
+
+
+def test_a_gap_in_the_numbers_is_counted_as_lost_and_a_new_daemon_is_not(tmp_path: Path) -> None:
+    native, ros = McapFiles(tmp_path, "native"), McapFiles(tmp_path, "ros2", is_bag=True)
+    recorder = Recorder(native, ros, lambda at_ns: at_ns + 1)
+    take = recorder.handler(Recorded("yahboomd/pose", "yahboomd/pose", message="PoseSample"))
+    take([arrival(b'{"seq": %d}' % number) for number in (5, 6, 9, 1, 2)])
+    take([arrival(b"no message")])
+    facts = recorder.end()
+    assert (facts["messages"], facts["lost"], facts["unreadable"]) == (5, 2, 1)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"), [("500M", 500_000_000), ("2g", 2_000_000_000), ("1.5GB", 1_500_000_000)]
+)
+def test_sizes_are_read_as_people_write_them(text: str, expected: int) -> None:
+    assert size(text) == expected
+
+
+@pytest.mark.parametrize("text", ["", "lots", "-1M", "100k", "1.2.3M"])
+def test_what_is_no_size_is_refused(text: str) -> None:
+    with pytest.raises(argparse.ArgumentTypeError, match="such as 500M"):
+        size(text)

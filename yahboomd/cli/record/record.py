@@ -1,0 +1,286 @@
+"""``yahboomd record``: what is on the bus, as MCAP files."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import datetime
+import json
+import math
+import os
+import re
+import signal
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from yahboomd.cli.robot.attended import add_robot_options, attend
+from yahboomd.cli.shared_options import number
+from yahboomd.errors import Refused
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from yahboomd.bus.subscriptions import Arrival
+    from yahboomd.cli.record.recorded_topics import Recorded
+    from yahboomd.client import AsyncRobot
+    from yahboomd.recording.mcap_files import McapFiles
+
+DESCRIPTION = """\
+Record what the robot publishes and is commanded: poses, twists, wheels, battery, status, events and
+commands as JSON with their schemas, and the topics of ROS 2 in CDR with their definitions. The
+folder opens in Foxglove and Lichtblick, and `ros2 bag play` plays it. It ends after --for, or at
+Ctrl-C; cut off or killed, it can be read up to its last second.
+"""
+
+EPILOG = """\
+examples:
+  yahboomd record                              into a folder named after the time
+  yahboomd record run1 --for 60
+  yahboomd record /data/today --max-size 2G    the newest 2 GB are kept
+  ros2 bag play run1
+
+exit status:
+  0    ended by --for or Ctrl-C; the last line says what was recorded and lost
+  1    the folder exists, or the disk is full or lost
+  69   no daemon is there
+  78   a mistake in the configuration
+"""
+
+NATIVE = "native"
+ROS = "ros2"
+
+DEPTH = 2000
+"""Samples of one key that wait for a slow disk: 40 s at 50 Hz."""
+
+SYNC_S = 2.0
+REPORT_S = 1.0
+
+_SIZE = re.compile(r"(\d+(?:\.\d+)?)\s*([kMGT]?)B?", re.IGNORECASE)
+SMALLEST_BYTES = 1_000_000
+
+
+def size(text: str) -> int:
+    """A size such as ``500M`` in bytes."""
+    found = _SIZE.fullmatch(text.strip())
+    value = 0
+    if found is not None:
+        value = int(float(found[1]) * 1000.0 ** " kmgt".index(found[2].lower() or " "))
+    if value < SMALLEST_BYTES:
+        raise argparse.ArgumentTypeError(f"{text} is not a size of 1M or more, such as 500M or 2G")
+    return value
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument(
+        "folder", metavar="FOLDER", nargs="?", type=Path, help="a new folder (default: by the time)"
+    )
+    parser.add_argument(
+        "--for",
+        dest="for_s",
+        metavar="SECONDS",
+        type=number("a number of seconds above 0", lambda s: math.isfinite(s) and s > 0.0),
+        default=math.inf,
+        help="how long (default: until Ctrl-C)",
+    )
+    parser.add_argument(
+        "--max-size",
+        metavar="SIZE",
+        type=size,
+        default=0,
+        help="the most that is kept, such as 2G: the oldest parts are removed",
+    )
+    parser.add_argument(
+        "--split", metavar="SIZE", type=size, default=0, help="begin another file at this size"
+    )
+    parser.add_argument("--json", action="store_true", help="print the result as one line of JSON")
+    add_robot_options(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Record.
+
+    Raises:
+        NoDaemon: No daemon is there.
+        Refused: The folder cannot be written to.
+    """
+    # The extra is missed before anything is made.
+    import mcap.writer  # noqa: F401
+
+    from yahboomd.daemon.process import deadly
+
+    ended = attend(args, lambda robot: _record(robot, args), signals=deadly())
+    return os.EX_OK if ended in {128 + signal.SIGINT, 128 + signal.SIGTERM} else ended
+
+
+async def _record(robot: AsyncRobot, args: argparse.Namespace) -> int:
+    from yahboomd.cli.record.recorded_topics import facts_of, recorded
+    from yahboomd.clock import SystemClock
+    from yahboomd.config import Config
+    from yahboomd.recording.mcap_files import McapFiles
+
+    clock = SystemClock()
+    data = await robot.config()
+    config = Config.model_validate_json(msgspec.json.encode(data))
+    folder = args.folder or Path(f"robot-{datetime.datetime.now().astimezone():%Y-%m-%d-%H%M%S}")
+    try:
+        folder.mkdir(parents=True)
+    except OSError as error:
+        raise Refused(f"{folder} cannot be made: {error.strerror}. Name a new folder.") from error
+    # Two rows of files: readers of ROS 2's bags stumble over the schemas of JSON.
+    native, ros = (
+        McapFiles(
+            folder,
+            name,
+            split_bytes=args.split,
+            max_bytes=args.max_size // 2,
+            facts=facts_of(data),
+            is_bag=name == ROS,
+        )
+        for name in (NATIVE, ROS)
+    )
+    recorder = Recorder(native, ros, lambda at_ns: clock.wall_ns() - (clock.now_ns() - at_ns))
+    for each in recorded(config):
+        robot.bus.subscribe(each.key, recorder.handler(each), depth=DEPTH, max_bytes=1_000_000)
+    print(f"Recording to {folder}; Ctrl-C ends it.", file=sys.stderr)
+    try:
+        async with asyncio.timeout(None if math.isinf(args.for_s) else args.for_s):
+            await _watch(recorder)
+    except TimeoutError:
+        pass
+    finally:
+        facts = recorder.end()
+        if sys.stderr.isatty():
+            print(file=sys.stderr)
+        print(json.dumps({"folder": str(folder), **facts}) if args.json else _words(folder, facts))
+    return os.EX_OK
+
+
+async def _watch(recorder: Recorder) -> None:
+    """Have the disk keep what was written, and show how it goes."""
+    elapsed = 0.0
+    while True:
+        await asyncio.sleep(REPORT_S)
+        elapsed += REPORT_S
+        if recorder.problem:
+            raise Refused(recorder.problem)
+        if elapsed % SYNC_S == 0.0:
+            await asyncio.to_thread(recorder.sync)
+        if sys.stderr.isatty():
+            facts = recorder.facts()
+            line = (
+                f"\r{elapsed:5.0f} s  {facts['messages']} messages  "
+                f"{facts['bytes'] / 1e6:.1f} MB  {facts['lost']} lost "
+            )
+            print(line, end="", file=sys.stderr, flush=True)
+
+
+class _Numbered(msgspec.Struct):
+    seq: int | None = None
+
+
+class Recorder:
+    """Writes what arrives, and counts what does not.
+
+    Args:
+        native: Where native messages go.
+        ros: Where those of ROS 2 go.
+        wall_ns: Unix time of a moment of the monotonic clock.
+
+    Attributes:
+        lost: Samples that were published and did not arrive here, by their numbers.
+        unreadable: Payloads that were no message of their key.
+        problem: Why nothing can be written any more; empty while it can.
+    """
+
+    def __init__(self, native: McapFiles, ros: McapFiles, wall_ns: Callable[[int], int]) -> None:
+        self._files = {"json": native, "cdr": ros}
+        self.lost = 0
+        self.unreadable = 0
+        self.problem = ""
+        self._wall_ns = wall_ns
+        self._sequences: dict[str, int] = {}
+
+    def handler(self, topic: Recorded) -> Callable[[list[Arrival]], None]:
+        """What takes the samples of a topic."""
+
+        def take(arrivals: list[Arrival]) -> None:
+            for arrival in arrivals:
+                self._take(topic, arrival)
+
+        return take
+
+    def _take(self, topic: Recorded, arrival: Arrival) -> None:
+        if self.problem:
+            return
+        found = topic.channel(arrival.payload)
+        if found is None:
+            self.unreadable += 1
+            return
+        channel, payload = found
+        logged_ns = self._wall_ns(arrival.arrived_ns)
+        sequence = self._sequence(topic, payload) if channel.message_encoding == "json" else 0
+        if not sequence:
+            self.lost += arrival.dropped
+        try:
+            self._files[channel.message_encoding].write(
+                channel,
+                payload,
+                logged_ns=logged_ns,
+                published_ns=arrival.stamp_ns or logged_ns,
+                sequence=sequence,
+            )
+        except OSError as error:
+            self.problem = f"The recording ends: {error.strerror or error}."
+
+    def _sequence(self, topic: Recorded, payload: bytes) -> int:
+        """The number of a native sample; a gap since the one before is counted as lost."""
+        number = msgspec.json.decode(payload, type=_Numbered).seq
+        if number is None:
+            return 0
+        before = self._sequences.get(topic.key)
+        self._sequences[topic.key] = number
+        # A daemon that is started again begins at the beginning.
+        if before is not None and number > before:
+            self.lost += number - before - 1
+        return number
+
+    def sync(self) -> None:
+        """Have the disk keep what was written; slow, so in a thread."""
+        for files in self._files.values():
+            files.sync()
+
+    def facts(self) -> dict[str, int]:
+        """What was recorded so far."""
+        files = self._files.values()
+        return {
+            "messages": sum(each.messages for each in files),
+            "bytes": sum(each.written_bytes for each in files),
+            "lost": self.lost,
+            "unreadable": self.unreadable,
+            "removed_parts": sum(each.removed for each in files),
+        }
+
+    def end(self) -> dict[str, int]:
+        """End the files; what was recorded."""
+        try:
+            for files in self._files.values():
+                files.end()
+        except OSError as error:
+            self.problem = self.problem or f"The recording ends: {error.strerror or error}."
+        return self.facts()
+
+
+def _words(folder: Path, facts: dict[str, int]) -> str:
+    words = (
+        f"{folder}: {facts['messages']} messages, {facts['bytes'] / 1e6:.1f} MB, "
+        f"{facts['lost']} samples lost on the way."
+    )
+    if facts["unreadable"]:
+        words += f" {facts['unreadable']} payloads were no messages, and are left out."
+    if facts["removed_parts"]:
+        words += f" {facts['removed_parts']} older parts were removed for --max-size."
+    return words

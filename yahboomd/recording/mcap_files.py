@@ -1,0 +1,254 @@
+"""MCAP files: a recording in parts of bounded size, in a folder that ``ros2 bag`` plays.
+
+Chunks are small and go to the file at once, unbuffered: a file that is cut anywhere, or whose
+recorder was killed, lacks its index and its last chunk, and every reader finds the rest by reading
+from the front (https://mcap.dev/spec).
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from mcap.writer import Writer
+
+CHUNK_BYTES = 128 * 1024
+"""Some three seconds of a moving robot, uncompressed."""
+
+METADATA = "metadata.yaml"
+"""Written when a part ends: ``ros2 bag`` and other readers of its folders want it."""
+
+
+class Channel(NamedTuple):
+    """A topic in one encoding.
+
+    Attributes:
+        topic: Its name.
+        message_encoding: ``json`` or ``cdr``.
+        schema: Name of the message's type.
+        schema_encoding: ``jsonschema`` or ``ros2msg``; empty without a schema.
+        schema_text: The schema.
+        qos: ROS 2's quality of service in YAML, for topics of ROS 2.
+    """
+
+    topic: str
+    message_encoding: str
+    schema: str
+    schema_encoding: str
+    schema_text: str
+    qos: str = ""
+
+
+@dataclass
+class Part:
+    """One file of a recording.
+
+    Attributes:
+        path: Where it is.
+        first_ns: When its first message was recorded; Unix nanoseconds.
+        last_ns: When its last one was.
+        counts: Messages by channel.
+    """
+
+    path: Path
+    first_ns: int = 0
+    last_ns: int = 0
+    counts: dict[Channel, int] = field(default_factory=dict)
+
+
+class McapFiles:
+    """Writes messages into parts, and removes the oldest where they would take too much room.
+
+    Args:
+        folder: An existing folder.
+        name: The parts' names begin with it.
+        split_bytes: A part that is larger is followed by another; 0 for one part.
+        max_bytes: All parts together stay below it by removing the oldest; 0 for no bound.
+        facts: Written into each part, such as the daemon's configuration.
+        is_bag: Whether the folder gets the ``metadata.yaml`` of a bag of ROS 2 with these parts.
+
+    Attributes:
+        removed: Parts that were removed to stay below ``max_bytes``.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        name: str,
+        *,
+        split_bytes: int = 0,
+        max_bytes: int = 0,
+        facts: dict[str, str] | None = None,
+        is_bag: bool = False,
+    ) -> None:
+        self._folder = folder
+        self._name = name
+        self._is_bag = is_bag
+        # Four parts at least, so that a removal leaves most of what there was.
+        self._split_bytes = min(filter(None, (split_bytes, max_bytes // 4)), default=0)
+        self._max_bytes = max_bytes
+        self._facts = facts or {}
+        self._parts: list[Part] = []
+        self._number = 0
+        self.removed = 0
+
+    @property
+    def written_bytes(self) -> int:
+        """The size of the parts that are there."""
+        return sum(part.path.stat().st_size for part in self._parts)
+
+    @property
+    def messages(self) -> int:
+        """The messages in the parts that are there."""
+        return sum(sum(part.counts.values()) for part in self._parts)
+
+    def write(
+        self, channel: Channel, data: bytes, *, logged_ns: int, published_ns: int, sequence: int
+    ) -> None:
+        """Add a message.
+
+        Args:
+            channel: Its topic and encoding.
+            data: The message.
+            logged_ns: When it arrived; Unix nanoseconds.
+            published_ns: When it was published; Unix nanoseconds.
+            sequence: Its number, where its sender counts.
+
+        Raises:
+            OSError: The disk is full, or lost.
+        """
+        if not self._parts:
+            self._begin()
+        elif self._split_bytes and self._stream.size >= self._split_bytes:
+            self.end()
+            self._begin()
+            self._make_room()
+        part = self._parts[-1]
+        number = self._ids.get(channel)
+        if number is None:
+            number = self._ids[channel] = self._register(channel)
+        self._writer.add_message(number, logged_ns, data, published_ns, sequence)
+        part.counts[channel] = part.counts.get(channel, 0) + 1
+        part.first_ns = part.first_ns or logged_ns
+        part.last_ns = logged_ns
+
+    def sync(self) -> None:
+        """Have the disk keep what was written; slow, so in a thread."""
+        if self._parts:
+            self._stream.sync()
+
+    def end(self) -> None:
+        """Write the index of the part, and the folder's metadata."""
+        if not self._parts:
+            return
+        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._stream.close()
+        if self._is_bag:
+            (self._folder / METADATA).write_text(_metadata(self._parts), encoding="utf-8")
+
+    def _begin(self) -> None:
+        from mcap.writer import CompressionType, Writer
+
+        path = self._folder / f"{self._name}_{self._number}.mcap"
+        self._number += 1
+        self._stream = _Unbuffered(path)
+        self._writer: Writer = Writer(
+            self._stream,  # type: ignore[arg-type]
+            chunk_size=CHUNK_BYTES,
+            compression=CompressionType.ZSTD,
+        )
+        self._writer.start(profile="ros2" if self._is_bag else "", library="yahboomd")
+        if self._facts:
+            self._writer.add_metadata("yahboomd", self._facts)
+        self._ids: dict[Channel, int] = {}
+        self._parts.append(Part(path))
+
+    def _register(self, channel: Channel) -> int:
+        schema = 0
+        if channel.schema_encoding:
+            schema = self._writer.register_schema(
+                channel.schema, channel.schema_encoding, channel.schema_text.encode()
+            )
+        metadata = {"offered_qos_profiles": channel.qos} if channel.qos else {}
+        return self._writer.register_channel(
+            channel.topic, channel.message_encoding, schema, metadata
+        )
+
+    def _make_room(self) -> None:
+        """Remove the oldest parts; the newest has a whole part to grow."""
+        while (
+            self._max_bytes
+            and len(self._parts) > 1
+            and self.written_bytes + self._split_bytes > self._max_bytes
+        ):
+            self._parts.pop(0).path.unlink()
+            self.removed += 1
+
+
+class _Unbuffered:
+    """A file that has what was written to it, whatever becomes of this process."""
+
+    def __init__(self, path: Path) -> None:
+        self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
+        self.size = 0
+
+    def write(self, data: bytes) -> int:
+        view = memoryview(data)
+        while view:
+            view = view[os.write(self._fd, view) :]
+        self.size += len(data)
+        return len(data)
+
+    def tell(self) -> int:
+        return self.size
+
+    def flush(self) -> None:
+        """Nothing is kept back."""
+
+    def sync(self) -> None:
+        os.fdatasync(self._fd)
+
+    def close(self) -> None:
+        os.close(self._fd)
+
+
+def _metadata(parts: list[Part]) -> str:
+    """The folder's ``metadata.yaml`` (rosbag2, version 5): the topics of ROS 2 and the files."""
+    begin = min((part.first_ns for part in parts if part.first_ns), default=0)
+    end = max(part.last_ns for part in parts)
+    totals: dict[Channel, int] = {}
+    for part in parts:
+        for channel, count in part.counts.items():
+            totals[channel] = totals.get(channel, 0) + count
+    lines = [
+        "rosbag2_bagfile_information:",
+        "  version: 5",
+        "  storage_identifier: mcap",
+        f"  duration: {{nanoseconds: {max(0, end - begin)}}}",
+        f"  starting_time: {{nanoseconds_since_epoch: {begin}}}",
+        f"  message_count: {sum(totals.values())}",
+        "  topics_with_message_count:" if totals else "  topics_with_message_count: []",
+    ]
+    for channel, count in totals.items():
+        lines += [
+            "    - topic_metadata:",
+            f"        name: {channel.topic}",
+            f"        type: {channel.schema}",
+            "        serialization_format: cdr",
+            f'        offered_qos_profiles: "{channel.qos.replace(chr(10), chr(92) + "n")}"',
+            f"      message_count: {count}",
+        ]
+    lines += ['  compression_format: ""', '  compression_mode: ""', "  relative_file_paths:"]
+    lines += [f"    - {part.path.name}" for part in parts]
+    lines.append("  files:")
+    for part in parts:
+        lines += [
+            f"    - path: {part.path.name}",
+            f"      starting_time: {{nanoseconds_since_epoch: {part.first_ns}}}",
+            f"      duration: {{nanoseconds: {part.last_ns - part.first_ns}}}",
+            f"      message_count: {sum(part.counts.values())}",
+        ]
+    return "\n".join(lines) + "\n"
