@@ -76,7 +76,7 @@ def test_without_a_link_it_names_the_systems_own_port(start: object) -> None:
         ),
         (["--do", "explode"], "unknown command 'explode'"),
         (["--truth", "/nowhere/truth"], "cannot be written: No such file"),
-        (["--heard", "/nowhere/heard"], "What the host says cannot be written"),
+        (["--heard", "/nowhere/heard"], "The bytes of the host cannot be written"),
     ],
 )
 def test_options_that_cannot_be_used_are_named_with_status_78(

@@ -93,7 +93,7 @@ def test_known_holders_come_with_their_remedy() -> None:
 
 def test_silence_points_to_power_and_reset() -> None:
     words = what_was_heard(heard(b""))
-    assert "Not a byte came" in words
+    assert "No byte came" in words
     assert "RTS" in words
     assert hints(BoardSilent("silent."), "/dev/x", heard=heard(b"")) == (words,)
 

@@ -92,7 +92,7 @@ async def test_the_settings_of_the_board_are_read() -> None:
 async def test_the_other_dialect_than_the_configured_one_is_named(wanted: str, there: str) -> None:
     board = bench(there, dialect=wanted)
     with pytest.raises(
-        BoardError, match=f'speaks the {there} dialect.*dialect = "auto" or "{there}"'
+        BoardError, match=f'uses the {there} dialect.*dialect = "auto" or "{there}"'
     ):
         await board.session.run()
     assert board.port is not None
@@ -104,7 +104,7 @@ async def test_a_port_on_which_nothing_answers_is_named_with_the_remedy() -> Non
     board = bench("streamed")
     board.robot.start(board.now_ns())
     board.robot.hang(board.now_ns())
-    with pytest.raises(BoardSilent, match="no board answers here; heard nothing"):
+    with pytest.raises(BoardSilent, match="no board answers here; received nothing"):
         await board.session.run()
 
 

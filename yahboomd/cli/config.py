@@ -32,8 +32,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
     check = verbs.add_parser(
         "check",
-        help="say whether the configuration can be used",
-        description="Say whether the configuration can be used, and name every mistake if not.",
+        help="check whether the configuration can be used",
+        description="Check whether the configuration can be used, and name every mistake if not.",
     )
     add_config_options(check)
 
@@ -46,7 +46,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_config_options(show)
     form = show.add_mutually_exclusive_group()
     form.add_argument(
-        "--origin", action="store_true", help="say behind each value where it comes from"
+        "--origin", action="store_true", help="print the origin of each value beside it"
     )
     form.add_argument("--json", action="store_true", help="print JSON, for programs")
 

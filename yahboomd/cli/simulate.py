@@ -123,7 +123,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--dialect",
         choices=tuple(BOARDS),
         default=robot.dialect,
-        help="what the board speaks (default: %(default)s, as boards on sale do)",
+        help="the board's dialect (default: %(default)s, as boards on sale do)",
     )
     what.add_argument(
         "--drive",

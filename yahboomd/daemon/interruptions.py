@@ -131,7 +131,7 @@ class Resets:
             if self._wheels.noisy:
                 # Digits that were lost on their way look the same: they do not add up to a loop.
                 self._watch.clear()
-            self._restarted("The board reset itself without a word")
+            self._restarted("The board reset itself without its start message")
         if cause in {"reset_unseen", "gap_lost", "rebased"}:
             # A board that was not sent its motors' type turns no wheel; what the wheels did
             # not do until now is no fault of theirs.

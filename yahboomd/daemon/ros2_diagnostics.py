@@ -64,7 +64,7 @@ class Diagnostics:
         news = {name: count - before.get(name, 0) for name, count in counted.items()}
         worse = [f"{count} {_words(name)}" for name, count in news.items() if count > 0]
         if before and worse:
-            return WARN, f"The line is disturbed: {', '.join(worse)} since the last look."
+            return WARN, f"The line is disturbed: {', '.join(worse)} since the last report."
         board = sample.board
         version = f", firmware {board['version']}" if board.get("version") else ""
         return OK, f"Connected: dialect {board.get('dialect', 'unknown')}{version}."
@@ -73,7 +73,7 @@ class Diagnostics:
         errors = _count(sample.bus, "put_errors")
         lost, self._put_errors = errors - self._put_errors, errors
         if lost > 0:
-            return WARN, f"{lost} samples could not be sent since the last look."
+            return WARN, f"{lost} samples could not be sent since the last report."
         routers = sample.bus.get("routers")
         if routers:
             return OK, f"Joined the router at {routers}."

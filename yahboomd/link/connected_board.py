@@ -195,7 +195,7 @@ def _no_voltage(port: str) -> Event:
     words = (
         f"{port}: the board left {BATTERY_UNANSWERED} questions for the battery voltage in a row "
         "unanswered. The voltage is unknown; yahboomd asks less often, down to once in "
-        f"{BATTERY_SELDOM_S:.0f} s. Where the board has no voltage to tell, set "
+        f"{BATTERY_SELDOM_S:.0f} s. If the board reports no voltage, set "
         "board.battery_period_s = 0."
     )
     return Event(kind="battery_unanswered", severity="warning", message=words)

@@ -26,7 +26,7 @@ class Conversation:
 
     Args:
         line: The line.
-        dialect: What the board speaks.
+        dialect: The dialect of the board.
     """
 
     def __init__(self, line: Line, dialect: Dialect) -> None:
@@ -60,12 +60,12 @@ class Conversation:
             expected: A value that differs from it is believed when it was said twice.
 
         Raises:
-            BoardSilent: The board does not tell.
+            BoardSilent: The board does not send them.
         """
         return await handshake.read_settings(self._line, self.dialect, expected)
 
     async def read_battery(self) -> float | None:
-        """The voltage of the motors' supply; None where the board does not tell."""
+        """The voltage of the motors' supply; None where the board does not report it."""
         volts: list[float] = []
 
         def answered(said: Decoded) -> bool:

@@ -111,7 +111,7 @@ def what_was_heard(heard: Heard) -> str:
     data = heard.start
     if not data:
         return (
-            "Not a byte came. Is the board's own switch on, and its supply connected? Another "
+            "No byte came. Is the board's own switch on, and its supply connected? Another "
             "device may be behind this port; and RTS asserted at a reset leaves the board silent: "
             "press its reset button."
         )

@@ -79,18 +79,18 @@ async def identify(line: Line, wanted: str = "auto", *, stop_first: bool = True)
     if name is not None:
         if wanted not in {"auto", name}:
             raise BoardError(
-                f"{port.name}: the board speaks the {name} dialect, and the "
-                f"configuration says {wanted}.",
+                f"{port.name}: the board uses the {name} dialect, and the "
+                f"configuration names {wanted}.",
                 remedy=f'Set serial.dialect = "auto" or "{name}".',
             )
         # The board is deaf until it has said all of its answer.
         await _quiet(line)
         return DIALECTS[name]
     found = max(Counter(found_by for found_by, _ in line.unread[first:]).values(), default=0)
-    heard = f"{found} lines that are none of a board's" if found else "nothing"
+    heard = f"{found} lines that no board sends" if found else "nothing"
     titles = " or ".join(dict.fromkeys(dialect.title for dialect in DIALECTS.values()))
     raise BoardSilent(
-        f"{port.name}: no board answers here; heard {heard}.",
+        f"{port.name}: no board answers here; received {heard}.",
         remedy=f"Is it powered, is this its port, is the baud rate the board's, is it a {titles}? "
         "No counts come, so whether its wheels stand is unknown: look at them.",
     )
@@ -162,7 +162,7 @@ async def read_settings(
             line.notices.asked(line.clock.now_ns())
             await line.ask(question, hear, SETTINGS_WITHIN_S)
     raise BoardSilent(
-        f"{line.port.name}: the board does not tell its settings, and without them no wheel may "
+        f"{line.port.name}: the board does not send its settings, and without them no wheel may "
         "turn.",
         remedy="Is the cable long or noisy? Try `yahboomd probe`.",
     )

@@ -92,7 +92,7 @@ class Line:
 
     Attributes:
         tasks: Those that the line cannot do without.
-        dialect: What the board speaks; None before that is known.
+        dialect: The dialect of the board; None before that is known.
         writer: The outgoing half.
         watch: Sees whether the wheels stand.
         notices: Sees whether the board has started.

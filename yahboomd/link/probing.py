@@ -28,7 +28,7 @@ class Examination(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         dialect: How it is spoken to; None where nothing answered like a board.
         settings: What it stores; None where it stores nothing, or did not tell.
-        volts: The supply of its motors; None where it does not tell.
+        volts: The supply of its motors; None where it does not report it.
         ticks: Its counters; None where they did not come.
         standing: Whether the wheels were seen to stand; None if no counts came.
         heard: What came from the port.

@@ -22,7 +22,7 @@ class TakeoverReport(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         port: The port, by name.
-        dialect: What the board speaks; None where none answered.
+        dialect: The dialect of the board; None where none answered.
         stood: The counters showed standstill; None if no counts came.
         cut: The motors did not obey the brake, and were let go in full motion.
         within_s: From the first stop frame until standstill was seen, or it was given up.

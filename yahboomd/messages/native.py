@@ -228,7 +228,7 @@ class ServiceReply(msgspec.Struct, frozen=True, kw_only=True):
     success: Annotated[bool, Meta(description="Whether it was done.")]
     message: Annotated[str, Meta(description="What was done, or why not.")]
     data: Annotated[
-        Mapping[str, Any], Meta(description="What the service has to tell, by name.")
+        Mapping[str, Any], Meta(description="Values that the service returns, by name.")
     ] = msgspec.field(default_factory=dict)
 
 

@@ -26,7 +26,7 @@ class Heard(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class HeardWriter:
-    """Writes what the host says to a file; :meth:`write` is what a port's ``on_heard`` takes.
+    """Writes the bytes of the host to a file; :meth:`write` is what a port's ``on_heard`` takes.
 
     Args:
         path: The file, replaced at :meth:`open`.

@@ -238,7 +238,7 @@ async def serve(
         robot: The robot; its time starts now.
         link: A symbolic link to the device.
         truth: Where to write the ground truth.
-        heard: Where to write what the host says.
+        heard: Where to write the bytes of the host.
         control: A unix socket that takes control commands.
         at_start: Control commands to carry out first.
         ready: Called once the port can be opened.
@@ -287,7 +287,7 @@ def _listen(port: PtyPort, path: Path) -> HeardWriter:
         writer.open()
     except OSError as why:
         raise ConfigError(
-            f"What the host says cannot be written to {path}: {why.strerror or why}."
+            f"The bytes of the host cannot be written to {path}: {why.strerror or why}."
         ) from why
     port.on_heard = writer.write
     return writer

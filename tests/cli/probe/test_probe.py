@@ -153,7 +153,7 @@ def test_a_board_that_is_silent_is_said_so_with_what_to_check(simulated_board, c
     board = simulated_board("--do", "hang")
     assert main(["probe", "--port", board.port]) == 69
     words = capsys.readouterr().err
-    assert "no board answers (opened at 115200 baud, DTR on, RTS off). Not a byte came" in words
+    assert "no board answers (opened at 115200 baud, DTR on, RTS off). No byte came" in words
 
 
 def test_garbage_points_to_the_baud_rate(simulated_board, capsys) -> None:

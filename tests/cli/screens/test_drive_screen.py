@@ -65,7 +65,7 @@ def test_without_a_daemon_it_says_what_it_waits_for() -> None:
 
 def test_a_daemon_that_went_is_named() -> None:
     text = drawn(daemon.driving(0).view(5 * S), why="The connection is lost.")
-    assert "no word from the daemon for 5 s. The connection is lost." in text
+    assert "no status from the daemon for 5 s. The connection is lost." in text
     assert "DRIVING" not in text
     assert "run `yahboomd stop`" in text
 

@@ -78,7 +78,7 @@ async def test_without_a_terminal_it_prints_lines_until_it_is_ended(
         daemon.tell("It rains.")
         assert "warning" in await line_with("It rains.")
         await daemon.stop()
-        await line_with("no word from the daemon")
+        await line_with("no status from the daemon")
         process.send_signal(signal.SIGINT)
         assert await process.wait() == 0
         assert b"Traceback" not in await process.stdout.read()
@@ -96,7 +96,7 @@ async def test_on_a_terminal_it_follows_the_daemon_and_leaves_no_trace(
     daemon.status = daemon_samples.status("estopped", why="Emergency stop, by hand.")
     await process.shows("Emergency stop, by hand.")
     await daemon.stop()
-    await process.shows("NO WORD")
+    await process.shows("NO STATUS")
     await daemon.start()
     await process.shows("● ESTOPPED")
     process.type("q")

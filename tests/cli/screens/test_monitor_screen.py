@@ -93,7 +93,7 @@ def test_the_newest_event_is_shown_however_long_it_is(height: int) -> None:
 
 def test_a_silent_daemon_is_named_and_its_numbers_are_marked_old() -> None:
     text = "\n".join(drawn(daemon.driving(0).view(5 * S)))
-    assert "NO WORD  from the daemon for 5.0 s" in text
+    assert "NO STATUS  from the daemon for 5.0 s" in text
     assert "it was driving" in text
     assert "run `yahboomd stop`" in text
     assert "pose in odom (old)" in text

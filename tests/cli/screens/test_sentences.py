@@ -96,7 +96,7 @@ def test_a_line_marks_what_is_old() -> None:
     dashboard = daemon.driving(0)
     dashboard.accept(keys.STATUS, encode(daemon.status(), "json"), 2 * S)
     assert "(old)" in sentences.line(dashboard.view(2 * S))
-    assert "no word from the daemon for 7.0 s" in sentences.line(dashboard.view(9 * S))
+    assert "no status from the daemon for 7.0 s" in sentences.line(dashboard.view(9 * S))
 
 
 def test_what_comes_over_the_bus_stays_on_its_line_and_commands_no_terminal() -> None:

@@ -61,7 +61,7 @@ def test_unseen_wheels_are_not_called_standing(capsys: pytest.CaptureFixture[str
     assert "look at the wheels" in describe(report(stood=None))
     silent = describe(report(dialect=None, stood=None))
     assert "whether the wheels stand is unknown" in silent
-    assert "Not a byte came" in silent
+    assert "No byte came" in silent
     assert print_report(report(stood=None)) is False
     assert capsys.readouterr().out == ""
 

@@ -46,7 +46,7 @@ FOUND_WANTING = 1
 """The exit status of a board that must not be driven as it is, or does not store what it should."""
 
 DESCRIPTION = """\
-Find the board's port, stop its wheels, ask it everything it can tell, and explain what is wrong.
+Find the board's port, stop its wheels, read everything that it reports, and explain what is wrong.
 Nothing moves, and nothing is written to the board unless --write is given.
 """
 

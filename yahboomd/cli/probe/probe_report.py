@@ -140,7 +140,7 @@ def report(
         wrong += [*meant.unfit, *meant.wrong]
     elif dialect.read_settings:
         wrong.append(
-            "The board does not tell its settings whole, and without them no wheel may turn: a "
+            "The board does not send all of its settings, and without them no wheel may turn: a "
             "bad cable, or noise from the motors."
         )
     return Report(

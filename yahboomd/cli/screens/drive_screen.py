@@ -95,7 +95,7 @@ def _robot(view: View, why: str) -> list[tuple[str, Text]]:
     if status is None:
         return [("robot", sentence((f"waiting for the daemon … {why}", "yellow")))]
     if view.phase == "silent":
-        silence = f"● no word from the daemon for {view.silent_s:.0f} s. {why}"
+        silence = f"● no status from the daemon for {view.silent_s:.0f} s. {why}"
         rows = [("robot", sentence((silence, "red")))]
         if remedy := sentences.lost_sight(view):
             rows.append(("", sentence((remedy, "bold red"))))

@@ -95,7 +95,7 @@ def _state(view: View, where: str, width: int) -> tuple[Panel, int]:
         why = "All this is as it was then. Waiting for the daemon to come back … "
         why += sentences.lost_sight(view)
         head = line(
-            (" NO WORD ", "bold white on red"),
+            (" NO STATUS ", "bold white on red"),
             (f" from the daemon for {duration(view.silent_s)}", "bold red"),
         )
         driver = line((f"it was {status.state}", "red"))

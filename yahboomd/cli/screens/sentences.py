@@ -111,7 +111,7 @@ def line(view: View) -> str:
     """The most important, in one line."""
     assert view.status is not None
     if view.phase == "silent":
-        return f"no word from the daemon for {view.silent_s:.1f} s (it was {view.status.state})"
+        return f"no status from the daemon for {view.silent_s:.1f} s (it was {view.status.state})"
     volts = "" if view.volts is None else f"  {view.volts:.1f} V"
     late = " (old)" if view.late else ""
     return plain(

@@ -24,7 +24,7 @@ the board is plugged in. Doing it again changes nothing that is in place.
 
 EPILOG = """\
 examples:
-  yahboomd install --dry-run           say what would be done
+  yahboomd install --dry-run           print what would be done
   sudo yahboomd install                one board
   sudo yahboomd install --instance front --port /dev/serial/by-path/...
                                        one of several boards, as yahboomd@front
@@ -91,7 +91,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def add_system_options(parser: argparse.ArgumentParser) -> None:
     """``--dry-run`` and ``--root DIR``."""
     parser.add_argument(
-        "--dry-run", action="store_true", help="say what would be done, and do nothing"
+        "--dry-run", action="store_true", help="print what would be done, and do nothing"
     )
     parser.add_argument(
         "--root",

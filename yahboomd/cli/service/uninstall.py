@@ -17,7 +17,7 @@ is the program itself.
 
 EPILOG = """\
 examples:
-  yahboomd uninstall --dry-run               say what would be done
+  yahboomd uninstall --dry-run               print what would be done
   sudo yahboomd uninstall                    the service, and everything that install wrote
   sudo yahboomd uninstall --instance front   only yahboomd@front
 
