@@ -209,6 +209,8 @@ def test_battery_states_equal_rosbags(
 def test_a_voltage_too_large_for_the_message_becomes_infinite():
     encode = cdr.battery_state("base_link")
     assert encode(1, -1e300) == encode(1, -math.inf)
+    largest = (2.0 - 2.0**-23) * 2.0**127
+    assert encode(1, largest) != encode(1, math.inf)
 
 
 @given(

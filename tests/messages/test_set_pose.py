@@ -74,6 +74,7 @@ def test_what_is_no_covariance_is_refused_with_words(matrix, words):
         UNIT,
         (0.0,) * 9,
         changed((1, 1.0), (3, 1.0)),
+        changed((1, 1e-6), (3, 0.0)),
         changed((0, MAX_VARIANCE), (8, 1e-12)),
         # Seven digits of a correlation of one.
         changed((0, 0.3333333), (1, 0.5773503), (3, 0.5773503)),
