@@ -14,7 +14,7 @@ from ros_oracle import Oracle
 
 from yahboomd.daemon.publisher import Publisher
 from yahboomd.daemon.ros2_plane import topics
-from yahboomd.daemon.ros2_samples import RosPublisher
+from yahboomd.daemon.ros2_samples import RosPublisher, Spread
 from yahboomd.daemon.stamps import WallStamps
 from yahboomd.messages import cdr
 from yahboomd.messages.ros2 import Qos
@@ -80,8 +80,8 @@ class GraphBench(FaultBench):
             motor_names=tuple(motor.name for motor in self.config.motors()),
         )
 
-        def open_topic(topic: str, ros_type: str, _qos: Qos) -> tuple[Kept, ...]:
-            return (self.kept.setdefault(topic, (ros_type, Kept()))[1],)
+        def open_topic(topic: str, ros_type: str, _qos: Qos) -> Spread:
+            return Spread((self.kept.setdefault(topic, (ros_type, Kept()))[1],))
 
         ros = RosPublisher(open_topic, topics(self.config), self.clock)
         keep = self.heard.estimate
