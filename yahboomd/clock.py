@@ -94,7 +94,7 @@ class PauseWatch:
 
     All threads stand still then, so that those of a network library stamp what waited in the kernel
     as if it had arrived just now. Only a gap between two moments at which the loop ran shows it.
-    :meth:`look` belongs in front of everything that handles what may have waited.
+    :meth:`detect` belongs in front of everything that handles what may have waited.
 
     Args:
         clock: The source of time.

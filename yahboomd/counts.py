@@ -99,7 +99,7 @@ class CountHistory:
             readings.popleft()
 
     def drop_latest(self) -> None:
-        """Forget the latest reading: it was wrong."""
+        """Discard the latest reading: it was wrong."""
         if self._readings:
             self._readings.pop()
 

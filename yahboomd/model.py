@@ -140,14 +140,14 @@ class EncoderReading(msgspec.Struct, frozen=True, kw_only=True):
         ticks: Raw counters as the board sent them (int32 that wrap), positions 1 to 4.
         received_ns: When the last byte of the line was on the host's side of the wire (bytes that
             arrived behind it in the same read are taken off); monotonic nanoseconds.
-        sent_ns: When the first byte of the line left the board, as far as the wire tells
+        sent_ns: When the first byte of the line left the board, as far as the wire shows
             (``received_ns`` less the transfer time of the line); for a request and its answer, no
             earlier than the request's arrival on the board. Monotonic nanoseconds.
         after_reset: The first reading since the board reset itself: counters started from zero.
         after_gap: The first reading since the port was (re)opened.
         unbroken: Counts came by themselves before this connection switched the stream on. A reset
             switches it off, so there was none since it was switched on last.
-        requested_ns: When the request that this answers was on the board, as far as the wire tells
+        requested_ns: When the request that this answers was on the board, as far as the wire shows
             (written, plus its transfer time); None for a board that streams, or where not known.
             Takes the receiving side's jitter off the stamp. Monotonic nanoseconds.
         earliest_ns: The board cannot have sampled them before. The same as ``requested_ns``, but
@@ -189,7 +189,7 @@ class ImuReading(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         sensor: What it was measured with.
-        sent_ns: When its first byte left the board, as far as the wire tells; monotonic.
+        sent_ns: When its first byte left the board, as far as the wire shows; monotonic.
         gyro_rad_s: Rate of turn about x, y and z.
         acceleration_m_s2: Specific force along x, y and z: at rest, gravity upward.
         magnetic_t: The magnetic field in tesla; None where there is no magnetometer.

@@ -14,12 +14,11 @@ from yahboomd.bus.subscriptions import Subscription
 def summed_counters(declared: Iterable[object]) -> dict[str, int]:
     """Sum their counters up.
 
-    Of samples that were taken nothing is said: their takers count them. What a ring of Zenoh's
-    loses in a flood is unknown; ``samples_dropped`` holds one at least for each look at a full
-    ring.
+    Delivered samples are counted by their consumers. The losses of a ring of Zenoh's in a flood
+    are unknown; ``samples_dropped`` counts at least one for each full ring.
 
     Args:
-        declared: Whatever is declared on the bus.
+        declared: All that is declared on the bus.
     """
     found: Counter[str] = Counter()
     for each in declared:

@@ -38,7 +38,7 @@ class Token:
 
 
 MOST_TOKENS = 256
-"""Tokens that a watch keeps; more are counted. Anybody may declare any number of them."""
+"""Tokens that a watch keeps; more are counted. Any client may declare any number of them."""
 
 LONGEST_KEY = 512
 """Characters of a token's key; a longer one is counted like one too many."""
@@ -71,7 +71,7 @@ class TokenWatch:
         self._lock = threading.Lock()
 
     def attach(self, session: zenoh.Session) -> None:
-        """Look in this session too; those that exist already come first."""
+        """Watch this session too; those that exist already come first."""
         index = len(self._subscribers)
 
         def changed(sample: zenoh.Sample) -> None:

@@ -37,7 +37,7 @@ class PublisherCounters(msgspec.Struct, kw_only=True):
 
 
 class _Outlet:
-    """The publisher in one session, and whether anybody listens there."""
+    """The publisher in one session, and whether any client subscribes there."""
 
     def __init__(self, publisher: zenoh.Publisher | zenoh.ext.AdvancedPublisher) -> None:
         self.put: Callable[..., None] = publisher.put
@@ -126,7 +126,7 @@ class BusPublisher:
 
     @property
     def has_subscribers(self) -> bool:
-        """Whether anybody listens: without one, encoding a sample is work for nothing."""
+        """Whether any client subscribes: without one, encoding a sample is work for nothing."""
         return any(outlet.matching for outlet in self._outlets)
 
     def put(self, payload: bytes, attachment: bytes | None = None) -> bool:

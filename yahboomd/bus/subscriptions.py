@@ -77,7 +77,7 @@ class Subscription:
         handler: Takes what arrived, on the loop.
         inbox: Brings it there.
         now_ns: Stamps what arrives.
-        stamp_ns: When a sample was sent, as far as its timestamp tells.
+        stamp_ns: When a sample was sent, as far as its timestamp shows.
         depth: Samples kept for the handler.
         max_bytes: The most that payload and attachment may have together.
         keep_oversize: Deliver also what is too large, without its payload.

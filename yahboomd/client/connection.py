@@ -41,7 +41,7 @@ class Connection:
 
     Args:
         options: Of a client.
-        clock: What tells the time.
+        clock: The source of time.
         changed: Called on the loop when the daemon is there, and when it no longer is.
 
     Attributes:

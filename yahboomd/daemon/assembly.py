@@ -104,8 +104,8 @@ def opener(config: Config, clock: Clock, environ: Mapping[str, str] | None = Non
 
     Args:
         config: What a person decided.
-        clock: What tells the time.
-        environ: Tells where to note how the port was opened, for the stop after a kill.
+        clock: The source of time.
+        environ: Decides where to note how the port was opened, for the stop after a kill.
     """
     serial = config.serial
 

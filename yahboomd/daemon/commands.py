@@ -23,7 +23,7 @@ class CommandIntake:
         arbiter: Decides who drives.
         clock: For the wall time that absolute stamps are compared with.
         holonomic: Whether a sideways velocity means anything.
-        notice_pause: Looks whether this process stood still; called before anything is offered.
+        notice_pause: Detects whether this process stood still; called before anything is offered.
         step: Runs a control step; called once for what arrived together.
     """
 
@@ -156,7 +156,7 @@ class ClockWatch:
 
     Args:
         warnings: What holds at a moment, by source.
-        tell: Takes the events.
+        tell: Receives the events.
     """
 
     def __init__(
@@ -167,7 +167,7 @@ class ClockWatch:
         self._seen_ns: dict[str, int] = {}
 
     def report(self, now_ns: int) -> None:
-        """Look at the warnings of this moment; called now and then."""
+        """Publish an event for each new warning; called now and then."""
         for source, words in self._warnings(now_ns).items():
             seen_ns = self._seen_ns.get(source)
             self._seen_ns[source] = now_ns

@@ -51,12 +51,12 @@ class Controller:
     """Owns the path from commands to wheels, and from counts to the pose.
 
     Args:
-        clock: What tells the time.
+        clock: The source of time.
         options: The robot.
         arbiter: Decides who drives.
         odometer: Makes estimates of readings.
         latch: The e-stop.
-        outputs: Hear what comes of it.
+        outputs: Receive what comes of it.
     """
 
     def __init__(
@@ -119,7 +119,7 @@ class Controller:
     # The control step.
 
     def control_step(self) -> None:
-        """Decide what the wheels do now, and tell the board."""
+        """Decide what the wheels do now, and command the board."""
         self.notice_pause()
         now_ns = self._clock.now_ns()
         dt_s = seconds(now_ns - self._stepped_ns)
@@ -146,7 +146,7 @@ class Controller:
         self._alarm.set(due_ns if due_ns is not None and due_ns > now_ns else None)
 
     def notice_pause(self) -> None:
-        """Look whether this process stood still; before anything is used that may have waited."""
+        """Detect whether this process stood still; before anything is used that may have waited."""
         if not self._pauses.notice():
             return
         now_ns = self._clock.now_ns()
@@ -157,7 +157,7 @@ class Controller:
             self._stand(now_ns, at_once=True)
 
     def _look(self, now_ns: int) -> None:
-        """Does anybody see the wheels?"""
+        """Wait for the board where the wheels are no longer seen."""
         blind_s = self._options.blind_s
         if (
             self._wheels.attached
@@ -253,7 +253,7 @@ class Controller:
         self.counters[fault.kind] += 1
         self.event(fault.event())
 
-    # What the link tells (link.connected_board.Listener).
+    # Callbacks of the link (link.connected_board.Listener).
 
     def connected(self, board: ConnectedBoard, identity: Identity) -> None:
         """A board is there: may its wheels turn, and in which units are they commanded?"""
@@ -372,7 +372,7 @@ class Controller:
     # What people ask for (daemon.operator).
 
     def stop_now(self) -> None:
-        """Say a stop before everything else, whatever is under way."""
+        """Send a stop before everything else that is under way."""
         self._wheels.stop_again(self._clock.now_ns())
         self.control_step()
 
@@ -382,7 +382,7 @@ class Controller:
         return any(hold.kind == FAULT for hold in self._holds.active(self._clock.now_ns()))
 
     def clear_fault(self) -> str | None:
-        """Forget a latched fault. Returns its words; ``None`` where there was none."""
+        """Clear a latched fault. Returns its words; ``None`` where there was none."""
         found = [hold for hold in self._holds.active(self._clock.now_ns()) if hold.kind == FAULT]
         if not found:
             return None
@@ -401,7 +401,7 @@ class Controller:
         """Log and publish, as often as :class:`~yahboomd.daemon.publisher.Events` lets it."""
         self._events.report(event)
 
-    # What status tells.
+    # Status.
 
     def status_values(self) -> dict[str, int]:
         """Counters of the control path and of the odometry."""

@@ -11,10 +11,10 @@ from pathlib import Path
 def prepare_folder(folder: Path) -> None:
     """Make the folder where it is missing, and check that no other user can remove files from it.
 
-    A folder with a predictable name in ``/tmp`` can be created first by anybody.
+    A folder with a predictable name in ``/tmp`` can be created first by any user.
 
     Raises:
-        OSError: It cannot be made, or somebody else controls it.
+        OSError: It cannot be made, or another user controls it.
     """
     folder.mkdir(mode=0o750, parents=True, exist_ok=True)
     check_folder(folder)
@@ -24,7 +24,7 @@ def check_folder(folder: Path) -> None:
     """Check that no other user can remove files from the folder.
 
     Raises:
-        OSError: Somebody else controls it, or it is not there.
+        OSError: Another user controls it, or it is not there.
     """
     own = os.geteuid()
     status = os.lstat(folder)

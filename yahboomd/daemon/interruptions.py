@@ -82,12 +82,12 @@ class Resets:
     """Handles resets of the board for the control path.
 
     Args:
-        clock: What tells the time.
+        clock: The source of time.
         wheels: Are let go, and commanded again.
         limiter: Begins again from standstill.
         holds: Where the rest after a reset is put, and the fault after too many.
-        events: Tell of it.
-        outputs: Hear that the state may have changed.
+        events: Publishes its events.
+        outputs: Are notified that the state may have changed.
     """
 
     def __init__(
@@ -160,5 +160,5 @@ class Resets:
         self._outputs.changed()
 
     def clear(self) -> None:
-        """Forget past resets, after a person looked into them."""
+        """Clear past resets, after a person looked into them."""
         self._watch.clear()

@@ -226,7 +226,7 @@ class EstopLatch:
         return await asyncio.shield(self._settling)
 
     def release(self, moving: Sequence[str]) -> Release:
-        """Release, unless it would start the robot or the file cannot forget."""
+        """Release, unless it would start the robot or the file cannot be removed."""
         latched = self._stop.latched
         release = self._stop.release(moving)
         if latched is None or not release.released or self._keeper.release():

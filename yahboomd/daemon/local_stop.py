@@ -50,7 +50,7 @@ SAMPLES = 3
 
 
 class _Watch:
-    """Looks at the readings after a stop until the wheels stand."""
+    """Watches the readings after a stop until the wheels stand."""
 
     def __init__(self) -> None:
         self.standing = asyncio.Event()

@@ -115,7 +115,7 @@ def configure(level: str, environ: Mapping[str, str], stream: TextIO) -> None:
 
     Args:
         level: The least serious level that is written.
-        environ: Tells whether the journal reads (``JOURNAL_STREAM``).
+        environ: Shows whether the journal reads (``JOURNAL_STREAM``).
         stream: Where lines go.
     """
     handler = PatientHandler(stream)

@@ -178,7 +178,7 @@ class Notifier:
         self._send("STOPPING=1")
 
     def status(self, words: str) -> None:
-        """Say in words what is going on; the same words again are not sent.
+        """Report in words what is going on; the same words again are not sent.
 
         Nor are words that differ in an age alone: each would wake the manager and its listeners,
         twice a second.

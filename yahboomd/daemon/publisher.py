@@ -61,8 +61,8 @@ class Events:
     """Events on their way to the log and the bus.
 
     Args:
-        clock: What tells the time.
-        outputs: Hear them.
+        clock: The source of time.
+        outputs: Receive them.
         counters: Where they are counted, and those that were kept back.
     """
 
@@ -94,7 +94,7 @@ class Outlet(Protocol):
 
     @property
     def has_subscribers(self) -> bool:
-        """Whether anybody would get them."""
+        """Whether any client would receive them."""
         ...
 
     def put(self, payload: bytes) -> bool:
@@ -174,7 +174,7 @@ class Publisher:
         self._status = outlet(keys.STATUS)
         self._events = outlet(keys.EVENTS)
         self._seq = 0
-        # Made when somebody asks: at 50 Hz few of them are ever asked for.
+        # Made when a client asks: at 50 Hz few of them are ever asked for.
         self._newest: dict[str, Callable[[], msgspec.Struct]] = {}
 
     def status_values(self) -> dict[str, int]:

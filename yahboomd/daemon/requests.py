@@ -45,7 +45,7 @@ class Operator:
     """Carries requests out, and says in words what became of them.
 
     Args:
-        clock: What tells the time.
+        clock: The source of time.
         controller: Stops the wheels.
         arbiter: Knows who commands motion.
         latch: The e-stop.
@@ -109,11 +109,11 @@ class Operator:
         return words
 
     def count_not_pressed(self, times: int) -> None:
-        """Count samples which say that the e-stop is not pressed; they change nothing."""
+        """Count samples of an e-stop that is not pressed; they change nothing."""
         self._controller.counters["estop_not_pressed"] += times
 
     def release_estop(self) -> tuple[bool, str]:
-        """Release the e-stop, and clear a latched fault with it, unless somebody commands motion.
+        """Release the e-stop, and clear a latched fault with it, unless a source commands motion.
 
         An e-stop that was engaged within a second of the last release stays: this may be a copy of
         that request.
@@ -183,7 +183,7 @@ Answer = Callable[[Request, ServiceReply], Response]
 
 
 class Services:
-    """Answers queries, and hears the e-stop.
+    """Answers queries, and receives the e-stop.
 
     Args:
         operator: Carries out what is asked.
@@ -226,7 +226,7 @@ class Services:
             bus.serve(key, self._sample, fallback=self._refuse, wildcards=True)
 
     def hear_estop(self, bus: Bus, at: str) -> None:
-        """Hear the e-stop's samples on a key."""
+        """Subscribe to the e-stop's samples on a key."""
         bus.alarm(
             at,
             self._estop_samples,

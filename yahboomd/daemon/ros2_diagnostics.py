@@ -29,7 +29,7 @@ class Diagnostics:
 
     Args:
         name: Stands in front of every entry's name, as a node's does in ROS 2.
-        hardware_id: Tells this robot from others: its namespace.
+        hardware_id: Distinguishes this robot from others: its namespace.
     """
 
     def __init__(self, *, name: str = "yahboomd", hardware_id: str) -> None:

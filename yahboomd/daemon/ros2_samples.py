@@ -45,7 +45,7 @@ class Topics(msgspec.Struct, frozen=True, kw_only=True):
         static: Frames for ``tf_static``, which is not published without any.
         joints: The joint of each motor, in the order of the estimates.
         radii_m: The radius of each motor's wheel.
-        hardware_id: Tells this robot from others in the diagnostics.
+        hardware_id: Distinguishes this robot from others in the diagnostics.
         battery_curve: Points (volts, charge from 0 to 1), the volts rising; unknown without any.
     """
 
@@ -79,11 +79,11 @@ class Spread:
 
     @property
     def has_subscribers(self) -> bool:
-        """Whether anybody would get it."""
+        """Whether any client would receive it."""
         return any(outlet.has_subscribers for outlet in self._outlets)
 
     def put(self, payload: bytes) -> None:
-        """Send one, to those outlets where somebody listens."""
+        """Send one, to those outlets that have a subscriber."""
         for outlet in self._outlets:
             if outlet.has_subscribers:
                 outlet.put(payload)
@@ -103,7 +103,7 @@ class OpenTopic(Protocol):
 
 
 class RosPublisher:
-    """The ROS 2 plane. All that it tells of one reading carries the stamp it is given.
+    """The ROS 2 plane. All that it publishes of one reading carries the stamp it is given.
 
     Args:
         open_topic: Opens a topic.

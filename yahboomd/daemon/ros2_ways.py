@@ -90,7 +90,7 @@ class TakesAttachments(Protocol):
 
     @property
     def has_subscribers(self) -> bool:
-        """Whether anybody would get what is put."""
+        """Whether any client would receive what is published."""
         ...
 
     def put(self, payload: bytes, attachment: bytes | None = None) -> bool:
@@ -103,7 +103,7 @@ class AttachedOutlet:
 
     Args:
         publisher: Sends them.
-        gid: Tells this publisher from all others.
+        gid: Distinguishes this publisher from all others.
         wall_ns: Unix time.
     """
 
@@ -115,7 +115,7 @@ class AttachedOutlet:
 
     @property
     def has_subscribers(self) -> bool:
-        """Whether anybody would get it."""
+        """Whether any client would receive it."""
         return self._publisher.has_subscribers
 
     def put(self, payload: bytes) -> bool:

@@ -46,7 +46,7 @@ class Daemon:
     Args:
         config: What a person decided.
         environ: The process's environment.
-        clock: What tells the time.
+        clock: The source of time.
         opener: Opens the port; made from the configuration unless given.
     """
 
@@ -282,7 +282,7 @@ class Daemon:
             "why": why,
         }
 
-    # What the control path tells (control.Outputs).
+    # Callbacks of the control path (control.Outputs).
 
     def estimate(self, estimate: OdometryEstimate, command_m_s: tuple[float, ...]) -> None:
         """A new reading."""
@@ -308,7 +308,7 @@ class Daemon:
         self._controller.event(event)
 
     def changed(self) -> None:
-        """Tell the status now rather than at its next turn."""
+        """Publish the status now rather than at its next turn."""
         self._status_due.set()
 
     # The bus.

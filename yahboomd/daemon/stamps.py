@@ -29,7 +29,7 @@ class WallStamps:
 
     Args:
         clock: The source of both times.
-        tell: Takes the event of a step.
+        tell: Receives the event of a step.
 
     Attributes:
         held_back: Stamps that came 1 ns after the one before, to stay in order.
@@ -56,7 +56,7 @@ class WallStamps:
         return stamp_ns
 
     def follow(self) -> int:
-        """Look at the wall clock. Returns wall time less monotonic time, as stamps have it."""
+        """Read the wall clock. Returns wall time less monotonic time, as stamps have it."""
         before_ns = self._clock.now_ns()
         wall_ns = self._clock.wall_ns()
         after_ns = self._clock.now_ns()

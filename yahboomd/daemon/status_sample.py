@@ -39,11 +39,11 @@ class Status:
     """Collects the status from all stages.
 
     Args:
-        clock: What tells the time.
+        clock: The source of time.
         controller: State and reason.
         intake: Commands and refusals.
         supervisor: The link's counters.
-        bus: Whom the daemon is connected to.
+        bus: The routers and clients that the daemon is connected to.
         more_bus_facts: What the bus itself does not know.
     """
 

@@ -42,9 +42,9 @@ def storing_opener(
 
     Args:
         opener: Opens the port.
-        clock: What tells the time.
+        clock: The source of time.
         want: What the board shall store.
-        tell: Hears of every value that was, or could not be, stored.
+        tell: Receives an event for every value that was, or could not be, stored.
     """
 
     async def open_it() -> Port:
@@ -92,7 +92,7 @@ class Supervisor:
 
     Args:
         make_session: A fresh session.
-        clock: What tells the time.
+        clock: The source of time.
         unavailable: Called when an attempt to connect failed, or an open session ended.
     """
 

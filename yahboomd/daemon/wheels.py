@@ -1,7 +1,7 @@
 """Commands to the board: speeds, standstill and its proof, and the cut.
 
-It decides nothing about who may drive. It sees to it that a stop is obeyed: said before everything
-else where it must not wait, said again until the counters show it, and ended by letting the motors
+It decides nothing about who may drive. It makes sure that a stop is obeyed: sent before everything
+else where it must not wait, repeated until the counters show it, and ended by letting the motors
 go where they do not obey.
 """
 
@@ -30,7 +30,7 @@ LATE_NS = 60_000_000
 """A reading that took so long was held up on its way, and so, perhaps, was what was sent."""
 
 SAID_AGAIN_NS = 150_000_000
-"""Frames that were held up arrive together, and the board keeps one of them: the others are said
+"""Frames that were held up arrive together, and the board keeps one of them: the others are sent
 again within so long."""
 
 STOP_HELD_UP_NS = 600_000_000
@@ -43,7 +43,7 @@ class Board(Protocol):
     """The part of a session that commands the wheels."""
 
     def drive(self, units: Units) -> None:
-        """Say these speeds until others replace them."""
+        """Send these speeds until others replace them."""
         ...
 
     def brake(self) -> None:
@@ -55,7 +55,7 @@ class Board(Protocol):
         ...
 
     def release(self) -> None:
-        """Say until replaced that the motors are let go."""
+        """Send the release of the motors until a speed replaces it."""
         ...
 
     @property
@@ -69,7 +69,7 @@ class Board(Protocol):
         ...
 
     def rearm(self) -> None:
-        """Tell it again what it forgets at a reset."""
+        """Send it again what it loses at a reset."""
         ...
 
 
@@ -134,7 +134,7 @@ class Wheels:
         self._stop_watch.cancel()
 
     def rearm(self) -> None:
-        """The board may have been reset without a word: tell it again what it forgot."""
+        """The board may have been reset unnoticed: send it again what it lost."""
         if self._board is not None:
             self._board.rearm()
 
@@ -167,7 +167,7 @@ class Wheels:
 
         Args:
             now_ns: Now.
-            at_once: Say it before everything that waits, and again until it is obeyed.
+            at_once: Send it before everything that waits, and again until it is obeyed.
 
         Returns:
             The fault of a stop that is not obeyed, once. The motors are cut with it, and also,
@@ -213,13 +213,13 @@ class Wheels:
         return fault
 
     def stop_again(self, now_ns: int) -> None:
-        """Say the next stop at once, and look for its proof from the beginning."""
+        """Send the next stop at once, and begin to watch for standstill again."""
         self._stop_due_ns = now_ns
         if self._stop_watch.state != "stopping":
             self._stop_watch.cancel()
 
     def release(self, now_ns: int) -> None:
-        """Let the motors go, and keep saying so until the wheels are to turn."""
+        """Release the motors, and repeat that until the wheels are to turn."""
         self._released = True
         self.command_m_s = self.zeros
         self._check.command(now_ns, None)
@@ -241,7 +241,7 @@ class Wheels:
             now_ns: When.
         """
         said, speeds_m_s = self._said
-        # What was not said last is a stop, which goes before it.
+        # What was not sent last is a stop, which goes before it.
         if units is not None and units != said:
             speeds_m_s = self.zeros
         self._check.command(now_ns, None if units is None else speeds_m_s)
@@ -253,7 +253,7 @@ class Wheels:
     def paused(self, now_ns: int) -> None:
         """This process did not run: what comes now is of then, and proves nothing.
 
-        A stop that is under way is said again, and has its time again.
+        A stop that is under way is sent again, and has its time again.
         """
         self.restart_check()
         self._waited_ns = now_ns + WAITED_NS

@@ -48,7 +48,7 @@ class Arbiter:
     """Decides who drives.
 
     Args:
-        sources: Everybody who may.
+        sources: All that may drive.
         on_timeout: Whether silence ends in a ramp or a halt.
         stamps: How the age of a command is judged.
 
@@ -155,7 +155,7 @@ class Arbiter:
     def observe_wheels(
         self, now_ns: int, *, commanded_zero: bool, measured_m_s: Sequence[float] | None
     ) -> None:
-        """Tell what the wheels do: control passes down only from standstill.
+        """Note what the wheels do: control passes down only from standstill.
 
         Args:
             now_ns: Monotonic nanoseconds.

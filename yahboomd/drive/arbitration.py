@@ -26,7 +26,7 @@ Why: TypeAlias = Literal["driving", "zero_command", "timed_out", "revoked", "no_
 
 
 class Source(msgspec.Struct, frozen=True, kw_only=True):
-    """Somebody who may drive.
+    """A source of commands that may drive.
 
     Attributes:
         name: The key below the namespace, such as ``cmd_vel``.

@@ -1,4 +1,4 @@
-"""Commands that were held up and arrive all at once, where no stamp tells their age.
+"""Commands that were held up and arrive all at once, where no stamp shows their age.
 
 A link that stalls and recovers delivers what it held back within milliseconds. More than five
 commands within 20 ms, after the source was silent for its timeout (so that what is held back may be

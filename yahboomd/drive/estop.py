@@ -1,4 +1,4 @@
-"""The emergency stop: a latch that anybody may close and only one deliberate act opens.
+"""The emergency stop: a latch that any client may close and only one deliberate act opens.
 
 It knows no file and no bus: the caller keeps :attr:`EmergencyStop.latched` where it survives a
 restart, and hands it back on the next start.

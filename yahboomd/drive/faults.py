@@ -31,7 +31,7 @@ class Fault(msgspec.Struct, frozen=True, kw_only=True):
         motor: The motor by name; ``None`` where it concerns all of them.
         message: One sentence for a person, with what to check.
         action: ``cut``: let the motors go at once, whatever the configuration says; ``policy``: as
-            ``faults.stall`` says; ``report``: tell, and go on.
+            ``faults.stall`` says; ``report``: report, and go on.
         commanded_m_s: Rim speed that was commanded.
         measured_m_s: Rim speed that was measured.
         certain: It lasted so long that commands which were lost or altered do not explain it.

@@ -1,4 +1,4 @@
-"""Reasons for which the robot stands although somebody may command it: each with its own end.
+"""Reasons for which the robot stands although a source commands it: each with its own end.
 
 A hold is data: put on by the part that knows the reason, taken off by it or by time. While any is
 active the wheels stand.
@@ -115,5 +115,5 @@ class ResetWatch:
         )
 
     def clear(self) -> None:
-        """Forget past resets, after a person looked into them."""
+        """Clear past resets, after a person looked into them."""
         self._resets.clear()

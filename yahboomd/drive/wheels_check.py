@@ -1,7 +1,7 @@
 """Wheels that lie: command against measurement, motor by motor.
 
 The board closes its speed loop over the same counts that we read. A dead or reversed encoder makes
-that loop run away to full speed, and a zero command does not end it, so somebody has to notice.
+that loop run away to full speed, and a zero command does not end it, so it has to be noticed.
 What one motor shows is judged by :mod:`~yahboomd.drive.motor_watch`; here is what concerns all of
 them: which readings are judged at all, and whether all are silent at once.
 
@@ -136,7 +136,7 @@ class WheelsCheck:
         return tuple(faults)
 
     def reset(self) -> None:
-        """Forget what was seen: after a stop for a fault, after the board was away."""
+        """Discard what was seen: after a stop for a fault, after the board was away."""
         self._measured_ns = None
         self._history.clear()
 

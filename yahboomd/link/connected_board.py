@@ -69,7 +69,7 @@ class ConnectedBoard:
     Args:
         line: The line to the board.
         identity: What the board is.
-        listener: Hears what the board does.
+        listener: Receives what the board does.
         poller: Gets the counts.
     """
 
@@ -98,7 +98,7 @@ class ConnectedBoard:
         line.on_leaving = listener.leaving
 
     def drive(self, units: Units) -> None:
-        """Say these wheel speeds, in the board's units, until others replace them."""
+        """Send these wheel speeds, in the board's units, until others replace them."""
         self._line.let_go = False
         self._velocity_units = units
         self._line.writer.velocity(self._dialect.speeds(units))
@@ -116,13 +116,13 @@ class ConnectedBoard:
         self._line.writer.stop((self._dialect.cut or self._dialect.brake,))
 
     def release(self) -> None:
-        """Say again and again that the motors are let go, until a speed replaces it."""
+        """Send the release of the motors repeatedly, until a speed replaces it."""
         self._line.let_go = True
         self._velocity_units = None
         self._line.writer.velocity(self._dialect.cut or self._dialect.brake)
 
     def rearm(self) -> None:
-        """Tell the board again what it forgets at a reset, in case it was reset without a word."""
+        """Send the board again what it loses at a reset, in case one went unnoticed."""
         self.counters["rearmed_unheard"] += 1
         self._poller.arm()
 

@@ -57,7 +57,7 @@ class Conversation:
         """The settings that the board stores; None for a dialect that stores nothing.
 
         Args:
-            expected: A value that differs from it is believed when it was said twice.
+            expected: A value that differs from it is believed when it was sent twice.
 
         Raises:
             BoardSilent: The board does not send them.

@@ -26,7 +26,7 @@ KNOWN_HOLDERS = {
 """Programs that are known to hold such ports, with what to do."""
 
 MOSTLY_TEXT = 0.9
-"""The share of printable bytes above which what was heard is somebody's text, not noise."""
+"""The share of printable bytes above which input is another device's text, not noise."""
 
 
 def hints(

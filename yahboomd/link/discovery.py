@@ -1,6 +1,6 @@
 """Finds the board's port: by its udev name, else as the only CH340 on USB, else by asking.
 
-Also what a person needs to hear when there is none: the device may be on USB without a tty (some
+Also what a person needs to know when there is none: the device may be on USB without a tty (some
 Jetson kernels lack the ch341 driver), or brltty may have taken it.
 """
 

@@ -83,7 +83,7 @@ async def identify(line: Line, wanted: str = "auto", *, stop_first: bool = True)
                 f"configuration names {wanted}.",
                 remedy=f'Set serial.dialect = "auto" or "{name}".',
             )
-        # The board is deaf until it has said all of its answer.
+        # The board receives nothing until its answer is complete.
         await _quiet(line)
         return DIALECTS[name]
     found = max(Counter(found_by for found_by, _ in line.unread[first:]).values(), default=0)
@@ -97,7 +97,7 @@ async def identify(line: Line, wanted: str = "auto", *, stop_first: bool = True)
 
 
 async def _recognised(line: Line, first: int, deadline_ns: int) -> str | None:
-    """The dialect, as soon as what was heard tells it."""
+    """The dialect, as soon as what was received shows it."""
     alarm = line.clock.alarm(line.news.set)
     alarm.set(deadline_ns)
     try:
@@ -125,11 +125,11 @@ async def _quiet(line: Line) -> None:
 async def read_settings(
     line: Line, dialect: Dialect, expected: BoardSettings
 ) -> BoardSettings | None:
-    """The settings that the board keeps in flash; ``None`` for a dialect that cannot tell.
+    """The settings that the board keeps in flash; ``None`` for a dialect that reports none.
 
     An answer may have no check of any kind, and a lost digit that makes 1 encoder line of 11 turns
     the wheels eleven times too fast. So a value that speed depends on is believed when it is the
-    expected one, or when it was said twice.
+    expected one, or when it was sent twice.
 
     Args:
         line: The line to the board.

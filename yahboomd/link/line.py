@@ -57,7 +57,7 @@ DAMAGES_MOST = 16
 """Damages of the last ten seconds are counted up to here."""
 
 NOISY_RESEND_NS = 25_000_000
-"""On a noisy line a speed is said so often: one that arrives garbled lives no longer."""
+"""On a noisy line a speed is sent so often: one that arrives garbled lives no longer."""
 
 KEPT_BYTES = 512
 
@@ -86,9 +86,9 @@ class Line:
 
     Args:
         port: The open port.
-        clock: What tells the time.
+        clock: The source of time.
         still_ticks_per_s: Below it a wheel counts as standing.
-        resend_s: How often the current velocity is said again.
+        resend_s: The period at which the current velocity is repeated.
 
     Attributes:
         tasks: Those that the line cannot do without.

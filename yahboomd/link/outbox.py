@@ -1,7 +1,7 @@
 """Frames that wait to be sent: three lanes, and one rule for their order.
 
 - **stop** overtakes everything, and wipes the velocity that it contradicts;
-- **velocity** is a slot: the newest wins, and it is said again until replaced, since the board may
+- **velocity** is a slot: the newest wins, and it is repeated until replaced, since the board may
   drop one and its caller would not know;
 - **configuration** is first in, first out, each waiting for its answer.
 
@@ -34,7 +34,7 @@ class Lane(enum.Enum):
 
 
 Answers = Callable[[Decoded], bool]
-"""Whether what the board said is the (last part of the) answer to a request."""
+"""Whether what the board sent is the (last part of the) answer to a request."""
 
 
 class Request(msgspec.Struct, frozen=True, kw_only=True, eq=False):
@@ -42,7 +42,7 @@ class Request(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 
     Attributes:
         frame: The bytes to send.
-        answered: Tells whether something heard completes the answer.
+        answered: Decides whether something received completes the answer.
         timeout_ns: How long to wait for it, from the end of the frame.
         done: Called once, with whether the answer came.
     """
@@ -65,7 +65,7 @@ class Outbox:
     """The lanes. It writes nothing and asks no clock: the writer does.
 
     Attributes:
-        resend_ns: How often the current velocity is said again.
+        resend_ns: The period at which the current velocity is repeated.
     """
 
     def __init__(self, *, resend_ns: int) -> None:
@@ -95,12 +95,12 @@ class Outbox:
         self._velocity_due_ns = 0
 
     def velocity_lost(self) -> None:
-        """The board lost a command: say the current velocity again at once."""
+        """The board lost a command: send the current velocity again at once."""
         if self._velocity is not None:
             self._velocity_due_ns = 0
 
     def quiet(self) -> None:
-        """Say no velocity any more (the wheels are let go)."""
+        """Send no velocity any more (the wheels are let go)."""
         self._velocity = None
         self._velocity_due_ns = None
 

@@ -32,10 +32,10 @@ class Poller:
 
     Args:
         writer: Sends what is asked.
-        clock: What tells the time.
+        clock: The source of time.
         dialect: How the board is spoken to.
         period_ns: From poll to poll.
-        on_reading: Hears every reading.
+        on_reading: Receives every reading.
         on_armed: Called whenever the board is asked to stream its counts.
         port: Asked for bytes that were too few to wake the reader.
         unbroken: Whether they came before it was asked.
@@ -146,7 +146,7 @@ class Poller:
             self.arm()
 
     def arm(self) -> None:
-        """Tell the board how to count, and to send what it counts."""
+        """Configure how the board counts, and that it sends its counts."""
         self._rearmed_ns = self._clock.now_ns()
         self._on_armed()
         for frame in self._dialect.arm:

@@ -87,7 +87,7 @@ class Port(Protocol):
     def listen(
         self, on_data: Callable[[bytes], None], on_lost: Callable[[Exception | None], None]
     ) -> None:
-        """Tell who hears bytes and the loss of the port."""
+        """Set who receives bytes and the loss of the port."""
         ...
 
     def write(self, data: bytes) -> None:
@@ -95,11 +95,11 @@ class Port(Protocol):
         ...
 
     def gather(self, least: int) -> None:
-        """Hear bytes once so many are there, where the port can wait for them."""
+        """Deliver bytes once so many are there, where the port can wait for them."""
         ...
 
     def read_now(self) -> None:
-        """Hear what is there now, however little."""
+        """Deliver what is there now, however little."""
         ...
 
     def discard(self) -> None:
@@ -136,7 +136,7 @@ class _Serial(serial.Serial):
         self.fd, self.is_open = fd, True
 
     def configure(self, *, hangup_on_close: bool) -> None:
-        """Make it raw, forget what was received, and say what becomes of DTR when we leave."""
+        """Make it raw, discard what was received, and set what becomes of DTR when we leave."""
         self._reconfigure_port(force_update=True)  # type: ignore[attr-defined]
         self.reset_input_buffer()
         attributes = termios.tcgetattr(self.fileno())

@@ -23,7 +23,7 @@ class Device(NamedTuple):
         number: Its device number; given again once it is free.
         node: The file system and inode of its node, of a pseudo-terminal its creation as well.
         usb: The USB socket, the vendor and product, and the serial number; empty where it is not
-            on USB, or the system does not tell.
+            on USB, or the system does not report it.
     """
 
     number: int

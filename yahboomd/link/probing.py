@@ -27,7 +27,7 @@ class Examination(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         dialect: How it is spoken to; None where nothing answered like a board.
-        settings: What it stores; None where it stores nothing, or did not tell.
+        settings: What it stores; None where it stores nothing, or did not report it.
         volts: The supply of its motors; None where it does not report it.
         ticks: Its counters; None where they did not come.
         standing: Whether the wheels were seen to stand; None if no counts came.
@@ -49,7 +49,7 @@ async def examine(
 
     Args:
         opener: Opens the port.
-        clock: What tells the time.
+        clock: The source of time.
         expected: What the board should store.
         counters_only: Ask for nothing but the counters.
 
@@ -105,7 +105,7 @@ class Reopening(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def compare(before: Counts | None, after: Counts | None, *, banner: bool) -> Reopening:
-    """Tell from the counters whether a board was reset between two readings.
+    """Judge by the counters whether a board was reset between two readings.
 
     Args:
         before: The counters before the port was closed.
@@ -127,7 +127,7 @@ async def reopen(opener: Opener, clock: Clock, before: Examination) -> Reopening
 
     Args:
         opener: Opens the port.
-        clock: What tells the time.
+        clock: The source of time.
         before: What was found before it was closed.
 
     Raises:

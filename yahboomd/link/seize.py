@@ -1,8 +1,8 @@
-"""A port taken, and the first stop said on it, with nothing but the operating system.
+"""A port taken, and the first stop sent on it, with nothing but the operating system.
 
 After a daemon was killed its board drives on, and every millisecond until the first stop is
 distance. asyncio and pyserial take several times as long to import as Python itself takes to start,
-so the first words are said before either is there: this file imports what Python has loaded
+so the first words are sent before either is there: this file imports what Python has loaded
 anyway, or nearly so. (That is also why it asks the time itself.)
 
 :func:`yahboomd.link.port.adopt` takes the descriptor over: the port is opened once,
@@ -34,7 +34,7 @@ _HELD = (errno.EBUSY, errno.EAGAIN)
 
 
 class OtherDevice(OSError):
-    """The path leads to another device than the one that is to be stopped; nothing was said."""
+    """The path leads to another device than the one that is to be stopped; nothing was sent."""
 
 
 class Seized(NamedTuple):
@@ -72,7 +72,7 @@ def seize(
         rts: State of RTS.
         hangup_on_close: Whether closing drops DTR.
         device: Speak to this one only; None for the one that the path leads to.
-        patience_s: How long to try again while somebody else holds it.
+        patience_s: How long to try again while another process holds it.
 
     Raises:
         OtherDevice: The path leads to another one than ``device``.
@@ -99,7 +99,7 @@ def seize(
 
 
 def take(path: str, *, dtr: bool, rts: bool, device: Device | None = None) -> int:
-    """Open a port for this process alone; nothing is said on it.
+    """Open a port for this process alone; nothing is sent on it.
 
     Args:
         path: The device.
@@ -171,7 +171,7 @@ def _make_raw(fd: int, baudrate: int, *, hangup_on_close: bool) -> None:
 
 
 def _speak(fd: int, baudrate: int) -> bool:
-    """Say the first words one by one; whether the port held them up.
+    """Send the first words one by one; whether the port held them up.
 
     Of a burst the board keeps the last frame only, which may be another dialect's.
     """

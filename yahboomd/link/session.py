@@ -29,7 +29,7 @@ class SessionOptions(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         dialect: ``auto``, or the only one to accept.
         poll_rate_hz: Polls per second of a board that has to be asked.
-        resend_s: How often the current velocity is said again.
+        resend_s: The period at which the current velocity is repeated.
         still_ticks_per_s: Below it a wheel counts as standing.
         profile: The motors; a board that stores no type is sent it at each start.
         battery_period_s: How often the voltage is asked for, where the dialect can; 0 for never.
@@ -48,8 +48,8 @@ class Session:
 
     Args:
         opener: Opens the port.
-        clock: What tells the time.
-        listener: Hears what the board does.
+        clock: The source of time.
+        listener: Receives what the board does.
         options: See :class:`SessionOptions`.
 
     Attributes:

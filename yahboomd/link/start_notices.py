@@ -18,7 +18,7 @@ LATEST_ANSWER_NS = 1_200_000_000
 
 
 class StartNotices:
-    """Tells the banner of a board that starts from the version among its settings."""
+    """Distinguishes the banner of a board that starts from the version among its settings."""
 
     def __init__(self) -> None:
         self._answering = False
@@ -29,7 +29,7 @@ class StartNotices:
         self._answer_until_ns = now_ns + LATEST_ANSWER_NS
 
     def judge(self, decoded: Decoded, now_ns: int) -> Notice:
-        """Tell a start by a line. Hand over every line, in order; counts may be left out.
+        """Recognise a start by a line. Hand over every line, in order; counts may be left out.
 
         Returns:
             ``unclear`` for a banner, or an answer that lost its first line. What was believed of

@@ -1,7 +1,7 @@
-"""The last words on a port: brake, look whether the wheels stand, let go, and get it on the wire.
+"""The last words on a port: brake, watch until the wheels stand, release the motors; all on the wire.
 
 They are written on the port itself, past every queue of ours. Each waits until the one before is on
-the wire, because the board keeps only the last of a burst; a stop that was held up is said again.
+the wire, because the board keeps only the last of a burst; a stop that was held up is sent again.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class StopReport(msgspec.Struct, frozen=True, kw_only=True):
         cut: The motors were let go because they did not obey the brake.
         flushed: Everything was on the wire in the end.
         took_s: From the first stop frame to standstill, or to giving up.
-        brakes: How often the brake was said.
+        brakes: How often the brake was sent.
     """
 
     stood: bool | None
@@ -139,7 +139,7 @@ class _LastWords:
         return True
 
     async def send(self, *frames: bytes) -> bool:
-        """Say frames, each by itself; whether any was held up."""
+        """Send frames, each by itself; whether any was held up."""
         held = False
         for frame in frames:
             if not self.gave_up:
@@ -148,7 +148,7 @@ class _LastWords:
         return held
 
     async def pause(self, ns: int) -> None:
-        """Say nothing for a while."""
+        """Send nothing for a while."""
         await sleep_until(self._clock, self._clock.now_ns() + ns)
 
 
@@ -169,12 +169,12 @@ class _Watching:
         self.said = 0
 
     async def until_still(self, stop: bytes, within_s: float, *, again: bool) -> int:
-        """Say a stop that was said once already, until the wheels stand.
+        """Repeat a stop that was sent once already, until the wheels stand.
 
         Args:
             stop: The frame.
             within_s: How long at most, from when it was on the wire.
-            again: It was held up: say it again at once.
+            again: It was held up: send it again at once.
 
         Returns:
             When the wheels stood, or this gave up.
@@ -235,7 +235,7 @@ async def bring_to_rest(
 
     Args:
         port: The open port; what the board says must still reach ``watch``.
-        clock: What tells the time.
+        clock: The source of time.
         dialect: How the board is spoken to.
         watch: Sees the counters.
         let_go: The motors are without power already: a brake would start the board's speed loop
@@ -256,7 +256,7 @@ async def bring_to_rest(
         if not braked:
             until_ns = await watching.until_still(dialect.cut, COAST_WITHIN_S, again=held)
     await words.send(*dialect.disarm)
-    # A stop is the last word, and the last of a burst: said again where it was held up.
+    # A stop is the last word, and the last of a burst: sent again where it was held up.
     if await words.send(dialect.cut or dialect.brake):
         await words.send(dialect.cut or dialect.brake)
     if words.gave_up:

@@ -32,7 +32,7 @@ class Step(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         write: What was sent.
         outcome: Read back as wanted; refused in words; or neither.
-        answer: What the board said, empty where nothing was heard.
+        answer: The board's answer; empty where none came.
         attempts: How often it was sent.
         took_s: From the first attempt until it was read back.
     """
@@ -65,7 +65,7 @@ class Storing(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Progress:
-    """Hears how storing goes on; override what is of interest."""
+    """Receives the progress of storing; override what is of interest."""
 
     def begins(
         self, dialect: Dialect, writes: tuple[SettingWrite, ...], had: BoardSettings
@@ -83,9 +83,9 @@ async def store(
 
     Args:
         opener: Opens the port.
-        clock: What tells the time.
+        clock: The source of time.
         want: What the board shall store; None leaves a value alone.
-        progress: Hears how it goes on.
+        progress: Receives the progress.
 
     Raises:
         BoardStoresNothing: The board's dialect has no settings.

@@ -48,9 +48,9 @@ async def take_over(
 
     Args:
         port: The open port; it is closed in the end.
-        clock: What tells the time.
+        clock: The source of time.
         still_ticks_per_s: Below it a wheel counts as standing.
-        spoken_ns: When the stop of an unknown board was said on this port; None: not yet.
+        spoken_ns: When the stop of an unknown board was sent on this port; None: not yet.
 
     Raises:
         PortLost: The port went away.

@@ -5,7 +5,7 @@ is closed until its bytes are out and the dialect's spacing is over. Where it ha
 answer, other questions wait until that came or is overdue, and velocities until the board can take
 one: an answer that does not come must not delay a robot that is to brake. A frame that finds the
 line free is written at once, by its caller; the coroutine sees to those that had to wait
-and to what is said again.
+and to what is repeated.
 
 Nothing is written while the system still holds bytes of an earlier frame: what is queued there
 cannot be taken back, so that a stop would wait behind all of it. Velocities wait in their slot, the
@@ -56,8 +56,8 @@ class Writer:
 
     Args:
         port: The open port.
-        clock: What tells the time.
-        resend_ns: How often the current velocity is said again.
+        clock: The source of time.
+        resend_ns: The period at which the current velocity is repeated.
         spacing: What lies between frames.
 
     Attributes:
@@ -107,23 +107,23 @@ class Writer:
         return {**self.counters, "velocities_replaced": self._outbox.replaced}
 
     def set_resend(self, resend_ns: int) -> None:
-        """Say the current velocity more or less often."""
+        """Send the current velocity more or less often."""
         self._outbox.resend_ns = resend_ns
 
     # What others ask for; each is written at once where the line is free.
 
     def velocity(self, frame: bytes) -> None:
-        """Say this velocity, and say it again until another replaces it."""
+        """Send this velocity, and repeat it until another replaces it."""
         self._outbox.velocity(frame)
         self._pump()
 
     def stop(self, frames: tuple[bytes, ...]) -> None:
-        """Stop: before everything else, forgetting the velocity that was said."""
+        """Stop: before everything else, discarding the velocity that was sent."""
         self._outbox.stop(frames)
         self._pump()
 
     def quiet(self) -> None:
-        """Say no velocity any more."""
+        """Send no velocity any more."""
         self._outbox.quiet()
 
     def poll(self, frame: bytes, timeout_ns: int) -> bool:

@@ -65,7 +65,7 @@ class Arrivals:
         return (self._gap or 0.0) - 2.0 * self._edge
 
     def add(self, arrival: float) -> float:
-        """Take in a line and say when it left; never later than it came."""
+        """Accept a line, and return when it left; never later than it came."""
         if self._mean is None:
             self._mean = arrival
             return arrival + self._edge

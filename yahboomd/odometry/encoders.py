@@ -84,7 +84,7 @@ class Encoders:
     """The counters of the board, as signed totals of each motor that never wrap.
 
     :meth:`judge` says what a reading means and :meth:`accept` takes it on, so that a caller can
-    leave a reading that tells nothing new.
+    leave a reading that shows nothing new.
 
     Args:
         motors: The motors on the board, in the order of every tuple here.

@@ -117,7 +117,7 @@ class Integrator:
         self._totals_start = tuple(totals)
 
     def interrupt(self) -> None:
-        """Forget the step before: what follows does not continue it."""
+        """Discard the step before: what follows does not continue it."""
         self._before = None
 
     def state(self) -> State:

@@ -1,7 +1,7 @@
 """Readings in, estimates out: the rooms' one door.
 
 Law: a pose goes out for a new reading only, with the moment at which the board sampled it, and
-nothing that happens on the wire makes it jump. What is lost is said, as an event and in the
+nothing that happens on the wire makes it jump. What is lost is reported, as an event and in the
 covariance.
 
 An estimate needs two readings, because a velocity does: none is made of the first one of all, nor
@@ -37,7 +37,7 @@ UNSEEN_NS = 150_000_000
 
 ASKED_TICK_NS = 10_000_000
 SHORTEST_ASKED_NS = 15_000_000
-"""A board that is asked renews its totals every 10 ms at times that it does not tell: counts over
+"""A board that is asked renews its totals every 10 ms at times that it does not report: counts over
 less than this, as after a break, make no speed."""
 
 
@@ -49,7 +49,7 @@ class Update(msgspec.Struct, frozen=True, kw_only=True):
     """The result of one reading.
 
     Attributes:
-        estimate: The new estimate; None where the reading tells nothing new.
+        estimate: The new estimate; None where the reading shows nothing new.
         events: What happened with it.
     """
 
@@ -166,7 +166,7 @@ class Odometer:
             reading: The counters, as they came. Readings come in the order of their sending.
 
         Returns:
-            A new estimate where the reading tells something new, and what happened.
+            A new estimate where the reading shows something new, and what happened.
         """
         update = self._update(reading)
         clock = self._clock

@@ -34,7 +34,7 @@ class Instant(NamedTuple):
     Attributes:
         stamp_ns: When the board sampled; monotonic nanoseconds of the host.
         step_ns: How long after the last accepted reading, on the board's clock; 0 for a reading
-            that tells nothing new.
+            that shows nothing new.
         unsure_ns: How long before its line left the board may have sampled, where that is more than
             an ordinary delay; of a stream, how much shorter the step may have been.
     """

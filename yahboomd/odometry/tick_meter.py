@@ -16,7 +16,7 @@ from typing import Literal, NamedTuple, TypeAlias
 MS = 1e6
 
 FAST_TICKS = 3
-"""The counts a tick from which on a tick without any would be a miracle."""
+"""The counts a tick from which on a tick without any is impossible."""
 
 WARM_UP = 8
 """The changes that show the pace; none is numbered before."""

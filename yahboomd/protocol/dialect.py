@@ -291,7 +291,7 @@ class Dialect(Protocol):
         ...
 
     def decode(self, item: Any) -> Decoded:  # noqa: ANN401 - whatever its framer finds
-        """Say what an item of this dialect's framer means; never raises."""
+        """Interpret an item of this dialect's framer; never raises."""
         ...
 
     def recognises(self, item: Any) -> bool:  # noqa: ANN401 - whatever its framer finds
@@ -302,7 +302,7 @@ class Dialect(Protocol):
 
     @property
     def listen_ns(self) -> int:
-        """A board that reports unasked is heard within so long: before any board is asked; or 0."""
+        """The time to wait for a board that reports unasked, before any board is asked; or 0."""
         ...
 
     @property
@@ -391,7 +391,7 @@ class Dialect(Protocol):
 
     @property
     def battery(self) -> bytes | None:
-        """Asks for the voltage; None where the board does not tell it, or tells it unasked."""
+        """Asks for the voltage; None where the board does not report it, or reports it unasked."""
         ...
 
     @property

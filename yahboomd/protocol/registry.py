@@ -1,4 +1,4 @@
-"""The dialects by name, and what can be said to a board before its dialect is known."""
+"""The dialects by name, and what can be sent to a board before its dialect is known."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def connect_spacing_ns() -> int:
 
 
 def identify(heard: Iterable[tuple[str, Item]]) -> str | None:
-    """Say which dialect a board speaks, from what it has sent.
+    """Identify the dialect of a board by what it has sent.
 
     What has no meaning in any dialect, such as the chatter of another device or half a frame,
     means nothing.

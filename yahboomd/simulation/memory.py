@@ -83,7 +83,7 @@ class MemoryPort:
     def listen(
         self, on_data: Callable[[bytes], None], on_lost: Callable[[Exception | None], None]
     ) -> None:
-        """Say who hears bytes and the loss of the port."""
+        """Set who receives bytes and the loss of the port."""
         self.on_data = on_data
         self.on_lost = on_lost
 
@@ -109,7 +109,7 @@ class MemoryPort:
         self._schedule()
 
     def poke(self) -> None:
-        """Look at the robot again, after something was done to it from outside."""
+        """Advance the robot again, after something was done to it from outside."""
         if self._loop is not None:
             self._wake()
 

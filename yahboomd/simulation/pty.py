@@ -64,7 +64,7 @@ class PtyPort:
 
     @property
     def has_host(self) -> bool:
-        """Whether somebody has the port open, as far as we have looked."""
+        """Whether a process has the port open, as seen at the latest check."""
         return self._host
 
     def open(self) -> None:

@@ -66,7 +66,7 @@ class SpeedLoop:
         self._error_before = 0.0
 
     def reset(self) -> None:
-        """Forget output and errors; the target stays."""
+        """Clear output and errors; the target stays."""
         self._output = self._error = self._error_before = 0.0
 
     def regulate(self, measured_mm_s: float, tuning: Tuning) -> int:

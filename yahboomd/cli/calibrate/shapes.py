@@ -109,7 +109,7 @@ class Driver:
         return self.sides
 
     async def begin(self) -> None:
-        """Forget what was gathered; the robot stands."""
+        """Discard what was gathered; the robot stands."""
         await self._rest()
         del self._ticks[:-1]
 

@@ -81,7 +81,7 @@ class View(msgspec.Struct, frozen=True, kw_only=True):
         silent_s: Since the latest status.
         status: The latest status, pose, twist and wheels; None before the first.
         state_s: How long it has been in this state.
-        driver_s: How long the driver has had control; None where the status does not say.
+        driver_s: How long the driver has had control; None where the status has no driver.
         late: Pose, twist and wheels are old.
         poses_per_s: By the numbers that they carry: all of them, whether they arrive here or not.
         full_scale_m_s: The fastest that any wheel was, or was commanded to be, lately.

@@ -52,7 +52,7 @@ Meanings: TypeAlias = Mapping[str, Callable[[str], Decoded | None]]
 
 
 def decode_item(item: Frame | TextLine, frames: Meanings) -> Decoded:
-    """Say what a frame, by its exact name, or a line means; never raises."""
+    """Interpret a frame, by its exact name, or a line; never raises."""
     if isinstance(item, TextLine):
         return decode_text(item.text)
     parse = frames.get(item.name)
@@ -61,7 +61,7 @@ def decode_item(item: Frame | TextLine, frames: Meanings) -> Decoded:
 
 
 def decode_text(text: str) -> Decoded:
-    """Say what a text line means; never raises.
+    """Interpret a text line; never raises.
 
     Args:
         text: The line without its line end.

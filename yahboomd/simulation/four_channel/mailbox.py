@@ -57,7 +57,7 @@ class Mailbox:
         self._content = b""
 
     def reset(self) -> None:
-        """Forget everything, half frames too."""
+        """Discard everything, half frames too."""
         self.ready = self.too_long = False
         self._content = b""
         self._collected = None
