@@ -1,4 +1,4 @@
-"""The last words on a port: brake, watch until the wheels stand, release the motors; all on the wire.
+"""The last words on a port: brake, watch until the wheels stand, release, and get it on the wire.
 
 They are written on the port itself, past every queue of ours. Each waits until the one before is on
 the wire, because the board keeps only the last of a burst; a stop that was held up is sent again.
