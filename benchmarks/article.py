@@ -42,6 +42,7 @@ class Bridge:
         self._serial = serial.Serial(path, 115200, timeout=READ_TIMEOUT_S)
         self._log = log
         self._left = self._right = 0
+        self.readings = 0
         self.x = self.y = self.theta = 0.0
         self._serial.write(b"$mtype:1#")
         time.sleep(0.1)
@@ -80,6 +81,7 @@ class Bridge:
         moved_left = (left - self._left) * per_tick
         moved_right = (right - self._right) * per_tick
         self._left, self._right = left, right
+        self.readings += 1
         distance = (moved_left + moved_right) / 2.0
         turn = (moved_right - moved_left) / WHEEL_SEPARATION_M
         self.x += distance * math.cos(self.theta + turn / 2.0)

@@ -1,4 +1,7 @@
-"""One interface to the article's bridge and to yahboomd, each on its own simulated polled board."""
+"""One interface to the article's bridge and to yahboomd, each on its own simulated polled board.
+
+By :data:`STARTS`, to which ``ros_ways`` adds those of ROS 2.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ import math
 import re
 import socket
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple, Protocol
@@ -106,7 +109,12 @@ class Trial(NamedTuple):
 
     driver: Driver
     where: Path
-    process: rig.Process
+    needed: tuple[rig.Process, ...]
+
+    @property
+    def process(self) -> rig.Process:
+        """The one that holds the port."""
+        return self.needed[0]
 
     def control(self, command: str) -> None:
         """Disturb the board."""
@@ -154,9 +162,48 @@ class Trial(NamedTuple):
                    default=0.0)  # fmt: skip
 
 
+class Started(NamedTuple):
+    """A driver that has been started on a board.
+
+    Attributes:
+        driver: Takes velocities and has poses.
+        needed: Every process that has to run for it, the one that holds the port first.
+    """
+
+    driver: Driver
+    needed: tuple[rig.Process, ...]
+
+
+Start = Callable[[contextlib.ExitStack, Path, tuple[str, ...]], Started]
+"""Starts a driver on the board in a folder, with settings for the daemon; the stack ends it."""
+
+
+def start_article(stack: contextlib.ExitStack, where: Path, _: tuple[str, ...]) -> Started:
+    """The rebuilt bridge."""
+    port = rig.free_endpoint().rpartition(":")[2]
+    arguments = (str(where / "board"), port, str(where / "poses"))
+    process = stack.enter_context(rig.Process("-m", "benchmarks.article", *arguments))
+    process.says("ready")
+    connection = stack.enter_context(socket.create_connection(("127.0.0.1", int(port))))
+    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return Started(ArticleDriver(connection, where / "poses"), (process,))
+
+
+def start_yahboomd(stack: contextlib.ExitStack, where: Path, settings: tuple[str, ...]) -> Started:
+    """The daemon, commanded over Zenoh."""
+    endpoint = rig.free_endpoint()
+    process = rig.daemon(where, endpoint, *WHEELS, *settings, port="board")
+    stack.enter_context(process)
+    return Started(YahboomdDriver(stack.enter_context(rig.client(endpoint))), (process,))
+
+
+STARTS: dict[str, Start] = {ARTICLE: start_article, YAHBOOMD: start_yahboomd}
+"""How each driver is started, by its name."""
+
+
 @contextlib.contextmanager
 def trial(name: str, *options: str, settings: tuple[str, ...] = ()) -> Iterator[Trial]:
-    """Run a board and one of the two drivers; ``settings`` are for the daemon."""
+    """Run a board and one of the drivers; ``settings`` are for the daemon."""
     with contextlib.ExitStack() as stack:
         where = stack.enter_context(rig.folder())
         files = [part for each in ("truth", "heard", "control") for part in
@@ -164,21 +211,8 @@ def trial(name: str, *options: str, settings: tuple[str, ...] = ()) -> Iterator[
         link = ("--link", str(where / "board"))
         board = rig.Process("-m", "benchmarks.garbling", *link, *BOARD, *files, *options)
         stack.enter_context(board).says("is at")
-        endpoint = rig.free_endpoint()
-        port = endpoint.rpartition(":")[2]
-        driver: Driver
-        if name == ARTICLE:
-            arguments = (str(where / "board"), port, str(where / "poses"))
-            process = rig.Process("-m", "benchmarks.article", *arguments)
-            stack.enter_context(process).says("ready")
-            connection = stack.enter_context(socket.create_connection(("127.0.0.1", int(port))))
-            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            driver = ArticleDriver(connection, where / "poses")
-        else:
-            process = rig.daemon(where, endpoint, *WHEELS, *settings, port="board")
-            stack.enter_context(process)
-            driver = YahboomdDriver(stack.enter_context(rig.client(endpoint)))
-        yield Trial(driver, where, process)
+        driver, needed = STARTS[name](stack, where, settings)
+        yield Trial(driver, where, needed)
 
 
 def frames(heard: list[Heard], since_ns: int = 0) -> list[tuple[int, int, int]]:

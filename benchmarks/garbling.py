@@ -1,16 +1,19 @@
-"""``yahboomd simulate`` with one more fault, for the trials of ``baseline``.
+"""``yahboomd simulate`` with one more fault and one more record, for trials with a polled board.
 
     python -m benchmarks.garbling --link PATH ...
 
 Its options are those of ``yahboomd simulate``; on its control socket ``garble`` alters one digit of
 the board's next answer and nothing else. The frame stays well formed and has no checksum: the
-error shows only in the meaning of the counts.
+error shows only in the meaning of the counts. ``answers FILE`` writes each answer from then on with
+its time, [monotonic ns, text], a JSON line each.
 """
 
 from __future__ import annotations
 
+import json
 import re
 import sys
+from pathlib import Path
 
 from yahboomd.cli.main import main
 from yahboomd.simulation import console
@@ -37,6 +40,20 @@ def garble(robot: SimulatedRobot, _words: list[str], _now_ns: int) -> str:
     return ""
 
 
+def answers(robot: SimulatedRobot, words: list[str], _now_ns: int) -> str:
+    """Record the answers; the file stays open as long as the process lives."""
+    emit = robot.board.emit
+    file = Path(words[0]).open("w", buffering=1)  # noqa: SIM115 - until the process ends
+
+    def recorded(data: bytes, at_ns: int) -> None:
+        file.write(json.dumps([at_ns, data.decode("latin-1")]) + "\n")
+        emit(data, at_ns)
+
+    robot.board.emit = recorded
+    return ""
+
+
 if __name__ == "__main__":
     console.COMMANDS["garble"] = garble
+    console.COMMANDS["answers"] = answers
     sys.exit(main(["simulate", *sys.argv[1:]]))

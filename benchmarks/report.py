@@ -20,6 +20,10 @@ ROOT = Path(__file__).resolve().parent.parent
 STORE = ROOT / "build" / "benchmarks"
 
 
+class NotHere(Exception):
+    """Raised where a benchmark cannot run on this machine; the text says what is missing."""
+
+
 class Table(msgspec.Struct, kw_only=True):
     """Rows of text; the first column names their subject.
 

@@ -39,18 +39,23 @@ class Process:
     """A child; its output is kept. ``Process("-m", "yahboomd", ...)``.
 
     Args:
-        arguments: Python's.
+        arguments: Python's, or the program's.
         environ: More than ours.
+        program: Another program than this Python.
         nice: Its niceness; without the right to it, ``nice`` says so and runs it as it is.
     """
 
     def __init__(
-        self, *arguments: str, environ: dict[str, str] | None = None, nice: int = 0
+        self,
+        *arguments: str,
+        environ: dict[str, str] | None = None,
+        program: str = sys.executable,
+        nice: int = 0,
     ) -> None:
         self.lines: list[str] = []
         first = ["nice", "-n", str(nice)] if nice else []
         self._process = subprocess.Popen(
-            [*first, sys.executable, *arguments],
+            [*first, program, *arguments],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,

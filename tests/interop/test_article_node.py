@@ -1,0 +1,31 @@
+"""The article's bridge as a node of ROS 2 itself, as `make bench` measures it."""
+
+import math
+import time
+
+import pytest
+from ros_peers import until
+
+from benchmarks import ros_ways
+from benchmarks.drivers import frames, trial
+from benchmarks.report import NotHere
+
+pytestmark = pytest.mark.realtime
+
+
+def test_it_drives_publishes_a_pose_and_stops_the_wheels_when_it_ends() -> None:
+    try:
+        ros_ways.ways()
+    except NotHere as reason:
+        pytest.skip(str(reason))
+    with trial(ros_ways.NODE) as run:
+
+        def moved() -> bool:
+            run.driver.say(0.3)
+            return math.hypot(*run.driver.poses()[-1][:2]) > 0.1
+
+        until(moved, "the pose to show 0.1 m")
+        assert (300, 300) in {(left, right) for _, left, right in frames(run.heard())}
+        ended_ns = time.monotonic_ns()
+        run.process.end()
+        assert frames(run.heard(), ended_ns)[-1][1:] == (0, 0)
