@@ -2,10 +2,21 @@
 
 from __future__ import annotations
 
+import re
+
 import msgspec
 
 from yahboomd.cli.probe.probe_report import Report, SettingRow
-from yahboomd.cli.probe.probe_text import NOT_READY, READY, columns, listing, shown, text, verdict
+from yahboomd.cli.probe.probe_text import (
+    NOT_READY,
+    READY,
+    columns,
+    listing,
+    painted,
+    shown,
+    text,
+    verdict,
+)
 from yahboomd.link.discovery import Candidate
 from yahboomd.protocol.four_channel.stored import TABLE
 
@@ -97,3 +108,12 @@ def test_ports_are_listed_with_the_name_that_stays() -> None:
     assert listing([], "/dev/yahboom_driver", "") == [
         "No serial port is on USB, nor on the computer itself."
     ]
+
+
+def test_colours_show_the_verdict_and_change_no_word() -> None:
+    lines = ["port        /dev/a", "dead zone   1600   1900   differs", READY, NOT_READY]
+    drawn = painted(lines)
+    assert drawn[2] == f"\x1b[1;32m{READY}\x1b[0m"
+    assert drawn[3] == f"\x1b[1;31m{NOT_READY}\x1b[0m"
+    assert drawn[1].endswith("\x1b[33mdiffers\x1b[0m")
+    assert [re.sub(r"\x1b\[[\d;]*m", "", line) for line in drawn] == lines

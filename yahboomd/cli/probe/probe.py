@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import asyncio
 import os
-import re
 import shutil
 import sys
 from collections.abc import Iterable, Sequence
@@ -161,13 +160,13 @@ def _probe(args: argparse.Namespace) -> int:
     except LinkError as error:
         raise _with_hints(error, port) from error
     if not args.json:
-        print("\n".join(_painted(probe_text.text(report))))
+        _print(probe_text.text(report))
     if args.write:
         return _write(args, port, config, want, report)
     if args.json:
         print(_json(report))
     else:
-        print("\n".join(("", *_painted(probe_text.verdict(report, _width())))))
+        _print(["", *probe_text.verdict(report, _width())])
     return FOUND_WANTING if report.problems else os.EX_OK
 
 
@@ -327,7 +326,7 @@ def _write(
             done = f"The board stores the profile {after.profile}."
         else:
             done = "The board does not store all of it."
-        print("\n".join(("", done, *_painted(probe_text.verdict(after, _width())))))
+        _print(["", done, *probe_text.verdict(after, _width())])
     return os.EX_OK if complete and not after.problems else FOUND_WANTING
 
 
@@ -344,21 +343,7 @@ def _width() -> int:
     return min(100, shutil.get_terminal_size((100, 24)).columns)
 
 
-# Colours, on a terminal that wants them.
-
-_COLOURS = {
-    re.escape(probe_text.READY): "1;32",
-    re.escape(probe_text.NOT_READY): "1;31",
-    rf"{probe_text.DIFFERS}$": "33",
-    r"^stored value .*": "1",
-    r"^(?:port|board|supply|counters|wheels|reopening|settings)\b(?=  )": "1",
-}
-
-
-def _painted(lines: Sequence[str]) -> list[str]:
-    painted = [readable(line) for line in lines]
-    if not sys.stdout.isatty() or os.environ.get("NO_COLOR"):
-        return painted
-    for pattern, code in _COLOURS.items():
-        painted = [re.sub(pattern, f"\x1b[{code}m\\g<0>\x1b[0m", line) for line in painted]
-    return painted
+def _print(lines: Sequence[str]) -> None:
+    lines = [readable(line) for line in lines]
+    colours = sys.stdout.isatty() and not os.environ.get("NO_COLOR")
+    print("\n".join(probe_text.painted(lines) if colours else lines))

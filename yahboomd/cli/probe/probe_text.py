@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Sequence
 
@@ -20,6 +21,14 @@ REOPEN: dict[Survival, str] = {
 DIFFERS = "differs"
 READY = "Ready to drive."
 NOT_READY = "Not to be driven like this."
+
+_COLOURS = {
+    re.escape(READY): "1;32",
+    re.escape(NOT_READY): "1;31",
+    rf"{DIFFERS}$": "33",
+    r"^stored value .*": "1",
+    r"^(?:port|board|supply|counters|wheels|reopening|settings)\b(?=  )": "1",
+}
 
 
 def text(found: Report) -> list[str]:
@@ -95,6 +104,14 @@ def verdict(found: Report, width: int = 100) -> list[str]:
         )
         lines += [f"    {line}" for line in verbatim]
     return lines
+
+
+def painted(lines: Sequence[str]) -> list[str]:
+    """The lines with the colours of a terminal."""
+    found = list(lines)
+    for pattern, code in _COLOURS.items():
+        found = [re.sub(pattern, f"\x1b[{code}m\\g<0>\x1b[0m", line) for line in found]
+    return found
 
 
 def listing(found: Sequence[Candidate], udev_name: str, target: str) -> list[str]:
