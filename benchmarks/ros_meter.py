@@ -8,7 +8,6 @@ a subscriber of its commands is there. Runs in an environment with ``rclpy``, no
 
 from __future__ import annotations
 
-import contextlib
 import json
 import math
 import socket
@@ -21,8 +20,8 @@ from typing import IO
 import rclpy
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
-from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 
 
 class Meter(Node):
@@ -69,8 +68,8 @@ if __name__ == "__main__":
         Path(sys.argv[3]).open("w", buffering=1) as sent_file,
         socket.create_server(("127.0.0.1", int(sys.argv[1]))) as listener,
     ):
-        rclpy.init()
+        # Any signal ends it at once: with rmw_zenoh, rclpy's own handler of SIGTERM may hang.
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         node = Meter(log_file, sent_file)
         threading.Thread(target=take_orders, args=(node, listener), daemon=True).start()
-        with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):
-            rclpy.spin(node)
+        rclpy.spin(node)
