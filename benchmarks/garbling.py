@@ -40,13 +40,15 @@ def garble(robot: SimulatedRobot, _words: list[str], _now_ns: int) -> str:
     return ""
 
 
-def answers(robot: SimulatedRobot, words: list[str], _now_ns: int) -> str:
-    """Record the answers; the file stays open as long as the process lives."""
+def record_answers(robot: SimulatedRobot, words: list[str], _now_ns: int) -> str:
+    """Record the answers in a file."""
     emit = robot.board.emit
-    file = Path(words[0]).open("w", buffering=1)  # noqa: SIM115 - until the process ends
+    file = Path(words[0])
+    file.touch()
 
     def recorded(data: bytes, at_ns: int) -> None:
-        file.write(json.dumps([at_ns, data.decode("latin-1")]) + "\n")
+        with file.open("a") as lines:
+            lines.write(json.dumps([at_ns, data.decode("latin-1")]) + "\n")
         emit(data, at_ns)
 
     robot.board.emit = recorded
@@ -55,5 +57,5 @@ def answers(robot: SimulatedRobot, words: list[str], _now_ns: int) -> str:
 
 if __name__ == "__main__":
     console.COMMANDS["garble"] = garble
-    console.COMMANDS["answers"] = answers
+    console.COMMANDS["answers"] = record_answers
     sys.exit(main(["simulate", *sys.argv[1:]]))
