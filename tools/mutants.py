@@ -2,10 +2,10 @@
 
 cosmic-ray makes the changes: comparisons, signs, and/or, min/max, numbers. A sample has as large a
 part of each file. Each change is imported in a forked process, from memory, so that no file
-changes. There the tests of the changed file run first, then the room's others, up to the first
-failure; those with real time are left out. A change that no test notices survives: a claim is
-missing, or code that is not needed. Changes that cannot be noticed are listed, each with its
-reason, in tests/equivalent_mutants.txt, and count as equivalent.
+changes. There the tests of the changed file run first, then the room's others, the quickest of each
+first, up to the first failure; those with real time are left out. A change that no test notices
+survives: a claim is missing, or code that is not needed. Changes that cannot be noticed are listed,
+each with its reason, in tests/equivalent_mutants.txt, and count as equivalent.
 """
 
 import argparse
@@ -13,11 +13,13 @@ import ast
 import contextlib
 import gc
 import io
+import json
 import os
 import random
 import re
 import resource
 import sys
+import tempfile
 from collections import Counter
 from importlib import machinery
 from pathlib import Path
@@ -151,8 +153,12 @@ def change(path, operator, occurrence, line):
     return changed, before, after
 
 
+TOOK = {}
+"""How long each test takes without a change, in seconds."""
+
+
 class Hurry:
-    """Hypothesis comes last, and looks for no smaller example of what fails."""
+    """What takes long comes last, and hypothesis looks for no smaller example of what fails."""
 
     def pytest_configure(self):
         """Load a profile after conftest.py did."""
@@ -162,8 +168,12 @@ class Hurry:
         settings.load_profile("mutants")
 
     def pytest_collection_modifyitems(self, items):
-        """The tests of one example first."""
-        items.sort(key=lambda item: hypothesis.is_hypothesis_test(item.obj))
+        """The quickest first."""
+        items.sort(key=lambda item: TOOK.get(item.nodeid, 0.0))
+
+    def pytest_runtest_logreport(self, report):
+        """Remember how long each one took."""
+        TOOK[report.nodeid] = TOOK.get(report.nodeid, 0.0) + report.duration
 
 
 def passes(*arguments):
@@ -173,6 +183,13 @@ def passes(*arguments):
     # What is imported before pytest is no reason to fail.
     quiet += ["-o", "filterwarnings=", "-m", "not realtime"]
     return pytest.main([*quiet, *arguments], [Hurry()]) in (0, 5)
+
+
+def passes_unchanged(note, tests):
+    """Whether tests pass as things are; how long each took is written to the file `note`."""
+    passed = passes(*tests)
+    Path(note).write_text(json.dumps(TOOK))
+    return passed
 
 
 def import_libraries(tests):
@@ -231,9 +248,11 @@ def main():
     sys.path[:0] = [str(HERE), str(HERE / "tests" / "plugins")]
     where, tests = ROOMS[options.room]
     import_libraries(tests)
-    usual_s = forked(600, passes, *tests)
-    if usual_s is None:
-        sys.exit(f"mutants: the tests of {options.room} fail without a change")
+    with tempfile.NamedTemporaryFile() as note:
+        usual_s = forked(600, passes_unchanged, note.name, tests)
+        if usual_s is None:
+            sys.exit(f"mutants: the tests of {options.room} fail without a change")
+        TOOK.update(json.loads(Path(note.name).read_text()))
     limit_s = 20 + round(5 * usual_s)
     equivalent = {
         tuple(part.strip() for part in line.split(" | ")[:3])

@@ -250,7 +250,7 @@ async def test_whatever_the_tick_of_the_board_the_twist_is_true_and_the_pose_is_
         await bench.drive(6.0, 0.3)
         settled = len(bench.heard.estimates)
         # To and fro, so that a lag that grows has time to, and digits stay.
-        for way in (1, -1) * 4:
+        for way in (1, -1) * 2:
             await bench.drive(4.0, 0.3 * way)
             late_ns = bench.clock.now_ns() - bench.heard.estimates[-1].stamp_ns
             assert late_ns < 60_000_000 + 1e9 * tick_s
@@ -260,7 +260,7 @@ async def test_whatever_the_tick_of_the_board_the_twist_is_true_and_the_pose_is_
             for estimate in bench.heard.estimates[settled:-20]
             if abs(abs(bench.true_at(estimate).vx) - 0.3) < 0.003
         ]
-        assert len(steady) > 300
+        assert len(steady) > 150
         # A turn of direction takes longer than the window is long: only steady runs are judged.
         worst = sorted(abs(abs(each.twist.vx) - 0.3) for each in steady)
         assert worst[len(worst) * 98 // 100] < bound_m_s
