@@ -153,7 +153,7 @@ def seize_port(
     """Seize the port, which sends the first stop.
 
     Args:
-        args: Names the port, perhaps.
+        args: May name the port.
         config: How it is opened; None for the defaults, with the port that ``args`` names.
         patience_s: How long to try again while another process holds it.
         asked: Where a daemon was asked on the bus, and did not answer.
