@@ -35,6 +35,8 @@ EventKind: TypeAlias = Literal[
     "estop",
     "estop_release_refused",
     "estop_released",
+    "gyro_fit",
+    "gyro_unfit",
     "latency_timer",
     "line_noisy",
     "no_counts",
@@ -56,6 +58,7 @@ EventKind: TypeAlias = Literal[
     "stop_not_obeyed",
     "stop_not_seen",
     "turns_without_command",
+    "wheels_slip",
 ]
 """Every kind of event; what each means is in :mod:`yahboomd.messages.event_kinds`."""
 
@@ -171,6 +174,7 @@ class ImuSensor(msgspec.Struct, frozen=True, kw_only=True):
         name: Such as ``mpu9250``.
         gyro_limit_rad_s: The fastest turn that it can report about an axis.
         gyro_noise_rad_s: Standard deviation of one sample about one axis.
+        gyro_scale: Standard deviation of its scale, as a share, before it was calibrated.
         acceleration_limit_m_s2: The largest acceleration that it can report along an axis.
         acceleration_noise_m_s2: Standard deviation of one sample along one axis.
         delay_ns: How old the motion is when a sample leaves the board: filters and waiting.
@@ -179,6 +183,7 @@ class ImuSensor(msgspec.Struct, frozen=True, kw_only=True):
     name: str
     gyro_limit_rad_s: float
     gyro_noise_rad_s: float
+    gyro_scale: float = 0.01
     acceleration_limit_m_s2: float
     acceleration_noise_m_s2: float
     delay_ns: int = 0

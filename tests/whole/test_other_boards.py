@@ -26,7 +26,7 @@ from yahboomd.link.storing import store
 from yahboomd.protocol.first_words import FIRST_WORDS
 from yahboomd.protocol.profiles import PROFILES
 from yahboomd.protocol.registry import DIALECTS, connect_stop
-from yahboomd.simulation.imu import ImuOptions
+from yahboomd.simulation.imu import MPU9250, ImuOptions
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
 from yahboomd.simulation.virtual_time import on_virtual_time
@@ -270,3 +270,45 @@ async def test_status_names_the_inertial_sensor_of_a_board_that_has_one(tmp_path
     async with robot(tmp_path, flash=Stored(imu=ImuOptions())) as bench:
         await bench.ready()
         await bench.until(lambda: bench.controller.imu_sensor == "binary")
+
+
+SLIPPERY = (
+    "chassis.preset=4wd",
+    "chassis.wheel_separation_multiplier=1.25",
+    "odometry.heading=fused",
+)
+"""The configured track is a quarter wider than the base acts: the wheels see too little turn."""
+
+
+@on_virtual_time
+async def test_with_a_gyro_the_heading_of_a_base_that_slips_is_right(tmp_path: Path) -> None:
+    async with robot(tmp_path, *SLIPPERY, drive="skid_steer", flash=Stored(imu=MPU9250)) as bench:
+        await bench.ready()
+        await asyncio.sleep(8.0)
+        await bench.drive(5.0, 0.1, 1.0)
+        await asyncio.sleep(1.0)
+        truth = bench.robot.truth(bench.clock.now_ns()).pose
+        pose = bench.heard.estimates[-1].pose
+        assert abs(truth.theta) > 3.0
+        # Of the scale of this gyro up to 3 % is off.
+        assert pose.theta == pytest.approx(truth.theta, rel=0.03)
+        assert (pose.x, pose.y) == pytest.approx((truth.x, truth.y), abs=0.02)
+        ticks = bench.heard.estimates[-1].motor_ticks
+        assert "gyro_unfit" not in bench.heard.kinds
+        assert len(ticks) == 4
+
+
+@on_virtual_time
+async def test_unless_it_is_asked_for_the_heading_is_the_wheels(tmp_path: Path) -> None:
+    poses = []
+    for imu in (None, MPU9250):
+        async with robot(tmp_path, flash=Stored(imu=imu)) as bench:
+            await bench.ready()
+            await bench.drive(3.0, 0.2, 1.0)
+            await asyncio.sleep(1.0)
+            estimate = bench.heard.estimates[-1]
+            ticks = estimate.motor_ticks
+            turn = (ticks[1] - ticks[0]) * 0.067 * 3.141592653589793 / 1320.0 / 0.15
+            poses.append((estimate.pose.theta, turn))
+    for theta, turn in poses:
+        assert theta == pytest.approx(turn, abs=2e-3)

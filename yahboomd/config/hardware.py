@@ -5,11 +5,12 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Annotated, TypeAlias
 
-from pydantic import Field, field_validator
+from pydantic import Field, ValidationInfo, field_validator
 from pydantic_core import PydanticCustomError
 
-from yahboomd.config.values import Choice, MotorName, Positive, Section, Sign
+from yahboomd.config.values import Choice, Frame, MotorName, Positive, Section, Sign
 from yahboomd.drive.kinematics import KINEMATICS
+from yahboomd.odometry.imu_axes import AS_THEY_ARE, Mounting, axes_problem
 from yahboomd.protocol.profiles import PROFILES
 from yahboomd.protocol.registry import DIALECTS
 
@@ -159,6 +160,46 @@ def _curve_problem(curve: tuple[BatteryPoint, ...]) -> str | None:
     if any(charge > next_charge for (_, charge), (_, next_charge) in pairs):
         return "the charge does not fall while the volts rise"
     return None
+
+
+class Imu(Section):
+    """The board's inertial sensor, where it has one: how it is mounted and calibrated.
+
+    What is published lies along the axes of the base: forward, left, up.
+    """
+
+    axes: str = Field(
+        default=AS_THEY_ARE,
+        description="The sensor's axes that point forward, left and up, such as x -y -z.",
+    )
+    gyro_axes: str = Field(
+        default="",
+        description="The same for the gyro, where the board gives it other signs. Empty: as axes. "
+        "A positive turn is counter-clockwise, seen from above.",
+    )
+    gyro_scale: float | None = Field(
+        default=None,
+        ge=0.5,
+        le=2.0,
+        examples=[1.0],
+        description="The true turn, for each turn that the gyro shows; calibrated to 0.1 %. "
+        "Absent: 1, with the tolerance of the sensor's datasheet in the covariance.",
+    )
+    frame_id: Frame = Field(
+        default="imu_link", description="Frame of the samples; its axes are those of the base."
+    )
+
+    @field_validator("axes", "gyro_axes")
+    @classmethod
+    def _names_axes(cls, given: str, info: ValidationInfo) -> str:
+        is_gyro = info.field_name == "gyro_axes"
+        if not (is_gyro and not given) and (problem := axes_problem(given, rotation=not is_gyro)):
+            raise PydanticCustomError("text", "{problem}", {"problem": problem})
+        return given
+
+    def mounting(self) -> Mounting:
+        """How it is mounted and calibrated."""
+        return Mounting(self.axes, self.gyro_axes or self.axes, gyro_factor=self.gyro_scale or 1.0)
 
 
 class MotorEntry(Section):

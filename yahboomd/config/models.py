@@ -15,6 +15,7 @@ from yahboomd.config.hardware import (
     PRESETS,
     Board,
     Chassis,
+    Imu,
     MotorEntry,
     Serial,
     preset_motors,
@@ -46,6 +47,7 @@ class Config(Section):
     serial: Serial = Field(default=Serial(), description="The serial port.")
     board: Board = Field(default=Board(), description="The board.")
     chassis: Chassis = Field(default=Chassis(), description="The chassis.")
+    imu: Imu = Field(default=Imu(), description="The inertial sensor.")
     limits: Limits = Field(default=Limits(), description="The limits.")
     command: Command = Field(default=Command(), description="The commands.")
     odometry: Odometry = Field(default=Odometry(), description="The odometry.")

@@ -46,6 +46,11 @@ class Odometry(Section):
         description="Rim speed in m/s that no wheel reaches, even downhill; counts that would need "
         "more are ignored.",
     )
+    heading: Literal["wheels", "fused"] = Field(
+        default="wheels",
+        description="The source of the heading. fused: wheels and gyro, where the board has one; "
+        "see that imu.axes are right first.",
+    )
     travel_noise_m: float = Field(
         default=0.0032,
         gt=0.0,

@@ -26,6 +26,7 @@ from yahboomd.link.discovery import candidates, choose
 from yahboomd.link.port import Opener, Port, PortOptions, open_port
 from yahboomd.link.port_identity import identify
 from yahboomd.link.session import Session, SessionOptions
+from yahboomd.odometry.heading import CALIBRATED
 from yahboomd.odometry.odometer import Odometer
 from yahboomd.program import release_command
 
@@ -55,6 +56,8 @@ def odometer(config: Config) -> Odometer:
         config.motors(),
         speed_max_m_s=config.odometry.max_wheel_speed_m_s,
         noise_m=config.odometry.noise_m,
+        fused=config.odometry.heading == "fused",
+        gyro_scale=None if config.imu.gyro_scale is None else CALIBRATED,
     )
 
 
@@ -74,6 +77,7 @@ def control_options(config: Config) -> ControlOptions:
         period_s=1.0 / config.command.rate_hz,
         blind_s=max(0.3, 3.0 / config.odometry.poll_rate_hz),
         release=release_command(config.zenoh.namespace, config.zenoh.listen),
+        mounting=config.imu.mounting(),
     )
 
 

@@ -320,6 +320,7 @@ class Controller:
     def imu(self, reading: ImuReading) -> None:
         """The inertial sensor was read."""
         self.imu_sensor = reading.sensor.name
+        self._odometer.accept(self._options.mounting.along_base(reading))
 
     def sent(self, units: Units | None) -> None:
         """Wheels are held against a command from the moment at which it was written."""
@@ -403,11 +404,12 @@ class Controller:
 
     # Status.
 
-    def status_values(self) -> dict[str, int]:
+    def status_values(self) -> dict[str, int | float]:
         """Counters of the control path and of the odometry."""
         return {
             **self.counters,
             **self._odometer.counters,
+            "gyro_bias_rad_s": round(self._odometer.gyro_bias_rad_s, 6),
             "board_tick_ns": self._odometer.tick_period_ns or 0,
             **self._latch.status_values(),
         }

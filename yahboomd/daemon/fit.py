@@ -11,6 +11,7 @@ from yahboomd.drive.limiter import AxisLimits
 from yahboomd.errors import BoardError
 from yahboomd.link.handshake import Identity
 from yahboomd.model import Kinematics, Motor
+from yahboomd.odometry.imu_axes import AS_THEY_ARE, Mounting
 from yahboomd.protocol.dialect import Motion
 from yahboomd.protocol.profiles import MotorProfile
 
@@ -31,6 +32,7 @@ class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
         min_speed_m_s: Commands below it prove nothing about counts that stay away.
         period_s: From one control step to the next.
         blind_s: Without counts for so long it stands: unseen wheels are not driven.
+        mounting: How the inertial sensor is mounted.
         release: The command of a terminal that releases this robot's e-stop.
     """
 
@@ -47,6 +49,7 @@ class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
     period_s: float = 0.02
     blind_s: float = 0.3
     release: str = "yahboomd stop --release"
+    mounting: Mounting = Mounting(AS_THEY_ARE, AS_THEY_ARE)
 
     def cuts(self, fault: Fault) -> bool:
         """Whether the motors are let go for this fault, until a person clears it."""

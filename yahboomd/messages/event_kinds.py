@@ -141,6 +141,40 @@ class PortSlowEvent(_EventOfKind, frozen=True, kw_only=True):
     data: PortSlowData
 
 
+class GyroUnfitData(msgspec.Struct, frozen=True, kw_only=True):
+    """What is wrong with the gyro."""
+
+    problem: Annotated[
+        Literal["silent", "saturated", "implausible"],
+        Meta(
+            description="silent: no samples come; saturated: its rate is at the limit; "
+            "implausible: it is stuck, or turns against the wheels."
+        ),
+    ]
+
+
+class GyroUnfitEvent(_EventOfKind, frozen=True, kw_only=True):
+    """The gyro cannot be believed."""
+
+    kind: Literal["gyro_unfit"]
+    data: GyroUnfitData
+
+
+class WheelsSlipData(msgspec.Struct, frozen=True, kw_only=True):
+    """The turns of about a second, by the wheels and by the gyro."""
+
+    wheels_rad: Annotated[float, Meta(description="The turn that the wheels counted, rad.")]
+    gyro_rad: Annotated[float, Meta(description="The turn that the gyro saw, rad.")]
+    over_s: Annotated[float, Meta(description="Time in which they turned so far, s.")]
+
+
+class WheelsSlipEvent(_EventOfKind, frozen=True, kw_only=True):
+    """Wheels and gyro disagree by more than their covariance explains."""
+
+    kind: Literal["wheels_slip"]
+    data: WheelsSlipData
+
+
 class KindInfo(msgspec.Struct, frozen=True):
     """One kind of event.
 
@@ -220,6 +254,17 @@ KINDS: dict[EventKind, KindInfo] = {
     ),
     "board_clock_unfit": KindInfo(
         ("warning",), "The board's counts follow no regular period.", BoardClockEvent
+    ),
+    "gyro_unfit": KindInfo(
+        ("warning",),
+        "The gyro is silent, saturated or implausible: the heading is the wheels' alone.",
+        GyroUnfitEvent,
+    ),
+    "gyro_fit": KindInfo(("info",), "The gyro has behaved for a second, and is used again."),
+    "wheels_slip": KindInfo(
+        ("info",),
+        "The turn of the wheels and that of the gyro differ by more than 0.1 rad in a second.",
+        WheelsSlipEvent,
     ),
     "clock_stepped": KindInfo(
         ("info", "warning"),

@@ -11,6 +11,8 @@ from yahboomd.messages.event_kinds import (
     ClockOffsetEvent,
     ClockSteppedData,
     ClockSteppedEvent,
+    GyroUnfitData,
+    GyroUnfitEvent,
     OdometryGapData,
     OdometryGapEvent,
     PausedData,
@@ -19,6 +21,8 @@ from yahboomd.messages.event_kinds import (
     PortSlowEvent,
     WheelFaultData,
     WheelFaultEvent,
+    WheelsSlipData,
+    WheelsSlipEvent,
 )
 from yahboomd.messages.samples import STAMP_NS
 
@@ -79,6 +83,20 @@ SAMPLES: dict[str, msgspec.Struct] = {
             severity="warning",
             message="yahboomd did not run for 1.5 s.",
             data=PausedData(duration_s=1.5),
+        ),
+        GyroUnfitEvent(
+            stamp_ns=STAMP_NS,
+            kind="gyro_unfit",
+            severity="warning",
+            message="The board sends no samples of its inertial sensor.",
+            data=GyroUnfitData(problem="silent"),
+        ),
+        WheelsSlipEvent(
+            stamp_ns=STAMP_NS,
+            kind="wheels_slip",
+            severity="info",
+            message="The wheels slip: they counted a turn of 1.50 rad, and the gyro saw 0.50 rad.",
+            data=WheelsSlipData(wheels_rad=1.5, gyro_rad=0.5, over_s=1.0),
         ),
     )
 }

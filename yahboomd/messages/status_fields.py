@@ -24,7 +24,7 @@ class StatusField(msgspec.Struct, frozen=True, kw_only=True):
         name: Its key in the group.
         group: Where it is.
         kind: Counter, gauge or text.
-        unit: ``s``, ``ns``, ``V``, ``mm``, ``bytes``; empty for a plain number or a text.
+        unit: ``s``, ``ns``, ``V``, ``mm``, ``rad/s``, ``bytes``; empty for a plain number, a text.
         meaning: Its meaning, in one phrase.
         absent: When it is missing; empty if it is present from the first status on.
         per: The keys of a map, such as ``source``; empty for a single value.
@@ -157,6 +157,13 @@ _COMMAND = {
         "readings whose moment is not known: late answers, and the ends of bursts; their speeds "
         "are low rather than high, with a large covariance, or left out"
     ),
+    "gyro_silent": "times that the inertial sensor fell silent",
+    "gyro_saturated": "times that the gyro was at its limit",
+    "gyro_implausible": "times that the gyro was stuck, or turned against the wheels",
+    "wheels_slipped": (
+        "seconds in which the turns of wheels and gyro differed by more than 0.1 rad and four "
+        "standard deviations"
+    ),
     "board_clock_changes": "times that another period of the board's counts was found, or none",
 }
 
@@ -243,6 +250,11 @@ FIELDS: tuple[StatusField, ...] = (
         *("command", "gauge", "board_tick_ns"),
         "period in which the board renews its counts; 0: none fits, or the board is asked for them",
         unit="ns",
+    ),
+    _fact(
+        *("command", "gauge", "gyro_bias_rad_s"),
+        "what the gyro shows at rest, as learned; 0 without one",
+        unit="rad/s",
     ),
     _fact("command", "text", "last_refusal", "why the latest refused command was; empty: none was"),
     _fact(

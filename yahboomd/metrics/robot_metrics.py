@@ -31,6 +31,7 @@ _UNITS: Mapping[str, tuple[str, str, float]] = {
     "s": ("_s", "seconds", 1),
     "ns": ("_ns", "seconds", 1e-9),
     "mm": ("_mm", "meters", 1e-3),
+    "rad/s": ("_rad_s", "radians_per_second", 1),
     "V": ("volts", "volts", 1),
     "bytes": ("bytes", "bytes", 1),
 }

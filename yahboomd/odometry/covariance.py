@@ -65,6 +65,9 @@ class Covariance:
         kinematics: The geometry of the base.
         motors: The motors, in the order in which counts are handed in.
         noise_m: Variance of a wheel's travel per metre that it rolls.
+
+    Attributes:
+        given: Variance of the heading with which the pose was set, the counters' tick included.
     """
 
     def __init__(
@@ -86,7 +89,26 @@ class Covariance:
         self._turn_per_metre = sum(
             (kinematics.forward[2][wheel]) ** 2 for wheel in range(len(kinematics.wheels))
         )
+        self._heading: float | None = None
         self.set_pose(0.0)
+
+    @property
+    def tick_variance(self) -> float:
+        """Of the heading, by the ticks of the encoders, rad^2."""
+        return self._floor[5]
+
+    @property
+    def gained(self) -> float:
+        """Variance that the heading gained since the pose was set, rad^2."""
+        return self._tt - self.given
+
+    def turn(self, deltas: Sequence[int]) -> tuple[float, float]:
+        """The turn that counts make, radians, and its variance by the distance rolled, rad^2."""
+        turn = variance = 0.0
+        for factors, weights, delta in zip(self._factors, self._per_tick, deltas, strict=True):
+            turn += factors.turn * delta
+            variance += weights[5] * abs(delta)
+        return turn, variance
 
     @property
     def pose(self) -> Matrix3:
@@ -97,7 +119,12 @@ class Covariance:
         xx = max(least, 0.5 * (self._ww + self._w2.real))
         yy = max(least, 0.5 * (self._ww - self._w2.real))
         xy = 0.5 * self._w2.imag
-        return (xx, xy, xt, xy, yy, yt, xt, yt, self._tt)
+        tt = self._tt
+        if self._heading is not None and self._heading < tt:
+            # What a gyro learns later makes the heading surer than it was on the way.
+            share = math.sqrt(self._heading / tt)
+            xt, yt, tt = share * xt, share * yt, self._heading
+        return (xx, xy, xt, xy, yy, yt, xt, yt, tt)
 
     def set_pose(self, theta: float, covariance: Matrix3 | None = None) -> None:
         """Restart from a given pose.
@@ -127,6 +154,7 @@ class Covariance:
         self._w2 = complex(xx - yy, 2.0 * xy)
         self._wt = complex(xt, yt)
         self._tt = tt
+        self.given, self._heading = tt, None
         # Place and heading are taken as Gaussian together: E w exp(ie) = i E(w e) exp(-s/2).
         self._mean = 0j
         self._bent = 1j * math.exp(-0.5 * tt) * self._wt
@@ -134,8 +162,15 @@ class Covariance:
         self._volume = 0.0
         self._keep_volume()
 
-    def propagate(self, deltas: Sequence[int], arc: Arc) -> None:
-        """Grow by one step: the counts of each motor and the arc that they made."""
+    def propagate(self, deltas: Sequence[int], arc: Arc, fused: float | None = None) -> None:
+        """Grow by one step.
+
+        Args:
+            deltas: The counts of each motor.
+            arc: What they made.
+            fused: Variance that the heading gained since the pose was set, where a gyro knows it
+                as well.
+        """
         nxx = nxy = nxt = nyy = nyt = ntt = 0.0
         for (axx, axy, axt, ayy, ayt, att), delta in zip(self._per_tick, deltas, strict=True):
             if delta:
@@ -146,6 +181,10 @@ class Covariance:
                 nyy += ayy * distance
                 nyt += ayt * distance
                 ntt += att * distance
+        if fused is not None:
+            self._heading = self.given + fused
+            nxt = nyt = 0.0
+            ntt = max(0.0, self._heading - self._tt)
         if not ntt and not nxx:
             return
         dx, dy, cos, sin, turn = arc

@@ -1,6 +1,7 @@
 """Counts to pose.
 
-Law: heading comes from the integer totals, never from a sum of floats; position advances by the
+Law: heading comes from the integer totals, never from a sum of floats (but for what a gyro
+corrects); position advances by the
 exact arc of each step, plus the term that a changing curvature adds.
 
 Over one step with body travel ``u = (dx, dy)`` and turn ``φ`` at constant curvature, the
@@ -66,7 +67,7 @@ def arc_between(before: Pose2d, after: Pose2d) -> Arc:
     return Arc(after.x - before.x, after.y - before.y, cos, sin, turn)
 
 
-State: TypeAlias = tuple[float, float, float, tuple[float, float, float, int] | None]
+State: TypeAlias = tuple[float, float, float, float, tuple[float, float, float, int] | None]
 
 
 class Doubt(NamedTuple):
@@ -76,11 +77,13 @@ class Doubt(NamedTuple):
         state: Of the integrator before it.
         deltas: What was counted.
         step_ns: How long it took.
+        correction: The turn that was added to that of the wheels.
     """
 
     state: State
     deltas: tuple[int, ...]
     step_ns: int
+    correction: float = 0.0
 
 
 class Integrator:
@@ -102,6 +105,7 @@ class Integrator:
         self._y = 0.0
         self._theta = 0.0
         self._theta_start = 0.0
+        self._corrected_by = 0.0
         self._totals_start: tuple[int, ...] = self._zero
         self._before: tuple[float, float, float, int] | None = None
 
@@ -113,7 +117,7 @@ class Integrator:
     def set_pose(self, pose: Pose2d, totals: Sequence[int]) -> None:
         """Stand at ``pose`` from now on; ``totals`` are the counts that belong to it."""
         self._x, self._y, self._theta = pose.x, pose.y, pose.theta
-        self._theta_start = pose.theta
+        self._theta_start, self._corrected_by = pose.theta, 0.0
         self._totals_start = tuple(totals)
 
     def interrupt(self) -> None:
@@ -122,19 +126,26 @@ class Integrator:
 
     def state(self) -> State:
         """A snapshot, with which :meth:`go_back` takes back what follows."""
-        return self._x, self._y, self._theta, self._before
+        return self._x, self._y, self._theta, self._corrected_by, self._before
 
     def go_back(self, state: State) -> None:
         """Take back every step since; the totals that belong to the heading stay."""
-        self._x, self._y, self._theta, self._before = state
+        self._x, self._y, self._theta, self._corrected_by, self._before = state
 
-    def integrate(self, deltas: Sequence[int], totals: Sequence[int], step_ns: int) -> Arc:
+    def integrate(
+        self,
+        deltas: Sequence[int],
+        totals: Sequence[int],
+        step_ns: int,
+        correction: float = 0.0,
+    ) -> Arc:
         """Advance by the counts of one step.
 
         Args:
             deltas: Signed counts of this step, per motor.
             totals: Signed counts since start, this step included.
             step_ns: How long the step took on the board; only its ratio to the step before counts.
+            correction: What the base turned besides, by a surer sensor than the wheels.
 
         Returns:
             The displacement and what it was made of.
@@ -148,6 +159,8 @@ class Integrator:
             y += across * delta
             turn += turning * delta
             heading += turning * (total - start)
+        turn += correction
+        self._corrected_by += correction
         before = self._before
         self._before = (x, y, turn, step_ns)
         if before is not None and self._corrected:
@@ -166,5 +179,5 @@ class Integrator:
         dy = sin * x + cos * y
         self._x += dx
         self._y += dy
-        self._theta = self._theta_start + heading
+        self._theta = self._theta_start + heading + self._corrected_by
         return Arc(dx, dy, cos, sin, turn)

@@ -18,15 +18,18 @@ import msgspec
 from yahboomd.model import (
     EncoderReading,
     Event,
+    ImuReading,
     Kinematics,
     Matrix3,
     Motor,
     OdometryEstimate,
     Pose2d,
+    Twist2d,
 )
 from yahboomd.odometry import discontinuity
 from yahboomd.odometry.covariance import NOISE_M, Covariance
 from yahboomd.odometry.encoders import Encoders, Verdict
+from yahboomd.odometry.heading import Heading
 from yahboomd.odometry.integrator import Doubt, Integrator, arc_between
 from yahboomd.odometry.polled_clock import Instant, PolledClock
 from yahboomd.odometry.streamed_clock import StreamedClock
@@ -69,6 +72,9 @@ class Odometer:
         speed_max_m_s: A rim speed that no wheel reaches; a larger step is no travel. The fastest of
             the vendor's motors with its wheel runs 1.93 m/s.
         noise_m: Variance of a wheel's travel per metre rolled.
+        fused: The heading is that of wheels and gyro, where the board has one; else the wheels'.
+        gyro_scale: Standard deviation of the gyro's scale, as a share; None leaves it to the
+            sensor.
 
     Raises:
         ConfigError: The motors do not fit the geometry.
@@ -81,6 +87,8 @@ class Odometer:
         *,
         speed_max_m_s: float = 2.0,
         noise_m: float = NOISE_M,
+        fused: bool = False,
+        gyro_scale: float | None = None,
     ) -> None:
         self._speed_max_m_s = speed_max_m_s
         self._motors = motors
@@ -88,6 +96,7 @@ class Odometer:
         self._integrator = Integrator(kinematics, motors)
         self._velocity = Velocity(kinematics, motors)
         self._covariance = Covariance(kinematics, motors, noise_m=noise_m)
+        self._fused = fused
         self._clock: PolledClock | StreamedClock = PolledClock()
         self._renewal: tuple[int | None, bool] = (None, False)
         self._radians = tuple(2.0 * math.pi / motor.ticks_per_revolution for motor in motors)
@@ -110,10 +119,25 @@ class Odometer:
                 "odometry_rebased",
                 "odometry_taken_back",
                 "odometry_unsure",
+                "gyro_silent",
+                "gyro_saturated",
+                "gyro_implausible",
+                "wheels_slipped",
                 "board_clock_changes",
             ),
             0,
         )
+        self._heading = Heading(
+            kinematics.name,
+            self.counters,
+            tick_variance=self._covariance.tick_variance,
+            scale=gyro_scale,
+        )
+
+    @property
+    def gyro_bias_rad_s(self) -> float:
+        """What the gyro shows at rest, as learned."""
+        return self._heading.bias_rad_s
 
     @property
     def tick_period_ns(self) -> int | None:
@@ -152,12 +176,20 @@ class Odometer:
             covariance: How sure that is, over (x, y, theta), row by row; None for sure.
         """
         self._integrator.set_pose(pose, self._encoders.totals)
+        self._heading.reset()
         self._doubt = None
         self._covariance.set_pose(pose.theta, covariance)
         if self.estimate is not None:
             self.estimate = msgspec.structs.replace(
                 self.estimate, pose=pose, pose_covariance=self._covariance.pose
             )
+
+    def accept(self, reading: ImuReading) -> None:
+        """Take in a sample of the inertial sensor, along the axes of the base."""
+        if not self._heading.present:
+            # The wheels came so far alone.
+            self._heading.lose(self._covariance.gained)
+        self._heading.accept(reading)
 
     def update(self, reading: EncoderReading) -> Update:
         """Take in a reading.
@@ -177,6 +209,9 @@ class Odometer:
             self._velocity.rough_ns = 0 if clock.renewal.fits else period_ns
             event = discontinuity.clock_event(notice, period_ns * 1e-6)
             update = msgspec.structs.replace(update, events=(*update.events, event))
+        if events := self._heading.events:
+            update = msgspec.structs.replace(update, events=(*update.events, *events))
+            events.clear()
         return update
 
     def _update(self, reading: EncoderReading) -> Update:
@@ -236,8 +271,9 @@ class Odometer:
             self._stray(verdict, instant)
         else:
             self._doubt = None
-            arc = self._integrator.integrate(deltas, totals, instant.step_ns)
-            self._covariance.propagate(deltas, arc)
+            correction = self._correction(deltas, instant)
+            arc = self._integrator.integrate(deltas, totals, instant.step_ns, correction)
+            self._covariance.propagate(deltas, arc, self._fused_variance)
             if instant.step_ns > UNSEEN_NS:
                 self._covariance.bridge(arc)
         clock, velocity = self._clock, self._velocity
@@ -261,6 +297,18 @@ class Odometer:
         self.counters["odometry_estimates"] += 1
         return Update(estimate=self._estimate(window))
 
+    def _correction(self, deltas: tuple[int, ...], instant: Instant) -> float:
+        """What the base turned besides what its wheels counted, by the gyro."""
+        if not self._heading.present:
+            return 0.0
+        turn, rolled = self._covariance.turn(deltas)
+        correction = self._heading.fuse(turn, rolled, instant.stamp_ns, instant.step_ns)
+        return correction if self._fused else 0.0
+
+    @property
+    def _fused_variance(self) -> float | None:
+        return self._heading.variance if self._fused and self._heading.present else None
+
     def _stray(self, verdict: Verdict, instant: Instant) -> None:
         """A step to where no wheel was heading; a second one takes the first one back.
 
@@ -272,35 +320,48 @@ class Odometer:
         integrator, doubt = self._integrator, self._doubt
         before, pose = integrator.state(), integrator.pose
         totals, step_ns = self._encoders.totals, instant.step_ns
-        self._doubt = Doubt(state=before, deltas=verdict.deltas, step_ns=step_ns)
+        correction = self._correction(verdict.deltas, instant)
+        self._doubt = Doubt(
+            state=before, deltas=verdict.deltas, step_ns=step_ns, correction=correction
+        )
         if doubt is not None:
             self._doubt = None
             integrator.go_back(doubt.state)
             deltas = tuple(map(sum, zip(doubt.deltas, verdict.deltas, strict=True)))
-            integrator.integrate(deltas, totals, doubt.step_ns + step_ns)
+            integrator.integrate(
+                deltas, totals, doubt.step_ns + step_ns, doubt.correction + correction
+            )
             arc = arc_between(pose, integrator.pose)
             if math.hypot(arc.dx, arc.dy) <= self._speed_max_m_s * step_ns * 1e-9:
-                self._covariance.propagate(verdict.deltas, arc)
+                self._covariance.propagate(verdict.deltas, arc, self._fused_variance)
                 self._covariance.bridge(arc)
                 self._velocity.take_back()
                 self.counters["odometry_taken_back"] += 1
                 return
             # Farther than a wheel rolls: that would be a jump.
             integrator.go_back(before)
-        arc = integrator.integrate(verdict.deltas, totals, step_ns)
-        self._covariance.propagate(verdict.deltas, arc)
+        arc = integrator.integrate(verdict.deltas, totals, step_ns, correction)
+        self._covariance.propagate(verdict.deltas, arc, self._fused_variance)
         # Several readings in one, or a garbled one: the order of going and turning is not known.
         self._covariance.bridge(arc)
 
     def _estimate(self, window: Window) -> OdometryEstimate:
         totals = self._encoders.totals
         self._speeds = self._velocity.motor_speeds(window)
+        twist, twist_covariance = self._velocity.twist(window), self._covariance.twist(window)
+        if self._fused:
+            wz, variance = self._heading.rate(twist.wz, twist_covariance[8])
+            twist = Twist2d(vx=twist.vx, vy=twist.vy, wz=wz)
+            share = math.sqrt(variance / twist_covariance[8])
+            xx, xy, xt, _, yy, yt, *_ = twist_covariance
+            xt, yt = share * xt, share * yt
+            twist_covariance = (xx, xy, xt, xy, yy, yt, xt, yt, variance)
         self.estimate = OdometryEstimate(
             stamp_ns=self._stamp_ns,
             pose=self._integrator.pose,
-            twist=self._velocity.twist(window),
+            twist=twist,
             pose_covariance=self._covariance.pose,
-            twist_covariance=self._covariance.twist(window),
+            twist_covariance=twist_covariance,
             motor_ticks=totals,
             motor_position_rad=tuple(
                 [total * each for total, each in zip(totals, self._radians, strict=True)]
@@ -324,11 +385,14 @@ class Odometer:
         unsure_m = 0.0
         if any(verdict.deltas):
             before = self._integrator.state()
-            arc = self._integrator.integrate(verdict.deltas, totals, gap_ns)
-            self._covariance.propagate(verdict.deltas, arc)
+            correction = self._correction(verdict.deltas, instant)
+            arc = self._integrator.integrate(verdict.deltas, totals, gap_ns, correction)
+            self._covariance.propagate(verdict.deltas, arc, self._fused_variance)
             unsure_m = self._covariance.bridge(arc)
             self._integrator.interrupt()
-            self._doubt = Doubt(state=before, deltas=verdict.deltas, step_ns=gap_ns)
+            self._doubt = Doubt(
+                state=before, deltas=verdict.deltas, step_ns=gap_ns, correction=correction
+            )
         gap_s = gap_ns * 1e-9
         fastest_m_s = max(map(abs, self._speeds))
         lost_m = discontinuity.unknown_m(
@@ -338,7 +402,9 @@ class Odometer:
             speed_max_m_s=self._speed_max_m_s,
         )
         if lost_m:
+            gained = self._covariance.gained
             self._covariance.lose(lost_m)
+            self._heading.lose(self._covariance.gained - gained)
         self.counters[discontinuity.COUNTERS[verdict.outcome]] += 1
         counted_m = max(
             abs(delta) * motor.metres_per_tick

@@ -228,14 +228,18 @@ class StreamedClock:
         return Instant(stamp_ns, max(1, round(step)), round(unsure))
 
     def _by_arrival(self, sent_ns: int, left: float, ticks: int, least_ns: float) -> Instant:
-        """Stamp a reading of a board without a tick: its totals were new when the line left."""
+        """Stamp a reading of a board without a tick.
+
+        Where each line brings new totals they were sampled for it; else at any time since the last.
+        """
         gap = self._arrivals.gap
         room = left - self._time
         wait = max(least_ns, gap * SOON) if ticks else self._still_ns(self.renewal.period)
         if room < wait or not self._room(sent_ns, least_ns):
             return Instant(self._stamp_ns, 0)
         self._time = left
-        stamp_ns = self._stamp(left - 0.5 * gap, least_ns, sent_ns)
+        age = 0.0 if self._each_line else 0.5 * gap
+        stamp_ns = self._stamp(left - age, least_ns, sent_ns)
         return Instant(stamp_ns, max(1, round(room)))
 
     def _room(self, sent_ns: int, least: float) -> bool:

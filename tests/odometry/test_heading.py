@@ -1,0 +1,221 @@
+"""Wheels and gyro, step by step: what each is believed, and what is said about it."""
+
+from __future__ import annotations
+
+import math
+from random import Random
+
+import pytest
+
+from yahboomd.messages.event_kinds import KINDS
+from yahboomd.model import ImuReading, ImuSensor
+from yahboomd.odometry.heading import TURN_SLIP, Heading
+
+CYCLE_NS = 41_000_000
+TICK = 1e-3
+SENSOR = ImuSensor(
+    name="any",
+    gyro_limit_rad_s=8.0,
+    gyro_noise_rad_s=1e-3,
+    gyro_scale=0.0,
+    acceleration_limit_m_s2=20.0,
+    acceleration_noise_m_s2=0.01,
+)
+COUNTERS = ("gyro_silent", "gyro_saturated", "gyro_implausible", "wheels_slipped")
+
+
+class Base:
+    """A base whose wheels count in ticks, with a gyro that is read between their readings."""
+
+    def __init__(
+        self, geometry: str = "differential", *, seed: int = 1, bias: float = 0.02
+    ) -> None:
+        self.counters = dict.fromkeys(COUNTERS, 0)
+        self.heading = Heading(geometry, self.counters, tick_variance=TICK * TICK / 3.0)
+        self.random = Random(seed)
+        self.bias = bias
+        self.now_ns = 0
+        self.truth = self.fused = self.counted = self.shown = 0.0
+        self.kinds: list[str] = []
+        self.jumps: list[float] = []
+
+    def step(self, wheels: float, gyro: float | None, *, truth: float | None = None) -> None:
+        """One cycle: rates of turn by the wheels, by the gyro (None: silent), and the true one."""
+        dt_s = CYCLE_NS * 1e-9
+        if gyro is not None:
+            measured = gyro + self.bias + self.random.gauss(0.0, 1e-3)
+            self.heading.accept(
+                ImuReading(
+                    sensor=SENSOR,
+                    sent_ns=self.now_ns + CYCLE_NS // 2,
+                    gyro_rad_s=(0.0, 0.0, measured),
+                    acceleration_m_s2=(0.0, 0.0, self.random.gauss(9.8, 0.01)),
+                )
+            )
+        self.now_ns += CYCLE_NS
+        self.counted += wheels * dt_s
+        turn = round(self.counted / TICK) * TICK - self.shown
+        self.shown += turn
+        rolled = 1e-3 * (abs(wheels) + 0.3 * (wheels != 0.0)) * dt_s
+        added = turn + self.heading.fuse(turn, rolled, self.now_ns, CYCLE_NS)
+        self.fused += added
+        self.jumps.append(abs(added))
+        self.truth += (wheels if truth is None else truth) * dt_s
+        self.kinds += [event.kind for event in self.heading.events]
+        for event in self.heading.events:
+            assert event.severity in KINDS[event.kind].severities
+        self.heading.events.clear()
+
+    def run(self, seconds: float, wheels: float, gyro: float | None, *, truth: float) -> None:
+        for _ in range(round(seconds * 1e9 / CYCLE_NS)):
+            self.step(wheels, gyro, truth=truth)
+
+    @property
+    def off(self) -> float:
+        return self.fused - self.truth
+
+
+@pytest.fixture
+def base() -> Base:
+    made = Base()
+    made.run(10.0, 0.0, 0.0, truth=0.0)
+    return made
+
+
+def test_the_bias_is_learned_at_rest_while_the_heading_stays(base: Base) -> None:
+    assert base.heading.bias_rad_s == pytest.approx(base.bias, abs=1e-3)
+    assert base.fused == 0.0
+
+
+def test_while_wheels_do_not_slip_the_heading_is_theirs(base: Base) -> None:
+    for rate in (0.5, -0.8, 0.0, 1.5):
+        base.run(10.0, rate, rate, truth=rate)
+    # A tick, and what two samplings of a turn that changes at once leave.
+    assert base.off == pytest.approx(0.0, abs=2e-3)
+    assert base.kinds == []
+
+
+@pytest.mark.parametrize("geometry", ["differential", "skid_steer"])
+def test_wheels_that_slip_lose_the_heading_to_the_gyro(geometry: str) -> None:
+    base = Base(geometry)
+    base.run(10.0, 0.0, 0.0, truth=0.0)
+    base.run(5.0, 1.0, 0.8, truth=0.8)
+    assert base.off == pytest.approx(0.0, abs=0.02)
+    assert base.counted - base.truth == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_slip_is_said_once_and_counted_and_the_variance_shows_it(base: Base) -> None:
+    before = base.heading.variance
+    base.run(3.1, 1.0, 0.0, truth=0.0)
+    assert base.kinds == ["wheels_slip"]
+    assert base.counters["wheels_slipped"] == 3
+    assert base.heading.variance > 100.0 * before
+    base.run(2.1, 0.0, 0.0, truth=0.0)
+    base.run(2.1, 1.0, 0.0, truth=0.0)
+    assert base.kinds == ["wheels_slip"] * 2
+
+
+def test_a_skid_steer_base_that_turns_as_it_does_is_not_said_to_slip() -> None:
+    base = Base("skid_steer")
+    base.run(10.0, 0.0, 0.0, truth=0.0)
+    for turn in (0.8, 1.2, 1.0):
+        base.run(5.0, 1.0, turn, truth=turn)
+    assert base.kinds == []
+
+
+def test_a_robot_that_is_turned_by_hand_has_turned(base: Base) -> None:
+    base.run(2.0, 0.0, 1.0, truth=1.0)
+    assert base.off == pytest.approx(0.0, abs=0.03)
+    assert base.kinds == ["wheels_slip"]
+
+
+@pytest.mark.parametrize(
+    ("gyro", "problem"), [(None, "gyro_silent"), (9.0, "gyro_saturated"), (-9.0, "gyro_saturated")]
+)
+def test_a_gyro_that_fails_leaves_the_heading_to_the_wheels_without_a_jump(
+    base: Base, gyro: float | None, problem: str
+) -> None:
+    base.run(3.0, 1.0, 0.8, truth=0.8)
+    base.jumps.clear()
+    off = base.off
+    base.run(3.0, 0.6, gyro, truth=0.6)
+    assert base.counters[problem] == 1
+    assert base.kinds[-1] == "gyro_unfit"
+    # Never more than a cycle's turn at the faster rate.
+    assert max(base.jumps) < 1.1 * 1.0 * CYCLE_NS * 1e-9
+    assert base.off == pytest.approx(off, abs=0.05)
+    base.run(3.0, 0.6, 0.6, truth=0.6)
+    assert base.kinds[-1] == "gyro_fit"
+    assert base.off == pytest.approx(off, abs=0.05)
+    assert max(base.jumps) < 0.06
+
+
+def test_a_stuck_gyro_is_implausible(base: Base) -> None:
+    stuck = ImuReading(
+        sensor=SENSOR,
+        sent_ns=0,
+        gyro_rad_s=(0.0, 0.0, 0.3),
+        acceleration_m_s2=(0.0, 0.0, 9.8),
+    )
+    for _ in range(100):
+        base.now_ns += CYCLE_NS
+        base.heading.accept(
+            ImuReading(
+                sensor=SENSOR,
+                sent_ns=base.now_ns,
+                gyro_rad_s=stuck.gyro_rad_s,
+                acceleration_m_s2=stuck.acceleration_m_s2,
+            )
+        )
+        base.heading.fuse(0.0, 0.0, base.now_ns, CYCLE_NS)
+    assert base.counters["gyro_implausible"] == 1
+
+
+def test_a_gyro_that_turns_against_the_wheels_is_not_believed_until_it_turns_with_them(
+    base: Base,
+) -> None:
+    base.run(5.0, 1.0, -1.0, truth=1.0)
+    assert base.counters["gyro_implausible"] == 1
+    assert base.kinds.count("gyro_unfit") == 1
+    # It takes a second to notice, and the wheels have the heading from then on.
+    off = base.off
+    base.run(5.0, 1.0, -1.0, truth=1.0)
+    assert base.off == pytest.approx(off, abs=2e-3)
+    base.run(5.0, 1.0, 1.0, truth=1.0)
+    assert base.kinds[-1] == "gyro_fit"
+
+
+def test_the_rate_is_weighted_by_certainty(base: Base) -> None:
+    base.run(2.0, 0.5, 0.5, truth=0.5)
+    gyro_variance = 1e-6 + 1e-6
+    sure, unsure = (base.heading.rate(1.0, variance) for variance in (1e-9, 1.0))
+    assert sure[0] == pytest.approx(1.0, abs=0.01)
+    assert unsure == (pytest.approx(0.5, abs=0.01), pytest.approx(gyro_variance, rel=1.0))
+    for variance in (1e-9, 1e-5, 1.0):
+        assert base.heading.rate(1.0, variance)[1] < variance
+    base.run(1.0, 0.5, None, truth=0.5)
+    assert base.heading.rate(1.0, 0.25) == (1.0, 0.25)
+
+
+def test_after_a_reset_both_agree() -> None:
+    base = Base("skid_steer")
+    base.run(10.0, 0.0, 0.0, truth=0.0)
+    base.run(3.0, 1.0, 0.8, truth=0.8)
+    assert abs(base.heading.error) > 0.5
+    base.heading.reset()
+    assert (base.heading.error, base.heading.variance) == (0.0, 0.0)
+
+
+def test_what_neither_saw_makes_it_less_sure(base: Base) -> None:
+    before = base.heading.variance
+    base.heading.lose(0.25)
+    assert base.heading.variance == pytest.approx(before + 0.25)
+
+
+@pytest.mark.parametrize("geometry", TURN_SLIP)
+def test_the_variance_covers_what_a_floor_does_to_turns(geometry: str) -> None:
+    base = Base(geometry)
+    base.run(2.0, 0.0, 0.0, truth=0.0)
+    base.run(2.5, 0.8, None, truth=0.8)
+    least = TURN_SLIP[geometry] * 2.0
+    assert math.sqrt(base.heading.variance) > 0.95 * math.sqrt(least)

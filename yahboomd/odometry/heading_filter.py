@@ -1,0 +1,146 @@
+"""The heading from wheels and a gyro: a Kalman filter of three states and one measurement.
+
+The wheels count the heading ``W = heading + e``, the gyro's integral is ``G = heading + c``. Both
+errors begin at zero. The filter estimates
+
+- ``e``, the error of the wheels' heading: a random walk, as fast as the wheels may slip;
+- ``c``, the error of the gyro's heading: it grows by the bias and the noise;
+- ``b``, the gyro's bias, which wanders with temperature;
+
+from what both can be compared by, ``W - G = e - c``, known to a tick of the encoders and to the
+time between the two samples. The fused heading is ``W - e``. So
+
+- wheels that stand do not slip: ``e`` stays, and all that ``W - G`` changes by is bias;
+- where the wheels are surer than the gyro the heading is theirs, to the tick; where they slip it is
+  the gyro's, less the bias that was learned;
+- without a gyro nothing is measured: the heading goes on from where it is, by the wheels.
+
+It is the filter whose states are augmented by the errors of the sensors (Maybeck, *Stochastic
+Models, Estimation and Control*, volume 1, 4.11 and 5.3). Where the two disagree by more than the
+filter expects, the noise of the wheels is raised until they do not (Bar-Shalom, Li and Kirubarajan,
+*Estimation with Applications to Tracking and Navigation*, 11.2: adjustable level process noise).
+
+The error of the gyro's scale is considered and not estimated, since wheels that slip in every turn
+would be taken for it. ``pull`` is what it has made of each state, per unit (Schmidt's filter).
+"""
+
+from __future__ import annotations
+
+import math
+
+BIAS_RAD_S = 0.09
+"""Standard deviation of a bias of which nothing is known: the datasheets' zero, 5 degrees/s."""
+
+BIAS_WALK = 2e-4
+"""The bias wanders by so much in a second, rad/s, and with the root of the time: a board of
+which the sensor warms up by 10 kelvin in five minutes."""
+
+GATE = 25.0
+"""The wheels slip where the square of the innovation is so many times its variance."""
+
+E, C, B = range(3)
+
+
+class HeadingFilter:
+    """The states, and their covariance.
+
+    Attributes:
+        doubt: How badly the measurements so far fit: minus their log-likelihood, but for a constant
+            of each step.
+        slipped: Whether wheels and gyro disagreed at the latest step.
+    """
+
+    def __init__(self) -> None:
+        self._state = [0.0, 0.0, 0.0]
+        self._covariance = [[0.0] * 3 for _ in range(3)]
+        self._covariance[B][B] = BIAS_RAD_S**2
+        self._pull = [0.0, 0.0, 0.0]
+        self._apart = 0.0
+        self.doubt = 0.0
+        self.slipped = False
+
+    @property
+    def error(self) -> float:
+        """By how much the wheels' heading is beyond the fused one, radians."""
+        return self._state[E]
+
+    @property
+    def bias(self) -> float:
+        """Of the gyro, rad/s."""
+        return self._state[B]
+
+    @property
+    def bias_variance(self) -> float:
+        """Of the bias, (rad/s)^2."""
+        return self._covariance[B][B]
+
+    def variance(self, scale: float) -> float:
+        """Of the error; what slipped lately counts once the gyro has seen it.
+
+        Args:
+            scale: Standard deviation of the gyro's scale, as a share.
+        """
+        return self._covariance[E][E] + (scale * self._pull[E]) ** 2
+
+    def reset(self) -> None:
+        """Both headings are right now; what was learned of the gyro stays."""
+        self._state[E] = self._state[C] = self._apart = 0.0
+        self._pull = [0.0, 0.0, 0.0]
+        bias = self._covariance[B][B]
+        self._covariance = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, bias]]
+
+    def roll(self, slip: float, dt_s: float) -> None:
+        """A step without a gyro: the gyro's turn is taken to be the wheels', and as unsure.
+
+        Args:
+            slip: Variance that the wheels' heading gains, rad^2.
+            dt_s: How long the step took.
+        """
+        covariance = self._covariance
+        for one in (E, C):
+            for other in (E, C):
+                covariance[one][other] += slip
+        covariance[B][B] += BIAS_WALK**2 * dt_s
+        self.slipped = False
+
+    def fuse(
+        self, wheels: float, gyro: float, dt_s: float, *, slip: float, noise: float, unsure: float
+    ) -> None:
+        """A step that both saw.
+
+        Args:
+            wheels: The turn that the wheels counted, radians.
+            gyro: The turn that the gyro integrated, with its bias.
+            dt_s: How long the step took.
+            slip: Variance that the wheels' heading gains in it, rad^2.
+            noise: Variance that the gyro's heading gains, rad^2.
+            unsure: Variance of the comparison, at the end of the step.
+        """
+        state, p, pull = self._state, self._covariance, self._pull
+        # Prediction: c grows by the bias. That row first, then that column.
+        state[C] += state[B] * dt_s
+        pull[C] += pull[B] * dt_s + gyro
+        for each in range(3):
+            p[C][each] += dt_s * p[B][each]
+        for each in range(3):
+            p[each][C] += dt_s * p[each][B]
+        p[E][E] += slip
+        p[C][C] += noise
+        p[B][B] += BIAS_WALK**2 * dt_s
+        # Measurement.
+        self._apart += wheels - gyro
+        innovation = self._apart - (state[E] - state[C])
+        expected = p[E][E] - 2.0 * p[E][C] + p[C][C] + unsure
+        misfit = innovation * innovation / expected
+        self.doubt += 0.5 * (misfit + math.log(expected))
+        self.slipped = misfit > GATE
+        if self.slipped:
+            p[E][E] += innovation * innovation - expected
+            expected = innovation * innovation
+        gains = [(row[E] - row[C]) / expected for row in p]
+        pulled = pull[E] - pull[C]
+        for one in range(3):
+            state[one] += gains[one] * innovation
+            pull[one] -= gains[one] * pulled
+            for other in range(3):
+                p[one][other] -= gains[one] * gains[other] * expected
