@@ -207,6 +207,26 @@ class ImuReading(msgspec.Struct, frozen=True, kw_only=True):
     magnetic_t: Vector3 | None = None
 
 
+class ImuEstimate(msgspec.Struct, frozen=True, kw_only=True):
+    """A sample of the inertial sensor, and what is known with it.
+
+    Attributes:
+        reading: The sample, along the axes of the base.
+        stamp_ns: When it was measured; monotonic nanoseconds.
+        bias_rad_s: What the gyro shows about the vertical axis at rest, as learned.
+        bias_variance: Of that, (rad/s)^2.
+        theta: The heading by wheels and gyro in the odometry frame, not wrapped.
+        theta_variance: Of that, rad^2.
+    """
+
+    reading: ImuReading
+    stamp_ns: int
+    bias_rad_s: float
+    bias_variance: float
+    theta: float
+    theta_variance: float
+
+
 class OdometryEstimate(msgspec.Struct, frozen=True, kw_only=True):
     """The pose and the motion of the robot, from one encoder reading.
 

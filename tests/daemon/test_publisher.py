@@ -18,7 +18,16 @@ from yahboomd.clock import LoopClock
 from yahboomd.daemon.publisher import EVENTS_A_SECOND, Events, Pace, Publisher
 from yahboomd.daemon.stamps import WallStamps
 from yahboomd.messages.event_kinds import KINDS
-from yahboomd.model import Event, EventKind, OdometryEstimate, Pose2d, Twist2d
+from yahboomd.model import (
+    Event,
+    EventKind,
+    ImuEstimate,
+    ImuReading,
+    ImuSensor,
+    OdometryEstimate,
+    Pose2d,
+    Twist2d,
+)
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 
@@ -168,6 +177,48 @@ async def test_battery_and_events_go_out_as_they_happen(
     publisher.event(Event(kind="board_reset", severity="warning", message="It reset itself."))
     assert outlets["yahboomd/battery"].payloads[0]["volts"] == 7.4
     assert outlets["yahboomd/events"].payloads[0]["kind"] == "board_reset"
+
+
+def imu(stamp_ns: int) -> ImuEstimate:
+    sensor = ImuSensor(
+        name="any",
+        gyro_limit_rad_s=8.0,
+        gyro_noise_rad_s=0.5,
+        acceleration_limit_m_s2=20.0,
+        acceleration_noise_m_s2=0.25,
+    )
+    reading = ImuReading(
+        sensor=sensor,
+        sent_ns=stamp_ns,
+        gyro_rad_s=(0.0, 0.0, 0.5),
+        acceleration_m_s2=(0.0, 0.0, 9.75),
+    )
+    return ImuEstimate(
+        reading=reading,
+        stamp_ns=stamp_ns,
+        bias_rad_s=0.125,
+        bias_variance=0.25,
+        theta=1.5,
+        theta_variance=0.0625,
+    )
+
+
+async def test_samples_of_the_sensor_are_numbered_and_stamped_in_order_beside_the_poses(
+    publisher: Publisher, outlets: dict[str, Outlet]
+) -> None:
+    publisher.estimate(estimate(100 * MS), (0.0, 0.0))
+    # Read before the counters, and later twice at the same moment.
+    stamps = [publisher.imu(imu(at)) for at in (80 * MS, 120 * MS, 120 * MS)]
+    first, second, third = outlets["yahboomd/imu"].payloads
+    assert [each["seq"] for each in (first, second, third)] == [1, 2, 3]
+    assert [each["stamp_ns"] for each in (first, second, third)] == stamps
+    pose_ns = outlets["yahboomd/pose"].payloads[0]["stamp_ns"]
+    assert pose_ns - stamps[0] == pytest.approx(20 * MS, abs=MS)
+    assert stamps[2] - stamps[1] > 0
+    assert (first["gyro_variance"], first["acceleration_variance"]) == (0.25, 0.0625)
+    assert (first["theta"], first["gyro_bias_rad_s"]) == (1.5, 0.125)
+    assert (first["magnetic_t"], first["frame_id"]) == (None, "imu_link")
+    assert publisher.newest("yahboomd/imu").seq == 3
 
 
 @given(st.lists(st.integers(min_value=1, max_value=40), min_size=50, max_size=200))

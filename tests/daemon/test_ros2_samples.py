@@ -20,7 +20,16 @@ from yahboomd.daemon.ros2_samples import (
 from yahboomd.messages import ros2
 from yahboomd.messages.native import StatusSample
 from yahboomd.messages.ros2 import Qos
-from yahboomd.model import Event, OdometryEstimate, Pose2d, Severity, Twist2d
+from yahboomd.model import (
+    Event,
+    ImuEstimate,
+    ImuReading,
+    ImuSensor,
+    OdometryEstimate,
+    Pose2d,
+    Severity,
+    Twist2d,
+)
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 STAMP_NS = 1_700_000_000_123_456_789
@@ -49,6 +58,7 @@ STATUS = StatusSample(
 TOPICS = Topics(
     frame_id="bot1/odom",
     child_frame_id="bot1/base_link",
+    imu_frame_id="bot1/imu_link",
     joints=("left_wheel_joint", "right_wheel_joint"),
     radii_m=(0.05, 0.1),
 )
@@ -132,6 +142,57 @@ async def test_the_battery_tells_what_is_measured_and_nothing_else(graph: Graph)
     assert math.isnan(battery["percentage"])
     assert battery["header"] == {"stamp": STAMP, "frame_id": "bot1/base_link"}
     assert graph.qos["battery_state"] == Qos(reliable=True, latched=True, depth=1)
+
+
+IMU = ImuEstimate(
+    reading=ImuReading(
+        sensor=ImuSensor(
+            name="any",
+            gyro_limit_rad_s=8.0,
+            gyro_noise_rad_s=0.5,
+            acceleration_limit_m_s2=20.0,
+            acceleration_noise_m_s2=0.25,
+        ),
+        sent_ns=0,
+        gyro_rad_s=(0.125, 0.25, 0.5),
+        acceleration_m_s2=(0.5, -0.25, 9.75),
+    ),
+    stamp_ns=0,
+    bias_rad_s=0.125,
+    bias_variance=0.0625,
+    theta=math.pi / 2.0,
+    theta_variance=0.015625,
+)
+
+
+async def test_the_inertial_sensor_is_published_raw_and_with_the_heading(graph: Graph) -> None:
+    RosPublisher(graph.open, TOPICS, LoopClock()).imu(IMU, STAMP_NS)
+    raw, data = graph.latest("imu/data_raw"), graph.latest("imu/data")
+    for each in (raw, data):
+        assert each["header"] == {"stamp": STAMP, "frame_id": "bot1/imu_link"}
+        assert each["linear_acceleration"] == {"x": 0.5, "y": -0.25, "z": 9.75}
+        assert list(each["linear_acceleration_covariance"])[::4] == [0.0625] * 3
+    # REP 145: -1 where there is no orientation.
+    assert list(raw["orientation_covariance"]) == [-1.0] + [0.0] * 8
+    assert raw["angular_velocity"] == {"x": 0.125, "y": 0.25, "z": 0.5}
+    assert list(raw["angular_velocity_covariance"])[::4] == [0.25] * 3
+    assert data["orientation"]["z"] == pytest.approx(math.sin(math.pi / 4.0))
+    assert list(data["orientation_covariance"])[::4] == [1e6, 1e6, 0.015625]
+    assert data["angular_velocity"]["z"] == 0.375
+    assert list(data["angular_velocity_covariance"])[::4] == [0.25, 0.25, 0.3125]
+
+
+async def test_a_board_without_a_sensor_has_no_such_topics(graph: Graph) -> None:
+    RosPublisher(graph.open, TOPICS, LoopClock()).estimate(ESTIMATE, STAMP_NS)
+    assert not [topic for topic in graph.types if "imu" in topic]
+
+
+async def test_the_sensor_can_be_left_out_and_named_otherwise(graph: Graph) -> None:
+    for imu in ("", "head/imu"):
+        topics = msgspec.structs.replace(TOPICS, imu=imu)
+        RosPublisher(graph.open, topics, LoopClock()).imu(IMU, STAMP_NS)
+    named = {topic for topic in graph.types if "imu" in topic}
+    assert named == {"head/imu/data", "head/imu/data_raw"}
 
 
 @pytest.mark.parametrize(

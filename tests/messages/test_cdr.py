@@ -287,3 +287,20 @@ def test_only_plain_cdr_counts_as_cdr():
     assert cdr.is_cdr(b"\x00\x01\x00\x03body")
     assert not cdr.is_cdr(b"\x00\x01\x00")
     assert not cdr.is_cdr(b"\x00\x03\x00\x00body")
+
+
+@given(stamps_ns, texts, numbers(4), numbers(9), numbers(3), numbers(9), numbers(3), numbers(9))
+def test_imu_samples_equal_rosbags(
+    oracle, ros, stamp_ns, frame, quaternion, qcov, turn, tcov, force, fcov
+):
+    value = {
+        "header": ros.header(stamp_ns, frame),
+        "orientation": dict(zip("xyzw", quaternion, strict=True)),
+        "orientation_covariance": list(qcov),
+        "angular_velocity": dict(zip("xyz", turn, strict=True)),
+        "angular_velocity_covariance": list(tcov),
+        "linear_acceleration": dict(zip("xyz", force, strict=True)),
+        "linear_acceleration_covariance": list(fcov),
+    }
+    ours = cdr.imu(frame)(stamp_ns, (*quaternion, *qcov), (*turn, *tcov), (*force, *fcov))
+    assert ours == oracle.encode("sensor_msgs/msg/Imu", value)

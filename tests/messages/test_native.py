@@ -17,6 +17,8 @@ FIELDS = {
     "PoseSample": "stamp_ns seq frame_id child_frame_id x y theta covariance",
     "TwistSample": "stamp_ns seq frame_id vx vy wz covariance",
     "WheelsSample": "stamp_ns seq names ticks position_rad speed_m_s command_m_s",
+    "ImuSample": "stamp_ns seq frame_id gyro_rad_s acceleration_m_s2 gyro_bias_rad_s theta "
+    "gyro_variance acceleration_variance gyro_bias_variance theta_variance magnetic_t",
     "BatterySample": "stamp_ns volts",
     "EventSample": "stamp_ns kind severity message wheel data",
     "StatusSample": "stamp_ns state driver since_ns why board link command bus driver_since_ns",

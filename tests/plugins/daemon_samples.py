@@ -7,6 +7,7 @@ from typing import Any
 
 from yahboomd.bus import keys
 from yahboomd.cli.screens.dashboard import Dashboard
+from yahboomd.messages import samples
 from yahboomd.messages.codecs import NativeEncoding, encode
 from yahboomd.messages.native import (
     BatterySample,
@@ -113,6 +114,7 @@ def all_samples(encoding: NativeEncoding = "json") -> dict[str, bytes]:
         keys.POSE: encode(pose(), encoding),
         keys.TWIST: encode(twist(), encoding),
         keys.WHEELS: encode(wheels(), encoding),
+        keys.IMU: encode(samples.NATIVE["ImuSample"], encoding),
         keys.BATTERY: encode(battery(), encoding),
         keys.EVENTS: encode(event(), encoding),
     }

@@ -22,7 +22,7 @@ from yahboomd.daemon.supervisor import Supervisor
 from yahboomd.errors import PortMissing
 from yahboomd.messages.codecs import encode
 from yahboomd.messages.native import VelocityCommand
-from yahboomd.model import Event, OdometryEstimate
+from yahboomd.model import Event, ImuEstimate, OdometryEstimate
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
 
@@ -46,6 +46,7 @@ class Heard:
     def __init__(self) -> None:
         self.estimates: list[OdometryEstimate] = []
         self.commands: list[tuple[float, ...]] = []
+        self.imu_estimates: list[ImuEstimate] = []
         self.volts: list[float] = []
         self.events: list[Event] = []
         self.changes = 0
@@ -53,6 +54,9 @@ class Heard:
     def estimate(self, estimate: OdometryEstimate, command_m_s: tuple[float, ...]) -> None:
         self.estimates.append(estimate)
         self.commands.append(command_m_s)
+
+    def imu(self, estimate: ImuEstimate) -> None:
+        self.imu_estimates.append(estimate)
 
     def battery(self, volts: float) -> None:
         self.volts.append(volts)

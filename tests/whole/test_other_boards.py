@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import itertools
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -312,3 +313,32 @@ async def test_unless_it_is_asked_for_the_heading_is_the_wheels(tmp_path: Path) 
             poses.append((estimate.pose.theta, turn))
     for theta, turn in poses:
         assert theta == pytest.approx(turn, abs=2e-3)
+
+
+@on_virtual_time
+async def test_the_heading_by_wheels_and_gyro_goes_out_even_where_the_pose_is_the_wheels(
+    tmp_path: Path,
+) -> None:
+    given = SLIPPERY[:2]
+    async with robot(tmp_path, *given, drive="skid_steer", flash=Stored(imu=MPU9250)) as bench:
+        await bench.ready()
+        await asyncio.sleep(8.0)
+        await bench.drive(5.0, 0.1, 1.0)
+        await asyncio.sleep(1.0)
+        truth = bench.robot.truth(bench.clock.now_ns()).pose
+        sample, estimate = bench.heard.imu_estimates[-1], bench.heard.estimates[-1]
+        assert sample.theta == pytest.approx(truth.theta, rel=0.03)
+        assert estimate.pose.theta == pytest.approx(truth.theta / 1.25, rel=0.03)
+        assert abs(sample.theta - truth.theta) < 3.0 * math.sqrt(sample.theta_variance)
+
+
+@on_virtual_time
+async def test_axes_turn_the_sensor_as_it_is_mounted(tmp_path: Path) -> None:
+    mounted = ImuOptions(axes="y x -z")
+    given = ("imu.axes=y x -z", "imu.frame_id=head")
+    async with robot(tmp_path, *given, flash=Stored(imu=mounted)) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.0, 1.0)
+        reading = bench.heard.imu_estimates[-1].reading
+        assert reading.gyro_rad_s[2] == pytest.approx(1.0, abs=0.1)
+        assert reading.acceleration_m_s2[2] == pytest.approx(9.8, abs=0.01)

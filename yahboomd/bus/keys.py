@@ -15,11 +15,12 @@ CMD_VEL_TELEOP = "cmd_vel/teleop"
 POSE = "yahboomd/pose"
 TWIST = "yahboomd/twist"
 WHEELS = "yahboomd/wheels"
+IMU = "yahboomd/imu"
 BATTERY = "yahboomd/battery"
 STATUS = "yahboomd/status"
 EVENTS = "yahboomd/events"
 
-SAMPLES = (POSE, TWIST, WHEELS, BATTERY, STATUS)
+SAMPLES = (POSE, TWIST, WHEELS, IMU, BATTERY, STATUS)
 """The samples that are published repeatedly: the newest of each can be queried, too."""
 
 ESTOP = "yahboomd/estop"
@@ -35,6 +36,8 @@ ROS_ODOM = "odom"
 ROS_TF = "tf"
 ROS_TF_STATIC = "tf_static"
 ROS_JOINT_STATES = "joint_states"
+ROS_IMU = "imu/data"
+ROS_IMU_RAW = "imu/data_raw"
 ROS_BATTERY_STATE = "battery_state"
 ROS_DIAGNOSTICS = "diagnostics"
 ROS_ESTOPPED = "estopped"

@@ -14,6 +14,7 @@ from yahboomd.errors import BusError, NoDaemon, Refused, YahboomdError
 from yahboomd.messages.native import (
     BatterySample,
     EventSample,
+    ImuSample,
     PoseSample,
     ServiceReply,
     StatusSample,
@@ -29,6 +30,7 @@ __all__ = [
     "BusError",
     "Counters",
     "EventSample",
+    "ImuSample",
     "NoDaemon",
     "PoseSample",
     "Refused",

@@ -24,6 +24,7 @@ from yahboomd.messages.codecs import encoding_of
 from yahboomd.messages.native import (
     BatterySample,
     EventSample,
+    ImuSample,
     PoseSample,
     ServiceReply,
     StatusSample,
@@ -77,6 +78,7 @@ KEYS: dict[type[msgspec.Struct], str] = {
     PoseSample: keys.POSE,
     TwistSample: keys.TWIST,
     WheelsSample: keys.WHEELS,
+    ImuSample: keys.IMU,
     BatterySample: keys.BATTERY,
     StatusSample: keys.STATUS,
     EventSample: keys.EVENTS,
@@ -141,6 +143,11 @@ class NewestSamples(ABC):
     def wheels(self) -> WheelsSample | None:
         """Counts, angles and speeds of each wheel; see :meth:`newest`."""
         return self.newest(WheelsSample)
+
+    @property
+    def imu(self) -> ImuSample | None:
+        """The inertial sensor of a board that has one; see :meth:`newest`."""
+        return self.newest(ImuSample)
 
     @property
     def battery(self) -> BatterySample | None:

@@ -138,6 +138,9 @@ class Ros2(Section):
         "as robot_localization, does.",
     )
     joint_states: bool = Field(default=True, description="Publish sensor_msgs/JointState.")
+    imu: bool = Field(
+        default=True, description="Publish sensor_msgs/Imu, where the board has a sensor."
+    )
     battery_state: bool = Field(default=True, description="Publish sensor_msgs/BatteryState.")
     diagnostics: bool = Field(
         default=True, description="Publish diagnostic_msgs/DiagnosticArray, once a second."
@@ -145,6 +148,10 @@ class Ros2(Section):
     odom_topic: Topic = Field(default="odom", description="Topic of the odometry.")
     joint_states_topic: Topic = Field(
         default="joint_states", description="Topic of the joint states."
+    )
+    imu_topic: Topic = Field(
+        default="imu",
+        description="Where the inertial sensor is published: as data_raw and data below it.",
     )
     battery_state_topic: Topic = Field(
         default="battery_state", description="Topic of the battery's state."

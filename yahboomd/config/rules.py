@@ -276,7 +276,8 @@ def names(config: Config) -> Iterator[Finding]:
         words = f'"{config.odometry.frame_id}" is the frame of the pose as well'
         yield Finding(("odometry", "child_frame_id"), words, (("odometry", "frame_id"),))
     topics: dict[str, Place] = {}
-    for key in ("odom_topic", "joint_states_topic", "battery_state_topic", "diagnostics_topic"):
+    keys = ("odom_topic", "joint_states_topic", "imu_topic", "battery_state_topic")
+    for key in (*keys, "diagnostics_topic"):
         place: Place = ("ros2", key)
         first = topics.setdefault(getattr(ros2, key), place)
         if first != place:

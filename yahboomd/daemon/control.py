@@ -320,7 +320,8 @@ class Controller:
     def imu(self, reading: ImuReading) -> None:
         """The inertial sensor was read."""
         self.imu_sensor = reading.sensor.name
-        self._odometer.accept(self._options.mounting.along_base(reading))
+        along_base = self._options.mounting.along_base(reading)
+        self._outputs.imu(self._odometer.accept(along_base))
 
     def sent(self, units: Units | None) -> None:
         """Wheels are held against a command from the moment at which it was written."""

@@ -15,6 +15,7 @@ from yahboomd.messages.native import (
     BatterySample,
     EstopRequest,
     EventSample,
+    ImuSample,
     PoseSample,
     RosVelocityCommand,
     SetPoseRequest,
@@ -86,6 +87,7 @@ OUTPUTS: dict[str, Output] = {
     keys.POSE: Output(message=PoseSample, when="for each new reading"),
     keys.TWIST: Output(message=TwistSample, when="for each new reading"),
     keys.WHEELS: Output(message=WheelsSample, when="for each new reading"),
+    keys.IMU: Output(message=ImuSample, when="for each sample of a board that has a sensor"),
     keys.BATTERY: Output(message=BatterySample, when="for each voltage that the board reports"),
     keys.STATUS: Output(message=StatusSample, when="twice a second, and when the state changes"),
     keys.EVENTS: Output(message=EventSample, when="as they happen"),
@@ -147,6 +149,10 @@ ROS_TOPICS: dict[str, RosTopic] = {
         qos=Qos(latched=True, depth=1),
     ),
     keys.ROS_JOINT_STATES: RosTopic(ros_type=ros2.JOINT_STATE, when="for each new reading"),
+    keys.ROS_IMU: RosTopic(
+        ros_type=ros2.IMU, when="for each sample, with orientation and without bias"
+    ),
+    keys.ROS_IMU_RAW: RosTopic(ros_type=ros2.IMU, when="for each sample, as the sensor shows it"),
     keys.ROS_BATTERY_STATE: RosTopic(
         ros_type=ros2.BATTERY_STATE,
         when="for each voltage that the board reports",

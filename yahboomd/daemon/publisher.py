@@ -16,7 +16,7 @@ import msgspec
 
 from yahboomd.bus import keys
 from yahboomd.clock import Clock, nanoseconds
-from yahboomd.daemon.stamps import WallStamps
+from yahboomd.daemon.stamps import STEP_S, WallStamps
 from yahboomd.messages.codecs import NativeEncoding, encode
 from yahboomd.messages.native import (
     BatterySample,
@@ -25,11 +25,12 @@ from yahboomd.messages.native import (
     TwistSample,
     WheelsSample,
     event_sample,
+    imu_sample,
     pose_sample,
     twist_sample,
     wheels_sample,
 )
-from yahboomd.model import Event, OdometryEstimate
+from yahboomd.model import Event, ImuEstimate, OdometryEstimate
 
 log = logging.getLogger(__name__)
 
@@ -42,6 +43,10 @@ class Outputs(Protocol):
 
     def estimate(self, estimate: OdometryEstimate, command_m_s: tuple[float, ...]) -> None:
         """A new reading, and the rim speeds that were commanded."""
+        ...
+
+    def imu(self, estimate: ImuEstimate) -> None:
+        """A sample of the inertial sensor."""
         ...
 
     def battery(self, volts: float) -> None:
@@ -148,6 +153,7 @@ class Publisher:
         frame_id: Frame of the pose.
         child_frame_id: Frame of the base.
         motor_names: In the order of the estimates.
+        imu_frame_id: Frame of the inertial sensor.
     """
 
     def __init__(
@@ -160,6 +166,7 @@ class Publisher:
         frame_id: str,
         child_frame_id: str,
         motor_names: tuple[str, ...],
+        imu_frame_id: str = "imu_link",
     ) -> None:
         self._encoding = encoding
         self._stamps = stamps
@@ -170,6 +177,9 @@ class Publisher:
         self._pose = outlet(keys.POSE)
         self._twist = outlet(keys.TWIST)
         self._wheels = outlet(keys.WHEELS)
+        self._imu = outlet(keys.IMU)
+        self._imu_frame_id = imu_frame_id
+        self._imu_seq = self._imu_ns = 0
         self._battery = outlet(keys.BATTERY)
         self._status = outlet(keys.STATUS)
         self._events = outlet(keys.EVENTS)
@@ -205,6 +215,25 @@ class Publisher:
             self._twist.put(encode(self._twist_of(reading), self._encoding))
         if self._wheels.has_subscribers:
             self._wheels.put(encode(self._wheels_of(reading), self._encoding))
+        return stamp_ns
+
+    def imu(self, estimate: ImuEstimate) -> int:
+        """Publish a sample of the inertial sensor; returns the stamp that it went out with."""
+        stamp_ns = estimate.stamp_ns + self._stamps.follow()
+        if 0 <= self._imu_ns - stamp_ns < nanoseconds(STEP_S):
+            stamp_ns = self._imu_ns + 1
+        self._imu_ns = stamp_ns
+        self._imu_seq += 1
+        make = partial(
+            imu_sample,
+            estimate,
+            stamp_ns=stamp_ns,
+            seq=self._imu_seq,
+            frame_id=self._imu_frame_id,
+        )
+        self._newest[keys.IMU] = make
+        if self._imu.has_subscribers:
+            self._imu.put(encode(make(), self._encoding))
         return stamp_ns
 
     def battery(self, volts: float) -> int:

@@ -112,6 +112,8 @@ def topics(config: Config) -> Topics:
         odom=chosen.odom_topic if chosen.odom else "",
         transform=chosen.publish_tf,
         joint_states=chosen.joint_states_topic if chosen.joint_states else "",
+        imu=chosen.imu_topic if chosen.imu else "",
+        imu_frame_id=prefix + config.imu.frame_id,
         battery_state=chosen.battery_state_topic if chosen.battery_state else "",
         diagnostics=chosen.diagnostics_topic if chosen.diagnostics else "",
         frame_id=prefix + odometry.frame_id,

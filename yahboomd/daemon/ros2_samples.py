@@ -17,7 +17,7 @@ from yahboomd.messages import cdr, planar
 from yahboomd.messages.native import StatusSample
 from yahboomd.messages.rcl_interfaces import LEVELS, log
 from yahboomd.messages.ros2 import NODE, Qos
-from yahboomd.model import Event, OdometryEstimate
+from yahboomd.model import Event, ImuEstimate, OdometryEstimate
 
 DIAGNOSTICS_EVERY_S = 1.0
 
@@ -38,6 +38,8 @@ class Topics(msgspec.Struct, frozen=True, kw_only=True):
         odom: Topic of nav_msgs/Odometry.
         transform: Whether the transform from ``frame_id`` to ``child_frame_id`` goes to ``tf``.
         joint_states: Topic of sensor_msgs/JointState.
+        imu: Topic below which sensor_msgs/Imu goes, as ``data_raw`` and ``data``.
+        imu_frame_id: Its frame.
         battery_state: Topic of sensor_msgs/BatteryState.
         diagnostics: Topic of diagnostic_msgs/DiagnosticArray.
         frame_id: Frame of the pose, with its prefix like all frames here.
@@ -52,6 +54,8 @@ class Topics(msgspec.Struct, frozen=True, kw_only=True):
     odom: str = "odom"
     transform: bool = True
     joint_states: str = "joint_states"
+    imu: str = "imu"
+    imu_frame_id: str = "imu_link"
     battery_state: str = "battery_state"
     diagnostics: str = "diagnostics"
     frame_id: str = "odom"
@@ -116,7 +120,19 @@ class RosPublisher:
             row = ROS_TOPICS[default]
             return open_topic(topic, row.ros_type, row.qos) if topic else Spread()
 
+        def open_imu() -> tuple[Spread, Spread]:
+            named = (
+                (f"{topics.imu}/data", keys.ROS_IMU),
+                (f"{topics.imu}/data_raw", keys.ROS_IMU_RAW),
+            )
+            one, other = (opened(name if topics.imu else "", key) for name, key in named)
+            return one, other
+
         frames = topics.frame_id, topics.child_frame_id
+        self._open_imu = open_imu
+        self._imu: tuple[Spread, Spread] | None = None
+        self._encode_imu = planar.imu(topics.imu_frame_id)
+        self._encode_imu_raw = planar.imu_raw(topics.imu_frame_id)
         self._clock = clock
         self._radii_m = topics.radii_m
         self._odom = opened(topics.odom, keys.ROS_ODOM)
@@ -154,6 +170,16 @@ class RosPublisher:
             speeds = zip(estimate.motor_speed_m_s, self._radii_m, strict=True)
             turning = [speed_m_s / radius_m for speed_m_s, radius_m in speeds]
             self._joints.put(self._encode_joints(stamp_ns, estimate.motor_position_rad, turning))
+
+    def imu(self, estimate: ImuEstimate, stamp_ns: int) -> None:
+        """Publish a sample of the inertial sensor. Boards without one have no such topics."""
+        if self._imu is None:
+            self._imu = self._open_imu()
+        imu, raw = self._imu
+        if imu.has_subscribers:
+            imu.put(self._encode_imu(stamp_ns, estimate))
+        if raw.has_subscribers:
+            raw.put(self._encode_imu_raw(stamp_ns, estimate))
 
     def battery(self, volts: float, stamp_ns: int) -> None:
         """Publish the voltage, and the charge by it."""

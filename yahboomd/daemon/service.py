@@ -33,7 +33,7 @@ from yahboomd.daemon.supervisor import Supervisor
 from yahboomd.link import port_note
 from yahboomd.link.port import Opener
 from yahboomd.messages.codecs import encoding_name
-from yahboomd.model import Event, OdometryEstimate
+from yahboomd.model import Event, ImuEstimate, OdometryEstimate
 
 log = logging.getLogger(__name__)
 
@@ -123,6 +123,7 @@ class Daemon:
             period_ns=nanoseconds(1.0 / config.odometry.publish_rate_hz),
             frame_id=config.odometry.frame_id,
             child_frame_id=config.odometry.child_frame_id,
+            imu_frame_id=config.imu.frame_id,
             motor_names=tuple(motor.name for motor in config.motors()),
         )
         latch = assembly.latch(config, clock, self._environ)
@@ -290,6 +291,12 @@ class Daemon:
         stamp_ns = self._publisher.estimate(estimate, command_m_s)
         if stamp_ns is not None and self._ros2 is not None:
             self._ros2.estimate(estimate, stamp_ns)
+
+    def imu(self, estimate: ImuEstimate) -> None:
+        """A sample of the inertial sensor."""
+        stamp_ns = self._publisher.imu(estimate)
+        if self._ros2 is not None:
+            self._ros2.imu(estimate, stamp_ns)
 
     def battery(self, volts: float) -> None:
         """The voltage."""

@@ -75,6 +75,21 @@ class JointEncoder(Protocol):
     ) -> bytes: ...
 
 
+class ImuEncoder(Protocol):
+    """Encodes an orientation (4 numbers), a rate of turn and an acceleration (3 each).
+
+    Behind each are its 9 covariances.
+    """
+
+    def __call__(  # noqa: D102
+        self,
+        stamp_ns: int,
+        orientation: Sequence[float],
+        turn_rad_s: Sequence[float],
+        acceleration_m_s2: Sequence[float],
+    ) -> bytes: ...
+
+
 class BatteryEncoder(Protocol):
     """Encodes a voltage and, where it is known, the charge from 0 to 1."""
 
@@ -243,6 +258,23 @@ def joint_state(frame_id: str, names: Sequence[str]) -> JointEncoder:
             *velocity_rad_s,
             0,
         )
+
+    return encode
+
+
+def imu(frame_id: str) -> ImuEncoder:
+    """An encoder of sensor_msgs/msg/Imu."""
+    frame = frame_id.encode()
+    pack = Layout().add("I", 4, 2).text(frame).add("d", 8, 37).packer()
+
+    def encode(
+        stamp_ns: int,
+        orientation: Sequence[float],
+        turn_rad_s: Sequence[float],
+        acceleration_m_s2: Sequence[float],
+    ) -> bytes:
+        measured = (*orientation, *turn_rad_s, *acceleration_m_s2)
+        return pack(HEADER_LE, *stamp(stamp_ns), len(frame) + 1, frame, *measured)
 
     return encode
 

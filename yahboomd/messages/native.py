@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 import msgspec
 from msgspec import Meta
 
-from yahboomd.model import Event, Matrix3, OdometryEstimate, Severity
+from yahboomd.model import Event, ImuEstimate, Matrix3, OdometryEstimate, Severity
 
 Fact: TypeAlias = int | float | str | bool | None
 """A counter or a fact of one word."""
@@ -138,6 +138,45 @@ class WheelsSample(msgspec.Struct, frozen=True, kw_only=True):
     command_m_s: Annotated[tuple[float, ...], Meta(description="Commanded speed of the rims.")]
 
 
+class ImuSample(msgspec.Struct, frozen=True, kw_only=True):
+    """The board's inertial sensor, along the axes of the base: forward, left, up.
+
+    Published by boards that have one, for each sample.
+    """
+
+    stamp_ns: Stamp
+    seq: Annotated[int, Meta(ge=0, description="Counts samples: a gap is one that got lost.")]
+    frame_id: Annotated[str, Meta(description="The frame of the sensor.")]
+    gyro_rad_s: Annotated[
+        tuple[float, float, float],
+        Meta(description="Rate of turn about x, y and z, with its bias; rad/s."),
+    ]
+    acceleration_m_s2: Annotated[
+        tuple[float, float, float],
+        Meta(description="Specific force along x, y and z: at rest, 9.8 upward; m/s^2."),
+    ]
+    gyro_bias_rad_s: Annotated[
+        float, Meta(description="What the gyro shows about z at rest, as learned; rad/s.")
+    ]
+    theta: Annotated[
+        float,
+        Meta(
+            description="Heading by wheels and gyro, whether the pose uses it or not; radians, not "
+            "wrapped."
+        ),
+    ]
+    gyro_variance: Annotated[float, Meta(description="Of each component of gyro_rad_s, (rad/s)^2.")]
+    acceleration_variance: Annotated[
+        float, Meta(description="Of each component of acceleration_m_s2, (m/s^2)^2.")
+    ]
+    gyro_bias_variance: Annotated[float, Meta(description="Of gyro_bias_rad_s, (rad/s)^2.")]
+    theta_variance: Annotated[float, Meta(description="Of theta, rad^2.")]
+    magnetic_t: Annotated[
+        tuple[float, float, float] | None,
+        Meta(description="The magnetic field in tesla; null where there is no magnetometer."),
+    ] = None
+
+
 class BatterySample(msgspec.Struct, frozen=True, kw_only=True):
     """The battery as the board measures it."""
 
@@ -240,6 +279,7 @@ MESSAGES: dict[str, type[msgspec.Struct]] = {
         PoseSample,
         TwistSample,
         WheelsSample,
+        ImuSample,
         BatterySample,
         EventSample,
         StatusSample,
@@ -317,6 +357,25 @@ def wheels_sample(
         position_rad=estimate.motor_position_rad,
         speed_m_s=estimate.motor_speed_m_s,
         command_m_s=command_m_s,
+    )
+
+
+def imu_sample(estimate: ImuEstimate, *, stamp_ns: int, seq: int, frame_id: str) -> ImuSample:
+    """A sample of the inertial sensor; arguments as for ``pose_sample``, with its frame."""
+    reading = estimate.reading
+    return ImuSample(
+        stamp_ns=stamp_ns,
+        seq=seq,
+        frame_id=frame_id,
+        gyro_rad_s=reading.gyro_rad_s,
+        acceleration_m_s2=reading.acceleration_m_s2,
+        gyro_bias_rad_s=estimate.bias_rad_s,
+        theta=estimate.theta,
+        gyro_variance=reading.sensor.gyro_noise_rad_s**2,
+        acceleration_variance=reading.sensor.acceleration_noise_m_s2**2,
+        gyro_bias_variance=estimate.bias_variance,
+        theta_variance=estimate.theta_variance,
+        magnetic_t=reading.magnetic_t,
     )
 
 

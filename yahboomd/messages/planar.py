@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 
 from yahboomd.messages import cdr
-from yahboomd.model import Matrix3, OdometryEstimate, Pose2d, Twist2d
+from yahboomd.model import ImuEstimate, Matrix3, OdometryEstimate, Pose2d, Twist2d
 
 UNMEASURED = 1e6
 """The variance of axes that wheels cannot measure (z, roll, pitch): so large that filters give
@@ -85,3 +85,57 @@ def transform(frame_id: str, child_frame_id: str) -> Callable[[int, Pose2d], byt
         return encoder(stamp_ns, (pose(where),))
 
     return encode
+
+
+ImuBytes = Callable[[int, ImuEstimate], bytes]
+"""Encodes a sample of the inertial sensor with a stamp (Unix ns)."""
+
+
+def imu_raw(frame_id: str) -> ImuBytes:
+    """An encoder of sensor_msgs/msg/Imu as the sensor shows it, for ``imu/data_raw`` (REP 145).
+
+    It has no orientation: the first element of that covariance is -1.
+    """
+    encoder = cdr.imu(frame_id)
+    nothing = (0.0, 0.0, 0.0, 1.0, -1.0, *[0.0] * 8)
+
+    def encode(stamp_ns: int, estimate: ImuEstimate) -> bytes:
+        reading, sensor = estimate.reading, estimate.reading.sensor
+        turn, force = sensor.gyro_noise_rad_s**2, sensor.acceleration_noise_m_s2**2
+        return encoder(
+            stamp_ns,
+            nothing,
+            (*reading.gyro_rad_s, *_diagonal(turn, turn, turn)),
+            (*reading.acceleration_m_s2, *_diagonal(force, force, force)),
+        )
+
+    return encode
+
+
+def imu(frame_id: str) -> ImuBytes:
+    """An encoder of sensor_msgs/msg/Imu with an orientation, for ``imu/data`` (REP 145).
+
+    Yaw is the heading by wheels and gyro, and the rate about z is without its bias. Roll and pitch
+    are not measured.
+    """
+    encoder = cdr.imu(frame_id)
+
+    def encode(stamp_ns: int, estimate: ImuEstimate) -> bytes:
+        reading, sensor = estimate.reading, estimate.reading.sensor
+        turn, force = sensor.gyro_noise_rad_s**2, sensor.acceleration_noise_m_s2**2
+        x, y, z = reading.gyro_rad_s
+        return encoder(
+            stamp_ns,
+            (
+                *quaternion(estimate.theta),
+                *_diagonal(UNMEASURED, UNMEASURED, estimate.theta_variance),
+            ),
+            (x, y, z - estimate.bias_rad_s, *_diagonal(turn, turn, turn + estimate.bias_variance)),
+            (*reading.acceleration_m_s2, *_diagonal(force, force, force)),
+        )
+
+    return encode
+
+
+def _diagonal(x: float, y: float, z: float) -> Numbers:
+    return (x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, z)

@@ -14,6 +14,7 @@ from yahboomd.messages.native import (
     BatterySample,
     EstopRequest,
     EventSample,
+    ImuSample,
     LinearXY,
     PoseSample,
     RosVelocityCommand,
@@ -26,7 +27,14 @@ from yahboomd.messages.native import (
 )
 from yahboomd.messages.rcl_interfaces import LEVELS, log
 from yahboomd.messages.set_pose import pose_message
-from yahboomd.model import OdometryEstimate, Pose2d, Twist2d
+from yahboomd.model import (
+    ImuEstimate,
+    ImuReading,
+    ImuSensor,
+    OdometryEstimate,
+    Pose2d,
+    Twist2d,
+)
 
 STAMP_NS = 1_700_000_000_123_456_789
 _STAMP = {"sec": 1_700_000_000, "nanosec": 123_456_789}
@@ -70,6 +78,41 @@ _WHEELS = WheelsSample(
     command_m_s=(0.5, -0.125),
 )
 
+_IMU = ImuSample(
+    stamp_ns=STAMP_NS,
+    seq=815,
+    frame_id="imu_link",
+    gyro_rad_s=(0.0, 0.0, -0.25),
+    acceleration_m_s2=(0.5, -0.125, 9.75),
+    gyro_bias_rad_s=0.03125,
+    theta=_POSE.theta,
+    gyro_variance=1e-6,
+    acceleration_variance=2.5e-4,
+    gyro_bias_variance=1e-8,
+    theta_variance=4e-4,
+    magnetic_t=(2e-5, 0.0, -4.375e-5),
+)
+_IMU_ESTIMATE = ImuEstimate(
+    reading=ImuReading(
+        sensor=ImuSensor(
+            name="icm20948",
+            gyro_limit_rad_s=32.0,
+            gyro_noise_rad_s=1e-3,
+            acceleration_limit_m_s2=32.0,
+            acceleration_noise_m_s2=0.02,
+        ),
+        sent_ns=0,
+        gyro_rad_s=_IMU.gyro_rad_s,
+        acceleration_m_s2=_IMU.acceleration_m_s2,
+        magnetic_t=_IMU.magnetic_t,
+    ),
+    stamp_ns=0,
+    bias_rad_s=_IMU.gyro_bias_rad_s,
+    bias_variance=_IMU.gyro_bias_variance,
+    theta=_IMU.theta,
+    theta_variance=_IMU.theta_variance,
+)
+
 NATIVE: dict[str, msgspec.Struct] = {
     type(message).__name__: message
     for message in (
@@ -78,6 +121,7 @@ NATIVE: dict[str, msgspec.Struct] = {
         _POSE,
         _TWIST,
         _WHEELS,
+        _IMU,
         BatterySample(stamp_ns=STAMP_NS, volts=11.75),
         EventSample(
             stamp_ns=STAMP_NS,
@@ -157,6 +201,9 @@ def _velocity(vx: float, vy: float, wz: float) -> dict[str, Any]:
     return {"linear": _xyz(vx, vy, 0.0), "angular": _xyz(0.0, 0.0, wz)}
 
 
+_FORCE = [0.02**2, 0.0, 0.0, 0.0, 0.02**2, 0.0, 0.0, 0.0, 0.02**2]
+
+
 def _samples() -> dict[str, CdrSample]:
     pose, twist, wheels = _POSE, _TWIST, _WHEELS
     command = _velocity(0.5, 0.0, -0.25)
@@ -219,6 +266,36 @@ def _samples() -> dict[str, CdrSample]:
             cdr.joint_state("", ("left_wheel_joint", "right_wheel_joint"))(
                 STAMP_NS, wheels.position_rad, (15.5, -3.875)
             ),
+        ),
+        "Imu": CdrSample(
+            ros2.IMU,
+            {
+                "header": _header("imu_link"),
+                "orientation": _rotation(_IMU.theta),
+                "orientation_covariance": [1e6, 0.0, 0.0, 0.0, 1e6, 0.0, 0.0, 0.0, 4e-4],
+                "angular_velocity": _xyz(0.0, 0.0, -0.28125),
+                "angular_velocity_covariance": [
+                    *(1e-6, 0.0, 0.0),
+                    *(0.0, 1e-6, 0.0),
+                    *(0.0, 0.0, 1e-6 + 1e-8),
+                ],
+                "linear_acceleration": _xyz(*_IMU.acceleration_m_s2),
+                "linear_acceleration_covariance": _FORCE,
+            },
+            planar.imu("imu_link")(STAMP_NS, _IMU_ESTIMATE),
+        ),
+        "Imu_raw": CdrSample(
+            ros2.IMU,
+            {
+                "header": _header("imu_link"),
+                "orientation": _rotation(0.0),
+                "orientation_covariance": [-1.0, *[0.0] * 8],
+                "angular_velocity": _xyz(*_IMU.gyro_rad_s),
+                "angular_velocity_covariance": [1e-6, 0.0, 0.0, 0.0, 1e-6, 0.0, 0.0, 0.0, 1e-6],
+                "linear_acceleration": _xyz(*_IMU.acceleration_m_s2),
+                "linear_acceleration_covariance": _FORCE,
+            },
+            planar.imu_raw("imu_link")(STAMP_NS, _IMU_ESTIMATE),
         ),
         "BatteryState": CdrSample(
             ros2.BATTERY_STATE,

@@ -109,6 +109,11 @@ class Heading:
         return self._filter.bias
 
     @property
+    def bias_variance(self) -> float:
+        """Of the bias, (rad/s)^2."""
+        return self._filter.bias_variance
+
+    @property
     def present(self) -> bool:
         """Whether there is a gyro, or was."""
         return self._gyro.present

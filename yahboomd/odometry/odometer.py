@@ -18,6 +18,7 @@ import msgspec
 from yahboomd.model import (
     EncoderReading,
     Event,
+    ImuEstimate,
     ImuReading,
     Kinematics,
     Matrix3,
@@ -43,6 +44,9 @@ SHORTEST_ASKED_NS = 15_000_000
 """A board that is asked renews its totals every 10 ms at times that it does not report: counts over
 less than this, as after a break, make no speed."""
 
+
+CARRIED_NS = 50_000_000
+"""The heading is carried on by the gyro from counters that were read so long ago at most."""
 
 SILENCE_NS = 300_000_000
 """A longer pause between readings counts as a gap: the board may have been reset."""
@@ -184,12 +188,26 @@ class Odometer:
                 self.estimate, pose=pose, pose_covariance=self._covariance.pose
             )
 
-    def accept(self, reading: ImuReading) -> None:
+    def accept(self, reading: ImuReading) -> ImuEstimate:
         """Take in a sample of the inertial sensor, along the axes of the base."""
-        if not self._heading.present:
+        heading, covariance = self._heading, self._covariance
+        if not heading.present:
             # The wheels came so far alone.
-            self._heading.lose(self._covariance.gained)
-        self._heading.accept(reading)
+            heading.lose(covariance.gained)
+        heading.accept(reading)
+        stamp_ns = reading.sent_ns - reading.sensor.delay_ns
+        # Since the counters were read, at most a cycle ago, the gyro alone has seen it turn.
+        since_ns = max(-CARRIED_NS, min(CARRIED_NS, stamp_ns - self._stamp_ns))
+        turn = (reading.gyro_rad_s[2] - heading.bias_rad_s) * since_ns * 1e-9
+        theta = self._integrator.pose.theta - (0.0 if self._fused else heading.error)
+        return ImuEstimate(
+            reading=reading,
+            stamp_ns=stamp_ns,
+            bias_rad_s=heading.bias_rad_s,
+            bias_variance=heading.bias_variance,
+            theta=theta + turn,
+            theta_variance=covariance.given + heading.variance,
+        )
 
     def update(self, reading: EncoderReading) -> Update:
         """Take in a reading.
