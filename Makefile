@@ -123,7 +123,7 @@ bench-short: $(VENV)/.dev ## the same in a short form, only to see that it works
 	$(PY) -m benchmarks --short --out build/bench-short --store build/bench-short/store $(ARGS)
 
 heading: $(VENV)/.dev ## the heading by wheels and gyro on simulated bases, the table of docs/odometry.md (20 minutes; ARGS='--runs 8')
-	@$(PY) -m benchmarks.heading $(ARGS)
+	@$(PY) -m benchmarks.fused_heading $(ARGS)
 
 footprint: $(VENV)/.run ## memory, threads, CPU, start-up time and sizes of the daemon
 	@$(PY) -m benchmarks.footprint $(ARGS)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchmarks.heading import SCALE, Figures, figures, one
+from benchmarks.fused_heading import SCALE, Figures, figures, one
 
 # 99 % of chi-squared with as many degrees of freedom as runs, over their number.
 RUNS, NEES_MOST = 4, 3.72
