@@ -86,7 +86,7 @@ class CountHistory:
         self._readings.clear()
 
     def add(self, at_ns: int, totals: tuple[int, ...], earliest_ns: int | None = None) -> None:
-        """Take in a reading, in the order of time.
+        """Add a reading, in the order of time.
 
         Args:
             at_ns: When it was sampled; at the latest, where that is not known.

@@ -137,10 +137,10 @@ def test_the_output_stays_while_the_error_stays_zero() -> None:
     loop, law = SpeedLoop(), tuning(FlashContent(), 1)
     loop.target_mm_s = 100
     for _ in range(50):
-        output = loop.regulate(0.0, law)
+        output = loop.next_output(0.0, law)
     loop.target_mm_s = 0
     # Two ticks until the differences are gone.
-    outputs = [loop.regulate(0.0, law) for _ in range(50)]
+    outputs = [loop.next_output(0.0, law) for _ in range(50)]
     assert 0 < outputs[2] <= output
     assert len(set(outputs[2:])) == 1
 
@@ -148,7 +148,7 @@ def test_the_output_stays_while_the_error_stays_zero() -> None:
 def test_outputs_never_leave_the_range() -> None:
     loop, law = SpeedLoop(), tuning(FlashContent(p=1e12, i=1e12), 1)
     for measured in (0.0, 1e9, -1e9, 0.0):
-        assert abs(loop.regulate(measured, law)) <= PWM_MAX
+        assert abs(loop.next_output(measured, law)) <= PWM_MAX
 
 
 def test_totals_wrap_at_32_bits() -> None:

@@ -82,7 +82,7 @@ class Alarm:
         self._idle = _counting(inbox, idle)
 
     def attach(self, session: zenoh.Session) -> None:
-        """Listen in this session too."""
+        """Subscribe in this session too."""
         alarms, ignored, idle = self._alarms, self._ignored, self._idle
         harmless, asks_nothing = self._harmless, self._asks_nothing
 

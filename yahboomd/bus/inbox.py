@@ -96,7 +96,7 @@ class Lane(Generic[Item]):
         self._lock = threading.Lock()
 
     def offer(self, item: Item) -> None:
-        """Take an entry; from any thread."""
+        """Queue an entry; from any thread."""
         refused = was_empty = False
         with self._lock:
             self.counters.received += 1
@@ -137,7 +137,7 @@ class Lane(Generic[Item]):
         self._handler(batch, lost)
 
     def close(self) -> list[Item]:
-        """Take no more; returns what was not delivered."""
+        """Refuse new entries; returns those that were not delivered."""
         with self._lock:
             self._open = False
             left = list(self._entries)
@@ -188,7 +188,7 @@ class Inbox:
         return lane.close()
 
     def close(self, *, leak: bool = False) -> None:
-        """Stop looking.
+        """Stop reading.
 
         Args:
             leak: Leave the descriptor open, because a thread that may still write to it could not

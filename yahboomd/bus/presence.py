@@ -33,7 +33,7 @@ class Token:
         self._tokens: list[zenoh.LivelinessToken] = []
 
     def attach(self, session: zenoh.Session) -> None:
-        """Be seen in this session too."""
+        """Declare the token in this session too."""
         self._tokens.append(session.liveliness().declare_token(self.key))
 
 

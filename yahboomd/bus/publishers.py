@@ -1,4 +1,4 @@
-"""Samples out: one declared publisher per key, whose ``put`` neither blocks nor raises.
+"""Publishes samples: one publisher for each key, whose ``put`` neither blocks nor raises.
 
 Samples are dropped where a subscriber's connection is full: with congestion control BLOCK a
 subscriber that froze held the caller for five seconds.

@@ -1,4 +1,4 @@
-"""Queries in, answers out: a query always gets an answer, whatever becomes of its handler.
+"""Answers queries: each gets an answer, whatever becomes of its handler.
 
 Handlers run on the loop. Answers are sent by a thread: an answer takes over the query's congestion
 control, which blocks where the asker's connection is full, and an asker that froze must not hold

@@ -1,4 +1,4 @@
-"""Samples in: from a declared subscriber, through a lane of the inbox, to a handler on the loop.
+"""Delivers samples: from a subscriber, through a lane of the inbox, to a handler on the loop.
 
 As a rule a callback puts each sample into the lane. That is the fastest way for one sample, and no
 way for a flood: Zenoh reads all connections in two threads, each sample costs a turn at Python's
@@ -116,7 +116,7 @@ class Subscription:
         self._quiet_looks = 0
 
     def attach(self, session: zenoh.Session) -> None:
-        """Listen in this session too."""
+        """Subscribe in this session too."""
         if not self._open:
             return
         self._sessions.append(session)
@@ -136,7 +136,7 @@ class Subscription:
         return bool(self._rings)
 
     def close(self) -> None:
-        """End it; what has not been delivered is forgotten."""
+        """End it; what has not been delivered is discarded."""
         self._open = False
         if self._look is not None:
             self._look.cancel()

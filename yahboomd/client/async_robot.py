@@ -1,4 +1,4 @@
-"""The robot as an asyncio program sees it."""
+"""The client for asyncio programs: drives a robot, reads its samples and calls its services."""
 
 from __future__ import annotations
 
@@ -402,7 +402,7 @@ class AsyncRobot(NewestSamples):
 
         Raises:
             NoDaemon: No daemon acknowledged it. Switch the motors' supply off.
-            Refused: One acknowledged in words that are no success.
+            Refused: A daemon answered that it did not engage.
         """
         if self.commanded is not None:
             self.stop()

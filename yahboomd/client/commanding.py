@@ -1,4 +1,4 @@
-"""Velocities out: what one client commands, repeated, dropped while no daemon is there, ended."""
+"""Publishes the velocities of one client: repeats them, drops them without a daemon, ends them."""
 
 from __future__ import annotations
 

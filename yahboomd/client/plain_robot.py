@@ -1,4 +1,4 @@
-"""The robot as a program without asyncio sees it: the same core, on a thread of its own."""
+"""The client for programs without asyncio: the same core, on a thread of its own."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Samples in: as they come, over a bounded buffer that keeps the newest, or the newest alone.
+"""Receives samples: all, over a bounded buffer that keeps the newest, or the newest alone.
 
 The daemon decides the encoding, JSON or MessagePack; a client reads either, by the first byte. A
 payload that it cannot read is a value, not an error: another version or another program sent it.

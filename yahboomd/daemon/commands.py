@@ -20,7 +20,7 @@ class CommandIntake:
     """Decodes commands, offers them, and asks for one control step for the lot.
 
     Args:
-        arbiter: Decides who drives.
+        arbiter: Decides which source drives.
         clock: For the wall time that absolute stamps are compared with.
         holonomic: Whether a sideways velocity means anything.
         notice_pause: Detects whether this process stood still; called before anything is offered.

@@ -53,7 +53,7 @@ class Controller:
     Args:
         clock: The source of time.
         options: The robot.
-        arbiter: Decides who drives.
+        arbiter: Decides which source drives.
         odometer: Makes estimates of readings.
         latch: The e-stop.
         outputs: Receive what comes of it.
@@ -184,7 +184,7 @@ class Controller:
         self.control_step()
 
     def close(self) -> None:
-        """Let go of the timer."""
+        """Release the timer."""
         self._alarm.close()
 
     def _drive(self, decision: Decision, now_ns: int, dt_s: float) -> None:
@@ -291,7 +291,7 @@ class Controller:
         self._odometer.armed()
 
     def reading(self, reading: EncoderReading) -> None:
-        """Counts arrived: where is the robot now?"""
+        """Counts arrived: update the pose."""
         self.notice_pause()
         update = self._odometer.update(reading)
         for event in update.events:
@@ -324,7 +324,7 @@ class Controller:
         self._outputs.imu(self._odometer.accept(along_base))
 
     def sent(self, units: Units | None) -> None:
-        """Wheels are held against a command from the moment at which it was written."""
+        """A command was written: from now on wheels are compared with it."""
         self._wheels.sent(units, self._clock.now_ns())
 
     def battery(self, volts: float) -> None:
@@ -396,7 +396,7 @@ class Controller:
         return found[0].message
 
     def set_pose(self, pose: Pose2d, covariance: Matrix3 | None) -> None:
-        """Declare where the robot is."""
+        """Set the pose."""
         self._odometer.set_pose(pose, covariance)
 
     def event(self, event: Event) -> None:

@@ -87,7 +87,7 @@ def fit(
     profile: MotorProfile,
     scale: float,
 ) -> Fit:
-    """Hold a board against the configuration.
+    """Compare a board with the configuration.
 
     Args:
         identity: The board's answers.

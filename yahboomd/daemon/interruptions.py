@@ -27,7 +27,7 @@ LATEST_WAITED_NS = 10_000_000_000
 
 
 class Pauses:
-    """Notices pauses, and lets nothing be believed that waited for their end.
+    """Detects pauses, and discards what waited for their end.
 
     Args:
         clock: The source of time.
@@ -115,7 +115,7 @@ class Resets:
     def interrupted(
         self, event: Event, ticks: Counts, before: Counts, *, paused: bool = False
     ) -> None:
-        """Counts that do not go on may be all that is seen of a reset.
+        """Check for a reset: a break in the counts may be all that is seen of it.
 
         Args:
             event: What the odometer says of them.

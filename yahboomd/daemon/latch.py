@@ -204,7 +204,7 @@ class EstopLatch:
         return {"estop_not_on_file": int(missing), "estop_file_failures": self._keeper.failures}
 
     def engage(self, by: str, now_ns: int) -> bool:
-        """Engage; whether that is news. The wheels are stopped by the caller, not by the disk."""
+        """Engage; whether it was released before. The caller stops the wheels, not the disk."""
         return self._stop.engage("somebody asked for it", by, now_ns)
 
     def remember(self) -> None:

@@ -107,7 +107,7 @@ class LocalStop:
         self._counters: Counter[str] = Counter()
 
     async def open(self) -> None:
-        """Listen; without the socket the daemon goes on, and says so."""
+        """Listen; without the socket the daemon goes on, and logs it."""
         loop = asyncio.get_running_loop()
         try:
             self._listening = await bounded(
@@ -211,7 +211,7 @@ class LocalStop:
             self._decide(connection)
 
     def _decide(self, connection: _Connection) -> None:
-        """Do what was asked for, as far as it came."""
+        """Carry out the request, complete or not."""
         sock = self._forget(connection)
         asked = connection.data.strip()
         if not connection.data:

@@ -162,7 +162,7 @@ _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
 class RepeatFilter(logging.Filter):
-    """Lets some lines of a kind through in each minute, and says how many it did not.
+    """Lets some lines of a kind through in each minute, and logs how many it dropped.
 
     Lines are of a kind when they differ in their numbers only. Time is the record's own; DEBUG is
     for a person who wants every line.

@@ -105,7 +105,7 @@ class Signals:
         log.info("Continued.")
 
     def resume(self) -> None:
-        """Be ready for the next suspension."""
+        """Prepare for the next suspension."""
         self.suspend.clear()
         self._await_suspension()
 
@@ -146,7 +146,7 @@ _AGE = re.compile(r" \(since [^)]*\)| [\d.]+ s ago")
 
 
 class Notifier:
-    """Talks to the service manager, where there is one.
+    """Reports to the service manager, where there is one.
 
     Args:
         environ: The process's environment.
@@ -170,7 +170,7 @@ class Notifier:
         return self._socket is not None
 
     def ready(self) -> None:
-        """Configuration and bus stand."""
+        """Report that configuration and bus are ready."""
         self._send("READY=1")
 
     def stopping(self) -> None:
@@ -193,7 +193,7 @@ class Notifier:
         self._send("WATCHDOG=1")
 
     def close(self) -> None:
-        """Let go of the socket."""
+        """Close the socket."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None

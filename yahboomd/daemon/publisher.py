@@ -58,7 +58,7 @@ class Outputs(Protocol):
         ...
 
     def changed(self) -> None:
-        """State, driver or reason may have changed."""
+        """Note that state, driver or reason may have changed."""
         ...
 
 

@@ -42,7 +42,7 @@ SET_POSE_TAKES = (
 
 
 class Operator:
-    """Carries requests out, and says in words what became of them.
+    """Carries out requests, and returns the results in words.
 
     Args:
         clock: The source of time.
@@ -61,7 +61,7 @@ class Operator:
         self._released_ns: int | None = None
 
     def engage_estop(self, by: str, *, times: int = 1, unread: int = 0) -> str:
-        """Stop at once and stay so. Returns what was done.
+        """Engage the emergency stop. Returns what was done.
 
         Args:
             by: Who or what asked for it.
@@ -161,7 +161,7 @@ class Operator:
         return True, words
 
     def set_pose(self, pose: Pose2d, covariance: Matrix3 | None) -> str:
-        """Declare where the robot is. Returns what was done."""
+        """Set the pose. Returns what was done."""
         self._controller.set_pose(pose, covariance)
         words = f"The pose is x {pose.x:g} m, y {pose.y:g} m, theta {pose.theta:g} rad."
         self._controller.event(Event(kind="pose_set", severity="info", message=words))

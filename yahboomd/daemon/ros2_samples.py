@@ -102,7 +102,7 @@ class OpenTopic(Protocol):
     """Opens a topic on each way into ROS 2."""
 
     def __call__(self, topic: str, ros_type: str, qos: Qos) -> Spread:
-        """Its outlets."""
+        """Open a topic; returns its outlets."""
         ...
 
 

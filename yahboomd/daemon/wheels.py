@@ -51,7 +51,7 @@ class Board(Protocol):
         ...
 
     def cut(self) -> None:
-        """Let the motors go before everything that waits."""
+        """Release the motors before everything that waits."""
         ...
 
     def release(self) -> None:
@@ -127,7 +127,7 @@ class Wheels:
         self._check.reset()
 
     def detach(self) -> None:
-        """There is no board any more, and it is unknown what the wheels do."""
+        """Note that there is no board any more; what the wheels do is unknown."""
         self._board = None
         self.command_m_s = self.zeros
         self.measured_m_s = None
@@ -227,14 +227,14 @@ class Wheels:
             self._board.release()
 
     def cut(self, now_ns: int) -> None:
-        """Let the motors go before everything else."""
+        """Release the motors before everything else."""
         if self._board is not None:
             self._board.cut()
         self._counters["cuts"] += 1
         self.release(now_ns)
 
     def sent(self, units: Units | None, now_ns: int) -> None:
-        """Hold the wheels against what was written to the port, and against nothing else.
+        """Compare the wheels with what was written to the port, and with nothing else.
 
         Args:
             units: The motion, as the board takes it; ``None``: let go.
@@ -251,7 +251,7 @@ class Wheels:
         self._check.reset()
 
     def paused(self, now_ns: int) -> None:
-        """This process did not run: what comes now is of then, and proves nothing.
+        """Note that this process did not run: what arrives now is old, and proves nothing.
 
         A stop that is under way is sent again, and has its time again.
         """
@@ -271,7 +271,7 @@ class Wheels:
         received_ns: int | None = None,
         earliest_ns: int | None = None,
     ) -> tuple[Fault, ...]:
-        """Take in what was measured.
+        """Check a measurement.
 
         Args:
             stamp_ns: When.

@@ -45,7 +45,7 @@ class _Handover(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Arbiter:
-    """Decides who drives.
+    """Decides which source drives.
 
     Args:
         sources: All that may drive.
@@ -95,7 +95,7 @@ class Arbiter:
         wall_ns: int | None = None,
         arrivals: int = 1,
     ) -> Accepted | Refused:
-        """Take a command in.
+        """Accept or refuse a command.
 
         Several commands that were handed over in one piece are offered one after the other before
         the next control step runs, or only the newest of them with their number: that way a backlog
@@ -237,7 +237,7 @@ class Arbiter:
         return {name: words for name, words in found.items() if words is not None}
 
     def forget_commands(self, now_ns: int) -> None:
-        """Drop every command and the holder of control, as if there had been no command yet.
+        """Discard every command and the source in control, as if there had been no command yet.
 
         For when the bus is lost, or the board was away: what was commanded before is over. That a
         source commanded motion is remembered all the same.
@@ -251,7 +251,7 @@ class Arbiter:
     def paused(
         self, since_ns: int, until_ns: int, *, waited_ns: int, clock_stood: bool = False
     ) -> None:
-        """This process did not run: commands that waited come now, as if they were new.
+        """Note that this process did not run: commands that waited arrive now, as if they were new.
 
         Those that ask for motion are refused unless the sender's stamp proves their age.
 
@@ -301,7 +301,7 @@ class Arbiter:
         self.counters["took_over"] += 1
 
     def _revoke(self, line: CommandSource, now_ns: int) -> bool:
-        """Take back what ``line`` was believed since its silence; whether there was anything."""
+        """Revoke the commands that ``line`` gave since its silence; whether there were any."""
         had_a_command = line.in_effect(now_ns) is not None
         line.drop()
         if self._holder is not line or not had_a_command:

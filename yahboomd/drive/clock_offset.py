@@ -34,7 +34,7 @@ class ClockOffset:
         self._behind = SlidingMinimum(HISTORY_NS)
 
     def saw(self, now_ns: int, stamp_ns: int | None, wall_ns: int | None) -> None:
-        """Take a stamp in that arrived at ``now_ns`` (monotonic), ``wall_ns`` by our clock.
+        """Add a stamp that arrived at ``now_ns`` (monotonic), ``wall_ns`` by our clock.
 
         No stamp, and 0 (what ROS sends without a stamp), mean nothing.
         """

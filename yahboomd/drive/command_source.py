@@ -71,12 +71,12 @@ class CommandSource:
         return age if verdict == "pass" else verdict
 
     def feed(self, twist: Twist2d, given_ns: int) -> None:
-        """Take on a command, given at ``given_ns``."""
+        """Follow a command, given at ``given_ns``."""
         self.wish = twist
         self.deadman.feed(given_ns)
 
     def drop(self) -> None:
-        """Take its command back."""
+        """Revoke its command."""
         self.wish = None
         self.deadman.clear()
 

@@ -13,7 +13,7 @@ OnTimeout: TypeAlias = Literal["ramp", "halt"]
 
 
 class Deadman:
-    """Says whether the command in effect has run out.
+    """Decides whether the command in effect has run out.
 
     The time is counted from when the command was *given*, which for one that was under way for a
     while is earlier than its arrival. So a command that is delivered twice does not live longer.
@@ -41,7 +41,7 @@ class Deadman:
         self._given_ns = given_ns
 
     def clear(self) -> None:
-        """There is no command any more: expired until fed."""
+        """Remove the command: expired until fed."""
         self._given_ns = None
 
     def age_ns(self, now_ns: int) -> int | None:

@@ -57,7 +57,7 @@ class EmergencyStop:
         return self.latched is not None
 
     def engage(self, reason: str, by: str, now_ns: int) -> bool:
-        """Stop. Returns whether that is news; the first reason stays, however often it is asked."""
+        """Engage. Returns whether it was released before; the first reason stays."""
         if self.latched is not None:
             return False
         self.latched = Latched(reason=reason, by=by, since_ns=now_ns)

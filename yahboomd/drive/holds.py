@@ -54,7 +54,7 @@ class Holds:
         self._holds[hold.kind] = hold
 
     def drop(self, kind: str) -> bool:
-        """This reason is gone. Returns whether it was there."""
+        """Remove a reason. Returns whether it was there."""
         return self._holds.pop(kind, None) is not None
 
     def has(self, kind: str) -> bool:

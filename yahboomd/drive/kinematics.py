@@ -1,4 +1,4 @@
-"""Between the motion of the body and the rim speeds of the wheels, for every drive geometry.
+"""Motion of the body as rim speeds of the wheels, and back, for every drive geometry.
 
 One law: each geometry is two constant matrices. ``inverse`` takes (vx, vy, wz) to rim speeds,
 ``forward`` takes rim speeds back, and ``forward`` after ``inverse`` is the identity (on what the

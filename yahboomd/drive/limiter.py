@@ -45,7 +45,7 @@ class AxisLimits(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Limiter:
-    """Ramps a wish; keeps the speed and the acceleration that it let through last.
+    """Limits a command on each axis; remembers the latest velocity and acceleration.
 
     Args:
         linear: Limits of ``vx`` and of ``vy``, each by itself.
@@ -73,7 +73,7 @@ class Limiter:
         return Twist2d(vx=self._vx.speed, vy=self._vy.speed, wz=self._wz.speed)
 
     def limit(self, wanted: Twist2d, dt_s: float) -> Twist2d:
-        """Go towards ``wanted`` for ``dt_s`` seconds and return the speed at the end.
+        """Move towards ``wanted`` for ``dt_s`` seconds; returns the velocity at the end.
 
         Args:
             wanted: The wish; a number in it that is not finite asks for standstill.
@@ -87,11 +87,11 @@ class Limiter:
         return self.current
 
     def clips(self, wanted: Twist2d) -> bool:
-        """Whether a wish is faster, on any axis, than that axis may ever be."""
+        """Whether a command exceeds the velocity limit of any axis."""
         return self._vx.clips(wanted.vx) or self._vy.clips(wanted.vy) or self._wz.clips(wanted.wz)
 
     def halt(self) -> Twist2d:
-        """Standstill at once, past all limits: for every stop that may not ramp."""
+        """Set the velocity to zero at once, past all limits: for every stop that may not ramp."""
         return self.reset(STANDSTILL)
 
     def reset(self, twist: Twist2d) -> Twist2d:

@@ -1,4 +1,4 @@
-"""One motor: its command against what it does.
+"""Compares the commands of one motor with its motion.
 
 What makes this hard is that healthy motors do not follow at once: they start after 0.02 to 0.4 s
 and lag behind. So the measurement is not held against the command of the moment but against every
@@ -60,7 +60,7 @@ GAP_NS = 500_000_000
 
 
 class MotorWatch:
-    """Holds one motor's readings against its commands.
+    """Compares one motor's readings with its commands.
 
     Args:
         name: Of the motor, for the words of a fault.

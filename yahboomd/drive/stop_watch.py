@@ -53,7 +53,7 @@ class StopWatch:
         self._fastest: tuple[float, ...] = ()
 
     def begin(self, now_ns: int) -> None:
-        """Zero was commanded at ``now_ns``. A stop that is under way keeps its own deadline."""
+        """Begin: zero was commanded at ``now_ns``. A stop under way keeps its own deadline."""
         if self.state in {"stopping", "overdue"}:
             return
         self.state = "stopping"
@@ -63,17 +63,17 @@ class StopWatch:
         self._fastest = (0.0,) * len(self._motors)
 
     def restart(self, now_ns: int) -> None:
-        """Give a stop that is under way its time again: no reading came meanwhile."""
+        """Restart the deadline of a stop that is under way: no reading came meanwhile."""
         if self.state == "stopping":
             self.state = "idle"
             self.begin(now_ns)
 
     def cancel(self) -> None:
-        """Motion is commanded again."""
+        """End the watch: motion is commanded again."""
         self.state = "idle"
 
     def measure(self, stamp_ns: int, measured_m_s: Sequence[float]) -> StopState:
-        """Take in a reading: rim speed of each motor, sampled at ``stamp_ns``.
+        """Check a reading: rim speed of each motor, sampled at ``stamp_ns``.
 
         Readings from before the stop prove nothing and are passed over.
         """

@@ -1,9 +1,9 @@
-"""Wheels that lie: command against measurement, motor by motor.
+"""Finds wheels that do not obey: commands compared with measurements, motor by motor.
 
 The board closes its speed loop over the same counts that we read. A dead or reversed encoder makes
-that loop run away to full speed, and a zero command does not end it, so it has to be noticed.
-What one motor shows is judged by :mod:`~yahboomd.drive.motor_watch`; here is what concerns all of
-them: which readings are judged at all, and whether all are silent at once.
+that loop run away to full speed, and a zero command does not end it.
+:mod:`~yahboomd.drive.motor_watch` judges one motor. This file decides for all of them which
+readings are judged at all, and whether all are silent at once.
 
 Nothing is raised; faults are values, one for each beginning of each trouble.
 """

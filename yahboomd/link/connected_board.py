@@ -110,7 +110,7 @@ class ConnectedBoard:
         self._line.writer.stop((self._dialect.brake,))
 
     def cut(self) -> None:
-        """Let the motors go, before anything else; a dialect that cannot brakes instead."""
+        """Release the motors before anything else; a dialect without a cut brakes instead."""
         self._line.let_go = True
         self._stop_units = None
         self._line.writer.stop((self._dialect.cut or self._dialect.brake,))

@@ -90,7 +90,7 @@ class Conversation:
         return None
 
     async def rest(self) -> StopReport:
-        """Bring the wheels to rest and let the motors go; streams are off afterwards."""
+        """Bring the wheels to rest and release the motors; streams are off afterwards."""
         return await self._line.rest(self.dialect)
 
 

@@ -39,7 +39,7 @@ def drop(fd: int) -> None:
 
 
 class OutputWatch:
-    """Sees whether a port has sent what was written last, and how fast it sends.
+    """Measures whether a port has sent what was written last, and how fast it sends.
 
     Args:
         queued: How many bytes wait.

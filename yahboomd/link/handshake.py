@@ -1,4 +1,4 @@
-"""Getting to know a board, in an order that is safe if its wheels still turn after a crash.
+"""Identifies a board, in an order that is safe if its wheels still turn after a crash.
 
 Stop first, then ask who it is, then how it is set up. Nothing is written to its flash, ever, by
 connecting.

@@ -212,7 +212,7 @@ class Line:
         return await self.writer.request(frame, answered, timeout_s)
 
     async def rest(self, dialect: Dialect) -> StopReport:
-        """Bring the wheels to rest and let the motors go; streams are off afterwards.
+        """Bring the wheels to rest and release the motors; streams are off afterwards.
 
         Where the brake is not obeyed the motors are cut, and watched while they coast.
         """

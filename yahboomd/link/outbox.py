@@ -79,7 +79,7 @@ class Outbox:
         self.replaced = 0
 
     def stop(self, frames: tuple[bytes, ...]) -> None:
-        """Put a stop before everything else; what was to move the wheels is forgotten."""
+        """Queue a stop before everything else; what was to move the wheels is discarded."""
         self._stops.clear()
         self._stops.extend(frames)
         self._velocity = None
@@ -116,7 +116,7 @@ class Outbox:
         self._requests.append(request)
 
     def withdraw(self, request: Request) -> None:
-        """Take a request back whose caller does not wait any more."""
+        """Withdraw a request whose caller does not wait any more."""
         if request in self._requests:
             self._requests.remove(request)
 
@@ -144,8 +144,8 @@ class Outbox:
 
         Args:
             now_ns: Now.
-            busy: The board may be at work on a question: only a stop may go.
-            asking: A question was not answered yet: no other one may go.
+            busy: The board may be answering a question: only a stop may be sent.
+            asking: A question is unanswered: no other one may be sent.
         """
         if self._stops:
             return self._sent(Outgoing(lane=Lane.STOP, frame=self._stops.popleft()))

@@ -53,7 +53,7 @@ class PortNote(NamedTuple):
 
 
 def write(note: PortNote, folder: str) -> bool:
-    """Leave the note; whether it is there now. Never raises: without it the configuration is read.
+    """Write the note; whether it is there now. Never raises: without it the configuration is read.
 
     Notes of this process on other ports are removed: it has one port at a time. So are those of
     daemons that are gone and had ended in order.

@@ -1,4 +1,4 @@
-"""Has the board started, or did it answer? Both may show its version in the same words.
+"""Distinguishes a board that starts from one that answers: both may send the same version line.
 
 Asked for its settings, such a board announces them and then says its version; one that starts says
 the version alone. The first line of an answer may be lost on its way, so a version alone is a

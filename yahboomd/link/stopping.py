@@ -53,7 +53,7 @@ class StandstillWatch:
         self._history = CountHistory(WINDOW_NS)
 
     def reset(self) -> None:
-        """Judge from what comes now on (the counters restarted, or a stop was just sent)."""
+        """Judge by later readings only (the counters restarted, or a stop was just sent)."""
         self._history.clear()
 
     def add(self, ticks: Counts, now_ns: int) -> None:
@@ -153,7 +153,7 @@ class _LastWords:
 
 
 class _Watching:
-    """Says a stop again and again until the counters show that the wheels stand.
+    """Repeats a stop until the counters show that the wheels stand.
 
     Attributes:
         said: How often.
@@ -229,7 +229,7 @@ async def stop_unidentified(port: Port, clock: Clock) -> bool:
 async def bring_to_rest(
     port: Port, clock: Clock, dialect: Dialect, watch: StandstillWatch, *, let_go: bool = False
 ) -> StopReport:
-    """Brake until the counters stand, let the motors go, end the streams, and drain.
+    """Brake until the counters stand, release the motors, end the streams, and drain.
 
     Bounded: 2 s, and :data:`GIVE_UP_S` besides on a port that does not send.
 

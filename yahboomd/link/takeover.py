@@ -44,7 +44,7 @@ async def take_over(
     still_ticks_per_s: float = STILL_TICKS_PER_S,
     spoken_ns: int | None = None,
 ) -> TakeoverReport:
-    """Stop, identify, brake, watch, cut, and let go of the port. Bounded: four seconds at most.
+    """Stop, identify, brake, watch, cut, and release the port. Bounded: four seconds at most.
 
     Args:
         port: The open port; it is closed in the end.

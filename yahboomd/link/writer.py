@@ -170,7 +170,7 @@ class Writer:
                 self._flight_until_ns = None
 
     def receive(self, decoded: Decoded) -> None:
-        """Something came from the board: it may be what a frame waits for."""
+        """Note what came from the board: it may be what a frame waits for."""
         if isinstance(decoded, Totals):
             if self._polled_until_ns is not None:
                 self._polled_until_ns = None
@@ -196,7 +196,7 @@ class Writer:
         self._wake.set()
 
     def answered_poll_ns(self) -> int | None:
-        """Counts came: when was the board asked for them, at the earliest? Called once for each.
+        """The earliest moment at which counts that came were asked for. Called once for each.
 
         Answers come in the order of the questions. One that was lost makes the moment too early for
         a while, which errs on the safe side; one that came late does not make it too late.

@@ -1,4 +1,4 @@
-"""Readings in, estimates out: the rooms' one door.
+"""Computes estimates from readings: the one entry to this room.
 
 Law: a pose goes out for a new reading only, with the moment at which the board sampled it, and
 nothing that happens on the wire makes it jump. What is lost is reported, as an event and in the
@@ -173,7 +173,7 @@ class Odometer:
         self._armed += 1
 
     def set_pose(self, pose: Pose2d, covariance: Matrix3 | None = None) -> None:
-        """Declare where the base is. Totals go on.
+        """Set the pose of the base. Totals go on.
 
         Args:
             pose: Its pose in the odometry frame.

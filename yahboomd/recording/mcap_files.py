@@ -206,7 +206,7 @@ class _Unbuffered:
         return self.size
 
     def flush(self) -> None:
-        """Nothing is kept back."""
+        """Do nothing: no output is kept back."""
 
     def sync(self) -> None:
         os.fdatasync(self._fd)

@@ -53,7 +53,7 @@ class Board(Protocol):
         ...
 
     def start(self, now_ns: int) -> None:
-        """Be a board that was powered long ago: running, silent, counters kept."""
+        """Start as a board that was powered long ago: running, silent, counters kept."""
         ...
 
     def reset(self, now_ns: int, *, off_ns: int = 0, by_power: bool) -> None:

@@ -88,10 +88,10 @@ class MemoryPort:
         self.on_lost = on_lost
 
     def gather(self, least: int) -> None:
-        """Nothing: bytes are handed over as they come, in the chunks of the impairments."""
+        """Do nothing: bytes are handed over as they come, in the chunks of the impairments."""
 
     def read_now(self) -> None:
-        """Nothing: no byte is kept."""
+        """Do nothing: no byte is kept."""
 
     async def drain(self, timeout_s: float) -> bool:
         """Wait until the wire has carried everything; whether it has."""

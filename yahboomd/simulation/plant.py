@@ -57,7 +57,7 @@ class Plant:
             motor.supply = volts / self._rated_volts
 
     def start(self, now_ns: int) -> None:
-        """Time begins here."""
+        """Begin at ``now_ns``."""
         self._now_ns = now_ns
         self._started = True
 

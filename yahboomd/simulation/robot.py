@@ -79,7 +79,7 @@ class SimulatedRobot:
         return self._started
 
     def start(self, now_ns: int) -> None:
-        """Begin here, with a board that has been on for a while."""
+        """Begin at ``now_ns``, with a board that has been on for a while."""
         self._started = True
         self._now_ns = now_ns
         self._truth_ns = now_ns
@@ -149,12 +149,12 @@ class SimulatedRobot:
         self.board.hang()
 
     def mute(self, now_ns: int, duration_s: float) -> None:
-        """Let nothing of what the board says arrive; it still listens."""
+        """Discard the board's output; it still receives."""
         self._run(now_ns)
         self.impairments.muted_until_ns = now_ns + nanoseconds(duration_s)
 
     def babble(self, now_ns: int, duration_s: float) -> None:
-        """Send random bytes instead of what the board says."""
+        """Send random bytes instead of the board's output."""
         self._run(now_ns)
         self.impairments.babbles_until_ns = now_ns + nanoseconds(duration_s)
 
@@ -164,7 +164,7 @@ class SimulatedRobot:
         self.impairments.stalled_until_ns = now_ns + nanoseconds(duration_s)
 
     def hold(self, now_ns: int, duration_s: float) -> None:
-        """Keep what the board says, and deliver all of it at once afterwards."""
+        """Hold the board's output, and deliver all of it at once afterwards."""
         self._run(now_ns)
         self.impairments.held_until_ns = now_ns + nanoseconds(duration_s)
 

@@ -69,7 +69,7 @@ class SpeedLoop:
         """Clear output and errors; the target stays."""
         self._output = self._error = self._error_before = 0.0
 
-    def regulate(self, measured_mm_s: float, tuning: Tuning) -> int:
+    def next_output(self, measured_mm_s: float, tuning: Tuning) -> int:
         """The output of the next 10 ms, in PWM units."""
         error = self.target_mm_s - measured_mm_s
         change = (
@@ -122,7 +122,7 @@ class MotorControl:
         self._plant.set_outputs((0,) * CHANNELS)
 
     def regulate(self, targets_mm_s: tuple[int, ...]) -> None:
-        """Hold these rim speeds from the next interrupt on."""
+        """Regulate to these rim speeds from the next interrupt on."""
         self._regulates = True
         for loop, target in zip(self._loops, targets_mm_s, strict=True):
             loop.target_mm_s = target
@@ -173,7 +173,7 @@ class MotorControl:
                 loop.reset()
                 outputs.append(0)
                 continue
-            output = loop.regulate(measured, tuning)
+            output = loop.next_output(measured, tuning)
             outputs.append(-output if tuning.inverted else output)
         return outputs
 

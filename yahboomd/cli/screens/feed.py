@@ -24,7 +24,7 @@ SEARCH_NS = 1_000_000_000
 
 
 class Feed:
-    """Reaches for the bus in the background, and fills a dashboard once it is there.
+    """Connects in the background, and fills a dashboard once the bus is there.
 
     An asynchronous context manager; leaving it closes the session.
 

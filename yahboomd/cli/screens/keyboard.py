@@ -37,7 +37,7 @@ _KEY = re.compile(
 
 
 class KeyParser:
-    """Cuts what a terminal sends into keys, however it was chopped on the way.
+    """Cuts a terminal's bytes into keys, however they were split on the way.
 
     Were an arrow's ``ESC [ A`` taken apart at a read's end, its ``A`` would be a key of its own,
     and the robot would turn.
@@ -62,7 +62,7 @@ class KeyParser:
         return keys
 
     def flush(self) -> list[str]:
-        """Nothing followed: what was held back is a key by itself."""
+        """End a key that nothing followed; returns it."""
         if not self.pending:
             return []
         key = ESCAPE if self._text == "\x1b" else UNKNOWN

@@ -107,7 +107,7 @@ class Teleop:
 
     @property
     def linear_m_s(self) -> float:
-        """Speed of the keys that go somewhere."""
+        """Speed of the keys that drive."""
         return self._linear_m_s * self._scale
 
     @property

@@ -1,4 +1,4 @@
-"""Bytes in, frames and text lines out.
+"""Cuts bytes into frames and text lines.
 
 The law: what comes out depends on the bytes, never on how they were cut into chunks, and no bytes
 whatever raise or pile up.

@@ -79,7 +79,7 @@ class Polled(msgspec.Struct, frozen=True, kw_only=True):
         return (f"$mtype:{self.motor_type:d}#".encode("ascii"),) * ARM_REPEATS
 
     def framer(self) -> Framer:
-        """For frames and text lines."""
+        """Return a framer for frames and text lines."""
         return Framer()
 
     def speeds(self, units: Units) -> bytes:
@@ -95,7 +95,7 @@ class Polled(msgspec.Struct, frozen=True, kw_only=True):
         return isinstance(self.decode(item), Totals)
 
     def findings(self, settings: BoardSettings, profile: MotorProfile) -> Findings:  # noqa: ARG002
-        """Nothing: the board stores nothing."""
+        """Return nothing: the board stores no settings."""
         return Findings()
 
     def motion(

@@ -102,7 +102,7 @@ class Streamed(msgspec.Struct, frozen=True, kw_only=True):
     settings: tuple[StoredSetting, ...] = TABLE
 
     def framer(self) -> Framer:
-        """For frames and text lines."""
+        """Return a framer for frames and text lines."""
         return Framer()
 
     def speeds(self, units: Units) -> bytes:
@@ -110,7 +110,7 @@ class Streamed(msgspec.Struct, frozen=True, kw_only=True):
         return command("spd", units, MAX_SPEED)
 
     def decode(self, item: Frame | TextLine) -> Decoded:
-        """Frames by their exact names, lines as a whole."""
+        """Interpret frames by their exact names, and lines as a whole."""
         return decode_item(item, _FRAMES)
 
     def recognises(self, item: Frame | TextLine) -> bool:
@@ -133,5 +133,5 @@ class Streamed(msgspec.Struct, frozen=True, kw_only=True):
         return motion(kinematics, motors, settings, scale=scale, max_command=MAX_SPEED)
 
     def for_profile(self, profile: MotorProfile) -> Streamed:  # noqa: ARG002 (the seam's shape)
-        """Itself: the motor type lives in the board's flash."""
+        """Return the dialect itself: the motor type is in the board's flash."""
         return self

@@ -77,12 +77,12 @@ class PolledBoard:
         return self._control.totals
 
     def start(self, now_ns: int) -> None:
-        """Be a board that was powered long ago."""
+        """Start as a board that was powered long ago."""
         self._tick_ns = now_ns + TICK_NS
         self._listens_ns = now_ns
 
     def reset(self, now_ns: int, *, off_ns: int = 0, by_power: bool) -> None:  # noqa: ARG002
-        """Lose everything and start again after ``off_ns``, without a word."""
+        """Lose everything and start again after ``off_ns``, without a banner."""
         self._plant.advance(now_ns)
         self._control.restart()
         self._collected = None
@@ -92,7 +92,7 @@ class PolledBoard:
         self._listens_ns = self._tick_ns = now_ns + off_ns + BOOT_NS
 
     def set_tick_period(self, now_ns: int, period_ns: int, jitter_ns: int = 0) -> None:  # noqa: ARG002
-        """Nothing that this board has.
+        """Do nothing: this board has no tick.
 
         Raises:
             ValueError: Always.

@@ -142,7 +142,7 @@ class StreamedBoard:
         return self._streams
 
     def start(self, now_ns: int) -> None:
-        """Be a board that was powered long ago."""
+        """Start as a board that was powered long ago."""
         self._tick_ns = now_ns + TICK_NS
         self._listens_ns = now_ns
         self.set_tick_period(now_ns, self._tick_period_ns, self._tick_jitter_ns)
@@ -232,7 +232,7 @@ class StreamedBoard:
         self._occupy(now_ns + transfer_ns(len(data), self._baud), then=then)
 
     def _resume(self, _now_ns: int) -> None:
-        """Nothing is left to do for what occupied the main loop."""
+        """Continue the main loop after what occupied it."""
 
     def _done(self, _now_ns: int) -> None:
         # Whatever frame has ended since the command was taken is lost here.
