@@ -1,5 +1,6 @@
 """The true size of the wheels and of the track, from counts and measurements.
 
 Pure: arrays in, numbers with their deviation out. `runs` holds what was driven and measured;
-`least_squares` finds the factors that explain it best; `verdict` says whether they can be trusted.
+`least_squares` finds the factors that explain it best, `sensor` those that explain the poses of
+another sensor; `verdict` says whether they can be trusted.
 """

@@ -35,6 +35,7 @@ FOLDERS = {
 
 EXTRAS = {
     "rich": "monitor",
+    "rosbags": "calibrate",
     "matplotlib": "plot",
     "numpy": "calibrate",
     "mcap": "record",

@@ -14,9 +14,12 @@ from yahboomd.config import Config, read
 from yahboomd.errors import Refused
 
 GOOD = Fit(
-    factors=Factors(1.02, 1.01, 0.95), std=Factors(1e-3, 1e-4, 2e-3), chi_squared=1.2, errors=()
+    factors=Factors(1.02, 1.01, 0.95),
+    std=Factors(1e-3, 1e-4, 2e-3),
+    chi_squared=1.2,
+    errors=((0.001, 0.002),),
 )
-BAD = Fit(factors=Factors(1.5), std=GOOD.std, chi_squared=1.2, errors=())
+BAD = Fit(factors=Factors(1.5), std=GOOD.std, chi_squared=1.2, errors=((0.001, 0.002),))
 
 
 def test_a_good_result_is_written_and_read_back(tmp_path: Path, capsys) -> None:

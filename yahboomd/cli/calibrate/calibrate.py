@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from yahboomd.cli.shared_options import add_source_option, check_source, number
@@ -36,6 +37,7 @@ examples:
   yahboomd calibrate squares --side 2        five squares each way, then a straight: the best
   yahboomd calibrate tape --by-hand          you push the robot; it drives nothing
   yahboomd calibrate squares --dry-run       print what would be written
+  yahboomd calibrate poses run1 --frames map laser
   yahboomd calibrate undo                    the calibration before counts again
   yahboomd config check                      which value comes from where
 
@@ -117,6 +119,25 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         )
         add_source_option(each, "cmd_vel")
         add_robot_options(each)
+    poses = verbs.add_parser(
+        "poses",
+        help="against another sensor's poses in a recording: no tape at all",
+        description="Against the poses of another sensor, such as SLAM or motion capture, in a "
+        "recording with the joint states. Where the sensor sits on the robot is found too.",
+    )
+    poses.add_argument(
+        "bags", metavar="BAG", nargs="+", type=Path, help="folder of a bag, such as record makes"
+    )
+    poses.add_argument("--topic", default="/tf", help="of the poses (default: %(default)s)")
+    poses.add_argument(
+        "--frames",
+        metavar=("PARENT", "CHILD"),
+        nargs=2,
+        help="of the transform, where the topic carries transforms, such as map laser",
+    )
+    poses.add_argument("--dry-run", action="store_true", help="print the result, write nothing")
+    poses.add_argument("--json", action="store_true", help="print the result as one line of JSON")
+    add_config_options(poses)
     undo = verbs.add_parser(
         "undo",
         help="take the newest calibration back",
@@ -141,6 +162,9 @@ def run(args: argparse.Namespace) -> int:
     # The extra is missed before the robot moves, not after.
     import numpy  # noqa: F401
 
+    if args.verb == "poses":
+        return _by_poses(loaded, args)
+
     from yahboomd.cli.robot.attended import attend
     from yahboomd.daemon.process import deadly
 
@@ -162,6 +186,37 @@ def _undo(loaded: Loaded) -> int:
         raise Refused(f"There is no calibration to take back in {path or 'any state directory'}.")
     print(f"Taken back in {path}. The daemon reads it when it starts.")
     return 0
+
+
+def _by_poses(loaded: Loaded, args: argparse.Namespace) -> int:
+    from yahboomd.calibration.least_squares import Unseen
+    from yahboomd.calibration.sensor import fit_to_sensor
+    from yahboomd.calibration.verdict import unseen
+    from yahboomd.cli.calibrate.recorded_poses import tracks
+    from yahboomd.cli.calibrate.result import conclude
+
+    config = loaded.config
+    if config.kinematics().holonomic:
+        raise Refused("A mecanum base is calibrated by tape: `yahboomd calibrate tape`")
+    frames = tuple(args.frames) if args.frames else None
+    recorded = tracks(args.bags, config, topic=args.topic, frames=frames)
+    try:
+        found, mounting = fit_to_sensor(recorded)
+    except Unseen as error:
+        raise Refused(f"Nothing was written. {unseen(error)}") from error
+    print(
+        f"The sensor sits {mounting.x:.3f} m ahead and {mounting.y:.3f} m to the left of the "
+        f"axle's middle, turned {math.degrees(mounting.heading):.2f}\N{DEGREE SIGN} to the left.",
+        file=sys.stderr,
+    )
+    return conclude(
+        found,
+        config,
+        loaded.calibration_path,
+        method=f"poses of {args.topic}",
+        dry_run=args.dry_run,
+        as_json=args.json,
+    )
 
 
 async def _calibrate(robot: AsyncRobot, loaded: Loaded, args: argparse.Namespace) -> int:

@@ -91,7 +91,7 @@ def made_of(fit: Fit, config: Config, *, method: str, runs: int) -> Calibration:
     return Calibration(
         made=f"{datetime.datetime.now(datetime.UTC):%Y-%m-%d %H:%M} UTC",
         method=method,
-        residual=f"{fit.chi_squared**0.5:.2f} times what slip and tape explain, {runs} runs",
+        residual=_residual(fit, runs),
         geometry=geometry_of(config),
         chassis=Multipliers(
             wheel_radius_multiplier=radii, wheel_separation_multiplier=round(track, 6)
@@ -103,6 +103,13 @@ def made_of(fit: Fit, config: Config, *, method: str, runs: int) -> Calibration:
             wheel_separation_multiplier=chassis.wheel_separation_multiplier,
         ),
     )
+
+
+def _residual(fit: Fit, runs: int) -> str:
+    if runs:
+        return f"{fit.chi_squared**0.5:.2f} times what slip and tape explain, {runs} runs"
+    rms_m = (sum(x * x + y * y for x, y in fit.errors) / len(fit.errors)) ** 0.5
+    return f"{1000.0 * rms_m:.1f} mm in a piece of the path, of {len(fit.errors)} pieces"
 
 
 def _table(fit: Fit, calibration: Calibration) -> str:
