@@ -72,9 +72,13 @@ SHARED = {"options.py": "the options of a room's constructors"}
 """Names of files that mean the same thing in several rooms."""
 
 
-OWN_FOLDERS = ("yahboomd/protocol/four_channel/", "yahboomd/simulation/four_channel/")
+OWN_FOLDERS = tuple(
+    f"yahboomd/{room}/{board}/"
+    for room in ("protocol", "simulation")
+    for board in ("four_channel", "rosmaster")
+)
 BOARD_WORDS = re.compile(
-    r"\b(streamed|polled|four_channel)\b"
+    r"\b(streamed|polled|four_channel|rosmaster)\b"
     r"|\$(spd|speed|pwm|mtype|upload|read|MAll|MTEP|MSPD|data|Battery)\b"
 )
 NAMED_ELSEWHERE = {

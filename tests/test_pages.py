@@ -121,6 +121,7 @@ def test_the_page_lists_all_that_a_board_takes_and_every_board_has_it() -> None:
         assert f"\n## `{name}`\n" in (ROOT / "docs" / "protocol.md").read_text()
         taken |= set(places)
     rows = {"protocol/registry.py", "protocol/first_words.py", "simulation/boards.py"}
+    rows |= {"messages/status_fields.py", "protocol/profiles.py"}
     tests = {"tests/plugins/fault_bench.py", "tests/plugins/binary_dialect.py"}
     assert listed == taken | rows | tests | {"docs/protocol.md"}
 

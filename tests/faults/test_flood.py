@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from fault_bench import DIALECTS, MS, FaultBench, first_stop_ns
+from fault_bench import DIALECTS, MS, RATES_HZ, FaultBench, first_stop_ns
 from real_robot import DRIVER, Client, RealRobot, wait_for
 
 from benchmarks.soak.tail import Wire, is_stop
@@ -44,7 +44,7 @@ async def test_under_20_kHz_the_estop_is_on_the_wire_within_50_ms_and_the_polls_
             if number % 20 == 0:
                 await asyncio.sleep(0.001)
         passed_s = (bench.clock.now_ns() - began_ns) / 1e9
-        expected = passed_s * {"streamed": 100.0, "polled": 50.0, "binary": 25.0}[dialect]
+        expected = passed_s * RATES_HZ[dialect]
         assert len(bench.heard.estimates) - readings >= 0.95 * expected
         assert min(bench.rim_speeds) > 0.2
         now_ns = bench.clock.now_ns()

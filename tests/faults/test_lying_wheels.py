@@ -17,7 +17,7 @@ from yahboomd.simulation.options import SimulationOptions, Wiring
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 CUT_WITHIN_NS = 150 * MS
-SELDOM_NS = {"binary": 40 * MS}
+SELDOM_NS = {"rosmaster": 41 * MS, "binary": 40 * MS}
 """A board that reports so seldom shows a wheel that much later."""
 
 RUNAWAYS = ["encoder-reversed", "phases-swapped"]
@@ -364,7 +364,8 @@ async def test_a_wheel_that_turns_by_itself_is_reported_and_stops_the_base_where
         assert (bench.frames[-1] == SUREST[dialect]) == (policy == "stop")
 
 
-@pytest.mark.parametrize("dialect", STREAMS)
+# The brake of a rosmaster board ends its speed loops: they cannot wind up against a held wheel.
+@pytest.mark.parametrize("dialect", ["streamed", "binary"])
 @on_virtual_time
 async def test_a_wheel_that_was_held_against_its_standstill_and_leaps_when_freed_is_cut(
     tmp_path: Path, dialect: str

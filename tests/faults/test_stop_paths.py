@@ -12,13 +12,23 @@ from pathlib import Path
 
 import pytest
 from binary_dialect import BINARY
-from fault_bench import CUT, DIALECTS, MS, STREAMS, SUREST, FaultBench, first_stop_ns, is_stop
+from fault_bench import (
+    CUT,
+    DIALECTS,
+    MS,
+    ROSMASTER,
+    STREAMS,
+    SUREST,
+    FaultBench,
+    first_stop_ns,
+    is_stop,
+)
 
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 BRAKE = b"$spd:0,0,0,0#"
-BRAKES = {"streamed": BRAKE, "binary": BINARY.brake}
+BRAKES = {"streamed": BRAKE, "rosmaster": ROSMASTER.brake, "binary": BINARY.brake}
 
 End = Callable[[FaultBench], Awaitable[None]]
 
@@ -190,6 +200,7 @@ async def test_wheels_of_a_crash_are_stopped_however_early_the_connecting_is_bro
     words = {
         "streamed": b"$spd:300,0,300,0#",
         "polled": b"$mtype:1#$speed:300,0,300,0#",
+        "rosmaster": ROSMASTER.speeds((300, 0, 0)),
         "binary": BINARY.speeds((300, 0, 0)),
     }
     for phase_ms in [1, 2, 5, 10, 20, 30, 50, 80, 100, 150, 200, 300]:
@@ -235,8 +246,9 @@ async def test_a_stop_under_way_is_not_broken_off_by_being_asked_again(
             bench.tasks[0].cancel()
             await asyncio.sleep(0.007)
         await asyncio.gather(bench.tasks[0], return_exceptions=True)
-        ends = {"streamed": [CUT, b"$upload:0,0,0#", CUT], "binary": [BINARY.cut, BINARY.cut]}
-        assert bench.frames[-len(ends[dialect]) :] == ends[dialect]
+        surest = SUREST[dialect]
+        end = [CUT, b"$upload:0,0,0#", CUT] if dialect == "streamed" else [surest, surest]
+        assert bench.frames[-len(end) :] == end
         assert bench.standing
 
 

@@ -15,6 +15,7 @@ from yahboomd.link import latency_timer
 from yahboomd.link.session import SessionOptions
 from yahboomd.model import EncoderReading
 from yahboomd.protocol.profiles import PROFILES
+from yahboomd.protocol.registry import connect_stop
 from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.motors import MotorFaults
 from yahboomd.simulation.options import ImpairmentOptions, SimulationOptions
@@ -48,7 +49,10 @@ async def test_connecting_stops_first_and_writes_no_setting(dialect: str) -> Non
         await board.connected()
         assert board.port is not None
         frames = [frame for frame in board.port.frames if frame]
-        assert frames[:2] == [b"$pwm:0,0,0,0#", b"$speed:0,0,0,0#"]
+        stops = [stop for _, stop in connect_stop()]
+        assert [frame for frame in frames if frame in stops][: len(stops)] == stops
+        assert frames[:2] == stops[:2] == [b"$pwm:0,0,0,0#", b"$speed:0,0,0,0#"]
+        frames = [frame for frame in frames if b"#" in frame]
         before = {frame.split(b":")[0].strip(b"$#") for frame in frames}
         allowed = {b"pwm", b"speed", b"read_flash", b"read", b"upload", b"read_vol"}
         assert before - ({b"mtype"} if dialect == "polled" else set()) <= allowed

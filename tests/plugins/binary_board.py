@@ -47,7 +47,9 @@ class BinaryBoard:
         self.imu = None if self.flash.imu is None else Imu(self.flash.imu, random)
         self._plant = plant
         self._control = MotorControl(plant, options.initial_ticks, options.loop_gain)
-        self._major, self._minor = (int(part) for part in options.firmware.split(".")[:2])
+        self._major, self._minor = (
+            int(part) for part in (options.firmware or "1.7").split(".")[:2]
+        )
         self._collected = bytearray()
         self._frames: deque[tuple[int, bytes]] = deque()
         self._tick_ns = self._report_ns = self._main_ns = self._imu_ns = NEVER

@@ -150,6 +150,7 @@ class Binary(msgspec.Struct, frozen=True, kw_only=True):
     resync: bytes = bytes(LONGEST_PAYLOAD + 5)
     line_end: bytes = b""
     listen_ns: int = 90_000_000
+    starts_within_s: float = 0.0
     probe: bytes | None = frame(0x20)
     spacing_ns: int = 5_000_000
     totals_spacing_ns: int = 5_000_000
@@ -161,6 +162,7 @@ class Binary(msgspec.Struct, frozen=True, kw_only=True):
     cut: bytes | None = frame(0x11)
     sample_period_ns: int | None = 40_000_000
     renews_with_each_line: bool = True
+    age_ns: int = 0
     poll: bytes | None = None
     poll_bytes: int = 0
     arm: tuple[bytes, ...] = ()
@@ -214,6 +216,9 @@ class Binary(msgspec.Struct, frozen=True, kw_only=True):
 
     def recognises(self, item: Packet) -> bool:
         return not isinstance(self.decode(item), Unrecognised)
+
+    def silence(self, volts: float | None) -> str:
+        return f"It has {volts} V."
 
     def findings(self, settings: BoardSettings, profile: MotorProfile) -> Findings:
         if settings.get("track_mm"):

@@ -8,29 +8,45 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+import msgspec
 from binary_dialect import BINARY
 from board_bench import BoardPort
 from robot_bench import RobotBench
 
 from yahboomd.model import OdometryEstimate
+from yahboomd.protocol.rosmaster.rosmaster import Rosmaster
 from yahboomd.simulation.console import execute
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.truth import TruthSample
 
 MS = 1_000_000
-DIALECTS = ["streamed", "polled", "binary"]
-STREAMS = ["streamed", "binary"]
+ROSMASTER = Rosmaster()
+DIALECTS = ["streamed", "polled", "rosmaster", "binary"]
+STREAMS = ["streamed", "rosmaster", "binary"]
 """Those that report their counts by themselves, and can cut the power."""
 
 CUT = b"$pwm:0,0,0,0#"
-SUREST = {"streamed": CUT, "polled": b"$speed:0,0,0,0#", "binary": BINARY.cut}
+SUREST = {
+    "streamed": CUT,
+    "polled": b"$speed:0,0,0,0#",
+    "rosmaster": ROSMASTER.cut,
+    "binary": BINARY.cut,
+}
 """The command that releases the motors of each board, or is the best that there is."""
+
+START_UP_S = 0.1
+"""Of a board that is silent for long after a reset, here."""
+
+RATES_HZ = {"streamed": 100.0, "polled": 50.0, "rosmaster": 24.39, "binary": 25.0}
+"""New counts."""
 
 SPEED_MAX_M_S = 2.0
 TICK_M = math.pi * 0.067 / 1320
 
 _ORDER = re.compile(
-    rb"\$(?:spd|speed|pwm):(-?\d+,-?\d+,-?\d+,-?\d+)#|\xa5\x06\x10(.{6})..|\xa5\x00\x11..",
+    rb"\$(?:spd|speed|pwm):(-?\d+,-?\d+,-?\d+,-?\d+)#"
+    rb"|\xa5\x06\x10(.{6})..|\xa5\x00\x11.."
+    rb"|\xff\xfc\x0a\x12\x01(.{6}).|\xff\xfc\x07\x11\x01\x00\x00\x00\x19",
     re.DOTALL,
 )
 
@@ -44,6 +60,10 @@ class FaultBench(RobotBench):
         overrides: Sequence[str] = (),
         simulation: SimulationOptions | None = None,
     ) -> None:
+        simulation = simulation or SimulationOptions()
+        if simulation.start_up_s == SimulationOptions().start_up_s:
+            # Its length is a test of its own.
+            simulation = msgspec.structs.replace(simulation, start_up_s=START_UP_S)
         super().__init__(folder, overrides, simulation)
         self.ports: list[BoardPort] = []
         self.truth: list[TruthSample] = []
@@ -97,7 +117,7 @@ def is_stop(order: bytes) -> bool:
     """Whether a speed frame moves nothing."""
     match = _ORDER.fullmatch(order)
     return match is not None and not (
-        any(map(int, (match[1] or b"0").split(b","))) or any(match[2] or b"")
+        any(map(int, (match[1] or b"0").split(b","))) or any(match[2] or match[3] or b"")
     )
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
 
 from yahboomd.protocol.four_channel.framing import Frame, Framer, TextLine
 
-CAPTURES = Path(__file__).parent / "four_channel" / "captures"
+HERE = Path(__file__).parent
 
 Items = list[Frame | TextLine]
 
@@ -26,22 +27,22 @@ def untimed(items: Items) -> Items:
     return [msgspec.structs.replace(item, trailing=0) for item in items]
 
 
-def fed(chunks: list[bytes]) -> Items:
-    framer = Framer()
+def fed(chunks: list[bytes], make: Callable[[], Any] = Framer) -> Items:
+    framer = make()
     return untimed([item for chunk in chunks for item in framer.feed(chunk)])
 
 
-def feed_each_way(data: bytes) -> Items:
+def feed_each_way(data: bytes, make: Callable[[], Any] = Framer) -> Items:
     """Feed whole, byte by byte, cut in two anywhere, and with bytes behind; all must agree.
 
     Returns the items of the data fed whole.
     """
-    whole = Framer().feed(data)
-    assert fed([bytes([byte]) for byte in data]) == untimed(whole)
+    whole = make().feed(data)
+    assert fed([bytes([byte]) for byte in data], make) == untimed(whole)
     for cut in range(len(data)):
-        assert fed([data[:cut], data[cut:]]) == untimed(whole)
-    tail = b"$next"
-    with_tail = Framer().feed(data + tail)
+        assert fed([data[:cut], data[cut:]], make) == untimed(whole)
+    tail = b"$next" if make is Framer else b"\xff\xfb"
+    with_tail = make().feed(data + tail)
     assert [
         msgspec.structs.replace(item, trailing=item.trailing - len(tail)) for item in with_tail
     ] == whole
@@ -49,12 +50,12 @@ def feed_each_way(data: bytes) -> Items:
 
 
 @pytest.fixture(scope="session")
-def each_way() -> Callable[[bytes], Items]:
+def each_way() -> Callable[..., Items]:
     return feed_each_way
 
 
 @pytest.fixture(scope="session")
-def chunked() -> Callable[[list[bytes]], Items]:
+def chunked() -> Callable[..., Items]:
     """The items of some chunks, `trailing` set to 0."""
     return fed
 
@@ -63,7 +64,9 @@ def chunked() -> Callable[[list[bytes]], Items]:
 def capture() -> Callable[[str], Capture]:
     def read(name: str) -> Capture:
         found: dict[str, list[str]] = {"#": [], ">": [], "<": [], "=": []}
-        for line in (CAPTURES / f"{name}.txt").read_text(encoding="ascii").splitlines():
+        for line in (
+            next(HERE.glob(f"*/captures/{name}.txt")).read_text(encoding="ascii").splitlines()
+        ):
             found[line[0]].append(line[2:])
         return Capture(
             sent=[unescaped(line) for line in found[">"]],

@@ -12,14 +12,15 @@ from yahboomd.protocol.dialect import (
     Battery,
     CommandLost,
     Deltas,
+    Inertial,
     Reply,
     Setting,
     Speeds,
     Totals,
     Unrecognised,
+    Unused,
     VersionLine,
 )
-from yahboomd.protocol.four_channel.framing import Framer
 from yahboomd.protocol.profiles import PROFILES
 from yahboomd.protocol.registry import DIALECTS
 from yahboomd.protocol.settings import writes
@@ -33,10 +34,15 @@ MEANINGS = (
     Speeds,
     Totals,
     Unrecognised,
+    Unused,
     VersionLine,
+    Inertial,
 )
 LONGEST = 53
 """51 characters between ``$`` and ``#``."""
+
+TEXT = ["streamed", "polled"]
+"""Those of ``$name:args#``, with a number for each of four motors."""
 
 dialects = st.sampled_from(list(DIALECTS.values()))
 
@@ -55,7 +61,7 @@ def outgoing(dialect):
     ]
 
 
-@pytest.mark.parametrize("name", DIALECTS)
+@pytest.mark.parametrize("name", TEXT)
 def test_every_frame_is_one_frame_that_the_board_can_take(name):
     dialect = DIALECTS[name]
     for frame in outgoing(dialect):
@@ -63,7 +69,7 @@ def test_every_frame_is_one_frame_that_the_board_can_take(name):
         assert len(frame) <= LONGEST
 
 
-@given(dialects, st.tuples(*[st.integers()] * 4))
+@given(st.sampled_from([DIALECTS[name] for name in TEXT]), st.tuples(*[st.integers()] * 4))
 def test_every_speed_frame_carries_four_numbers_in_range(dialect, units):
     frame = dialect.speeds(units)
     assert len(frame) <= LONGEST
@@ -75,19 +81,23 @@ def test_every_speed_frame_carries_four_numbers_in_range(dialect, units):
 @pytest.mark.parametrize("name", DIALECTS)
 def test_the_brake_is_speed_zero(name):
     dialect = DIALECTS[name]
-    assert dialect.brake == dialect.speeds((0, 0, 0, 0))
+    assert dialect.brake == dialect.speeds((0,) * (4 if name in TEXT else 3))
 
 
 @given(dialects, st.binary(max_size=200))
 def test_no_bytes_make_a_decoder_raise(dialect, data):
-    for item in Framer().feed(data + b"\n"):
+    for item in dialect.framer().feed(data + b"\n"):
         assert isinstance(dialect.decode(item), MEANINGS)
         assert dialect.recognises(item) in {True, False}
 
 
-@given(dialects, st.sampled_from(["MAll", "MTEP", "MSPD", "Battery", "data"]), st.text(max_size=40))
+@given(
+    st.sampled_from([DIALECTS[name] for name in TEXT]),
+    st.sampled_from(["MAll", "MTEP", "MSPD", "Battery", "data"]),
+    st.text(max_size=40),
+)
 def test_no_arguments_make_a_decoder_raise(dialect, name, args):
-    for item in Framer().feed(f"${name}:{args}#".encode()):
+    for item in dialect.framer().feed(f"${name}:{args}#".encode()):
         assert isinstance(dialect.decode(item), MEANINGS)
 
 

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from yahboomd.protocol.profiles import PROFILES
@@ -26,14 +28,40 @@ def test_the_profiles_are_the_vendors(name, motor_type, deadzone, ticks, radius_
 
 
 def test_there_is_no_profile_without_an_encoder():
-    assert set(PROFILES) == {"520", "520-1:19", "520-1:56", "l520", "310", "tt"}
-    assert all(profile.stored["motor_type"] != 4 for profile in PROFILES.values())
+    motors = {"520", "520-1:19", "520-1:56", "l520", "310", "tt"}
+    assert set(PROFILES) == motors | {"x3", "x3-plus", "x1", "r2", "sunrise"}
+    assert all(PROFILES[name].stored["motor_type"] != 4 for name in motors)
+
+
+@pytest.mark.parametrize(
+    ("name", "car_type", "ticks", "turn_mm"),
+    [
+        ("x3", 1, 1320, 204.203),
+        ("x3-plus", 2, 2464, 251.327),
+        ("x1", 4, 1320, 215.2),
+        ("r2", 5, 836, 215.2),
+        ("sunrise", 6, 1040, 204.203),
+    ],
+)
+def test_the_cars_are_those_of_the_boards_firmware(name, car_type, ticks, turn_mm):
+    profile = PROFILES[name]
+    assert profile.stored == {"car_type": car_type}
+    assert profile.ticks_per_revolution == pytest.approx(ticks)
+    assert math.pi * profile.wheel_diameter_mm == pytest.approx(turn_mm, rel=1e-4)
 
 
 @pytest.mark.parametrize("name", PROFILES)
-def test_every_profile_can_be_stored_and_then_has_no_problem(name):
-    check_storable(PROFILES[name].settings)
-    assert all(
-        dialect.findings(PROFILES[name].settings, PROFILES[name]).unfit == ()
-        for dialect in DIALECTS.values()
-    )
+def test_every_profile_can_be_stored_and_has_no_problem_on_the_board_that_it_belongs_to(name):
+    profile = PROFILES[name]
+    check_storable(profile.settings)
+    for dialect in DIALECTS.values():
+        fields = {row.field for row in dialect.settings}
+        fits = set(profile.stored) <= fields or not fields
+        assert (dialect.findings(profile.settings, profile).unfit == ()) == fits
+
+
+@pytest.mark.parametrize("name", ["x3", "r2"])
+def test_a_car_on_another_board_is_refused_with_what_to_set(name):
+    board = {**PROFILES["520"].settings, "version": "1.7.3"}
+    (words,) = DIALECTS["streamed"].findings(board, PROFILES[name]).unfit
+    assert f"the profile {name} belong to another one. Set board.profile" in words

@@ -56,7 +56,11 @@ ROBOT = (
     ("--lines", "N", "lines", "encoder lines of the motors"),
     ("--ratio", "X", "ratio", "their true gear ratio"),
     ("--battery", "V", "battery_volts", "the battery at rest"),
-    ("--firmware", "VERSION", "firmware", "the version that the board reports, if it does"),
+    ("--firmware", "VERSION", "firmware", "the version that the board reports; empty: its own"),
+    (
+        *("--start-up", "S", "start_up_s"),
+        "how long a board is silent after a reset while it sets up its inertial sensor",
+    ),
     (
         *("--tick-period", "S", "tick_period_s"),
         "how often a board that sends its totals renews them, 0 for with every line",

@@ -71,8 +71,9 @@ class Board(Section):
     profile: Annotated[str, Choice((*PROFILES, CUSTOM))] = Field(
         default="520",
         description="The motors: encoder lines, gear ratio and wheel of the vendor's kits. tt is "
-        "the TT motor with encoder; without one there is no odometry. custom takes the figures "
-        "from the keys below.",
+        "the TT motor with encoder; without one there is no odometry. x1, x3, x3-plus, r2 and "
+        "sunrise are the Rosmaster cars, with the car type that their board stores. custom takes "
+        "the figures from the keys below.",
     )
     write_settings: bool = Field(
         default=False,

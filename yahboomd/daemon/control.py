@@ -262,7 +262,9 @@ class Controller:
         self.imu_sensor = None
         dialect = identity.dialect
         self._odometer.set_sample_period(
-            dialect.sample_period_ns, each_line=dialect.renews_with_each_line
+            dialect.sample_period_ns,
+            each_line=dialect.renews_with_each_line,
+            age_ns=dialect.age_ns,
         )
         found = fit(
             identity,

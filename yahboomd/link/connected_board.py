@@ -84,7 +84,7 @@ class ConnectedBoard:
         self._dialect = identity.dialect
         self._listener = listener
         self._poller = poller
-        self._volts_heard = False
+        self._volts_heard = True
         self._velocity_units: Units | None = None
         self._stop_units: Units | None = None
         self._turning = False
@@ -153,6 +153,7 @@ class ConnectedBoard:
     async def ask_battery(self, frame: bytes, period_s: float) -> None:
         """Ask for the voltage until cancelled; less and less often while no answer comes."""
         clock, wait_s, unanswered = self._line.clock, period_s, 0
+        self._volts_heard = False
         while True:
             await self._line.writer.request(frame, _is_battery, BATTERY_ANSWER_S)
             await sleep_until(clock, clock.now_ns() + nanoseconds(wait_s))
@@ -177,8 +178,10 @@ class ConnectedBoard:
         if notice != "none":
             self._poller.unbroken = False
         if isinstance(decoded, Battery):
-            self._volts_heard = True
-            self._listener.battery(decoded.volts)
+            # A board that tells it unasked does so all the time: once in a period is enough.
+            if not self._volts_heard:
+                self._volts_heard = True
+                self._listener.battery(decoded.volts)
         elif isinstance(decoded, VersionLine):
             if notice == "start":
                 self._poller.board_reset()

@@ -15,7 +15,7 @@ from yahboomd.errors import BoardError, BoardSilent
 from yahboomd.link.line import Line
 from yahboomd.link.port_errors import takes_no_output
 from yahboomd.link.stopping import stop_unidentified
-from yahboomd.protocol.dialect import Decoded, Dialect, Setting, VersionLine
+from yahboomd.protocol.dialect import Battery, Decoded, Dialect, Setting, Totals, VersionLine
 from yahboomd.protocol.registry import DIALECTS
 from yahboomd.protocol.registry import identify as recognise
 from yahboomd.protocol.settings import VERSION, BoardSettings, SettingValue, is_complete
@@ -28,6 +28,9 @@ ANSWER_WITHIN_S = 0.25
 
 QUIET_S = 0.02
 QUIET_WITHIN_S = 0.1
+
+REPORT_WITHIN_S = 0.1
+"""Twice the period of the reports of any board."""
 
 SETTINGS_WITHIN_S = 0.2
 
@@ -83,16 +86,26 @@ async def identify(line: Line, wanted: str = "auto", *, stop_first: bool = True)
                 f"configuration names {wanted}.",
                 remedy=f'Set serial.dialect = "auto" or "{name}".',
             )
+        found = DIALECTS[name]
+        if found.listen_ns:
+            # It may have started this moment, with a motion that it received before.
+            port.write(found.resync + (found.cut or found.brake))
         # The board receives nothing until its answer is complete.
         await _quiet(line)
-        return DIALECTS[name]
-    found = max(Counter(found_by for found_by, _ in line.unread[first:]).values(), default=0)
-    heard = f"{found} lines that no board sends" if found else "nothing"
+        return found
+    chatter = max(Counter(found_by for found_by, _ in line.unread[first:]).values(), default=0)
+    heard = f"{chatter} lines that no board sends" if chatter else "nothing"
     titles = " or ".join(dict.fromkeys(dialect.title for dialect in DIALECTS.values()))
+    slow = "".join(
+        f"A {dialect.title} says nothing for {dialect.starts_within_s:g} s after it was switched "
+        "on or reset. "
+        for dialect in DIALECTS.values()
+        if dialect.starts_within_s and wanted in {"auto", dialect.name}
+    )
     raise BoardSilent(
         f"{port.name}: no board answers here; received {heard}.",
         remedy=f"Is it powered, is this its port, is the baud rate the board's, is it a {titles}? "
-        "No counts come, so whether its wheels stand is unknown: look at them.",
+        f"{slow}No counts come, so whether its wheels stand is unknown: look at them.",
     )
 
 
@@ -120,6 +133,33 @@ async def _quiet(line: Line) -> None:
         await sleep_until(clock, clock.now_ns() + nanoseconds(QUIET_S))
         if not line.news.is_set():
             return
+
+
+async def await_reports(line: Line, dialect: Dialect) -> None:
+    """See counts of a board that reports unasked; where none come, switch its reports on.
+
+    Raises:
+        BoardSilent: It answers and does not report, with the reason as far as it is known.
+    """
+    if not dialect.listen_ns or line.streaming:
+        return
+    volts: list[float] = []
+
+    def counts(decoded: Decoded) -> bool:
+        if isinstance(decoded, Battery):
+            volts.append(decoded.volts)
+        return isinstance(decoded, Totals)
+
+    # One that needs no such frame is waited for the same way.
+    for frame in (dialect.arm or (b"",)) * ATTEMPTS:
+        if await line.ask(frame, counts, REPORT_WITHIN_S):
+            return
+    if dialect.battery is not None:
+        await line.ask(dialect.battery, counts, ANSWER_WITHIN_S)
+    raise BoardSilent(
+        f"{line.port.name}: the board answers, and reports no counts.",
+        remedy=dialect.silence(volts[-1] if volts else None),
+    )
 
 
 async def read_settings(

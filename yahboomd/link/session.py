@@ -131,6 +131,7 @@ class Session:
         found = await handshake.identify(line, options.dialect)
         dialect = found.for_profile(options.profile)
         line.understand(dialect, spacing_ns=dialect.totals_spacing_ns)
+        await handshake.await_reports(line, dialect)
         settings = await handshake.read_settings(line, dialect, options.profile.settings)
         identity = Identity(dialect=dialect, settings=settings)
         poller = Poller(
@@ -141,11 +142,13 @@ class Session:
             on_reading=listener.reading,
             on_armed=listener.armed,
             port=line.port,
-            # A stream that needs no arming proves nothing: a reset does not end it.
-            unbroken=line.streaming and dialect.poll is None and bool(dialect.arm),
+            # Reports that come unasked prove nothing: they go on after a reset.
+            unbroken=line.streaming and dialect.poll is None and not dialect.listen_ns,
         )
         board = ConnectedBoard(line, identity, listener, poller)
-        line.gather(dialect.line_end)
+        if not dialect.listen_ns:
+            # Between the counts of a board that reports unasked come other reports, just as urgent.
+            line.gather(dialect.line_end)
         poller.arm()
         listener.connected(board, identity)
         if (words := latency_timer.describe(line.port.name)) is not None:

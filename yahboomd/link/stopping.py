@@ -218,7 +218,7 @@ async def stop_unidentified(port: Port, clock: Clock) -> bool:
     for _ in range(2):
         held = False
         for resync, stop in connect_stop():
-            if resync:
+            if resync and not words.gave_up:
                 words.write(resync)
             held |= await words.send(stop)
         if not held:

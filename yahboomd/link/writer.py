@@ -25,7 +25,7 @@ from yahboomd.link.draining import OutputWatch
 from yahboomd.link.outbox import Answers, Lane, Outbox, Request
 from yahboomd.link.port import Port
 from yahboomd.link.port_errors import takes_no_output
-from yahboomd.protocol.dialect import CommandLost, Decoded, Deltas, Speeds, Totals
+from yahboomd.protocol.dialect import CommandLost, Decoded, Deltas, Speeds, Totals, Unused
 
 
 class Spacing(msgspec.Struct, frozen=True, kw_only=True):
@@ -177,7 +177,7 @@ class Writer:
                 self._pump()
             if self._flight is None:
                 return
-        elif isinstance(decoded, Deltas | Speeds):
+        elif isinstance(decoded, Deltas | Speeds | Unused):
             return
         elif isinstance(decoded, CommandLost):
             self.counters["commands_lost"] += 1

@@ -223,6 +223,7 @@ FIELDS: tuple[StatusField, ...] = (
     _fact("board", "text", "dialect", "how it is spoken to", absent=_UNCONNECTED),
     _fact("board", "text", "version", "its firmware", absent=_UNKNOWN),
     _fact("board", "gauge", "motor_type", "the motor type that it stores, 1 to 4", absent=_UNKNOWN),
+    _fact("board", "gauge", "car_type", "the car type that it stores", absent=_UNKNOWN),
     _fact("board", "gauge", "deadzone", "PWM units added against friction", absent=_UNKNOWN),
     _fact("board", "gauge", "lines", "encoder lines of one turn of the motor", absent=_UNKNOWN),
     _fact("board", "gauge", "ratio", "gear ratio", absent=_UNKNOWN),

@@ -102,7 +102,7 @@ class Odometer:
         self._covariance = Covariance(kinematics, motors, noise_m=noise_m)
         self._fused = fused
         self._clock: PolledClock | StreamedClock = PolledClock()
-        self._renewal: tuple[int | None, bool] = (None, False)
+        self._renewal: tuple[int | None, bool, int] = (None, False, 0)
         self._radians = tuple(2.0 * math.pi / motor.ticks_per_revolution for motor in motors)
         self._stamp_ns = 0
         self._heard_ns = 0
@@ -151,22 +151,28 @@ class Odometer:
             return round(clock.renewal.period)
         return None
 
-    def set_sample_period(self, period_ns: int | None, *, each_line: bool = False) -> None:
+    def set_sample_period(
+        self, period_ns: int | None, *, each_line: bool = False, age_ns: int = 0
+    ) -> None:
         """Choose the clock of a board.
 
         Args:
             period_ns: How often it renews its totals; None for a board that is asked.
             each_line: It renews them with each line that it sends.
+            age_ns: How old they may be then: it reads its encoders so often, by a clock that the
+                lines do not show.
         """
-        if (period_ns, each_line) == self._renewal:
+        if (period_ns, each_line, age_ns) == self._renewal:
             return
-        self._renewal = (period_ns, each_line)
+        self._renewal = (period_ns, each_line, age_ns)
         self._asked = False
         self._velocity.rough_ns = 0
         if period_ns is None:
             self._clock = PolledClock(self._stamp_ns)
         else:
-            self._clock = StreamedClock(period_ns, self._stamp_ns, each_line=each_line)
+            self._clock = StreamedClock(
+                period_ns, self._stamp_ns, each_line=each_line, age_ns=age_ns
+            )
 
     def armed(self) -> None:
         """The board was asked to stream: lines from now on prove no more than that."""
@@ -296,7 +302,8 @@ class Odometer:
                 self._covariance.bridge(arc)
         clock, velocity = self._clock, self._velocity
         velocity.doubt = clock.renewal.doubt if isinstance(clock, StreamedClock) else 0.0
-        velocity.tick_ns = ASKED_TICK_NS if self._asked else 0
+        unseen_ns = round(clock.unseen_ns) if isinstance(clock, StreamedClock) else 0
+        velocity.tick_ns = ASKED_TICK_NS if self._asked else unseen_ns
         window = velocity.measure(totals, instant.step_ns, instant.unsure_ns)
         self._stamp_ns = instant.stamp_ns
         if instant.unsure_ns:

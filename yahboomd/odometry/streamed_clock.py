@@ -24,6 +24,7 @@ from yahboomd.model import EncoderReading
 from yahboomd.odometry.arrivals import BREAK_NS as HELD_NS
 from yahboomd.odometry.arrivals import Arrivals
 from yahboomd.odometry.envelope import Envelope
+from yahboomd.odometry.line_age import LineAge
 from yahboomd.odometry.polled_clock import Instant
 from yahboomd.odometry.tick_meter import FAST_TICKS, TickMeter, TickPeriod
 
@@ -48,15 +49,20 @@ class StreamedClock:
         after_ns: The last stamp that was given out, by another clock; 0 for none.
         each_line: The totals are new with each line, and a line comes every ``period_ns``: there is
             no tick to look for, and stamps follow the lines.
+        age_ns: With ``each_line``, how old the totals of a line may be when it leaves.
 
     Attributes:
         renewal: How often the totals are renewed, as far as known.
     """
 
-    def __init__(self, period_ns: int, after_ns: int = 0, *, each_line: bool = False) -> None:
+    def __init__(
+        self, period_ns: int, after_ns: int = 0, *, each_line: bool = False, age_ns: int = 0
+    ) -> None:
         self.renewal = TickPeriod(float(period_ns))
         self.renewal.fits = not each_line
         self._each_line = each_line
+        self._age = float(age_ns)
+        self._lines = LineAge(period_ns, age_ns) if each_line and age_ns else None
         self._envelope = Envelope(float(period_ns))
         self._arrivals = Arrivals()
         self._meter = TickMeter()
@@ -81,6 +87,12 @@ class StreamedClock:
         return self._envelope.settled and self._pace > 0.0
 
     @property
+    def unseen_ns(self) -> float:
+        """The period of a timer that renews the totals and that the lines have not shown yet."""
+        seen = self._lines is None or self._lines.step_ns is not None
+        return 0.0 if seen else self._age
+
+    @property
     def rough_ns(self) -> int:
         """Standard deviation of the time of a reading whose tick was not counted.
 
@@ -90,7 +102,11 @@ class StreamedClock:
 
     def guess_ns(self, reading: EncoderReading) -> int:
         """The stamp of a line after a break: half a tick before it left."""
-        return reading.sent_ns - round(0.5 * self.renewal.period)
+        return reading.sent_ns - round(self._behind(self.renewal.period))
+
+    def _behind(self, period: float) -> float:
+        """How far the stamp of a line is behind it where no tick shows."""
+        return 0.5 * (self._age if self._each_line else period)
 
     def pass_over(self, reading: EncoderReading) -> None:
         """A line came whose counts are not used."""
@@ -107,10 +123,12 @@ class StreamedClock:
     def _begin(self, sent_ns: int, left: float) -> Instant:
         self._pace = 0.0
         self._left_out = 0
+        if self._lines is not None:
+            self._lines.forget()
         steady = self._arrivals.steady
         if not steady and self._adrift is None:
             self._adrift = self._time
-        self._time = left - 0.5 * self.renewal.period
+        self._time = left - self._behind(self.renewal.period)
         before_ns = self._stamp_ns
         if before_ns and not steady:
             # It was sampled at some time since the last stamp: that one stays, so that what was
@@ -181,7 +199,7 @@ class StreamedClock:
             return Instant(self._stamp_ns, 0)
         self._adrift = None
         self._left_out = 0
-        self._time = left - 0.5 * self.renewal.period
+        self._time = left - self._behind(self.renewal.period)
         before_ns = self._stamp_ns
         step_ns = self._stamp(self._time, least_ns, sent_ns) - before_ns
         return Instant(self._stamp_ns, step_ns, step_ns)
@@ -200,6 +218,8 @@ class StreamedClock:
                 passed = max(passed, math.ceil(least_ns / period))
         elif not steady:
             # How long these lines were held back is not known; they are in the next that is not.
+            if self._lines is not None:
+                self._lines.forget()
             return none
         elif not self.renewal.fits:
             return self._by_arrival(sent_ns, left, ticks, least_ns)
@@ -238,9 +258,14 @@ class StreamedClock:
         if room < wait or not self._room(sent_ns, least_ns):
             return Instant(self._stamp_ns, 0)
         self._time = left
-        age = 0.0 if self._each_line else 0.5 * gap
-        stamp_ns = self._stamp(left - age, least_ns, sent_ns)
-        return Instant(stamp_ns, max(1, round(room)))
+        lines, moment, step = self._lines, left - self._behind(gap), room
+        if lines is not None:
+            lines.add(left, abs(ticks))
+            if lines.age_ns is not None and lines.moment is not None:
+                moment = min(left, lines.moment - lines.age_ns)
+            step = room if lines.step_ns is None else lines.step_ns
+        stamp_ns = self._stamp(moment, least_ns, sent_ns)
+        return Instant(stamp_ns, max(1, round(step)))
 
     def _room(self, sent_ns: int, least: float) -> bool:
         """Whether a stamp fits between the last one and the moment at which the line left."""

@@ -198,6 +198,16 @@ class CommandLost(msgspec.Struct, frozen=True, kw_only=True):
     text: str
 
 
+class Unused(msgspec.Struct, frozen=True, kw_only=True):
+    """Something whole that yahboomd knows and makes no use of.
+
+    Attributes:
+        text: What it says, to show.
+    """
+
+    text: str
+
+
 class Unrecognised(msgspec.Struct, frozen=True, kw_only=True):
     """Something whole that means nothing in this dialect: corrupted, or new to us.
 
@@ -218,6 +228,7 @@ Decoded: TypeAlias = (
     | Setting
     | VersionLine
     | CommandLost
+    | Unused
     | Unrecognised
 )
 """All that a frame or a line can mean."""
@@ -306,6 +317,19 @@ class Dialect(Protocol):
         ...
 
     @property
+    def starts_within_s(self) -> float:
+        """How long it says nothing once it was switched on or reset; 0 for a moment."""
+        ...
+
+    def silence(self, volts: float | None) -> str:
+        """Why a board that reports unasked answers, and does not report; what helps.
+
+        Args:
+            volts: The supply of its motors, where it answered with that.
+        """
+        ...
+
+    @property
     def probe(self) -> bytes | None:
         """A question that only a board of this dialect answers with sense, and that harms none.
 
@@ -362,6 +386,11 @@ class Dialect(Protocol):
     @property
     def renews_with_each_line(self) -> bool:
         """The counters are new with each line, which comes by itself every ``sample_period_ns``."""
+        ...
+
+    @property
+    def age_ns(self) -> int:
+        """How old they may be when such a line leaves; 0 where they are read for it."""
         ...
 
     @property

@@ -53,22 +53,30 @@ class MotorProfile(msgspec.Struct, frozen=True, kw_only=True):
         }
 
 
+_MOTORS: Final[tuple[tuple[str, BoardSettings, int, float, float], ...]] = (
+    ("520", {"motor_type": 1, "deadzone": 1900}, 11, 30.0, 67.0),
+    ("520-1:19", {"motor_type": 1, "deadzone": 1900}, 11, 19.0, 67.0),
+    ("520-1:56", {"motor_type": 1, "deadzone": 1900}, 11, 56.0, 67.0),
+    ("l520", {"motor_type": 1, "deadzone": 1900}, 11, 40.0, 67.0),
+    # Sold as 1:20, and 20 is what the board can store.
+    ("310", {"motor_type": 2, "deadzone": 1600}, 13, 20.409, 48.0),
+    ("tt", {"motor_type": 3, "deadzone": 1250}, 13, 45.0, 68.0),
+    # Whole cars, as their board's firmware has them.
+    ("x3", {"car_type": 1}, 11, 30.0, 65.0),
+    ("x3-plus", {"car_type": 2}, 11, 56.0, 80.0),
+    ("x1", {"car_type": 4}, 11, 30.0, 68.5),
+    ("r2", {"car_type": 5}, 11, 19.0, 68.5),
+    ("sunrise", {"car_type": 6}, 13, 20.0, 65.0),
+)
+
 PROFILES: Final[dict[str, MotorProfile]] = {
     name: MotorProfile(
         name=name,
-        stored={"motor_type": motor_type, "deadzone": deadzone},
+        stored=stored,
         lines=lines,
         ratio=ratio,
         wheel_diameter_mm=wheel_diameter_mm,
     )
-    for name, motor_type, deadzone, lines, ratio, wheel_diameter_mm in (
-        ("520", 1, 1900, 11, 30.0, 67.0),
-        ("520-1:19", 1, 1900, 11, 19.0, 67.0),
-        ("520-1:56", 1, 1900, 11, 56.0, 67.0),
-        ("l520", 1, 1900, 11, 40.0, 67.0),
-        # Sold as 1:20, and 20 is what the board can store.
-        ("310", 2, 1600, 13, 20.409, 48.0),
-        ("tt", 3, 1250, 13, 45.0, 68.0),
-    )
+    for name, stored, lines, ratio, wheel_diameter_mm in _MOTORS
 }
 """The vendor's motors by name. The TT motor without encoder is none of them: no odometry."""

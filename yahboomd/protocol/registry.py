@@ -8,10 +8,13 @@ from typing import Final
 from yahboomd.protocol.dialect import Dialect, Item
 from yahboomd.protocol.four_channel.polled import Polled
 from yahboomd.protocol.four_channel.streamed import Streamed
+from yahboomd.protocol.rosmaster.rosmaster import Rosmaster
 from yahboomd.protocol.settings import BoardSettings
 from yahboomd.protocol.settings import check_storable as check
 
-DIALECTS: Final[dict[str, Dialect]] = {dialect.name: dialect for dialect in (Streamed(), Polled())}
+DIALECTS: Final[dict[str, Dialect]] = {
+    dialect.name: dialect for dialect in (Streamed(), Polled(), Rosmaster())
+}
 """Every dialect, in the order in which a board is stopped and asked."""
 
 

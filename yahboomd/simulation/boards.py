@@ -14,6 +14,7 @@ from yahboomd.simulation.four_channel import polled_board, streamed_board
 from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.plant import Plant
+from yahboomd.simulation.rosmaster import rosmaster_board
 
 
 class BoardKind(msgspec.Struct, frozen=True, kw_only=True):
@@ -38,6 +39,7 @@ class BoardKind(msgspec.Struct, frozen=True, kw_only=True):
 BOARDS: Final[dict[str, BoardKind]] = {
     "streamed": BoardKind(make=streamed_board.make, flash=FlashContent),
     "polled": BoardKind(make=polled_board.make),
+    "rosmaster": BoardKind(make=rosmaster_board.make, flash=rosmaster_board.RosmasterStored),
 }
 """Every board, by the word that the configuration has for its dialect."""
 

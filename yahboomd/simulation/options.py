@@ -111,7 +111,8 @@ class SimulationOptions(msgspec.Struct, frozen=True, kw_only=True):
         rated_volts: The supply at which full output gives ``max_speed_m_s``.
         loop_gain: PWM units per mm/s of error and unit of gain, of the firmware's speed loop.
         flash: What the board has stored, in its own terms; None: what it is sold with.
-        firmware: The version that it reports.
+        firmware: The version that it reports; empty for the one that is modelled.
+        start_up_s: How long a board is silent after a reset that sets up an inertial sensor then.
         initial_ticks: The counters at the start, as of a board that has run for a while.
         baud: Speed of the line, 8N1.
         stream_pace: ``measured`` sends stream lines at the rates seen on boards, ``wire`` one
@@ -139,7 +140,8 @@ class SimulationOptions(msgspec.Struct, frozen=True, kw_only=True):
     rated_volts: float = 7.4
     loop_gain: float = QUICK_GAIN
     flash: msgspec.Struct | None = None
-    firmware: str = "1.7.3"
+    firmware: str = ""
+    start_up_s: float = 10.5
     initial_ticks: Counts = (0, 0, 0, 0)
     baud: int = 115200
     stream_pace: StreamPace = "measured"
@@ -177,6 +179,7 @@ def check(options: SimulationOptions) -> None:
         ("chunk_s", line.chunk_s),
         ("tick_period_s", options.tick_period_s),
         ("tick_jitter_s", options.tick_jitter_s),
+        ("start_up_s", options.start_up_s),
     ):
         if not (math.isfinite(seconds) and seconds >= 0.0):
             mistakes.append(f"{name} cannot be {seconds}")

@@ -60,8 +60,10 @@ class Polled(msgspec.Struct, frozen=True, kw_only=True):
     fastest_m_s: float = MAX_M_S
     line_end: bytes = b""
     listen_ns: int = 0
+    starts_within_s: float = 0.0
     sample_period_ns: int | None = None
     renews_with_each_line: bool = False
+    age_ns: int = 0
     brake: bytes = _BRAKE
     cut: bytes | None = None
     probe: bytes | None = b"$read#"
@@ -93,6 +95,10 @@ class Polled(msgspec.Struct, frozen=True, kw_only=True):
     def recognises(self, item: Frame | TextLine) -> bool:
         """An answer with counters, and nothing else."""
         return isinstance(self.decode(item), Totals)
+
+    def silence(self, volts: float | None) -> str:  # noqa: ARG002 (the seam's shape)
+        """Nothing: it reports because it is asked to."""
+        return ""
 
     def findings(self, settings: BoardSettings, profile: MotorProfile) -> Findings:  # noqa: ARG002
         """Return nothing: the board stores no settings."""

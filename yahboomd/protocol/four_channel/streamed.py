@@ -86,8 +86,10 @@ class Streamed(msgspec.Struct, frozen=True, kw_only=True):
     fastest_m_s: float = MAX_M_S
     line_end: bytes = b"\r\n"
     listen_ns: int = 0
+    starts_within_s: float = 0.0
     sample_period_ns: int | None = 10_000_000
     renews_with_each_line: bool = False
+    age_ns: int = 0
     brake: bytes = _BRAKE
     # The speed loop is incremental: with target 0 and a dead encoder it keeps its last output, so
     # only this one stops every wheel.
@@ -116,6 +118,10 @@ class Streamed(msgspec.Struct, frozen=True, kw_only=True):
     def recognises(self, item: Frame | TextLine) -> bool:
         """Any line or frame that has a meaning: other boards send neither."""
         return not isinstance(self.decode(item), Unrecognised)
+
+    def silence(self, volts: float | None) -> str:  # noqa: ARG002 (the seam's shape)
+        """Nothing: it reports because it is asked to."""
+        return ""
 
     def findings(self, settings: BoardSettings, profile: MotorProfile) -> Findings:
         """The meaning of the stored settings for these motors."""

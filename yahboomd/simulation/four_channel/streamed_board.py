@@ -54,6 +54,9 @@ FATAL_NUMBERS = 14
 
 _NOT_FOUND = b"fail,Command not found!"
 
+FIRMWARE = "1.7.3"
+"""The version that is modelled here."""
+
 
 class StreamedBoard:
     """The streamed dialect's board.
@@ -363,7 +366,7 @@ def make(options: SimulationOptions, plant: Plant, emit: Emit, random: Random) -
         plant=plant,
         emit=emit,
         flash=flash if isinstance(flash, FlashContent) else FlashContent(),
-        version=options.firmware,
+        version=options.firmware or FIRMWARE,
         totals=options.initial_ticks,
         baud=options.baud,
         pace=options.stream_pace,

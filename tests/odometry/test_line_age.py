@@ -1,0 +1,74 @@
+from __future__ import annotations
+
+import math
+from random import Random
+
+import pytest
+
+from yahboomd.odometry.line_age import ENOUGH, LineAge
+
+MS = 1_000_000
+LINE_NS, TICK_NS = 41 * MS, 10 * MS
+
+
+def observed(first_ms, speed, lines=200, *, jitter_ms=0.0, lost=0.0, fresh=False, seed=1):
+    """A board's lines: what is found of each, and the truth."""
+    random, age = Random(seed), LineAge(LINE_NS, TICK_NS)
+    found, before = [], None
+    for number in range(lines):
+        left_ns = number * LINE_NS + first_ms * MS
+        sampled_ns = left_ns if fresh else left_ns // TICK_NS * TICK_NS
+        if lost and random.random() < lost:
+            continue
+        travelled = speed(sampled_ns * 1e-9)
+        if before is not None:
+            arrival = left_ns + random.uniform(0.0, jitter_ms) * MS
+            age.add(float(arrival), abs(round(travelled) - before[1]))
+            found.append((age.age_ns, age.step_ns, left_ns - sampled_ns, sampled_ns - before[0]))
+        before = (sampled_ns, round(travelled))
+    return found
+
+
+def steady(time_s):
+    return 2000.0 * time_s
+
+
+def wild(time_s):
+    return 3000.0 * time_s + 900.0 * math.sin(2.0 * time_s)
+
+
+@pytest.mark.parametrize("first_ms", range(10))
+@pytest.mark.parametrize("speed", [steady, wild])
+@pytest.mark.parametrize(("jitter_ms", "lost"), [(0.0, 0.0), (8.0, 0.0), (3.0, 0.1)])
+def test_ages_and_steps_are_those_of_the_board_soon_and_from_then_on(
+    first_ms, speed, jitter_ms, lost
+):
+    found = observed(first_ms, speed, jitter_ms=jitter_ms, lost=lost)
+    known = [each for each in found[60:] if each[0] is not None]
+    assert len(known) > 100
+    assert all(age_ns == truth_ns for age_ns, _, truth_ns, _ in known)
+    assert all(step_ns in {None, truth_ns} for _, step_ns, _, truth_ns in known)
+
+
+def test_nothing_is_claimed_before_enough_was_seen():
+    found = observed(3, steady)
+    assert all(age_ns is None for age_ns, *_ in found[: ENOUGH - 1])
+    assert found[2 * ENOUGH][0] is not None
+
+
+def test_of_wheels_that_stand_or_creep_nothing_is_said():
+    assert all(age_ns is None for age_ns, *_ in observed(3, lambda _: 0.0))
+    assert all(age_ns is None for age_ns, *_ in observed(3, lambda time_s: 100.0 * time_s))
+
+
+def test_of_a_board_that_reads_its_encoders_for_each_line_no_age_is_claimed():
+    assert all(age_ns is None for age_ns, *_ in observed(3, wild, fresh=True))
+
+
+def test_what_was_learned_is_forgotten_on_demand():
+    age = LineAge(LINE_NS, TICK_NS)
+    for number in range(60):
+        age.add(float(number * LINE_NS), 80 if number % 10 else 100)
+    assert age.age_ns is not None
+    age.forget()
+    assert (age.age_ns, age.step_ns, age.moment) == (None, None, None)

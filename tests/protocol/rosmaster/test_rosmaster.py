@@ -1,0 +1,108 @@
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from yahboomd.drive.kinematics import KINEMATICS
+from yahboomd.errors import BoardError
+from yahboomd.model import Motor
+from yahboomd.protocol.profiles import PROFILES
+from yahboomd.protocol.rosmaster.packets import PacketFramer, Words
+from yahboomd.protocol.rosmaster.rosmaster import Rosmaster
+
+ROSMASTER = Rosmaster()
+TWO = KINEMATICS["differential"](separation_m=0.15)
+MOTORS = tuple(
+    Motor(name=name, wheel=wheel, position=at, radius_m=0.0325, ticks_per_revolution=1320.0)
+    for wheel, (name, at) in enumerate((("left", 1), ("right", 3)))
+)
+
+
+def frames(dialect):
+    single = (dialect.brake, dialect.cut, dialect.probe, dialect.battery)
+    return [*single, *dialect.arm, *dialect.read_settings]
+
+
+def test_every_frame_is_one_that_the_board_can_take_and_stores_nothing():
+    for frame in frames(ROSMASTER):
+        assert frame[:2] == b"\xff\xfc"
+        assert frame[2] == len(frame) - 2 <= 17
+        assert sum(frame[2:-1]) & 0xFF == frame[-1]
+        # The byte that saves to the flash.
+        assert 0x5F not in frame[4:-1]
+
+
+def test_it_never_commands_the_open_loop_or_what_holds_the_heading():
+    assert {frame[3] for frame in frames(ROSMASTER)} == {0x12, 0x11, 0x50, 0x01}
+    assert ROSMASTER.speeds((200, 0, 500)) == bytes.fromhex("FF FC 0A 12 01 C8 00 00 00 F4 01 DA")
+    assert ROSMASTER.brake == bytes.fromhex("FF FC 0A 12 01 00 00 00 00 00 00 1D")
+
+
+def test_it_listens_for_longer_than_two_reports_of_a_kind():
+    assert ROSMASTER.listen_ns > 2 * 41_000_000
+    assert ROSMASTER.spacing_ns >= 5_000_000
+    assert ROSMASTER.poll is None
+
+
+@pytest.mark.parametrize(
+    ("data", "ours"),
+    [
+        (bytes.fromhex("FF FB 05 51 03 05 5E"), True),
+        (bytes.fromhex("FF FB 0A 0A C8 00 00 00 F4 01 78 49"), True),
+        (b"Firmware Version: V3.5.1\n", True),
+        (b"Motor_Version:1.7.3\n", False),
+        (b"$GPGGA,123519,4807.038,N*47\n", False),
+        (b"IMU Type: ICM20948\n", False),
+        (bytes.fromhex("FF FB 05 77 03 05 84"), False),
+    ],
+)
+def test_only_its_own_frames_and_its_banner_are_recognised(data, ours):
+    (item,) = PacketFramer().feed(data)
+    assert ROSMASTER.recognises(item) is ours
+
+
+@given(st.text(max_size=60))
+def test_no_words_of_another_device_are_taken_for_its_own(text):
+    item = Words(text=text, size=len(text) + 1, trailing=0)
+    assert not ROSMASTER.recognises(item) or "Firmware Version: V" in text
+
+
+@pytest.mark.parametrize(
+    ("volts", "words"),
+    [
+        (9.1, "Its supply has 9.1 V. Below 9.6 V or above 13.0 V"),
+        (13.4, "13.4 V"),
+        (12.0, "has 12.0 V now"),
+        (None, "only a reset ends"),
+    ],
+)
+def test_its_silence_is_explained_by_its_supply(volts, words):
+    said = ROSMASTER.silence(volts)
+    assert words in said
+    assert "switch the board off and on" in said
+
+
+def test_wheels_are_turned_by_the_stored_car_type():
+    motion = ROSMASTER.motion(TWO, MOTORS, {"car_type": 1}, scale=1.0)
+    assert motion.units((0.3, 0.3)) == (300, 0, 0)
+    other = ROSMASTER.motion(TWO, MOTORS, {"car_type": 4}, scale=1.0)
+    assert other.units((0.3, 0.3)) == (316, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [(None, "type None"), ({"car_type": 3}, "type 3"), ({"car_type": 5}, "R2, which steers")],
+)
+def test_a_car_that_is_not_known_or_steers_is_refused(settings, words):
+    with pytest.raises(BoardError, match=words):
+        ROSMASTER.motion(TWO, MOTORS, settings, scale=1.0)
+
+
+def test_a_unit_that_is_no_whole_number_is_refused():
+    with pytest.raises(TypeError):
+        ROSMASTER.speeds((0.5, 0, 0))
+
+
+def test_it_is_the_same_for_every_profile():
+    assert ROSMASTER.for_profile(PROFILES["310"]) is ROSMASTER

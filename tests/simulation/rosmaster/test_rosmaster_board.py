@@ -1,0 +1,224 @@
+"""The simulated board, by bytes and truth alone."""
+
+from __future__ import annotations
+
+import struct
+from collections import Counter
+
+import pytest
+
+from yahboomd.simulation.options import SimulationOptions
+from yahboomd.simulation.robot import SimulatedRobot
+from yahboomd.simulation.rosmaster.rosmaster_board import RosmasterStored
+
+MS = 1_000_000
+S = 1_000 * MS
+
+
+def frame(function: int, *payload: int) -> bytes:
+    inside = bytes((len(payload) + 3, function, *payload))
+    return b"\xff\xfc" + inside + bytes((sum(inside) & 0xFF,))
+
+
+def motion(vx: int, vy: int = 0, wz: int = 0) -> bytes:
+    return frame(0x12, 1, *struct.pack("<3h", vx, vy, wz))
+
+
+class Desk:
+    """A robot, what it sent, and when."""
+
+    def __init__(self, **options: object) -> None:
+        self.robot = SimulatedRobot(
+            SimulationOptions(dialect="rosmaster", **options)  # type: ignore[arg-type]
+        )
+        self.robot.start(0)
+        self.now_ns = 0
+        self.heard: list[tuple[int, bytes]] = []
+
+    def write(self, data: bytes, then_ms: int = 50) -> None:
+        self.robot.host_wrote(data, self.now_ns)
+        self.run(then_ms)
+
+    def run(self, ms: int) -> None:
+        for _ in range(ms):
+            self.now_ns += MS
+            self.heard += [(self.now_ns, data) for data in self.robot.advance(self.now_ns)]
+
+    def since(self, ns: int) -> bytes:
+        return b"".join(data for at_ns, data in self.heard if at_ns > ns)
+
+    def frames(self, since_ns: int = 0) -> list[tuple[int, bytes]]:
+        """Function and payload of all whole frames."""
+        data, found = self.since(since_ns), []
+        while (at := data.find(b"\xff\xfb")) >= 0:
+            size = data[at + 2] + 2
+            whole = data[at : at + size]
+            if len(whole) == size and sum(whole[2:-1]) & 0xFF == whole[-1]:
+                found.append((whole[3], whole[4:-1]))
+                data = data[at + size :]
+            else:
+                data = data[at + 1 :]
+        return found
+
+    @property
+    def speeds(self) -> list[float]:
+        return [abs(speed) for speed in self.robot.truth(self.now_ns).speed_m_s]
+
+
+@pytest.mark.parametrize(("imu", "raw"), [("mpu9250", 0x0B), ("icm20948", 0x0E)])
+def test_it_reports_four_kinds_in_a_cycle_of_41_ms(imu: str, raw: int) -> None:
+    desk = Desk(flash=RosmasterStored(imu=imu))
+    desk.run(4_100)
+    kinds = Counter(function for function, _ in desk.frames())
+    assert set(kinds) == {0x0A, raw, 0x0C, 0x0D}
+    assert all(count == pytest.approx(100, abs=1) for count in kinds.values())
+
+
+def test_without_a_sensor_it_reports_speed_and_counts_and_switched_off_nothing() -> None:
+    desk = Desk(flash=RosmasterStored(imu=""))
+    desk.run(200)
+    assert {function for function, _ in desk.frames()} == {0x0A, 0x0D}
+    desk.write(frame(0x01, 0, 0))
+    silent_ns = desk.now_ns
+    desk.run(200)
+    assert desk.frames(silent_ns) == []
+
+
+def test_it_drives_brakes_coasts_and_acknowledges_nothing() -> None:
+    desk = Desk(flash=RosmasterStored(imu=""))
+    desk.write(motion(300), 1500)
+    assert min(desk.speeds) == pytest.approx(0.31, abs=0.02)
+    assert {function for function, _ in desk.frames()} == {0x0A, 0x0D}
+    desk.write(motion(0), 400)
+    assert max(desk.speeds) < 0.02
+    desk.write(motion(300), 1000)
+    desk.write(frame(0x11, 1, 0, 0, 0), 50)
+    assert all(motor.pwm == 0 for motor in desk.robot.plant.motors)
+
+
+def test_the_last_target_runs_for_ever() -> None:
+    desk = Desk()
+    desk.write(motion(300), 1000)
+    desk.robot.unplug(desk.now_ns)
+    desk.run(20_000)
+    assert min(desk.speeds) > 0.25
+
+
+def test_frames_without_a_gap_are_lost_and_5_ms_apart_none_is() -> None:
+    desk = Desk(flash=RosmasterStored(imu="", auto_report=0))
+    answered = {0: 0, 5: 0}
+    for phase_us in range(0, 1000, 50):
+        for gap_ms in answered:
+            before_ns = desk.now_ns
+            first_ns = desk.now_ns + phase_us * 1000
+            desk.robot.host_wrote(frame(0x50, 0x15, 0), first_ns)
+            desk.robot.host_wrote(frame(0x50, 0x51, 0), first_ns + gap_ms * MS)
+            desk.run(30)
+            found = [function for function, _ in desk.frames(before_ns)]
+            assert found[-1] == 0x51
+            answered[gap_ms] += len(found)
+    assert answered[5] == 40
+    assert answered[0] <= 32
+
+
+def test_it_answers_version_type_gains_and_voltage() -> None:
+    desk = Desk(flash=RosmasterStored(car_type=2, imu="", auto_report=0), battery_volts=8.0)
+    for function, parameter in ((0x51, 0), (0x15, 0), (0x13, 1), (0x01, 0)):
+        desk.write(frame(0x50, function, parameter), 20)
+    assert desk.frames() == [
+        (0x51, b"\x03\x05"),
+        (0x15, b"\x02\x00"),
+        (0x13, struct.pack("<B3H", 1, 800, 60, 500)),
+        (0x0A, struct.pack("<3hB", 0, 0, 0, 80)),
+    ]
+
+
+def test_settings_last_over_a_reset_only_where_they_were_saved_and_odd_types_are_refused() -> None:
+    desk = Desk(start_up_s=0.1)
+    board = desk.robot.board
+    desk.write(frame(0x15, 4, 0))
+    desk.write(frame(0x15, 3, 0x5F))
+    assert board.flash.car_type == 1  # type: ignore[attr-defined]
+    desk.write(frame(0x15, 6, 0x5F))
+    desk.write(frame(0x13, *struct.pack("<3H", 1000, 100, 400), 0x5F))
+    stored = board.flash  # type: ignore[attr-defined]
+    assert (stored.car_type, stored.p, stored.i, stored.d) == (6, 1.0, 0.1, 0.4)
+
+
+def test_after_a_reset_it_says_its_version_and_is_silent_for_ten_seconds() -> None:
+    desk = Desk()
+    desk.write(motion(300), 1000)
+    reset_ns = desk.now_ns
+    desk.robot.reset(reset_ns)
+    desk.run(10_000)
+    assert b"\nFirmware Version: V3.5.1\n" in desk.since(reset_ns)
+    assert desk.frames(reset_ns + 5 * MS) == []
+    assert max(desk.speeds) < 0.01
+    desk.run(1_000)
+    counts = [payload for function, payload in desk.frames(reset_ns + 5 * MS) if function == 0x0D]
+    assert counts
+    assert counts[0] == bytes(16)
+
+
+def test_the_last_frame_of_the_silence_is_carried_out_at_its_end() -> None:
+    desk = Desk()
+    desk.robot.reset(desk.now_ns)
+    desk.run(1_000)
+    desk.write(motion(300), 9_000)
+    assert max(desk.speeds) == 0.0
+    desk.run(2_000)
+    assert min(desk.speeds) > 0.25
+
+
+@pytest.mark.parametrize(
+    ("volts", "latches"), [(9.0, True), (13.5, True), (10.0, False), (7.4, False), (5.0, True)]
+)
+def test_a_battery_too_low_or_too_high_for_two_seconds_silences_it_until_a_reset(
+    volts: float, latches: bool
+) -> None:
+    desk = Desk(battery_volts=11.0, rated_volts=11.0, start_up_s=0.2)
+    desk.write(motion(200), 500)
+    desk.robot.plant.battery_volts = volts
+    desk.run(3_000)
+    desk.robot.plant.battery_volts = 11.0
+    quiet_ns = desk.now_ns
+    desk.write(motion(200), 1_000)
+    assert (desk.frames(quiet_ns) == []) is latches
+    assert (max(desk.speeds) < 0.01) is latches
+    desk.write(frame(0x50, 0x51, 0))
+    assert (0x51, b"\x03\x05") in desk.frames(quiet_ns)
+    desk.robot.reset(desk.now_ns)
+    desk.run(1_000)
+    assert 0x0D in {function for function, _ in desk.frames(desk.now_ns - 500 * MS)}
+
+
+def test_the_open_loop_is_undone_by_the_speed_loops_but_after_a_stop() -> None:
+    desk = Desk()
+    desk.write(motion(100), 1_000)
+    desk.write(frame(0x10, 100, 0, 100, 0), 1_000)
+    assert max(desk.speeds) > 0.9
+    desk.write(motion(0), 500)
+    assert max(desk.speeds) < 0.01
+
+
+def test_the_gyro_shows_a_turn_and_the_voltage_is_cut_to_tenths() -> None:
+    desk = Desk(battery_volts=8.29)
+    desk.write(motion(0, 0, 1000), 2_000)
+    raw = [payload for function, payload in desk.frames() if function == 0x0B][-1]
+    wz = struct.unpack("<9h", raw)[2] / 3754.9
+    truth = desk.robot.truth(desk.now_ns)
+    assert wz == pytest.approx(truth.wz, rel=0.1)
+    speed = next(payload for function, payload in desk.frames() if function == 0x0A)
+    assert speed[6] == 82
+
+
+def test_a_board_that_hangs_keeps_its_outputs_and_has_no_period_to_set() -> None:
+    desk = Desk()
+    desk.write(motion(300), 1_000)
+    desk.robot.hang(desk.now_ns)
+    hung_ns = desk.now_ns
+    desk.write(motion(0), 1_000)
+    assert min(desk.speeds) > 0.25
+    assert desk.frames(hung_ns + 5 * MS) == []
+    with pytest.raises(ValueError, match="every 41 ms"):
+        desk.robot.set_tick_period(desk.now_ns, 0.01)

@@ -1,0 +1,137 @@
+"""The dialect ``rosmaster``: the expansion board of the X1, X3, R2 and others of that family.
+
+The board reports by itself and takes velocities of the body. What is known of it comes from its
+firmware's source, its vendor's library and owners' measurements, not from a board:
+``docs/protocol.md`` says which.
+"""
+
+from __future__ import annotations
+
+import operator
+from typing import Final
+
+import msgspec
+
+from yahboomd.errors import BoardError
+from yahboomd.model import Kinematics, Motor
+from yahboomd.protocol.dialect import Decoded, Findings, Units, Unrecognised, VersionLine
+from yahboomd.protocol.profiles import MotorProfile
+from yahboomd.protocol.rosmaster.cars import CARS, Body, body
+from yahboomd.protocol.rosmaster.functions import (
+    AUTO_REPORT,
+    CAR_RUN,
+    IN_MEMORY,
+    READ_SETTINGS,
+    TABLE,
+    TYPE_BYTE,
+    VERSION,
+    decode,
+    findings,
+    motion,
+    request,
+)
+from yahboomd.protocol.rosmaster.packets import RESYNC, Item, PacketFramer, Words, frame
+from yahboomd.protocol.settings import BoardSettings, StoredSetting
+
+LEAST_V: Final = 9.6
+MOST_V: Final = 13.0
+
+REPORT_NS: Final = 41_000_000
+"""The cycle of its reports; each of the four kinds comes once."""
+
+
+class Rosmaster(msgspec.Struct, frozen=True, kw_only=True):
+    """The dialect as data; see :class:`~yahboomd.protocol.dialect.Dialect` for the meanings."""
+
+    name: str = "rosmaster"
+    title: str = "Yahboom Rosmaster expansion board"
+    baudrate: int = 115_200
+    resync: bytes = RESYNC
+    line_end: bytes = b""
+    listen_ns: int = 100_000_000
+    starts_within_s: float = 12.0
+    probe: bytes | None = request(VERSION)
+    # It looks for a frame once a millisecond, and keeps no two: closer ones are lost.
+    spacing_ns: int = 5_000_000
+    totals_spacing_ns: int = 5_000_000
+    question_spacing_ns: int = 5_000_000
+    answer_spacing_ns: int = 5_000_000
+    # Either one ends the board's speed loops: the brake shorts the motors, the cut opens them.
+    brake: bytes = motion(0, 0, 0)
+    cut: bytes | None = frame(CAR_RUN, TYPE_BYTE, 0, 0, 0)
+    sample_period_ns: int | None = REPORT_NS
+    renews_with_each_line: bool = True
+    # It reads its encoders every 10 ms, by another clock than its reports.
+    age_ns: int = 10_000_000
+    poll: bytes | None = None
+    poll_bytes: int = 0
+    arm: tuple[bytes, ...] = (frame(AUTO_REPORT, 1, IN_MEMORY),)
+    disarm: tuple[bytes, ...] = ()
+    battery: bytes | None = request(AUTO_REPORT)
+    read_settings: tuple[bytes, ...] = READ_SETTINGS
+    settings: tuple[StoredSetting, ...] = TABLE
+    fastest_m_s: float = max(car.fastest_mm_s for car in CARS.values()) / 1000.0
+
+    def framer(self) -> PacketFramer:
+        """For packets and lines of text."""
+        return PacketFramer()
+
+    def decode(self, item: Item) -> Decoded:
+        """Packets by their function and length, text by its words."""
+        return decode(item)
+
+    def recognises(self, item: Item) -> bool:
+        """Any packet that has a meaning, and the banner of its start."""
+        decoded = self.decode(item)
+        if isinstance(item, Words):
+            return isinstance(decoded, VersionLine)
+        return not isinstance(decoded, Unrecognised)
+
+    def silence(self, volts: float | None) -> str:
+        """Why it reports nothing although it answers."""
+        cure = "Charge or replace the battery, then switch the board off and on."
+        if volts is not None and not LEAST_V <= volts <= MOST_V:
+            return (
+                f"Its supply has {volts:.1f} V. Below {LEAST_V} V or above {MOST_V:.1f} V for 2 s "
+                "it brakes, beeps, and neither counts nor reports until it is reset, whatever the "
+                f"voltage becomes. {cure}"
+            )
+        shown = "" if volts is None else f" Its supply has {volts:.1f} V now."
+        return (
+            "The alarm of its battery may have gone off, which only a reset ends (it beeps)."
+            f"{shown} {cure}"
+        )
+
+    def findings(self, settings: BoardSettings, profile: MotorProfile) -> Findings:
+        """What the stored settings mean for these motors."""
+        return findings(settings, profile)
+
+    def motion(
+        self,
+        kinematics: Kinematics,
+        motors: tuple[Motor, ...],
+        settings: BoardSettings | None,
+        *,
+        scale: float,
+    ) -> Body:
+        """The velocity of the body that turns the wheels, by the law of the stored car type."""
+        number = (settings or {}).get("car_type")
+        car = CARS.get(number) if isinstance(number, int) else None
+        if car is None:
+            raise BoardError(f"The board is set to car type {number}, which is not known.")
+        if car.wheelbase_mm is not None:
+            raise BoardError(
+                f"The board is set to the car {car.name}, which steers, and chassis.kinematics is "
+                f"{kinematics.name}.",
+                remedy="Set the car type that the chassis has.",
+            )
+        return body(car, kinematics, motors, scale=scale)
+
+    def speeds(self, units: Units) -> bytes:
+        """Velocity of the body: mm/s, mm/s, mrad/s."""
+        vx, vy, wz = map(operator.index, units)
+        return motion(vx, vy, wz)
+
+    def for_profile(self, profile: MotorProfile) -> Rosmaster:  # noqa: ARG002 (the seam's shape)
+        """Itself: the car type lives in the board's flash."""
+        return self
