@@ -37,6 +37,13 @@ def test_the_sixth_within_20_ms_revokes_and_the_rest_is_refused() -> None:
     assert verdicts == ["pass"] * MOST + ["revoke"] + ["refuse"] * 194
 
 
+@pytest.mark.parametrize(("last_ns", "verdict"), [(20 * MS, "revoke"), (20 * MS + 1, "pass")])
+def test_six_in_20_ms_are_a_backlog(last_ns: int, verdict: str) -> None:
+    gate = BacklogGate(500 * MS)
+    assert {arrive(gate, n * 4 * MS) for n in range(MOST)} == {"pass"}
+    assert arrive(gate, last_ns) == verdict
+
+
 def test_a_backlog_handed_over_in_one_piece_never_passes() -> None:
     gate = BacklogGate(500 * MS)
     assert arrive(gate, 0, arrivals=200) == "revoke"

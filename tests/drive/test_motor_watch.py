@@ -270,8 +270,18 @@ def test_a_wheel_that_slows_down_has_half_a_second_to_get_inside_its_bounds() ->
     ]
 
 
-def test_silence_begins_with_the_first_reading_that_shows_the_command() -> None:
-    assert judged(0.3, [0.0] * 20) == [(160, "no_counts")]
+@pytest.mark.parametrize("count", [0, 1, -1])
+def test_silence_begins_with_the_first_reading_that_shows_the_command(count: int) -> None:
+    watch = MotorWatch("left", 0.08, 0, None)
+    watch.command(0, 0.3)
+    found = [
+        (n * 10, fault.kind)
+        for n in range(1, 20)
+        for fault in watch.measure(
+            (n - 1) * 10 * MS, n * 10 * MS, 0.0, count if n == 3 else 0, 0.0, held_up=False
+        )
+    ]
+    assert found == [(160, "no_counts")]
 
 
 @pytest.mark.parametrize("commanded", [0.3, -0.3])

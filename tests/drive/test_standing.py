@@ -78,6 +78,13 @@ def test_a_velocity_limit_of_zero_is_named() -> None:
     assert "limits.linear.velocity = 0" in found.message
 
 
+def test_a_turn_that_a_limit_of_zero_forbids_is_named() -> None:
+    decision = Decision(twist=Twist2d(wz=0.5), driver="cmd_vel", why="driving")
+    (found,) = reasons(S, decision=decision, angular=AxisLimits(velocity=0.0))
+    assert found.kind == "limit_zero"
+    assert "limits.angular.velocity = 0" in found.message
+
+
 def test_a_limit_of_zero_on_another_axis_is_no_reason() -> None:
     assert reasons(S, decision=DRIVING, angular=AxisLimits(velocity=0.0)) == ()
 

@@ -72,6 +72,16 @@ def test_after_a_gap_nothing_is_concluded_from_before_it() -> None:
     assert kinds == ["runaway_fast"]
 
 
+@pytest.mark.parametrize(("late_ns", "kinds"), [(0, ["no_counts"]), (1, [])])
+def test_a_gap_is_longer_than_half_a_second(late_ns: int, kinds: list[str]) -> None:
+    check = WheelsCheck(["left"])
+    check.command(0, [0.3])
+    for n in range(6):
+        assert check.measure(n * 20 * MS, [0.0], [0]) == ()
+    found = check.measure(600 * MS + late_ns, [0.0], [0])
+    assert [fault.kind for fault in found] == kinds
+
+
 def test_a_reading_that_is_no_later_is_no_news() -> None:
     check = WheelsCheck(["left"])
     check.command(0, [0.3])

@@ -7,10 +7,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from yahboomd.errors import ConfigError
 from yahboomd.protocol.dialect import Setting, VersionLine
 from yahboomd.protocol.four_channel.framing import RESYNC, Framer
 from yahboomd.protocol.profiles import PROFILES
-from yahboomd.protocol.registry import DIALECTS, connect_spacing_ns, connect_stop, identify
+from yahboomd.protocol.registry import (
+    DIALECTS,
+    check_storable,
+    connect_spacing_ns,
+    connect_stop,
+    identify,
+)
 from yahboomd.protocol.settings import is_complete
 
 
@@ -41,6 +48,12 @@ def test_the_stop_before_anything_is_known_serves_every_dialect():
         (bytes(20), b"\xff\xfc\x07\x11\x01\0\0\0\x19"),
     )
     assert connect_spacing_ns() == 20_000_000
+
+
+def test_what_any_board_must_not_store_is_refused():
+    check_storable(PROFILES["520"].settings)
+    with pytest.raises(ConfigError, match="encoder lines 0"):
+        check_storable({"lines": 0})
 
 
 @pytest.mark.parametrize(

@@ -65,6 +65,10 @@ def test_it_says_nothing_before_it_is_asked():
     assert not POLLED.renews_with_each_line
 
 
+def test_no_command_is_faster_than_a_metre_per_second():
+    assert POLLED.fastest_m_s == 1.0
+
+
 def test_a_poll_costs_a_question_an_answer_and_a_speed():
     answer = 30
     speed = len(POLLED.speeds((1000, 100, 10, 0)))

@@ -95,5 +95,9 @@ def test_it_says_nothing_before_it_is_asked():
     assert STREAMED.listen_ns == 0
 
 
+def test_no_command_is_faster_than_a_metre_per_second():
+    assert STREAMED.fastest_m_s == 1.0
+
+
 def test_the_profile_changes_nothing_on_the_wire():
     assert STREAMED.for_profile(PROFILES["310"]) == STREAMED
