@@ -302,3 +302,13 @@ def test_a_motor_of_a_wheel_that_the_preset_lists_under_its_side_is_named_with_i
 def test_one_side_alone_without_a_preset_names_the_preset_that_keeps_the_other():
     lines = found(chassis={"motors": {"left": [{"position": 1, "command_sign": -1}]}})
     assert 'set chassis.preset = "2wd" and name only' in lines["chassis.motors.right"]
+
+
+def test_a_car_that_steers_needs_its_axles_and_no_other_base_has_a_steering():
+    lines = found(chassis={"preset": "ackermann"})
+    assert "ackermann needs the distance" in lines["chassis.wheel_base_m"]
+    assert found(chassis={"preset": "ackermann", "wheel_base_m": 0.235}) == {}
+    car = {"kinematics": "ackermann", "wheel_base_m": 0.235, "steering_max_rad": 0.6}
+    assert found(chassis=car) == {}
+    lines = found(chassis={"steering_max_rad": 0.6})
+    assert "belongs to an ackermann base" in lines["chassis.steering_max_rad"]

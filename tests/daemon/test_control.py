@@ -310,3 +310,48 @@ async def test_wishes_that_cannot_be_met_are_counted_by_what_held_them_back(
         await bench.drive(0.5, 0.0, 60.0)
         assert bench.controller.status_values()["desaturated"] >= 20
         assert max(map(abs, bench.rim_speeds)) < 0.5
+
+
+CAR = "chassis.kinematics=ackermann", "chassis.wheel_base_m=0.2", "chassis.steering_max_rad=0.7854"
+
+
+@on_virtual_time
+async def test_a_car_drives_its_tightest_curve_where_the_command_is_tighter(tmp_path: Path) -> None:
+    async with robot(tmp_path, *CAR) as bench:
+        await bench.ready()
+        await bench.drive(1.5, 0.2, 0.8)
+        assert bench.controller.status_values().get("too_tight", 0) == 0
+        await bench.drive(1.5, 0.2, 3.0)
+        left, right = bench.rim_speeds
+        assert (left + right) / 2.0 == pytest.approx(0.2, abs=0.02)
+        # Radius 0.2 m: 1 rad/s.
+        assert (right - left) / 0.15 == pytest.approx(1.0, abs=0.1)
+        assert bench.controller.status_values()["too_tight"] >= 60
+        await asyncio.sleep(1.5)
+        truth = bench.robot.truth(bench.clock.now_ns()).pose
+        pose = bench.heard.estimates[-1].pose
+        assert (pose.x, pose.y, pose.theta) == pytest.approx(
+            (truth.x, truth.y, truth.theta), abs=0.01
+        )
+        assert truth.theta > 2.0
+
+
+@on_virtual_time
+async def test_a_car_does_not_turn_on_the_spot_and_counts_what_it_was_asked(tmp_path: Path) -> None:
+    async with robot(tmp_path, *CAR) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.0, 1.0)
+        assert bench.standing
+        assert bench.robot.truth(bench.clock.now_ns()).pose.theta == 0.0
+        assert bench.controller.status_values()["too_tight"] >= 40
+
+
+@on_virtual_time
+async def test_a_car_beyond_its_limits_is_slower_on_the_same_curve(tmp_path: Path) -> None:
+    async with robot(tmp_path, *CAR, "limits.linear.velocity=0.2") as bench:
+        await bench.ready()
+        await bench.drive(2.0, 0.4, 1.0)
+        left, right = bench.rim_speeds
+        assert (left + right) / 2.0 == pytest.approx(0.2, abs=0.02)
+        assert (right - left) / 0.15 == pytest.approx(0.5, abs=0.08)
+        assert bench.controller.status_values()["limited"] >= 60

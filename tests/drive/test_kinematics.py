@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from yahboomd.drive.kinematics import (
     KINEMATICS,
+    ackermann,
     desaturate,
     desaturate_twist,
     differential,
@@ -166,3 +167,22 @@ def test_a_wish_is_scaled_by_as_much_as_its_fastest_wheel_needs(
 ) -> None:
     slowed = desaturate_twist(two_wheels, Twist2d(vx=vx), (1.0, 1.5))
     assert slowed == (Twist2d(vx=vx * scale), scale)
+
+
+def test_a_car_turns_its_rear_wheels_like_two_sides_and_has_a_tightest_curve() -> None:
+    car = ackermann(separation_m=0.2, base_m=0.25, steering_max_rad=math.pi / 4.0)
+    two = differential(separation_m=0.2)
+    assert (car.inverse, car.forward, car.wheels) == (two.inverse, two.forward, two.wheels)
+    assert (car.name, car.base_m) == ("ackermann", 0.25)
+    assert car.least_radius_m == pytest.approx(0.25)
+    assert two.least_radius_m == 0.0
+    wide = ackermann(separation_m=0.2, base_m=0.25, steering_max_rad=0.4)
+    assert wide.least_radius_m == pytest.approx(0.25 / math.tan(0.4))
+
+
+@pytest.mark.parametrize(
+    "given", [{}, {"base_m": 0.0}, {"base_m": 0.2, "steering_max_rad": math.pi / 2.0}]
+)
+def test_a_car_without_axles_or_angle_is_refused(given: dict[str, float]) -> None:
+    with pytest.raises(ConfigError):
+        ackermann(separation_m=0.2, **given)

@@ -227,24 +227,30 @@ MotorEntries: TypeAlias = Annotated[
 ]
 
 
+PRESET_NAMES = ("2wd", "4wd", "mecanum", "ackermann")
+
+
 class Chassis(Section):
     """The geometry of the base, and which motor turns which wheel.
 
-    Wheels are `left` and `right` (differential, skid_steer), or `front_left`, `rear_left`,
-    `front_right` and `rear_right` (mecanum). Motors that are given replace all default motors.
-    With a preset, each replaces the motor of its position, and the others stay: `preset = "4wd"`
-    and `motors.right = [{ position = 4, command_sign = -1, encoder_sign = -1 }]`.
+    Wheels are `left` and `right` (differential, skid_steer, ackermann), or `front_left`,
+    `rear_left`, `front_right` and `rear_right` (mecanum). Motors that are given
+    replace all default motors. With a preset, each replaces the motor of its position, and the
+    others stay: `preset = "4wd"` and
+    `motors.right = [{ position = 4, command_sign = -1, encoder_sign = -1 }]`.
     """
 
-    preset: Annotated[str, Choice(("", "2wd", "4wd", "mecanum"))] = Field(
+    preset: Annotated[str, Choice(("", *PRESET_NAMES))] = Field(
         default="",
         description="Sets kinematics and motors in one word. "
         "2wd: the article's, left on M1, right on M3. 4wd: the vendor's, skid steer, M1 left "
-        "front, M2 left rear, M3 right front, M4 right rear. mecanum: the same places.",
+        "front, M2 left rear, M3 right front, M4 right rear. mecanum: the same places. ackermann: "
+        "a car that steers, rear wheels left on M2, right on M4.",
     )
     kinematics: Annotated[str, Choice(tuple(KINEMATICS))] = Field(
         default="differential",
-        description="How the base moves. skid_steer: several motors on each side.",
+        description="How the base moves. skid_steer: several motors on each side. ackermann: a car "
+        "that steers, driven by its rear wheels.",
     )
     wheel_separation_m: float = Field(
         default=0.150,
@@ -257,7 +263,16 @@ class Chassis(Section):
         gt=0.0,
         le=5.0,
         examples=[0.170],
-        description="Metres from the front axle to the rear one; for mecanum, which needs it.",
+        description="Metres from the front axle to the rear one; for mecanum and ackermann, which "
+        "need it.",
+    )
+    steering_max_rad: float | None = Field(
+        default=None,
+        gt=0.0,
+        le=1.4,
+        examples=[0.785],
+        description="For ackermann: the largest angle of the steering, in radians. With the wheel "
+        "base it gives the tightest curve. Absent: 0.785, 45 degrees.",
     )
     wheel_radius_m: float | None = Field(
         default=None,
@@ -330,6 +345,10 @@ PRESETS: dict[str, tuple[str, dict[str, tuple[MotorEntry, ...]]]] = {
             "front_right": (MotorEntry(position=3),),
             "rear_right": (MotorEntry(position=4),),
         },
+    ),
+    "ackermann": (
+        "ackermann",
+        {"left": (MotorEntry(position=2),), "right": (MotorEntry(position=4),)},
     ),
 }
 """Kinematics and motors of the known builds: the article's, and the vendor's with four wheels."""

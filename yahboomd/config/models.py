@@ -23,7 +23,7 @@ from yahboomd.config.hardware import (
 from yahboomd.config.outputs import Log, Odometry, Ros2, Zenoh
 from yahboomd.config.values import Section
 from yahboomd.drive.arbitration import Source
-from yahboomd.drive.kinematics import KINEMATICS
+from yahboomd.drive.kinematics import KINEMATICS, STEERING_MAX_RAD
 from yahboomd.model import Kinematics, Motor
 from yahboomd.protocol.profiles import EDGES_PER_LINE, PROFILES, MotorProfile
 from yahboomd.protocol.registry import check_storable
@@ -77,6 +77,7 @@ class Config(Section):
         return KINEMATICS[self.kinematics_name()](
             separation_m=chassis.wheel_separation_m * chassis.wheel_separation_multiplier,
             base_m=chassis.wheel_base_m,
+            steering_max_rad=chassis.steering_max_rad or STEERING_MAX_RAD,
         )
 
     def profile(self) -> MotorProfile:

@@ -134,15 +134,19 @@ def motors(config: Config) -> Iterator[Finding]:
 
 
 def geometry(config: Config) -> Iterator[Finding]:
-    """The distance between the axles is given for a mecanum base, and only there."""
+    """The distance between the axles is given for bases that need it, and only there."""
     name = config.kinematics_name()
     beside = (_KINEMATICS, _PRESET)
-    if name == "mecanum" and config.chassis.wheel_base_m is None:
-        words = "missing; a mecanum base needs the distance between its axles in metres"
+    has_axles = name in {"mecanum", "ackermann"}
+    if has_axles and config.chassis.wheel_base_m is None:
+        words = f"missing; a base of kind {name} needs the distance between its axles in metres"
         yield Finding(_BASE, words, beside)
-    if name != "mecanum" and config.chassis.wheel_base_m is not None:
-        words = f"belongs to a mecanum base, and this one is {name}; leave it out"
+    if not has_axles and config.chassis.wheel_base_m is not None:
+        words = f"belongs to a mecanum or ackermann base, and this one is {name}; leave it out"
         yield Finding(_BASE, words, beside)
+    if name != "ackermann" and config.chassis.steering_max_rad is not None:
+        words = f"belongs to an ackermann base, and this one is {name}; leave it out"
+        yield Finding(("chassis", "steering_max_rad"), words, beside)
 
 
 def profile(config: Config) -> Iterator[Finding]:

@@ -18,6 +18,7 @@ from yahboomd.daemon.wheels import Wheels
 from yahboomd.drive import standing
 from yahboomd.drive.arbiter import Arbiter
 from yahboomd.drive.arbitration import Decision
+from yahboomd.drive.curve import Curve
 from yahboomd.drive.doubts import Doubts
 from yahboomd.drive.faults import Fault
 from yahboomd.drive.holds import (
@@ -86,6 +87,7 @@ class Controller:
         self._limiter = Limiter(
             options.linear, options.angular, longest_step_s=max(0.1, 2 * options.period_s)
         )
+        self._curve = Curve(options.kinematics, options.linear.velocity, options.angular.velocity)
         self._holds = Holds()
         self._doubts = Doubts()
         self._events = Events(clock, outputs, self.counters)
@@ -192,12 +194,17 @@ class Controller:
         if not decision.ramp and decision.twist.is_zero:
             self._stand(now_ns, at_once=True)
             return
-        wish, scale = desaturate_twist(kinematics, decision.twist, limits)
+        wish, too_tight = self._curve.steer(decision.twist)
+        if too_tight:
+            self.counters["too_tight"] += 1
+        wish, scale = desaturate_twist(kinematics, wish, limits)
         if scale < 1.0:
             self.counters["desaturated"] += 1
-        if self._limiter.clips(wish):
+        # A car's wish is scaled to the limits along its curve.
+        if self._limiter.clips(decision.twist if kinematics.least_radius_m else wish):
             self.counters["limited"] += 1
-        limited = self._limiter.limit(wish, dt_s)
+        limited = self._curve.ramped(self._limiter.limit(wish, dt_s))
+        self._odometer.steer(self._curve.per_m, now_ns)
         speeds, _ = desaturate(wheel_speeds(kinematics, limited), limits)
         if any(speeds):
             self._wheels.turn(speeds)

@@ -10,6 +10,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Protocol
 
+import msgspec
+
 from yahboomd.errors import ConfigError
 from yahboomd.model import Kinematics, Motor, Twist2d
 
@@ -17,15 +19,30 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
 
+STEERING_MAX_RAD = math.pi / 4.0
+"""How far the front wheels of the boards' cars can be turned: 45 degrees."""
+
+
 class Builder(Protocol):
     """A function of the registry: it builds a geometry."""
 
-    def __call__(self, *, separation_m: float, base_m: float | None = None) -> Kinematics:
-        """Return the geometry for these two distances."""
+    def __call__(
+        self,
+        *,
+        separation_m: float,
+        base_m: float | None = None,
+        steering_max_rad: float = STEERING_MAX_RAD,
+    ) -> Kinematics:
+        """Return the geometry for these two distances, and this angle of the front wheels."""
         ...
 
 
-def differential(*, separation_m: float, base_m: float | None = None) -> Kinematics:
+def differential(
+    *,
+    separation_m: float,
+    base_m: float | None = None,
+    steering_max_rad: float = STEERING_MAX_RAD,
+) -> Kinematics:
     """Two driven sides on one axle.
 
     ``v_left = vx - wz b/2``, ``v_right = vx + wz b/2`` with b the distance of the wheels; the
@@ -34,15 +51,21 @@ def differential(*, separation_m: float, base_m: float | None = None) -> Kinemat
     Args:
         separation_m: From the left wheel's contact point to the right one's.
         base_m: Front to rear; means nothing here.
+        steering_max_rad: Of a car that steers.
 
     Raises:
         ConfigError: ``separation_m`` is not a positive number.
     """
-    del base_m
+    del base_m, steering_max_rad
     return _two_sides("differential", separation_m)
 
 
-def skid_steer(*, separation_m: float, base_m: float | None = None) -> Kinematics:
+def skid_steer(
+    *,
+    separation_m: float,
+    base_m: float | None = None,
+    steering_max_rad: float = STEERING_MAX_RAD,
+) -> Kinematics:
     """Two sides of several wheels each, which slip sideways in a turn.
 
     The same maps as :func:`differential`, with the *effective* separation: published bases turn as
@@ -51,15 +74,21 @@ def skid_steer(*, separation_m: float, base_m: float | None = None) -> Kinematic
     Args:
         separation_m: The effective distance of the sides.
         base_m: Front to rear; it is contained in the effective separation.
+        steering_max_rad: Of a car that steers.
 
     Raises:
         ConfigError: ``separation_m`` is not a positive number.
     """
-    del base_m
+    del base_m, steering_max_rad
     return _two_sides("skid_steer", separation_m)
 
 
-def mecanum(*, separation_m: float, base_m: float | None = None) -> Kinematics:
+def mecanum(
+    *,
+    separation_m: float,
+    base_m: float | None = None,
+    steering_max_rad: float = STEERING_MAX_RAD,
+) -> Kinematics:
     """Four wheels with rollers at 45 degrees, which can also move sideways.
 
     With k = (separation + base) / 2 the rim speeds are front left ``vx - vy - k wz``, rear left
@@ -71,10 +100,12 @@ def mecanum(*, separation_m: float, base_m: float | None = None) -> Kinematics:
     Args:
         separation_m: Left to right, between the wheels' middles.
         base_m: Front to rear, between the axles.
+        steering_max_rad: Of a car that steers.
 
     Raises:
         ConfigError: A distance is missing, or not a positive number.
     """
+    del steering_max_rad
     _positive("wheel_separation_m", separation_m)
     if base_m is None:
         raise ConfigError(
@@ -97,10 +128,46 @@ def mecanum(*, separation_m: float, base_m: float | None = None) -> Kinematics:
     )
 
 
+def ackermann(
+    *,
+    separation_m: float,
+    base_m: float | None = None,
+    steering_max_rad: float = STEERING_MAX_RAD,
+) -> Kinematics:
+    """A car: two driven rear wheels, and front wheels that steer.
+
+    The rear wheels turn as those of :func:`differential`. The middle of their axle, which is the
+    base's origin, drives curves of ``base / tan(angle)`` and more, and cannot turn on the spot
+    (Siegwart, Nourbakhsh and Scaramuzza, *Autonomous Mobile Robots*, 3.2).
+
+    Args:
+        separation_m: From the left rear wheel's contact point to the right one's.
+        base_m: From the rear axle to the front one.
+        steering_max_rad: The largest angle of the steering, of a wheel in the middle.
+
+    Raises:
+        ConfigError: A distance is missing, or not a positive number, or the angle is none.
+    """
+    if base_m is None:
+        raise ConfigError(
+            "A car that steers needs the distance of its axles.",
+            remedy="Set chassis.wheel_base_m, front to rear, in metres.",
+        )
+    _positive("wheel_base_m", base_m)
+    if not 0.0 < steering_max_rad < math.pi / 2.0:
+        raise ConfigError(f"chassis.steering_max_rad is {steering_max_rad}, which is no angle.")
+    return msgspec.structs.replace(
+        _two_sides("ackermann", separation_m),
+        base_m=base_m,
+        least_radius_m=base_m / math.tan(steering_max_rad),
+    )
+
+
 KINEMATICS: Mapping[str, Builder] = {
     "differential": differential,
     "skid_steer": skid_steer,
     "mecanum": mecanum,
+    "ackermann": ackermann,
 }
 """The drive geometries, by the name that ``chassis.kinematics`` gives."""
 

@@ -112,6 +112,10 @@ _COMMAND = {
     "timed_out": "times that the source in control fell silent",
     "revoked": "times that accepted commands turned out to be a backlog, and were taken back",
     "limited": "control steps whose command was faster than the limit of an axis",
+    "too_tight": (
+        "control steps whose command was tighter than the car can steer: it drives its tightest "
+        "curve at that speed, and stands where it was to turn on the spot"
+    ),
     "desaturated": "control steps in which all wheels were slowed since one was too fast",
     "beats_missed": "control steps that were left out because yahboomd was late",
     "pauses": "times that yahboomd did not run for 0.3 s or more",

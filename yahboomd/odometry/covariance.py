@@ -102,13 +102,19 @@ class Covariance:
         """Variance that the heading gained since the pose was set, rad^2."""
         return self._tt - self.given
 
-    def turn(self, deltas: Sequence[int]) -> tuple[float, float]:
-        """The turn that counts make, radians, and its variance by the distance rolled, rad^2."""
-        turn = variance = 0.0
+    def turn(self, deltas: Sequence[int]) -> tuple[float, float, float]:
+        """What counts make.
+
+        Returns:
+            The travel forward in metres, the turn in radians, and the variance of that by the
+            distance rolled, rad^2.
+        """
+        travel = turn = variance = 0.0
         for factors, weights, delta in zip(self._factors, self._per_tick, deltas, strict=True):
+            travel += factors.x * delta
             turn += factors.turn * delta
             variance += weights[5] * abs(delta)
-        return turn, variance
+        return travel, turn, variance
 
     @property
     def pose(self) -> Matrix3:

@@ -33,6 +33,7 @@ from yahboomd.odometry.encoders import Encoders, Verdict
 from yahboomd.odometry.heading import Heading
 from yahboomd.odometry.integrator import Doubt, Integrator, arc_between
 from yahboomd.odometry.polled_clock import Instant, PolledClock
+from yahboomd.odometry.steering import Steering
 from yahboomd.odometry.streamed_clock import StreamedClock
 from yahboomd.odometry.velocity import Velocity, Window
 
@@ -101,6 +102,7 @@ class Odometer:
         self._velocity = Velocity(kinematics, motors)
         self._covariance = Covariance(kinematics, motors, noise_m=noise_m)
         self._fused = fused
+        self._steering = Steering(kinematics.base_m) if kinematics.least_radius_m else None
         self._clock: PolledClock | StreamedClock = PolledClock()
         self._renewal: tuple[int | None, bool, int] = (None, False, 0)
         self._radians = tuple(2.0 * math.pi / motor.ticks_per_revolution for motor in motors)
@@ -193,6 +195,11 @@ class Odometer:
             self.estimate = msgspec.structs.replace(
                 self.estimate, pose=pose, pose_covariance=self._covariance.pose
             )
+
+    def steer(self, curvature_per_m: float, now_ns: int) -> None:
+        """A car that steers was commanded to drive this curve; to the left is positive."""
+        if self._steering is not None:
+            self._steering.command(curvature_per_m, now_ns)
 
     def accept(self, reading: ImuReading) -> ImuEstimate:
         """Take in a sample of the inertial sensor, along the axes of the base."""
@@ -323,12 +330,18 @@ class Odometer:
         return Update(estimate=self._estimate(window))
 
     def _correction(self, deltas: tuple[int, ...], instant: Instant) -> float:
-        """What the base turned besides what its wheels counted, by the gyro."""
-        if not self._heading.present:
+        """What the base turned besides what its wheels counted, by its steering and its gyro."""
+        heading, steering = self._heading, self._steering
+        if steering is None and not heading.present:
             return 0.0
-        turn, rolled = self._covariance.turn(deltas)
-        correction = self._heading.fuse(turn, rolled, instant.stamp_ns, instant.step_ns)
-        return correction if self._fused else 0.0
+        travel, turn, rolled = self._covariance.turn(deltas)
+        steered = 0.0
+        if steering is not None:
+            steered, rolled = steering.correct(travel, turn, rolled, instant.stamp_ns)
+        if not heading.present:
+            return steered
+        correction = heading.fuse(turn + steered, rolled, instant.stamp_ns, instant.step_ns)
+        return steered + correction if self._fused else steered
 
     @property
     def _fused_variance(self) -> float | None:

@@ -1,0 +1,56 @@
+"""A car's turn is weighed between its rear wheels and its steering."""
+
+from __future__ import annotations
+
+import pytest
+
+from yahboomd.odometry.steering import ANGLE_RAD, ARRIVES_NS, Steering
+
+BASE_M = 0.235
+MS = 1_000_000
+
+
+@pytest.fixture
+def steering() -> Steering:
+    made = Steering(BASE_M)
+    made.command(2.0, 0)
+    return made
+
+
+def test_the_turn_is_between_both_by_their_variances(steering: Steering) -> None:
+    own = (ANGLE_RAD / BASE_M) ** 2 * 0.01
+    for variance in (own / 9.0, own, 9.0 * own):
+        extra, left = steering.correct(0.01, 0.018, variance, ARRIVES_NS)
+        share = variance / (variance + own)
+        assert 0.018 + extra == pytest.approx(0.018 + share * 0.002)
+        assert left == pytest.approx(variance * own / (variance + own))
+        assert left < min(variance, own)
+
+
+def test_backwards_the_same_curve_turns_the_other_way(steering: Steering) -> None:
+    extra, _ = steering.correct(-0.01, -0.018, 1e-4, ARRIVES_NS)
+    assert extra < 0.0
+
+
+def test_until_the_servo_has_arrived_the_wheels_are_believed(steering: Steering) -> None:
+    assert steering.correct(0.01, 0.0, 1e-6, ARRIVES_NS - 1) == (0.0, 1e-6)
+    steering.command(-2.0, 1000 * MS)
+    assert steering.correct(0.01, 0.0, 1e-6, 1299 * MS) == (0.0, 1e-6)
+    assert steering.correct(0.01, 0.0, 1e-6, 1300 * MS)[0] < 0.0
+
+
+def test_the_same_curve_again_is_no_change(steering: Steering) -> None:
+    for now in range(0, 1000, 20):
+        steering.command(2.001, now * MS)
+    assert steering.correct(0.01, 0.0, 1e-6, 1000 * MS)[0] > 0.0
+
+
+def test_before_a_command_and_at_rest_nothing_is_added(steering: Steering) -> None:
+    assert Steering(BASE_M).correct(0.01, 0.02, 1e-6, ARRIVES_NS) == (0.0, 1e-6)
+    assert steering.correct(0.0, 0.0, 0.0, ARRIVES_NS) == (0.0, 0.0)
+
+
+def test_a_base_that_does_not_steer_has_its_wheels() -> None:
+    made = Steering(0.0)
+    made.command(2.0, 0)
+    assert made.correct(0.01, 0.0, 1e-6, ARRIVES_NS) == (0.0, 1e-6)
