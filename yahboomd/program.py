@@ -25,6 +25,7 @@ COMMANDS = {
     "call": "call a service of the daemon",
     "events": "print events as they happen",
     "record": "write what is on the bus to MCAP files",
+    "plot": "draw a recording",
     "metrics": "serve what the daemon counts, for Prometheus and Grafana",
     "probe": "find the port, name the board, explain what is wrong",
     "calibrate": "find the true size of the wheels and the track",

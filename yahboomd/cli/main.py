@@ -28,6 +28,7 @@ FOLDERS = {
     "probe": "probe",
     "calibrate": "calibrate",
     "record": "record",
+    "plot": "plot",
     **dict.fromkeys(("install", "uninstall"), "service"),
     "completions": "shell",
 }

@@ -1,0 +1,41 @@
+"""Recordings as series: whole, in parts, cut off, and what is none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from pose_recording import record
+
+from yahboomd.bus import keys
+from yahboomd.cli.plot.recorded_series import read_recording
+from yahboomd.errors import Refused
+from yahboomd.messages.native import PoseSample
+
+
+def test_all_parts_of_a_folder_are_read_in_their_order(tmp_path: Path) -> None:
+    record(tmp_path, 9000, split=20_000)
+    assert len(list(tmp_path.glob("native_*.mcap"))) > 10, "names sort by number, not by letter"
+    recording = read_recording(tmp_path)
+    poses = recording.of(keys.POSE, PoseSample)
+    assert [pose.seq for pose in poses] == list(range(9000))
+    assert recording.time_s(poses[50].stamp_ns) == pytest.approx(1.0)
+    assert not recording.is_cut
+
+
+def test_what_stands_before_a_cut_is_read(tmp_path: Path) -> None:
+    record(tmp_path, 3000, ended=False)
+    recording = read_recording(tmp_path)
+    assert len(recording.of(keys.POSE, PoseSample)) > 1000
+    assert recording.is_cut
+
+
+@pytest.mark.parametrize("what", ["missing", "empty", "other"])
+def test_what_is_no_recording_is_refused_in_words(tmp_path: Path, what: str) -> None:
+    path = tmp_path / "run"
+    if what == "empty":
+        path.mkdir()
+    elif what == "other":
+        path.write_bytes(b"hello")
+    with pytest.raises(Refused, match=r"record"):
+        read_recording(path)

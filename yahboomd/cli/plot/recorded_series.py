@@ -1,0 +1,101 @@
+"""The series of a recording, by the time since its first sample."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+
+from yahboomd.bus import keys
+from yahboomd.errors import Refused
+from yahboomd.messages.native import (
+    BatterySample,
+    EventSample,
+    PoseSample,
+    StatusSample,
+    WheelsSample,
+)
+from yahboomd.model import NS_PER_S
+
+Sample = TypeVar("Sample", bound=msgspec.Struct)
+
+MESSAGES: dict[str, type[msgspec.Struct]] = {
+    keys.POSE: PoseSample,
+    keys.WHEELS: WheelsSample,
+    keys.BATTERY: BatterySample,
+    keys.STATUS: StatusSample,
+    keys.EVENTS: EventSample,
+}
+
+
+@dataclass
+class Recording:
+    """What a picture shows.
+
+    Attributes:
+        begin_ns: The first stamp; Unix nanoseconds.
+        samples: The messages of each key, oldest first.
+        is_cut: Whether a file ended in the middle of a chunk.
+    """
+
+    begin_ns: int = 0
+    samples: dict[str, list[msgspec.Struct]] = field(
+        default_factory=lambda: {key: [] for key in MESSAGES}
+    )
+    is_cut: bool = False
+
+    def of(self, key: str, message: type[Sample]) -> list[Sample]:
+        """The messages of one key."""
+        return [each for each in self.samples[key] if isinstance(each, message)]
+
+    def time_s(self, stamp_ns: int) -> float:
+        """The time since the first sample."""
+        return (stamp_ns - self.begin_ns) / NS_PER_S
+
+
+def read_recording(path: Path) -> Recording:
+    """Read a folder that ``yahboomd record`` made, or one of its native files; cut ones too.
+
+    Raises:
+        Refused: There is nothing of a robot in it.
+    """
+    files = [path]
+    if path.is_dir():
+        files = sorted(path.glob("native_*.mcap"), key=lambda each: int(each.stem.split("_")[1]))
+    recording = Recording()
+    decoders = {key: msgspec.json.Decoder(message) for key, message in MESSAGES.items()}
+    for file in files:
+        for topic, data in _messages(file, recording):
+            decoder = decoders.get(topic)
+            if decoder is not None:
+                recording.samples[topic].append(decoder.decode(data))
+    stamps = [each.stamp_ns for each in recording.of(keys.POSE, PoseSample)]
+    stamps += [each.stamp_ns for each in recording.of(keys.STATUS, StatusSample)]
+    if not stamps:
+        raise Refused(
+            f"{path} has neither poses nor statuses of yahboomd. Name a folder that "
+            "`yahboomd record` made, or a native_0.mcap in it."
+        )
+    recording.begin_ns = min(stamps)
+    return recording
+
+
+def _messages(file: Path, recording: Recording) -> Iterator[tuple[str, bytes]]:
+    from mcap.exceptions import McapError
+    from mcap.reader import NonSeekingReader
+
+    try:
+        with file.open("rb") as stream:
+            # From the front: a file that was cut off has no index.
+            for _, channel, message in NonSeekingReader(stream).iter_messages(log_time_order=False):
+                yield channel.topic, message.data
+    except OSError as error:
+        raise Refused(f"The recording {file} cannot be read: {error.strerror}.") from error
+    except (McapError, ValueError, EOFError, struct.error) as error:
+        if not any(recording.samples.values()):
+            raise Refused(f"{file} is no recording: {error}.") from error
+        recording.is_cut = True
