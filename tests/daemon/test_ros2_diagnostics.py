@@ -118,6 +118,12 @@ def test_a_clock_that_is_off_is_named_with_its_offset(diagnostics: Diagnostics) 
     assert ("clock offset [s]: cmd_vel", "-3.2") in commands.values
 
 
+def test_a_node_that_publishes_another_type_is_warned_of(diagnostics: Diagnostics) -> None:
+    warning = {"cmd_vel": "A node publishes another type."}
+    commands = named(diagnostics.of(FULL, warning))["commands"]
+    assert (commands.level, commands.message) == (WARN, "cmd_vel: A node publishes another type.")
+
+
 def test_every_value_is_text_that_people_read(diagnostics: Diagnostics) -> None:
     bus = {"a": None, "b": True, "c": 0.1 + 0.2, "d": ["x", "y"], "e_m_s": 2}
     values = named(diagnostics.of(changed(bus=bus)))["bus"].values

@@ -247,13 +247,14 @@ def router() -> Iterator[Router]:
 
 
 @pytest.fixture
-def start_native_node(router: Router, tmp_path: Path) -> Iterator[Callable[[], Peer]]:
-    """Starts nodes as rmw_zenoh's are, in domain 0 of the router: peers that listen on loopback."""
+def start_native_node(router: Router, tmp_path: Path) -> Iterator[Callable[..., Peer]]:
+    """Starts nodes as rmw_zenoh's are, in domain 0 of the router, or of whatever listens at an
+    endpoint: peers that listen on loopback."""
     with ExitStack() as stack:
 
-        def start() -> Peer:
+        def start(endpoint: str = router.endpoint) -> Peer:
             log = tmp_path / f"native_{time.monotonic_ns()}.log"
-            peer = start_peer([str(built("native")), router.endpoint, "0"], log)
+            peer = start_peer([str(built("native")), endpoint, "0"], log)
             stack.callback(peer.close)
             return peer
 
@@ -261,7 +262,7 @@ def start_native_node(router: Router, tmp_path: Path) -> Iterator[Callable[[], P
 
 
 @pytest.fixture
-def native_node(start_native_node: Callable[[], Peer]) -> Peer:
+def native_node(start_native_node: Callable[..., Peer]) -> Peer:
     return start_native_node()
 
 

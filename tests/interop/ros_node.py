@@ -32,6 +32,7 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
+from rcl_interfaces.msg import Log
 from rclpy.qos import (
     DurabilityPolicy,
     HistoryPolicy,
@@ -88,6 +89,8 @@ CONSUMERS: dict[str, list[tuple[str, Any, QoSProfile]]] = {
         ("/diagnostics", DiagnosticArray, qos_profile_system_default),
         ("/estopped", Bool, reliable(1, latched=True)),
     ],
+    # `ros2 topic echo /rosout`, which takes the QoS of the publishers
+    "log": [("/rosout", Log, reliable(1000, latched=True))],
 }
 """What programs of ROS 2 subscribe to, with the QoS of their sources."""
 

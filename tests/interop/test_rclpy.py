@@ -98,6 +98,17 @@ def test_every_topic_reaches_the_subscriptions_of_usual_programs(
     assert not heard_by(node, "panel", "/estopped")["data"]
 
 
+def test_events_are_lines_of_the_log_and_a_late_node_gets_them(
+    ros_bridge, start_ros_node, robot, eventually
+):
+    robot(ros_bridge.endpoint)
+    press(start_ros_node(), eventually, True)
+    for _ in range(2):
+        line = start_ros_node("log").message("/rosout", lambda m: m["function"] == "estop", "it")
+        assert (line["name"], line["level"]) == ("yahboomd", 30)
+        assert line["msg"].startswith("Emergency stop engaged by a sample")
+
+
 def test_nodes_that_come_late_get_what_is_latched_and_what_flows(ros_bridge, start_ros_node, robot):
     robot(ros_bridge.endpoint)
     for distro in DISTROS:

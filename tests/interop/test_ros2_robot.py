@@ -3,6 +3,7 @@
 import math
 
 import pytest
+from zenoh_fixtures import free_endpoint
 
 from yahboomd.messages import ros2
 
@@ -84,7 +85,7 @@ def test_a_dds_node_drives_through_the_bridge_and_sees_it(bridge, dds_node, robo
     is_stopped_and_released(dds_node)
 
 
-def test_behind_the_bridge_a_publisher_of_the_other_type_shows_and_is_not_heard(
+def test_behind_the_bridge_a_publisher_of_the_other_type_is_not_heard_and_diagnostics_say_so(
     bridge, dds_node, start_dds_node, robot, eventually
 ):
     onlooker = start_dds_node("-")
@@ -94,13 +95,15 @@ def test_behind_the_bridge_a_publisher_of_the_other_type_shows_and_is_not_heard(
     shown = eventually(lambda: onlooker.graph()["publishers"].get("rt/cmd_vel"), "the publisher")
     assert shown == ros2.dds_type(ros2.TWIST_STAMPED)
     assert onlooker.graph()["subscribers"]["rt/cmd_vel"] == ros2.dds_type(ros2.TWIST)
-    for _ in range(3):  # seconds
-        (commands,) = (
-            entry
-            for entry in dds_node.message("/diagnostics")["status"]
-            if entry["name"] == "yahboomd: commands"
-        )
-        assert commands["message"] == "0 commands were obeyed so far."
+
+    def commands(message):
+        return next(e for e in message["status"] if e["name"] == "yahboomd: commands")
+
+    warned = dds_node.message("/diagnostics", lambda m: commands(m)["level"] == 1, "a warning")
+    words = commands(warned)["message"]
+    assert "geometry_msgs/msg/TwistStamped on cmd_vel" in words
+    assert 'Add "cmd_vel" to ros2.stamped_commands' in words
+    assert {"key": "accepted", "value": "0"} in commands(warned)["values"]
 
 
 def test_all_topics_show_behind_the_bridge_before_anybody_uses_them(
@@ -113,12 +116,13 @@ def test_all_topics_show_behind_the_bridge_before_anybody_uses_them(
         graph = onlooker.graph()
         mine = {t.removeprefix("rt"): k for t, k in graph["publishers"].items() if t[:3] == "rt/"}
         heard = {t for t in graph["subscribers"] if t.startswith(("rt/", "rq/"))}
-        return (mine, heard) if len(mine) >= len(OUT) and "rt/cmd_vel" in heard else None
+        return (mine, heard) if len(mine) > len(OUT) and "rt/cmd_vel" in heard else None
 
     mine, heard = eventually(shown, "every topic")
-    assert mine == {topic: ros2.dds_type(ros_type) for topic, ros_type in OUT.items()}
+    types = {**OUT, "/rosout": ros2.LOG}
+    assert mine == {topic: ros2.dds_type(ros_type) for topic, ros_type in types.items()}
     requests = {f"rq{service}Request" for service in ("/yahboomd/estop", *TRIGGERS)}
-    assert {f"rt{topic}" for topic in IN} | requests <= heard
+    assert {f"rt{topic}" for topic in (*IN, "/yahboomd/odometry/set_pose")} | requests <= heard
 
 
 def test_a_dds_node_that_starts_late_gets_the_static_frames(bridge, start_dds_node, robot):
@@ -204,6 +208,15 @@ def test_a_native_node_drives_without_a_bridge_and_sees_it(
         numbers = [event["attachment"]["sequence"] for event in heard]
         assert len(numbers) > 50
         assert numbers == list(range(numbers[0], numbers[-1] + 1)), "every sample arrives"
+
+
+def test_native_nodes_need_no_router(start_native_node, robot):
+    driven = robot(free_endpoint(), "ros2.bridge=false", "ros2.rmw_zenoh=true")
+    node, onlooker = (start_native_node(driven.endpoint) for _ in range(2))
+    sees_the_robot_move(node, driven)
+    is_stopped_and_released(node)
+    assert laser_of(onlooker) == "laser"
+    assert {each["name"] for each in onlooker.graph()["nodes"]} >= {"yahboomd", "native_peer"}
 
 
 def test_the_node_shows_in_a_native_graph_with_all_that_it_has(

@@ -35,6 +35,7 @@ from yahboomd.bus.presence import (
 from yahboomd.bus.publishers import BusPublisher, PriorityName
 from yahboomd.bus.services import Answering, Fallback, Handler, Service
 from yahboomd.bus.subscriptions import Arrival, Subscription
+from yahboomd.bus.survey import Survey
 from yahboomd.bus.zenoh_sessions import hang_up_stuck, open_failure, open_uplink
 from yahboomd.clock import Clock, SystemClock
 from yahboomd.errors import BusError
@@ -359,6 +360,10 @@ class Bus:
         The session's own tokens are among them.
         """
         return self._declare(TokenWatch(self.key(pattern), handler, self._ready()))
+
+    def survey(self, selector: str, handler: Callable[[list[bytes]], None]) -> Survey:
+        """Prepare a question to other sessions; see :class:`Survey`."""
+        return self._declare(Survey(self.key(selector), handler, self._ready()))
 
     def watch_neighbours(self, handler: Callable[[list[NeighbourChange]], None]) -> None:
         """Have connections reported that are made or lost from now on."""

@@ -38,12 +38,20 @@ class Diagnostics:
         self._line_trouble: dict[str, int] = {}
         self._put_errors = 0
 
-    def of(self, sample: StatusSample) -> list[Diagnostic]:
-        """The entries for a status; call it once for each that is published."""
+    def of(
+        self, sample: StatusSample, type_warnings: Mapping[str, str] | None = None
+    ) -> list[Diagnostic]:
+        """The entries for a status; call it once for each that is published.
+
+        Args:
+            sample: The status.
+            type_warnings: By source: a node publishes another type than that of its topic.
+        """
+        commands = _commands(sample, type_warnings or {})
         return [
             self._entry("base", *_base(sample), _base_facts(sample)),
             self._entry("board", *self._board(sample), {**sample.board, **sample.link}),
-            self._entry("commands", *_commands(sample), _command_facts(sample)),
+            self._entry("commands", *commands, _command_facts(sample)),
             self._entry("bus", *self._bus(sample), sample.bus),
         ]
 
@@ -97,10 +105,11 @@ def _base_facts(sample: StatusSample) -> dict[str, Any]:
     }
 
 
-def _commands(sample: StatusSample) -> tuple[int, str]:
-    warnings = sample.command.get("clock_warnings")
-    if isinstance(warnings, Mapping) and warnings:
-        return WARN, " ".join(f"{source}: {words}" for source, words in warnings.items())
+def _commands(sample: StatusSample, type_warnings: Mapping[str, str]) -> tuple[int, str]:
+    clocks = sample.command.get("clock_warnings")
+    warnings = [*type_warnings.items(), *(clocks.items() if isinstance(clocks, Mapping) else ())]
+    if warnings:
+        return WARN, " ".join(f"{source}: {words}" for source, words in warnings)
     accepted = _count(sample.command, "accepted")
     return OK, f"{accepted} commands were obeyed so far."
 

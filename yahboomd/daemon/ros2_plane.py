@@ -15,6 +15,7 @@ from yahboomd.daemon.key_table import OFFERS
 from yahboomd.daemon.requests import Services
 from yahboomd.daemon.ros2_parameters import parameter_server
 from yahboomd.daemon.ros2_samples import Placed, RosPublisher, Spread, Topics
+from yahboomd.daemon.ros2_types import TypeWatch
 from yahboomd.daemon.ros2_ways import BridgeWay, NativeWay
 from yahboomd.messages import planar, ros2
 from yahboomd.messages.ros2 import Qos
@@ -86,19 +87,22 @@ def start(
             _serve(bus, native, services, key)
     if native is not None:
         native.parameters(parameter_server(config))
+    types = TypeWatch(bus)
     for source in filter(is_ros_name, config.command.sources):
         stamped = source in config.ros2.stamped_commands
         ros_type = ros2.TWIST_STAMPED if stamped else ros2.TWIST
         if bridge is not None:
             bridge.subscriber(source, ros_type, COMMANDS)
+            types.watch_bridges(source, ros_type)
         if native is not None:
             other = ros2.TWIST if stamped else ros2.TWIST_STAMPED
             native.subscriber(source, ros_type, COMMANDS, commands(source), also=other)
+            types.watch_nodes(source, ros_type, config.ros2.domain_id)
     if bridge is not None:
         bridge.subscriber(keys.ODOMETRY_SET_POSE, ros2.POSE, POSE_QOS)
     if native is not None:
         native.subscriber(keys.ODOMETRY_SET_POSE, ros2.POSE, POSE_QOS, poses)
-    publisher = RosPublisher(open_topic, topics(config), clock)
+    publisher = RosPublisher(open_topic, topics(config), clock, types.warnings)
     publisher.place()
     return publisher
 

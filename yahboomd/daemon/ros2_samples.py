@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bisect
 import math
+from collections.abc import Callable, Mapping
 from typing import Protocol
 
 import msgspec
@@ -113,9 +114,16 @@ class RosPublisher:
         open_topic: Opens a topic.
         topics: What is published, and how it is called.
         clock: Paces the diagnostics.
+        type_warnings: Which sources of commands publish another type, at a monotonic time.
     """
 
-    def __init__(self, open_topic: OpenTopic, topics: Topics, clock: Clock) -> None:
+    def __init__(
+        self,
+        open_topic: OpenTopic,
+        topics: Topics,
+        clock: Clock,
+        type_warnings: Callable[[int], Mapping[str, str]] = lambda _: {},
+    ) -> None:
         def opened(topic: str, default: str) -> Spread:
             row = ROS_TOPICS[default]
             return open_topic(topic, row.ros_type, row.qos) if topic else Spread()
@@ -134,6 +142,7 @@ class RosPublisher:
         self._encode_imu = planar.imu(topics.imu_frame_id)
         self._encode_imu_raw = planar.imu_raw(topics.imu_frame_id)
         self._clock = clock
+        self._type_warnings = type_warnings
         self._radii_m = topics.radii_m
         self._odom = opened(topics.odom, keys.ROS_ODOM)
         self._tf = opened(keys.ROS_TF if topics.transform else "", keys.ROS_TF)
@@ -195,7 +204,9 @@ class RosPublisher:
 
     def status(self, sample: StatusSample) -> None:
         """Publish diagnostics and e-stop: once a second, and at once when they change."""
-        is_due = self._pace.due(self._clock.now_ns())
+        now_ns = self._clock.now_ns()
+        is_due = self._pace.due(now_ns)
+        type_warnings = self._type_warnings(now_ns)
         if is_due and self._fixed:
             # A bridge that is a router and restarts may not ask the cache.
             self._static.repeat(self._fixed)
@@ -206,7 +217,7 @@ class RosPublisher:
                 self._estopped.put(cdr.boolean(estopped))
         if not self._diagnostics.has_subscribers:
             return
-        entries = self._entries.of(sample)
+        entries = self._entries.of(sample, type_warnings)
         if is_due or levels(entries) != self._levels:
             self._levels = levels(entries)
             self._diagnostics.put(cdr.diagnostics(sample.stamp_ns, self._base, entries))

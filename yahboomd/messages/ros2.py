@@ -156,6 +156,15 @@ def bridge_token(
     return token
 
 
+def bridge_writers(topic: str) -> str:
+    """Asks every bridge for the DDS writers of a topic, in its admin space.
+
+    Args:
+        topic: As ROS names it behind the bridge, without a slash in front.
+    """
+    return f"@/*/ros2/dds/*/writer/*/rt/{topic}"
+
+
 # --- native ---------------------------------------------------------------------------------
 
 
@@ -205,6 +214,26 @@ def endpoint_token(
         f"{_mangle_name(node.name)}/{_mangle(topic)}/{dds_type(ros_type)}/"
         f"{type_hash(ros_type, distro)}/{_native_qos(qos)}"
     )
+
+
+def publisher_tokens(domain_id: int, topic: str) -> str:
+    """Matches the tokens of a topic's publishers.
+
+    Args:
+        domain_id: ``ROS_DOMAIN_ID``.
+        topic: Fully qualified, without slashes at its ends.
+    """
+    return f"@ros2_lv/{domain_id}/*/*/*/MP/*/*/*/{_mangle(topic)}/*/*/*"
+
+
+def type_of_token(token: str) -> str:
+    """The type in an endpoint's token: ``nav_msgs/msg/Odometry``."""
+    return ros_type_of(token.split("/")[10])
+
+
+def ros_type_of(dds_name: str) -> str:
+    """A type by its name on DDS; the opposite of :func:`dds_type`."""
+    return dds_name.replace("::dds_::", "/").replace("::", "/").removesuffix("_")
 
 
 def gid_of(token: str) -> bytes:
