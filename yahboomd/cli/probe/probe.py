@@ -291,7 +291,7 @@ def _ask_daemon(
     who = true_names(", ".join(holders(port))) or "another process"
     held = (
         f"The port is held by {who}, and this is what the daemon knows over the bus. With the "
-        "daemon ended, probe also tells whether the counters survive a reopening."
+        "daemon ended, probe also reports whether the counters survive a reopening."
     )
     return msgspec.structs.replace(
         _report(port, config, reported.found, None, want), advice=(held,)
