@@ -8,12 +8,12 @@ its sources as no wheel brings it, and connects to yahboomd's own port. Each dri
 `yahboomd simulate --dialect polled`, paced at 115200 baud, each trial on a new one. Figures of time
 come from rounds in which the ways take turns, each on a board and in processes of its own; the
 table has the median of the rounds, and the ratios are medians of each round's ratio. A command's
-way ends as its frame leaves the host; a sample's begins as the board answers with those counts,
-found by the counts that the pose is made of. CPU and memory are those of all processes that have to
-run but the commanding node. The faults happen once with each way. `kill -9` is followed by what the
-service manager runs after it: nothing, or `yahboomd stop --direct`. yahboomd's limits of
-acceleration are off for the times, so that one command is one frame as it is in the node, and on
-for the faults.
+way ends as its frame leaves the host; one that a newer one replaces before counts as never on the
+wire. A sample's way begins as the board answers with those counts, found by the counts that the
+pose is made of. CPU and memory are those of all processes that have to run but the commanding node.
+The faults happen once with each way. `kill -9` is followed by what the service manager runs after
+it: nothing, or `yahboomd stop --direct`. yahboomd's limits of acceleration are off for the times,
+so that one command is one frame as it is in the node, and on for the faults.
 """
 
 from __future__ import annotations
@@ -44,6 +44,11 @@ M_PER_COUNT = 2.0 * math.pi * WHEEL_RADIUS_M / TICKS_PER_REV
 POLLS = "polls a second"
 ODOM_P50, ODOM_P95 = "sample to `/odom` callback, p50, ms", "sample to `/odom` callback, p95, ms"
 CPU, MEMORY = "CPU of all that has to run, % of a core", "memory of all that has to run, MB"
+
+NODE_WAITS = (
+    "The article's node has one thread, which waits 50 ms in each poll, so it takes about as many "
+    "commands a second as it polls. When more come, its queue of ten fills: they wait, or are lost."
+)
 
 
 def wire(rate: int, share: str) -> str:
@@ -76,7 +81,7 @@ def times(way: str, pace: float, seed: int) -> dict[str, float]:
         begin_ns = time.monotonic_ns()
         ends_ns = {}
         for rate, count in RATES.items():
-            for n in range(max(10, round(count * pace))):
+            for n in range(_least(count * pace)):
                 # Not a whole unit, because the node truncates.
                 driver.say((300 + n % 100 + 0.4) / 1000.0)
                 time.sleep(chance.uniform(0.6, 1.4) / rate)
@@ -104,6 +109,10 @@ def times(way: str, pace: float, seed: int) -> dict[str, float]:
     took = sample_times(answers, [each for each in arrivals if each[0] < end_ns])
     figures[ODOM_P50], figures[ODOM_P95] = (quantile(took, share) / 1e6 for share in (0.5, 0.95))
     return figures
+
+
+def _least(count: float) -> int:
+    return max(10, round(count))
 
 
 def command_times(
@@ -213,8 +222,11 @@ def bench(*, short: bool, images: Path) -> Section:  # noqa: ARG001 - draws no p
         what: [number(median([each[way][what] for each in rounds])) for way in ways]
         for what in RATED
     }
-    for rate in RATES:
-        rows[lost(rate)] = [number(sum(each[way][lost(rate)] for each in rounds)) for way in ways]
+    for rate, count in RATES.items():
+        total = (1 if short else ROUNDS) * (_least(count * 0.1) if short else count)
+        rows[lost(rate)] = [
+            f"{sum(each[way][lost(rate)] for each in rounds):.0f} of {total}" for way in ways
+        ]
     faults: dict[str, dict[str, str]] = {}
     for fault, way in product(FAULTS, ways):
         for what, figure in fault(way, baseline.SHORT if short else 1.0).items():
@@ -252,16 +264,21 @@ def _ratios(rounds: Sequence[dict[str, dict[str, float]]], what: str, way: str) 
 
 
 def _findings(rounds: Sequence[dict[str, dict[str, float]]], ways: Sequence[str]) -> list[str]:
-    def ratio(what: str, way: str) -> str:
-        return number(median([each[ros_ways.NODE][what] / each[way][what] for each in rounds]))
+    def ratio(what: str, way: str) -> float:
+        return median([each[ros_ways.NODE][what] / each[way][what] for each in rounds])
 
-    found = [
-        f"{way[0].upper()}{way[1:]}: at 10 commands a second one reaches the wire "
-        f"{ratio(wire(10, 'p50'), way)} times sooner than with the article's node at the median, "
-        f"at 20 {ratio(wire(20, 'p50'), way)} times; a sample reaches the callback "
-        f"{ratio(ODOM_P50, way)} times sooner."
-        for way in ways[1:]
-    ]
+    found = [NODE_WAITS]
+    for way in ways[1:]:
+        name = way.removeprefix("yahboomd, ")
+        found.append(
+            f"{name[0].upper()}{name[1:]}, at 10 commands a second one reaches the wire "
+            f"{number(ratio(wire(10, 'p50'), way))} times sooner than with the article's node at "
+            f"the median, at 20 {number(ratio(wire(20, 'p50'), way))} times; a sample reaches the "
+            f"callback {number(ratio(ODOM_P50, way))} times sooner. With "
+            f"{number(1.0 / ratio(POLLS, way))} times the polls it takes "
+            f"{number(1.0 / ratio(CPU, way))} times the CPU and "
+            f"{number(1.0 / ratio(MEMORY, way))} times the memory."
+        )
     if ros_ways.NATIVE not in ways:
         found.append(
             "Natively was not measured: there is no rmw_zenoh_cpp among the wheels, and "
