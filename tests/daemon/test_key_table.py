@@ -44,7 +44,7 @@ def test_every_type_of_ros_2_is_known_and_has_a_sample():
         *(ros_type for entry in INPUTS.values() for ros_type in entry.ros_types),
         *(offer.ros_type for offer in OFFERS.values() if offer.ros_type),
     }
-    parameters = ParameterServer({}, lambda _: ("", ""), "").services.values()
+    parameters = ParameterServer({}, {}, "").services.values()
     assert types | {ros_type for ros_type, _ in parameters} == TYPE_HASHES.keys()
     sampled = {sample.ros_type.partition("_Re")[0] for sample in samples.CDR.values()}
     assert types == sampled

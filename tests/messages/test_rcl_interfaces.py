@@ -22,13 +22,14 @@ VALUES = {
     "board.counts": (1, -(2**40), 3),
     "board.flags": (True, False, True),
 }
+MEANINGS = {name: (f"About {name}.", f"as {name}") for name in VALUES}
 REFUSAL = "It is read-only."
 TYPES = dict(zip(VALUES, (4, 1, 1, 2, 3, 3, 9, 9, 8, 7, 6), strict=True))
 
 
 @pytest.fixture
 def server() -> ParameterServer:
-    return ParameterServer(VALUES, lambda name: (f"About {name}.", f"as {name}"), REFUSAL)
+    return ParameterServer(VALUES, MEANINGS, REFUSAL)
 
 
 @pytest.fixture
@@ -137,7 +138,7 @@ def test_nothing_is_set_and_each_refusal_has_its_reason(ask, little_endian):
     cut=st.integers(0, 60),
 )
 def test_whatever_is_asked_is_answered_well_formed(oracle, noise, order, cut):
-    server = ParameterServer(VALUES, lambda name: (name, ""), REFUSAL)
+    server = ParameterServer(VALUES, MEANINGS, REFUSAL)
     wanted = {"parameters": [parameter("serial.dtr", string_array_value=["x"])]}
     for ros_type, respond in server.services.values():
         for request in (

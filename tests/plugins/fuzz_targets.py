@@ -20,6 +20,7 @@ import msgspec
 
 from yahboomd.config import Config, read
 from yahboomd.errors import BoardError, ConfigError
+from yahboomd.messages.cdr import HEADER_LE
 from yahboomd.messages.codecs import (
     MAX_PAYLOAD_BYTES,
     Refusal,
@@ -29,8 +30,10 @@ from yahboomd.messages.codecs import (
     encoding_of,
     is_release_attempt,
 )
-from yahboomd.messages.native import INT64_MAX, MAX_LABEL, VelocityCommand
+from yahboomd.messages.native import INT64_MAX, MAX_LABEL, SetPoseRequest, VelocityCommand
+from yahboomd.messages.rcl_interfaces import ParameterServer
 from yahboomd.messages.ros2 import parse_attachment
+from yahboomd.messages.set_pose import decode_pose
 from yahboomd.protocol.dialect import (
     Battery,
     Decoded,
@@ -182,9 +185,12 @@ def _is_refusal(refusal: Refusal, data: bytes) -> None:
 
 def set_pose(data: bytes) -> None:
     """A pose to start from is finite, or refused."""
-    found = decode_set_pose(data)
+    found: Refusal | SetPoseRequest | str = decode_set_pose(data)
     if isinstance(found, Refusal):
         _is_refusal(found, data)
+        found = decode_pose(data, "odom")
+    if isinstance(found, str):
+        assert 0 < len(found) <= 300
         return
     covariance = found.covariance or ()
     assert len(covariance) in {0, 9}
@@ -265,6 +271,19 @@ def _numbers(value: Any) -> list[float]:
     return [value] if isinstance(value, int | float) else []
 
 
+PARAMETERS = ParameterServer(
+    {"a.b": 1, "a.c": ("x", "y")}, {"a.b": ("A number.", "a whole number")}, "It is read-only."
+)
+
+
+def parameters(data: bytes) -> None:
+    """Any request has an answer, of a size that its own bounds."""
+    for _, respond in PARAMETERS.services.values():
+        response = respond(data)
+        assert response.startswith(HEADER_LE)
+        assert len(response) <= 200 + 20 * len(data)
+
+
 TARGETS: dict[str, Target] = {
     "framer": framer,
     "streamed": streamed,
@@ -272,6 +291,7 @@ TARGETS: dict[str, Target] = {
     "command": command,
     "set_pose": set_pose,
     "estop": estop,
+    "parameters": parameters,
     "config": config,
     "override": override,
 }

@@ -24,13 +24,13 @@ def parameter_server(config: Config) -> ParameterServer:
     places = dict(_parameters(config.model_dump(mode="json", exclude_none=True), ()))
     names = {_name(place): place for place in places}
 
-    def describe(name: str) -> tuple[str, str]:
-        place = names[name]
-        return _meaning(place), schema.takes(schema.node_at(place))
-
-    return ParameterServer(
-        {name: places[place] for name, place in names.items()}, describe, REFUSAL
-    )
+    # All of it now: the schema takes longer to make than the wheels may wait.
+    meanings = {
+        name: (_meaning(place), schema.takes(schema.node_at(place)))
+        for name, place in names.items()
+    }
+    values = {name: places[place] for name, place in names.items()}
+    return ParameterServer(values, meanings, REFUSAL)
 
 
 def _name(place: Place) -> str:

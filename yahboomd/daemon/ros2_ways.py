@@ -78,8 +78,9 @@ class BridgeWay:
 
 SERVICE_QOS = Qos(depth=10)
 
-PARAMETERS_MAX_BYTES = 65_536
-"""Of a request for parameters: a client may ask for all of them by their names."""
+PARAMETERS_MAX_BYTES = 8192
+"""Of a request for parameters: a client may ask for all of them by their names, which are 2 kB. An
+answer to so many takes 10 ms, half a control period."""
 
 _NO_CLIENT = ros2.Attachment(sequence=1, stamp_ns=0, gid=bytes(ros2.GID_BYTES))
 """Stands in where a request has no attachment: its sender is no client of rmw_zenoh's."""

@@ -15,9 +15,6 @@ from yahboomd.messages import cdr, ros2
 Value: TypeAlias = bool | int | float | str | tuple[bool | int | float | str, ...]
 """A parameter's value; the entries of a tuple have one type."""
 
-Describe: TypeAlias = Callable[[str], tuple[str, str]]
-"""A parameter's meaning and what it takes, by its name."""
-
 NOT_SET = 0
 _SCALARS: dict[type, int] = {bool: 1, int: 2, float: 3, str: 4}
 _ARRAYS: dict[type, int] = {bool: 6, int: 7, float: 8, str: 9}
@@ -52,17 +49,19 @@ class ParameterServer:
 
     Args:
         values: Each parameter by its name, whose parts are separated by dots.
-        describe: Their meanings; asked when a client asks.
+        meanings: What each means and what it takes, by its name.
         refusal: Why none is set.
     """
 
-    def __init__(self, values: Mapping[str, Value], describe: Describe, refusal: str) -> None:
+    def __init__(
+        self, values: Mapping[str, Value], meanings: Mapping[str, tuple[str, str]], refusal: str
+    ) -> None:
         self._values = values
-        self._describe = describe
+        self._meanings = meanings
         self._refusal = refusal
         self.services: dict[str, tuple[str, Callable[[bytes], bytes]]] = {
             "list_parameters": (ros2.LIST_PARAMETERS, self._list),
-            "describe_parameters": (ros2.DESCRIBE_PARAMETERS, self._describe_all),
+            "describe_parameters": (ros2.DESCRIBE_PARAMETERS, self._describe),
             "get_parameters": (ros2.GET_PARAMETERS, self._get),
             "get_parameter_types": (ros2.GET_PARAMETER_TYPES, self._types),
             "set_parameters": (ros2.SET_PARAMETERS, self._set),
@@ -80,13 +79,13 @@ class ParameterServer:
         _put_texts(out, above)
         return bytes(out)
 
-    def _describe_all(self, request: bytes) -> bytes:
+    def _describe(self, request: bytes) -> bytes:
         names = _read(request, _Reader.texts) or ()
         out = _response()
         cdr.put_count(out, len(names))
         for name in names:
             known = name in self._values
-            meaning, takes = self._describe(name) if known else ("", "")
+            meaning, takes = self._meanings.get(name, ("", ""))
             cdr.put_text(out, name)
             out.append(self._type(name))
             cdr.put_text(out, meaning)
