@@ -23,11 +23,11 @@ def axes_problem(axes: str, *, rotation: bool) -> str:
     words = axes.split()
     letters = [word.removeprefix("-") for word in words]
     if sorted(letters) != ["x", "y", "z"]:
-        return f'expected x, y and z once each, with or without a minus, got "{axes}"'
+        return "expected x, y and z once each, with or without a minus"
     even = "".join(letters) in {"xyz", "yzx", "zxy"}
     mirrored = sum(word.startswith("-") for word in words) % 2 == 1
     if rotation and even == mirrored:
-        return f'"{axes}" is a mirror image, not a rotation; change one sign, or swap two axes'
+        return "expected a rotation, and this is a mirror image: change one sign, or swap two axes"
     return ""
 
 
