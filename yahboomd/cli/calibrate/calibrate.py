@@ -38,6 +38,7 @@ examples:
   yahboomd calibrate tape --by-hand          you push the robot; it drives nothing
   yahboomd calibrate squares --dry-run       print what would be written
   yahboomd calibrate poses run1 --frames map laser
+  yahboomd calibrate imu                     turn it by hand: axes and scale of the sensor
   yahboomd calibrate undo                    the calibration before counts again
   yahboomd config check                      which value comes from where
 
@@ -138,6 +139,20 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     poses.add_argument("--dry-run", action="store_true", help="print the result, write nothing")
     poses.add_argument("--json", action="store_true", help="print the result as one line of JSON")
     add_config_options(poses)
+    imu = verbs.add_parser(
+        "imu",
+        help="turns by hand: how the inertial sensor is mounted, and its gyro's scale",
+        description="You turn the robot by hand. Prints the section [imu] of the configuration; "
+        "drives nothing and writes nothing.",
+    )
+    imu.add_argument(
+        "--turns",
+        metavar="N",
+        type=number("a whole number from 1 to 50", lambda n: n in range(1, 51)),
+        default=5,
+        help="to the left (default: %(default)s)",
+    )
+    add_robot_options(imu)
     undo = verbs.add_parser(
         "undo",
         help="take the newest calibration back",
@@ -159,6 +174,8 @@ def run(args: argparse.Namespace) -> int:
     loaded = read_config(args)
     if args.verb == "undo":
         return _undo(loaded)
+    if args.verb == "imu":
+        return _by_hand(loaded, args)
     # The extra is missed before the robot moves, not after.
     import numpy  # noqa: F401
 
@@ -186,6 +203,23 @@ def _undo(loaded: Loaded) -> int:
         raise Refused(f"There is no calibration to take back in {path or 'any state directory'}.")
     print(f"Taken back in {path}. The daemon reads it when it starts.")
     return 0
+
+
+def _by_hand(loaded: Loaded, args: argparse.Namespace) -> int:
+    from yahboomd.cli.calibrate.asking import Answers
+    from yahboomd.cli.calibrate.imu_by_hand import print_mounted, turn_by_hand
+    from yahboomd.cli.robot.attended import attend
+    from yahboomd.client import ImuSample
+
+    async def work(robot: AsyncRobot) -> int:
+        config = await _config_of(robot, loaded)
+        found = await turn_by_hand(
+            lambda: robot.samples(ImuSample, depth=1024), Answers(), config, args.turns
+        )
+        print_mounted(found, config)
+        return 0
+
+    return attend(args, work)
 
 
 def _by_poses(loaded: Loaded, args: argparse.Namespace) -> int:
