@@ -33,6 +33,7 @@ MODELS = {
     "2wd": {},
     "4wd": {"chassis": {"preset": "4wd"}, "ros2": {"static_transforms": FRAMES}},
     "mecanum": {"chassis": {"preset": "mecanum", "wheel_base_m": 0.2}},
+    "car": {"chassis": {"preset": "ackermann", "wheel_base_m": 0.2}},
     "footprint": {"odometry": {"child_frame_id": "base_footprint"}},
 }
 NODES = {

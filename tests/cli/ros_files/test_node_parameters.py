@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -22,6 +23,7 @@ SLOW = {
     "angular": {"velocity": 0.25, "acceleration": 0.6, "deceleration": 0.7},
 }
 MECANUM = {"preset": "mecanum", "wheel_base_m": 0.2}
+CAR = {"preset": "ackermann", "wheel_base_m": 0.2, "steering_max_rad": 0.5}
 
 
 def config(**sections) -> Config:
@@ -43,7 +45,7 @@ def of(tree, node: str) -> dict[str, object]:
     return dict(leaves(tree["ros__parameters"]))
 
 
-@pytest.mark.parametrize("chassis", [{}, MECANUM], ids=["differential", "mecanum"])
+@pytest.mark.parametrize("chassis", [{}, MECANUM, CAR], ids=["differential", "mecanum", "car"])
 @pytest.mark.parametrize("distro", ["humble", "jazzy", "kilted"])
 @pytest.mark.parametrize("package", PARAMETERS)
 def test_each_parameter_is_one_that_the_node_declares(package, distro, chassis) -> None:
@@ -99,6 +101,15 @@ def test_a_base_that_moves_sideways_is_driven_sideways() -> None:
     pad = of(joystick(config(chassis=MECANUM, limits=SLOW)), "teleop_twist_joy_node")
     assert pad["scale_linear_turbo.y"] == 0.2
     assert "scale_linear.y" not in of(joystick(config()), "teleop_twist_joy_node")
+
+
+def test_a_car_is_driven_in_curves_that_it_can_steer() -> None:
+    path = of(nav2(config(chassis=CAR)), "controller_server")
+    assert path["FollowPath.motion_model"] == "Ackermann"
+    tightest_m = 0.2 / math.tan(0.5)
+    radius_m = path["FollowPath.AckermannConstraints.min_turning_r"]
+    assert tightest_m <= radius_m < tightest_m + 0.001
+    assert "FollowPath.motion_model" not in of(nav2(config()), "controller_server")
 
 
 @pytest.mark.parametrize("stamped", [True, False])

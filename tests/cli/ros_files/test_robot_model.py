@@ -114,3 +114,30 @@ def test_the_circle_of_the_wheels_holds_their_corners() -> None:
     config = Config.model_validate({"chassis": {**FOUR, "wheel_separation_m": 0.3}})
     # 0.1 to the axle and 0.04 to the rim; 0.15 to the wheel's middle and 0.016 to its side.
     assert outer_radius_m(config) == pytest.approx((0.14**2 + 0.166**2) ** 0.5)
+
+
+def test_a_cars_origin_is_its_rear_axle_and_the_wheels_that_steer_are_fixed_in_front() -> None:
+    chassis = {"preset": "ackermann", "wheel_base_m": 0.2, "wheel_radius_m": 0.03}
+    robot = model(chassis=chassis)
+    driven = joints(robot, "continuous")
+    assert {name: placed(joint)[0] for name, joint in driven.items()} == {
+        "left_wheel_joint": 0.0,
+        "right_wheel_joint": 0.0,
+    }
+    fixed = joints(robot, "fixed")
+    assert placed(fixed["front_left_wheel_joint"]) == (0.2, 0.075, 0.03)
+    assert placed(fixed["front_right_wheel_joint"]) == (0.2, -0.075, 0.03)
+    body = next(robot.iter("visual"))
+    assert numbers(body.find("origin").get("xyz"))[0] == pytest.approx(0.1)
+    assert outer_radius_m(Config.model_validate({"chassis": chassis})) == pytest.approx(
+        (0.23**2 + 0.087**2) ** 0.5
+    )
+
+
+def test_the_inertial_sensors_frame_is_in_it_once_unless_it_is_switched_off() -> None:
+    assert parents(model())["imu_link"] == "base_link"
+    assert parents(model(imu={"frame_id": "gyro"}))["gyro"] == "base_link"
+    assert "imu_link" not in parents(model(ros2={"imu": False}))
+    frames = [{"parent": "base_link", "child": "imu_link", "z": 0.1}]
+    robot = model(ros2={"static_transforms": frames})
+    assert placed(joints(robot, "fixed")["imu_link_joint"]) == (0.0, 0.0, 0.1)

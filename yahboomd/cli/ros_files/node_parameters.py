@@ -65,7 +65,11 @@ def nav2(config: Config) -> Tree:
     amcl: Tree = {"base_frame_id": base, "odom_frame_id": odom}
     if holonomic:
         amcl["robot_model_type"] = "nav2_amcl::OmniMotionModel"
-    follow = _dwb(speeds, turns, sideways) if older else _mppi(speeds, turns, holonomic=holonomic)
+    if older:
+        follow = _dwb(speeds, turns, sideways)
+    else:
+        least_m = config.kinematics().least_radius_m
+        follow = _mppi(speeds, turns, holonomic=holonomic, least_radius_m=least_m)
     recoveries: Tree = {
         ("global_frame" if config.ros2.distro == "humble" else "local_frame"): odom,
         "robot_base_frame": base,
@@ -194,7 +198,13 @@ def _dwb(speeds: Mapping[str, float], turns: Mapping[str, float], sideways: floa
     }
 
 
-def _mppi(speeds: Mapping[str, float], turns: Mapping[str, float], *, holonomic: bool) -> Tree:
+def _mppi(
+    speeds: Mapping[str, float],
+    turns: Mapping[str, float],
+    *,
+    holonomic: bool,
+    least_radius_m: float,
+) -> Tree:
     forward: Tree = {
         "vx_max": speeds["velocity"],
         "vx_min": -min(NAV2_REVERSE_M_S, speeds["velocity"]),
@@ -203,6 +213,11 @@ def _mppi(speeds: Mapping[str, float], turns: Mapping[str, float], *, holonomic:
         "ax_min": -speeds["deceleration"],
         "az_max": turns["acceleration"],
     }
+    if least_radius_m > 0.0:
+        return forward | {
+            "motion_model": "Ackermann",
+            "AckermannConstraints": {"min_turning_r": round(least_radius_m + 0.0005, 3)},
+        }
     if not holonomic:
         return forward
     return forward | {

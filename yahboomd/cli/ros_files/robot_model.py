@@ -1,7 +1,9 @@
 """The robot's model as URDF: wheels where they are, and the frames that the configuration lists.
 
 The root is the frame of the odometry (``odometry.child_frame_id``). It lies on the floor midway
-between the wheels, as the odometry has it, so the wheels' axles are one radius above it. The sizes
+between the wheels (of a car: the rear ones), as the odometry has it, so the wheels' axles are one
+radius above it. The frame of the inertial sensor has the axes of the base; where in it the sensor
+is, only ``static_transforms`` can say. The sizes
 of the body and the width of a wheel are not configured: they are for the eye, and follow from the
 wheels.
 """
@@ -26,33 +28,55 @@ Numbers = tuple[float, ...]
 
 
 class Wheel(NamedTuple):
-    """A motor's wheel: its names, where its axle is, and its size, in metres."""
+    """A wheel: its names, where its axle is, and its size, in metres.
 
-    motor: str
+    Attributes:
+        name: Its motor's, or where it is.
+        joint: The joint, which turns where a motor drives it.
+        x: Forward.
+        y: To the left.
+        radius_m: To the rim.
+        width_m: Of the tyre.
+        driven: Whether a motor drives it: the wheels that steer a car have none.
+    """
+
+    name: str
     joint: str
     x: float
     y: float
     radius_m: float
     width_m: float
+    driven: bool = True
 
 
 def wheels(config: Config) -> list[Wheel]:
-    """The wheel of each motor, seen from the middle of the base: x forward, y left."""
-    chassis = config.chassis
-    found = []
+    """Every wheel, seen from the origin of the base: its middle, of a car that of its rear axle."""
+    chassis, length_m = config.chassis, _base_m(config)
+    found: list[Wheel] = []
     for side, names in config.motor_names().items():
         radius_m = config.radius_m(side)
         for number, name in enumerate(names):
             found.append(
                 Wheel(
-                    motor=name,
+                    name=name,
                     joint=config.joint_name(name),
-                    x=_forward(side, number, len(names)) * _base_m(config),
+                    x=0.0 if _steers(config) else _forward(side, number, len(names)) * length_m,
                     y=chassis.wheel_separation_m / (2.0 if "left" in side else -2.0),
                     radius_m=radius_m,
                     width_m=WIDTH_PER_RADIUS * radius_m,
                 )
             )
+    if _steers(config):
+        # Nothing measures how far they turn or steer: they are drawn as they stand.
+        found += [
+            each._replace(
+                name=f"front_{each.name}",
+                joint=f"front_{each.name}_wheel_joint",
+                x=length_m,
+                driven=False,
+            )
+            for each in found
+        ]
     return found
 
 
@@ -85,6 +109,9 @@ def urdf(config: Config) -> str:
         _fixed(robot, root, FOOTPRINT)
     for wheel in wheels(config):
         _wheel(robot, body, wheel)
+    if config.ros2.imu and config.imu.frame_id not in {*placed, root, body, FOOTPRINT}:
+        _link(robot, config.imu.frame_id)
+        _fixed(robot, root, config.imu.frame_id)
     for parent, child, xyz, rpy in _mounted(
         config, {link.get("name") for link in robot.iter("link")}
     ):
@@ -106,6 +133,10 @@ def _mounted(config: Config, known: set[str | None]) -> Iterator[tuple[str, str,
                 yield each.parent, each.child, xyz, rpy
 
 
+def _steers(config: Config) -> bool:
+    return config.kinematics().least_radius_m > 0.0
+
+
 def _forward(side: str, number: int, count: int) -> float:
     """Where a wheel is between the rear axle (-0.5) and the front one (0.5)."""
     if side.startswith(("front", "rear")):
@@ -124,19 +155,22 @@ def _body(link: ElementTree.Element, config: Config) -> None:
     length_m = _base_m(config) + 2.0 * radius_m
     width_m = config.chassis.wheel_separation_m - max(wheel.width_m for wheel in around)
     size = (length_m, max(width_m, radius_m), radius_m)
-    _shape(link, "box", {"size": _text(size)}, (0.0, 0.0, 1.5 * radius_m), colour="0.2 0.4 0.7 1")
+    middle = (sum(wheel.x for wheel in around) / len(around), 0.0, 1.5 * radius_m)
+    _shape(link, "box", {"size": _text(size)}, middle, colour="0.2 0.4 0.7 1")
 
 
 def _wheel(robot: ElementTree.Element, body: str, wheel: Wheel) -> None:
-    link = _link(robot, f"{wheel.motor}_wheel")
+    link = _link(robot, f"{wheel.name}_wheel")
     size = {"radius": _text((wheel.radius_m,)), "length": _text((wheel.width_m,))}
     # A cylinder of URDF stands upright; the axle lies across.
     _shape(link, "cylinder", size, rpy=(math.pi / 2.0, 0.0, 0.0), colour="0.1 0.1 0.1 1")
-    joint = ElementTree.SubElement(robot, "joint", name=wheel.joint, type="continuous")
+    kind = "continuous" if wheel.driven else "fixed"
+    joint = ElementTree.SubElement(robot, "joint", name=wheel.joint, type=kind)
     ElementTree.SubElement(joint, "parent", link=body)
-    ElementTree.SubElement(joint, "child", link=f"{wheel.motor}_wheel")
+    ElementTree.SubElement(joint, "child", link=f"{wheel.name}_wheel")
     _origin(joint, (wheel.x, wheel.y, wheel.radius_m))
-    ElementTree.SubElement(joint, "axis", xyz="0 1 0")
+    if wheel.driven:
+        ElementTree.SubElement(joint, "axis", xyz="0 1 0")
 
 
 def _link(robot: ElementTree.Element, name: str) -> ElementTree.Element:
