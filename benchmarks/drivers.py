@@ -198,7 +198,7 @@ def start_yahboomd(stack: contextlib.ExitStack, where: Path, settings: tuple[str
 
 
 STARTS: dict[str, Start] = {ARTICLE: start_article, YAHBOOMD: start_yahboomd}
-"""How each driver is started, by its name."""
+"""The start of each driver, by its name."""
 
 
 @contextlib.contextmanager

@@ -47,7 +47,7 @@ class Look(NamedTuple):
 
 
 class Way:
-    """What a base is commanded: it stands for five seconds, then wanders."""
+    """The commands of a base: it stands for five seconds, then wanders."""
 
     def __init__(self, random: Random) -> None:
         self._random = random
@@ -208,7 +208,7 @@ def one(seed: int, sensor: str, geometry: str, seconds: float, scale: float) -> 
 
 
 def figures(runs: list[list[Look]]) -> Figures:
-    """What the runs come to: at their ends, and on the way."""
+    """The results of the runs: at their ends, and on the way."""
     ends = [looks[-1] for looks in runs]
     every = [look for looks in runs for look in looks]
     wheels, fused = _rms([e.wheels for e in ends]), _rms([e.fused for e in ends])

@@ -1,4 +1,4 @@
-"""How well a calibration finds random robots that are off: the table of docs/calibration.md.
+"""The exactness of a calibration of random robots: the table of docs/calibration.md.
 
 A differential base of 0.17 m track, its radius off by up to 5 %, its track by up to 10 %, its ratio
 by up to 2 %. It drives squares of 2 m each way and a straight of 5 m by its own counts. Slip is
@@ -30,7 +30,7 @@ EIGHT_M = 40.0
 
 
 class Trial(NamedTuple):
-    """What one robot came to: errors as fractions, and of the figure of eight in metres."""
+    """The result of one robot: errors as fractions, and of the figure of eight in metres."""
 
     track: float
     scale: float

@@ -129,7 +129,7 @@ def command_times(
 
 
 def recorded(path: Path) -> list[tuple[int, int]]:
-    """When each answer was given, and the counts of both wheels together."""
+    """The time of each answer, and the counts of both wheels together."""
     found = []
     for line in path.read_text().splitlines():
         t_ns, text = json.loads(line)

@@ -47,11 +47,11 @@ class RosDriver(ArticleDriver):
         self._where = where
 
     def arrivals(self) -> list[tuple[int, float]]:
-        """When each ``/odom`` reached its callback, and its x."""
+        """The time at which each ``/odom`` reached its callback, and its x."""
         return [(t_ns, x) for t_ns, x, *_ in _lines(self._where / "poses")]
 
     def sent(self) -> list[tuple[int, float]]:
-        """When each velocity was published, and its vx."""
+        """The time at which each velocity was published, and its vx."""
         return [(t_ns, vx) for t_ns, vx in _lines(self._where / "sent")]
 
 

@@ -154,11 +154,11 @@ def change(path, operator, occurrence, line):
 
 
 TOOK = {}
-"""How long each test takes without a change, in seconds."""
+"""The time that each test takes without a change, in seconds."""
 
 
 class Hurry:
-    """What takes long comes last, and hypothesis looks for no smaller example of what fails."""
+    """Slow tests come last, and hypothesis looks for no smaller example of what fails."""
 
     def pytest_configure(self):
         """Load a profile after conftest.py did."""

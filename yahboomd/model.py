@@ -173,7 +173,7 @@ class EncoderReading(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ImuSensor(msgspec.Struct, frozen=True, kw_only=True):
-    """What a kind of inertial sensor can measure, as its board has set it up.
+    """The limits of a kind of inertial sensor, as its board has set it up.
 
     Attributes:
         name: Such as ``mpu9250``.

@@ -92,7 +92,7 @@ CONSUMERS: dict[str, list[tuple[str, Any, QoSProfile]]] = {
     # `ros2 topic echo /rosout`, which takes the QoS of the publishers
     "log": [("/rosout", Log, reliable(1000, latched=True))],
 }
-"""What programs of ROS 2 subscribe to, with the QoS of their sources."""
+"""The subscriptions of ROS 2 programs, with the QoS of their sources."""
 
 SERVICES = {
     "/yahboomd/estop": SetBool,

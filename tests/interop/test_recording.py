@@ -1,4 +1,4 @@
-"""What `yahboomd record` wrote, as ROS 2 itself deserialises it."""
+"""The files of `yahboomd record`, as ROS 2 itself deserialises them."""
 
 from __future__ import annotations
 

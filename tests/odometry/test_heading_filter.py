@@ -1,4 +1,4 @@
-"""What the filter makes of wheels and gyro, where the answer is known."""
+"""The filter's result for wheels and gyro, where the answer is known."""
 
 from __future__ import annotations
 

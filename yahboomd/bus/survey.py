@@ -17,7 +17,7 @@ LONGEST_REPLY = 16_384
 """Bytes of an answer; longer ones are left out."""
 
 ROUND_S = 2.0
-"""How long a round takes at most."""
+"""The longest that a round takes."""
 
 Round: TypeAlias = tuple[int, list[bytes]]
 """The number of a session of ours, and the answers that came there."""

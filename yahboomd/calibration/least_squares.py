@@ -108,7 +108,7 @@ def fit(
 
 
 def predicted(run: Run, factors: Factors) -> Floats:
-    """What would have been measured with these factors, without slip."""
+    """The measurements that these factors would give without slip."""
     x, y, heading = path(run, factors)
     if run.kind == "straight":
         return np.array([np.hypot(x[-1], y[-1])])

@@ -61,12 +61,12 @@ class Run:
 
     @property
     def travel_m(self) -> float:
-        """How far the middle went by the counts, forward and back alike."""
+        """The travel of the middle by the counts, forward and back alike."""
         return float(np.abs(self.left + self.right).sum() / 2.0)
 
     @property
     def turned_rad(self) -> float:
-        """How far it turned by the counts, with its sign."""
+        """The turn by the counts, with its sign."""
         return float((self.right - self.left).sum() / self.separation_m)
 
 

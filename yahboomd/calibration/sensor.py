@@ -22,7 +22,7 @@ LEAST_INTERVALS = 3 * GROUPS
 
 
 class Tracks(NamedTuple):
-    """What was recorded.
+    """The recorded samples.
 
     Attributes:
         time_s: When the wheels were read, rising.

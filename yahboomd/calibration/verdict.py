@@ -11,7 +11,7 @@ STD_MAX = 0.01
 """A factor that is known worse than this is better measured with a tape."""
 
 CHI_SQUARED_MAX = 6.0
-"""What is left over may exceed its expected square so far: floors differ in how much they slip."""
+"""The most by which a residual may exceed its expected square: floors differ in their slip."""
 
 RADIUS = (0.8, 1.25)
 TRACK = (0.8, 1.25)
@@ -35,12 +35,12 @@ _NAMES = {
 
 
 def unseen(error: Unseen) -> str:
-    """What the runs do not show, and what to drive instead."""
+    """The quantities that the runs do not show, and what to drive instead."""
     return f"These runs do not show {_NAMES[error.part]}: {_OBSERVE[error.part]}."
 
 
 def doubts(fit: Fit, *, skid_steer: bool, runs: Sequence[Run] = ()) -> list[str]:
-    """Why the result must not be used, a sentence each; empty where it can be.
+    """The reasons not to use the result, a sentence each; empty where it can be used.
 
     Args:
         fit: The result.

@@ -93,7 +93,7 @@ def read_calibration(path: Path) -> Calibration:
 
 
 def difference(calibration: Calibration, config: Config) -> str:
-    """Which part of the robot changed since, in words; empty where none did."""
+    """The part of the robot that changed since, in words; empty where none did."""
     then, now = calibration.geometry, geometry_of(config)
     changed = [
         f"chassis.{name} was {inline(getattr(then, name))} and is {inline(getattr(now, name))}"

@@ -199,7 +199,7 @@ class Imu(Section):
         return given
 
     def mounting(self) -> Mounting:
-        """How it is mounted and calibrated."""
+        """The mounting and the calibration of the sensor."""
         return Mounting(self.axes, self.gyro_axes or self.axes, gyro_factor=self.gyro_scale or 1.0)
 
 

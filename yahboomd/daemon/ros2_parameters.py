@@ -38,7 +38,7 @@ def _name(place: Place) -> str:
 
 
 def _meaning(place: Place) -> str:
-    """What a key means; entries of a table or a list have at least its own meaning."""
+    """The meaning of a key; entries of a table or a list have at least its own meaning."""
     *above, last = place
     node = schema.node_at(tuple(above)).get("properties", {}).get(last, {})
     return str(node["description"]) if "description" in node else _meaning(tuple(above))

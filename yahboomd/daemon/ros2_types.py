@@ -75,7 +75,7 @@ class TypeWatch:
         self._bus.watch_tokens(f"/{pattern}", changed)
 
     def warnings(self, now_ns: int) -> dict[str, str]:
-        """What is wrong, by source. Call it again and again: it asks the bridges, too."""
+        """The faults by source. Call it again and again: it asks the bridges, too."""
         if self._pace.due(now_ns) and self._bus.neighbours:
             for survey in self._surveys:
                 survey.ask()

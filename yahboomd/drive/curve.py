@@ -36,7 +36,7 @@ class Curve:
         self.per_m = 0.0
 
     def steer(self, wish: Twist2d) -> tuple[Twist2d, bool]:
-        """What the car can do of a wish.
+        """The part of a command that the car can follow.
 
         Returns:
             The twist, and whether the wish was tighter than the car can steer.

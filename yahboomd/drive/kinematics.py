@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 STEERING_MAX_RAD = math.pi / 4.0
-"""How far the front wheels of the boards' cars can be turned: 45 degrees."""
+"""The largest angle of the front wheels of the boards' cars: 45 degrees."""
 
 
 class Builder(Protocol):

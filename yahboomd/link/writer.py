@@ -29,7 +29,7 @@ from yahboomd.protocol.dialect import CommandLost, Decoded, Deltas, Speeds, Tota
 
 
 class Spacing(msgspec.Struct, frozen=True, kw_only=True):
-    """What lies between two frames, so that the board can take the second.
+    """The distance between two frames, so that the board can take the second.
 
     Attributes:
         frame_ns: From the last byte of a frame to the first of the next.

@@ -142,7 +142,7 @@ class PortSlowEvent(_EventOfKind, frozen=True, kw_only=True):
 
 
 class GyroUnfitData(msgspec.Struct, frozen=True, kw_only=True):
-    """What is wrong with the gyro."""
+    """The fault of the gyro."""
 
     problem: Annotated[
         Literal["silent", "saturated", "implausible"],

@@ -17,7 +17,7 @@ from yahboomd.messages.native import SetPoseRequest
 from yahboomd.model import Matrix3
 
 _PLANAR = (0, 1, 5, 6, 7, 11, 30, 31, 35)
-"""Where x, y and yaw are in a covariance over (x, y, z, roll, pitch, yaw), row by row."""
+"""The places of x, y and yaw in a covariance over (x, y, z, roll, pitch, yaw), row by row."""
 
 
 def decode_pose(payload: bytes, frame_id: str) -> SetPoseRequest | str:

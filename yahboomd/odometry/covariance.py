@@ -94,7 +94,7 @@ class Covariance:
 
     @property
     def tick_variance(self) -> float:
-        """Of the heading, by the ticks of the encoders, rad^2."""
+        """The variance of the heading, by the ticks of the encoders, rad^2."""
         return self._floor[5]
 
     @property
@@ -103,7 +103,7 @@ class Covariance:
         return self._tt - self.given
 
     def turn(self, deltas: Sequence[int]) -> tuple[float, float, float]:
-        """What counts make.
+        """The motion that counts make.
 
         Returns:
             The travel forward in metres, the turn in radians, and the variance of that by the

@@ -25,14 +25,14 @@ FROZEN_SAMPLES = 50
 """So many samples without any noise come from no sensor that works."""
 
 SATURATED_SHARE = 0.99
-"""Of the limit."""
+"""The share of the limit from which on a rate counts as saturated."""
 
 CORNER = 0.05
-"""Where the rate bends, the trapezoid between samples is wrong by about so much of the bend."""
+"""The share of a bend of the rate by which the trapezoid between samples is wrong."""
 
 
 class Turn(msgspec.Struct, frozen=True, kw_only=True):
-    """What the gyro saw up to a moment.
+    """The turn that the gyro measured up to a moment.
 
     Attributes:
         angle: The integral of its rate since it was first believed, radians.
@@ -127,7 +127,7 @@ class Gyro:
         return self.present and self.problem is None and self._good_since_ns is not None
 
     def turn(self, now_ns: int) -> Turn:
-        """What it saw up to now, whether it is believed or not.
+        """The turn that it measured up to now, whether it is believed or not.
 
         Args:
             now_ns: When the counters were sampled, to which the integral is carried on.

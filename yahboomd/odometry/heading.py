@@ -22,7 +22,7 @@ TURN_SLIP: dict[str, float] = {"skid_steer": 0.04, "mecanum": 0.01, "ackermann":
 0.04 is 20 % of a turn by one radian."""
 
 BELIEVED = 1e-6
-"""Of the variance that wheels gain by rolling, what the filter that believes them reckons with."""
+"""The share of the rolling variance with which the filter that believes the wheels counts."""
 
 REFUTED = 9.2
 """The other filter is 10,000 times likelier: the logarithm of that."""
@@ -34,7 +34,7 @@ CALIBRATED = 6e-4
 """Standard deviation of a gyro's scale after it was calibrated to 0.1 %."""
 
 TIMING_S = 0.003
-"""How well it is known when gyro and counters were sampled, against each other."""
+"""The uncertainty between the sampling times of gyro and counters."""
 
 WINDOW_S = 1.0
 SLIP_RAD = 0.1
@@ -100,17 +100,17 @@ class Heading:
 
     @property
     def variance(self) -> float:
-        """That the fused heading gained since it was set, rad^2."""
+        """The variance that the fused heading gained since it was set, rad^2."""
         return self._filter.variance(self._scale)
 
     @property
     def bias_rad_s(self) -> float:
-        """What the gyro shows at rest."""
+        """The gyro's reading at rest."""
         return self._filter.bias
 
     @property
     def bias_variance(self) -> float:
-        """Of the bias, (rad/s)^2."""
+        """The variance of the bias, (rad/s)^2."""
         return self._filter.bias_variance
 
     @property
@@ -204,7 +204,7 @@ class Heading:
             self._believing = None
 
     def _turned(self, turn: float) -> float:
-        """How far the wheels turned, but for the play in which ticks come and go."""
+        """The turn of the wheels, but for the play in which ticks come and go."""
         self._wheels += turn
         low, high = self._wheels - self._play, self._wheels + self._play
         anchor = max(low, min(high, self._anchor))

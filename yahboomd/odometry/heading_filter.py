@@ -66,16 +66,16 @@ class HeadingFilter:
 
     @property
     def bias(self) -> float:
-        """Of the gyro, rad/s."""
+        """The bias of the gyro, rad/s."""
         return self._state[B]
 
     @property
     def bias_variance(self) -> float:
-        """Of the bias, (rad/s)^2."""
+        """The variance of the bias, (rad/s)^2."""
         return self._covariance[B][B]
 
     def variance(self, scale: float) -> float:
-        """Of the error; what slipped lately counts once the gyro has seen it.
+        """The variance of the error; what slipped lately counts once the gyro has seen it.
 
         Args:
             scale: Standard deviation of the gyro's scale, as a share.

@@ -14,7 +14,7 @@ AS_THEY_ARE = "x y z"
 
 
 def axes_problem(axes: str, *, rotation: bool) -> str:
-    """What is wrong with such words; empty where nothing is.
+    """The fault of such words; empty where there is none.
 
     Args:
         axes: The three words.
@@ -32,7 +32,7 @@ def axes_problem(axes: str, *, rotation: bool) -> str:
 
 
 class Mounting:
-    """How a sensor is mounted, and calibrated.
+    """The mounting and the calibration of a sensor.
 
     Args:
         axes: Its axes that point forward, left and up.

@@ -1,4 +1,4 @@
-"""How old the counts of a line are, where the board reads and reports them by different timers.
+"""The age of a line's counts, where the board reads and reports them by different timers.
 
 Law: both timers run by one clock. So with each line the age of its counts grows by what is left of
 the line's period behind whole periods of the other timer, and starts again where it would exceed
@@ -19,7 +19,7 @@ FAST_TICKS = 12
 """Lines with fewer counts say nothing of their age."""
 
 WEIGHT = 1.0 / 30.0
-"""Of the latest line in the unsteadiness of the speed."""
+"""The weight of the latest line in the unsteadiness of the speed."""
 
 ENOUGH = 24
 """So many fast lines before an age is believed."""
@@ -28,7 +28,7 @@ CLEARLY = 3.0
 """The second best age is at least so much worse."""
 
 FOLLOW = 0.1
-"""How far the moment of a line follows its arrival."""
+"""The time by which the moment of a line follows its arrival."""
 
 
 class LineAge:

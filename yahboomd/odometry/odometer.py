@@ -142,7 +142,7 @@ class Odometer:
 
     @property
     def gyro_bias_rad_s(self) -> float:
-        """What the gyro shows at rest, as learned."""
+        """The gyro's reading at rest, as learned."""
         return self._heading.bias_rad_s
 
     @property
@@ -330,7 +330,7 @@ class Odometer:
         return Update(estimate=self._estimate(window))
 
     def _correction(self, deltas: tuple[int, ...], instant: Instant) -> float:
-        """What the base turned besides what its wheels counted, by its steering and its gyro."""
+        """The turn of the base beyond what its wheels counted, by its steering and its gyro."""
         heading, steering = self._heading, self._steering
         if steering is None and not heading.present:
             return 0.0

@@ -22,7 +22,7 @@ SAME_PER_M = 0.02
 
 
 class Steering:
-    """What is known of a turn by the steering.
+    """The knowledge of a turn by the steering.
 
     Args:
         base_m: From the rear axle to the front one; 0 for a base that does not steer.

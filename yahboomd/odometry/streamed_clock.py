@@ -105,7 +105,7 @@ class StreamedClock:
         return reading.sent_ns - round(self._behind(self.renewal.period))
 
     def _behind(self, period: float) -> float:
-        """How far the stamp of a line is behind it where no tick shows."""
+        """The distance of a line's stamp behind the line where no tick shows."""
         return 0.5 * (self._age if self._each_line else period)
 
     def pass_over(self, reading: EncoderReading) -> None:

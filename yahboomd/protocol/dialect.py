@@ -318,11 +318,11 @@ class Dialect(Protocol):
 
     @property
     def starts_within_s(self) -> float:
-        """How long it says nothing once it was switched on or reset; 0 for a moment."""
+        """The silence after it was switched on or reset; 0 for a moment."""
         ...
 
     def silence(self, volts: float | None) -> str:
-        """Why a board that reports unasked answers, and does not report; what helps.
+        """The reason why a board that reports unasked only answers, and the remedy.
 
         Args:
             volts: The supply of its motors, where it answered with that.

@@ -103,7 +103,7 @@ SENSORS: dict[str, ImuOptions] = {"mpu9250": MPU9250, "icm20948": ICM20948}
 
 
 class ImuSample(NamedTuple):
-    """What the sensor shows, along its own axes, before the board rounds it to its units.
+    """The sensor's output, along its own axes, before the board rounds it to its units.
 
     Attributes:
         gyro_rad_s: Rate of turn.
@@ -156,7 +156,7 @@ class Imu:
         self.forced_gyro_rad_s: Vector3 | None = None
 
     def gyro_zero_rad_s(self, now_ns: int) -> Vector3:
-        """What the gyro shows at rest now, but for its noise, along the sensor's own axes."""
+        """The gyro's output at rest now, but for its noise, along the sensor's own axes."""
         warmer_k = self._warmer_k(now_ns)
         x, y, z = (channel.zero + channel.drift * warmer_k for channel in self._gyro)
         return x, y, z

@@ -1,4 +1,4 @@
-"""Which keys are recorded, and as what."""
+"""The keys that are recorded, and their types."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ PAIR = (motor(0, 1), motor(1, 3))
 
 
 def turned(car, units):
-    """What the firmware makes of a velocity: mm/s of each motor that it drives."""
+    """The firmware's result for a velocity: mm/s of each motor that it drives."""
     vx, vy, wz = units
     return {at: a * vx + b * vy + c * wz / 1000.0 for at, (a, b, c) in car.motors.items()}
 

@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     from yahboomd.config import Config, Loaded
 
 TAPE_STD_M = 0.002
-"""How well a person reads a tape beside a robot."""
+"""The exactness with which a person reads a tape beside a robot."""
 
 ANGLE_STD_RAD = math.radians(0.5)
-"""How well a person sees an angle against a mark."""
+"""The exactness with which a person sees an angle against a mark."""
 
 DESCRIPTION = """\
 Find the true size of the wheels and of the track, and write it to the calibration file, which goes

@@ -1,4 +1,4 @@
-"""What a calibration found, in words and as the file that the daemon reads."""
+"""The result of a calibration, in words and as the file that the daemon reads."""
 
 from __future__ import annotations
 

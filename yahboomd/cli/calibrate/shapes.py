@@ -69,7 +69,7 @@ class Leg:
         return 1.5 * self.amount / max(abs(self.vx), abs(self.wz)) + 5.0
 
     def done(self, left_m: float, right_m: float, separation_m: float) -> float:
-        """How much of it the counts say is behind the robot."""
+        """The part of it that the robot has done, by the counts."""
         if self.vx:
             return (left_m + right_m) / 2.0 * (1.0 if self.vx > 0.0 else -1.0)
         return (right_m - left_m) / separation_m * (1.0 if self.wz > 0.0 else -1.0)

@@ -211,7 +211,7 @@ def _count(status: StatusSample, name: str) -> int:
 
 
 def _timeline(axes: Any, recording: Recording) -> None:  # noqa: ANN401
-    """What the robot did at each time, and every event with its words."""
+    """The robot's actions at each time, and every event with its words."""
     statuses = recording.of(keys.STATUS, StatusSample)
     events = recording.of(keys.EVENTS, EventSample)
     axes.set(title="what happened", xlabel="time, s", yticks=[])

@@ -34,7 +34,7 @@ MESSAGES: dict[str, type[msgspec.Struct]] = {
 
 @dataclass
 class Recording:
-    """What a picture shows.
+    """The data of a picture.
 
     Attributes:
         begin_ns: The first stamp; Unix nanoseconds.

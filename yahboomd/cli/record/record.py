@@ -205,7 +205,7 @@ class Recorder:
         self._sequences: dict[str, int] = {}
 
     def handler(self, topic: Recorded) -> Callable[[list[Arrival]], None]:
-        """What takes the samples of a topic."""
+        """The receiver of a topic's samples."""
 
         def take(arrivals: list[Arrival]) -> None:
             for arrival in arrivals:
@@ -254,7 +254,7 @@ class Recorder:
             files.sync()
 
     def facts(self) -> dict[str, int]:
-        """What was recorded so far."""
+        """The counts of what was recorded so far."""
         files = self._files.values()
         return {
             "messages": sum(each.messages for each in files),

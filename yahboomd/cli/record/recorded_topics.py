@@ -107,7 +107,7 @@ def recorded(config: Config) -> list[Recorded]:
 
 
 def _ros_key(config: Config, topic: str, ros_type: str) -> str:
-    """Where a topic's samples are: on the plain key for the bridge, else on rmw_zenoh's."""
+    """The key of a topic's samples: the plain key for the bridge, else rmw_zenoh's."""
     if config.ros2.bridge:
         return topic
     if not config.ros2.rmw_zenoh:
@@ -118,7 +118,7 @@ def _ros_key(config: Config, topic: str, ros_type: str) -> str:
 
 
 def facts_of(config: Mapping[str, Any]) -> dict[str, str]:
-    """What a recording says of its robot: the sections by which counts become poses."""
+    """The robot's facts in a recording: the sections by which counts become poses."""
     kept = ("board", "chassis", "limits", "odometry", "serial")
     return {name: json.dumps(config[name]) for name in kept if name in config}
 

@@ -138,7 +138,7 @@ def _steers(config: Config) -> bool:
 
 
 def _forward(side: str, number: int, count: int) -> float:
-    """Where a wheel is between the rear axle (-0.5) and the front one (0.5)."""
+    """The place of a wheel between the rear axle (-0.5) and the front one (0.5)."""
     if side.startswith(("front", "rear")):
         return 0.5 if side.startswith("front") else -0.5
     return 0.0 if count == 1 else 0.5 - number / (count - 1)

@@ -108,7 +108,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def body(car: Car, kinematics: Kinematics, motors: tuple[Motor, ...], *, scale: float) -> Body:
-    """How the board turns these wheels.
+    """The commands that turn these wheels.
 
     With S the speeds that the motors are to have in the board's measure, for each wheel's speed,
     and A the car's law, the board's velocity is the least-squares solution of A v = S w. The

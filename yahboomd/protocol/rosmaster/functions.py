@@ -218,7 +218,7 @@ READ_SETTINGS: Final = (request(VERSION), request(CAR_TYPE), request(MOTOR_PID, 
 
 
 def findings(settings: BoardSettings, profile: MotorProfile) -> Findings:
-    """What the stored settings mean for these motors."""
+    """The meaning of the stored settings for these motors."""
     return Findings(
         unfit=tuple(_unfit(settings, profile)),
         wrong=tuple(_wrong(settings)),

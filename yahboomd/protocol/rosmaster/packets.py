@@ -26,7 +26,7 @@ LEN_MOST: Final = 40
 """The longest true frame has 21; some builds lengthen them. More is a byte that was garbled."""
 
 LINE_MOST: Final = 128
-"""Of a longer line the end is kept."""
+"""The most that is kept of a line: its end."""
 
 RESYNC: Final = bytes(20)
 """As many bytes as the board's buffer holds: half a frame is ended by them, and is none then."""

@@ -88,7 +88,7 @@ class Rosmaster(msgspec.Struct, frozen=True, kw_only=True):
         return not isinstance(decoded, Unrecognised)
 
     def silence(self, volts: float | None) -> str:
-        """Why it reports nothing although it answers."""
+        """The reason why it reports nothing although it answers."""
         cure = "Charge or replace the battery, then switch the board off and on."
         if volts is not None and not LEAST_V <= volts <= MOST_V:
             return (
@@ -103,7 +103,7 @@ class Rosmaster(msgspec.Struct, frozen=True, kw_only=True):
         )
 
     def findings(self, settings: BoardSettings, profile: MotorProfile) -> Findings:
-        """What the stored settings mean for these motors."""
+        """The meaning of the stored settings for these motors."""
         return findings(settings, profile)
 
     def motion(

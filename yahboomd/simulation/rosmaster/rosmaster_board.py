@@ -363,7 +363,7 @@ def _open_loop(value: int) -> int:
 
 
 def _short(value: float) -> int:
-    """What 16 bits keep of a number."""
+    """Convert a number to 16 bits, as the board does."""
     return (int(value) + 0x8000) % 0x1_0000 - 0x8000
 
 
