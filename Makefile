@@ -72,10 +72,13 @@ schemas-check: $(VENV)/.dev
 	$(PY) -m yahboomd.daemon.asyncapi --check schemas
 
 ##@ Suites that need other languages, or more time (.ci/run runs their short forms)
-.PHONY: interop generators asyncapi clients metrics fuzz mutants soak alarms
+.PHONY: interop interop-figures generators asyncapi clients metrics fuzz mutants soak alarms
 interop: $(VENV)/.dev ## build the real ROS 2 peers once (in a cache outside the tree), drive through them
 	@tests/interop/build.sh || echo "interop: what was not built is named above; its tests are skipped"
 	$(PYTEST) $(PARALLEL) tests/interop $(ARGS)
+
+interop-figures: $(VENV)/.dev ## the same at length: latencies, losses, late joiners, 33 restarts, discovery (15 minutes)
+	YAHBOOMD_INTEROP=1 $(PYTEST) tests/interop/figures.py tests/interop/test_two_machines.py $(ARGS)
 
 generators: $(VENV)/.dev ## types made of schemas/ by the generators of six languages read every golden sample (SHORT=1: of two)
 	$(if $(SHORT),,YAHBOOMD_GENERATORS=1 YAHBOOMD_ASYNCAPI=1) $(PYTEST) $(PARALLEL) tests/generators $(ARGS)

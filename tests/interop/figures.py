@@ -1,0 +1,163 @@
+"""The figures of docs/ros2.md: `make interop-figures` measures and prints them (15 minutes).
+
+Real nodes of ROS 2 on FastDDS, the real bridge with the example's configuration, the daemon and a
+simulated board, all on one machine.
+
+A latency of a topic is the time from the board's reading, which is the message's stamp, to the
+callback in the node, the board's line included. That of a command is the time from `publish` to the
+frame at the board's port. Losses are counted against what a Zenoh subscriber at the daemon's own
+port got.
+"""
+
+import json
+import re
+import struct
+import time
+from contextlib import closing
+
+import pytest
+import zenoh
+from real_robot import Client, RealRobot
+from ros_peers import DISTROS, until
+
+from benchmarks.latency import UNLIMITED
+from benchmarks.report import quantile
+from yahboomd.simulation.heard import read_heard
+
+pytestmark = [pytest.mark.realtime, pytest.mark.timeout(1800)]
+
+COMMANDS = 600
+LATE = 10
+LIVES = 33
+SPEED = re.compile(r"\$spd:(-?\d+),")
+
+
+def spread(values_ns):
+    return " | ".join(f"{quantile(values_ns, share) / 1e6:.1f}" for share in (0.5, 0.95, 0.99))
+
+
+def show(capsys, *rows):
+    with capsys.disabled():
+        print(*rows, sep="\n", flush=True)
+
+
+@pytest.fixture
+def observed(tmp_path, ros_bridge):
+    """A robot whose board notes what it is sent; every command becomes one frame."""
+    run = [f'zenoh.connect=["{ros_bridge.endpoint}"]', *UNLIMITED]
+    driven = RealRobot(
+        tmp_path,
+        simulate=("--heard", str(tmp_path / "heard")),
+        run=[part for each in run for part in ("--set", each)],
+    )
+    driven.daemon.says("Connected")
+    yield driven
+    driven.close()
+
+
+@pytest.mark.parametrize("distro", DISTROS)
+def test_latencies_and_losses(observed, start_ros_node, tmp_path, capsys, distro):
+    consumers = ("rviz", "nav2", "robot_localization", "tf2_ros", "robot_state_publisher")
+    node = start_ros_node(*consumers, distro=distro)
+    for topic in ("/odom", "/tf", "/joint_states"):
+        node.message(topic)
+    config = zenoh.Config()
+    config.insert_json5("mode", '"client"')
+    config.insert_json5("connect/endpoints", json.dumps([observed.endpoint]))
+    published = []
+
+    def note(sample):
+        sec, nanosec = struct.unpack_from("<iI", sample.payload.to_bytes(), 4)
+        published.append(sec * 1_000_000_000 + nanosec)
+
+    with zenoh.open(config) as session:
+        session.declare_subscriber("odom", note)
+        until(lambda: published, "odometry")
+        node.order("measure")
+        node.await_event(lambda e: e["event"] == "measuring", "the start")
+        node.order("ramp", count=COMMANDS)
+        node.await_event(lambda e: e["event"] == "ramped", "the end", 120.0)
+        node.order("measured")
+        noted = node.await_event(lambda e: e["event"] == "measured", "the figures")
+    rows = []
+    for name, arrivals in noted["arrivals"].items():
+        topic, consumer = name.split()
+        if topic == "/tf_static":
+            continue
+        stamps = {stamp for stamp, _ in arrivals}
+        due = [each for each in published if min(stamps) <= each <= max(stamps)]
+        lost = len(set(due) - stamps)
+        rate_hz = (len(arrivals) - 1) / (arrivals[-1][1] - arrivals[0][1]) * 1e9
+        late = spread([heard - stamp for stamp, heard in arrivals])
+        twice = len(arrivals) - len(stamps)
+        rows.append(
+            f"| {distro} | `{topic}` as {consumer} | {rate_hz:.1f} | {late} | {lost} of {len(due)}"
+            f" | {twice} twice"
+        )
+    wire = [
+        (each.t_ns, int(match[1]))
+        for each in read_heard(tmp_path / "heard")
+        for match in SPEED.finditer(each.data)
+    ]
+    taken = []
+    for sent_ns, vx in noted["commands"]:
+        units = round(vx * 1000 - 0.4)
+        at_ns = next((t for t, left in wire if t >= sent_ns and left == units), None)
+        if at_ns is not None and at_ns - sent_ns < 1_000_000_000:
+            taken.append(at_ns - sent_ns)
+    missed = len(noted["commands"]) - len(taken)
+    rows.append(f"| {distro} | `/cmd_vel` to the wire | 20 | {spread(taken)} | {missed} missed")
+    show(capsys, "", *rows)
+    assert missed < COMMANDS / 10
+
+
+@pytest.mark.parametrize("distro", DISTROS)
+def test_late_joiners(observed, start_ros_node, capsys, distro):
+    waits = []
+    for _ in range(LATE):
+        node = start_ros_node("rviz", distro=distro)
+        began_ns = time.monotonic_ns()
+        node.message("/odom")
+        waits.append(time.monotonic_ns() - began_ns)
+        node.close()
+    show(capsys, f"{distro}: first /odom after, ms: {[round(each / 1e6) for each in waits]}")
+
+
+def test_lives(ros_bridge, start_ros_node, robot, capsys):
+    driven = robot(ros_bridge.endpoint)
+    for life in range(1, LIVES + 1):
+        node = start_ros_node()
+        node.message("/estopped", lambda m: not m["data"])
+        with closing(Client("client", driven.endpoint)) as watcher:
+            node.order("drive", vx=0.2, hz=20)
+            began_s = time.monotonic()
+            node.message("/odom", lambda m: m["twist"]["twist"]["linear"]["x"] > 0.15, "driving")
+            drives_s = time.monotonic() - began_s
+            first = watcher.latest("status")
+            last = until(
+                lambda watcher=watcher, first=first: (
+                    watcher.latest("status")["stamp_ns"] > first["stamp_ns"] + 2_000_000_000
+                    and watcher.latest("status")
+                ),
+                "two seconds",
+            )
+            passed_s = (last["stamp_ns"] - first["stamp_ns"]) / 1e9
+            received = last["command"]["received"] - first["command"]["received"]
+            node.order("press", data=True)
+            node.message("/estopped", lambda m: m["data"], "the emergency stop")
+            refused = watcher.ask("yahboomd/estop/reset")
+            node.order("rest")
+            until(lambda: watcher.ask("yahboomd/estop/reset")["success"], "the release")
+        command = last["command"]
+        show(
+            capsys,
+            f"life {life}: {received / passed_s:.0f} Hz; drives after {drives_s:.2f} s;"
+            f" refused {command['refused']}, revoked {first['command']['revoked']}, after that"
+            f" {command['revoked'] - first['command']['revoked']}; {last['state']}",
+        )
+        assert not refused["success"]
+        assert last["state"] == "driving"
+        node.close()
+        assert driven.daemon.end() == 0
+        if life < LIVES:
+            driven.start_daemon().says("Connected")

@@ -1,0 +1,121 @@
+"""Commands and requests that arrive several times do no harm.
+
+The bridge keeps the routes of nodes and daemons that have both gone, and passes each message on
+once more for each of them (docs/ros2.md).
+"""
+
+import json
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+from real_robot import Client
+
+pytestmark = pytest.mark.realtime
+
+LIVES = 3
+RESET, RELEASE = "/yahboomd/odometry/reset", "/yahboomd/estop/reset"
+
+
+@pytest.fixture
+def application():
+    """Programs that speak Zenoh with a daemon."""
+    clients = []
+
+    def start(robot):
+        clients.append(Client("client", robot.endpoint))
+        return clients[-1]
+
+    yield start
+    for each in clients:
+        each.close()
+
+
+def kinds(client, kind):
+    return [event for event in client.samples.get("events", ()) if event["kind"] == kind]
+
+
+def test_a_publisher_and_a_daemon_that_both_came_several_times_drive_and_stop(
+    ros_bridge, start_ros_node, robot, application, eventually
+):
+    driven = robot(ros_bridge.endpoint)
+    for life in range(1, LIVES + 1):
+        node = start_ros_node()
+        node.message("/estopped", lambda m: not m["data"])
+        node.order("drive", vx=0.2, hz=20)
+        node.message("/odom", lambda m: m["twist"]["twist"]["linear"]["x"] > 0.15, "it to drive")
+        if life < LIVES:
+            node.close()
+            assert driven.daemon.end() == 0
+            driven.start_daemon().says("Connected")
+    watcher = application(driven)
+    first = watcher.latest("status")
+
+    def many():
+        last = watcher.latest("status")
+        passed_s = (last["stamp_ns"] - first["stamp_ns"]) / 1e9
+        received = last["command"]["received"] - first["command"]["received"]
+        return passed_s > 1.0 and (received / passed_s, last)
+
+    rate_hz, last = eventually(many, "a second")
+    assert rate_hz > 30, "the bridge keeps its routes: else this test shows nothing"
+    assert last["command"]["revoked"] == first["command"]["revoked"]
+    assert last["state"] == "driving"
+    eventually(lambda: not node.order("press", data=True) and driven_stop(node), "the stop")
+    assert kinds(watcher, "estop")[1:] == []
+    refused = watcher.ask("yahboomd/estop/reset")
+    assert not refused["success"], "copies count as motion"
+
+
+def driven_stop(node):
+    return any(
+        event.get("topic") == "/estopped" and event["message"]["data"] for event in node.events
+    )
+
+
+def test_services_that_are_asked_several_times_each_act_as_once(
+    bridge, start_dds_node, robot, application
+):
+    driven = robot(bridge.endpoint)
+    for life in range(1, LIVES + 1):
+        node = start_dds_node("/odom")
+        assert node.call("/yahboomd/estop", data=True)["reply"]["success"]
+        assert node.call(RELEASE)["reply"]["success"]
+        assert node.call(RESET)["reply"]["success"]
+        if life < LIVES:
+            node.close()
+            assert driven.daemon.end() == 0
+            driven.start_daemon().says("Connected")
+    watcher = application(driven)
+    watcher.in_state("standing")
+    assert node.call(RESET)["reply"]["success"]
+    pose = watcher.latest("pose")
+    assert (pose["x"], pose["y"], pose["theta"]) == (0.0, 0.0, 0.0)
+    assert node.call("/yahboomd/estop", data=True)["reply"]["success"]
+    watcher.in_state("estopped")
+    assert len(kinds(watcher, "pose_set")) > 1, "the bridge keeps its routes"
+    assert len(kinds(watcher, "estop")) == 1
+
+
+def test_32_copies_of_each_request_over_zenoh_act_as_once(robot, bridge, application):
+    driven = robot(bridge.endpoint)
+    watcher, asker = application(driven), application(driven)
+    watcher.in_state("standing")
+
+    def copies(key, payload=None):
+        with ThreadPoolExecutor(32) as pool:
+            return [each["success"] for each in pool.map(asker.ask, [key] * 32, [payload] * 32)]
+
+    pose = json.dumps({"x": 1.0, "y": 2.0, "theta": 0.5}).encode()
+    assert all(copies("yahboomd/odometry/set_pose", pose))
+    assert watcher.ask("yahboomd/pose")["x"] == 1.0
+    assert all(copies("yahboomd/odometry/reset"))
+    assert watcher.ask("yahboomd/pose")["x"] == 0.0
+    assert all(copies("yahboomd/estop", b"{}"))
+    watcher.in_state("estopped")
+    assert all(copies("yahboomd/estop/reset"))
+    watcher.in_state("standing")
+    assert len(kinds(watcher, "estop_released")) == 1
+    # One that comes between the copies of a release is not released by them.
+    assert asker.ask("yahboomd/estop")["success"]
+    assert copies("yahboomd/estop/reset") == [False] * 32
+    watcher.in_state("estopped")
