@@ -8,6 +8,7 @@ import itertools
 import pytest
 from board_bench import Bench, BoardPort
 
+from yahboomd.link import connected_board
 from yahboomd.link.line import DAMAGES_MOST, NOISY_DAMAGES
 from yahboomd.link.session import SessionOptions
 from yahboomd.simulation.options import ImpairmentOptions, SimulationOptions
@@ -129,17 +130,21 @@ async def test_a_reversal_is_on_the_wire_within_the_spacing_while_the_voltage_is
 
 
 @on_virtual_time
-async def test_a_voltage_that_is_not_answered_is_asked_for_less_and_less_and_logged_once() -> None:
-    # Whole lines at a time: five minutes of them are many.
+async def test_a_voltage_that_is_not_answered_is_asked_for_less_and_less_and_logged_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert connected_board.BATTERY_SELDOM_S == 120.0
+    # Minutes of lines are many.
+    monkeypatch.setattr(connected_board, "BATTERY_SELDOM_S", 15.0)
     whole_lines = ImpairmentOptions(chunk_s=0.005)
     async with SilentBattery(SimulationOptions(impairments=whole_lines)) as board:
         await board.connected()
-        await asyncio.sleep(300.0)
+        await asyncio.sleep(70.0)
         waits_s = [round((b - a) / 1e9) for a, b in itertools.pairwise(board.asked_ns)]
-        assert waits_s[:6] == [5, 10, 20, 40, 80, 120]
+        assert waits_s[:4] == [5, 10, 15, 15]
         assert [each.kind for each in board.recorder.events] == ["battery_unanswered"]
         assert "board.battery_period_s = 0" in board.recorder.events[0].message
-        assert board.session.status_values()["battery_unanswered"] >= 6
+        assert board.session.status_values()["battery_unanswered"] >= 5
 
 
 @on_virtual_time
