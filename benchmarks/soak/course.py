@@ -104,6 +104,11 @@ class Course:
         """Whether the board streams."""
         return self.board.dialect == "streamed"
 
+    @property
+    def announces(self) -> bool:
+        """Whether the board says when it was reset."""
+        return self.board.dialect != "polled"
+
     # Waiting and telling.
 
     def fail(self, words: str) -> None:

@@ -166,7 +166,7 @@ def _counts_from_zero(course: Course) -> None:
 
 def _after_reset(course: Course, since_ns: int) -> None:
     stood_ns = course.stands(since_ns, 1.0)
-    if course.streamed and stood_ns is not None:
+    if course.announces and stood_ns is not None:
         # It stands a second from the moment that the board says so.
         rest_s = 0.95 - (stood_ns - since_ns) / 1e9
         course.stays(stood_ns, max(0.0, rest_s))
@@ -174,7 +174,7 @@ def _after_reset(course: Course, since_ns: int) -> None:
 
 def reset_loop(course: Course) -> None:
     """The board resets itself again and again."""
-    if not course.streamed:
+    if not course.announces:
         # Such a board does not say that it was reset.
         brown_out(course)
         return

@@ -17,7 +17,7 @@ END = "<!-- to here -->"
 def page(ledger: Ledger, facts: dict[str, Any]) -> str:
     """Summary, faults, latencies and notes."""
     parts = [
-        f"{facts['minutes']:.0f} minutes of it (`SEED={facts['seed']}`), with both dialects:",
+        f"{facts['minutes']:.0f} minutes of it (`SEED={facts['seed']}`), with every dialect:",
         rows(("", ""), _summary(ledger, facts)),
         rows(
             ("fault", "times", "until the wheels stand, s: median", "longest"),

@@ -67,10 +67,14 @@ SHOWN = frozenset(
 """The faults in which wheels move as reported, or a board that forgot its motors
 turns none."""
 
-STREAMED = frozenset({"another tick"})
-"""The faults of a board that streams."""
+DIALECTS = ("streamed", "polled", "rosmaster")
 
-DIALECTS = ("streamed", "polled")
+WITHOUT: dict[str, frozenset[str]] = {
+    "streamed": frozenset(),
+    "polled": frozenset({"another tick"}),
+    "rosmaster": frozenset({"another tick", "lost answers"}),
+}
+"""The faults that a board cannot have: no tick that could be another, no question to answer."""
 
 
 class Turn(msgspec.Struct, frozen=True, kw_only=True):
@@ -88,9 +92,9 @@ class Segment(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def segments(random: Random, kinds: list[str], dialects: Sequence[str]) -> Iterator[Segment]:
-    """Every fault on both dialects, again and again, in random order.
+    """Every fault on all dialects, again and again, in random order.
 
-    A board takes half of the faults, the next one, of the other dialect, the other half; then the
+    A board takes half of the faults, the next one, of another dialect, the other half; then the
     halves change places. A board's resets come last: after one its counts are near zero, and
     travel that it counted unheard can no longer be distinguished from a reset. The faults
     that end the daemon come in every other such cycle, so that it lives long enough in between for
@@ -111,12 +115,12 @@ def segments(random: Random, kinds: list[str], dialects: Sequence[str]) -> Itera
         ]
         random.shuffle(every)
         halves = [every[0::2], every[1::2]]
-        for number in range(4):
-            half = halves[(number + number // 2) % 2]
+        for number in range(2 * len(dialects)):
+            half = halves[(number + number // len(dialects)) % 2]
             random.shuffle(half)
             half.sort(key=lambda turn: turn.kind in RESETS)
             dialect = dialects[number % len(dialects)]
-            turns = [turn for turn in half if dialect == "streamed" or turn.kind not in STREAMED]
+            turns = [turn for turn in half if turn.kind not in WITHOUT[dialect]]
             if turns:
                 yield Segment(dialect=dialect, turns=turns)
         cycle += 1

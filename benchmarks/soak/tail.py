@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
+import struct
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
@@ -128,8 +129,8 @@ class Order(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         t_ns: When its last byte was on the port.
-        name: ``spd``, ``speed`` or ``pwm``.
-        largest: The largest of the four numbers, unsigned.
+        name: ``spd``, ``speed``, ``pwm``, ``motion`` or ``run``.
+        largest: The largest of its numbers, unsigned.
     """
 
     t_ns: int
@@ -137,7 +138,11 @@ class Order(msgspec.Struct, frozen=True, kw_only=True):
     largest: int
 
 
-_ORDER = re.compile(r"\$(spd|speed|pwm):(-?\d+),(-?\d+),(-?\d+),(-?\d+)#")
+_ORDER = re.compile(
+    r"\$(spd|speed|pwm):(-?\d+,-?\d+,-?\d+,-?\d+)#"
+    r"|\xff\xfc\x0a\x12\x01(.{6}).|\xff\xfc\x07\x11\x01\x00\x00\x00\x19",
+    re.DOTALL,
+)
 _LONGEST = 64
 
 
@@ -156,8 +161,7 @@ class Wire:
             end = 0
             for match in _ORDER.finditer(text):
                 end = match.end()
-                largest = max(abs(int(number)) for number in match.groups()[1:])
-                self.orders.append(Order(t_ns=heard.t_ns, name=match[1], largest=largest))
+                self.orders.append(_order(match, heard.t_ns))
             self._rest = text[end:][-_LONGEST:]
         while self.orders and self.orders[-1].t_ns - self.orders[0].t_ns > KEEP_NS:
             self.orders.popleft()
@@ -177,6 +181,16 @@ class Wire:
     def close(self) -> None:
         """Close the file."""
         self._tail.close()
+
+
+def _order(match: re.Match[str], t_ns: int) -> Order:
+    if match[1]:
+        numbers = [int(number) for number in match[2].split(",")]
+        return Order(t_ns=t_ns, name=match[1], largest=max(map(abs, numbers)))
+    if match[3] is None:
+        return Order(t_ns=t_ns, name="run", largest=0)
+    velocity = struct.unpack("<3h", match[3].encode("latin-1"))
+    return Order(t_ns=t_ns, name="motion", largest=max(map(abs, velocity)))
 
 
 def is_stop(order: Order) -> bool:

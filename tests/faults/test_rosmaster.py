@@ -1,0 +1,271 @@
+"""What only a Rosmaster board does: a long start, a frame that is kept, an alarm, car types."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import os
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fault_bench import MS, ROSMASTER, FaultBench, is_stop
+from real_robot import Client, Process, RealRobot
+
+from yahboomd.simulation.options import SimulationOptions
+from yahboomd.simulation.rosmaster.rosmaster_board import RosmasterStored
+from yahboomd.simulation.virtual_time import on_virtual_time
+
+FULL_VOLTS = {"battery_volts": 11.1, "rated_volts": 11.1}
+
+
+def robot(tmp_path: Path, *overrides: str, **simulation: object) -> FaultBench:
+    options = SimulationOptions(dialect="rosmaster", **simulation)  # type: ignore[arg-type]
+    return FaultBench(tmp_path, overrides, options)
+
+
+def written(bench: FaultBench) -> bytes:
+    return b"".join(data for port in bench.ports for _, data in port.written)
+
+
+@on_virtual_time
+async def test_auto_finds_it_by_its_reports_and_nothing_but_stops_goes_before(
+    tmp_path: Path,
+) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        session = bench.supervisor.session
+        assert session is not None
+        assert session.board is not None
+        assert session.board.identity.dialect == ROSMASTER
+        assert session.board.identity.settings == {
+            "version": "3.5",
+            "car_type": 1,
+            "pid": (0.8, 0.06, 0.5),
+        }
+        said = written(bench)
+        assert b"$read" not in said
+        # Its reports come by themselves: it is asked to switch nothing on but when it is armed.
+        assert said.count(ROSMASTER.arm[0]) == 1
+
+
+@on_virtual_time
+async def test_connecting_and_driving_write_nothing_to_its_flash(tmp_path: Path) -> None:
+    async with robot(tmp_path, flash=RosmasterStored(car_type=4)) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.3, 0.5)
+        assert bench.robot.board.flash == RosmasterStored(car_type=4)  # type: ignore[attr-defined]
+        assert b"\x5f" not in written(bench)
+
+
+@on_virtual_time
+async def test_reports_that_were_switched_off_are_switched_on_in_memory_alone(
+    tmp_path: Path,
+) -> None:
+    stored = RosmasterStored(auto_report=0)
+    async with robot(tmp_path, flash=stored) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.3)
+        assert min(bench.rim_speeds) > 0.25
+        assert bench.robot.board.flash == stored  # type: ignore[attr-defined]
+
+
+@on_virtual_time
+async def test_a_car_type_that_is_not_known_gets_no_speed_and_is_named(tmp_path: Path) -> None:
+    async with robot(tmp_path) as bench:
+        bench.robot.board._stored = RosmasterStored(car_type=9)  # type: ignore[attr-defined]
+        await bench.until(lambda: bench.events("board_unfit"))
+        await bench.drive(1.0, 0.3)
+        assert bench.standing
+        assert all(is_stop(order) for _, order in bench.orders)
+        assert "car type 9" in bench.controller.state()[1]
+
+
+@pytest.mark.parametrize(("car_type", "wheel_m"), [(1, 0.0325), (2, 0.04), (6, 0.0325)])
+@on_virtual_time
+async def test_mecanum_wheels_keep_the_direction_though_one_of_them_would_be_too_fast(
+    tmp_path: Path, car_type: int, wheel_m: float
+) -> None:
+    overrides = ["chassis.preset=mecanum", "chassis.wheel_base_m=0.16"]
+    overrides += [f"chassis.wheel_radius_m={wheel_m}", "odometry.max_wheel_speed_m_s=3"]
+    bench = robot(
+        tmp_path,
+        *overrides,
+        drive="mecanum",
+        wheel_base_m=0.16,
+        wheel_radius_m=wheel_m,
+        max_speed_m_s=2.0,
+        flash=RosmasterStored(car_type=car_type),
+    )
+    async with bench:
+        await bench.ready()
+        # The board alone would clamp two of the wheels and bend the way.
+        for _ in range(40):
+            bench.payload(b'{"vx": 0.9, "vy": 0.45}')
+            await asyncio.sleep(0.05)
+        truth = bench.robot.truth(bench.clock.now_ns())
+        assert truth.vy / truth.vx == pytest.approx(0.5, abs=0.03)
+        assert bench.controller.counters["desaturated"] > 0
+        assert abs(truth.theta) < 0.05
+        pose = bench.heard.estimates[-1].pose
+        assert math.hypot(pose.x - truth.x, pose.y - truth.y) < 0.06
+
+
+# Starting.
+
+
+@pytest.mark.parametrize("announced", [True, False])
+@on_virtual_time
+async def test_after_a_reset_it_stands_for_the_ten_seconds_of_its_start_and_drives_then(
+    tmp_path: Path, announced: bool
+) -> None:
+    # Not the length that the bench would replace by a short one.
+    async with robot(tmp_path, start_up_s=10.6) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.3)
+        if not announced:
+            bench.do("mute 0.5")
+        bench.do("reset")
+        reset_ns = bench.clock.now_ns()
+        await bench.drive(10.5, 0.3)
+        moving = [at for at, order in bench.orders_since(reset_ns) if not is_stop(order)]
+        # Seen by the banner at once, else by the counts that stay away.
+        assert all(at - reset_ns < (150 if announced else 350) * MS for at in moving)
+        assert bench.fastest_since(reset_ns + 1500 * MS) < 0.01
+        assert "12 s" in bench.controller.state()[1]
+        await bench.drive(5.0, 0.3)
+        assert min(bench.rim_speeds) > 0.25
+        assert bench.events("odometry_discontinuity")
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.2, 0.4, 0.7, 1.0, 1.3, 1.7, 2.1])
+@on_virtual_time
+async def test_a_motion_that_it_kept_over_its_start_is_stopped_as_soon_as_it_reports(
+    tmp_path: Path, late_s: float
+) -> None:
+    async with robot(tmp_path, start_up_s=4.0 + late_s) as bench:
+        await bench.ready()
+        board: Any = bench.robot.board
+
+        def motion_received(now_ns: int) -> None:
+            for byte in bytes(20) + ROSMASTER.speeds((500, 0, 0)):
+                board.receive(byte, now_ns)
+
+        bench.do("reset")
+        began_ns = bench.clock.now_ns()
+        # As if the board had lost every stop that came before.
+        begins_ns, regulated = board._begins_ns, []
+        bench.robot.after(begins_ns - MS, motion_received)
+        bench.robot.after(begins_ns + 3 * MS, lambda _: regulated.append(board._control._regulates))
+        await asyncio.sleep(9.0)
+        moved = [each for each in bench.truth if max(map(abs, each.speed_m_s)) >= 0.03]
+        stood_ns = bench.stood_at(began_ns)
+        first_ns = min((each.t_ns for each in moved), default=stood_ns)
+        print(f"{late_s}: it moved for {(stood_ns - first_ns) / MS:.0f} ms")
+        assert regulated == [True]
+        assert stood_ns - first_ns < 500 * MS
+        assert bench.standing
+
+
+# The battery.
+
+
+@pytest.mark.parametrize("volts", [9.2, 13.6])
+@on_virtual_time
+async def test_a_battery_alarm_that_latched_is_named_with_the_voltage_once_and_not_connected_to(
+    tmp_path: Path, volts: float
+) -> None:
+    async with robot(tmp_path, **FULL_VOLTS) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.3)
+        bench.robot.plant.battery_volts = volts
+        await bench.drive(10.0, 0.3)
+        assert bench.standing
+        state, why = bench.controller.state()
+        assert state == "waiting"
+        assert f"{volts - 0.1:.1f} V" in why or f"{volts:.1f} V" in why
+        assert "switch the board off and on" in why
+        connected = len(bench.events("connected"))
+        await bench.drive(20.0, 0.3)
+        assert len(bench.events("connected")) == connected == 1
+        assert len(bench.events("disconnected")) == 1
+        # Voltage alone does not end it; a reset does.
+        bench.robot.plant.battery_volts = 11.1
+        await bench.drive(3.0, 0.3)
+        assert bench.standing
+        bench.do("reset")
+        await bench.drive(8.0, 0.3)
+        assert min(bench.rim_speeds) > 0.25
+
+
+@on_virtual_time
+async def test_the_voltage_comes_once_in_a_period_though_it_is_reported_all_the_time(
+    tmp_path: Path,
+) -> None:
+    async with robot(tmp_path, "board.battery_period_s=2", **FULL_VOLTS) as bench:
+        await bench.ready()
+        await asyncio.sleep(20.0)
+        assert 9 <= len(bench.heard.volts) <= 12
+        assert bench.heard.volts[-1] == pytest.approx(11.1, abs=0.11)
+    async with robot(tmp_path, "board.battery_period_s=0", **FULL_VOLTS) as bench:
+        await bench.ready()
+        await asyncio.sleep(5.0)
+        assert bench.heard.volts == []
+
+
+# In real processes.
+
+
+@pytest.fixture
+def real(real_robot: Callable[..., RealRobot]) -> RealRobot:
+    return real_robot(simulate=["--dialect", "rosmaster", "--start-up", "0.5"])
+
+
+def turning(robot: RealRobot) -> bool:
+    samples = robot.truth()[-5:]
+    return len(samples) == 5 and all(min(each.speed_m_s) > 0.2 for each in samples)
+
+
+@pytest.mark.realtime
+def test_a_real_one_stops_by_a_direct_stop_after_sigkill_and_by_the_next_daemon(
+    real: RealRobot, client: Callable[..., Client]
+) -> None:
+    client("client", real.endpoint).drive(b'{"vx": 0.4}', 0.8)
+    real.daemon.end(signal.SIGKILL)
+    # The board has no time-out: nothing else stops it.
+    time.sleep(1.0)
+    assert turning(real)
+    stop = Process("stop", "--direct", "--port", str(real.port))
+    assert stop.end_by_itself() == 0, stop.output
+    assert "rosmaster board" in stop.output
+    real.settled_truth()
+    real.start_daemon()
+    app = client("client", real.endpoint)
+    app.in_state("standing")
+    app.drive(b'{"vx": 0.3}', 0.5)
+    real.daemon.end(signal.SIGTERM)
+    assert real.daemon.process.returncode == 0
+    real.settled_truth()
+
+
+@pytest.mark.realtime
+def test_a_real_one_is_found_again_after_the_plug_was_out_and_keeps_its_pose(
+    real_robot: Callable[..., RealRobot], client: Callable[..., Client]
+) -> None:
+    far = "10000000,0,10000000,0"
+    real = real_robot(simulate=["--dialect", "rosmaster", "--ticks", far])
+    app = client("client", real.endpoint)
+    app.in_state("standing")
+    device = os.readlink(real.port)
+    held = os.open(device, os.O_RDWR | os.O_NOCTTY)
+    app.drive(b'{"vx": 0.3}', 0.4)
+    assert real.do("unplug 1").startswith("ok")
+    app.in_state("waiting")
+    app.in_state("standing")
+    os.close(held)
+    truth = real.settled_truth()
+    pose = app.pose_at(truth)
+    assert math.hypot(pose["x"] - truth.x, pose["y"] - truth.y) < 0.008
