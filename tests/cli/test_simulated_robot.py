@@ -50,3 +50,15 @@ def test_motors_profile_and_track_are_those_of_the_configuration() -> None:
     assert robot.wheel_separation_m == pytest.approx(0.3)
     assert robot.ticks_per_revolution == pytest.approx(config.ticks_per_revolution())
     assert (robot.dialect, robot.flash) == ("polled", None)
+
+
+def test_a_car_that_steers_has_its_rear_wheels_and_its_boards_type() -> None:
+    sections = {
+        "serial": {"dialect": "rosmaster"},
+        "board": {"profile": "r2"},
+        "chassis": {"preset": "ackermann", "wheel_base_m": 0.235, "wheel_separation_m": 0.191},
+    }
+    robot = as_configured(Config.model_validate(sections))
+    assert [(wire.corner, wire.position) for wire in robot.motors] == [("left", 2), ("right", 4)]
+    assert (robot.drive, robot.flash.car_type) == ("differential", 5)  # type: ignore[union-attr]
+    assert robot.ticks_per_revolution == 836

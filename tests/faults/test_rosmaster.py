@@ -15,7 +15,7 @@ import pytest
 from fault_bench import MS, ROSMASTER, FaultBench, is_stop
 from real_robot import Client, Process, RealRobot
 
-from yahboomd.simulation.options import SimulationOptions
+from yahboomd.simulation.options import SimulationOptions, Wiring
 from yahboomd.simulation.rosmaster.rosmaster_board import RosmasterStored
 from yahboomd.simulation.virtual_time import on_virtual_time
 
@@ -112,6 +112,39 @@ async def test_mecanum_wheels_keep_the_direction_though_one_of_them_would_be_too
         assert abs(truth.theta) < 0.05
         pose = bench.heard.estimates[-1].pose
         assert math.hypot(pose.x - truth.x, pose.y - truth.y) < 0.06
+
+
+@pytest.mark.parametrize("turn", [0.4, -0.9])
+@on_virtual_time
+async def test_a_car_that_steers_drives_its_curve_forward_and_back(
+    tmp_path: Path, turn: float
+) -> None:
+    wiring = (
+        Wiring(name="left", position=2, corner="left"),
+        Wiring(name="right", position=4, corner="right"),
+    )
+    bench = robot(
+        tmp_path,
+        *("chassis.preset=ackermann", "chassis.wheel_base_m=0.23537"),
+        *("chassis.wheel_separation_m=0.1911", "board.profile=r2"),
+        wiring=wiring,
+        lines=11,
+        ratio=19.0,
+        wheel_radius_m=0.03425,
+        wheel_separation_m=0.1911,
+        flash=RosmasterStored(car_type=5),
+    )
+    async with bench:
+        await bench.ready()
+        for vx in (0.5, -0.5):
+            await bench.drive(2.0, vx, turn)
+            truth = bench.robot.truth(bench.clock.now_ns())
+            # The board takes whole degrees, and those of its own axles.
+            assert truth.wz == pytest.approx(turn, abs=0.06)
+            assert truth.vx == pytest.approx(vx, abs=0.02)
+        pose = bench.heard.estimates[-1].pose
+        assert math.hypot(pose.x - truth.x, pose.y - truth.y) < 0.04
+        assert bench.controller.state()[0] == "driving"
 
 
 # Starting.

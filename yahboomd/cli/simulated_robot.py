@@ -34,7 +34,8 @@ def as_configured(config: Config, base: SimulationOptions | None = None) -> Simu
     return msgspec.structs.replace(
         base,
         dialect=dialect,
-        drive=cast(DriveName, kinematics.name),
+        # The rear wheels of a car that steers roll as those of any two-wheeled base.
+        drive=cast(DriveName, "differential" if kinematics.least_radius_m else kinematics.name),
         wiring=tuple(
             Wiring(
                 name=motor.name,

@@ -92,11 +92,35 @@ def test_wheels_are_turned_by_the_stored_car_type():
 
 @pytest.mark.parametrize(
     ("settings", "words"),
-    [(None, "type None"), ({"car_type": 3}, "type 3"), ({"car_type": 5}, "R2, which steers")],
+    [
+        (None, "type None"),
+        ({"car_type": 3}, "type 3"),
+        ({"car_type": 5}, "R2, which steers, and the base is diff"),
+    ],
 )
 def test_a_car_that_is_not_known_or_steers_is_refused(settings, words):
     with pytest.raises(BoardError, match=words):
         ROSMASTER.motion(TWO, MOTORS, settings, scale=1.0)
+
+
+def test_a_car_that_steers_is_commanded_by_speed_and_angle():
+    car = KINEMATICS["ackermann"](separation_m=0.1911, base_m=0.23537)
+    rear = tuple(
+        Motor(name=name, wheel=wheel, position=at, radius_m=0.03425, ticks_per_revolution=836.0)
+        for wheel, (name, at) in enumerate((("left", 2), ("right", 4)))
+    )
+    motion = ROSMASTER.motion(car, rear, {"car_type": 5}, scale=1.0)
+    # A radius of 0.5 m to the left is atan(0.23537 / 0.5), 25.2 degrees.
+    half_m = 0.1911 / 2.0
+    turned = motion.units((0.5 * (0.5 - half_m) / 0.5, 0.5 * (0.5 + half_m) / 0.5))
+    assert turned == (500, 25, 0)
+    assert motion.units((-0.5, -0.5)) == (-500, 0, 0)
+    assert motion.units((0.0, 0.0)) == (0, 0, 0)
+    assert motion.units((-0.1, 0.1)) == (0, 0, 0)
+    assert motion.units((0.0, 1.0))[1] == 45
+    assert ROSMASTER.speeds(turned)[4:11] == bytes((1, 0xF4, 1, 25, 0, 0, 0))
+    with pytest.raises(BoardError, match="X3, which does not steer, and the base is ackermann"):
+        ROSMASTER.motion(car, rear, {"car_type": 1}, scale=1.0)
 
 
 def test_a_unit_that_is_no_whole_number_is_refused():

@@ -24,6 +24,10 @@ MISFIT: Final = 0.05
 """As a share of the fastest wheel: wheels of slightly different radii are no other geometry."""
 
 
+STEERS_DEG: Final = 45
+"""The largest angle that the board takes."""
+
+
 class Car(msgspec.Struct, frozen=True, kw_only=True):
     """A car type.
 
@@ -105,6 +109,47 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
             round(sum(factor * speed for factor, speed in zip(row, speeds, strict=True)))
             for row in self.rows
         )
+
+
+class Steered(msgspec.Struct, frozen=True, kw_only=True):
+    """A motion of a car that steers: its speed, and the angle of the steering in whole degrees.
+
+    Attributes:
+        rear: The motion of the rear wheels alone.
+        kinematics: The drive geometry.
+        wheel_limits: The fastest that each wheel can be commanded to turn, m/s.
+    """
+
+    rear: Body
+    kinematics: Kinematics
+    wheel_limits: tuple[float, ...]
+
+    def units(self, speeds: Sequence[float]) -> Units:
+        """The speed in mm/s, and the angle with which the front wheels roll along the curve.
+
+        With the turn in mrad/s the board would compute the angle itself, and cut its decimals.
+
+        Raises:
+            ValueError: A speed is not a finite number.
+        """
+        ahead_mm_s = self.rear.units(speeds)[0]
+        ahead, _, turn = (_dot(row, speeds) for row in self.kinematics.forward)
+        if not ahead_mm_s or not ahead:
+            return 0, 0, 0
+        angle = math.atan(turn / ahead * self.kinematics.base_m)
+        return ahead_mm_s, max(-STEERS_DEG, min(STEERS_DEG, round(math.degrees(angle)))), 0
+
+
+def steered(
+    car: Car, kinematics: Kinematics, motors: tuple[Motor, ...], *, scale: float
+) -> Steered:
+    """How the board drives this car; see :func:`body`.
+
+    Raises:
+        BoardError: As :func:`body` does.
+    """
+    rear = body(car, kinematics, motors, scale=scale)
+    return Steered(rear=rear, kinematics=kinematics, wheel_limits=rear.wheel_limits)
 
 
 def body(car: Car, kinematics: Kinematics, motors: tuple[Motor, ...], *, scale: float) -> Body:

@@ -16,7 +16,7 @@ from yahboomd.errors import BoardError
 from yahboomd.model import Kinematics, Motor
 from yahboomd.protocol.dialect import Decoded, Findings, Units, Unrecognised, VersionLine
 from yahboomd.protocol.profiles import MotorProfile
-from yahboomd.protocol.rosmaster.cars import CARS, Body, body
+from yahboomd.protocol.rosmaster.cars import CARS, Body, Steered, body, steered
 from yahboomd.protocol.rosmaster.functions import (
     AUTO_REPORT,
     CAR_RUN,
@@ -113,22 +113,27 @@ class Rosmaster(msgspec.Struct, frozen=True, kw_only=True):
         settings: BoardSettings | None,
         *,
         scale: float,
-    ) -> Body:
+    ) -> Body | Steered:
         """The velocity of the body that turns the wheels, by the law of the stored car type."""
         number = (settings or {}).get("car_type")
         car = CARS.get(number) if isinstance(number, int) else None
         if car is None:
             raise BoardError(f"The board is set to car type {number}, which is not known.")
-        if car.wheelbase_mm is not None:
+        steers = kinematics.least_radius_m > 0.0
+        if steers != (car.wheelbase_mm is not None):
+            verb = "steers" if car.wheelbase_mm is not None else "does not steer"
             raise BoardError(
-                f"The board is set to the car {car.name}, which steers, and chassis.kinematics is "
+                f"The board is set to the car {car.name}, which {verb}, and the base is "
                 f"{kinematics.name}.",
-                remedy="Set the car type that the chassis has.",
+                remedy='A car that steers has chassis.preset = "ackermann". Otherwise set '
+                "board.profile to the car, and store its type with `yahboomd probe --write`.",
             )
+        if steers:
+            return steered(car, kinematics, motors, scale=scale)
         return body(car, kinematics, motors, scale=scale)
 
     def speeds(self, units: Units) -> bytes:
-        """Velocity of the body: mm/s, mm/s, mrad/s."""
+        """Velocity of the body: mm/s, mm/s, mrad/s; of a car that steers mm/s, degrees, 0."""
         vx, vy, wz = map(operator.index, units)
         return motion(vx, vy, wz)
 
