@@ -99,6 +99,38 @@ def polled(data: bytes) -> None:
     _dialect(DIALECTS["polled"], data)
 
 
+def rosmaster(data: bytes) -> None:
+    """The framer of frames with a checksum keeps the laws of the other; nothing is out of range."""
+    dialect, chance = DIALECTS["rosmaster"], Random(data)
+    whole, cut = dialect.framer(), dialect.framer()
+    items, pieces, start = [*whole.feed(data)], [], 0
+    while start < len(data):
+        end = start + chance.choice([1, 2, 3, 7, 64])
+        pieces += cut.feed(data[start:end])
+        assert cut.held_bytes <= MAX_HELD_BYTES
+        start = end
+    meanings = [dialect.decode(item) for item in items]
+    assert meanings == [dialect.decode(item) for item in pieces]
+    assert whole.counters == cut.counters
+    counters = whole.counters
+    assert (
+        counters.bytes
+        == len(data)
+        == (
+            sum(item.size for item in items)
+            + counters.blank_bytes
+            + counters.discarded_bytes
+            + whole.held_bytes
+        )
+    )
+    for item, meaning in zip(items, meanings, strict=True):
+        _in_range(meaning)
+        dialect.recognises(item)
+    numbers = tuple(int.from_bytes(data[n : n + 5], "little", signed=True) for n in (0, 4, 8))
+    frame = dialect.speeds(numbers)
+    assert (len(frame), sum(frame[2:-1]) & 0xFF) == (12, frame[-1])
+
+
 def _dialect(dialect: Dialect, data: bytes) -> None:
     items = Framer().feed(data)
     decoded = [dialect.decode(item) for item in items]
@@ -288,6 +320,7 @@ TARGETS: dict[str, Target] = {
     "framer": framer,
     "streamed": streamed,
     "polled": polled,
+    "rosmaster": rosmaster,
     "command": command,
     "set_pose": set_pose,
     "estop": estop,
