@@ -8,15 +8,17 @@ from random import Random
 import numpy as np
 import pytest
 
-from yahboomd.odometry.heading_filter import BIAS_RAD_S, HeadingFilter
+from yahboomd.odometry.heading_filter import BIAS_RAD_S, LATE_S, HeadingFilter
 
 DT_S = 0.04
 NOISE = (1e-3 * DT_S) ** 2
 UNSURE = 1e-7
 
 
-def fuse(made: HeadingFilter, wheels: float, gyro: float, *, slip: float = 0.0) -> None:
-    made.fuse(wheels, gyro, DT_S, slip=slip, noise=NOISE, unsure=UNSURE)
+def fuse(
+    made: HeadingFilter, wheels: float, gyro: float, *, slip: float = 0.0, rate: float = 0.0
+) -> None:
+    made.fuse(wheels, gyro, DT_S, rate=rate, slip=slip, noise=NOISE, unsure=UNSURE)
 
 
 def at_rest(bias: float, seconds: float, random: Random) -> HeadingFilter:
@@ -124,15 +126,17 @@ def test_what_fits_worse_is_doubted_more() -> None:
 def test_the_covariance_is_that_of_the_equations_in_matrices() -> None:
     """Written out with numpy, in the form that is right for any gain."""
     made = HeadingFilter()
-    x, p = np.zeros(3), np.diag([0.0, 0.0, BIAS_RAD_S**2])
-    transition = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, DT_S], [0.0, 0.0, 1.0]])
-    h, apart, random = np.array([1.0, -1.0, 0.0]), 0.0, Random(10)
+    x, p = np.zeros(4), np.diag([0.0, 0.0, BIAS_RAD_S**2, LATE_S**2])
+    transition = np.eye(4)
+    transition[1, 2] = DT_S
+    apart, random = 0.0, Random(10)
     for _ in range(200):
         wheels, gyro = random.gauss(0.0, 0.02), random.gauss(0.0, 0.02)
-        slip = 0.04 * abs(wheels)
-        fuse(made, wheels, gyro, slip=slip)
+        slip, rate = 0.04 * abs(wheels), gyro / DT_S
+        h = np.array([1.0, -1.0, 0.0, rate])
+        fuse(made, wheels, gyro, slip=slip, rate=rate)
         x = transition @ x
-        p = transition @ p @ transition.T + np.diag([slip, NOISE, 4e-8 * DT_S])
+        p = transition @ p @ transition.T + np.diag([slip, NOISE, 4e-8 * DT_S, 0.0])
         apart += wheels - gyro
         innovation, expected = apart - h @ x, h @ p @ h + UNSURE
         if innovation**2 > 25.0 * expected:
@@ -140,8 +144,24 @@ def test_the_covariance_is_that_of_the_equations_in_matrices() -> None:
             expected = innovation**2
         gain = p @ h / expected
         x = x + gain * innovation
-        rest = np.eye(3) - np.outer(gain, h)
+        rest = np.eye(4) - np.outer(gain, h)
         p = rest @ p @ rest.T + np.outer(gain, gain) * (expected - h @ p @ h)
     assert (made.error, made.bias) == pytest.approx((x[0], x[2]), rel=1e-6, abs=1e-9)
     assert made.variance(0.0) == pytest.approx(p[0, 0], rel=1e-6)
     assert made.bias_variance == pytest.approx(p[2, 2], rel=1e-6)
+
+
+def test_samples_that_are_late_are_no_slip() -> None:
+    late_s, turned = 0.018, 0.0
+    made, before = at_rest(0.0, 10.0, Random(11)), 0.0
+    slips = 0
+    for number in range(1500):
+        rate = 1.5 * math.sin(number * DT_S)
+        turned += rate * DT_S
+        # The gyro's integral is behind by what the base turned meanwhile.
+        behind = turned - late_s * rate
+        fuse(made, rate * DT_S, behind - before, slip=1e-12, rate=rate)
+        slips += made.slipped
+        before = behind
+    assert slips == 0
+    assert made.error == pytest.approx(0.0, abs=1e-3)

@@ -30,6 +30,7 @@ from yahboomd.protocol.registry import DIALECTS, connect_stop
 from yahboomd.simulation.imu import MPU9250, ImuOptions
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
+from yahboomd.simulation.rosmaster.rosmaster_board import RosmasterStored
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 ALL = [*DIALECTS, "binary"]
@@ -347,3 +348,22 @@ async def test_axes_turn_the_sensor_as_it_is_mounted(tmp_path: Path) -> None:
         reading = bench.heard.imu_estimates[-1].reading
         assert reading.gyro_rad_s[2] == pytest.approx(1.0, abs=0.1)
         assert reading.acceleration_m_s2[2] == pytest.approx(9.8, abs=0.01)
+
+
+@pytest.mark.parametrize("sensor", ["mpu9250", "icm20948"])
+@on_virtual_time
+async def test_a_rosmaster_board_gives_the_heading_its_gyro(tmp_path: Path, sensor: str) -> None:
+    simulation = SimulationOptions(dialect="rosmaster", flash=RosmasterStored(imu=sensor))
+    async with FaultBench(tmp_path, ["odometry.heading=fused"], simulation) as bench:
+        await bench.ready()
+        await asyncio.sleep(6.0)
+        for wz in (1.0, -0.6, 1.0):
+            await bench.drive(2.0, 0.2, wz)
+            await asyncio.sleep(1.0)
+        truth = bench.robot.truth(bench.clock.now_ns()).pose
+        estimate, sample = bench.heard.estimates[-1], bench.heard.imu_estimates[-1]
+        assert sample.reading.sensor.name == sensor
+        assert estimate.pose.theta == pytest.approx(truth.theta, rel=0.03, abs=0.02)
+        assert abs(sample.theta - truth.theta) < 4.0 * math.sqrt(sample.theta_variance) + 0.01
+        assert sample.bias_variance < 1e-5
+        assert bench.heard.kinds == ["connected"]

@@ -34,7 +34,7 @@ CALIBRATED = 6e-4
 """Standard deviation of a gyro's scale after it was calibrated to 0.1 %."""
 
 TIMING_S = 0.003
-"""The uncertainty between the sampling times of gyro and counters."""
+"""By how much the times of samples vary, against each other."""
 
 WINDOW_S = 1.0
 SLIP_RAD = 0.1
@@ -184,13 +184,15 @@ class Heading:
             for each in self._filters:
                 each.roll(rolled + slip, dt_s)
             return before - self.error
-        noise = seen.noise + self._scale * self._scale * abs(gyro)
+        # What its scale makes of a turn; the whole of it is in the filter's own account.
+        noise = seen.noise + 0.25 * self._scale * self._scale * abs(gyro)
         rate = seen.rate_rad_s - self.bias_rad_s
         unsure = self._tick_variance + (TIMING_S * rate) ** 2 + seen.held * seen.held
-        self._doubting.fuse(turn, gyro, dt_s, slip=rolled + slip, noise=noise, unsure=unsure)
+        doubting = self._doubting
+        doubting.fuse(turn, gyro, dt_s, rate=rate, slip=rolled + slip, noise=noise, unsure=unsure)
         if (believing := self._believing) is not None:
             slip += BELIEVED * rolled
-            believing.fuse(turn, gyro, dt_s, slip=slip, noise=noise, unsure=unsure)
+            believing.fuse(turn, gyro, dt_s, rate=rate, slip=slip, noise=noise, unsure=unsure)
             self._judge(believing)
         self._rate = (rate, seen.noise / (dt_s * dt_s) + self._filter.bias_variance)
         return before - self.error

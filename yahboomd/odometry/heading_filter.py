@@ -1,4 +1,4 @@
-"""The heading from wheels and a gyro: a Kalman filter of three states and one measurement.
+"""The heading from wheels and a gyro: a Kalman filter of four states and one measurement.
 
 The wheels count the heading ``W = heading + e``, the gyro's integral is ``G = heading + c``. Both
 errors begin at zero. The filter estimates
@@ -6,9 +6,10 @@ errors begin at zero. The filter estimates
 - ``e``, the error of the wheels' heading: a random walk, as fast as the wheels may slip;
 - ``c``, the error of the gyro's heading: it grows by the bias and the noise;
 - ``b``, the gyro's bias, which wanders with temperature;
+- ``t``, by how much the gyro's samples are older than they are taken for;
 
-from what both can be compared by, ``W - G = e - c``, known to a tick of the encoders and to the
-time between the two samples. The fused heading is ``W - e``. So
+from what both can be compared by, ``W - G = e - c + t * rate``, known to a tick of the encoders.
+The fused heading is ``W - e``. So
 
 - wheels that stand do not slip: ``e`` stays, and all that ``W - G`` changes by is bias;
 - where the wheels are surer than the gyro the heading is theirs, to the tick; where they slip it is
@@ -35,10 +36,13 @@ BIAS_WALK = 2e-4
 """The bias wanders by so much in a second, rad/s, and with the root of the time: a board of
 which the sensor warms up by 10 kelvin in five minutes."""
 
+LATE_S = 0.015
+"""Standard deviation of how late the gyro's samples are: filters, and waiting in the board."""
+
 GATE = 25.0
 """The wheels slip where the square of the innovation is so many times its variance."""
 
-E, C, B = range(3)
+E, C, B, T = range(4)
 
 
 class HeadingFilter:
@@ -51,10 +55,11 @@ class HeadingFilter:
     """
 
     def __init__(self) -> None:
-        self._state = [0.0, 0.0, 0.0]
-        self._covariance = [[0.0] * 3 for _ in range(3)]
+        self._state = [0.0] * 4
+        self._covariance = [[0.0] * 4 for _ in range(4)]
         self._covariance[B][B] = BIAS_RAD_S**2
-        self._pull = [0.0, 0.0, 0.0]
+        self._covariance[T][T] = LATE_S**2
+        self._pull = [0.0] * 4
         self._apart = 0.0
         self.doubt = 0.0
         self.slipped = False
@@ -85,9 +90,10 @@ class HeadingFilter:
     def reset(self) -> None:
         """Both headings are right now; what was learned of the gyro stays."""
         self._state[E] = self._state[C] = self._apart = 0.0
-        self._pull = [0.0, 0.0, 0.0]
-        bias = self._covariance[B][B]
-        self._covariance = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, bias]]
+        self._pull = [0.0] * 4
+        for one in (E, C):
+            for other in range(4):
+                self._covariance[one][other] = self._covariance[other][one] = 0.0
 
     def roll(self, slip: float, dt_s: float) -> None:
         """A step without a gyro: the gyro's turn is taken to be the wheels', and as unsure.
@@ -104,7 +110,15 @@ class HeadingFilter:
         self.slipped = False
 
     def fuse(
-        self, wheels: float, gyro: float, dt_s: float, *, slip: float, noise: float, unsure: float
+        self,
+        wheels: float,
+        gyro: float,
+        dt_s: float,
+        *,
+        rate: float,
+        slip: float,
+        noise: float,
+        unsure: float,
     ) -> None:
         """A step that both saw.
 
@@ -112,6 +126,7 @@ class HeadingFilter:
             wheels: The turn that the wheels counted, radians.
             gyro: The turn that the gyro integrated, with its bias.
             dt_s: How long the step took.
+            rate: The rate of turn at its end, by the gyro less its bias, rad/s.
             slip: Variance that the wheels' heading gains in it, rad^2.
             noise: Variance that the gyro's heading gains, rad^2.
             unsure: Variance of the comparison, at the end of the step.
@@ -120,27 +135,30 @@ class HeadingFilter:
         # Prediction: c grows by the bias. That row first, then that column.
         state[C] += state[B] * dt_s
         pull[C] += pull[B] * dt_s + gyro
-        for each in range(3):
+        for each in range(4):
             p[C][each] += dt_s * p[B][each]
-        for each in range(3):
+        for each in range(4):
             p[each][C] += dt_s * p[each][B]
         p[E][E] += slip
         p[C][C] += noise
         p[B][B] += BIAS_WALK**2 * dt_s
         # Measurement.
         self._apart += wheels - gyro
-        innovation = self._apart - (state[E] - state[C])
-        expected = p[E][E] - 2.0 * p[E][C] + p[C][C] + unsure
+        innovation = self._apart - (state[E] - state[C] + rate * state[T])
+        seen = [row[E] - row[C] + rate * row[T] for row in p]
+        expected = seen[E] - seen[C] + rate * seen[T] + unsure
         misfit = innovation * innovation / expected
         self.doubt += 0.5 * (misfit + math.log(expected))
         self.slipped = misfit > GATE
         if self.slipped:
-            p[E][E] += innovation * innovation - expected
-            expected = innovation * innovation
-        gains = [(row[E] - row[C]) / expected for row in p]
-        pulled = pull[E] - pull[C]
-        for one in range(3):
+            more = innovation * innovation - expected
+            p[E][E] += more
+            seen[E] += more
+            expected += more
+        gains = [each / expected for each in seen]
+        pulled = pull[E] - pull[C] + rate * pull[T]
+        for one in range(4):
             state[one] += gains[one] * innovation
             pull[one] -= gains[one] * pulled
-            for other in range(3):
+            for other in range(4):
                 p[one][other] -= gains[one] * gains[other] * expected

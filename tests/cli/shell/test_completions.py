@@ -40,7 +40,7 @@ def test_a_verb_has_its_own_options(shell: Shell) -> None:
 
 
 def test_words_that_an_option_takes_are_offered(shell: Shell) -> None:
-    assert shell.complete("yahboomd simulate --dialect ") == ["polled", "streamed"]
+    assert shell.complete("yahboomd simulate --dialect ") == ["polled", "rosmaster", "streamed"]
     assert shell.complete("yahboomd completions ") == ["bash", "fish", "zsh"]
     assert shell.complete("yahboomd call odometry/") == ["odometry/reset", "odometry/set_pose"]
 
