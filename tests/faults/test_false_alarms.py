@@ -42,6 +42,8 @@ QUICK, USUAL, SLUGGISH = (0.03, 1750), (0.06, 1950), (0.1, 2050)
 SPEEDS = [0.0, 0.02, 0.05, 0.08, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5]
 TURNS = [0.0, 0.0, 0.3, 1.0, 3.0, 6.0, 12.0]
 ORDINARY = {"connected"}
+SATURATED = {"gyro_unfit", "gyro_fit"}
+"""A board with a gyro, which the wildest turns exceed: that is true, and stops nothing."""
 
 
 def base(
@@ -88,7 +90,7 @@ async def test_wild_driving_with_healthy_motors_raises_no_alarm(
                 case 2:
                     await asyncio.sleep(chance.choice([0.6, 1.5]))
         await asyncio.sleep(1.5)
-        assert set(bench.heard.kinds) == ORDINARY
+        assert set(bench.heard.kinds) - SATURATED == ORDINARY
         assert bench.standing
 
 
