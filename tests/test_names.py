@@ -93,6 +93,10 @@ def test_endpoints_of_this_machine_are_local(endpoint, local):
     assert endpoint_problem(endpoint) is None
 
 
+def test_what_is_no_endpoint_is_not_local():
+    assert not is_local("7447")
+
+
 @pytest.mark.parametrize(
     ("endpoint", "place"),
     [
