@@ -57,6 +57,8 @@ def test_a_covariance_of_1e308_is_refused_with_words(index):
     [
         (changed((0, -1e-9)), "0"),
         (changed((1, 0.5)), "not symmetric"),
+        (changed((5, 0.5)), "not symmetric"),
+        (changed((7, 0.5)), "not symmetric"),
         (changed((1, 1.1), (3, 1.1)), "beyond 1"),
         (changed((0, 0.0), (1, 0.1), (3, 0.1)), "zero"),
         (changed((1, 0.9), (3, 0.9), (2, 0.9), (6, 0.9), (5, -0.9), (7, -0.9)), "semidefinite"),

@@ -68,7 +68,7 @@ class Arrivals:
         """Accept a line, and return when it left; never later than it came."""
         if self._mean is None:
             self._mean = arrival
-            return arrival + self._edge
+            return arrival
         if self._gap is None:
             self._gap = max(0.0, min(arrival - self._mean, BREAK_NS))
         if self._since is not None:
