@@ -191,6 +191,7 @@ def launch(installed, launch_python, tmp_path) -> Callable[..., list[dict]]:
         "PYTHONPATH": ":".join([str(modules), *paths]),
         "ROS_DOMAIN_ID": str(free_domain()),
         "ROS_LOG_DIR": str(tmp_path / "log"),
+        "TMPDIR": str(tmp_path),
     }
 
     def start(name: str, text: str, nodes: int, *arguments: str, **more: str) -> list[dict]:
