@@ -20,6 +20,10 @@ def test_whatever_is_wrong_with_a_commands_age_is_a_reason_to_refuse_it() -> Non
     assert set(get_args(AgeRefusal)) <= set(get_args(Reason))
 
 
+def test_a_refusal_takes_nothing_back_unless_it_says_so() -> None:
+    assert not Refused(source="cmd_vel", reason="stale", detail="Old.").revoked
+
+
 def test_a_command_without_a_timeout_of_its_source_is_good_for_half_a_second() -> None:
     assert Source(name="cmd_vel", priority=10).timeout_s == 0.5
 

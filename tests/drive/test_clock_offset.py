@@ -59,6 +59,7 @@ def test_clocks_that_agree_warn_of_nothing() -> None:
     ("ahead_ns", "words"),
     [
         (3200 * MS, "3.20 s ahead of"),
+        (300 * MS, "0.30 s ahead of"),
         (-3200 * MS, "3.20 s behind"),
         (12 * S - EPOCH_NS, "simulated"),
     ],
