@@ -114,7 +114,7 @@ alarms: $(VENV)/.dev ## false alarms and cut times on virtual time, random drivi
 	@PYTHONPATH=tests/plugins $(PY) -m benchmarks.false_alarms --minutes $(MINUTES) --seed $(SEED) $(ARGS)
 
 ##@ Measure
-.PHONY: bench bench-short footprint calibration picture
+.PHONY: bench bench-short ratios footprint calibration picture
 $(VENV)/.bench: $(VENV)/.dev
 	@$(PYTHON) tools/bootstrap.py $(VENV) uvloop || echo "bench: there is no uvloop here; its rows are left out"
 	@touch $@
@@ -127,6 +127,9 @@ bench-short: $(VENV)/.dev ## the same in a short form, only to see that it works
 
 heading: $(VENV)/.dev ## the heading by wheels and gyro on simulated bases, the table of docs/odometry.md (20 minutes; ARGS='--runs 8')
 	@$(PY) -m benchmarks.fused_heading $(ARGS)
+
+ratios: $(VENV)/.dev ## CPU, latency and memory beside the least that a program can do, in one run (five minutes)
+	@$(PY) -m benchmarks.ratios $(ARGS)
 
 footprint: $(VENV)/.run ## memory, threads, CPU, start-up time and sizes of the daemon
 	@$(PY) -m benchmarks.footprint $(ARGS)

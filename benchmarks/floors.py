@@ -1,13 +1,16 @@
-"""Floors: processes that write received bytes to a port, and do nothing else.
+"""Floors: processes that do one thing at a port, and nothing else.
 
 python -m benchmarks.floors zenoh tcp/127.0.0.1:PORT PTY
 python -m benchmarks.floors socket tcp/127.0.0.1:PORT PTY
 python -m benchmarks.floors timer 50 PTY
 python -m benchmarks.floors poll 5 PTY
+python -m benchmarks.floors streamed tcp/127.0.0.1:PORT PTY
+python -m benchmarks.floors polled - PTY
 """
 
 from __future__ import annotations
 
+import asyncio
 import json
 import os
 import select
@@ -16,20 +19,28 @@ import socket
 import sys
 import threading
 import time
+from collections.abc import Callable
+from functools import partial
 
+import msgspec
 import zenoh
 from zenoh.handlers import Callback
 
 
-def zenoh_floor(endpoint: str, fd: int) -> None:
-    """A bare callback of a session that is a router, as the daemon's is."""
+def router(endpoint: str) -> zenoh.Config:
+    """The configuration of a router that listens for itself."""
     config = zenoh.Config()
     config.insert_json5("mode", '"router"')
     config.insert_json5("listen/endpoints", json.dumps([endpoint]))
     config.insert_json5("scouting/multicast/enabled", "false")
+    return config
+
+
+def zenoh_floor(endpoint: str, fd: int) -> None:
+    """A bare callback of a session that is a router, as the daemon's is."""
     done = threading.Event()
     signal.signal(signal.SIGTERM, lambda _number, _frame: done.set())
-    with zenoh.open(config) as session:
+    with zenoh.open(router(endpoint)) as session:
 
         def heard(sample: zenoh.Sample) -> None:
             os.write(fd, sample.payload.to_bytes())
@@ -77,6 +88,70 @@ def poll_floor(seconds: str, fd: int) -> None:
     print("polls", polls / (now_ns - start_ns) * 1e9, flush=True)
 
 
+class Counted(msgspec.Struct):
+    """What a bare reader puts: as many numbers as a pose has."""
+
+    stamp_ns: int
+    seq: int
+    x: float
+    y: float
+    theta: float
+    ticks: tuple[int, ...]
+
+
+def reader_floor(dialect: str, endpoint: str, fd: int) -> None:
+    """The least that an asyncio program does with counts: read, cut, decode; at 50 Hz, put.
+
+    Args:
+        dialect: ``polled`` asks 50 times a second; ``streamed`` asks once.
+        endpoint: Where it listens as a Zenoh router and puts; nowhere for ``-``.
+        fd: The port.
+    """
+    if endpoint == "-":
+        asyncio.run(read_counts(dialect, fd, lambda _payload: None))
+        return
+    with zenoh.open(router(endpoint)) as session:
+        publisher = session.declare_publisher(
+            "yahboomd/pose", congestion_control=zenoh.CongestionControl.DROP
+        )
+        asyncio.run(read_counts(dialect, fd, publisher.put))
+
+
+async def read_counts(dialect: str, fd: int, put: Callable[[bytes], object]) -> None:
+    """Read until SIGTERM."""
+    loop, done = asyncio.get_running_loop(), asyncio.Event()
+    loop.add_signal_handler(signal.SIGTERM, done.set)
+    encode = msgspec.json.Encoder().encode
+    rest, due_ns, seq = b"", 0, 0
+
+    def heard() -> None:
+        nonlocal rest, due_ns, seq
+        *frames, rest = (rest + os.read(fd, 4096)).split(b"#")
+        for frame in frames:
+            name, _, counts = frame.partition(b":")
+            if not name.endswith((b"$MAll", b"$data")):
+                continue
+            a, b, c, d = map(int, counts.split(b","))
+            now_ns = time.monotonic_ns()
+            if now_ns < due_ns - 5_000_000:
+                continue
+            due_ns = max(due_ns, now_ns - 20_000_000) + 20_000_000
+            seq += 1
+            put(encode(Counted(now_ns, seq, a + b, a - b, c - d, (a, b, c, d))))
+
+    def ask(due_s: float) -> None:
+        os.write(fd, b"$read#")
+        loop.call_at(due_s + 0.02, ask, due_s + 0.02)
+
+    loop.add_reader(fd, heard)
+    if dialect == "polled":
+        ask(loop.time())
+    else:
+        os.write(fd, b"$upload:1,0,0#")
+    print("ready", flush=True)
+    await done.wait()
+
+
 if __name__ == "__main__":
     port_fd = os.open(sys.argv[3], os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     FLOORS = {
@@ -84,5 +159,7 @@ if __name__ == "__main__":
         "socket": socket_floor,
         "timer": timer_floor,
         "poll": poll_floor,
+        "streamed": partial(reader_floor, "streamed"),
+        "polled": partial(reader_floor, "polled"),
     }
     FLOORS[sys.argv[1]](sys.argv[2], port_fd)
