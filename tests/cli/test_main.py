@@ -66,6 +66,23 @@ def test_help_imports_none_of_the_heavy_libraries():
     assert done.stdout.strip().split("\n")[-1] == "[]"
 
 
+def test_the_daemon_loads_none_of_the_libraries_that_it_has_no_use_for():
+    script = (
+        "import sys; from yahboomd.cli.main import main\n"
+        "try: main(['run', '--help'])\n"
+        "except SystemExit: pass\n"
+        "import yahboomd.daemon.service\n"
+        "loaded = {name for name, module in sys.modules.items() if module is not None}\n"
+        "print(sorted({'_ssl', '_hashlib', 'rich', 'numpy', 'matplotlib', 'http', 'xml'} & loaded))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert done.stdout.strip().split("\n")[-1] == "[]"
+    # hashlib complains where an algorithm is missing.
+    assert not done.stderr
+
+
 def test_a_command_shows_its_own_help(command, capsys):
     command(lambda args: 0, options=["--speed"])
     with pytest.raises(SystemExit):

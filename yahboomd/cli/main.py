@@ -11,10 +11,12 @@ import argparse
 import contextlib
 import errno
 import importlib
+import importlib.util
 import os
 import signal
 import sys
 from collections.abc import Sequence
+from types import ModuleType
 from typing import NoReturn, Protocol, TypeAlias, cast
 
 from yahboomd import __version__
@@ -230,7 +232,16 @@ def _bare_parser() -> tuple[argparse.ArgumentParser, Subparsers]:
 
 
 def _load(name: str) -> Command:
+    if name == "run":
+        _spare_openssl()
     return cast(Command, importlib.import_module(_module(name)))
+
+
+def _spare_openssl() -> None:
+    """Keep OpenSSL out of the daemon: asyncio and hashlib load its 5 MB, and TLS is Zenoh's own."""
+    if importlib.util.find_spec("_md5") is not None:  # else hashlib has no other implementation
+        for name in ("ssl", "_hashlib"):
+            sys.modules.setdefault(name, cast(ModuleType, None))
 
 
 def _module(name: str) -> str:
