@@ -92,6 +92,20 @@ async def test_a_schedule_leaves_out_missed_beats_and_counts_them() -> None:
     assert following >= second + 10_000_000
 
 
+async def test_a_schedule_that_runs_beats_on_time_until_its_callback_fails(clock: Clock) -> None:
+    schedule = Schedule(clock, 2_000_000)
+    due: list[int] = []
+
+    def beat(due_ns: int) -> None:
+        due.append(due_ns)
+        if len(due) == 5:
+            raise LookupError("the fifth")
+
+    with pytest.raises(LookupError, match="the fifth"):
+        await schedule.run(beat)
+    assert all((b - a) % 2_000_000 == 0 and b > a for a, b in itertools.pairwise(due))
+
+
 class Hands:
     """Two clocks that are moved by hand."""
 

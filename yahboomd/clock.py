@@ -13,7 +13,7 @@ import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NoReturn, Protocol
 
 from yahboomd.model import NS_PER_S
 
@@ -138,30 +138,61 @@ class Schedule:
         self._ringing: asyncio.Future[None] | None = None
         self._alarm = clock.alarm(self._ring)
         self._next_ns = clock.now_ns() + period_ns
+        self._on_beat: Callable[[int], None] | None = None
         self.missed = 0
         self.late_ns = 0
 
     async def beat(self) -> int:
         """Wait for the next beat and return the time it was due; ``late_ns`` is its delay."""
-        due_ns = self._next_ns
         # A future costs half of what an asyncio.Event does, some hundred times a second.
         ringing = self._ringing = asyncio.get_running_loop().create_future()
-        self._alarm.set(due_ns)
+        self._alarm.set(self._next_ns)
         await ringing
-        now_ns = self._clock.now_ns()
-        self.late_ns = now_ns - due_ns
-        skipped = max(0, self.late_ns // self._period_ns)
-        self.missed += skipped
-        self._next_ns = due_ns + (skipped + 1) * self._period_ns
-        return due_ns
+        return self._counted()
+
+    async def run(self, on_beat: Callable[[int], None]) -> NoReturn:
+        """Call back at each beat with the time it was due, until cancelled; then close.
+
+        The callback runs in the loop's iteration that the timer woke; a coroutine that waits for
+        :meth:`beat` goes on in the next one.
+
+        Raises:
+            Exception: What the callback raised.
+        """
+        self._on_beat = on_beat
+        self._ringing = asyncio.get_running_loop().create_future()
+        self._alarm.set(self._next_ns)
+        try:
+            await self._ringing
+        finally:
+            self.close()
+        raise AssertionError
 
     def close(self) -> None:
         """Release the timer."""
         self._alarm.close()
 
+    def _counted(self) -> int:
+        due_ns = self._next_ns
+        self.late_ns = self._clock.now_ns() - due_ns
+        skipped = max(0, self.late_ns // self._period_ns)
+        self.missed += skipped
+        self._next_ns = due_ns + (skipped + 1) * self._period_ns
+        return due_ns
+
     def _ring(self) -> None:
-        if self._ringing is not None and not self._ringing.done():
-            self._ringing.set_result(None)
+        ringing, on_beat = self._ringing, self._on_beat
+        if ringing is None or ringing.done():
+            return
+        if on_beat is None:
+            ringing.set_result(None)
+            return
+        try:
+            on_beat(self._counted())
+        except Exception as error:  # noqa: BLE001 - raised where the schedule is awaited
+            ringing.set_exception(error)
+        else:
+            self._alarm.set(self._next_ns)
 
 
 async def sleep_until(clock: Clock, deadline_ns: int) -> None:
@@ -246,15 +277,19 @@ class _KernelAlarm:
         self._settime = libc.timerfd_settime
         self._spec = _ITimerSpec(0, 0, 0, 0)
         self._spec_reference = ctypes.byref(self._spec)
-        self._armed_ns = 0
+        self._armed_ns: int | None = None
+        self._deadline_ns: int | None = None
 
     def set(self, deadline_ns: int | None) -> None:
-        # All zeros disarm; a deadline in the past rings at once.
-        ns = 0 if deadline_ns is None else max(1, deadline_ns)
-        if ns == self._armed_ns:
-            return
-        self._armed_ns = ns
-        self._spec.value_s, self._spec.value_ns = divmod(ns, NS_PER_S)
+        # Most deadlines are put off before they come: the kernel need not know of it.
+        self._deadline_ns = deadline_ns
+        if deadline_ns is not None and (self._armed_ns is None or deadline_ns < self._armed_ns):
+            self._arm(deadline_ns)
+
+    def _arm(self, deadline_ns: int) -> None:
+        self._armed_ns = deadline_ns
+        # A deadline in the past rings at once; zero would disarm.
+        self._spec.value_s, self._spec.value_ns = divmod(max(1, deadline_ns), NS_PER_S)
         self._settime(self._fd, _TFD_TIMER_ABSTIME, self._spec_reference, None)
 
     def _ring(self) -> None:
@@ -262,7 +297,14 @@ class _KernelAlarm:
             os.read(self._fd, 8)
         except BlockingIOError:
             return  # it was set again since the kernel's report
-        self._armed_ns = 0
+        self._armed_ns = None
+        deadline_ns = self._deadline_ns
+        if deadline_ns is None:
+            return
+        if deadline_ns > time.monotonic_ns():
+            self._arm(deadline_ns)
+            return
+        self._deadline_ns = None
         self._callback()
 
     def close(self) -> None:

@@ -286,6 +286,37 @@ async def test_a_flood_of_commands_runs_a_bounded_number_of_steps(tmp_path: Path
 
 
 @on_virtual_time
+async def test_at_rest_few_steps_are_left_until_a_command_comes(tmp_path: Path) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        await bench.drive(0.5, 0.3)
+        await asyncio.sleep(3.0)
+        steps = steps_of(bench.controller)
+        await asyncio.sleep(2.0)
+        assert 18 <= len(steps) <= 22
+        before, now_ns = len(steps), bench.clock.now_ns()
+        await bench.drive(1.0, 0.3)
+        assert steps[before] == now_ns
+        # Fifty a second by the clock again, and twenty for commands.
+        assert len(steps) - before >= 50
+
+
+@on_virtual_time
+async def test_the_first_step_of_a_ramp_after_a_rest_is_no_longer_than_a_period(
+    tmp_path: Path,
+) -> None:
+    limits = "limits.linear={velocity=0.8, acceleration=1.0, deceleration=2.0}"
+    async with robot(tmp_path, limits) as bench:
+        await bench.ready()
+        steps = steps_of(bench.controller)
+        await asyncio.sleep(3.0)
+        while bench.clock.now_ns() - steps[-1] < 85_000_000:
+            await asyncio.sleep(0.001)
+        bench.command(0.5)
+        assert 0.0 < max(bench.controller._wheels.command_m_s) <= 0.02
+
+
+@on_virtual_time
 async def test_when_the_last_client_leaves_the_wheels_stop_at_once(tmp_path: Path) -> None:
     async with robot(tmp_path) as bench:
         await bench.ready()

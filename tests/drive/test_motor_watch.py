@@ -526,3 +526,18 @@ def test_a_wheel_that_all_readings_show_running_is_cut_within_100_ms() -> None:
             assert (n - 29) * 20 <= 100
             return
     pytest.fail("nothing was found")
+
+
+def test_a_motor_that_has_stood_for_long_is_cut_as_soon_as_one_that_just_stood() -> None:
+    took_ns = []
+    for begins_ns in (9 * S, 60 * S):
+        model = WheelModel(broken="runaway", broken_from_ns=begins_ns)
+        found = drive(model, [(0, 0.3), (2 * S, 0.0)], until_ns=begins_ns + S)
+        took_ns.append(next(at_ns for at_ns, fault in found if fault.action == "cut") - begins_ns)
+    assert took_ns[0] == took_ns[1]
+
+
+def test_a_motor_that_starts_after_a_long_rest_and_does_not_count_is_reported() -> None:
+    model = WheelModel(broken="blocked", broken_from_ns=10 * S)
+    found = drive(model, [(0, 0.3), (2 * S, 0.0), (20 * S, 0.3)], until_ns=23 * S)
+    assert [fault.kind for at_ns, fault in found if at_ns > 20 * S][:1] == ["no_counts"]

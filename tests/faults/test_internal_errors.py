@@ -113,6 +113,9 @@ async def test_the_watchdog_is_fed_by_control_steps_alone(
         manager.bind(str(tmp_path / "notify"))
         manager.setblocking(False)
         environ = {"NOTIFY_SOCKET": str(tmp_path / "notify"), "WATCHDOG_USEC": "60000"}
+        ceased: list[bool] = []
+        ring = Schedule._ring
+        monkeypatch.setattr(Schedule, "_ring", lambda each: None if ceased else ring(each))
         inner = inner_with(environ)
         await inner.driven()
 
@@ -125,7 +128,7 @@ async def test_the_watchdog_is_fed_by_control_steps_alone(
 
         await eventually(lambda: b"WATCHDOG=1" in heard())
         # The loop runs on, timers ring, the status goes out; only the control steps cease.
-        monkeypatch.setattr(Schedule, "beat", lambda _: asyncio.Future())
+        ceased.append(True)
         await asyncio.sleep(0.1)
         heard()
         steps = steps_of(inner.daemon._controller)

@@ -144,12 +144,7 @@ class RobotBench:
 
     async def _control(self) -> None:
         schedule = Schedule(self.clock, assembly.command_period_ns(self.config))
-        try:
-            while True:
-                await schedule.beat()
-                self.controller.control_step()
-        finally:
-            schedule.close()
+        await schedule.run(lambda _due_ns: self.controller.beat())
 
     # What a test does.
 

@@ -44,6 +44,10 @@ SOONEST_S = 0.002
 """Extra control steps, for commands that arrive, are at least so far apart: more than the board
 can be sent, and a bound on what a flood of commands can cost."""
 
+IDLE_NS = 90_000_000
+"""While the wheels stand and nothing commands them, the control step has to look for what changes
+by itself no more often. A command, a stop and a wheel that turns are not waited for."""
+
 DOUBTFUL_S = 0.5
 """The standstill after a cut that may be the line's fault: the wheels roll out meanwhile."""
 
@@ -109,6 +113,7 @@ class Controller:
         self._decision = Decision()
         self._stepped_ns = clock.now_ns()
         self._extra_ns = 0
+        self._idle_until_ns = 0
         self._step_pending = False
         self._was_connected = False
         self._seen_ns = 0
@@ -119,6 +124,15 @@ class Controller:
         self._wait("No board yet.")
 
     # The control step.
+
+    def beat(self) -> None:
+        """Step by the clock; at rest, where no source commands, not at each beat."""
+        now_ns = self._clock.now_ns()
+        if now_ns >= self._idle_until_ns:
+            self.control_step()
+            return
+        self.notice_pause()
+        self._stepped_ns = now_ns
 
     def control_step(self) -> None:
         """Decide what the wheels do now, and command the board."""
@@ -146,6 +160,8 @@ class Controller:
         # Silence is acted upon when it is due, not at the beat after it.
         due_ns = self._arbiter.deadline_ns
         self._alarm.set(due_ns if due_ns is not None and due_ns > now_ns else None)
+        idle = due_ns is None and wheels.stopped and not wheels.in_motion
+        self._idle_until_ns = now_ns + IDLE_NS if idle else 0
 
     def notice_pause(self) -> None:
         """Detect whether this process stood still; before anything is used that may have waited."""
@@ -191,8 +207,8 @@ class Controller:
 
     def _drive(self, decision: Decision, now_ns: int, dt_s: float) -> None:
         kinematics, limits = self._options.kinematics, self._wheels.fit.wheel_limits
-        if not decision.ramp and decision.twist.is_zero:
-            self._stand(now_ns, at_once=True)
+        if decision.twist.is_zero and (not decision.ramp or self._limiter.halted):
+            self._stand(now_ns, at_once=not decision.ramp)
             return
         wish, too_tight = self._curve.steer(decision.twist)
         if too_tight:
@@ -312,6 +328,8 @@ class Controller:
             return
         now_ns = self._seen_ns = self._clock.now_ns()
         self._raw_ticks = reading.ticks
+        if any(estimate.motor_speed_m_s):
+            self._idle_until_ns = 0
         faults = self._wheels.measure(
             estimate.stamp_ns,
             estimate.motor_speed_m_s,

@@ -7,7 +7,7 @@ import gc
 import logging
 import os
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NoReturn
 
 from yahboomd.bus import keys
 from yahboomd.bus.bus import Bus
@@ -237,20 +237,20 @@ class Daemon:
                 "Look at them; end yahboomd, or suspend it again once the board is back."
             )
 
-    async def _control(self, controller: Controller, notifier: Notifier) -> None:
+    async def _control(self, controller: Controller, notifier: Notifier) -> NoReturn:
         schedule = Schedule(self._clock, assembly.command_period_ns(self._config))
         feed_ns = None if notifier.watchdog_ns is None else notifier.watchdog_ns // 3
         fed_ns = 0
-        try:
-            while True:
-                beat_ns = await schedule.beat()
-                controller.control_step()
-                controller.counters["beats_missed"] = schedule.missed
-                if feed_ns is not None and beat_ns - fed_ns >= feed_ns:
-                    fed_ns = beat_ns
-                    notifier.alive()
-        finally:
-            schedule.close()
+
+        def beat(beat_ns: int) -> None:
+            nonlocal fed_ns
+            controller.beat()
+            controller.counters["beats_missed"] = schedule.missed
+            if feed_ns is not None and beat_ns - fed_ns >= feed_ns:
+                fed_ns = beat_ns
+                notifier.alive()
+
+        await schedule.run(beat)
 
     async def _tell_status(self, status: Status, notifier: Notifier) -> None:
         alarm = self._clock.alarm(self._status_due.set)

@@ -94,6 +94,11 @@ class Limiter:
         """Set the velocity to zero at once, past all limits: for every stop that may not ramp."""
         return self.reset(STANDSTILL)
 
+    @property
+    def halted(self) -> bool:
+        """Whether the last step ended in a standstill."""
+        return self._vx.speed == self._vy.speed == self._wz.speed == 0.0
+
     def reset(self, twist: Twist2d) -> Twist2d:
         """Go on from ``twist``, without acceleration: what was really sent to the wheels."""
         self._vx.reset(twist.vx)

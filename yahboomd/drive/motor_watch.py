@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from yahboomd.drive.faults import Action, FaultKind
 
 SLOWEST_LAG_S = 0.4
+RESTING_M_S = 0.001
+"""A command that could still show with less than this is over."""
 SPEED_FACTOR = 1.5
 SPEED_MARGIN_M_S = 0.1
 # A wheel has to be cut within 150 ms of leaving its envelope. Of these the reading takes up to one
@@ -91,6 +93,7 @@ class MotorWatch:
     def begin(self, measured_m_s: float) -> None:
         """Any speed between standing, this one and the command is plausible from here on."""
         commanded = self._commanded or 0.0
+        self._rests = False
         self._past.clear()
         self._high = max(0.0, measured_m_s, commanded)
         self._low = min(0.0, measured_m_s, commanded)
@@ -108,6 +111,7 @@ class MotorWatch:
         """Record what was sent to the board; ``None`` where the motor was let go."""
         if speed_m_s == self._commanded:
             return
+        self._rests = False
         if self._commanded is None and speed_m_s is not None:
             # The wheels coasted: they may start from any speed, which is the latest measured.
             self._commanded = speed_m_s
@@ -143,7 +147,8 @@ class MotorWatch:
             The troubles that began with it.
         """
         self._measured = speed
-        if self._commanded is None:
+        stands = not (speed or ticks or proven or held_up)
+        if self._commanded is None or (self._rests and stands):
             return []
         # A reading also shows what was commanded and replaced since the one before.
         self._forget(min(now_ns - self._latency_ns, before_ns))
@@ -158,7 +163,15 @@ class MotorWatch:
             self._silence(now_ns - before_ns, steady, ticks, held_up=held_up),
             self._off_speed(now_ns, speed),
         )
-        return [fault for fault in found if fault is not None]
+        faults = [fault for fault in found if fault is not None]
+        # Once a motor that is to stand has stood in two readings, a third one shows nothing new.
+        self._rests = (
+            stands
+            and not (faults or self._past)
+            and -RESTING_M_S < self._low <= self._high < RESTING_M_S
+            and self._owed_ticks == self._owed_ticks_before
+        )
+        return faults
 
     def _lately(self) -> tuple[float, float]:
         """The smallest and the largest command that a reading of now may still show."""

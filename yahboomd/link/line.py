@@ -126,6 +126,8 @@ class Line:
         self._framer = next(iter(self._framers.values()))
         self._gathering: Gathering | None = None
         self._damage = 0
+        self._item: Item | None = None
+        self._decoded: Decoded = Unrecognised(text="")
         self._damaged_ns: deque[int] = deque(maxlen=DAMAGES_MOST)
         self._lost = False
         self._leaving = False
@@ -266,7 +268,9 @@ class Line:
                     self.news.set()
             return
         for item in self._framer.feed(data):
-            decoded = dialect.decode(item)
+            if item is not self._item:
+                self._item, self._decoded = item, dialect.decode(item)
+            decoded = self._decoded
             if isinstance(decoded, Totals):
                 self._counts(decoded, item, now_ns)
                 # What the counts led to may have ended the line.

@@ -85,14 +85,19 @@ class Outbox:
         self._velocity = None
         self._velocity_due_ns = None
 
-    def velocity(self, frame: bytes) -> None:
-        """Replace the velocity; the same one again changes nothing about when it is due."""
+    def velocity(self, frame: bytes) -> bool:
+        """Replace the velocity; the same one again changes nothing about when it is due.
+
+        Returns:
+            Whether it is another one.
+        """
         if frame == self._velocity:
-            return
+            return False
         if self._velocity_due_ns == 0:
             self.replaced += 1
         self._velocity = frame
         self._velocity_due_ns = 0
+        return True
 
     def velocity_lost(self) -> None:
         """The board lost a command: send the current velocity again at once."""
@@ -131,13 +136,15 @@ class Outbox:
         Args:
             asking: As for :meth:`take`.
         """
-        if self._stops or (self._poll is not None and not asking) or self._may_request(asking):
+        if self._stops or (self._poll is not None and not asking):
+            return 0
+        if self._requests and self._may_request(asking):
             return 0
         return self._velocity_due_ns
 
     def _may_request(self, asking: bool) -> bool:
         # What expects no answer cannot be confused with the one that is awaited.
-        return bool(self._requests) and not (asking and self._requests[0].timeout_ns > 0)
+        return not (asking and self._requests[0].timeout_ns > 0)
 
     def take(self, now_ns: int, *, busy: bool, asking: bool = False) -> Outgoing | None:
         """The frame to send now, if any.
@@ -157,7 +164,7 @@ class Outbox:
             ready.append(Lane.VELOCITY)
         if self._poll is not None and not asking:
             ready.append(Lane.POLL)
-        if self._may_request(asking):
+        if self._requests and self._may_request(asking):
             ready.append(Lane.CONFIGURATION)
         if not ready:
             return None

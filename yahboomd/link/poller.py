@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from typing import NoReturn
 
 from yahboomd.clock import PAUSE_NS, Clock, Schedule, seconds
 from yahboomd.errors import BoardSilent
@@ -103,32 +104,33 @@ class Poller:
         self._after_gap = False
         self._on_reading(reading)
 
-    async def run(self) -> None:
+    async def run(self) -> NoReturn:
         """Poll, or watch.
 
         Raises:
             BoardSilent: No counts came for a second.
         """
-        schedule = Schedule(self._clock, self._period_ns)
-        self._heard_ns = looked_ns = self._clock.now_ns()
-        try:
-            while True:
-                due_ns = await schedule.beat()
-                self.counters["polls_late"] = schedule.missed
-                if schedule.late_ns > PAUSE_NS:
-                    # This process did not run: that is no silence of the board's.
-                    self._heard_ns = max(self._heard_ns, self._clock.now_ns())
-                if self._heard_ns < looked_ns:
-                    # Fewer bytes may have come than the kernel waits for.
-                    self._port.read_now()
-                looked_ns = due_ns
-                self._look()
-                if self._dialect.poll is not None and not self._writer.poll(
-                    self._dialect.poll, self._answer_ns
-                ):
-                    self.counters["polls_skipped"] += 1
-        finally:
-            schedule.close()
+        self._schedule = Schedule(self._clock, self._period_ns)
+        self._heard_ns = self._looked_ns = self._clock.now_ns()
+        await self._schedule.run(self._beat)
+
+    def _beat(self, due_ns: int) -> None:
+        schedule = self._schedule
+        self.counters["polls_late"] = schedule.missed
+        if schedule.late_ns > PAUSE_NS:
+            # This process did not run: that is no silence of the board's.
+            self._heard_ns = max(self._heard_ns, self._clock.now_ns())
+            # Nor is the velocity of before it said again: the control path has the first word.
+            return
+        if self._heard_ns < self._looked_ns:
+            # Fewer bytes may have come than the kernel waits for.
+            self._port.read_now()
+        self._looked_ns = due_ns
+        self._look()
+        if self._dialect.poll is not None and not self._writer.poll(
+            self._dialect.poll, self._answer_ns
+        ):
+            self.counters["polls_skipped"] += 1
 
     def _look(self) -> None:
         silent_s = seconds(self._clock.now_ns() - self._heard_ns)

@@ -114,8 +114,8 @@ class Writer:
 
     def velocity(self, frame: bytes) -> None:
         """Send this velocity, and repeat it until another replaces it."""
-        self._outbox.velocity(frame)
-        self._pump()
+        if self._outbox.velocity(frame):
+            self._pump()
 
     def stop(self, frames: tuple[bytes, ...]) -> None:
         """Stop: before everything else, discarding the velocity that was sent."""
@@ -249,8 +249,13 @@ class Writer:
         if self.closed:
             return
         now_ns = self._clock.now_ns()
-        self._expire(now_ns)
+        if self._asking:
+            self._expire(now_ns)
         while now_ns >= self._free_ns:
+            asking = self._asking
+            due_ns = self._outbox.due_ns(asking=asking)
+            if due_ns is None or due_ns > now_ns:
+                break
             if self._output.holds(now_ns):
                 # A stop, too, could only queue behind it.
                 if not self._held:
@@ -264,7 +269,6 @@ class Writer:
                 self._notice_slowness()
                 self._free_ns = now_ns + self.spacing.frame_ns
                 continue
-            asking = self._asking
             busy = asking and now_ns < self._hold_ns
             outgoing = self._outbox.take(now_ns, busy=busy, asking=asking)
             if outgoing is None:
@@ -314,13 +318,15 @@ class Writer:
 
     def _next_ns(self) -> int | None:
         """The next moment at which there may be something to do."""
-        moments = [each for each in (self._flight_until_ns, self._polled_until_ns) if each]
         asking = self._asking
-        due_ns = self._outbox.due_ns(asking=asking)
-        if due_ns is not None:
+        next_ns = self._outbox.due_ns(asking=asking)
+        if next_ns is not None:
             held = asking and not self._outbox.stopping
-            moments.append(max(due_ns, self._free_ns, self._hold_ns if held else 0))
-        return min(moments) if moments else None
+            next_ns = max(next_ns, self._free_ns, self._hold_ns if held else 0)
+        for until_ns in (self._flight_until_ns, self._polled_until_ns):
+            if until_ns is not None and (next_ns is None or until_ns < next_ns):
+                next_ns = until_ns
+        return next_ns
 
 
 def _never(_decoded: Decoded) -> bool:

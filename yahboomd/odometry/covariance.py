@@ -323,10 +323,11 @@ class Covariance:
             y += across * delta
             turn += turning * delta
         scale *= (1e9 / span_ns) ** 2
-        xx, xy, xt, yy, yt, tt = (
-            rate * count + scale * product
-            for count, product in zip(
-                counts, (x * x, x * y, x * turn, y * y, y * turn, turn * turn), strict=True
-            )
-        )
-        return (xx, xy, xt, xy, yy + self._sideways, yt, xt, yt, tt)
+        xx, xy, xt, yy, yt, tt = counts
+        xy = rate * xy + scale * x * y
+        xt = rate * xt + scale * x * turn
+        yt = rate * yt + scale * y * turn
+        xx = rate * xx + scale * x * x
+        yy = rate * yy + scale * y * y + self._sideways
+        tt = rate * tt + scale * turn * turn
+        return (xx, xy, xt, xy, yy, yt, xt, yt, tt)
