@@ -173,8 +173,13 @@ class Writer:
         """Note what came from the board: it may be what a frame waits for."""
         if isinstance(decoded, Totals):
             if self._polled_until_ns is not None:
+                overdue = self._clock.now_ns() >= self._polled_until_ns
                 self._polled_until_ns = None
-                self._pump()
+                if overdue:
+                    # This process may not have run: what the counts lead to goes first.
+                    self._wake.set()
+                else:
+                    self._pump()
             if self._flight is None:
                 return
         elif isinstance(decoded, Deltas | Speeds | Unused):
