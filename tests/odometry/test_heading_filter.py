@@ -136,7 +136,7 @@ def test_the_covariance_is_that_of_the_equations_in_matrices() -> None:
         h = np.array([1.0, -1.0, 0.0, rate])
         fuse(made, wheels, gyro, slip=slip, rate=rate)
         x = transition @ x
-        p = transition @ p @ transition.T + np.diag([slip, NOISE, 4e-8 * DT_S, 0.0])
+        p = transition @ p @ transition.T + np.diag([slip, NOISE, 1e-8 * DT_S, 0.0])
         apart += wheels - gyro
         innovation, expected = apart - h @ x, h @ p @ h + UNSURE
         if innovation**2 > 25.0 * expected:

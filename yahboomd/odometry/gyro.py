@@ -27,7 +27,7 @@ FROZEN_SAMPLES = 50
 SATURATED_SHARE = 0.99
 """The share of the limit from which on a rate counts as saturated."""
 
-CORNER = 0.05
+CORNER = 0.03
 """The share of a bend of the rate by which the trapezoid between samples is wrong."""
 
 

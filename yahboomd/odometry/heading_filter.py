@@ -32,7 +32,7 @@ import math
 BIAS_RAD_S = 0.09
 """Standard deviation of a bias of which nothing is known: the datasheets' zero, 5 degrees/s."""
 
-BIAS_WALK = 2e-4
+BIAS_WALK = 1e-4
 """The bias wanders by so much in a second, rad/s, and with the root of the time: a board of
 which the sensor warms up by 10 kelvin in five minutes."""
 
