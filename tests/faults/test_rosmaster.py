@@ -203,6 +203,24 @@ async def test_a_motion_that_it_kept_over_its_start_is_stopped_as_soon_as_it_rep
         assert bench.standing
 
 
+@on_virtual_time
+async def test_a_board_that_is_switched_on_while_it_is_looked_for_is_not_said_to_have_no_battery(
+    tmp_path: Path,
+) -> None:
+    async with robot(tmp_path, start_up_s=10.6) as bench:
+        await bench.ready()
+        bench.do("reset")
+        await asyncio.sleep(4.0)
+        said = set()
+        for step in range(80):
+            if step % 19 == 0:
+                bench.do("reset")
+            await asyncio.sleep(0.1)
+            said.add(bench.controller.state()[1])
+        assert any("switched on or reset this moment" in why for why in said)
+        assert not any("battery" in why for why in said)
+
+
 # The battery.
 
 

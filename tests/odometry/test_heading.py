@@ -219,3 +219,45 @@ def test_the_variance_covers_what_a_floor_does_to_turns(geometry: str) -> None:
     base.run(2.5, 0.8, None, truth=0.8)
     least = TURN_SLIP[geometry] * 2.0
     assert math.sqrt(base.heading.variance) > 0.95 * math.sqrt(least)
+
+
+@pytest.mark.parametrize("rate", [0.1, 0.25])
+def test_a_gyro_against_the_wheels_is_noticed_in_a_slow_turn_too(base: Base, rate: float) -> None:
+    base.run(10.0, rate, -rate, truth=rate)
+    assert base.kinds[-1] == "gyro_unfit"
+    assert base.counters["gyro_implausible"] == 1
+    off = base.off
+    base.run(10.0, rate, -rate, truth=rate)
+    assert base.off == pytest.approx(off, abs=0.01)
+
+
+@pytest.mark.parametrize("jump", [0.1, -0.4])
+def test_a_bias_that_jumped_turns_a_standing_robot_for_seconds_and_no_longer(
+    base: Base, jump: float
+) -> None:
+    base.bias += jump
+    base.run(7.0, 0.0, 0.0, truth=0.0)
+    assert base.heading.bias_rad_s == pytest.approx(base.bias, abs=2e-3)
+    assert "gyro_unfit" in base.kinds
+    off = base.off
+    assert abs(off) < 4.0 * math.sqrt(base.heading.variance)
+    base.run(60.0, 0.0, 0.0, truth=0.0)
+    assert base.off == pytest.approx(off, abs=0.01)
+
+
+def test_a_turn_by_hand_at_the_start_is_no_bias_once_the_robot_stands() -> None:
+    base = Base()
+    base.run(2.0, 0.0, 0.4, truth=0.4)
+    base.run(7.0, 0.0, 0.0, truth=0.0)
+    assert base.heading.bias_rad_s == pytest.approx(base.bias, abs=2e-3)
+    off = base.off
+    base.run(60.0, 0.0, 0.0, truth=0.0)
+    assert base.off == pytest.approx(off, abs=0.01)
+
+
+def test_a_hand_that_turns_the_robot_unevenly_changes_no_bias(base: Base) -> None:
+    for step in range(200):
+        rate = 1.0 + 0.1 * math.sin(step / 7.0)
+        base.step(0.0, rate, truth=rate)
+    assert base.off == pytest.approx(0.0, abs=0.05)
+    assert "gyro_unfit" not in base.kinds

@@ -156,6 +156,12 @@ async def await_reports(line: Line, dialect: Dialect) -> None:
             return
     if dialect.battery is not None:
         await line.ask(dialect.battery, counts, ANSWER_WITHIN_S)
+    if line.heard.resets and not volts:
+        raise BoardSilent(
+            f"{line.port.name}: the board was switched on or reset this moment, and reports no "
+            "counts yet.",
+            remedy=f"It takes up to {dialect.starts_within_s:g} s. Leave it still and level.",
+        )
     raise BoardSilent(
         f"{line.port.name}: the board answers, and reports no counts.",
         remedy=dialect.silence(volts[-1] if volts else None),

@@ -148,7 +148,7 @@ class GyroUnfitData(msgspec.Struct, frozen=True, kw_only=True):
         Literal["silent", "saturated", "implausible"],
         Meta(
             description="silent: no samples come; saturated: its rate is at the limit; "
-            "implausible: it is stuck, or turns against the wheels."
+            "implausible: it is stuck, its zero jumped, or it turns against the wheels."
         ),
     ]
 

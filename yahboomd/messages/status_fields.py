@@ -163,7 +163,7 @@ _COMMAND = {
     ),
     "gyro_silent": "times that the inertial sensor fell silent",
     "gyro_saturated": "times that the gyro was at its limit",
-    "gyro_implausible": "times that the gyro was stuck, or turned against the wheels",
+    "gyro_implausible": "times that the gyro was stuck, against the wheels, or had a new zero",
     "wheels_slipped": (
         "seconds in which the turns of wheels and gyro differed by more than 0.1 rad and four "
         "standard deviations"

@@ -43,6 +43,13 @@ SLIP_DEVIATIONS = 4.0
 
 AGAINST_RAD = 0.3
 """A gyro that turns against the wheels over so much is mounted or configured otherwise."""
+TURNING_RAD = 0.04
+"""Windows in each of which the wheels turn so far, one way, are one turn."""
+
+STEADY_S = 3.0
+"""A gyro that shows one rate for so long beside wheels that stand shows its bias."""
+STEADY_DEVIATIONS = 5.0
+"""No hand turns a robot as evenly as within so many deviations of the sensor's noise."""
 
 
 class Heading:
@@ -78,7 +85,9 @@ class Heading:
         self._angle: float | None = None
         self._wheels = self._anchor = 0.0
         self._rate: tuple[float, float] | None = None
-        self._window = _Window()
+        self._window, self._way = _Window(), _Window()
+        self._rest = _Rest()
+        self._noise_rad_s = 0.0
         self._slipping = self._against = False
         self._problem: Problem | None = None
         self.events: list[Event] = []
@@ -139,6 +148,7 @@ class Heading:
         """Take in a sample of the sensor, along the axes of the base."""
         sensor = reading.sensor
         self._scale = sensor.gyro_scale if self._known_scale is None else self._known_scale
+        self._noise_rad_s = sensor.gyro_noise_rad_s
         self._gyro.accept(
             reading.sent_ns - sensor.delay_ns,
             reading.gyro_rad_s[2],
@@ -179,6 +189,7 @@ class Heading:
         gyro = None if angle is None else seen.angle - angle
         if gyro is not None and self._gyro.problem != "silent":
             self._compare(turn, gyro - self.bias_rad_s * dt_s, rolled + slip, dt_s)
+            self._notice_bias(turn, gyro, dt_s)
         if gyro is None or not self._gyro.believed or self._against:
             self._rate = None
             for each in self._filters:
@@ -223,8 +234,14 @@ class Heading:
         if window.seconds < WINDOW_S:
             return
         self._window = _Window()
-        if abs(window.wheels) > AGAINST_RAD and abs(window.gyro) > AGAINST_RAD:
-            against = (window.wheels > 0.0) != (window.gyro > 0.0)
+        way = self._way
+        if abs(window.wheels) < TURNING_RAD or window.wheels * way.wheels < 0.0:
+            way = self._way = _Window()
+        way.wheels += window.wheels
+        way.gyro += window.gyro
+        if abs(way.wheels) > AGAINST_RAD and abs(way.gyro) > AGAINST_RAD:
+            against = (way.wheels > 0.0) != (way.gyro > 0.0)
+            self._way = _Window()
             if against and not self._against:
                 self._gyro.refuse("implausible")
                 self._tell_problem()
@@ -237,6 +254,25 @@ class Heading:
             if not self._slipping:
                 self.events.append(_slip(window))
         self._slipping = slipping
+
+    def _notice_bias(self, wheels: float, gyro: float, dt_s: float) -> None:
+        """A bias that is far from the learned one: the board started in motion, or was turned."""
+        rest = self._rest
+        if wheels or not self._gyro.believed:
+            self._rest = _Rest()
+            return
+        rest.add(gyro / dt_s, dt_s)
+        if rest.seconds < STEADY_S:
+            return
+        self._rest = _Rest()
+        off = rest.mean - self.bias_rad_s
+        unsure = STEADY_DEVIATIONS * self._noise_rad_s
+        if rest.deviation > unsure or abs(off) < unsure + 5.0 * math.sqrt(self.bias_variance):
+            return
+        for each in self._filters:
+            each.learn(rest.mean, rest.deviation**2, (off * rest.seconds) ** 2)
+        self._gyro.refuse("implausible")
+        self._tell_problem()
 
     def _tell_problem(self) -> None:
         problem = self._gyro.problem or ("implausible" if self._against else None)
@@ -256,6 +292,27 @@ class _Window:
         self.wheels = self.gyro = self.slip = self.seconds = 0.0
 
 
+class _Rest:
+    """The rates of the gyro while the wheels stand."""
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+        self._rates: list[float] = []
+
+    def add(self, rate_rad_s: float, dt_s: float) -> None:
+        self.seconds += dt_s
+        self._rates.append(rate_rad_s)
+
+    @property
+    def mean(self) -> float:
+        return math.fsum(self._rates) / len(self._rates)
+
+    @property
+    def deviation(self) -> float:
+        mean = self.mean
+        return math.sqrt(math.fsum((each - mean) ** 2 for each in self._rates) / len(self._rates))
+
+
 _FIT = Event(
     kind="gyro_fit",
     severity="info",
@@ -266,8 +323,8 @@ _CAUSES: dict[Problem, str] = {
     "silent": "The board sends no samples of its inertial sensor",
     "saturated": "The gyro is at its limit: the robot turns faster than it can measure",
     "implausible": (
-        "The gyro shows what cannot be: it is stuck, or turns against the wheels (then correct "
-        "imu.axes or imu.gyro_axes)"
+        "The gyro shows what cannot be: it is stuck, its zero has jumped, or it turns against the "
+        "wheels (then correct imu.axes or imu.gyro_axes)"
     ),
 }
 

@@ -95,6 +95,22 @@ class HeadingFilter:
             for other in range(4):
                 self._covariance[one][other] = self._covariance[other][one] = 0.0
 
+    def learn(self, bias: float, variance: float, unsure: float) -> None:
+        """The bias is this one, whatever was learned before.
+
+        Args:
+            bias: In rad/s.
+            variance: Of it.
+            unsure: Variance that the heading gains by what the other one did to it, rad^2.
+        """
+        self._state[B], self._pull[B] = bias, 0.0
+        for other in range(4):
+            self._covariance[B][other] = self._covariance[other][B] = 0.0
+        self._covariance[B][B] = variance
+        for one in (E, C):
+            for other in (E, C):
+                self._covariance[one][other] += unsure
+
     def roll(self, slip: float, dt_s: float) -> None:
         """A step without a gyro: the gyro's turn is taken to be the wheels', and as unsure.
 
