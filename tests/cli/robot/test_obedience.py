@@ -20,12 +20,17 @@ def status(
     accepted: int = 0,
     vy_ignored: int = 0,
     limited: int = 0,
+    too_tight: int = 0,
     driver: str | None = "cmd_vel",
     why: str = "Why.",
     **refused: int,
 ) -> StatusSample:
     account = {"accepted": accepted, "vy_ignored": vy_ignored, "refused": refused}
-    command: dict[str, Any] = {"limited": limited, "sources": {"cmd_vel": account, "other": {}}}
+    command: dict[str, Any] = {
+        "limited": limited,
+        "too_tight": too_tight,
+        "sources": {"cmd_vel": account, "other": {}},
+    }
     return daemon_samples.status(state, driver=driver, why=why, command=command)
 
 
@@ -90,10 +95,20 @@ def test_a_command_that_was_limited_is_obeyed_with_a_warning() -> None:
     assert len(obedience.warnings) == 1
 
 
+def test_a_curve_that_a_car_cannot_steer_is_said_to_be_so() -> None:
+    obedience = Obedience("cmd_vel", status())
+    assert obedience.trouble(status(accepted=4, too_tight=4)) == ""
+    assert obedience.trouble_after() == ""
+    assert len(obedience.warnings) == 1
+
+
 facts = st.recursive(
     st.none() | st.booleans() | st.integers(-5, 5) | st.text(max_size=3),
     lambda each: st.dictionaries(
-        st.sampled_from(["sources", "cmd_vel", "accepted", "refused", "stale", "limited"]), each
+        st.sampled_from(
+            ["sources", "cmd_vel", "accepted", "refused", "stale", "limited", "too_tight"]
+        ),
+        each,
     ),
 )
 

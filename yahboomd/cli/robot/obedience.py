@@ -73,6 +73,11 @@ class Obedience:
                 "The command was faster than the limits of this robot ([limits] in its "
                 "configuration): it drove as fast as they allow."
             )
+        if _number(self._last.command, "too_tight") > _number(self._first.command, "too_tight"):
+            self.warnings.append(
+                "The command was a tighter curve than this car can steer: it drove the tightest "
+                "one that it can, and a turn on the spot not at all."
+            )
         if _number(last, "accepted") > _number(first, "accepted"):
             return ""
         refused = self._refused(self._first, self._last)
