@@ -13,7 +13,7 @@ FEATURES = [
         "yes: it is a node",
         "no; appears in ROS 2 through zenoh-bridge-ros2dds, or natively with rmw_zenoh",
     ],
-    ["dialects of the board", "polled", "polled and streamed, detected"],
+    ["dialects of the board", "polled", "polled, streamed and rosmaster, detected"],
     [
         "who may command",
         "one topic; the last velocity counts",
@@ -75,7 +75,7 @@ FEATURES = [
         "no: each wheel is clipped by itself",
         "yes: all wheels are scaled alike",
     ],
-    ["kinematics", "differential", "differential, skid steer, mecanum"],
+    ["kinematics", "differential", "differential, skid steer, mecanum, ackermann"],
     [
         "odometry",
         "midpoint; the heading is a sum of steps",

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from fault_bench import CUT, DIALECTS, MS, STREAMS, SUREST, FaultBench, is_stop
 
+from yahboomd.protocol.first_words import FIRST_WORDS
 from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.motors import MotorFaults
 from yahboomd.simulation.options import SimulationOptions, Wiring
@@ -413,7 +414,8 @@ async def test_a_board_whose_settings_would_run_away_gets_no_speed_at_all(
         assert bench.standing
         bench.operator.engage_estop("a test")
         await asyncio.sleep(0.3)
-        assert {order for _, order in bench.orders} <= {CUT, b"$speed:0,0,0,0#"}
+        first = {words.lstrip(b"\n\0") for words in FIRST_WORDS.values()}
+        assert {order for _, order in bench.orders} <= first
         assert bench.controller.state()[0] == "estopped"
 
 

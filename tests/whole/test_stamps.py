@@ -79,8 +79,8 @@ def true_x(bench: FaultBench, at_ns: int) -> float:
 async def late_ms(bench: Published) -> list[float]:
     """By how much the poses of a steady run are older than their stamps say, sorted."""
     await bench.ready()
-    # Once it moves the board's clock can be seen; then a steady run is judged.
-    await bench.drive(8.0, 0.4)
+    # Once it moves the board's clock can be seen; ten seconds later a steady run is judged.
+    await bench.drive(12.0, 0.4)
     begin = len(bench.poses)
     await bench.drive(3.0, 0.4)
     offset_ns = bench.clock.wall_ns() - bench.clock.now_ns()
