@@ -234,6 +234,12 @@ def test_frames_topics_and_sources_have_names_of_their_own():
     }
 
 
+@pytest.mark.parametrize("topic", ["tf", "tf_static", "estopped", "rosout"])
+def test_a_topic_whose_name_is_fixed_is_not_taken_by_another(topic):
+    assert set(found(ros2={"odom_topic": topic})) == {"ros2.odom_topic"}
+    assert set(found(command={"sources": {topic: {}}})) == {f"command.sources.{topic}"}
+
+
 def test_no_topic_of_ros_has_the_key_of_a_native_sample():
     # Two encodings on one key would be garbage to the readers of both.
     lines = found(ros2={"joint_states_topic": "yahboomd/wheels", "odom_topic": "wheels/odom"})

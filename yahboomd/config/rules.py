@@ -22,6 +22,15 @@ BITS_PER_BYTE = 10
 """8N1: a start bit, eight of data, a stop bit."""
 
 
+FIXED_TOPICS = {
+    "tf": "the transforms",
+    "tf_static": "the transforms",
+    "estopped": "the state of the emergency stop",
+    "rosout": "the log",
+}
+"""Topics of ROS 2 whose names cannot be chosen."""
+
+
 @dataclass(frozen=True)
 class Finding:
     """A contradiction, or with ``is_warning`` something that works and may surprise.
@@ -286,13 +295,13 @@ def names(config: Config) -> Iterator[Finding]:
         first = topics.setdefault(getattr(ros2, key), place)
         if first != place:
             yield Finding(place, f'"{getattr(ros2, key)}" is {dotted(first)} as well', (first,))
-        if getattr(ros2, key) in {"tf", "tf_static"}:
-            yield Finding(place, f'"{getattr(ros2, key)}" carries the transforms')
+        if contents := FIXED_TOPICS.get(getattr(ros2, key)):
+            yield Finding(place, f'"{getattr(ros2, key)}" carries {contents}')
         if getattr(ros2, key).split("/")[0] == "yahboomd":
             words = f'"{getattr(ros2, key)}": below "yahboomd/" are native samples and services'
             yield Finding(place, words)
     for source in config.command.sources:
-        taken = source in topics or source in {"tf", "tf_static"}
+        taken = source in topics or source in FIXED_TOPICS
         if ros2.bridge and taken:
             words = "a topic that yahboomd itself publishes; choose another key"
             place = ("command", "sources", source)
