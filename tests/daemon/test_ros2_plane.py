@@ -276,7 +276,10 @@ def test_the_node_answers_for_its_parameters(
     run: Callable[..., RealRobot], client: Callable[..., Client], oracle: Oracle
 ) -> None:
     robot = run("ros2.rmw_zenoh=true", "zenoh.namespace=bot1")
-    graph = Graph(client("client", robot.endpoint, "bot1/yahboomd").session)
+    app = client("client", robot.endpoint, "bot1/yahboomd")
+    # Services are offered before anything is published: until then nothing answers.
+    app.in_state("standing")
+    graph = Graph(app.session)
     sequence = 0
 
     def ask(service: str, ros_type: str, payload: bytes) -> Any:
