@@ -5,7 +5,7 @@ yahboomd reads them and corrects for them instead of overwriting them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import TypeAlias
 
 import msgspec
@@ -152,3 +152,13 @@ def writes(
                 )
             )
     return tuple(found)
+
+
+def zero_gains(settings: BoardSettings) -> Iterator[str]:
+    """Name gains that are all zero, with which no board of the vendor's turns a wheel."""
+    gains = settings.get("pid")
+    if isinstance(gains, tuple) and not any(gains):
+        yield (
+            "The gains P, I and D are all stored as 0: no wheel would ever turn. Store the "
+            "vendor's with `yahboomd probe --write --pid 0.8,0.06,0.5`."
+        )

@@ -15,7 +15,7 @@ from yahboomd.model import Kinematics, Motor
 from yahboomd.protocol.dialect import Findings
 from yahboomd.protocol.per_motor import PerMotor, per_motor
 from yahboomd.protocol.profiles import EDGES_PER_LINE, PROFILES, MotorProfile
-from yahboomd.protocol.settings import BoardSettings, SettingValue, StoredSetting
+from yahboomd.protocol.settings import BoardSettings, SettingValue, StoredSetting, zero_gains
 
 TITLE: Final = "Yahboom 4-channel motor driver"
 
@@ -177,7 +177,7 @@ def findings(settings: BoardSettings, profile: MotorProfile) -> Findings:
     """
     return Findings(
         unfit=tuple(_unfit(settings, profile)),
-        wrong=tuple(_wrong(settings)),
+        wrong=tuple(zero_gains(settings)),
         advice=tuple(_other_profiles(settings, profile)),
     )
 
@@ -205,15 +205,6 @@ def _unfit(settings: BoardSettings, profile: MotorProfile) -> Iterator[str]:
             yield (
                 f"The board stores {value:g} as its {row.label}: a wheel would run away. {_REMEDY}"
             )
-
-
-def _wrong(settings: BoardSettings) -> Iterator[str]:
-    gains = settings.get("pid")
-    if isinstance(gains, tuple) and not any(gains):
-        yield (
-            "The gains P, I and D are all stored as 0: no wheel would ever turn. Store the "
-            "vendor's with `yahboomd probe --write --pid 0.8,0.06,0.5`."
-        )
 
 
 def _other_profiles(settings: BoardSettings, profile: MotorProfile) -> Iterator[str]:

@@ -22,7 +22,7 @@ from yahboomd.protocol.dialect import (
 from yahboomd.protocol.profiles import MotorProfile
 from yahboomd.protocol.rosmaster.cars import CARS
 from yahboomd.protocol.rosmaster.packets import Item, Words, frame
-from yahboomd.protocol.settings import BoardSettings, SettingValue, StoredSetting
+from yahboomd.protocol.settings import BoardSettings, SettingValue, StoredSetting, zero_gains
 
 # To the board.
 
@@ -225,7 +225,7 @@ def findings(settings: BoardSettings, profile: MotorProfile) -> Findings:
     """The meaning of the stored settings for these motors."""
     return Findings(
         unfit=tuple(_unfit(settings, profile)),
-        wrong=tuple(_wrong(settings)),
+        wrong=tuple(zero_gains(settings)),
         advice=tuple(_advice(settings, profile)),
     )
 
@@ -246,15 +246,6 @@ def _unfit(settings: BoardSettings, profile: MotorProfile) -> Iterator[str]:
             f"The board is set to car type {_car_shown(number)}, the profile {profile.name} needs "
             f"{_car_shown(wanted)}: the wheels would turn otherwise than commanded. Set "
             "board.profile to the car, or store its type with `yahboomd probe --write`."
-        )
-
-
-def _wrong(settings: BoardSettings) -> Iterator[str]:
-    gains = settings.get("pid")
-    if isinstance(gains, tuple) and not any(gains):
-        yield (
-            "The gains P, I and D are all stored as 0: no wheel would ever turn. Store the "
-            "vendor's with `yahboomd probe --write --pid 0.8,0.06,0.5`."
         )
 
 
