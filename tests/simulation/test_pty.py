@@ -17,7 +17,7 @@ import pytest
 from yahboomd.errors import ConfigError
 from yahboomd.simulation.heard import read_heard
 from yahboomd.simulation.options import SimulationOptions
-from yahboomd.simulation.pty import BACKLOG_NS, READ_BYTES, PtyPort, serve
+from yahboomd.simulation.pty import BACKLOG_NS, READ_BYTES, RobotPort, serve
 from yahboomd.simulation.robot import SimulatedRobot
 from yahboomd.simulation.truth import read_truth
 from yahboomd.simulation.wire import transfer_ns
@@ -63,9 +63,9 @@ class Host:
 
 
 @contextlib.asynccontextmanager
-async def served(link: Path, **kwargs: Any) -> AsyncIterator[PtyPort]:
+async def served(link: Path, **kwargs: Any) -> AsyncIterator[RobotPort]:
     options = kwargs.pop("options", SimulationOptions())
-    ready: asyncio.Future[PtyPort] = asyncio.get_running_loop().create_future()
+    ready: asyncio.Future[RobotPort] = asyncio.get_running_loop().create_future()
     task = asyncio.create_task(
         serve(SimulatedRobot(options), link=link, ready=ready.set_result, **kwargs)
     )
@@ -255,7 +255,7 @@ async def test_a_second_board_neither_takes_nor_removes_the_link_of_the_first(
 ) -> None:
     link = tmp_path / "board"
     async with served(link, truth=tmp_path / "truth") as port:
-        with pytest.raises(ConfigError, match=r"Another simulated board runs behind .*board\."):
+        with pytest.raises(ConfigError, match=r"Another simulated or replayed board runs behind .*board\."):
             await serve(SimulatedRobot(), link=link, truth=tmp_path / "truth")
         assert str(link.readlink()) == port.name
         await exchange(link, b"$read_vol#", b"$Battery")

@@ -17,7 +17,7 @@ from yahboomd.errors import ConfigError
 from yahboomd.simulation.boards import BOARDS
 from yahboomd.simulation.console import HELP
 from yahboomd.simulation.options import ImpairmentOptions, SimulationOptions
-from yahboomd.simulation.pty import PtyPort, serve
+from yahboomd.simulation.pty import RobotPort, serve
 from yahboomd.simulation.robot import SimulatedRobot
 
 DESCRIPTION = """\
@@ -191,7 +191,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 async def _serve(robot: SimulatedRobot, args: argparse.Namespace) -> int:
-    def ready(port: PtyPort) -> None:
+    def ready(port: RobotPort) -> None:
         name = port.name if args.link is None else f"{args.link} ({port.name})"
         reach = port.name if args.link is None else args.link
         print(

@@ -14,18 +14,18 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import hashlib
 import os
-import socket
 import termios
 import tty
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Protocol
 
 from yahboomd.clock import Alarm, SystemClock
 from yahboomd.errors import ConfigError
 from yahboomd.simulation.console import execute, serve_control
 from yahboomd.simulation.heard import HeardWriter
+from yahboomd.simulation.port_link import claim, point, unpoint
 from yahboomd.simulation.robot import SimulatedRobot
 from yahboomd.simulation.truth import TruthWriter
 
@@ -34,26 +34,59 @@ BACKLOG_NS = 40_000_000
 """Time on the wire of what we take from a host in advance: about 460 bytes at 115200 baud."""
 
 
+class Device(Protocol):
+    """What a port is the end of: a simulated robot, or something else that keeps time.
+
+    Attributes:
+        on_plug: Called when the USB plug comes out (False) or goes in (True).
+    """
+
+    on_plug: Callable[[bool], None] | None
+
+    def start(self, now_ns: int) -> None:
+        """Begin at this moment."""
+        ...
+
+    @property
+    def next_ns(self) -> int:
+        """The next moment at which :meth:`advance` is worth calling."""
+        ...
+
+    def advance(self, now_ns: int) -> list[bytes]:
+        """Do what is due, and return what has arrived at the host, in its chunks."""
+        ...
+
+    def host_wrote(self, data: bytes, now_ns: int) -> None:
+        """The host has written ``data``."""
+        ...
+
+    def host_backlog_ns(self, now_ns: int) -> int:
+        """How long what the host has written will still be on its way."""
+        ...
+
+
 class PtyPort:
     """The board's end of a pty.
 
     Attributes:
-        name: The device, such as ``/dev/pts/5``; empty while unplugged.
+        name: The path, such as ``/dev/pts/5``; empty while unplugged.
         dropped_bytes: What no host took.
         on_heard: Takes what the host wrote, and when.
+        on_host: Called when a process has opened the port, or the last one has closed it.
         ended: Done with the error if something went wrong inside.
 
     Args:
-        robot: What is served.
-        link: A symbolic link to the device, kept up to date.
+        device: What is served.
+        link: A symbolic link to the port, kept up to date.
     """
 
-    def __init__(self, robot: SimulatedRobot, *, link: Path | None = None) -> None:
-        self.robot = robot
+    def __init__(self, device: Device, *, link: Path | None = None) -> None:
+        self._device = device
         self.link = link
         self.name = ""
         self.dropped_bytes = 0
         self.on_heard: Callable[[bytes, int], None] | None = None
+        self.on_host: Callable[[bool], None] | None = None
         self.ended: asyncio.Future[None]
         self._clock = SystemClock()
         self._loop: asyncio.AbstractEventLoop
@@ -82,29 +115,21 @@ class PtyPort:
         except BaseException:
             self.close()
             raise
-        self.robot.start(self._clock.now_ns())
-        self.robot.on_plug = self._plugged
-        self._alarm.set(self.robot.next_ns)
+        self._device.start(self._clock.now_ns())
+        self._device.on_plug = self._plugged
+        self._alarm.set(self._device.next_ns)
 
     def close(self) -> None:
         """Hang up, remove the link; safe to call twice."""
-        self.robot.on_plug = None
+        self._device.on_plug = None
         self._alarm.close()
         self._pull_out()
-
-    def command(self, line: str) -> str:
-        """Carry out a control command, and return what it answers."""
-        answer = execute(self.robot, line, self._clock.now_ns())
-        if self._stuffed():
-            self._stop_reading()
-        self._schedule()
-        return answer
 
     # On the loop.
 
     def _wake(self) -> None:
         try:
-            chunks = self.robot.advance(self._clock.now_ns())
+            chunks = self._device.advance(self._clock.now_ns())
             if chunks:
                 self._write(b"".join(chunks) if len(chunks) > 1 else chunks[0])
             if self._master >= 0 and not self._reading and not self._stuffed():
@@ -125,12 +150,10 @@ class PtyPort:
             self.ended.set_exception(why)
 
     def _schedule(self) -> None:
-        self._alarm.set(self.robot.next_ns)
+        self._alarm.set(self._device.next_ns)
 
     def _stuffed(self) -> bool:
-        now_ns = self._clock.now_ns()
-        stalled = now_ns < self.robot.impairments.stalled_until_ns
-        return stalled or self.robot.host_backlog_ns(now_ns) > BACKLOG_NS
+        return self._device.host_backlog_ns(self._clock.now_ns()) > BACKLOG_NS
 
     def _read(self) -> None:
         if self._master < 0:
@@ -151,12 +174,15 @@ class PtyPort:
         self._host_is_there()
         if self.on_heard is not None:
             self.on_heard(data, now_ns)
-        self.robot.host_wrote(data, now_ns)
+        self._device.host_wrote(data, now_ns)
         if self._stuffed():
             self._stop_reading()
 
     def _host_is_there(self) -> None:
-        self._host = True
+        if not self._host:
+            self._host = True
+            if self.on_host is not None:
+                self.on_host(True)
         if not self._reading:
             self._reading = True
             self._loop.add_reader(self._master, self._readable)
@@ -166,6 +192,8 @@ class PtyPort:
         if not self._host:
             return
         self._host = False
+        if self.on_host is not None:
+            self.on_host(False)
         # The next host must not read what this one left.
         with contextlib.suppress(OSError, termios.error):
             slave = os.open(self.name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
@@ -202,7 +230,7 @@ class PtyPort:
             self.name = os.ttyname(slave)
             os.set_blocking(master, False)
             if self.link is not None:
-                _point(self.link, self.name)
+                point(self.link, self.name)
         except BaseException:
             os.close(master)
             raise
@@ -215,11 +243,36 @@ class PtyPort:
             return
         self._stop_reading()
         if self.link is not None:
-            _unpoint(self.link, self.name)
+            unpoint(self.link, self.name)
         os.close(self._master)
         self._master = -1
         self._host = False
         self.name = ""
+
+
+class RobotPort(PtyPort):
+    """The port of a simulated robot, which takes control commands.
+
+    Args:
+        robot: What is served.
+        link: See :class:`PtyPort`.
+    """
+
+    def __init__(self, robot: SimulatedRobot, *, link: Path | None = None) -> None:
+        super().__init__(robot, link=link)
+        self.robot = robot
+
+    def command(self, line: str) -> str:
+        """Carry out a control command, and return what it answers."""
+        answer = execute(self.robot, line, self._clock.now_ns())
+        if self._stuffed():
+            self._stop_reading()
+        self._schedule()
+        return answer
+
+    def _stuffed(self) -> bool:
+        stalled = self._clock.now_ns() < self.robot.impairments.stalled_until_ns
+        return stalled or super()._stuffed()
 
 
 async def serve(
@@ -230,7 +283,7 @@ async def serve(
     heard: Path | None = None,
     control: Path | None = None,
     at_start: Sequence[str] = (),
-    ready: Callable[[PtyPort], None] = lambda _port: None,
+    ready: Callable[[RobotPort], None] = lambda _port: None,
 ) -> None:
     """Serve a robot on a pty until cancelled.
 
@@ -247,10 +300,10 @@ async def serve(
         ConfigError: A path cannot be used, or a command of ``at_start`` is wrong.
         OSError: The system has no pty for us.
     """
-    port = PtyPort(robot, link=link)
+    port = RobotPort(robot, link=link)
     async with contextlib.AsyncExitStack() as stack:
         if link is not None:
-            stack.enter_context(_claim(link))
+            stack.enter_context(claim(link))
         if truth is not None:
             stack.callback(_follow(robot, truth).close)
         if heard is not None:
@@ -291,43 +344,3 @@ def _listen(port: PtyPort, path: Path) -> HeardWriter:
         ) from why
     port.on_heard = writer.write
     return writer
-
-
-def _claim(link: Path) -> socket.socket:
-    """Reserve a link for this process, until the socket is closed or the process ends.
-
-    A name in Linux's abstract socket namespace needs no file, so that nothing is left by a kill.
-    """
-    name = hashlib.sha256(os.fsencode(link.absolute())).hexdigest()
-    claim = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    try:
-        claim.bind(f"\0yahboomd-simulate-{name}")
-    except OSError as why:
-        claim.close()
-        raise ConfigError(
-            f"Another simulated board runs behind {link}.",
-            remedy="End it, or give this one another --link.",
-        ) from why
-    return claim
-
-
-def _point(link: Path, target: str) -> None:
-    """Make a link, or turn one to a new target, in one step."""
-    if link.exists() and not link.is_symlink():
-        raise ConfigError(
-            f"{link} exists and is no link.", remedy="Choose another name, or remove it."
-        )
-    beside = link.with_name(f".{link.name}.{os.getpid()}")
-    try:
-        beside.unlink(missing_ok=True)
-        beside.symlink_to(target)
-        beside.replace(link)
-    except OSError as why:
-        raise ConfigError(f"The link {link} cannot be made: {why.strerror or why}.") from why
-
-
-def _unpoint(link: Path, target: str) -> None:
-    """Remove a link, if it still is ours."""
-    with contextlib.suppress(OSError):
-        if str(link.readlink()) == target:
-            link.unlink()
