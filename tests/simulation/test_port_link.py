@@ -22,7 +22,7 @@ def test_a_link_is_made_turned_and_removed_by_the_one_whose_it_is(tmp_path: Path
 
 def test_a_link_is_reserved_by_one_at_a_time(tmp_path: Path) -> None:
     link = tmp_path / "board"
-    with claim(link), pytest.raises(ConfigError, match="replayed board runs behind .*board"):
+    with claim(link), pytest.raises(ConfigError, match=r"replayed board runs behind .*board"):
         claim(link)
     claim(link).close()
 
