@@ -8,9 +8,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from real_robot import wait_for
 
 from yahboomd.cli.main import main
 from yahboomd.simulation.console import COMMANDS
+from yahboomd.simulation.truth import read_truth
 
 
 @pytest.fixture
@@ -74,6 +76,9 @@ def test_without_a_link_it_names_the_systems_own_port(start: object) -> None:
             ["--flash", "ratio=2.5", "--flash", "p=x"],
             "--flash: ratio takes a whole number, not '2.5'; p takes a number, not 'x'.",
         ),
+        (["--plugs", "1,2,3"], "--plugs takes a plug for each of 2 motors, such as --plugs=1,3"),
+        (["--plugs", "1,x"], "not '1,x'"),
+        (["--plugs", "1,1"], "two motors share a position"),
         (["--do", "explode"], "unknown command 'explode'"),
         (["--truth", "/nowhere/truth"], "cannot be written: No such file"),
         (["--heard", "/nowhere/heard"], "The bytes of the host cannot be written"),
@@ -96,3 +101,15 @@ def test_the_help_shows_a_first_drive_and_every_control_command(
     assert "yahboomd run --port /tmp/board" in text
     for command in COMMANDS:
         assert f"  {command}" in text
+
+
+@pytest.mark.realtime
+def test_plugs_are_named_in_the_order_of_the_wheels(start: object, tmp_path: Path) -> None:
+    truth = tmp_path / "truth"
+    process = start("--plugs=-4,2", "--link", str(tmp_path / "board"), "--truth", str(truth))
+    process.stdout.readline()
+    wait_for(lambda: read_truth(truth), "the truth")
+    with (tmp_path / "board").open("wb", buffering=0) as port:
+        port.write(b"$pwm:0,3000,0,3000#")
+        wait_for(lambda: read_truth(truth)[-1].speed_m_s[0] < -0.1, "the left wheel turns back")
+        assert read_truth(truth)[-1].speed_m_s[1] > 0.1

@@ -34,6 +34,26 @@ def test_faults_of_motors_are_set_and_repaired(bench: MakeBench, fault: str) -> 
     assert desk.robot.plant.motors[0].faults != FAULTS[fault]
 
 
+def test_faults_add_up_until_they_are_repaired(bench: MakeBench) -> None:
+    desk = bench()
+    assert tell(desk, "mounted-round left") == "ok"
+    assert tell(desk, "encoder-dead 1") == "ok"
+    faults = desk.robot.plant.motors[0].faults
+    assert faults.mounted_round
+    assert faults.encoder_dead
+
+
+def test_encoder_plugs_are_crossed(bench: MakeBench) -> None:
+    desk = bench()
+    assert tell(desk, "crossed 1 2") == "ok"
+    desk.send(b"$pwm:3000,0,0,0#", 0.5)
+    a, b, _, _ = desk.robot.board.totals
+    assert a == 0
+    assert b > 500
+    assert tell(desk, "crossed 1 5").startswith("error")
+    assert tell(desk, "crossed 1").startswith("error")
+
+
 def test_a_wheel_can_be_turned_at_a_given_speed(bench: MakeBench) -> None:
     desk = bench()
     assert tell(desk, "turning right -0.5") == "ok"

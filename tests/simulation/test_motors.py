@@ -7,7 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.simulation.motors import FAULTS, PWM_MAX, Motor, MotorFaults, MotorLaw
+from yahboomd.simulation.motors import (
+    FAULTS,
+    PWM_MAX,
+    Motor,
+    MotorFaults,
+    MotorLaw,
+    joined,
+)
 
 LAW = MotorLaw(max_speed_m_s=1.15, dead_zone=1950, time_constant_s=0.06, ticks_per_metre=6000.0)
 
@@ -104,6 +111,28 @@ def test_an_unplugged_motor_neither_turns_nor_counts() -> None:
     turn(rolling, 0.1)
     assert rolling.speed_m_s > 0.0
     assert rolling.ticks == before
+
+
+def test_a_dead_motor_counts_when_it_is_turned_by_hand() -> None:
+    assert driven(faults=FAULTS["motor-dead"]).travel_m == 0.0
+    pushed = driven(faults=joined(FAULTS["motor-dead"], FAULTS["turning"]))
+    assert pushed.travel_m > 0.0
+    assert pushed.ticks > 0
+
+
+def test_a_motor_that_is_mounted_the_other_way_round_turns_and_counts_the_other_way() -> None:
+    motor = driven(faults=FAULTS["mounted-round"])
+    assert motor.travel_m < 0.0
+    assert motor.ticks > 0
+
+
+def test_faults_add_up() -> None:
+    both = joined(FAULTS["mounted-round"], FAULTS["encoder-reversed"])
+    motor = driven(faults=both)
+    assert motor.travel_m < 0.0
+    assert motor.ticks < 0
+    slow = joined(FAULTS["turning"], MotorFaults(turning_m_s=0.1))
+    assert slow == MotorFaults(turning_m_s=0.1)
 
 
 def test_a_wheel_can_turn_without_command() -> None:

@@ -8,6 +8,7 @@ from yahboomd.simulation.options import (
     ImpairmentOptions,
     SimulationOptions,
     Wiring,
+    at_plug,
     check,
 )
 
@@ -52,3 +53,9 @@ def test_a_position_that_the_board_has_not_is_refused() -> None:
     )
     with pytest.raises(ConfigError, match="positions go from 1 to 4"):
         check(SimulationOptions(wiring=wiring))
+
+
+def test_a_negative_plug_is_a_motor_that_is_mounted_the_other_way_round() -> None:
+    assert at_plug(FOUR_WHEELS[0], 3) == Wiring(name="front_left", position=3, corner="front_left")
+    other = at_plug(FOUR_WHEELS[0], -2)
+    assert (other.position, other.command_sign, other.encoder_sign) == (2, -1, -1)

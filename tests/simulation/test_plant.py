@@ -75,3 +75,20 @@ def test_a_weaker_supply_makes_the_motors_slower() -> None:
     base.battery_volts = 8.0
     base.advance(2_000_000_000)
     assert base.motors[0].speed_m_s == pytest.approx(1.15 * 8.0 / 12.0, abs=0.001)
+
+
+def test_crossed_encoder_plugs_exchange_the_counts_and_make_no_jump() -> None:
+    base = plant()
+    base.set_outputs((3000, 0, 0, 0))
+    base.advance(500_000_000)
+    before = base.ticks
+    base.cross_encoders(1, 4)
+    assert base.ticks == before
+    base.advance(1_000_000_000)
+    a, _, _, d = base.ticks
+    assert a == before[0]
+    assert d - before[3] > 1000
+    base.cross_encoders(4, 1)
+    base.advance(1_500_000_000)
+    assert base.ticks[0] - a > 1000
+    assert base.ticks[3] == d

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from yahboomd.errors import ConfigError
-from yahboomd.simulation.motors import FAULTS
+from yahboomd.simulation.motors import FAULTS, MotorFaults
 from yahboomd.simulation.options import ImpairmentOptions, SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
 from yahboomd.simulation.truth import TruthSample
@@ -205,6 +205,16 @@ def test_motors_are_named_by_name_position_or_all(bench: MakeBench) -> None:
     assert [left.faults.stalled, right.faults.stalled] == [False, False]
     with pytest.raises(KeyError):
         desk.robot.set_faults("middle", now_ns=desk.now_ns)
+
+
+def test_faults_of_a_motor_add_up_until_it_is_repaired(bench: MakeBench) -> None:
+    desk = bench()
+    left = desk.robot.plant.motors[0]
+    for name in ("encoder-dead", "phases-swapped"):
+        desk.robot.add_faults("left", FAULTS[name], now_ns=desk.now_ns)
+    assert left.faults == MotorFaults(encoder_dead=True, phases_swapped=True)
+    with pytest.raises(KeyError):
+        desk.robot.add_faults("middle", FAULTS["stalled"], now_ns=desk.now_ns)
 
 
 def test_the_host_can_see_how_long_the_wire_is_taken(bench: MakeBench) -> None:

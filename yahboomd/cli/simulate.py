@@ -16,7 +16,14 @@ from yahboomd.cli.shared_options import add_config_options, read_config
 from yahboomd.errors import ConfigError
 from yahboomd.simulation.boards import BOARDS
 from yahboomd.simulation.console import HELP
-from yahboomd.simulation.options import ImpairmentOptions, SimulationOptions
+from yahboomd.simulation.options import (
+    WIRINGS,
+    DriveName,
+    ImpairmentOptions,
+    SimulationOptions,
+    Wiring,
+    at_plug,
+)
 from yahboomd.simulation.pty import RobotPort, serve
 from yahboomd.simulation.robot import SimulatedRobot
 
@@ -32,6 +39,11 @@ a first drive, each line in a terminal of its own:
 
 a robot with the motors and the chassis of a configuration:
   yahboomd simulate --link /tmp/board --config robot.toml
+
+four wheels, their motors plugged in otherwise and the right ones mounted the other way round, with
+two encoder plugs crossed and a motor without power:
+  yahboomd simulate --link /tmp/board --drive skid_steer --plugs=2,1,-4,-3 \
+    --do 'crossed 1 2' --do 'motor-dead rear_right'
 
 a line that loses bytes, and a wheel whose encoder is dead from the start:
   yahboomd simulate --link /tmp/board --loss 0.02 --do 'encoder-dead left'
@@ -138,6 +150,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     _add_fields(what, ROBOT, robot)
     what.add_argument(
+        "--plugs",
+        metavar="N,N[,N,N]",
+        default="",
+        help="where the motors are plugged in, 1 to 4: left, right; or front left, rear left, "
+        "front right, rear right. Negative for one that is mounted the other way round, such as "
+        "--plugs=3,-1",
+    )
+    what.add_argument(
         "--flash",
         metavar="NAME=VALUE",
         action="append",
@@ -238,11 +258,26 @@ def _given(args: argparse.Namespace) -> SimulationOptions:
     return SimulationOptions(
         dialect=args.dialect,
         drive=args.drive,
+        wiring=_plugged(args.drive, args.plugs) if args.plugs else None,
         initial_ticks=_ticks(args.ticks),
         stream_pace=args.stream_pace,
         impairments=ImpairmentOptions(**{field: getattr(args, field) for _, _, field, _ in LINE}),
         **{field: getattr(args, field) for _, _, field, _ in ROBOT},
     )
+
+
+def _plugged(drive: DriveName, text: str) -> tuple[Wiring, ...]:
+    usual = WIRINGS[drive]
+    try:
+        plugs = [int(part) for part in text.split(",")]
+    except ValueError:
+        plugs = []
+    if len(plugs) != len(usual) or 0 in plugs:
+        raise ConfigError(
+            f"--plugs takes a plug for each of {len(usual)} motors, such as "
+            f"--plugs={','.join(str(wire.position) for wire in usual)}, not {text!r}."
+        )
+    return tuple(at_plug(wire, plug) for wire, plug in zip(usual, plugs, strict=True))
 
 
 def _named(settings: list[str]) -> dict[str, str]:

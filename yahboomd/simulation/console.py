@@ -15,6 +15,7 @@ import msgspec
 
 from yahboomd.clock import nanoseconds
 from yahboomd.errors import ConfigError
+from yahboomd.model import CHANNELS
 from yahboomd.simulation.motors import FAULTS, HEALTHY
 from yahboomd.simulation.robot import SimulatedRobot
 
@@ -41,10 +42,13 @@ tick-period SECONDS [JITTER]  period in which the totals are renewed; 0: with ev
 encoder-dead MOTOR       its counts stay
 encoder-reversed MOTOR   its counts run backward
 phases-swapped MOTOR     it turns the wrong way
+mounted-round MOTOR      it is mounted the other way round: it turns and counts the other way
+motor-dead MOTOR         it has no power; its encoder counts
 stalled MOTOR            it is held
 unplugged MOTOR          its cable is out
 turning MOTOR [M_S]      it turns without command (0.2 m/s)
-repair MOTOR             it is healthy again
+repair MOTOR             it is healthy again; until then its faults add up
+crossed N M              the encoder plugs of two positions are exchanged
 battery VOLTS            the battery at rest
 pose                     where the robot truly is, as JSON
 help                     this list
@@ -153,17 +157,25 @@ def _tick_period(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
 
 def _fault(name: str) -> Command:
     def command(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
-        robot.set_faults(words[0], FAULTS[name], now_ns=now_ns)
+        robot.add_faults(words[0], FAULTS[name], now_ns=now_ns)
         return ""
 
     return command
+
+
+def _crossed(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
+    one, other = int(words[0]), int(words[1])
+    if not (1 <= one <= CHANNELS and 1 <= other <= CHANNELS):
+        raise ValueError(f"positions go from 1 to {CHANNELS}")
+    robot.cross_encoders(one, other, now_ns=now_ns)
+    return ""
 
 
 def _turning(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
     faults = FAULTS["turning"]
     if len(words) > 1:
         faults = msgspec.structs.replace(faults, turning_m_s=float(words[1]))
-    robot.set_faults(words[0], faults, now_ns=now_ns)
+    robot.add_faults(words[0], faults, now_ns=now_ns)
     return ""
 
 
@@ -215,6 +227,7 @@ COMMANDS: dict[str, Command] = {
     "tick-period": _tick_period,
     "turning": _turning,
     "repair": _repair,
+    "crossed": _crossed,
     "battery": _battery,
     "pose": _pose,
     "help": _help,

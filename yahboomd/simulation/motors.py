@@ -48,6 +48,8 @@ class MotorFaults(msgspec.Struct, frozen=True, kw_only=True):
         stalled: The wheel is held.
         unplugged: Neither power nor counts pass the cable.
         turning_m_s: The wheel turns at this rim speed, whatever the board does.
+        motor_dead: It has no power; its encoder counts.
+        mounted_round: It is mounted the other way round: it turns, and counts, the other way.
     """
 
     encoder_dead: bool = False
@@ -56,6 +58,8 @@ class MotorFaults(msgspec.Struct, frozen=True, kw_only=True):
     stalled: bool = False
     unplugged: bool = False
     turning_m_s: float | None = None
+    motor_dead: bool = False
+    mounted_round: bool = False
 
 
 HEALTHY = MotorFaults()
@@ -67,8 +71,21 @@ FAULTS: dict[str, MotorFaults] = {
     "stalled": MotorFaults(stalled=True),
     "unplugged": MotorFaults(unplugged=True),
     "turning": MotorFaults(turning_m_s=0.2),
+    "motor-dead": MotorFaults(motor_dead=True),
+    "mounted-round": MotorFaults(mounted_round=True),
 }
 """The faults by the names that the control interface uses."""
+
+
+def joined(first: MotorFaults, second: MotorFaults) -> MotorFaults:
+    """Both at once; where both say how the wheel turns, the second one."""
+    changed = {
+        name: value
+        for name in MotorFaults.__struct_fields__
+        if (value := getattr(second, name)) != getattr(HEALTHY, name)
+    }
+    return msgspec.structs.replace(first, **changed)
+
 
 Drive: TypeAlias = tuple[float, float, float]
 """The final rim speed (m/s), its time constant (s), and sliding friction (m/s^2)."""
@@ -136,14 +153,14 @@ class Motor:
             return 0.0, law.time_constant_s, 0.0
         if faults.turning_m_s is not None:
             return faults.turning_m_s, law.time_constant_s, 0.0
-        output = 0 if faults.unplugged else self.pwm
+        output = 0 if faults.unplugged or faults.motor_dead else self.pwm
         if output == 0:
             return 0.0, COAST_TIME_CONSTANT_S, COAST_FRICTION_M_S2
         effect = abs(output) - law.dead_zone
         if effect <= 0:
             return 0.0, law.time_constant_s, 0.0
         share = min(1.0, effect / (PWM_MAX - law.dead_zone))
-        sign = law.command_sign * (-1 if faults.phases_swapped else 1)
+        sign = law.command_sign * (-1 if faults.phases_swapped != faults.mounted_round else 1)
         return (
             math.copysign(share * self.supply * law.max_speed_m_s, output * sign),
             law.time_constant_s,
@@ -154,5 +171,6 @@ class Motor:
         faults = self.faults
         if faults.encoder_dead or faults.unplugged:
             return 0.0
-        sign = self.law.encoder_sign * (-1 if faults.encoder_reversed else 1)
+        reversed_ = faults.encoder_reversed != faults.mounted_round
+        sign = self.law.encoder_sign * (-1 if reversed_ else 1)
         return self.law.ticks_per_metre * sign

@@ -69,6 +69,12 @@ WIRINGS: dict[DriveName, tuple[Wiring, ...]] = {
 }
 
 
+def at_plug(wire: Wiring, plug: int) -> Wiring:
+    """The same motor in another plug; negative: mounted the other way round too."""
+    sign = 1 if plug > 0 else -1
+    return msgspec.structs.replace(wire, position=abs(plug), command_sign=sign, encoder_sign=sign)
+
+
 class ImpairmentOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Faults of the line at the start; all of them can be changed at run time.
 

@@ -40,6 +40,9 @@ class Plant:
         self._by_position: list[Motor | None] = [None] * CHANNELS
         for wire, motor in zip(self.wiring, self.motors, strict=True):
             self._by_position[wire.position - 1] = motor
+        # Whose encoder is plugged in where, and what makes up for counts before it was.
+        self._encoders = list(self._by_position)
+        self._offsets = [0] * CHANNELS
         self._rated_volts = options.rated_volts
         self.battery_volts = options.battery_volts
         self._now_ns = 0
@@ -70,8 +73,21 @@ class Plant:
     @property
     def ticks(self) -> Counts:
         """The counts of the encoders since the beginning, positions 1 to 4."""
-        first, second, third, fourth = (m.ticks if m else 0 for m in self._by_position)
+        first, second, third, fourth = (
+            offset + (motor.ticks if motor else 0)
+            for motor, offset in zip(self._encoders, self._offsets, strict=True)
+        )
         return first, second, third, fourth
+
+    def cross_encoders(self, one: int, other: int) -> None:
+        """Exchange what is plugged in for the encoders of two positions, 1 to 4."""
+        before = self.ticks
+        encoders = self._encoders
+        encoders[one - 1], encoders[other - 1] = encoders[other - 1], encoders[one - 1]
+        self._offsets = [
+            offset + old - new
+            for offset, old, new in zip(self._offsets, before, self.ticks, strict=True)
+        ]
 
     @property
     def volts(self) -> float:

@@ -17,7 +17,7 @@ from yahboomd.clock import nanoseconds
 from yahboomd.simulation.board import NEVER, Board
 from yahboomd.simulation.boards import make_board
 from yahboomd.simulation.impairments import Impairments
-from yahboomd.simulation.motors import HEALTHY, MotorFaults
+from yahboomd.simulation.motors import HEALTHY, Motor, MotorFaults, joined
 from yahboomd.simulation.options import SimulationOptions, check
 from yahboomd.simulation.plant import Plant
 from yahboomd.simulation.speed_loop import TICK_NS
@@ -205,15 +205,23 @@ class SimulatedRobot:
             KeyError: There is no such motor.
         """
         self._run(now_ns)
-        chosen = [
-            self.plant.motors[index]
-            for index, wire in enumerate(self.plant.wiring)
-            if motor in ("all", wire.name, str(wire.position))
-        ]
-        if not chosen:
-            raise KeyError(motor)
-        for one in chosen:
+        for one in self._motors(motor):
             one.faults = faults
+
+    def add_faults(self, motor: str, faults: MotorFaults, *, now_ns: int) -> None:
+        """Break something else on a motor, named as for :meth:`set_faults`.
+
+        Raises:
+            KeyError: There is no such motor.
+        """
+        self._run(now_ns)
+        for one in self._motors(motor):
+            one.faults = joined(one.faults, faults)
+
+    def cross_encoders(self, one: int, other: int, *, now_ns: int) -> None:
+        """Exchange the encoder plugs of two positions, 1 to 4."""
+        self._run(now_ns)
+        self.plant.cross_encoders(one, other)
 
     def after(self, at_ns: int, action: Callable[[int], None]) -> None:
         """Do something at a later moment; it is called with that moment."""
@@ -225,6 +233,16 @@ class SimulatedRobot:
         return self._sample(now_ns)
 
     # Inside.
+
+    def _motors(self, name: str) -> list[Motor]:
+        chosen = [
+            self.plant.motors[index]
+            for index, wire in enumerate(self.plant.wiring)
+            if name in ("all", wire.name, str(wire.position))
+        ]
+        if not chosen:
+            raise KeyError(name)
+        return chosen
 
     def _emit(self, data: bytes, now_ns: int) -> None:
         line = self.impairments

@@ -58,6 +58,7 @@ complete -c yahboomd -n '__yahboomd_at simulate' -l start-up -x -d 'how long a b
 complete -c yahboomd -n '__yahboomd_at simulate' -l tick-period -x -d 'how often a board that sends its totals renews them, 0 for with every line'
 complete -c yahboomd -n '__yahboomd_at simulate' -l tick-jitter -x -d 'each of these periods is up to so much longer, at random'
 complete -c yahboomd -n '__yahboomd_at simulate' -l seed -x -d 'of all that is random: the same number, the same faults'
+complete -c yahboomd -n '__yahboomd_at simulate' -l plugs -x -d 'where the motors are plugged in, 1 to 4: left, right'
 complete -c yahboomd -n '__yahboomd_at simulate' -l flash -x -d 'what the board has stored, such as lines=0'
 complete -c yahboomd -n '__yahboomd_at simulate' -l ticks -x -d 'counters at the start'
 complete -c yahboomd -n '__yahboomd_at simulate' -l stream-pace -x -a 'measured wire' -d 'stream lines at the rate of a real board, or one right after the other'
