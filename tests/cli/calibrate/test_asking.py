@@ -29,7 +29,9 @@ def typed(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[bytes], None]]:
 async def test_a_number_is_asked_for_until_a_possible_one_comes(typed, capsys) -> None:
     typed(b"far\n-3\n1,987\n")
     asked = Answers()
-    length = await asked.number("How far?", good=lambda value: value > 0, wrong="Metres above 0.")
+    length = await asked.number(
+        "length", "How far?", unit="m", good=lambda value: value > 0, wrong="Metres above 0."
+    )
     assert length == 1.987
     out, err = capsys.readouterr()
     assert out == ""
@@ -40,13 +42,13 @@ async def test_a_number_is_asked_for_until_a_possible_one_comes(typed, capsys) -
 async def test_an_empty_line_means_what_the_question_says(typed) -> None:
     typed(b"\n\n")
     asked = Answers()
-    assert await asked.number("?", good=bool, wrong="", blank=0.0) == 0.0
-    assert await asked.number("?", good=bool, wrong="") is None
+    assert await asked.number("n", "?", unit="m", good=bool, wrong="", blank=0.0) == 0.0
+    assert await asked.number("n", "?", unit="m", good=bool, wrong="") is None
 
 
 async def test_an_input_that_ends_ends_the_questions(typed) -> None:
     typed(b"12")
     asked = Answers()
-    assert await asked.line("?") == "12"
+    assert await asked.number("n", "?", unit="m", good=bool, wrong="") == 12.0
     with pytest.raises(Refused, match="nothing was written"):
-        await asked.line("?")
+        await asked.confirm("done", "?")

@@ -11,7 +11,8 @@ import msgspec
 import pytest
 
 from yahboomd.calibration.hand_turn import Mounted
-from yahboomd.cli.calibrate.imu_by_hand import print_mounted, turn_by_hand
+from yahboomd.cli.calibrate.asking import Answers
+from yahboomd.cli.calibrate.imu_by_hand import show_mounted, turn_by_hand
 from yahboomd.config import Config
 from yahboomd.errors import Refused
 from yahboomd.messages.native import ImuSample
@@ -31,6 +32,8 @@ SENSOR = ImuSensor(
 
 class Bench:
     """A robot on the floor, a sensor on it, and a person beside it who does as asked."""
+
+    enter = "Enter"
 
     def __init__(self, config: Config, *, axes: str, turns: float, silent: bool = False) -> None:
         self.config = config
@@ -68,14 +71,13 @@ class Bench:
                 acceleration_m_s2=reading.acceleration_m_s2,
             )
 
-    async def line(self, question: str) -> str:
-        self.questions.append(question)
-        if "to the left" in question:
+    async def confirm(self, name: str, words: str) -> None:
+        self.questions.append(words)
+        if name == "turned":
             self.wz = 2.0
             await asyncio.sleep(self.turns * math.pi)
             self.wz = 0.0
         await asyncio.sleep(0.5)
-        return ""
 
     async def run(self, turns: float = 3) -> Mounted:
         return await turn_by_hand(self.stream, self, self.config, turns)
@@ -89,7 +91,7 @@ async def test_a_sensor_that_is_mounted_as_configured_is_right_and_its_scale_is_
     found = await Bench(config, axes="x y z", turns=3.0).run()
     assert (found.axes, found.gyro_axes) == ("x y z", "")
     assert found.gyro_scale == pytest.approx(1.0, abs=5e-3)
-    print_mounted(found, config)
+    show_mounted(found, config, Answers())
     out, err = capsys.readouterr()
     assert out.startswith('[imu]\naxes = "x y z"\ngyro_scale = ')
     assert "right" in err
@@ -102,12 +104,12 @@ async def test_one_on_its_back_is_found_and_what_is_printed_makes_it_right(
     config = Config()
     found = await Bench(config, axes="x -y -z", turns=3.0).run()
     assert found.axes.split()[2] == "-z"
-    print_mounted(found, config)
+    show_mounted(found, config, Answers())
     out, err = capsys.readouterr()
     assert "wrong" in err
     given = Config.model_validate({"imu": {"axes": found.axes, "gyro_axes": found.gyro_axes}})
     again = await Bench(given, axes="x -y -z", turns=3.0).run()
-    print_mounted(again, given)
+    show_mounted(again, given, Answers())
     assert "right" in capsys.readouterr().err
     assert f'axes = "{found.axes}"' in out
 

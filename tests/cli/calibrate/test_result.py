@@ -9,6 +9,7 @@ import pytest
 
 from yahboomd.calibration.least_squares import Fit
 from yahboomd.calibration.runs import Factors
+from yahboomd.cli.calibrate.asking import Answers
 from yahboomd.cli.calibrate.result import conclude
 from yahboomd.config import Config, read
 from yahboomd.errors import Refused
@@ -24,7 +25,7 @@ BAD = Fit(factors=Factors(1.5), std=GOOD.std, chi_squared=1.2, errors=((0.001, 0
 
 def test_a_good_result_is_written_and_read_back(tmp_path: Path, capsys) -> None:
     path = tmp_path / "state" / "calibration.toml"
-    assert conclude(GOOD, Config(), path, method="tape", dry_run=False, as_json=False) == 0
+    assert conclude(GOOD, Config(), path, method="tape", dry_run=False, person=Answers()) == 0
     out, err = capsys.readouterr()
     assert "radius left         1.00000     1.01493" in out
     assert f"Written to {path}" in err
@@ -36,7 +37,10 @@ def test_a_good_result_is_written_and_read_back(tmp_path: Path, capsys) -> None:
 
 def test_a_dry_run_writes_nothing(tmp_path: Path, capsys) -> None:
     path = tmp_path / "calibration.toml"
-    assert conclude(GOOD, Config(), path, method="tape", dry_run=True, as_json=True) == 0
+    assert (
+        conclude(GOOD, Config(), path, method="tape", dry_run=True, person=Answers(as_json=True))
+        == 0
+    )
     facts = json.loads(capsys.readouterr().out)
     assert (facts["written"], facts["refused"]) == (None, [])
     assert not path.exists()
@@ -47,7 +51,7 @@ def test_a_result_that_cannot_be_trusted_writes_nothing_and_says_why(
 ) -> None:
     path = tmp_path / "calibration.toml"
     with pytest.raises(Refused, match=r"The left wheels' radius would be 1\.500"):
-        conclude(BAD, Config(), path, method="tape", dry_run=False, as_json=True)
+        conclude(BAD, Config(), path, method="tape", dry_run=False, person=Answers(as_json=True))
     facts = json.loads(capsys.readouterr().out)
     assert facts["written"] is None
     assert len(facts["refused"]) == 2
@@ -59,7 +63,7 @@ def test_only_the_distance_of_the_sides_of_a_mecanum_base_is_calibrated(tmp_path
         None, environ={}, overrides=["chassis.preset=mecanum", "chassis.wheel_base_m=0.15"]
     ).config
     path = tmp_path / "calibration.toml"
-    conclude(GOOD, config, path, method="tape", dry_run=False, as_json=False)
+    conclude(GOOD, config, path, method="tape", dry_run=False, person=Answers())
     found = read(
         None,
         environ={"STATE_DIRECTORY": str(tmp_path)},

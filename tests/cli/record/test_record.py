@@ -30,6 +30,7 @@ def start(robot: RealRobot, *arguments: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
         [sys.executable, "-m", "yahboomd", "record", *arguments, "--connect", robot.endpoint],
         text=True,
+        stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
     )
@@ -71,6 +72,25 @@ def test_a_recording_has_all_samples_and_other_readers_read_them(
         types = {connection.topic: connection.msgtype for connection in reader.connections}
     assert {"/odom", "/tf", "/joint_states", "/diagnostics", "/estopped"} <= set(types)
     assert odometry[-1].pose.pose.position.x == pytest.approx(poses[-1]["x"], abs=0.05)
+
+
+@pytest.mark.realtime
+def test_an_attached_recorder_ends_whole_with_its_input(
+    one_robot: RealRobot, tmp_path: Path
+) -> None:
+    folder = tmp_path / "run"
+    process = start(one_robot, str(folder), "--attached", "--json")
+    part = folder / "native_0.mcap"
+    wait_for(lambda: part.exists() and part.stat().st_size > 20_000, "a chunk is written")
+    # Nothing but its input ends here, as when the program that started it is killed.
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 0, err
+    assert json.loads(out)["lost"] == 0
+    with part.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    assert summary.statistics.message_count > 0
 
 
 @pytest.mark.realtime

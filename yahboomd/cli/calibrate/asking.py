@@ -2,46 +2,55 @@
 
 from __future__ import annotations
 
-import asyncio
+import json
 import math
-import os
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
 
+from yahboomd.cli.robot.input_lines import InputLines
 from yahboomd.errors import Refused
 
 
-class Answers:
-    """Lines of standard input. Questions go to standard error: standard output is the result."""
+@dataclass(frozen=True, kw_only=True)
+class Bounds:
+    """The most that the robot moves before the next question.
 
-    def __init__(self) -> None:
-        self._rest = b""
-        self._ended = False
+    Attributes:
+        distance_m: How far it goes, by its counts.
+        turn_rad: How far it turns.
+        time_s: How long it lasts at most, whatever the counts say.
+    """
 
-    async def line(self, question: str) -> str:
-        """Ask, and wait for a line.
+    distance_m: float
+    turn_rad: float
+    time_s: float
 
-        Raises:
-            Refused: The input ended.
-        """
-        print(question, end=" ", file=sys.stderr, flush=True)
-        while b"\n" not in self._rest and not self._ended:
-            await _readable(sys.stdin.fileno())
-            got = os.read(sys.stdin.fileno(), 4096)
-            self._ended = not got
-            self._rest += got
-        if not self._rest:
-            print(file=sys.stderr)
-            raise Refused(
-                "The input ended before every question was answered: nothing was written."
-            )
-        line, _, self._rest = self._rest.partition(b"\n")
-        return line.decode(errors="replace").strip()
+
+class Person(Protocol):
+    """The person beside the robot, through whatever they see and press.
+
+    Attributes:
+        enter: How they confirm, as a sentence's first words.
+    """
+
+    enter: str
+
+    async def confirm(self, name: str, words: str) -> None:
+        """Have them do something, and wait until they say that it is done."""
+        ...
+
+    async def start(self, name: str, words: str, bounds: Bounds) -> None:
+        """Announce a movement, and wait until they let it begin."""
+        ...
 
     async def number(
         self,
+        name: str,
         question: str,
         *,
+        unit: str,
         good: Callable[[float], bool],
         wrong: str,
         blank: float | None = None,
@@ -49,33 +58,116 @@ class Answers:
         """Ask until a number comes that is ``good``.
 
         Args:
+            name: Of the question, for programs.
             question: With the unit.
+            unit: Of the number.
             good: Which numbers are possible.
             wrong: What to say of others.
-            blank: The meaning of an empty line; None: it is returned as None.
+            blank: The meaning of an empty answer; None: it is returned as None.
         """
+        ...
+
+    def say(self, words: str) -> None:
+        """Show a sentence."""
+        ...
+
+    def progress(self, part: int, parts: int, done: float) -> None:
+        """Show how far a movement is: ``done``, from 0 to 1, of this part of it."""
+        ...
+
+    def result(self, table: str, facts: dict[str, Any]) -> None:
+        """Show what was found."""
+        ...
+
+
+class Answers:
+    """A person at a terminal, or lines of standard input.
+
+    Questions go to standard error: standard output is the result.
+
+    Args:
+        as_json: Whether the result is one line of JSON.
+    """
+
+    enter = "Enter"
+
+    def __init__(self, *, as_json: bool = False) -> None:
+        self._as_json = as_json
+        self._lines = InputLines()
+        self._part = 0
+
+    async def confirm(self, name: str, words: str) -> None:
+        """Wait for Enter."""
+        del name
+        await self._line(words)
+
+    async def start(self, name: str, words: str, bounds: Bounds) -> None:
+        """Wait for Enter."""
+        self._part = 0
+        self.say(f"{words} It will move for at most {bounds.time_s:.0f} s; Ctrl-C stops it.")
+        await self.confirm(name, "Enter when its way is free.")
+
+    async def _line(self, question: str) -> str:
+        """Ask, and wait for a line.
+
+        Raises:
+            Refused: The input ended.
+        """
+        print(question, end=" ", file=sys.stderr, flush=True)
+        line = await self._lines.line()
+        if line is None:
+            print(file=sys.stderr)
+            raise input_ended()
+        return line
+
+    async def number(
+        self,
+        name: str,
+        question: str,
+        *,
+        unit: str,
+        good: Callable[[float], bool],
+        wrong: str,
+        blank: float | None = None,
+    ) -> float | None:
+        """Ask until a number comes that is ``good``; see :class:`Person`."""
+        del name, unit
         while True:
-            text = (await self.line(question)).replace(",", ".")
+            text = await self._line(question)
             if not text:
                 return blank
-            try:
-                value = float(text)
-            except ValueError:
-                value = math.nan
-            if math.isfinite(value) and good(value):
+            if (value := read_number(text, good)) is not None:
                 return value
             print(wrong, file=sys.stderr)
 
+    def say(self, words: str) -> None:
+        """Print it."""
+        print(words, file=sys.stderr)
 
-async def _readable(fd: int) -> None:
-    loop = asyncio.get_running_loop()
-    ready = asyncio.Event()
+    def progress(self, part: int, parts: int, done: float) -> None:
+        """Print each part as it begins, in one line."""
+        if parts == 1:
+            return
+        if part != self._part:
+            self._part = part
+            print(f"\r  part {part} of {parts}", end="", file=sys.stderr, flush=True)
+        if part == parts and done >= 1.0:
+            print(file=sys.stderr)
+
+    def result(self, table: str, facts: dict[str, Any]) -> None:
+        """Print the table, or the facts."""
+        print(json.dumps(facts) if self._as_json else table)
+
+
+def input_ended() -> Refused:
+    """The refusal of a calibration whose person or program has gone."""
+    return Refused("The input ended before every question was answered: nothing was written.")
+
+
+def read_number(text: str, good: Callable[[float], bool]) -> float | None:
+    """The number that a person wrote, with a comma too; None where it is not a possible one."""
     try:
-        loop.add_reader(fd, ready.set)
-    except (OSError, ValueError):
-        # A plain file, which can always be read.
-        return
-    try:
-        await ready.wait()
-    finally:
-        loop.remove_reader(fd)
+        value = float(text.replace(",", "."))
+    except ValueError:
+        return None
+    return value if math.isfinite(value) and good(value) else None

@@ -9,20 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from yahboomd.cli.shared_options import add_source_option, check_source, number
-from yahboomd.errors import ConfigError, Refused
+from yahboomd.errors import ConfigError, Refused, YahboomdError
 
 if TYPE_CHECKING:
-    from yahboomd.calibration.runs import Run
-    from yahboomd.cli.calibrate.asking import Answers
-    from yahboomd.cli.calibrate.shapes import Driver, Leg
     from yahboomd.client import AsyncRobot
-    from yahboomd.config import Config, Loaded
-
-TAPE_STD_M = 0.002
-"""The exactness with which a person reads a tape beside a robot."""
-
-ANGLE_STD_RAD = math.radians(0.5)
-"""The exactness with which a person sees an angle against a mark."""
+    from yahboomd.config import Loaded
 
 DESCRIPTION = """\
 Find the true size of the wheels and of the track, and write it to the calibration file, which goes
@@ -39,6 +30,7 @@ examples:
   yahboomd calibrate squares --dry-run       print what would be written
   yahboomd calibrate poses run1 --frames map laser
   yahboomd calibrate imu                     turn it by hand: axes and scale of the sensor
+  yahboomd calibrate tape --dialogue json --held     led by a program, such as a page
   yahboomd calibrate undo                    the calibration before counts again
   yahboomd config check                      which value comes from where
 
@@ -119,6 +111,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
             "--json", action="store_true", help="print the result as one line of JSON"
         )
         add_source_option(each, "cmd_vel")
+        _add_dialogue_option(each)
+        each.add_argument(
+            "--held",
+            action="store_true",
+            help="with --dialogue: it moves only while lines come that say that a button is held",
+        )
         add_robot_options(each)
     poses = verbs.add_parser(
         "poses",
@@ -152,6 +150,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         default=5,
         help="to the left (default: %(default)s)",
     )
+    _add_dialogue_option(imu)
     add_robot_options(imu)
     undo = verbs.add_parser(
         "undo",
@@ -159,6 +158,15 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         description="Take the newest calibration back; the one before it counts again.",
     )
     add_config_options(undo)
+
+
+def _add_dialogue_option(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--dialogue",
+        choices=("json",),
+        help="ask a program: lines of JSON on standard output, its answers on standard input "
+        "(docs/calibration.md)",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -169,6 +177,17 @@ def run(args: argparse.Namespace) -> int:
         NoDaemon: No daemon is there, or it was lost.
         ConfigError: The configuration has mistakes, or the file cannot be written.
     """
+    try:
+        return _run(args)
+    except YahboomdError as error:
+        if getattr(args, "dialogue", None):
+            from yahboomd.cli.calibrate.dialogue import write_refused
+
+            write_refused(error)
+        raise
+
+
+def _run(args: argparse.Namespace) -> int:
     from yahboomd.cli.shared_options import read_config
 
     loaded = read_config(args)
@@ -182,13 +201,26 @@ def run(args: argparse.Namespace) -> int:
     if args.verb == "poses":
         return _by_poses(loaded, args)
 
+    from yahboomd.cli.calibrate.wizard import calibrate
     from yahboomd.cli.robot.attended import attend
     from yahboomd.daemon.process import deadly
 
     check_source(args)
+    if args.held and not args.dialogue:
+        raise ConfigError("--held needs --dialogue json: the button is that of a program.")
 
     async def work(robot: AsyncRobot) -> int:
-        return await _calibrate(robot, loaded, args)
+        if not args.dialogue:
+            from yahboomd.cli.calibrate.asking import Answers
+
+            return await calibrate(robot, loaded, args, Answers(as_json=args.json))
+        from yahboomd.cli.calibrate.dialogue import Dialogue
+        from yahboomd.cli.calibrate.hold import Hold
+        from yahboomd.clock import SystemClock
+
+        hold = Hold(SystemClock(), robot.stop) if args.held else None
+        dialogue = Dialogue(hold)
+        return await dialogue.lead(calibrate(robot, loaded, args, dialogue, hold))
 
     import signal
 
@@ -207,17 +239,25 @@ def _undo(loaded: Loaded) -> int:
 
 def _by_hand(loaded: Loaded, args: argparse.Namespace) -> int:
     from yahboomd.cli.calibrate.asking import Answers
-    from yahboomd.cli.calibrate.imu_by_hand import print_mounted, turn_by_hand
+    from yahboomd.cli.calibrate.dialogue import Dialogue
+    from yahboomd.cli.calibrate.imu_by_hand import show_mounted, turn_by_hand
+    from yahboomd.cli.calibrate.wizard import config_of
     from yahboomd.cli.robot.attended import attend
     from yahboomd.client import ImuSample
 
-    async def work(robot: AsyncRobot) -> int:
-        config = await _config_of(robot, loaded)
+    async def ask(robot: AsyncRobot, person: Answers | Dialogue) -> int:
+        config = await config_of(robot, loaded)
         found = await turn_by_hand(
-            lambda: robot.samples(ImuSample, depth=1024), Answers(), config, args.turns
+            lambda: robot.samples(ImuSample, depth=1024), person, config, args.turns
         )
-        print_mounted(found, config)
+        show_mounted(found, config, person)
         return 0
+
+    async def work(robot: AsyncRobot) -> int:
+        if not args.dialogue:
+            return await ask(robot, Answers())
+        dialogue = Dialogue(None)
+        return await dialogue.lead(ask(robot, dialogue))
 
     return attend(args, work)
 
@@ -226,6 +266,7 @@ def _by_poses(loaded: Loaded, args: argparse.Namespace) -> int:
     from yahboomd.calibration.least_squares import Unseen
     from yahboomd.calibration.sensor import fit_to_sensor
     from yahboomd.calibration.verdict import unseen
+    from yahboomd.cli.calibrate.asking import Answers
     from yahboomd.cli.calibrate.recorded_poses import tracks
     from yahboomd.cli.calibrate.result import conclude
 
@@ -249,176 +290,5 @@ def _by_poses(loaded: Loaded, args: argparse.Namespace) -> int:
         loaded.calibration_path,
         method=f"poses of {args.topic}",
         dry_run=args.dry_run,
-        as_json=args.json,
+        person=Answers(as_json=args.json),
     )
-
-
-async def _calibrate(robot: AsyncRobot, loaded: Loaded, args: argparse.Namespace) -> int:
-    from yahboomd.calibration.least_squares import PARTS, Unseen, fit
-    from yahboomd.calibration.verdict import unseen
-    from yahboomd.cli.calibrate.asking import Answers
-    from yahboomd.cli.calibrate.result import conclude
-    from yahboomd.cli.calibrate.shapes import Driver
-
-    config = await _config_of(robot, loaded)
-    if args.verb == "squares" and config.kinematics().holonomic:
-        raise Refused(
-            "A mecanum base is calibrated by tape: its slip hides the ratio of the wheels. "
-            "`yahboomd calibrate tape`"
-        )
-    driver, answers = Driver(robot, config, args.source), Answers()
-    if args.verb == "tape":
-        runs = await _by_tape(driver, answers, args)
-        method, free = "tape", PARTS[::2]
-    else:
-        runs = await _by_squares(driver, answers, args)
-        method, free = f"squares of {args.side:g} m", PARTS
-    try:
-        found = fit(runs, free=free)
-    except Unseen as error:
-        raise Refused(f"Nothing was written. {unseen(error)}") from error
-    return conclude(
-        found,
-        config,
-        loaded.calibration_path,
-        method=method,
-        runs=runs,
-        dry_run=args.dry_run,
-        as_json=args.json,
-    )
-
-
-async def _config_of(robot: AsyncRobot, loaded: Loaded) -> Config:
-    """The daemon's configuration, which the calibration file of this machine must belong to.
-
-    Raises:
-        ConfigError: It is another robot's.
-    """
-    import msgspec
-
-    from yahboomd.config import Config
-    from yahboomd.config.calibration_file import geometry_of
-
-    config = Config.model_validate_json(msgspec.json.encode(await robot.config()))
-    if geometry_of(config) != geometry_of(loaded.config):
-        raise ConfigError(
-            "The daemon runs with another robot's configuration than "
-            f"{loaded.path or 'the defaults'}, which this command has read.",
-            remedy="Name the daemon's own file: `--config FILE`.",
-        )
-    return config
-
-
-async def _by_tape(driver: Driver, answers: Answers, args: argparse.Namespace) -> list[Run]:
-    from yahboomd.cli.calibrate.shapes import turns
-
-    runs = [await _straight(driver, answers, args)]
-    for left in (True, False):
-        way = "to the left" if left else "to the right"
-        whole = 2.0 * math.pi * args.turns * (1.0 if left else -1.0)
-        await _move(
-            driver,
-            answers,
-            args,
-            turns(whole, args.turn_speed),
-            f"Turn {args.turns:g} times {way}: mark which way the robot points.",
-        )
-        beyond = await answers.number(
-            "How many degrees beyond its mark did it turn? (negative: short of it)",
-            good=lambda value: abs(value) < 3600.0,
-            wrong="A number of degrees, such as 12.5 or -8.",
-            blank=0.0,
-        )
-        assert beyond is not None
-        measured = whole + math.copysign(1.0, whole) * math.radians(beyond)
-        runs.append(_run(driver, "turn", (measured,), (ANGLE_STD_RAD,)))
-    return runs
-
-
-async def _by_squares(driver: Driver, answers: Answers, args: argparse.Namespace) -> list[Run]:
-    from yahboomd.cli.calibrate.shapes import square
-
-    runs = []
-    for left in (True, False):
-        way = "left" if left else "right"
-        for count in range(1, int(args.count) + 1):
-            await _move(
-                driver,
-                answers,
-                args,
-                square(args.side, args.speed, args.turn_speed, left=left),
-                f"Square {count} of {args.count:g} to the {way}: put the robot on its mark.",
-            )
-            x = await _metres(answers, "How far ahead of its mark did it end, in mm?")
-            y = await _metres(answers, "How far to the left of its mark, in mm?")
-            degrees = await answers.number(
-                "How many degrees to the left does it point? (empty: not measured)",
-                good=lambda value: abs(value) <= 360.0,
-                wrong="A number of degrees, or nothing.",
-            )
-            measured: tuple[float, ...] = (x, y)
-            std: tuple[float, ...] = (TAPE_STD_M, TAPE_STD_M)
-            if degrees is not None:
-                measured, std = (*measured, math.radians(degrees)), (*std, ANGLE_STD_RAD)
-            runs.append(_run(driver, "pose", measured, std))
-    runs.append(await _straight(driver, answers, args))
-    return runs
-
-
-async def _straight(driver: Driver, answers: Answers, args: argparse.Namespace) -> Run:
-    from yahboomd.cli.calibrate.shapes import straight
-
-    await _move(
-        driver,
-        answers,
-        args,
-        straight(args.straight, args.speed),
-        f"A straight of {args.straight:g} m: mark where the robot stands.",
-    )
-    length = await answers.number(
-        "How far did it truly go, in m?",
-        good=lambda value: 0.0 < value < 1000.0,
-        wrong="A number of metres, such as 1.987.",
-    )
-    if length is None:
-        raise Refused("Without a length there is nothing to calibrate by: nothing was written.")
-    return _run(driver, "straight", (length,), (TAPE_STD_M,))
-
-
-async def _metres(answers: Answers, question: str) -> float:
-    value = await answers.number(
-        f"{question} (negative: the other way)",
-        good=lambda each: abs(each) < 100_000.0,
-        wrong="A number of millimetres, such as 35 or -12.",
-        blank=0.0,
-    )
-    assert value is not None
-    return value / 1000.0
-
-
-async def _move(
-    driver: Driver, answers: Answers, args: argparse.Namespace, legs: list[Leg], words: str
-) -> None:
-    """Announce a shape, wait for the person, and drive it or have it driven by hand."""
-    await driver.begin()
-    if args.by_hand:
-        print(f"{words} Then move it so.", file=sys.stderr)
-        await driver.by_hand(answers, "Enter when it stands at the end.")
-        return
-    bounds = sum(leg.limit_s for leg in legs)
-    print(f"{words} It will move for at most {bounds:.0f} s; Ctrl-C stops it.", file=sys.stderr)
-    await answers.line("Enter when its way is free.")
-    await driver.begin()
-    for number_, leg in enumerate(legs, start=1):
-        if len(legs) > 1:
-            print(f"\r  part {number_} of {len(legs)}", end="", file=sys.stderr, flush=True)
-        await driver.drive(leg)
-    if len(legs) > 1:
-        print(file=sys.stderr)
-
-
-def _run(driver: Driver, kind: str, measured: tuple[float, ...], std: tuple[float, ...]) -> Run:
-    from yahboomd.calibration.runs import Run
-
-    left, right, separation_m = driver.gathered()
-    return Run(kind, left, right, separation_m, measured, std)  # type: ignore[arg-type]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import sys
 from typing import TYPE_CHECKING, Any, Protocol
 
 from yahboomd.errors import Refused
@@ -12,6 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Callable, Coroutine
 
     from yahboomd.calibration.hand_turn import Mounted
+    from yahboomd.cli.calibrate.asking import Person
     from yahboomd.config import Config
     from yahboomd.messages.native import ImuSample
     from yahboomd.model import Vector3
@@ -24,8 +24,10 @@ LONGEST_GAP_NS = 200_000_000
 class Asks(Protocol):
     """Asks the person."""
 
-    async def line(self, question: str) -> str:
-        """Wait for Enter."""
+    enter: str
+
+    async def confirm(self, name: str, words: str) -> None:
+        """Wait until they say that it is done."""
         ...
 
 
@@ -79,15 +81,16 @@ async def turn_by_hand(
             "sensor in board.imu where the board has one."
         ) from error
     mark = "Put the robot on the floor, its side along a straight edge, and take your hands off."
-    await answers.line(f"{mark} Enter, then wait {REST_S:g} s.")
+    await answers.confirm("rest", f"{mark} {answers.enter}, then wait {REST_S:g} s.")
     rest = await _gather(stream(), asyncio.sleep(REST_S), (0.0, 0.0, 0.0))
     bias, force = (
         (each[0] / rest.count, each[1] / rest.count, each[2] / rest.count)
         for each in (rest.turn, rest.force)
     )
-    asked = answers.line(
+    asked = answers.confirm(
+        "turned",
         f"Turn it {turns:g} times to the left, flat on the floor, back to the edge: counter-"
-        "clockwise from above. Enter when it is there."
+        f"clockwise from above. {answers.enter} when it is there.",
     )
     moved = await _gather(stream(), asked, bias)
     if moved.lost:
@@ -129,23 +132,24 @@ async def _gather(
     return gathered
 
 
-def print_mounted(found: Mounted, config: Config) -> None:
-    """Print what to configure."""
+def show_mounted(found: Mounted, config: Config, person: Person) -> None:
+    """Show what to configure."""
     imu = config.imu
     right = (found.axes, found.gyro_axes) == (
         imu.axes,
         "" if imu.gyro_axes == imu.axes else imu.gyro_axes,
     )
     if right:
-        print("The axes are right.", file=sys.stderr)
+        person.say("The axes are right.")
     else:
-        print(
+        person.say(
             "The axes are wrong: put this into the configuration, and restart the daemon. Which "
-            "axis points forward is guessed; the heading does not depend on it.",
-            file=sys.stderr,
+            "axis points forward is guessed; the heading does not depend on it."
         )
-    print("[imu]")
-    print(f'axes = "{found.axes}"')
+    facts: dict[str, Any] = {"axes": found.axes, "gyro_scale": round(found.gyro_scale, 6)}
+    lines = ["[imu]", f'axes = "{found.axes}"']
     if found.gyro_axes:
-        print(f'gyro_axes = "{found.gyro_axes}"')
-    print(f"gyro_scale = {found.gyro_scale:g}", flush=True)
+        facts["gyro_axes"] = found.gyro_axes
+        lines.append(f'gyro_axes = "{found.gyro_axes}"')
+    lines.append(f"gyro_scale = {found.gyro_scale:g}")
+    person.result("\n".join(lines), facts)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import datetime
-import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +14,7 @@ if TYPE_CHECKING:
 
     from yahboomd.calibration.least_squares import Fit
     from yahboomd.calibration.runs import Run
+    from yahboomd.cli.calibrate.asking import Person
     from yahboomd.config import Config
     from yahboomd.config.calibration_file import Calibration
 
@@ -28,9 +27,9 @@ def conclude(
     method: str,
     runs: Sequence[Run] = (),
     dry_run: bool,
-    as_json: bool,
+    person: Person,
 ) -> int:
-    """Print what was found, and write it unless it cannot be trusted.
+    """Show what was found, and write it unless it cannot be trusted.
 
     Args:
         fit: The result.
@@ -38,37 +37,38 @@ def conclude(
         path: The calibration file; None where there is no state directory.
         method: How it was measured, in a few words.
         runs: What it was fitted to.
-        dry_run: Whether to print only.
-        as_json: Whether the result is one line of JSON.
+        dry_run: Whether to show it only.
+        person: Who is shown it.
 
     Raises:
         Refused: The result cannot be trusted; nothing was written.
         ConfigError: The file cannot be written.
     """
+    from yahboomd.config.calibration_file import write_calibration
+
     calibration = made_of(fit, config, method=method, runs=len(runs))
     wrong = doubts(fit, skid_steer=config.kinematics_name() == "skid_steer", runs=runs)
     target = None if dry_run or wrong else path
-    if as_json:
-        print(json.dumps(_facts(fit, calibration, wrong, target)))
-    else:
-        print(_table(fit, calibration))
+    written: Path | None = None
+    try:
+        if target is not None:
+            write_calibration(target, calibration)
+            written = target
+    finally:
+        person.result(_table(fit, calibration), _facts(fit, calibration, wrong, written))
     if wrong:
         raise Refused("\n".join(["Nothing was written:", *(f"  {words}" for words in wrong)]))
     if dry_run:
-        print("A dry run: nothing was written.", file=sys.stderr)
+        person.say("A dry run: nothing was written.")
         return 0
     if path is None:
         raise Refused(
             "Nothing was written: there is no state directory. Name the file: "
             "`--set chassis.calibration_file=/path/to/calibration.toml`."
         )
-    from yahboomd.config.calibration_file import write_calibration
-
-    write_calibration(path, calibration)
-    print(
+    person.say(
         f"Written to {path}. The daemon reads it when it starts: "
-        "`sudo systemctl restart yahboomd`. `yahboomd calibrate undo` takes it back.",
-        file=sys.stderr,
+        "`sudo systemctl restart yahboomd`. `yahboomd calibrate undo` takes it back."
     )
     return 0
 

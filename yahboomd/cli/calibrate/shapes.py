@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Coroutine, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from yahboomd.calibration.runs import Floats
+from yahboomd.cli.calibrate.asking import Bounds
 from yahboomd.cli.robot.obedience import Obedience
+from yahboomd.clock import SystemClock, nanoseconds, seconds
 from yahboomd.errors import NoDaemon, Refused
 from yahboomd.messages.native import StatusSample, WheelsSample
 from yahboomd.model import NS_PER_S
 
 if TYPE_CHECKING:
-    from yahboomd.cli.calibrate.asking import Answers
+    from yahboomd.cli.calibrate.hold import Hold
     from yahboomd.client import AsyncRobot, Samples
     from yahboomd.config import Config
 
@@ -75,23 +77,39 @@ class Leg:
         return (right_m - left_m) / separation_m * (1.0 if self.wz > 0.0 else -1.0)
 
 
+class LetGo(Exception):
+    """The person let go of the button in mid-run; the robot was stopped."""
+
+
 class Driver:
     """Drives legs and gathers counts.
 
     Args:
         robot: A connected client.
-        sides: Of the robot.
+        config: Of the robot.
         source: The key that it commands on.
+        hold: The button that lets the robot move; None: it moves without one.
     """
 
-    def __init__(self, robot: AsyncRobot, config: Config, source: str) -> None:
+    def __init__(
+        self, robot: AsyncRobot, config: Config, source: str, hold: Hold | None = None
+    ) -> None:
         self._robot = robot
         self._config = config
         self._source = source
+        self._hold = hold
         self._samples: Samples[WheelsSample] = robot.samples(WheelsSample, depth=4096)
         self._ticks: list[tuple[int, ...]] = []
-        self._stamp_ns = 0
+        self._stamp_ns = self._changed_ns = 0
         self.sides: Sides | None = None
+
+    def bounds(self, legs: Sequence[Leg]) -> Bounds:
+        """The most that the robot moves in these legs."""
+        return Bounds(
+            distance_m=sum(leg.amount for leg in legs if leg.vx),
+            turn_rad=float(sum(leg.amount for leg in legs if leg.wz)),
+            time_s=sum(leg.limit_s for leg in legs),
+        )
 
     async def _next(self) -> Sides:
         try:
@@ -104,14 +122,31 @@ class Driver:
             ) from None
         if self.sides is None:
             self.sides = Sides(self._config, sample.names)
+        if not self._ticks or sample.ticks != self._ticks[-1]:
+            self._changed_ns = sample.stamp_ns
         self._ticks.append(sample.ticks)
         self._stamp_ns = sample.stamp_ns
         return self.sides
 
-    async def begin(self) -> None:
-        """Discard what was gathered; the robot stands."""
+    async def begin(self, asked: Coroutine[Any, Any, None] | None = None) -> None:
+        """Discard what was gathered, once the robot stands.
+
+        Args:
+            asked: Is waited for first; the robot may be pushed onto its mark meanwhile.
+        """
+        if asked is not None:
+            await self._gather_until(asked)
         await self._rest()
         del self._ticks[:-1]
+
+    async def _gather_until(self, asked: Coroutine[Any, Any, None]) -> None:
+        waiting = asyncio.create_task(asked)
+        try:
+            while not waiting.done():
+                await self._next()
+            await waiting
+        finally:
+            waiting.cancel()
 
     async def _rest(self) -> None:
         """Gather until the counts have not changed for a while.
@@ -120,19 +155,21 @@ class Driver:
             Refused: They change on: somebody moves the robot.
         """
         await self._next()
-        begin_ns = changed_ns = self._stamp_ns
-        while self._stamp_ns - changed_ns < REST_NS:
-            before = self._ticks[-1]
+        begin_ns = self._stamp_ns
+        while self._stamp_ns - self._changed_ns < REST_NS:
             await self._next()
-            if self._ticks[-1] != before:
-                changed_ns = self._stamp_ns
             if self._stamp_ns - begin_ns > STANDS_WITHIN_NS:
                 raise Refused("The wheels do not come to rest: nothing was written.")
 
-    async def drive(self, leg: Leg) -> None:
+    async def drive(self, leg: Leg, progress: Callable[[float], None]) -> None:
         """Drive one leg, and wait until the robot stands.
 
+        Args:
+            leg: What to drive.
+            progress: Is called with the part of it that was driven, from 0 to 1.
+
         Raises:
+            LetGo: The person let go of the button.
             Refused: The robot does not obey, or does not get on.
             NoDaemon: It was lost.
         """
@@ -142,45 +179,72 @@ class Driver:
         obedience = Obedience(self._source, before)
         if trouble := obedience.trouble_before():
             raise Refused(f"Nothing was driven. {trouble}")
-        first = self._ticks[-1]
-        self._robot.drive(leg.vx, leg.wz, for_s=leg.limit_s)
-        seen = before.stamp_ns
+        first, seen = self._ticks[-1], before.stamp_ns
+        command = _Command(self._robot, leg, self._hold)
+        progress(0.0)
         try:
             while True:
+                command.go_on()
                 sides = await self._next()
                 left, right = sides.travel([first, self._ticks[-1]])
-                if leg.done(float(left[0]), float(right[0]), sides.separation_m) >= leg.amount:
+                done = leg.done(float(left[0]), float(right[0]), sides.separation_m) / leg.amount
+                if done >= 1.0:
                     break
+                progress(max(0.0, done))
                 status = self._robot.newest(StatusSample)
                 if status is not None and status.stamp_ns != seen:
                     seen = status.stamp_ns
                     if trouble := obedience.trouble(status):
                         raise Refused(f"The robot does not obey. {trouble}")
-                if self._robot.commanded is None:
-                    raise Refused(
-                        f"After {leg.limit_s:.0f} s the robot was not where its counts should "
-                        "be, and was stopped: do all wheels turn, and the right way round?"
-                    )
         finally:
             self._robot.stop()
+        progress(1.0)
         await self._robot.finished()
         await self._rest()
 
-    async def by_hand(self, answers: Answers, words: str) -> None:
-        """Gather while the person moves the robot, until they press Enter."""
-        waiting = asyncio.create_task(answers.line(words))
-        try:
-            while not waiting.done():
-                await self._next()
-            await waiting
-        finally:
-            waiting.cancel()
+    async def by_hand(self, asked: Coroutine[Any, Any, None]) -> None:
+        """Gather while the person moves the robot, until they say that it is done."""
+        await self._gather_until(asked)
         await self._rest()
 
     def gathered(self) -> tuple[Floats, Floats, float]:
         """The travel of both sides since :meth:`begin`, in steps, and the nominal separation."""
         assert self.sides is not None
         return (*self.sides.travel(self._ticks), self.sides.separation_m)
+
+
+class _Command:
+    """The command of one leg: it ends with the leg's time, and with the person's hold."""
+
+    def __init__(self, robot: AsyncRobot, leg: Leg, hold: Hold | None) -> None:
+        self._robot = robot
+        self._leg = leg
+        self._hold = hold
+        self._ends_ns = SystemClock().now_ns() + nanoseconds(leg.limit_s)
+        if hold is None:
+            robot.drive(leg.vx, leg.wz, for_s=leg.limit_s)
+
+    def go_on(self) -> None:
+        """Command on.
+
+        Raises:
+            LetGo: The person let go.
+            Refused: The leg's time is over.
+        """
+        if self._hold is None:
+            over = self._robot.commanded is None
+        else:
+            if (held_s := self._hold.left_s()) <= 0.0:
+                raise LetGo
+            left_s = seconds(self._ends_ns - SystemClock().now_ns())
+            over = left_s <= 0.0
+            if not over:
+                self._robot.drive(self._leg.vx, self._leg.wz, for_s=min(held_s, left_s))
+        if over:
+            raise Refused(
+                f"After {self._leg.limit_s:.0f} s the robot was not where its counts should "
+                "be, and was stopped: do all wheels turn, and the right way round?"
+            )
 
 
 def straight(metres: float, speed: float) -> list[Leg]:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from yahboomd.cli.robot.attended import add_robot_options, attend
+from yahboomd.cli.robot.input_lines import input_ended
 from yahboomd.cli.shared_options import number
 from yahboomd.errors import Refused
 
@@ -96,6 +97,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--split", metavar="SIZE", type=size, default=0, help="begin another file at this size"
     )
+    parser.add_argument(
+        "--attached",
+        action="store_true",
+        help="end when standard input ends: with the program that started it, however that ends",
+    )
     parser.add_argument("--json", action="store_true", help="print the result as one line of JSON")
     add_robot_options(parser)
 
@@ -148,7 +154,7 @@ async def _record(robot: AsyncRobot, args: argparse.Namespace) -> int:
     print(f"Recording to {folder}; Ctrl-C ends it.", file=sys.stderr)
     try:
         async with asyncio.timeout(None if math.isinf(args.for_s) else args.for_s):
-            await _watch(recorder)
+            await _watch(recorder, attached=args.attached)
     except TimeoutError:
         pass
     finally:
@@ -159,23 +165,31 @@ async def _record(robot: AsyncRobot, args: argparse.Namespace) -> int:
     return os.EX_OK
 
 
-async def _watch(recorder: Recorder) -> None:
-    """Have the disk keep what was written, and show how it goes."""
+async def _watch(recorder: Recorder, *, attached: bool) -> None:
+    """Have the disk keep what was written, and show how it goes, until the input ends.
+
+    Raises:
+        Refused: Nothing can be written any more.
+    """
+    ended = asyncio.create_task(input_ended()) if attached else asyncio.Future[None]()
     elapsed = 0.0
-    while True:
-        await asyncio.sleep(REPORT_S)
-        elapsed += REPORT_S
-        if recorder.problem:
-            raise Refused(recorder.problem)
-        if elapsed % SYNC_S == 0.0:
-            await asyncio.to_thread(recorder.sync)
-        if sys.stderr.isatty():
-            facts = recorder.facts()
-            line = (
-                f"\r{elapsed:5.0f} s  {facts['messages']} messages  "
-                f"{facts['bytes'] / 1e6:.1f} MB  {facts['lost']} lost "
-            )
-            print(line, end="", file=sys.stderr, flush=True)
+    try:
+        while not ended.done():
+            await asyncio.wait({ended}, timeout=REPORT_S)
+            elapsed += REPORT_S
+            if recorder.problem:
+                raise Refused(recorder.problem)
+            if elapsed % SYNC_S == 0.0:
+                await asyncio.to_thread(recorder.sync)
+            if sys.stderr.isatty():
+                facts = recorder.facts()
+                line = (
+                    f"\r{elapsed:5.0f} s  {facts['messages']} messages  "
+                    f"{facts['bytes'] / 1e6:.1f} MB  {facts['lost']} lost "
+                )
+                print(line, end="", file=sys.stderr, flush=True)
+    finally:
+        ended.cancel()
 
 
 class _Numbered(msgspec.Struct):

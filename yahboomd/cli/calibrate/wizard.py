@@ -1,0 +1,212 @@
+"""The questions of ``calibrate tape`` and ``squares``, and what is driven between them."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from functools import partial
+from typing import TYPE_CHECKING
+
+from yahboomd.cli.calibrate.shapes import Driver, Leg, LetGo, square, straight, turns
+from yahboomd.errors import ConfigError, Refused
+
+if TYPE_CHECKING:
+    from yahboomd.calibration.runs import Run
+    from yahboomd.cli.calibrate.asking import Person
+    from yahboomd.cli.calibrate.hold import Hold
+    from yahboomd.client import AsyncRobot
+    from yahboomd.config import Config, Loaded
+
+TAPE_STD_M = 0.002
+"""The exactness with which a person reads a tape beside a robot."""
+
+ANGLE_STD_RAD = math.radians(0.5)
+"""The exactness with which a person sees an angle against a mark."""
+
+
+async def calibrate(
+    robot: AsyncRobot,
+    loaded: Loaded,
+    args: argparse.Namespace,
+    person: Person,
+    hold: Hold | None = None,
+) -> int:
+    """Ask, drive, fit, and write the result.
+
+    Args:
+        robot: A connected client.
+        loaded: The configuration of this machine, which names the calibration file.
+        args: The options of the verb.
+        person: Who answers.
+        hold: The button that lets the robot move; None: it moves once the person let it begin.
+
+    Raises:
+        Refused: The result cannot be trusted, or the robot does not obey.
+        NoDaemon: It was lost.
+        ConfigError: The daemon is another robot's, or the file cannot be written.
+    """
+    from yahboomd.calibration.least_squares import PARTS, Unseen, fit
+    from yahboomd.calibration.verdict import unseen
+    from yahboomd.cli.calibrate.result import conclude
+
+    config = await config_of(robot, loaded)
+    if args.verb == "squares" and config.kinematics().holonomic:
+        raise Refused(
+            "A mecanum base is calibrated by tape: its slip hides the ratio of the wheels. "
+            "`yahboomd calibrate tape`"
+        )
+    wizard = _Wizard(Driver(robot, config, args.source, hold), person, args)
+    if args.verb == "tape":
+        runs = await wizard.by_tape()
+        method, free = "tape", PARTS[::2]
+    else:
+        runs = await wizard.by_squares()
+        method, free = f"squares of {args.side:g} m", PARTS
+    try:
+        found = fit(runs, free=free)
+    except Unseen as error:
+        raise Refused(f"Nothing was written. {unseen(error)}") from error
+    return conclude(
+        found,
+        config,
+        loaded.calibration_path,
+        method=method,
+        runs=runs,
+        dry_run=args.dry_run,
+        person=person,
+    )
+
+
+async def config_of(robot: AsyncRobot, loaded: Loaded) -> Config:
+    """The daemon's configuration, which the calibration file of this machine must belong to.
+
+    Raises:
+        ConfigError: It is another robot's.
+    """
+    import msgspec
+
+    from yahboomd.config import Config
+    from yahboomd.config.calibration_file import geometry_of
+
+    config = Config.model_validate_json(msgspec.json.encode(await robot.config()))
+    if geometry_of(config) != geometry_of(loaded.config):
+        raise ConfigError(
+            "The daemon runs with another robot's configuration than "
+            f"{loaded.path or 'the defaults'}, which this command has read.",
+            remedy="Name the daemon's own file: `--config FILE`.",
+        )
+    return config
+
+
+class _Wizard:
+    def __init__(self, driver: Driver, person: Person, args: argparse.Namespace) -> None:
+        self._driver = driver
+        self._person = person
+        self._args = args
+
+    async def by_tape(self) -> list[Run]:
+        args = self._args
+        runs = [await self._straight()]
+        for left in (True, False):
+            way = "to the left" if left else "to the right"
+            whole = 2.0 * math.pi * args.turns * (1.0 if left else -1.0)
+            await self._move(
+                turns(whole, args.turn_speed),
+                f"Turn {args.turns:g} times {way}: mark which way the robot points.",
+            )
+            beyond = await self._person.number(
+                "beyond",
+                "How many degrees beyond its mark did it turn? (negative: short of it)",
+                unit="deg",
+                good=lambda value: abs(value) < 3600.0,
+                wrong="A number of degrees, such as 12.5 or -8.",
+                blank=0.0,
+            )
+            assert beyond is not None
+            measured = whole + math.copysign(1.0, whole) * math.radians(beyond)
+            runs.append(self._run("turn", (measured,), (ANGLE_STD_RAD,)))
+        return runs
+
+    async def by_squares(self) -> list[Run]:
+        args, runs = self._args, []
+        for left in (True, False):
+            way = "left" if left else "right"
+            for count in range(1, int(args.count) + 1):
+                await self._move(
+                    square(args.side, args.speed, args.turn_speed, left=left),
+                    f"Square {count} of {args.count:g} to the {way}: put the robot on its mark.",
+                )
+                x = await self._metres("ahead", "How far ahead of its mark did it end, in mm?")
+                y = await self._metres("left", "How far to the left of its mark, in mm?")
+                degrees = await self._person.number(
+                    "heading",
+                    "How many degrees to the left does it point? (empty: not measured)",
+                    unit="deg",
+                    good=lambda value: abs(value) <= 360.0,
+                    wrong="A number of degrees, or nothing.",
+                )
+                measured: tuple[float, ...] = (x, y)
+                std: tuple[float, ...] = (TAPE_STD_M, TAPE_STD_M)
+                if degrees is not None:
+                    measured, std = (*measured, math.radians(degrees)), (*std, ANGLE_STD_RAD)
+                runs.append(self._run("pose", measured, std))
+        runs.append(await self._straight())
+        return runs
+
+    async def _straight(self) -> Run:
+        metres = self._args.straight
+        await self._move(
+            straight(metres, self._args.speed),
+            f"A straight of {metres:g} m: mark where the robot stands.",
+        )
+        length = await self._person.number(
+            "length",
+            "How far did it truly go, in m?",
+            unit="m",
+            good=lambda value: 0.0 < value < 1000.0,
+            wrong="A number of metres, such as 1.987.",
+        )
+        if length is None:
+            raise Refused("Without a length there is nothing to calibrate by: nothing was written.")
+        return self._run("straight", (length,), (TAPE_STD_M,))
+
+    async def _metres(self, name: str, question: str) -> float:
+        value = await self._person.number(
+            name,
+            f"{question} (negative: the other way)",
+            unit="mm",
+            good=lambda each: abs(each) < 100_000.0,
+            wrong="A number of millimetres, such as 35 or -12.",
+            blank=0.0,
+        )
+        assert value is not None
+        return value / 1000.0
+
+    async def _move(self, legs: list[Leg], words: str) -> None:
+        """Announce a shape, wait for the person, and drive it or have it driven by hand."""
+        person, driver = self._person, self._driver
+        if self._args.by_hand:
+            await driver.begin()
+            person.say(f"{words} Then move it so.")
+            await driver.by_hand(
+                person.confirm("moved", f"{person.enter} when it stands at the end.")
+            )
+            return
+        while True:
+            await driver.begin(person.start("move", words, driver.bounds(legs)))
+            try:
+                for part, leg in enumerate(legs, start=1):
+                    await driver.drive(leg, partial(person.progress, part, len(legs)))
+            except LetGo:
+                words = (
+                    "You let go before the end, and the robot stopped: this run does not count. "
+                    "Put it back on its mark; it is done once more."
+                )
+            else:
+                return
+
+    def _run(self, kind: str, measured: tuple[float, ...], std: tuple[float, ...]) -> Run:
+        from yahboomd.calibration.runs import Run
+
+        left, right, separation_m = self._driver.gathered()
+        return Run(kind, left, right, separation_m, measured, std)  # type: ignore[arg-type]
