@@ -1,0 +1,89 @@
+"""Box files: read as far as they are whole, and refused with a reason."""
+
+from __future__ import annotations
+
+import random
+
+import msgspec
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from yahboomd.blackbox.box_file import MAGIC, NotABox, deflated, encode_header, read_box
+from yahboomd.blackbox.records import RECEIVED, REPEATED, Received
+
+
+def filled(memory, count=300):
+    buffer, ring = memory()
+    for number in range(count):
+        ring.write(RECEIVED, b"%d" % number, number)
+    return bytes(buffer)
+
+
+def test_a_header_is_read_as_it_was_written(memory, header):
+    assert read_box(filled(memory)).header == header
+
+
+def test_a_compressed_file_is_the_same_box(memory):
+    image = filled(memory)
+    small = deflated(image)
+    assert read_box(small) == read_box(image)
+    assert len(small) < len(image) / 4
+
+
+def test_a_repeated_read_has_the_bytes_of_the_one_before(memory):
+    buffer, ring = memory()
+    ring.write(RECEIVED, b"$MAll:0,0,0,0#\r\n", 1)
+    ring.write(REPEATED, b"", 2)
+    ring.write(REPEATED, b"", 3)
+    found = read_box(bytes(buffer)).records
+    assert [record.meaning for record in found] == [Received(data=b"$MAll:0,0,0,0#\r\n")] * 3
+    assert [record.at_ns for record in found] == [1, 2, 3]
+
+
+def test_a_file_that_was_cut_is_read_up_to_there(memory):
+    image = filled(memory, count=200)
+    whole = len(read_box(image).records)
+    assert 0 < len(read_box(image[: 4096 + 1000]).records) < whole
+    small = deflated(image)
+    assert 0 < len(read_box(small[: len(small) // 2]).records) <= whole
+
+
+@pytest.mark.parametrize(
+    "data", [b"", b"YB", b"not a box at all, by far" * 9, MAGIC, b"\x1f\x8b\x08 nor this"]
+)
+def test_what_is_no_box_is_refused(data):
+    with pytest.raises(NotABox):
+        read_box(data)
+
+
+def test_a_later_format_is_refused_with_a_remedy(memory, header):
+    image = filled(memory)
+    with pytest.raises(NotABox, match="later version"):
+        read_box(b"YBXBOX2\n" + image[8:])
+    later = encode_header(msgspec.structs.replace(header, format=2))
+    with pytest.raises(NotABox, match="format 2"):
+        read_box(later + image[len(later) :])
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(seed=st.integers(0, 2**32), damages=st.integers(1, 30))
+def test_no_damage_raises_anything_else(memory, seed, damages):
+    chance = random.Random(seed)
+    image = bytearray(filled(memory))
+    for _ in range(damages):
+        image[chance.randrange(len(image))] = chance.randrange(256)
+    try:
+        found = read_box(bytes(image))
+    except NotABox:
+        return
+    assert len(found.records) <= 3000
+
+
+def test_damage_inside_a_segment_is_counted(memory):
+    image = bytearray(filled(memory, count=2000))
+    at = image.index(b"1990") - 7
+    image[at] = 99
+    found = read_box(bytes(image))
+    assert found.damaged == 1
+    assert found.records[-1].meaning == Received(data=b"1989")
