@@ -53,6 +53,18 @@ def test_another_one_on_the_path_is_not_meant(own: Path, monkeypatch: pytest.Mon
     assert program.pasteable("`yahboomd stop`") == "`.venv/bin/yahboomd stop`"
 
 
+def test_an_extra_is_installed_into_the_environment_that_runs_and_from_its_own_source(
+    own: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = Path(program.__file__).parent.parent
+    assert program.install_command("web") == (f".venv/bin/python -m pip install '{source}[web]'")
+    monkeypatch.setattr("sys.executable", f"{source}/.venv/bin/python")
+    monkeypatch.chdir(source)
+    assert program.install_command("web") == ".venv/bin/python -m pip install '.[web]'"
+    monkeypatch.setattr(program, "__file__", str(own.with_name("yahboomd") / "program.py"))
+    assert program.install_command("web").endswith("install 'yahboomd[web]'")
+
+
 @pytest.mark.parametrize(
     "text",
     [

@@ -80,6 +80,18 @@ def pasteable(text: str) -> str:
     return _PASTED.sub(lambda _found: f"{called} ", text)
 
 
+def install_command(extra: str) -> str:
+    """The command that adds an extra to the environment that runs this program."""
+    python = Path(sys.executable)
+    here = Path.cwd()
+    source = Path(__file__).parent.parent
+    package = "yahboomd"
+    if (source / "pyproject.toml").is_file():
+        package = "." if source == here else str(source)
+    shown = python.relative_to(here) if python.is_relative_to(here) else python
+    return shlex.join([str(shown), "-m", "pip", "install", f"{package}[{extra}]"])
+
+
 def release_command(namespace: str, listen: Sequence[str]) -> str:
     """The command that releases the emergency stop of this daemon, whichever others are there."""
     words = ["yahboomd stop --release"]

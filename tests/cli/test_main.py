@@ -14,7 +14,7 @@ from zenoh_fixtures import free_endpoint
 from yahboomd import __version__
 from yahboomd.cli import main as cli
 from yahboomd.errors import ConfigError, PortDenied, PortMissing
-from yahboomd.program import COMMANDS
+from yahboomd.program import COMMANDS, install_command
 
 
 @pytest.fixture
@@ -158,7 +158,7 @@ def test_a_bug_keeps_its_traceback(command):
 def test_a_missing_extra_is_named_with_the_way_to_install_it(command, capsys):
     command(raising(ModuleNotFoundError("No module named 'rich.live'", name="rich.live")))
     assert cli.main(["drive"]) == 69
-    assert "needs rich: pip install 'yahboomd[monitor]'" in capsys.readouterr().err
+    assert f"needs rich: {install_command('monitor')}\n" in capsys.readouterr().err
 
 
 def test_a_missing_module_that_is_no_extra_is_a_bug(command):
@@ -170,7 +170,7 @@ def test_a_missing_module_that_is_no_extra_is_a_bug(command):
 @pytest.mark.parametrize(
     ("missing", "words"),
     [
-        ("rich", "pip install 'yahboomd[monitor]'"),
+        ("rich", install_command("monitor")),
         ("zenoh", "needs the Python package zenoh"),
         ("yahboomd.cli.screens.drive", "is not part of this installation"),
     ],

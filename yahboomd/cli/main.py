@@ -21,7 +21,7 @@ from typing import NoReturn, Protocol, TypeAlias, cast
 
 from yahboomd import __version__
 from yahboomd.errors import YahboomdError
-from yahboomd.program import COMMANDS, pasteable, readable
+from yahboomd.program import COMMANDS, install_command, pasteable, readable
 
 FOLDERS = {
     "stop": "stop",
@@ -251,8 +251,7 @@ def _module(name: str) -> str:
 def _missing(command: str, error: ModuleNotFoundError) -> str:
     package = (error.name or "").partition(".")[0]
     if package in EXTRAS:
-        extra = EXTRAS[package]
-        return f"`{command}` needs {package}: pip install 'yahboomd[{extra}]'"
+        return f"`{command}` needs {package}: {install_command(EXTRAS[package])}"
     if error.name == _module(command):
         return f"`{command}` is not part of this installation."
     return f"`{command}` needs the Python package {error.name}, which is missing: install again."
