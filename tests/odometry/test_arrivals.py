@@ -53,3 +53,30 @@ def test_the_spread_tells_jitter_from_a_steady_line():
         held.add((n * 5.0 * MS // (16 * MS) + 1) * 16 * MS)
     assert 4.9 * MS < steady.spread < 5.1 * MS
     assert held.spread > 12 * MS
+
+
+def test_a_backlog_is_not_steady_until_it_has_arrived():
+    arrivals = Arrivals()
+    for n in range(100):
+        arrivals.add(n * 6.0 * MS)
+    began = 99 * 6.0 * MS + 2 * BREAK_NS
+    for n in range(80):  # 240 ms of lines, twice as fast as they are sent
+        arrivals.add(began + n * 3.0 * MS)
+        assert not arrivals.steady
+    for n in range(80, 100):
+        arrivals.add(began + 240 * MS + (n - 80) * 6.0 * MS)
+    assert arrivals.steady
+
+
+def test_lines_that_stay_faster_for_half_a_second_are_the_new_rate_of_the_board():
+    arrivals = Arrivals()
+    for n in range(100):
+        arrivals.add(n * 6.0 * MS)
+    began = 99 * 6.0 * MS + 2 * BREAK_NS
+    steady_after = next(
+        n * 3.0 * MS
+        for n in range(400)
+        if arrivals.add(began + n * 3.0 * MS) and n and arrivals.steady
+    )
+    assert 500 * MS <= steady_after <= 560 * MS
+    assert 2.9 * MS < arrivals.gap < 3.1 * MS

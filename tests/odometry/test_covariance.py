@@ -2,17 +2,24 @@ from __future__ import annotations
 
 import math
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from yahboomd.model import Pose2d
-from yahboomd.odometry.covariance import SIDEWAYS_M_S, TURN_VARIANCE_MAX, Covariance
+from yahboomd.odometry.covariance import (
+    SIDEWAYS_M_S,
+    TURN_VARIANCE_MAX,
+    Covariance,
+    with_heading,
+)
 from yahboomd.odometry.integrator import Arc, Integrator
 from yahboomd.odometry.velocity import Window
 
 STEP_NS = 20_000_000
+ARC = Arc(0.01, 0.0, 1.0, 0.0, 0.1)
 
 
 def matrix(nine):
@@ -404,3 +411,46 @@ def test_the_average_nees_of_many_runs_lies_in_its_chi_squared_bounds(kit, path)
         assert (first >= 0).all()
     low, high = chi_squared_bounds(3 * runs)
     assert low < np.mean(nees) / 3.0 < high
+
+
+def test_the_floor_keeps_its_cross_terms_where_wheels_are_not_alike(kit):
+    motors = kit.motors((0, 1, 2, 3))
+    motors = (msgspec.structs.replace(motors[0], radius_m=0.05), *motors[1:])
+    covariance = Covariance(kit.mecanum(), motors)
+    straight, theta = matrix(covariance.pose), 0.6
+    assert abs(straight[1, 2]) > 1e-9
+    covariance.set_pose(theta)
+    found = matrix(covariance.pose)
+    turn = np.array([[math.cos(theta), -math.sin(theta)], [math.sin(theta), math.cos(theta)]])
+    assert np.allclose(found[:2, 2], turn @ straight[:2, 2], atol=1e-16)
+
+
+# With a gyro
+
+
+def test_with_a_gyro_the_heading_is_as_sure_as_it_is_said_to_be(base):
+    base.covariance.set_pose(0.0, (0.0,) * 8 + (1e-4,))
+    given = base.pose[2, 2]
+    for fused in (1e-5, 2e-5, 5e-6):
+        base.covariance.propagate((40, 60), ARC, fused)
+        assert base.pose[2, 2] == pytest.approx(given + fused)
+        check_sound(base.pose)
+
+
+def test_with_a_gyro_an_error_of_heading_becomes_one_of_place(base):
+    """All that the heading was off came at the start, and the way after it is straight."""
+    base.covariance.propagate((1, 1), ARC, 4e-6)
+    before = base.pose
+    for _ in range(100):
+        base.covariance.propagate(
+            (200, 200), base.integrator.integrate((200, 200), (0, 0), 1), 4e-6
+        )
+    way = base.integrator.pose.x
+    sideways = base.pose[1, 1] - before[1, 1]
+    assert sideways == pytest.approx(before[2, 2] * way * way, rel=0.02)
+    assert base.pose[1, 2] == pytest.approx(before[2, 2] * way, rel=0.02)
+
+
+def test_a_heading_that_becomes_surer_stays_as_correlated_as_it_was():
+    found = matrix(with_heading((4.0, 0.5, 0.6, 0.5, 9.0, 1.2, 0.6, 1.2, 0.16), 0.04))
+    assert np.allclose(found, [[4.0, 0.5, 0.3], [0.5, 9.0, 0.6], [0.3, 0.6, 0.04]])

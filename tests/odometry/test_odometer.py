@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from yahboomd.counts import HALF, WRAP
 from yahboomd.errors import ConfigError
-from yahboomd.model import EncoderReading, Pose2d
+from yahboomd.model import EncoderReading, ImuReading, ImuSensor, Pose2d
 from yahboomd.odometry.odometer import Odometer
 
 MS = 1_000_000
@@ -673,3 +673,73 @@ def test_the_errors_of_a_stream_are_the_known_ones(kit, name):
     for each, value in found.items():
         same = value == pytest.approx(known[name][each], rel=1e-5, abs=1e-12)
         assert same, f"{each} is another; all of it now: {json.dumps({name: found})}"
+
+
+# With an inertial sensor
+
+SENSOR = ImuSensor(
+    name="any",
+    gyro_limit_rad_s=8.0,
+    gyro_noise_rad_s=1e-3,
+    gyro_scale=0.0,
+    acceleration_limit_m_s2=20.0,
+    acceleration_noise_m_s2=0.01,
+    delay_ns=5 * MS,
+)
+
+
+def sample(rig, rate, *, after_ms, number=0):
+    """A sample of the sensor, so long after the latest counters left the board."""
+    return rig.odometer.accept(
+        ImuReading(
+            sensor=SENSOR,
+            sent_ns=START_NS + round((rig.now_ms + after_ms) * MS),
+            gyro_rad_s=(0.0, 0.0, rate),
+            acceleration_m_s2=(0.0, 0.0, 9.8 + 1e-3 * (number % 7)),
+        )
+    )
+
+
+def turned_by_hand(rig, seconds=2.0):
+    """Stands for a while, then is turned at 0.5 rad/s beside wheels that stand."""
+    for number in range(round((8.0 + seconds) / 0.02)):
+        rig.feed(0, 0, after_ms=20.0)
+        rate = 0.0 if number < 400 else 0.5 + 0.1 * math.sin(number / 7.0)
+        sample(rig, rate, after_ms=15.0, number=number)
+
+
+@pytest.mark.parametrize("fused", [True, False])
+def test_what_the_gyro_sees_beside_standing_wheels_is_in_a_fused_pose_alone(kit, fused):
+    rig = Rig(kit, fused=fused)
+    turned_by_hand(rig)
+    theta = rig.feed(0, 0, after_ms=20.0).estimate.pose.theta
+    assert theta == pytest.approx(1.0 if fused else 0.0, abs=0.06)
+    # The sensor's own account has it in any case.
+    assert sample(rig, 0.0, after_ms=5.0).theta == pytest.approx(1.0, abs=0.06)
+
+
+def test_unless_it_is_configured_a_heading_is_the_wheels(kit):
+    rig = Rig(kit)
+    turned_by_hand(rig)
+    assert rig.feed(0, 0, after_ms=20.0).estimate.pose.theta == 0.0
+
+
+@pytest.mark.parametrize(("after_ms", "carried_ms"), [(15.0, 10.0), (2.0, -3.0), (90.0, 50.0)])
+def test_between_the_counters_a_sample_carries_the_heading_by_its_rate(kit, after_ms, carried_ms):
+    """To the moment at which it was measured: 5 ms before it left; and never far."""
+    rig = Rig(kit, fused=True)
+    turned_by_hand(rig, seconds=0.0)
+    estimate = rig.feed(0, 0, after_ms=20.0).estimate
+    seen = sample(rig, 0.8, after_ms=after_ms)
+    assert seen.stamp_ns == START_NS + round((rig.now_ms + after_ms - 5.0) * MS)
+    turn = (0.8 - rig.odometer.gyro_bias_rad_s) * carried_ms * 1e-3
+    assert estimate.stamp_ns == pytest.approx(seen.stamp_ns - (after_ms - 5.0) * MS, abs=0.1 * MS)
+    assert seen.theta - estimate.pose.theta == pytest.approx(turn, abs=1e-4)
+    variances = estimate.pose_covariance[8], estimate.twist_covariance[8]
+    assert seen.theta_variance == pytest.approx(variances[0], rel=0.5)
+    assert variances[1] < 1e-4
+
+
+def test_the_tick_of_a_board_is_known_where_it_streams(kit):
+    assert Rig(kit).odometer.tick_period_ns is None
+    assert Rig(kit, sample_period_ns=10 * MS).odometer.tick_period_ns == 10 * MS

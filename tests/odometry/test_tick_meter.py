@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from yahboomd.odometry.tick_meter import TickMeter
+from yahboomd.odometry.tick_meter import Measured, TickMeter, TickPeriod
 
 MS = 1e6
 
@@ -59,3 +59,30 @@ def test_lines_that_were_lost_are_counted_by_their_counts():
 
 def test_a_crawl_tells_nothing():
     assert measured(10.0, speed=150.0) == []
+
+
+def of(tick_ms: float, *, regular: bool = True) -> Measured:
+    return Measured(tick_ms * MS, regular, marked=True)
+
+
+def test_another_period_needs_two_measurements_in_a_row():
+    renewal = TickPeriod(10.0 * MS)
+    for _ in range(3):
+        assert not renewal.weigh(of(5.0))
+        assert not renewal.weigh(of(10.1))
+    assert not renewal.weigh(of(5.0))
+    assert renewal.weigh(of(5.0))
+    assert (renewal.period, renewal.notice) == (5.0 * MS, "period")
+
+
+def test_misfits_before_a_measurement_that_fits_do_not_count():
+    renewal = TickPeriod(10.0 * MS)
+    for _ in range(3):
+        renewal.misfit()
+        renewal.misfit()
+        assert not renewal.weigh(of(10.0))
+    assert renewal.fits
+    renewal.misfit()
+    renewal.misfit()
+    assert renewal.weigh(of(7.3, regular=False))
+    assert (renewal.fits, renewal.notice) == (False, "unfit")

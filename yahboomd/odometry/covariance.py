@@ -58,6 +58,17 @@ def _outer(factors: MotorFactors, weight: float) -> Six:
     )
 
 
+def with_heading(covariance: Matrix3, variance: float) -> Matrix3:
+    """The covariance over (x, y, heading) with another variance of the heading.
+
+    The heading stays correlated with the place as it was.
+    """
+    xx, xy, xt, _, yy, yt, _, _, tt = covariance
+    share = math.sqrt(variance / tt)
+    xt, yt = share * xt, share * yt
+    return (xx, xy, xt, xy, yy, yt, xt, yt, variance)
+
+
 class Covariance:
     """Covariance of the pose over (x, y, theta), and of the twist over (vx, vy, wz).
 
@@ -126,11 +137,11 @@ class Covariance:
         yy = max(least, 0.5 * (self._ww - self._w2.real))
         xy = 0.5 * self._w2.imag
         tt = self._tt
+        pose = (xx, xy, xt, xy, yy, yt, xt, yt, tt)
         if self._heading is not None and self._heading < tt:
             # What a gyro learns later makes the heading surer than it was on the way.
-            share = math.sqrt(self._heading / tt)
-            xt, yt, tt = share * xt, share * yt, self._heading
-        return (xx, xy, xt, xy, yy, yt, xt, yt, tt)
+            return with_heading(pose, self._heading)
+        return pose
 
     def set_pose(self, theta: float, covariance: Matrix3 | None = None) -> None:
         """Restart from a given pose.

@@ -28,7 +28,7 @@ from yahboomd.model import (
     Twist2d,
 )
 from yahboomd.odometry import discontinuity
-from yahboomd.odometry.covariance import NOISE_M, Covariance
+from yahboomd.odometry.covariance import NOISE_M, Covariance, with_heading
 from yahboomd.odometry.encoders import Encoders, Verdict
 from yahboomd.odometry.heading import Heading
 from yahboomd.odometry.integrator import Doubt, Integrator, arc_between
@@ -390,10 +390,7 @@ class Odometer:
         if self._fused:
             wz, variance = self._heading.rate(twist.wz, twist_covariance[8])
             twist = Twist2d(vx=twist.vx, vy=twist.vy, wz=wz)
-            share = math.sqrt(variance / twist_covariance[8])
-            xx, xy, xt, _, yy, yt, *_ = twist_covariance
-            xt, yt = share * xt, share * yt
-            twist_covariance = (xx, xy, xt, xy, yy, yt, xt, yt, variance)
+            twist_covariance = with_heading(twist_covariance, variance)
         self.estimate = OdometryEstimate(
             stamp_ns=self._stamp_ns,
             pose=self._integrator.pose,
