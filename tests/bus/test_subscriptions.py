@@ -243,18 +243,52 @@ async def test_a_full_ring_tells_of_a_loss_and_large_samples_are_let_go_at_once(
         inbox=inbox,
         now_ns=bus._clock.now_ns,
         stamp_ns=lambda timestamp: None,
+        wall_ns=bus._clock.wall_ns,
         depth=64,
         max_bytes=10,
         keep_oversize=True,
     )
-    drained = subscription._drain(Ring(samples))
-    assert [sample is None for sample, _ in drained[0]] == [False, True, False, False]
-    subscription._deliver_drained(*drained)
-    subscription._deliver_drained(*subscription._drain(Ring(samples[:-1])))
+    batch, taken = subscription._drain(Ring(samples))
+    assert [sample is None for sample, _ in batch] == [False, True, False, False]
+    subscription._rings = [Ring(samples)]
+    subscription._look_into_rings()
+    subscription._rings = [Ring(samples[:-1])]
+    subscription._look_into_rings()
+    subscription._rings = []
+    assert taken == RING
     assert [(len(batch), batch[0].dropped) for batch in batches] == [(RING, 1), (RING - 1, 0)]
-    assert subscription.counters.oversize == 2
+    assert subscription.counters.oversize == 3
     subscription.close()
     inbox.close()
+
+
+async def test_gathered_samples_come_late_all_at_once_with_the_time_of_their_arrival(bus):
+    batches = []
+    subscription = bus.subscribe("x", batches.append, gather_s=0.5)
+    # Two turns, so that all come within one.
+    loop = asyncio.get_running_loop()
+    before = loop.time() // 0.5
+    await eventually(lambda: loop.time() // 0.5 > before)
+    put_ns = []
+    for number in range(3):
+        bus._sessions[0].put("bot1/x", str(number))
+        put_ns.append(bus._clock.now_ns())
+    await eventually(lambda: batches)
+    (batch,) = batches
+    assert [arrival.payload for arrival in batch] == [b"0", b"1", b"2"]
+    for arrival, at_ns in zip(batch, put_ns, strict=True):
+        assert abs(arrival.arrived_ns - at_ns) < 100_000_000
+    assert subscription.counters.dropped == 0
+
+
+async def test_more_than_is_gathered_counts_as_a_loss(bus):
+    batches = []
+    bus.subscribe("x", batches.append, gather_s=0.2, depth=2)
+    for number in range(5):
+        bus._sessions[0].put("bot1/x", str(number))
+    await eventually(lambda: batches)
+    assert sum(len(batch) for batch in batches) < 5
+    assert batches[0][0].dropped == 1
 
 
 async def test_a_flood_through_both_sessions_ends_in_both(zenoh_router, zenoh_app):

@@ -239,6 +239,7 @@ class Bus:
         depth: int = DEPTH,
         max_bytes: int = MAX_BYTES,
         keep_oversize: bool = False,
+        gather_s: float = 0.0,
     ) -> Subscription:
         """Have samples delivered to ``handler`` on the loop, oldest first, all pending at once.
 
@@ -250,6 +251,9 @@ class Bus:
             max_bytes: The most that payload and attachment may have together; larger samples are
                 counted and not kept.
             keep_oversize: Deliver also those that are too large, without their payload.
+            gather_s: Deliver so late, for half of the work: no Python runs when a sample comes.
+                The time of its arrival is then its stamp, where that fits, and ``depth`` samples
+                may come meanwhile.
         """
         return self._declare(
             Subscription(
@@ -259,9 +263,11 @@ class Bus:
                 inbox=self._ready(),
                 now_ns=self._clock.now_ns,
                 stamp_ns=self._neighbours.sent_ns,
+                wall_ns=self._clock.wall_ns,
                 depth=depth,
                 max_bytes=max_bytes,
                 keep_oversize=keep_oversize,
+                gather_s=gather_s,
             )
         )
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import math
 from collections.abc import Callable
 from typing import TypeAlias
 
@@ -78,9 +79,11 @@ class Subscription:
         inbox: Brings it there.
         now_ns: Stamps what arrives.
         stamp_ns: When a sample was sent, as far as its timestamp shows.
+        wall_ns: Unix time.
         depth: Samples kept for the handler.
         max_bytes: The most that payload and attachment may have together.
         keep_oversize: Deliver also what is too large, without its payload.
+        gather_s: Samples are delivered so late, and none of Zenoh's threads runs Python.
     """
 
     def __init__(
@@ -92,9 +95,11 @@ class Subscription:
         inbox: Inbox,
         now_ns: Callable[[], int],
         stamp_ns: Callable[[zenoh.Timestamp | None], int | None],
+        wall_ns: Callable[[], int],
         depth: int,
         max_bytes: int,
         keep_oversize: bool,
+        gather_s: float = 0.0,
     ) -> None:
         self.name = name
         self.key = key
@@ -102,6 +107,9 @@ class Subscription:
         self._inbox = inbox
         self._now_ns = now_ns
         self._stamp_ns = stamp_ns
+        self._wall_ns = wall_ns
+        self._gather_s = gather_s
+        self._depth = depth
         self._max_bytes = max_bytes
         self._keep_oversize = keep_oversize
         self._lane: Lane[Received] = inbox.lane(self._deliver, depth=depth)
@@ -111,6 +119,7 @@ class Subscription:
         self._direct: list[zenoh.Subscriber[None]] = []
         self._rings: list[zenoh.Subscriber[Handler[zenoh.Sample]]] = []
         self._look: asyncio.TimerHandle | None = None
+        self._gathered_ns = now_ns()
         self._window_began_ns = 0
         self._in_window = 0
         self._quiet_looks = 0
@@ -120,7 +129,11 @@ class Subscription:
         if not self._open:
             return
         self._sessions.append(session)
-        if self.flooded:
+        if self._gather_s:
+            self._rings.append(session.declare_subscriber(self.key, RingChannel(self._depth)))
+            if self._look is None:
+                self._gather()
+        elif self.flooded:
             self._rings.append(session.declare_subscriber(self.key, RingChannel(RING)))
         else:
             self._direct.append(self._listen(session))
@@ -210,14 +223,40 @@ class Subscription:
         else:
             self._look = asyncio.get_running_loop().call_later(LOOK_S, self._look_into_rings)
         for batch, taken in batches:
-            self._deliver_drained(batch, taken)
+            # A full ring does not count its losses: one at least.
+            self._deliver_drained(batch, lost=int(taken >= RING))
 
-    def _drain(self, ring: zenoh.Subscriber[Handler[zenoh.Sample]]) -> tuple[list[Received], int]:
+    def _gather(self) -> None:
+        """Deliver what has come; all subscriptions of a loop in one turn of it."""
+        loop = asyncio.get_running_loop()
+        turn = math.floor(loop.time() / self._gather_s) + 1
+        self._look = loop.call_at(turn * self._gather_s, self._gather)
+        before_ns, self._gathered_ns = self._gathered_ns, self._now_ns()
+        for ring in self._rings:
+            batch, taken = self._drain(ring, self._depth)
+            self._deliver_drained(
+                [(each, at_ns - self._age_ns(each, at_ns - before_ns)) for each, at_ns in batch],
+                lost=int(taken >= self._depth),
+            )
+
+    def _age_ns(self, sample: zenoh.Sample | None, most_ns: int) -> int:
+        """How long ago a gathered sample came: it passed the nearest router then, if not earlier.
+
+        A stamp from long before the gathering began is that of another clock, or of a slow way.
+        """
+        if sample is None or sample.timestamp is None:
+            return 0
+        age_ns = self._wall_ns() - sample.timestamp.get_time_as_ntp64().as_nanos()
+        return min(age_ns, most_ns) if 0 <= age_ns <= 2 * most_ns else 0
+
+    def _drain(
+        self, ring: zenoh.Subscriber[Handler[zenoh.Sample]], most: int = RING
+    ) -> tuple[list[Received], int]:
         """Take the samples of a ring, and their number; large ones are discarded at once."""
         now_ns = self._now_ns()
         batch = list[Received]()
         taken = 0
-        while taken < RING and (sample := ring.try_recv()) is not None:
+        while taken < most and (sample := ring.try_recv()) is not None:
             taken += 1
             if carried_bytes(sample) <= self._max_bytes:
                 batch.append((sample, now_ns))
@@ -228,11 +267,9 @@ class Subscription:
         self.counters.received += taken
         return batch, taken
 
-    def _deliver_drained(self, batch: list[Received], taken: int) -> None:
+    def _deliver_drained(self, batch: list[Received], *, lost: int) -> None:
         if not batch:
             return
-        # A full ring does not count its losses: one at least.
-        lost = int(taken >= RING)
         self.counters.dropped += lost
         self.counters.delivered += len(batch)
         self.counters.batches += 1
