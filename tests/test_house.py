@@ -132,6 +132,9 @@ CALLED_BY_OTHERS = {
         ("Ring", "left_out", "read_box", "encode_header", "deflated", "encode", "save", "restore"),
         "the black box, while it is not in the daemon yet",
     ),
+    "capture_signals": "uvicorn",
+    "handle_websocket_upgrade": "uvicorn",
+    "on_response_complete": "uvicorn",
 }
 """Names that a library calls or reads, and no caller of ours."""
 

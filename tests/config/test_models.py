@@ -112,6 +112,7 @@ def test_a_source_without_a_timeout_has_the_common_one():
     assert Config().sources() == (
         Source(name="cmd_vel", priority=10, timeout_s=0.5),
         Source(name="cmd_vel/teleop", priority=100, timeout_s=0.3),
+        Source(name="cmd_vel/web", priority=50, timeout_s=0.3),
     )
 
 

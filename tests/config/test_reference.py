@@ -69,7 +69,8 @@ def test_the_summary_says_which_robot_this_is(given):
     )
     assert "A skid_steer base, 150 mm between the wheels, wheel radius 32.5 mm" in text
     assert "rear_right on M4" in text
-    assert "bot1/cmd_vel/teleop (priority 100), bot1/cmd_vel (priority 10)" in text
+    assert "bot1/cmd_vel/teleop (priority 100), bot1/cmd_vel/web (priority 50), " in text
+    assert "bot1/cmd_vel (priority 10)" in text
     assert "Listens on tcp/127.0.0.1:7448, joins tcp/127.0.0.1:7447." in text
 
 

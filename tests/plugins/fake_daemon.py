@@ -47,7 +47,7 @@ class FakeDaemon:
         """Start, or restart."""
         self._bus = Bus(BusOptions(listen=(self.endpoint,), connect=(), namespace=self.namespace))
         await self._bus.open()
-        for key in (keys.CMD_VEL, keys.CMD_VEL_TELEOP):
+        for key in (keys.CMD_VEL, keys.CMD_VEL_TELEOP, keys.CMD_VEL_WEB):
             self._bus.subscribe(key, self._take)
         self._bus.token(keys.ALIVE)
         self._bus.token(keys.holder_key(keys.ALIVE, self._bus.zid))

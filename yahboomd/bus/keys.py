@@ -11,6 +11,7 @@ from __future__ import annotations
 
 CMD_VEL = "cmd_vel"
 CMD_VEL_TELEOP = "cmd_vel/teleop"
+CMD_VEL_WEB = "cmd_vel/web"
 
 POSE = "yahboomd/pose"
 TWIST = "yahboomd/twist"

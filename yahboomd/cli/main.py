@@ -31,6 +31,7 @@ FOLDERS = {
     "calibrate": "calibrate",
     "record": "record",
     "plot": "plot",
+    "web": "web",
     **dict.fromkeys(("install", "uninstall"), "service"),
     "completions": "shell",
 }
@@ -42,6 +43,7 @@ EXTRAS = {
     "matplotlib": "plot",
     "numpy": "calibrate",
     "mcap": "record",
+    **dict.fromkeys(("starlette", "uvicorn", "websockets", "segno"), "web"),
     "uvloop": "uvloop",
 }
 """Packages that are installed only when asked for, with the name of the extra."""

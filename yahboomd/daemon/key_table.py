@@ -104,6 +104,7 @@ COMMAND = Input(
 INPUTS: dict[str, Input] = {
     keys.CMD_VEL: COMMAND,
     keys.CMD_VEL_TELEOP: COMMAND,
+    keys.CMD_VEL_WEB: COMMAND,
     keys.ESTOP: Input(
         messages=(EstopRequest,),
         ros_types=(ros2.BOOL,),

@@ -23,6 +23,7 @@ def test_every_key_that_the_daemon_publishes_or_takes_commands_on_is_recorded() 
     assert set(found) == set(OUTPUTS) | set(ROS_TOPICS) | {
         "cmd_vel",
         "cmd_vel/teleop",
+        "cmd_vel/web",
         "yahboomd/estop",
     }
 

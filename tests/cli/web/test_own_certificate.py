@@ -1,0 +1,41 @@
+"""The certificate that openssl makes."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from yahboomd.cli.web.own_certificate import make_certificate
+from yahboomd.errors import ConfigError
+
+
+def test_it_names_every_host_and_its_key_is_for_this_user_alone(tmp_path: Path) -> None:
+    folder = tmp_path / "state"
+    certificate, key, fingerprint = make_certificate(folder, ["192.168.1.5", "::1", "robot.local"])
+    assert key.stat().st_mode & 0o777 == 0o600
+    text = subprocess.run(
+        ["openssl", "x509", "-in", certificate, "-noout", "-ext", "subjectAltName"],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
+    for name in ("IP Address:192.168.1.5", "IP Address:0:0:0:0:0:0:0:1", "DNS:robot.local"):
+        assert name in text
+    assert fingerprint.count(":") == 31
+    # Again: the one before is replaced.
+    assert make_certificate(folder, ["robot.local"])[2] != fingerprint
+
+
+def test_without_openssl_or_a_folder_it_says_what_to_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ConfigError, match="cannot be written"):
+        make_certificate(tmp_path / "file", ["robot.local"])
+    with pytest.raises(ConfigError, match="openssl did not make"):
+        make_certificate(tmp_path, ["a b,IP:nonsense"])
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(ConfigError, match="apt install openssl"):
+        make_certificate(tmp_path, ["robot.local"])

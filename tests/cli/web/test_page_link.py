@@ -1,0 +1,31 @@
+"""Links to the page."""
+
+from __future__ import annotations
+
+import ipaddress
+
+from yahboomd.cli.web.page_link import link, own_addresses, own_names, qr_lines, reachable_hosts
+
+
+def test_the_token_is_in_the_fragment() -> None:
+    assert link("127.0.0.1", 8480, tls=False) == "http://127.0.0.1:8480/"
+    assert link("192.168.1.5", 8480, tls=True, token="abc") == "https://192.168.1.5:8480/#abc"
+    assert link("::1", 1, tls=False) == "http://[::1]:1/"
+
+
+def test_every_interface_means_the_addresses_of_this_machine() -> None:
+    assert reachable_hosts("192.168.1.5") == ["192.168.1.5"]
+    found = reachable_hosts("0.0.0.0")
+    assert found
+    assert "0.0.0.0" not in found
+    assert not any(ipaddress.ip_address(each).is_loopback for each in own_addresses())
+
+
+def test_names_of_this_machine_are_those_that_phones_use() -> None:
+    assert any(name.endswith(".local") for name in own_names())
+
+
+def test_a_link_fits_a_terminal_as_a_qr_code() -> None:
+    lines = qr_lines("http://192.168.100.100:8480/#" + "x" * 22).splitlines()
+    assert len(lines) < 24
+    assert any("█" in line or "▄" in line for line in lines)

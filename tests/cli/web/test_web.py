@@ -1,0 +1,96 @@
+"""The command as a process, on a real daemon with the simulated board."""
+
+from __future__ import annotations
+
+import re
+import signal
+import socket
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from real_robot import Process, free_endpoint
+
+from yahboomd.cli.main import main
+from yahboomd.cli.web.web import state_folder
+
+pytestmark = pytest.mark.realtime
+
+
+def test_it_prints_its_address_and_ends_in_order() -> None:
+    web = Process("web", "--listen", "127.0.0.1:0", "--connect", free_endpoint())
+    try:
+        web.says("The page is at http://127.0.0.1:")
+        web.says("does not answer; it is waited for")
+    finally:
+        status = web.end(signal.SIGTERM)
+    assert status == 0
+    assert "Traceback" not in web.output
+
+
+def test_beyond_loopback_tokens_are_kept_and_never_printed_into_a_log(tmp_path: Path) -> None:
+    environ = {"STATE_DIRECTORY": str(tmp_path)}
+    web = Process(*("web", "--listen", "0.0.0.0:0", "--connect", free_endpoint()), environ=environ)
+    try:
+        web.says("--show-link")
+        web.says("Without TLS everybody")
+    finally:
+        assert web.end(signal.SIGINT) == 0
+    link = Process("web", "--listen", "0.0.0.0:8480", "--show-link", environ=environ)
+    assert link.end_by_itself() == 0
+    tokens = re.findall(r"#([\w-]{22})", link.output)
+    assert len(set(tokens)) == 2
+    assert not any(token in web.output for token in tokens)
+    renewed = Process("web", "--listen", "0.0.0.0:8480", "--new-tokens", environ=environ)
+    assert renewed.end_by_itself() == 0
+    assert not set(tokens) & set(re.findall(r"#([\w-]{22})", renewed.output))
+
+
+def failed(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str]:
+    status = main(["web", *arguments])
+    return status, capsys.readouterr().err
+
+
+def test_mistakes_are_named_with_what_to_do(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    status, words = failed(capsys, "--listen", "here")
+    assert (status, "no address and port" in words) == (78, True)
+    status, words = failed(capsys, "--certificate", "a.pem")
+    assert (status, "belong together" in words) == (78, True)
+    status, words = failed(
+        capsys, "--certificate", str(tmp_path / "a.pem"), "--key", str(tmp_path / "b.pem")
+    )
+    assert (status, "a.pem cannot be read" in words) == (78, True)
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        status, words = failed(capsys, "--listen", f"127.0.0.1:{taken.getsockname()[1]}")
+    assert (status, "Choose another port" in words) == (69, True)
+
+
+def test_a_certificate_is_made_by_one_command_that_says_how_to_use_it(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
+    assert main(["web", "--make-certificate", "--listen", "0.0.0.0:8480"]) == 0
+    words = capsys.readouterr().out
+    assert f"--certificate {tmp_path}/web-certificate.pem --key {tmp_path}/web-key.pem" in words
+
+
+def test_without_its_extra_the_command_says_how_to_install_it(
+    yahboomd: Callable[..., Any], tmp_path: Path
+) -> None:
+    (tmp_path / "starlette").mkdir()
+    (tmp_path / "starlette" / "__init__.py").write_text(
+        "raise ModuleNotFoundError('No module named starlette', name='starlette')"
+    )
+    done = yahboomd("web", "--listen", "127.0.0.1:0", PYTHONPATH=str(tmp_path))
+    assert done.returncode == 69
+    assert "pip install 'yahboomd[web]'" in done.stderr
+
+
+def test_tokens_are_kept_where_the_state_of_this_user_belongs() -> None:
+    assert state_folder({"STATE_DIRECTORY": "/var/lib/a:/b"}, 0) == Path("/var/lib/a")
+    assert state_folder({}, 0) == Path("/var/lib/yahboomd-web")
+    assert state_folder({"XDG_STATE_HOME": "/s"}, 1000) == Path("/s/yahboomd")
+    assert state_folder({"HOME": "/h"}, 1000) == Path("/h/.local/state/yahboomd")

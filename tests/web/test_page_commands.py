@@ -1,0 +1,195 @@
+"""Which commands of pages become samples on the bus."""
+
+from __future__ import annotations
+
+import asyncio
+
+from yahboomd.clock import LoopClock
+from yahboomd.model import STANDSTILL, Twist2d
+from yahboomd.simulation.virtual_time import VirtualTimeLoop, on_virtual_time
+from yahboomd.web.page_commands import PageCommands, Refusal
+
+FORWARD = Twist2d(vx=0.3)
+FRESH_NS = 40_000_000
+LATE_NS = 300_000_001
+
+ANNE, BERT = 1, 2
+
+ESTOP = Refusal(why="estop", text="The emergency stop is engaged.")
+
+
+class Scene:
+    """Commands of two pages, and what reaches the bus, with its time in milliseconds."""
+
+    def __init__(self) -> None:
+        self.put: list[tuple[int, Twist2d]] = []
+        self.obstacle: Refusal | None = None
+        self.changes = 0
+        self.lapsed: list[int] = []
+        self.clock = LoopClock()
+        self.begun_ns = self.clock.now_ns()
+        self.commands = PageCommands(
+            self.clock,
+            lambda twist: self.put.append((self.ms, twist)),
+            obstacle=lambda: self.obstacle,
+            changed=self._changed,
+            lapsed=lambda page, _refusal: self.lapsed.append(page),
+        )
+
+    @property
+    def ms(self) -> int:
+        return round((self.clock.now_ns() - self.begun_ns) / 1e6)
+
+    @property
+    def twists(self) -> list[Twist2d]:
+        return [twist for _, twist in self.put]
+
+    def _changed(self) -> None:
+        self.changes += 1
+
+    def why(self, page: int, twist: Twist2d = FORWARD, age_ns: int | None = FRESH_NS) -> str:
+        """The reason of a refusal; empty where the command is obeyed."""
+        refusal = self.commands.command(page, twist, age_ns)
+        return "" if refusal is None else refusal.why
+
+
+@on_virtual_time
+async def test_a_command_becomes_one_sample_and_nothing_is_repeated() -> None:
+    scene = Scene()
+    for _ in range(3):
+        assert scene.why(ANNE) == ""
+        await asyncio.sleep(0.05)
+    assert scene.twists == [FORWARD] * 3
+    assert scene.commands.driver == ANNE
+
+
+@on_virtual_time
+async def test_a_command_with_an_old_beat_is_refused_and_stops_the_page_that_drove() -> None:
+    scene = Scene()
+    assert scene.why(ANNE, age_ns=300_000_000) == ""
+    assert scene.why(ANNE, age_ns=LATE_NS) == "late"
+    assert scene.twists == [FORWARD, STANDSTILL]
+
+
+@on_virtual_time
+async def test_an_unknown_beat_moves_nothing() -> None:
+    scene = Scene()
+    assert scene.why(ANNE, age_ns=None) == "late"
+    assert scene.twists == []
+    assert scene.commands.driver is None
+
+
+@on_virtual_time
+async def test_after_a_refusal_the_page_has_to_let_go_before_it_moves_again() -> None:
+    scene = Scene()
+    scene.obstacle = ESTOP
+    assert scene.why(ANNE) == "estop"
+    scene.obstacle = None
+    assert scene.why(ANNE) == "let_go"
+    assert scene.why(ANNE) == "let_go"
+    assert scene.twists == []
+    assert scene.why(ANNE, STANDSTILL) == ""
+    assert scene.why(ANNE) == ""
+    assert scene.twists == [FORWARD]
+
+
+@on_virtual_time
+async def test_a_page_that_falls_silent_in_motion_is_stopped_with_zeros_for_a_second() -> None:
+    scene = Scene()
+    scene.why(ANNE)
+    await asyncio.sleep(5)
+    assert scene.put[:2] == [(0, FORWARD), (300, STANDSTILL)]
+    assert set(scene.twists[1:]) == {STANDSTILL}
+    assert 1250 <= scene.put[-1][0] <= 1300
+    assert scene.lapsed == [ANNE]
+    assert scene.why(ANNE) == "let_go"
+
+
+@on_virtual_time
+async def test_zeros_of_a_page_are_passed_on_for_a_second_and_no_longer() -> None:
+    """A zero holds control of the robot."""
+    scene = Scene()
+    scene.why(ANNE)
+    for _ in range(100):
+        scene.why(ANNE, STANDSTILL)
+        await asyncio.sleep(0.05)
+    assert 1000 <= scene.put[-1][0] <= 1300
+    assert scene.lapsed == []
+
+
+@on_virtual_time
+async def test_a_zero_stops_however_old_its_beat_and_only_from_the_page_in_control() -> None:
+    scene = Scene()
+    scene.why(BERT, STANDSTILL)
+    assert scene.twists == []
+    scene.why(ANNE)
+    scene.why(BERT, STANDSTILL)
+    assert scene.twists == [FORWARD]
+    assert scene.why(ANNE, STANDSTILL, None) == ""
+    assert scene.twists == [FORWARD, STANDSTILL]
+
+
+@on_virtual_time
+async def test_one_page_has_control_until_another_takes_it_and_then_the_wheels_stop_first() -> None:
+    scene = Scene()
+    scene.why(ANNE)
+    assert scene.why(BERT) == "not_yours"
+    assert scene.changes == 1
+    scene.commands.take_control(BERT)
+    assert scene.twists == [FORWARD, STANDSTILL]
+    assert (scene.commands.driver, scene.changes) == (BERT, 2)
+    # Its thumb was down all the time.
+    assert scene.why(BERT) == "let_go"
+    scene.why(BERT, STANDSTILL)
+    assert scene.why(BERT) == ""
+    assert scene.why(ANNE) == "not_yours"
+    scene.commands.take_control(BERT)
+    assert scene.changes == 2
+
+
+@on_virtual_time
+async def test_a_new_drivers_commands_are_not_mixed_with_the_zeros_of_the_one_before() -> None:
+    scene = Scene()
+    scene.why(ANNE)
+    scene.commands.take_control(BERT)
+    await asyncio.sleep(0.1)
+    begun = len(scene.put)
+    for _ in range(10):
+        scene.why(BERT)
+        await asyncio.sleep(0.05)
+    assert scene.twists[begun:] == [FORWARD] * 10
+
+
+@on_virtual_time
+async def test_a_page_that_is_closed_in_motion_stops_the_wheels_at_once_and_frees_control() -> None:
+    scene = Scene()
+    scene.why(ANNE)
+    await asyncio.sleep(0.02)
+    scene.commands.closed(BERT)
+    assert scene.twists == [FORWARD]
+    scene.commands.closed(ANNE)
+    assert scene.put[-1] == (20, STANDSTILL)
+    assert scene.commands.driver is None
+    assert scene.why(BERT) == ""
+
+
+@on_virtual_time
+async def test_the_end_of_the_server_stops_the_wheels() -> None:
+    scene = Scene()
+    scene.why(ANNE)
+    scene.commands.close()
+    assert scene.twists == [FORWARD, STANDSTILL]
+
+
+@on_virtual_time
+async def test_frames_that_waited_while_the_server_stood_still_move_nothing() -> None:
+    """As after SIGSTOP and SIGCONT: the timer of the silence is late, too."""
+    scene = Scene()
+    scene.why(ANNE)
+    loop = asyncio.get_running_loop()
+    assert isinstance(loop, VirtualTimeLoop)
+    loop.freeze(1.0)
+    assert [scene.why(ANNE, age_ns=1_000_000_000 + FRESH_NS) for _ in range(20)] == ["late"] * 20
+    await asyncio.sleep(2)
+    assert scene.twists[0] == FORWARD
+    assert FORWARD not in scene.twists[1:]

@@ -1,0 +1,254 @@
+"""Pages on real sockets, with what looks like a daemon behind the server."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import daemon_samples
+import pytest
+from web_site import TOKENS, ZERO
+from websockets.exceptions import ConnectionClosed
+from zenoh_fixtures import eventually, free_endpoint
+
+from yahboomd.web.page_hub import FULL, MAX_PAGES, POLICY
+
+pytestmark = pytest.mark.realtime
+
+
+async def test_a_page_gets_the_robot_beats_and_the_newest_samples(
+    fake_daemon: Any, site: Any
+) -> None:
+    daemon = await fake_daemon()
+    page = await (await site(daemon)).page()
+    hello = page.of("hello")[0]
+    assert (hello["role"], hello["lapse_ms"]) == ("driver", 300)
+    assert (await page.one("daemon"))["alive"]
+    for kind in ("pose", "twist", "wheels", "battery", "status"):
+        assert "stamp_ns" in (await page.one(kind))["sample"]
+    beats = [each["beat"] for each in page.of("beat")]
+    assert beats == list(range(beats[0], beats[0] + len(beats)))
+    daemon.tell("A wheel fell off.")
+    await eventually(lambda: page.of("event"))
+    assert page.of("event")[0]["sample"]["message"] == "A wheel fell off."
+
+
+async def test_a_page_drives_and_its_zeros_arrive_and_nothing_after_them(
+    fake_daemon: Any, site: Any
+) -> None:
+    daemon = await fake_daemon()
+    page = await (await site(daemon)).page()
+    await page.hold(lambda: len(daemon.velocities) >= 5)
+    await page.drive(0.0)
+    await eventually(lambda: daemon.velocities[-1] == ZERO)
+    sent = len(daemon.velocities)
+    assert set(daemon.velocities[:-1]) == {(0.2, 0.0)}
+    command = daemon.commands[0]
+    assert command["source"] == "the page"
+    assert command["stamp_ns"] > 1e18
+    await page.drive(0.0)
+    await eventually(lambda: len(daemon.velocities) == sent + 1)
+    assert (await page.one("control", mine=True))["page_driver"] == 1
+
+
+async def test_a_command_without_a_fresh_beat_of_this_connection_moves_nothing(
+    fake_daemon: Any, site: Any
+) -> None:
+    daemon = await fake_daemon()
+    served = await site(daemon)
+    page = await served.page()
+    await eventually(lambda: page.beat >= 0)
+    old = page.beat
+    await eventually(lambda: page.beat > old + 8)
+    for beat in (old, 0, page.beat + 1000):
+        await page.drive(beat=beat)
+        refused = await page.one("refused")
+        assert refused["why"] == "late"
+        assert "too slow to drive safely" in refused["text"]
+        await page.drive(0.0)
+        page.came.clear()
+        await asyncio.sleep(0.21)
+    assert page.of("refused") == []
+    other = await served.page()
+    await other.drive(beat=page.beat)
+    # The beat of before it connected.
+    newest = other.beat
+    await other.drive(beat=newest - 100)
+    assert (await other.one("refused", why="late"))["what"] == "drive"
+    assert (0.2, 0.0) not in daemon.velocities[1:]
+
+
+async def test_a_page_that_is_closed_in_motion_stops_the_robot_at_once(
+    fake_daemon: Any, site: Any
+) -> None:
+    daemon = await fake_daemon()
+    served = await site(daemon)
+    page, watching = await served.page(), await served.page()
+    await page.hold(lambda: daemon.velocities)
+    page.socket.transport.abort()
+    await watching.one("control", page_driver=None)
+    await eventually(lambda: daemon.velocities[-1] == ZERO)
+    assert watching.of("refused") == []
+
+
+async def test_a_page_that_falls_silent_is_stopped_and_learns_why(
+    fake_daemon: Any, site: Any
+) -> None:
+    daemon = await fake_daemon()
+    page = await (await site(daemon)).page()
+    await page.hold(lambda: daemon.velocities)
+    refused = await page.one("refused", why="lapse")
+    assert "robot was stopped" in refused["text"]
+    await eventually(lambda: daemon.velocities[-1] == ZERO)
+    moved = daemon.velocities.count((0.2, 0.0))
+    await page.hold(lambda: page.of("refused")[-1]["why"] == "let_go")
+    assert daemon.velocities.count((0.2, 0.0)) == moved
+    await page.drive(0.0)
+    await page.hold(lambda: daemon.velocities.count((0.2, 0.0)) > moved)
+
+
+async def test_one_page_drives_and_another_takes_over_deliberately(
+    fake_daemon: Any, site: Any
+) -> None:
+    daemon = await fake_daemon()
+    served = await site(daemon)
+    first, second = await served.page(), await served.page()
+    await first.hold(lambda: daemon.velocities)
+    await second.drive(0.1)
+    assert "Another page drives" in (await second.one("refused", why="not_yours"))["text"]
+    await second.drive(0.0)
+    await second.send(type="control", want=True)
+    displaced = await first.one("control", mine=False, page_driver=2)
+    assert displaced["type"] == "control"
+    await eventually(lambda: daemon.velocities[-1] == ZERO)
+    await second.hold(lambda: (0.1, 0.0) in daemon.velocities, vx=0.1)
+    await first.drive()
+    await first.one("refused", why="not_yours")
+    await second.send(type="control", want=False)
+    await second.one("control", page_driver=None)
+
+
+async def test_a_viewer_watches_and_stops_but_neither_drives_nor_releases(
+    fake_daemon: Any, site: Any
+) -> None:
+    daemon = await fake_daemon()
+    served = await site(daemon, tokens=TOKENS)
+    page = await served.page("viewer")
+    assert page.of("hello")[0]["role"] == "viewer"
+    await page.one("pose")
+    await page.drive()
+    await page.one("refused", why="viewer")
+    await page.send(type="control", want=True)
+    for number, what in enumerate(("release", "set_pose", "reset_odometry")):
+        await page.send(type="request", id=number, do=what)
+        assert not (await page.one("answer", id=number))["ok"]
+    assert daemon.asked == []
+    await page.send(type="estop", id=9)
+    answer = await page.one("answer", id=9)
+    assert answer["ok"]
+    assert answer["text"] == "The emergency stop is engaged."
+    assert daemon.asked == ["yahboomd/estop"]
+    assert daemon.velocities == []
+    assert all(each["page_driver"] is None for each in page.of("control"))
+
+
+async def test_the_driver_releases_and_is_answered_in_the_daemons_words(
+    fake_daemon: Any, site: Any
+) -> None:
+    daemon = await fake_daemon()
+    page = await (await site(daemon)).page()
+    await page.send(type="request", id=1, do="release")
+    assert (await page.one("answer", id=1))["text"] == "Released."
+    daemon.releases = False
+    await page.send(type="request", id=2, do="release")
+    assert not (await page.one("answer", id=2))["ok"]
+    await page.send(type="request", id=3, do="fly")
+    assert not (await page.one("answer", id=3))["ok"]
+
+
+@pytest.mark.parametrize(("state", "why"), [("estopped", "estop"), ("fault", "fault")])
+async def test_while_the_robot_may_not_move_a_page_learns_the_daemons_reason(
+    fake_daemon: Any, site: Any, state: str, why: str
+) -> None:
+    """And has to let go before it moves again, so that a release moves nothing."""
+    daemon = await fake_daemon()
+    page = await (await site(daemon)).page()
+    daemon.status = daemon_samples.status(state, driver=None, why="Anne pressed the button.")
+    await page.one("status", type="status")
+    await eventually(lambda: page.of("status")[-1]["sample"]["state"] == state)
+    await page.hold(lambda: page.of("refused"))
+    assert page.of("refused")[0]["why"] == why
+    assert "Anne pressed the button." in page.of("refused")[0]["text"]
+    before = len(daemon.velocities)
+    daemon.status = daemon_samples.status("standing", driver=None, why="At rest.")
+    await page.hold(lambda: page.of("refused")[-1]["why"] == "let_go")
+    assert len(daemon.velocities) == before
+
+
+async def test_without_a_daemon_the_page_says_so_and_comes_back_by_itself(
+    fake_daemon: Any, site: Any
+) -> None:
+    endpoint = free_endpoint()
+    served = await site(endpoint=endpoint)
+    page = await served.page()
+    assert not (await page.one("daemon"))["alive"]
+    await page.drive()
+    assert "No yahboomd answers at tcp" in (await page.one("refused", why="no_daemon"))["text"]
+    await page.drive(0.0)
+    await page.send(type="estop", id=1)
+    answer = await page.one("answer", id=1)
+    assert not answer["ok"]
+    assert answer["text"]
+    daemon = await fake_daemon(endpoint=endpoint)
+    await page.one("daemon", alive=True)
+    await page.hold(lambda: daemon.velocities)
+    await daemon.stop()
+    await eventually(lambda: not page.of("daemon")[-1]["alive"])
+    assert page.of("daemon")[-1]["text"]
+
+
+async def test_a_page_that_sends_too_much_or_no_frame_is_closed_but_its_estop_counts(
+    fake_daemon: Any, site: Any
+) -> None:
+    daemon = await fake_daemon()
+    served = await site(daemon)
+    flooding = await served.page()
+    with pytest.raises(ConnectionClosed):  # noqa: PT012
+        while True:
+            await flooding.send(type="seen", beat=1)
+            await asyncio.sleep(0)
+    assert await flooding.close_code() == POLICY
+    stopping = await served.page()
+    for number in range(1000):
+        await stopping.send(type="estop", id=number)
+    assert (await stopping.one("answer"))["ok"]
+    # However many ask, few questions are sent.
+    assert len(daemon.asked) < 100
+    for frame in ("", "[]", '{"type":"drive"}', "nonsense"):
+        broken = await served.page()
+        await broken.socket.send(frame)
+        assert await broken.close_code() == POLICY
+    binary = await served.page()
+    await binary.socket.send(b"\x00\x01")
+    await binary.close_code()
+    large = await served.page()
+    await large.socket.send("x" * 4096)
+    assert await large.close_code() == 1009
+    assert not daemon.velocities
+
+
+async def test_there_are_so_many_pages_and_no_more_and_the_estop_works_beside_them(
+    fake_daemon: Any, site: Any
+) -> None:
+    daemon = await fake_daemon()
+    served = await site(daemon)
+    pages = [await served.page() for _ in range(MAX_PAGES)]
+    refused = await served.open()
+    assert await refused.close_code() == FULL
+    status, _, body = await served.request("POST", "/estop")
+    assert status == 200
+    assert b'"engaged":true' in body
+    assert daemon.asked == ["yahboomd/estop"]
+    await pages[0].close()
+    await pages[1].hold(lambda: daemon.velocities)
+    await served.page()

@@ -1,0 +1,131 @@
+"""The robot as pages see it."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from typing import Any
+
+import daemon_samples
+import pytest
+from zenoh_fixtures import eventually
+
+from yahboomd.bus import keys
+from yahboomd.bus.bus import Bus
+from yahboomd.client.connecting import client_options
+from yahboomd.clock import SystemClock
+from yahboomd.config import Config
+from yahboomd.model import Twist2d
+from yahboomd.web.robot_feed import RobotFeed, daemon_part, robot_facts
+
+pytestmark = pytest.mark.realtime
+
+
+class Followed:
+    """A feed that runs."""
+
+    def __init__(self, endpoint: str, source: str = "cmd_vel/web") -> None:
+        self.changes = 0
+        self.events: list[bytes] = []
+        self.feed = RobotFeed(
+            client_options(endpoint),
+            SystemClock(),
+            source,
+            changed=self._changed,
+            happened=self.events.append,
+        )
+        self._task = asyncio.create_task(self.feed.run())
+
+    def _changed(self) -> None:
+        self.changes += 1
+
+    async def __aenter__(self) -> RobotFeed:
+        await eventually(lambda: self.feed.alive)
+        return self.feed
+
+    async def __aexit__(self, *_: object) -> None:
+        self._task.cancel()
+        await asyncio.gather(self._task, return_exceptions=True)
+
+
+async def test_each_sample_is_encoded_once_and_a_broken_one_is_left_out(fake_daemon: Any) -> None:
+    daemon = await fake_daemon()
+    async with Followed(daemon.endpoint) as feed:
+        await eventually(lambda: set(feed.fresh()) >= {"pose", "twist", "wheels"})
+        known = json.loads(feed.known["pose"])
+        assert known["type"] == "pose"
+        assert known["sample"]["x"] == 1.5
+        await daemon.stop()
+        await eventually(lambda: not feed.alive)
+        assert feed.known == {}
+        assert json.loads(daemon_part(feed))["text"]
+
+
+async def test_what_is_no_sample_reaches_no_page(fake_daemon: Any) -> None:
+    """Any client of the bus may publish on the daemon's keys."""
+    daemon = await fake_daemon()
+    async with Followed(daemon.endpoint) as feed, Bus(client_options(daemon.endpoint)) as other:
+        imu = other.publisher(keys.BATTERY)
+        await eventually(lambda: imu.has_subscribers)
+        for payload in (b'1},{"type":"estop"', b"\xff\xfe", b"{}", b'{"volts":1}', b"x" * 300_000):
+            imu.put(payload)
+        found: dict[str, bytes] = {}
+
+        def came() -> bool:
+            found.update(feed.fresh())
+            return "pose" in found
+
+        await eventually(came)
+        for each in found.values():
+            json.loads(each)
+        if "battery" in found:
+            assert json.loads(found["battery"])["sample"]["volts"] == 7.4
+
+
+async def test_a_key_that_the_daemon_does_not_take_is_named_with_its_remedy(
+    fake_daemon: Any,
+) -> None:
+    daemon = await fake_daemon()
+    async with Followed(daemon.endpoint, "cmd_vel/phone") as feed:
+        refusal = feed.obstacle()
+        assert refusal is not None
+        assert refusal.why == "no_source"
+        assert 'command.sources."cmd_vel/phone".priority=50' in refusal.text
+        feed.put(Twist2d(vx=0.1))
+
+
+async def test_however_many_ask_for_the_estop_few_questions_are_sent(fake_daemon: Any) -> None:
+    daemon = await fake_daemon()
+    async with Followed(daemon.endpoint) as feed:
+        first = feed.engage()
+        await asyncio.sleep(0)
+        later = {feed.engage() for _ in range(1000)}
+        assert len(later) == 1
+        assert first not in later
+        answers = await asyncio.gather(first, *later)
+        assert all(answer.success for answer in answers)
+        # The second was asked after all who waited for it.
+        assert daemon.asked == [keys.ESTOP, keys.ESTOP]
+        assert (await feed.engage()).success
+
+
+async def test_the_driver_of_the_robot_and_its_state_come_from_the_status(
+    fake_daemon: Any,
+) -> None:
+    daemon = await fake_daemon()
+    async with Followed(daemon.endpoint) as feed:
+        daemon.status = daemon_samples.status("driving", driver="cmd_vel")
+        await eventually(lambda: feed.driver == "cmd_vel")
+        assert feed.obstacle() is None
+
+
+def test_limits_and_geometry_are_those_of_the_configuration_in_effect() -> None:
+    facts = robot_facts({"chassis": {"preset": "4wd"}, "limits": {"linear": {"velocity": 0.5}}})
+    assert facts["limits"] == {"vx": 0.5, "vy": 0.0, "wz": 6.0}
+    assert facts["geometry"]["kinematics"] == "skid_steer"
+    assert facts["geometry"]["wheel_separation_m"] == Config().chassis.wheel_separation_m
+    mecanum = robot_facts({"chassis": {"preset": "mecanum", "wheel_base_m": 0.2}})
+    assert mecanum["limits"]["vy"] == 1.0
+    assert mecanum["geometry"]["wheel_base_m"] == 0.2
+    assert len(mecanum["geometry"]["wheels"]) == 4
+    assert robot_facts({"chassis": {"preset": "hovercraft"}}) == {}

@@ -1,0 +1,229 @@
+"""Who gets in, and how: tokens, cookies, Host and Origin, on real sockets."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+from pathlib import Path
+from typing import Any
+
+import pytest
+from web_site import TOKENS
+from websockets.exceptions import InvalidStatus
+from zenoh_fixtures import eventually, free_endpoint
+
+from yahboomd.web.page_hub import POLICY
+from yahboomd.web.web_application import HEADERS
+
+pytestmark = pytest.mark.realtime
+
+
+def login(token: str) -> bytes:
+    return json.dumps({"token": token}).encode()
+
+
+@pytest.mark.parametrize("role", ["driver", "viewer"])
+async def test_a_token_becomes_a_cookie_that_scripts_cannot_read(site: Any, role: str) -> None:
+    served = await site(endpoint=free_endpoint(), tokens=TOKENS)
+    assert (await served.request("GET", "/session"))[0] == 401
+    token = TOKENS.driver if role == "driver" else TOKENS.viewer
+    status, headers, body = await served.request("POST", "/session", login(token))
+    assert (status, body) == (204, b"")
+    cookie, *attributes = headers["set-cookie"].split("; ")
+    assert {each.lower() for each in attributes} >= {"httponly", "samesite=strict", "path=/"}
+    assert token not in cookie
+    status, _, body = await served.request("GET", "/session", Cookie=cookie)
+    assert (status, json.loads(body)["role"]) == (200, role)
+    page = await served.open(additional_headers={"Cookie": cookie})
+    assert (await page.one("hello"))["role"] == role
+
+
+async def test_without_a_token_or_with_a_wrong_one_no_one_gets_in(site: Any) -> None:
+    served = await site(endpoint=free_endpoint(), tokens=TOKENS)
+    for wrong in ("", "x" * 22, TOKENS.driver[:-1], TOKENS.cookie("driver")):
+        status, headers, _ = await served.request("POST", "/session", login(wrong))
+        assert status == 403
+        assert "set-cookie" not in headers
+    for body in (b"", b"{}", b"[]", b'{"token": 1}', b"\xff"):
+        assert (await served.request("POST", "/session", body))[0] == 400
+    forged = f"yahboomd-{served.port}={TOKENS.cookie('driver')[:-1]}0"
+    for cookie in ("", forged, f"yahboomd-{served.port}={TOKENS.driver}"):
+        assert (await served.request("GET", "/session", Cookie=cookie))[0] == 401
+        assert (await served.request("POST", "/estop", Cookie=cookie))[0] == 401
+        page = await served.open(additional_headers={"Cookie": cookie} if cookie else {})
+        assert await page.close_code() == POLICY
+        assert page.came == []
+
+
+async def test_guessing_tokens_is_slowed_down_and_the_estop_is_not(
+    fake_daemon: Any, site: Any
+) -> None:
+    daemon = await fake_daemon()
+    served = await site(daemon, tokens=TOKENS)
+    answers = [await served.request("POST", "/session", login("wrong")) for _ in range(12)]
+    assert [status for status, _, _ in answers] == [403] * 10 + [429] * 2
+    assert 1 <= int(answers[-1][1]["retry-after"]) <= 6
+    # Not even the right one.
+    assert (await served.request("POST", "/session", login(TOKENS.driver)))[0] == 429
+    status, _, body = await served.request("POST", "/estop", **served.cookie("viewer"))
+    assert (status, json.loads(body)["engaged"]) == (200, True)
+
+
+async def test_on_loopback_no_token_is_needed(site: Any) -> None:
+    served = await site(endpoint=free_endpoint())
+    status, _, body = await served.request("GET", "/session")
+    assert (status, json.loads(body)["role"]) == (200, "driver")
+    assert (await served.request("POST", "/session", login("any")))[0] == 204
+
+
+@pytest.mark.parametrize("host", ["evil.example", "", "127.0.0.1.evil.example:80", "192.0.2.1"])
+async def test_a_foreign_host_is_refused_everywhere(site: Any, host: str) -> None:
+    """DNS rebinding: the name of any website may point at this machine."""
+    served = await site(endpoint=free_endpoint())
+    for method, path in (("GET", "/"), ("GET", "/session"), ("POST", "/estop")):
+        status, headers, body = await served.request(
+            method, path, Host=host, Origin=f"http://{host}"
+        )
+        # Without any Host it is no request of HTTP/1.1.
+        assert status == (421 if host else 400)
+        if host:
+            assert b"--host-name" in body
+            assert headers["x-frame-options"] == "DENY"
+    if host:
+        handshake = (
+            f"GET /ws HTTP/1.1\r\nHost: {host}\r\nOrigin: http://{host}\r\nUpgrade: websocket\r\n"
+            "Connection: Upgrade\r\nSec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==\r\n"
+            "Sec-WebSocket-Version: 13\r\n\r\n"
+        )
+        assert (await served.raw(handshake.encode()))[0] == 421
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1", ""])
+async def test_a_foreign_origin_is_refused_for_all_that_changes_anything(
+    fake_daemon: Any, site: Any, origin: str
+) -> None:
+    daemon = await fake_daemon()
+    served = await site(daemon, tokens=TOKENS)
+    for path in ("/estop", "/session"):
+        status, _, _ = await served.request(
+            "POST", path, login(TOKENS.driver), Origin=origin, **served.cookie()
+        )
+        assert status == 403
+    with pytest.raises(InvalidStatus, match="403"):
+        await served.open(origin=origin or None, additional_headers=served.cookie())
+    if origin:
+        assert (await served.request("GET", "/", Origin=origin))[0] == 403
+    assert daemon.asked == []
+
+
+async def test_every_answer_forbids_frames_foreign_scripts_and_referrers(site: Any) -> None:
+    served = await site(endpoint=free_endpoint(), tokens=TOKENS)
+    for method, path in (
+        *(("GET", "/"), ("GET", "/page/nothing.js"), ("GET", "/nothing"), ("GET", "/session")),
+        *(("POST", "/session"), ("POST", "/estop"), ("DELETE", "/")),
+    ):
+        _, headers, _ = await served.request(method, path)
+        assert {name: headers.get(name) for name in HEADERS} == HEADERS, path
+        assert "server" not in headers
+    policy = HEADERS["content-security-policy"]
+    assert "frame-ancestors 'none'" in policy
+    assert "unsafe" not in policy
+    assert "http" not in policy
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        *("/page/../entry_tokens.py", "/page/..%2f..%2fprogram.py", "/page/%2e%2e/beats.py"),
+        *("/page//etc/passwd", "/page/....//beats.py", "/..%5cweb_server.py", "/page/", "/page"),
+        *("/page/%00", "//etc/passwd", "/page/../../../../../../etc/passwd"),
+    ],
+)
+async def test_no_path_leads_out_of_the_page(site: Any, path: str) -> None:
+    served = await site(endpoint=free_endpoint())
+    status, _, body = await served.request("GET", path)
+    assert status in {307, 400, 404}
+    assert b"import" not in body
+    assert b"root:" not in body
+
+
+async def test_bodies_and_headers_are_bounded_in_size(site: Any) -> None:
+    served = await site(endpoint=free_endpoint(), tokens=TOKENS)
+    assert (await served.request("POST", "/session", b"x" * 2049))[0] == 413
+    chunked = (
+        (
+            f"POST /session HTTP/1.1\r\nHost: 127.0.0.1:{served.port}\r\n"
+            f"Origin: {served.origin}\r\n"
+            "Transfer-Encoding: chunked\r\nConnection: close\r\n\r\n"
+        ).encode()
+        + b"800\r\n"
+        + b"x" * 2048
+        + b"\r\n800\r\n"
+        + b"x" * 2048
+        + b"\r\n0\r\n\r\n"
+    )
+    assert (await served.raw(chunked))[0] == 413
+    head = f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{served.port}\r\nX: {'y' * 70_000}\r\n\r\n"
+    with pytest.raises((ValueError, IndexError, ConnectionError, AssertionError)):  # noqa: PT012
+        status, _, _ = await served.raw(head.encode())
+        assert status == 200
+    assert (await served.request("GET", "/session"))[0] == 401
+
+
+async def test_files_are_compressed_once_and_not_sent_again(site: Any, tmp_path: Path) -> None:
+    (tmp_path / "index.html").write_text("<p>" * 500)
+    served = await site(endpoint=free_endpoint(), folder=tmp_path)
+    status, headers, body = await served.request("GET", "/")
+    assert status == 200
+    assert headers["content-type"].startswith("text/html")
+    status, small, packed = await served.request("GET", "/", Accept_Encoding="gzip, br")
+    assert small["content-encoding"] == "gzip"
+    assert len(packed) < len(body)
+    status, _, nothing = await served.request("GET", "/", If_None_Match=headers["etag"])
+    assert (status, nothing) == (304, b"")
+
+
+async def test_the_estop_says_in_words_when_no_daemon_answers(site: Any) -> None:
+    served = await site(endpoint=free_endpoint())
+    status, _, body = await served.request("POST", "/estop")
+    answer = json.loads(body)
+    assert (status, answer["engaged"]) == (503, False)
+    assert "Switch the motors' supply off" in answer["text"]
+
+
+async def test_no_token_and_no_cookie_is_logged(
+    site: Any, caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
+) -> None:
+    caplog.set_level(logging.DEBUG)
+    served = await site(endpoint=free_endpoint(), tokens=TOKENS)
+    await served.request("POST", "/session", login(TOKENS.driver))
+    # A person who puts it where it does not belong.
+    await served.request("GET", f"/?token={TOKENS.driver}")
+    await served.request("GET", f"/{TOKENS.driver}", Cookie=f"a={TOKENS.driver}")
+    await served.raw(f"{TOKENS.driver}\r\n\r\n".encode())
+    page = await served.page()
+    await page.socket.send(TOKENS.driver)
+    await page.close_code()
+    written = caplog.text + "".join(capfd.readouterr())
+    server_lines = [
+        f"{record.name} {record.getMessage()}"
+        for record in caplog.records
+        # The client in this process is the test's own.
+        if not record.name.startswith("websockets.client")
+    ]
+    assert written
+    assert not [line for line in server_lines if TOKENS.driver in line]
+    assert not [line for line in server_lines if TOKENS.cookie("driver") in line]
+
+
+async def test_a_slow_body_is_given_up(site: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("yahboomd.web.web_application.BODY_S", 0.05)
+    served = await site(endpoint=free_endpoint(), tokens=TOKENS)
+    head = (
+        f"POST /session HTTP/1.1\r\nHost: 127.0.0.1:{served.port}\r\nOrigin: {served.origin}\r\n"
+        "Content-Length: 100\r\nConnection: close\r\n\r\n{"
+    )
+    assert (await served.raw(head.encode()))[0] == 413
+    await eventually(lambda: not served.server.server_state.tasks)
+    assert asyncio.get_running_loop().is_running()

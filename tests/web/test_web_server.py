@@ -1,0 +1,123 @@
+"""The server's sockets: limits of connections, TLS, readers that do not read."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+import ssl
+from pathlib import Path
+from typing import Any
+
+import pytest
+from web_site import TOKENS, ZERO
+from zenoh_fixtures import eventually, free_endpoint
+
+from yahboomd.cli.web.own_certificate import make_certificate
+from yahboomd.errors import ConfigError, ListenError
+from yahboomd.web import web_server
+from yahboomd.web.web_server import MAX_OPEN, Certificate, Connection, listen, raise_file_limit
+
+pytestmark = pytest.mark.realtime
+
+
+async def test_the_estop_is_served_beside_a_thousand_connections_that_say_nothing(
+    fake_daemon: Any, site: Any
+) -> None:
+    raise_file_limit()
+    daemon = await fake_daemon()
+    served = await site(daemon)
+    page = await served.page()
+    idle = [socket.create_connection(("127.0.0.1", served.port)) for _ in range(1000)]
+    try:
+        await eventually(lambda: len(Connection.waiting) == MAX_OPEN)
+        status, _, body = await served.request("POST", "/estop")
+        assert (status, json.loads(body)["engaged"]) == (200, True)
+        await page.hold(lambda: daemon.velocities)
+        await served.page()
+        assert len(Connection.waiting) <= MAX_OPEN
+    finally:
+        for each in idle:
+            each.close()
+
+
+async def test_a_connection_that_sends_no_request_in_time_is_closed(
+    site: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(web_server, "WAIT_S", 0.05)
+    served = await site(endpoint=free_endpoint())
+    for begun in (b"", b"GET / HTTP/1.1\r\nHost: 127."):
+        reader, writer = await asyncio.open_connection("127.0.0.1", served.port)
+        writer.write(begun)
+        assert await reader.read() == b""
+        writer.close()
+
+
+async def test_a_page_that_stops_reading_delays_no_other_and_gets_no_old_samples(
+    fake_daemon: Any, site: Any
+) -> None:
+    daemon = await fake_daemon()
+    served = await site(daemon)
+    slow = socket.socket()
+    slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
+    slow.connect(("127.0.0.1", served.port))
+    slow.sendall(
+        f"GET /ws HTTP/1.1\r\nHost: 127.0.0.1:{served.port}\r\nOrigin: {served.origin}\r\n"
+        "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+        "Sec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==\r\n\r\n".encode()
+    )
+    try:
+        page = await served.page()
+        await page.hold(lambda: len(daemon.velocities) > 10)
+        begun = len(page.of("beat"))
+        # Written on until it takes no more: then given up after five seconds.
+        await eventually(lambda: len(served.hub._pages) == 1)
+        assert len(page.of("beat")) > begun + 80
+    finally:
+        slow.close()
+
+
+async def test_tls_serves_the_page_and_its_cookie_travels_over_it_alone(
+    fake_daemon: Any, site: Any, tmp_path: Path
+) -> None:
+    daemon = await fake_daemon()
+    certificate, key, _ = make_certificate(tmp_path, ["127.0.0.1", "localhost"])
+    context = Certificate(certificate=certificate, key=key).context()
+    served = await site(daemon, tokens=TOKENS, context=context)
+    trusting = ssl.create_default_context(cafile=str(certificate))
+    page = await served.page(ssl=trusting)
+    await page.hold(lambda: daemon.velocities)
+    page.socket.transport.abort()
+    await eventually(lambda: daemon.velocities[-1] == ZERO)
+    reader, writer = await asyncio.open_connection("127.0.0.1", served.port, ssl=trusting)
+    body = json.dumps({"token": TOKENS.driver})
+    writer.write(
+        f"POST /session HTTP/1.1\r\nHost: 127.0.0.1:{served.port}\r\nOrigin: {served.origin}\r\n"
+        f"Content-Length: {len(body)}\r\nConnection: close\r\n\r\n{body}".encode()
+    )
+    answer = (await reader.read()).decode().lower()
+    writer.close()
+    await writer.wait_closed()
+    assert " 204 " in answer
+    assert "; secure" in answer
+
+
+def test_a_port_that_is_taken_is_named_with_what_to_do() -> None:
+    with listen("127.0.0.1", 0) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(ListenError, match=rf"port {port}: Address already in use.*--listen"):
+            listen("127.0.0.1", port)
+    with pytest.raises(ListenError, match=r"192\.0\.2\.1"):
+        listen("192.0.2.1", 8480)
+
+
+def test_a_certificate_that_cannot_be_used_is_named_with_what_to_do(tmp_path: Path) -> None:
+    certificate, key, _ = make_certificate(tmp_path, ["127.0.0.1"])
+    with pytest.raises(ConfigError, match=r"nothing\.pem cannot be read: No such file"):
+        Certificate(certificate=tmp_path / "nothing.pem", key=key).context()
+    with pytest.raises(ConfigError, match=r"no certificate and its key.*--make-certificate"):
+        Certificate(certificate=key, key=certificate).context()
+    other = tmp_path / "other"
+    _, foreign, _ = make_certificate(other, ["127.0.0.1"])
+    with pytest.raises(ConfigError, match=r"no certificate and its key"):
+        Certificate(certificate=certificate, key=foreign).context()

@@ -1,0 +1,56 @@
+"""The links to the page: for this machine, for phones, with a token and as a QR code."""
+
+from __future__ import annotations
+
+import fcntl
+import ipaddress
+import socket
+import struct
+from collections.abc import Iterator
+
+SIOCGIFADDR = 0x8915
+"""Of linux/sockios.h: the address of an interface."""
+
+
+def link(host: str, port: int, *, tls: bool, token: str = "") -> str:
+    """The link to the page; a token goes into its fragment, which no browser sends or logs."""
+    where = f"[{host}]" if ":" in host else host
+    fragment = f"#{token}" if token else ""
+    return f"{'https' if tls else 'http'}://{where}:{port}/{fragment}"
+
+
+def reachable_hosts(host: str) -> list[str]:
+    """The addresses at which other machines reach one that listens on ``host``."""
+    if not ipaddress.ip_address(host).is_unspecified:
+        return [host]
+    return list(dict.fromkeys(own_addresses())) or [socket.gethostname()]
+
+
+def own_addresses() -> Iterator[str]:
+    """The IPv4 address of each interface but loopback."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asking:
+        for _, name in socket.if_nameindex():
+            try:
+                answer = fcntl.ioctl(asking, SIOCGIFADDR, struct.pack("256s", name.encode()))
+            except OSError:
+                continue
+            address = socket.inet_ntoa(answer[20:24])
+            if not ipaddress.ip_address(address).is_loopback:
+                yield address
+
+
+def own_names() -> set[str]:
+    """The names under which other machines know this one."""
+    name = socket.gethostname()
+    return {name, socket.getfqdn(), f"{name.partition('.')[0]}.local"}
+
+
+def qr_lines(text: str) -> str:
+    """A QR code for a terminal, in half blocks: light on dark, and dark on light, a phone reads."""
+    import io
+
+    import segno
+
+    out = io.StringIO()
+    segno.make(text, error="l").terminal(out, compact=True)
+    return out.getvalue()

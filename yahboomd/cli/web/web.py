@@ -1,0 +1,297 @@
+"""``yahboomd web``: serves the page for the phone, in a process of its own."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import logging
+import os
+import signal
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from yahboomd.cli.shared_options import (
+    add_bus_options,
+    add_config_options,
+    add_source_option,
+    check_source,
+    client_options,
+    daemon_endpoints,
+    read_config,
+)
+from yahboomd.errors import ConfigError
+
+if TYPE_CHECKING:
+    from socket import socket
+    from ssl import SSLContext
+
+    from yahboomd.bus.options import BusOptions
+    from yahboomd.metrics.http_listener import Place
+    from yahboomd.web.entry_tokens import Tokens
+    from yahboomd.web.page_hub import PageHub
+    from yahboomd.web.web_server import WebServer
+
+DEFAULT_PLACE = "127.0.0.1:8480"
+SOURCE = "cmd_vel/web"
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+DESCRIPTION = """\
+Serve a page from which a phone drives the robot, watches it and stops it. It is an ordinary client
+of the bus, and everything that it shows is in this installation: a robot's hotspot needs no
+internet. Only this machine reaches it, unless --listen says otherwise: then people need the link
+with a token, which is shown here, and as a QR code for the phone's camera.
+"""
+
+EPILOG = """\
+examples:
+  yahboomd web                                 for a browser on this machine
+  yahboomd web --listen 0.0.0.0:8480           for phones: prints the link and a QR code
+  yahboomd web --listen 0.0.0.0:8480 --show-link
+                                               show the link of the service again
+  yahboomd web --make-certificate              once, for TLS; then
+  yahboomd web --listen 0.0.0.0:8480 --certificate FILE --key FILE
+
+As a service: sudo yahboomd install --web. docs/web.md explains who gets in. Ctrl-C ends it.
+
+exit status:
+  0    you ended it
+  69   the address is taken, or the bus can never be reached like this
+  78   a mistake in the configuration, or a certificate that cannot be used
+"""
+
+
+class _Setup(NamedTuple):
+    """All that serving needs."""
+
+    place: Place
+    names: list[str]
+    tokens: Tokens | None
+    context: SSLContext | None
+    options: BusOptions
+    source: str
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument(
+        "--listen",
+        metavar="ADDRESS:PORT",
+        default=DEFAULT_PLACE,
+        help="where browsers find the page (default: %(default)s); 0.0.0.0:8480 for every network "
+        "of this machine",
+    )
+    parser.add_argument(
+        "--host-name",
+        metavar="NAME",
+        action="append",
+        default=[],
+        help="a name by which browsers may ask, besides addresses and the names of this machine; "
+        "may be repeated",
+    )
+    parser.add_argument("--certificate", metavar="FILE", type=Path, help="serve over TLS with this")
+    parser.add_argument("--key", metavar="FILE", type=Path, help="the certificate's private key")
+    parser.add_argument(
+        "--show-link",
+        action="store_true",
+        help="print the links with their tokens, and the QR code; serve nothing",
+    )
+    parser.add_argument(
+        "--new-tokens",
+        action="store_true",
+        help="make new tokens, so that every link and session of before is void; serve nothing",
+    )
+    parser.add_argument(
+        "--make-certificate",
+        action="store_true",
+        help="make a certificate for the addresses and names of this machine; serve nothing",
+    )
+    add_source_option(parser, SOURCE)
+    add_bus_options(parser)
+    add_config_options(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Serve until a signal ends it.
+
+    Raises:
+        ConfigError: The configuration, the address, a token or a certificate cannot be used.
+        ListenError: The address is taken.
+        BusError: The robot can never be reached like this.
+    """
+    place = _place(args.listen)
+    folder = state_folder(os.environ, os.geteuid())
+    if args.make_certificate:
+        return _certify(folder, place, args.host_name)
+    if args.new_tokens or args.show_link:
+        return _links(args, place, folder)
+    check_source(args)
+    config = read_config(args).config
+    setup = _Setup(
+        place=place,
+        names=args.host_name,
+        tokens=None if place.is_loopback else _tokens(folder),
+        context=_context(args),
+        options=client_options(daemon_endpoints(args, config), config),
+        source=args.source,
+    )
+    return asyncio.run(_serve(setup))
+
+
+def state_folder(environ: Mapping[str, str], user_id: int) -> Path:
+    """The folder for tokens and a certificate.
+
+    Args:
+        environ: For ``STATE_DIRECTORY`` (the service manager's), ``XDG_STATE_HOME`` and ``HOME``.
+        user_id: Of the process.
+    """
+    if given := environ.get("STATE_DIRECTORY", "").split(":")[0]:
+        return Path(given)
+    if user_id == 0:
+        return Path("/var/lib/yahboomd-web")
+    if state := environ.get("XDG_STATE_HOME"):
+        return Path(state) / "yahboomd"
+    return Path(environ.get("HOME", "/")) / ".local/state/yahboomd"
+
+
+def _place(text: str) -> Place:
+    from yahboomd.metrics.http_listener import Place
+
+    place = Place.of(text)
+    if place is None:
+        raise ConfigError(
+            f"--listen {text} is no address and port of this machine.",
+            remedy=f"Such as {DEFAULT_PLACE}, or 0.0.0.0:8480 for phones.",
+        )
+    return place
+
+
+def _tokens(folder: Path) -> Tokens:
+    from yahboomd.web.entry_tokens import make_tokens, read_tokens
+
+    return read_tokens(folder) or make_tokens(folder)
+
+
+def _context(args: argparse.Namespace) -> SSLContext | None:
+    from yahboomd.web.web_server import Certificate
+
+    if (args.certificate is None) != (args.key is None):
+        raise ConfigError("--certificate and --key belong together: give both, or neither.")
+    if args.certificate is None:
+        return None
+    return Certificate(certificate=args.certificate, key=args.key).context()
+
+
+def _certify(folder: Path, place: Place, names: list[str]) -> int:
+    from yahboomd.cli.web.own_certificate import make_certificate
+    from yahboomd.cli.web.page_link import own_addresses, own_names
+
+    hosts = dict.fromkeys(("127.0.0.1", "localhost", *own_addresses(), *sorted(own_names())))
+    certificate, key, fingerprint = make_certificate(folder, [*hosts, *names])
+    print(f"A certificate is made. Its fingerprint (SHA-256): {fingerprint}")
+    print("Browsers warn of it once, because no authority signed it. Use it with:")
+    print(f"  yahboomd web --listen {place} --certificate {certificate} --key {key}")
+    return os.EX_OK
+
+
+def _links(args: argparse.Namespace, place: Place, folder: Path) -> int:
+    from yahboomd.web.entry_tokens import make_tokens
+
+    tokens = make_tokens(folder) if args.new_tokens else _tokens(folder)
+    if args.new_tokens:
+        print("New tokens are made: start `yahboomd web` again, where it runs.")
+    _print_links(place, tokens, tls=args.certificate is not None)
+    return os.EX_OK
+
+
+def _print_links(place: Place, tokens: Tokens, *, tls: bool) -> None:
+    from yahboomd.cli.web.page_link import link, qr_lines, reachable_hosts
+
+    hosts = reachable_hosts(place.host)
+    for host in hosts:
+        print(f"to drive:  {link(host, place.port, tls=tls, token=tokens.driver)}")
+    print(f"to watch and stop only:  {link(hosts[0], place.port, tls=tls, token=tokens.viewer)}")
+    if sys.stdout.isatty():
+        print(qr_lines(link(hosts[0], place.port, tls=tls, token=tokens.driver)))
+
+
+async def _serve(setup: _Setup) -> int:
+    from yahboomd.cli.web.page_link import link, own_names
+    from yahboomd.clock import SystemClock
+    from yahboomd.web.page_files import page_files
+    from yahboomd.web.page_hub import PageHub
+    from yahboomd.web.request_origin import RequestOrigin
+    from yahboomd.web.web_application import WebApplication
+    from yahboomd.web.web_server import WebServer, listen, raise_file_limit
+
+    # The client logs the loss of a daemon for programs that drive; _report prints its own line.
+    logging.getLogger("yahboomd.client").addHandler(logging.NullHandler())
+    raise_file_limit()
+    place, tls = setup.place, setup.context is not None
+    clock = SystemClock()
+    listener = listen(place.host, place.port)
+    port = listener.getsockname()[1]
+    place = type(place)(host=place.host, port=port)
+    hub = PageHub(setup.options, clock, setup.source)
+    names = set(setup.names) | (set() if place.is_loopback else own_names())
+    application = WebApplication(
+        hub,
+        page_files(),
+        RequestOrigin(names, local=place.is_loopback, tls=tls),
+        setup.tokens,
+        clock,
+        secure=tls,
+        port=port,
+    )
+    server = WebServer(application.asgi, setup.context)
+    if setup.tokens is None:
+        print(f"The page is at {link(place.host, port, tls=tls)}", flush=True)
+    elif sys.stdout.isatty():
+        _print_links(place, setup.tokens, tls=tls)
+    else:
+        print(
+            f"The page is at port {port} of this machine. Its links have tokens and are not "
+            f"logged; to see them: yahboomd web --listen {setup.place} --show-link",
+            flush=True,
+        )
+    if setup.tokens is not None and not tls:
+        print("Without TLS everybody on that network can read along: docs/web.md.", flush=True)
+    return await _until_ended(server, hub, listener, ", ".join(setup.options.connect))
+
+
+async def _until_ended(server: WebServer, hub: PageHub, listener: socket, where: str) -> int:
+    def end() -> None:
+        hub.stop()
+        server.should_exit = True
+
+    loop = asyncio.get_running_loop()
+    for number in SIGNALS:
+        loop.add_signal_handler(number, end)
+    following = asyncio.create_task(hub.run(), name="web-robot")
+    serving = asyncio.create_task(server.serve(sockets=[listener]), name="web-server")
+    reporting = asyncio.create_task(_report(hub, where), name="web-report")
+    try:
+        await asyncio.wait([following, serving], return_when=asyncio.FIRST_COMPLETED)
+        end()
+        await serving
+    finally:
+        for task in (following, reporting):
+            task.cancel()
+        await asyncio.gather(following, reporting, return_exceptions=True)
+    if not following.cancelled():
+        # The robot can never be reached like this.
+        following.result()
+    return os.EX_OK
+
+
+async def _report(hub: PageHub, where: str) -> None:
+    """Print when the daemon comes or goes."""
+    alive: bool | None = None
+    while True:
+        if hub.robot.alive != alive:
+            alive = hub.robot.alive
+            words = "answers" if alive else "does not answer; it is waited for"
+            print(f"yahboomd at {where} {words}.", flush=True)
+        await asyncio.sleep(1.0)

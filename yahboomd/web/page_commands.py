@@ -1,0 +1,173 @@
+"""Decides what a page may command.
+
+- One page has control. Another driver's page gets it by asking, and the wheels are stopped first.
+- A command that asks for motion becomes one sample on the bus, or none: it is refused where its
+  beat is older than :data:`~yahboomd.web.beats.LAPSE_NS`. Nothing is repeated.
+- A zero from the page in control always stops, however old its beat.
+- Where motion is refused, where the page falls silent in mid-motion, is displaced, or is closed,
+  the wheels get zeros for a second; then nothing, because a zero holds control of the robot.
+- After that a page has to let go first: motion is refused until a zero came from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import msgspec
+
+from yahboomd.clock import Clock
+from yahboomd.model import STANDSTILL, Twist2d
+from yahboomd.web.beats import LAPSE_NS, PERIOD_NS
+
+ZEROS_NS = 1_000_000_000
+"""For so long zeros follow motion."""
+
+
+class Refusal(msgspec.Struct, frozen=True, kw_only=True):
+    """The reason why a page's command moves nothing: a word, and a sentence for people."""
+
+    why: str
+    text: str
+    age_ns: int | None = None
+
+
+LATE = (
+    "The network is too slow to drive safely: your command took more than 0.3 s. The robot is "
+    "stopped. Let go, wait for a better connection, and press again."
+)
+LAPSED = Refusal(
+    why="lapse",
+    text="Nothing came from this page for 0.3 s, so the robot was stopped. Let go, then press "
+    "again.",
+)
+LET_GO = Refusal(why="let_go", text="Let go, then press again.")
+NOT_YOURS = Refusal(why="not_yours", text="Another page drives. Take control to drive from here.")
+
+
+class PageCommands:
+    """The commands of all pages.
+
+    Args:
+        clock: The source of time.
+        put: Publishes a velocity.
+        obstacle: The reason why no page can drive now, if there is one.
+        changed: Called when another page has control, or none.
+        lapsed: Called with the page that fell silent in mid-motion.
+    """
+
+    def __init__(
+        self,
+        clock: Clock,
+        put: Callable[[Twist2d], None],
+        *,
+        obstacle: Callable[[], Refusal | None],
+        changed: Callable[[], None],
+        lapsed: Callable[[int, Refusal], None],
+    ) -> None:
+        self._clock = clock
+        self._put = put
+        self._obstacle = obstacle
+        self._changed = changed
+        self._lapsed = lapsed
+        self._driver: int | None = None
+        self._moving = False
+        self._moved_ns: int | None = None
+        self._pressed = set[int]()
+        self._silence = clock.alarm(self._fell_silent)
+        self._zeros = clock.alarm(self._repeat_zero)
+
+    @property
+    def driver(self) -> int | None:
+        """The page in control."""
+        return self._driver
+
+    def take_control(self, page: int) -> None:
+        """Give control to a page, which its person asked for."""
+        if page != self._driver:
+            self._stop()
+            self._driver = page
+            self._changed()
+
+    def give_back(self, page: int) -> None:
+        """Take control from a page that no longer wants it, or is closed."""
+        if page == self._driver:
+            self._stop()
+            self._driver = None
+            self._changed()
+
+    def closed(self, page: int) -> None:
+        """Note that a page is gone."""
+        self.give_back(page)
+        self._pressed.discard(page)
+
+    def command(self, page: int, twist: Twist2d, age_ns: int | None) -> Refusal | None:
+        """Obey a command, or say why not.
+
+        Args:
+            page: Of a driver.
+            twist: The velocity.
+            age_ns: How old its beat is; None where that is unknown.
+        """
+        if twist.is_zero:
+            self._pressed.discard(page)
+            if page == self._driver:
+                self._zero()
+            return None
+        refusal = self._refusal(page, age_ns)
+        if refusal is not None:
+            self._pressed.add(page)
+            if page == self._driver:
+                self._stop()
+            return refusal
+        if self._driver is None:
+            self._driver = page
+            self._changed()
+        self._zeros.set(None)
+        self._moving = True
+        self._moved_ns = self._clock.now_ns()
+        self._silence.set(self._moved_ns + LAPSE_NS)
+        self._put(twist)
+        return None
+
+    def close(self) -> None:
+        """Stop what a page drives, and command nothing more."""
+        self._stop()
+        self._silence.close()
+        self._zeros.close()
+
+    def _refusal(self, page: int, age_ns: int | None) -> Refusal | None:
+        if self._driver not in {None, page}:
+            return NOT_YOURS
+        if obstacle := self._obstacle():
+            return obstacle
+        if age_ns is None or age_ns > LAPSE_NS:
+            return Refusal(why="late", text=LATE, age_ns=age_ns)
+        return LET_GO if page in self._pressed else None
+
+    def _zero(self) -> None:
+        # The page repeats its zeros itself, for as long as they are good for.
+        since_ns = None if self._moved_ns is None else self._clock.now_ns() - self._moved_ns
+        if self._moving or (since_ns is not None and since_ns < ZEROS_NS + LAPSE_NS):
+            if self._moving:
+                self._moved_ns = self._clock.now_ns()
+            self._moving = False
+            self._silence.set(None)
+            self._put(STANDSTILL)
+
+    def _stop(self) -> None:
+        if self._moving:
+            self._zero()
+            self._zeros.set(self._clock.now_ns() + PERIOD_NS)
+
+    def _repeat_zero(self) -> None:
+        now_ns = self._clock.now_ns()
+        if self._moved_ns is not None and now_ns - self._moved_ns < ZEROS_NS:
+            self._put(STANDSTILL)
+            self._zeros.set(now_ns + PERIOD_NS)
+
+    def _fell_silent(self) -> None:
+        page = self._driver
+        if self._moving and page is not None:
+            self._pressed.add(page)
+            self._stop()
+            self._lapsed(page, LAPSED)

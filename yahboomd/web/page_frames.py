@@ -1,0 +1,76 @@
+"""The frames between page and server: JSON, one object in each of the page's, a list in ours."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, TypeAlias
+
+import msgspec
+from msgspec import Meta
+
+Role: TypeAlias = Literal["driver", "viewer"]
+
+MAX_BYTES = 2048
+"""Of a frame, and of the body of a request."""
+
+_Number = Annotated[int, Meta(ge=0, le=1 << 53)]
+
+
+class Drive(msgspec.Struct, frozen=True, tag="drive"):
+    """A velocity, in m/s and rad/s, and the last beat that the page received."""
+
+    beat: _Number
+    vx: float
+    vy: float
+    wz: float
+
+
+class Control(msgspec.Struct, frozen=True, tag="control"):
+    """The page wants control, or gives it back."""
+
+    want: bool
+
+
+class Request(msgspec.Struct, frozen=True, tag="request"):
+    """The page asks for something that is answered."""
+
+    id: _Number
+    do: str
+    x: float = 0.0
+    y: float = 0.0
+    theta: float = 0.0
+
+
+class EmergencyStop(msgspec.Struct, frozen=True, tag="estop"):
+    """The page engages the emergency stop."""
+
+    id: _Number = 0
+
+
+class Seen(msgspec.Struct, frozen=True, tag="seen"):
+    """The last beat that a page received, which sends no commands."""
+
+    beat: _Number
+
+
+PageFrame: TypeAlias = Drive | Control | Request | EmergencyStop | Seen
+
+_decoder: msgspec.json.Decoder[PageFrame] = msgspec.json.Decoder(PageFrame)
+_encoder = msgspec.json.Encoder()
+
+
+def read_frame(text: str) -> PageFrame | None:
+    """What a page sent; None where it is nothing that a page sends."""
+    try:
+        return _decoder.decode(text)
+    except (ValueError, RecursionError):
+        return None
+
+
+def part(kind: str, **fields: object) -> bytes:
+    """One object of a frame to pages."""
+    return _encoder.encode({"type": kind, **fields})
+
+
+def sample_part(kind: str, sample: msgspec.Struct) -> bytes:
+    """A sample as an object of a frame to pages."""
+    return _encoder.encode({"type": kind, "sample": sample})

@@ -1,0 +1,274 @@
+"""All pages: beats and samples to them, their frames to the robot."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Awaitable, Callable, Coroutine
+
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from yahboomd import __version__
+from yahboomd.bus import keys
+from yahboomd.bus.options import BusOptions
+from yahboomd.client.questions import Answer
+from yahboomd.clock import Clock, Schedule
+from yahboomd.model import Twist2d
+from yahboomd.web.beats import LAPSE_NS, PERIOD_NS, Beats
+from yahboomd.web.page_commands import PageCommands, Refusal
+from yahboomd.web.page_frames import (
+    Control,
+    Drive,
+    EmergencyStop,
+    PageFrame,
+    Request,
+    Role,
+    Seen,
+    part,
+    read_frame,
+)
+from yahboomd.web.page_session import PageSession
+from yahboomd.web.robot_feed import RobotFeed, daemon_part
+
+MAX_PAGES = 64
+MAX_REQUESTS = 4
+"""Requests of one page that are under way at once."""
+
+REFUSALS_NS = 200_000_000
+"""A page learns of a refused command five times a second."""
+
+POLICY, FULL = 1008, 1013
+"""Codes of a closed WebSocket: the page broke a rule; too many pages."""
+
+VIEWS = ("drive", "map", "wheels", "health")
+
+VIEWER = Refusal(why="viewer", text="This link lets you watch and stop the robot, not drive it.")
+INVALID = Refusal(why="invalid", text="That is no velocity.")
+
+
+class PageHub:
+    """Serves the pages of one robot.
+
+    Args:
+        options: Of a client of its daemon.
+        clock: The source of time.
+        source: The key to command on.
+    """
+
+    def __init__(self, options: BusOptions, clock: Clock, source: str = keys.CMD_VEL_WEB) -> None:
+        self._clock = clock
+        self._beats = Beats(clock)
+        self._pages: dict[int, PageSession] = {}
+        self._numbers = 0
+        self._driver: tuple[int | None, str | None] = (None, None)
+        self.robot = RobotFeed(
+            options,
+            clock,
+            source,
+            changed=self._robot_changed,
+            happened=self._event_came,
+        )
+        self._commands = PageCommands(
+            clock,
+            self.robot.put,
+            obstacle=self.robot.obstacle,
+            changed=self._show_control,
+            lapsed=self._lapsed,
+        )
+        self._actions: dict[str, Callable[[Request], Awaitable[Answer]]] = {
+            "release": lambda _: self.robot.release(),
+            "reset_odometry": lambda _: self.robot.reset_odometry(),
+            "set_pose": lambda it: self.robot.set_pose(it.x, it.y, it.theta),
+        }
+
+    async def run(self) -> None:
+        """Follow the robot and send beats, until cancelled.
+
+        Raises:
+            BusError: The robot can never be reached like this.
+        """
+        schedule = Schedule(self._clock, PERIOD_NS)
+        beating = asyncio.create_task(schedule.run(self._beat), name="web-beat")
+        try:
+            await self.robot.run()
+        finally:
+            beating.cancel()
+            await asyncio.gather(beating, return_exceptions=True)
+
+    def stop(self) -> None:
+        """Stop what a page drives; before the bus is closed."""
+        self._commands.close()
+
+    async def attend(self, socket: WebSocket, role: Role) -> None:
+        """Serve one page until it leaves.
+
+        Args:
+            socket: A WebSocket that was accepted.
+            role: Of its person.
+        """
+        if len(self._pages) >= MAX_PAGES:
+            await socket.close(FULL, f"{MAX_PAGES} pages are open already. Close one.")
+            return
+        self._numbers += 1
+        page = PageSession(self._numbers, role, socket, self._clock, self._beats.latest)
+        self._pages[page.number] = page
+        page.queue(self._hello(page))
+        page.queue(daemon_part(self.robot))
+        page.queue(self._control(page))
+        page.show(self.robot.known)
+        sending = asyncio.create_task(page.send(), name="web-send")
+        receiving = asyncio.create_task(self._receive(page, socket), name="web-receive")
+        try:
+            await asyncio.wait([sending, receiving], return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            del self._pages[page.number]
+            self._commands.closed(page.number)
+            for task in (sending, receiving, *page.requests):
+                task.cancel()
+            await asyncio.gather(sending, receiving, *page.requests, return_exceptions=True)
+
+    # From the pages.
+
+    async def _receive(self, page: PageSession, socket: WebSocket) -> None:
+        while True:
+            try:
+                text = await socket.receive_text()
+            except (WebSocketDisconnect, KeyError):
+                return
+            frame = read_frame(text)
+            if isinstance(frame, EmergencyStop):
+                # Before any limit.
+                self._stop(page, frame)
+                continue
+            if not page.may_send():
+                await socket.close(POLICY, "This page sends more than a page does.")
+                return
+            if frame is None:
+                await socket.close(POLICY, "This page sent what no page sends.")
+                return
+            self._handle(page, frame)
+
+    def _handle(self, page: PageSession, frame: PageFrame) -> None:
+        match frame:
+            case Drive():
+                refusal = self._drive(page, frame)
+                if refusal is not None:
+                    self._refuse(page, refusal)
+            case Control(want=want):
+                if page.role != "driver":
+                    self._refuse(page, VIEWER)
+                elif want:
+                    self._commands.take_control(page.number)
+                else:
+                    self._commands.give_back(page.number)
+            case Request():
+                if len(page.requests) < MAX_REQUESTS:
+                    self._begin(page, self._answer(page, frame))
+                else:
+                    page.queue(_answered(frame.id, ok=False, text="One thing after the other."))
+            case Seen() | EmergencyStop():
+                pass
+
+    def _drive(self, page: PageSession, frame: Drive) -> Refusal | None:
+        if page.role != "driver":
+            return VIEWER
+        if not all(map(math.isfinite, (frame.vx, frame.vy, frame.wz))):
+            return INVALID
+        twist = Twist2d(vx=frame.vx, vy=frame.vy, wz=frame.wz)
+        age_ns = self._beats.age_ns(frame.beat, page.joined)
+        return self._commands.command(page.number, twist, age_ns)
+
+    def _begin(self, page: PageSession, work: Coroutine[None, None, None]) -> None:
+        task = asyncio.create_task(work, name="web-request")
+        page.requests.add(task)
+        task.add_done_callback(page.requests.discard)
+
+    def _stop(self, page: PageSession, frame: EmergencyStop) -> None:
+        asked = self.robot.engage()
+
+        async def answer() -> None:
+            found = await asyncio.shield(asked)
+            page.queue(_answered(frame.id, ok=found.success, text=found.message))
+
+        # A page that repeats it without end gets no more answers than these.
+        if len(page.requests) < 4 * MAX_REQUESTS:
+            self._begin(page, answer())
+
+    async def _answer(self, page: PageSession, request: Request) -> None:
+        action = self._actions.get(request.do)
+        if page.role != "driver":
+            page.queue(_answered(request.id, ok=False, text=VIEWER.text))
+        elif action is None:
+            page.queue(_answered(request.id, ok=False, text="This server does not know that."))
+        else:
+            answer = await action(request)
+            page.queue(
+                _answered(request.id, ok=answer.success, text=answer.message, data=answer.data)
+            )
+
+    def _refuse(self, page: PageSession, refusal: Refusal) -> None:
+        now_ns = self._clock.now_ns()
+        if now_ns - page.refused_ns < REFUSALS_NS:
+            return
+        page.refused_ns = now_ns
+        age_ms = None if refusal.age_ns is None else refusal.age_ns // 1_000_000
+        page.queue(part("refused", what="drive", why=refusal.why, age_ms=age_ms, text=refusal.text))
+
+    # To the pages.
+
+    def _beat(self, _due_ns: int) -> None:
+        parts = {"beat": part("beat", beat=self._beats.beat())}
+        if not self._pages:
+            return
+        parts |= self.robot.fresh()
+        if (self._commands.driver, self.robot.driver) != self._driver:
+            self._show_control()
+        for page in self._pages.values():
+            page.show(parts)
+
+    def _hello(self, page: PageSession) -> bytes:
+        return part(
+            "hello",
+            page=page.number,
+            role=page.role,
+            robot=self.robot.name,
+            version=__version__,
+            limits=self.robot.robot.get("limits"),
+            geometry=self.robot.robot.get("geometry"),
+            lapse_ms=LAPSE_NS // 1_000_000,
+            source=self.robot.source,
+            views=VIEWS,
+        )
+
+    def _control(self, page: PageSession) -> bytes:
+        driver = self.robot.driver
+        return part(
+            "control",
+            mine=page.number == self._commands.driver,
+            driver="the page" if driver == self.robot.source else driver,
+            page_driver=self._commands.driver,
+        )
+
+    def _show_control(self) -> None:
+        self._driver = (self._commands.driver, self.robot.driver)
+        for page in self._pages.values():
+            page.show({"control": self._control(page)})
+
+    def _robot_changed(self) -> None:
+        daemon = daemon_part(self.robot)
+        for page in self._pages.values():
+            page.queue(self._hello(page))
+            page.queue(daemon)
+
+    def _event_came(self, event: bytes) -> None:
+        for page in self._pages.values():
+            page.queue(event)
+
+    def _lapsed(self, page: int, refusal: Refusal) -> None:
+        if (session := self._pages.get(page)) is not None:
+            session.refused_ns = 0
+            self._refuse(session, refusal)
+
+
+def _answered(number: int, *, ok: bool, text: str, data: object = None) -> bytes:
+    return part("answer", id=number, ok=ok, text=text, data=data)

@@ -1,0 +1,92 @@
+"""One page: what is to be sent to it, the newest of each kind, and its frames."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Mapping
+
+from starlette.websockets import WebSocket
+
+from yahboomd.clock import Clock
+from yahboomd.model import NS_PER_S
+from yahboomd.web.page_frames import Role, part
+
+QUEUED = 64
+"""Events and answers kept for a slow page; the oldest are dropped and counted."""
+
+STUCK_S = 5.0
+"""A page that takes nothing for so long is closed."""
+
+FRAMES_PER_S = 100
+"""Frames that a page may send; it needs 22."""
+
+BURST = 200
+
+
+class PageSession:
+    """A WebSocket, from the moment when it was accepted.
+
+    Args:
+        number: Names it to other pages.
+        role: Of its person.
+        socket: The accepted WebSocket.
+        clock: Measures how much it sends.
+        joined: The latest beat then.
+    """
+
+    def __init__(
+        self, number: int, role: Role, socket: WebSocket, clock: Clock, joined: int
+    ) -> None:
+        self.number = number
+        self.role = role
+        self.joined = joined
+        self.refused_ns = 0
+        self.requests = set[asyncio.Task[None]]()
+        self._socket = socket
+        self._clock = clock
+        self._newest: dict[str, bytes] = {}
+        self._queue: deque[bytes] = deque()
+        self._lost = 0
+        self._wake = asyncio.Event()
+        self._credit = float(BURST)
+        self._counted_ns = clock.now_ns()
+
+    def show(self, parts: Mapping[str, bytes]) -> None:
+        """Send these soon; newer ones of the same kind replace them."""
+        self._newest.update(parts)
+        self._wake.set()
+
+    def queue(self, each: bytes) -> None:
+        """Send this, in order; a page that is too slow loses the oldest and learns how many."""
+        if len(self._queue) >= QUEUED:
+            self._queue.popleft()
+            self._lost += 1
+        self._queue.append(each)
+        self._wake.set()
+
+    async def send(self) -> None:
+        """Send what there is, for ever.
+
+        Raises:
+            TimeoutError: The page takes nothing.
+        """
+        while True:
+            await self._wake.wait()
+            self._wake.clear()
+            parts = [*self._queue, *self._newest.values()]
+            if self._lost:
+                parts.insert(0, part("lost", count=self._lost))
+            self._queue.clear()
+            self._newest.clear()
+            self._lost = 0
+            async with asyncio.timeout(STUCK_S):
+                await self._socket.send_text((b"[" + b",".join(parts) + b"]").decode())
+
+    def may_send(self) -> bool:
+        """Count a frame that came; whether the page sends no more than it may."""
+        now_ns = self._clock.now_ns()
+        earned = (now_ns - self._counted_ns) / NS_PER_S * FRAMES_PER_S
+        self._counted_ns = now_ns
+        self._credit = min(float(BURST), self._credit + earned) - 1.0
+        return self._credit >= 0.0

@@ -1,0 +1,272 @@
+"""The robot as the pages see it: samples encoded once for all of them, services, commands."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable
+from typing import Any
+
+import msgspec
+
+from yahboomd.bus import keys
+from yahboomd.bus.options import BusOptions
+from yahboomd.bus.publishers import BusPublisher
+from yahboomd.bus.subscriptions import Arrival
+from yahboomd.client.commanding import ENCODING
+from yahboomd.client.connection import MAX_BYTES, Connection
+from yahboomd.client.questions import Answer, ask, read_answers
+from yahboomd.client.streams import Newest, read_sample
+from yahboomd.clock import Clock
+from yahboomd.messages.codecs import encode
+from yahboomd.messages.native import (
+    BatterySample,
+    EstopRequest,
+    EventSample,
+    PoseSample,
+    SetPoseRequest,
+    TwistSample,
+    VelocityCommand,
+    WheelsSample,
+)
+from yahboomd.model import Twist2d
+from yahboomd.web.page_commands import Refusal
+from yahboomd.web.page_frames import part, sample_part
+
+LABEL = "the page"
+
+ANSWER_S = 1.5
+
+SAMPLES: dict[str, tuple[str, type[msgspec.Struct]]] = {
+    "pose": (keys.POSE, PoseSample),
+    "twist": (keys.TWIST, TwistSample),
+    "wheels": (keys.WHEELS, WheelsSample),
+    "battery": (keys.BATTERY, BatterySample),
+}
+
+
+class RobotFeed:
+    """One robot: a session that comes and goes with the daemon, and what was learned over it.
+
+    Args:
+        options: Of a client.
+        clock: The source of time.
+        source: The key to command on.
+        changed: Called when the daemon comes, goes, or has said what robot it is.
+        happened: Called with each event as a part of a frame.
+
+    Attributes:
+        known: The latest parts that hold until newer ones come, for a page that connects.
+        robot: The daemon's configuration, as far as pages need it; empty while it is not there.
+    """
+
+    def __init__(
+        self,
+        options: BusOptions,
+        clock: Clock,
+        source: str,
+        *,
+        changed: Callable[[], None],
+        happened: Callable[[bytes], None],
+    ) -> None:
+        self.known: dict[str, bytes] = {}
+        self.robot: dict[str, Any] = {}
+        self.source = source
+        self.name = options.namespace
+        self._clock = clock
+        self._changed = changed
+        self._happened = happened
+        self._connection = Connection(options, clock, self._presence_changed)
+        self._newest: dict[str, Newest] = {}
+        self._publisher: BusPublisher | None = None
+        self._status_ns = 0
+        self._learning: asyncio.Task[None] | None = None
+        self._estop: asyncio.Task[Answer] | None = None
+        self._next_estop: asyncio.Task[Answer] | None = None
+
+    async def run(self) -> None:
+        """Follow the robot until cancelled; a daemon that is not there is waited for.
+
+        Raises:
+            BusError: It can never be reached like this: a wrong endpoint, namespace or file.
+        """
+        connection = self._connection
+        await connection.open(math.inf)
+        try:
+            bus = connection.bus
+            self._publisher = bus.publisher(
+                self.source, encoding=ENCODING, priority="real_time", express=True
+            )
+            bus.subscribe(keys.EVENTS, self._receive_events, max_bytes=MAX_BYTES)
+            self._newest = {kind: Newest(bus, key) for kind, (key, _) in SAMPLES.items()}
+            await asyncio.Event().wait()
+        finally:
+            self._newest = {}
+            self._publisher = None
+            if self._learning is not None:
+                self._learning.cancel()
+            await connection.close()
+
+    @property
+    def alive(self) -> bool:
+        """Whether the daemon is there."""
+        return self._connection.alive
+
+    @property
+    def problem(self) -> str:
+        """The reason why no daemon is there; empty while one is."""
+        if self.alive:
+            return ""
+        return self._connection.problem or f"No yahboomd answers at {self._connection.where} yet."
+
+    @property
+    def state(self) -> str:
+        """The daemon's state in a word; empty while it is unknown."""
+        status = self._connection.status
+        return "" if status is None else status.state
+
+    @property
+    def driver(self) -> str | None:
+        """The key that has control of the robot."""
+        status = self._connection.status
+        return None if status is None else status.driver
+
+    def obstacle(self) -> Refusal | None:
+        """The reason why no page can drive now, if there is one."""
+        if not self.alive or self._publisher is None:
+            return Refusal(why="no_daemon", text=self.problem or "The bus is not open yet.")
+        status = self._connection.status
+        if status is not None and status.state in {"estopped", "fault"}:
+            return Refusal(
+                why="estop" if status.state == "estopped" else "fault",
+                text=f"The robot does not move. {status.why}",
+            )
+        if not self._publisher.has_subscribers:
+            return Refusal(
+                why="no_source",
+                text=f"The daemon takes no commands on {self.source}. Start it with "
+                f"--set 'command.sources.\"{self.source}\".priority=50', or add that to its "
+                "configuration.",
+            )
+        return None
+
+    def put(self, twist: Twist2d) -> None:
+        """Publish one command; dropped where the bus is not there."""
+        if self._publisher is None:
+            return
+        command = VelocityCommand(
+            vx=twist.vx,
+            vy=twist.vy,
+            wz=twist.wz,
+            # A command that is held up behind this process is recognised by it, and refused.
+            stamp_ns=self._clock.wall_ns(),
+            source=LABEL,
+        )
+        self._publisher.put(encode(command, "json"))
+
+    def fresh(self) -> dict[str, bytes]:
+        """The samples that came since the last call, each as a part of a frame."""
+        found: dict[str, bytes] = {}
+        for kind, newest in self._newest.items():
+            payload = newest.take()
+            if payload is None or len(payload) > MAX_BYTES:
+                continue
+            if (sample := read_sample(payload, SAMPLES[kind][1])) is not None:
+                found[kind] = sample_part(kind, sample)
+        status = self._connection.status
+        if status is not None and status.stamp_ns != self._status_ns:
+            self._status_ns = status.stamp_ns
+            found["status"] = sample_part("status", status)
+        self.known.update(found)
+        return found
+
+    def engage(self) -> asyncio.Task[Answer]:
+        """Engage the emergency stop; becomes the daemon's answer, or that none came.
+
+        However many ask at once, one question is under way and one waits: the latter is sent after
+        all for whom it is. Wait for it with ``asyncio.shield``.
+        """
+        if self._next_estop is None:
+            self._next_estop = asyncio.create_task(self._ask_estop(self._estop), name="web-estop")
+        return self._next_estop
+
+    async def _ask_estop(self, before: asyncio.Task[Answer] | None) -> Answer:
+        if before is not None:
+            await asyncio.wait([before])
+        self._estop, self._next_estop = self._next_estop, None
+        payload = encode(EstopRequest(by=LABEL), "json")
+        return await self._ask(keys.ESTOP, payload, urgent=True)
+
+    async def release(self) -> Answer:
+        """Release the emergency stop, and clear a fault."""
+        return await self._ask(keys.ESTOP_RESET)
+
+    async def reset_odometry(self) -> Answer:
+        """Make the pose zero."""
+        return await self._ask(keys.ODOMETRY_RESET)
+
+    async def set_pose(self, x: float, y: float, theta: float) -> Answer:
+        """Have odometry go on from this pose."""
+        wanted = SetPoseRequest(x=x, y=y, theta=theta)
+        return await self._ask(keys.ODOMETRY_SET_POSE, encode(wanted, "json"))
+
+    async def _ask(self, key: str, payload: bytes = b"{}", *, urgent: bool = False) -> Answer:
+        if not self._connection.is_open:
+            return Answer(success=False, message=self.problem, answered=0)
+        bus = self._connection.bus
+        return read_answers(
+            await ask(bus.session, bus.key(key), payload, timeout_s=ANSWER_S, urgent=urgent)
+        )
+
+    def _presence_changed(self, alive: bool) -> None:
+        self.known.clear()
+        self.robot = {}
+        self._status_ns = 0
+        if self._learning is not None:
+            self._learning.cancel()
+            self._learning = None
+        if alive:
+            self._learning = asyncio.create_task(self._learn(), name="web-learn")
+        self._changed()
+
+    async def _learn(self) -> None:
+        answer = await self._ask(keys.CONFIG)
+        if answer.success:
+            self.robot = robot_facts(answer.data)
+            self._changed()
+
+    def _receive_events(self, arrivals: list[Arrival]) -> None:
+        for arrival in arrivals:
+            if (event := read_sample(arrival.payload, EventSample)) is not None:
+                self._happened(sample_part("event", event))
+
+
+def robot_facts(config: dict[str, Any]) -> dict[str, Any]:
+    """The limits and the geometry of the robot, by its configuration in effect."""
+    from yahboomd.config import Config
+
+    try:
+        known = Config.model_validate(config)
+    except ValueError:
+        # Of another version.
+        return {}
+    linear, angular = known.limits.linear.velocity, known.limits.angular.velocity
+    kinematics = known.kinematics_name()
+    return {
+        "limits": {
+            "vx": linear,
+            "vy": linear if kinematics == "mecanum" else 0.0,
+            "wz": angular,
+        },
+        "geometry": {
+            "kinematics": kinematics,
+            "wheels": list(known.motor_entries()),
+            "wheel_separation_m": known.chassis.wheel_separation_m,
+            "wheel_base_m": known.chassis.wheel_base_m,
+        },
+    }
+
+
+def daemon_part(feed: RobotFeed) -> bytes:
+    """Whether the daemon is there, for pages."""
+    return part("daemon", alive=feed.alive, text=feed.problem)

@@ -1,0 +1,231 @@
+"""HTTP: the page's files, the exchange of a token for a cookie, the emergency stop, the WebSocket.
+
+Every request passes :class:`Guard` first: Host, Origin, and the headers of every answer.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from typing import TYPE_CHECKING, Final
+
+import msgspec
+from starlette.applications import Starlette
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.requests import ClientDisconnect, HTTPConnection, Request
+from starlette.responses import PlainTextResponse, Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.websockets import WebSocket
+
+from yahboomd.clock import Clock
+from yahboomd.web.entry_tokens import Tokens
+from yahboomd.web.page_files import PageFile
+from yahboomd.web.page_frames import MAX_BYTES, Role
+from yahboomd.web.page_hub import POLICY, PageHub
+from yahboomd.web.rate_limit import RateLimit
+from yahboomd.web.request_origin import RequestOrigin
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+COOKIE_S = 400 * 24 * 3600
+
+BODY_S = 5.0
+"""Time for the body of a request to arrive."""
+
+HEADERS: Final = {
+    "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
+    "img-src 'self' data:; connect-src 'self'; manifest-src 'self'; base-uri 'none'; "
+    "form-action 'none'; frame-ancestors 'none'",
+    "x-frame-options": "DENY",
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "permissions-policy": "camera=(), microphone=(), geolocation=(), payment=(), usb=()",
+}
+"""The headers of every answer."""
+
+NO_SESSION = "Open the link, or scan the code, that the terminal on the robot shows."
+
+
+class Login(msgspec.Struct, frozen=True):
+    """The body of ``POST /session``."""
+
+    token: str
+
+
+class WebApplication:
+    """The application of one robot.
+
+    Args:
+        hub: Serves its pages.
+        files: Of the page.
+        origin: Recognises requests of the page's own.
+        tokens: Of the people who may enter; None where everybody who reaches it may drive.
+        clock: Measures how often an address tries.
+        secure: Whether cookies may only travel over TLS.
+        port: Where it is served; cookies of two servers on one machine have different names.
+    """
+
+    def __init__(
+        self,
+        hub: PageHub,
+        files: Mapping[str, PageFile],
+        origin: RequestOrigin,
+        tokens: Tokens | None,
+        clock: Clock,
+        *,
+        secure: bool,
+        port: int,
+    ) -> None:
+        self._hub = hub
+        self._files = files
+        self._tokens = tokens
+        self._secure = secure
+        self._cookie = f"yahboomd-{port}"
+        self._logins = RateLimit(clock, burst=10, every_s=6.0)
+        routes = [
+            Route("/", self._file, methods=["GET"]),
+            Route("/page/{name:path}", self._file, methods=["GET"]),
+            Route("/session", self._session, methods=["GET"]),
+            Route("/session", self._enter, methods=["POST"]),
+            Route("/estop", self._estop, methods=["POST"]),
+            WebSocketRoute("/ws", self._page),
+        ]
+        self.asgi: ASGIApp = Guard(Starlette(routes=routes), origin)
+
+    def _role(self, connection: HTTPConnection) -> Role | None:
+        if self._tokens is None:
+            return "driver"
+        return self._tokens.role_of_cookie(connection.cookies.get(self._cookie, ""))
+
+    async def _file(self, request: Request) -> Response:
+        file = self._files.get(request.path_params.get("name", "index.html"))
+        if file is None:
+            return PlainTextResponse("There is no such file.\n", 404)
+        headers = {"etag": file.etag, "cache-control": "no-cache", "vary": "accept-encoding"}
+        if request.headers.get("if-none-match") == file.etag:
+            return Response(status_code=304, headers=headers)
+        content = file.content
+        if file.compressed and "gzip" in request.headers.get("accept-encoding", ""):
+            content = file.compressed
+            headers["content-encoding"] = "gzip"
+        return Response(content, media_type=file.kind, headers=headers)
+
+    async def _session(self, request: Request) -> Response:
+        role = self._role(request)
+        if role is None:
+            return _json(401, text=NO_SESSION)
+        return _json(200, role=role, robot=self._hub.robot.name)
+
+    async def _enter(self, request: Request) -> Response:
+        address = request.client.host if request.client else ""
+        if wait_s := self._logins.wait_s(address):
+            answer = _json(429, text=f"Too many wrong tokens. Wait {wait_s} s, then try again.")
+            answer.headers["retry-after"] = str(wait_s)
+            return answer
+        body = await _body(request)
+        if body is None:
+            return _json(413, text=f"At most {MAX_BYTES} bytes.")
+        try:
+            token = msgspec.json.decode(body, type=Login).token
+        except ValueError:
+            return _json(400, text='This is not {"token": "..."}.')
+        role = "driver" if self._tokens is None else self._tokens.role(token)
+        if role is None:
+            self._logins.failed(address)
+            return _json(403, text=f"This link is not good any more. {NO_SESSION}")
+        answer = Response(status_code=204, headers={"cache-control": "no-store"})
+        if self._tokens is not None:
+            answer.set_cookie(
+                self._cookie,
+                self._tokens.cookie(role),
+                max_age=COOKIE_S,
+                secure=self._secure,
+                httponly=True,
+                samesite="strict",
+            )
+        return answer
+
+    async def _estop(self, request: Request) -> Response:
+        if self._role(request) is None:
+            return _json(401, engaged=False, text=NO_SESSION)
+        answer = await asyncio.shield(self._hub.robot.engage())
+        if answer.success:
+            return _json(200, engaged=True, text=answer.message)
+        text = f"{answer.message} Switch the motors' supply off."
+        return _json(503, engaged=False, text=text)
+
+    async def _page(self, socket: WebSocket) -> None:
+        role = self._role(socket)
+        # A browser shows a page why its WebSocket was closed, but not why it was never opened.
+        await socket.accept()
+        if role is None:
+            await socket.close(POLICY, NO_SESSION)
+        else:
+            await self._hub.attend(socket, role)
+
+
+class Guard:
+    """Refuses what is not from our own page, and adds the headers of every answer.
+
+    Args:
+        application: Serves the rest.
+        origin: Recognises requests of the page's own.
+    """
+
+    def __init__(self, application: ASGIApp, origin: RequestOrigin) -> None:
+        self._application = application
+        self._origin = origin
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serve one request, as ASGI has it."""
+
+        async def send_with_headers(message: Message) -> None:
+            if message["type"] in {"http.response.start", "websocket.http.response.start"}:
+                MutableHeaders(scope=message).update(HEADERS)
+            await send(message)
+
+        refusal = self._refusal(scope, Headers(scope=scope))
+        await (refusal or self._application)(scope, receive, send_with_headers)
+
+    def _refusal(self, scope: Scope, headers: Headers) -> Response | None:
+        hosts, origins = headers.getlist("host"), headers.getlist("origin")
+        if len(hosts) != 1 or not self._origin.host_is_ours(hosts[0]):
+            return PlainTextResponse(
+                "Refused: the page is not served under this name, because any website could have "
+                "it point here. Open it by address, or allow the name: "
+                "yahboomd web --host-name NAME.\n",
+                421,
+            )
+        harmless = scope["type"] == "http" and scope["method"] in {"GET", "HEAD"}
+        if (origins or not harmless) and (
+            len(origins) != 1 or not self._origin.origin_is_ours(origins[0], hosts[0])
+        ):
+            return PlainTextResponse("Refused: this is not from the robot's own page.\n", 403)
+        return None
+
+
+def _json(status: int, **fields: object) -> Response:
+    return Response(
+        msgspec.json.encode(fields),
+        status,
+        media_type="application/json",
+        headers={"cache-control": "no-store"},
+    )
+
+
+async def _body(request: Request) -> bytes | None:
+    """The body; None where it is too large or too slow."""
+    body = b""
+    try:
+        async with asyncio.timeout(BODY_S):
+            async for chunk in request.stream():
+                body += chunk
+                if len(body) > MAX_BYTES:
+                    return None
+    except (TimeoutError, ClientDisconnect):
+        return None
+    return body

@@ -1,0 +1,193 @@
+"""The web server: listens, limits connections, and ends in order.
+
+Over any limit the connection that has waited longest without being a page is closed, of the address
+that has the most: so a new one, with an emergency stop in it, is always served.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import os
+import resource
+import socket
+import ssl
+from collections import Counter
+from collections.abc import Generator
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+import h11
+import msgspec
+from uvicorn import Config, Server
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+from yahboomd.errors import ConfigError, ListenError
+from yahboomd.web.page_frames import MAX_BYTES
+
+if TYPE_CHECKING:
+    from starlette.types import ASGIApp
+
+MAX_OPEN = 192
+"""Connections that are no pages."""
+
+WAIT_S = 10.0
+"""Time for a connection to become a page or to send its request."""
+
+UNSENT_BYTES = 16384
+"""A page that reads slowly has at most so much waiting for it, here and in the kernel each."""
+
+BACKLOG = 1024
+
+FILES = 4096
+"""Open files: connections cost one each, also while their TLS begins."""
+
+TCP_NOTSENT_LOWAT = 25
+"""Of linux/tcp.h."""
+
+
+class Certificate(msgspec.Struct, frozen=True, kw_only=True):
+    """The files of a certificate for TLS."""
+
+    certificate: Path
+    key: Path
+
+    def context(self) -> ssl.SSLContext:
+        """Read them.
+
+        Raises:
+            ConfigError: They cannot be read, or do not belong together.
+        """
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        context.minimum_version = ssl.TLSVersion.TLSv1_2
+        for path in (self.certificate, self.key):
+            try:
+                path.read_bytes()
+            except OSError as error:
+                raise ConfigError(
+                    f"{path} cannot be read: {error.strerror}.",
+                    remedy="Make a certificate with `yahboomd web --make-certificate`.",
+                ) from error
+        try:
+            context.load_cert_chain(self.certificate, self.key)
+        except ssl.SSLError as error:
+            raise ConfigError(
+                f"{self.certificate} and {self.key} are no certificate and its key "
+                f"({error.reason or 'not PEM'}).",
+                remedy="Make both with `yahboomd web --make-certificate`.",
+            ) from error
+        return context
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """Listen on an address.
+
+    Raises:
+        ListenError: It is taken, or not of this machine.
+    """
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listener = socket.socket(family)
+    try:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind((host, port))
+        # From now on connections wait, until they are accepted.
+        listener.listen(BACKLOG)
+    except OSError as error:
+        listener.close()
+        raise ListenError(
+            f"The page cannot be served at {host} port {port}: {os.strerror(error.errno or 0)}.",
+            remedy="Does another `yahboomd web` run? Choose another port with --listen.",
+        ) from error
+    return listener
+
+
+class WebServer(Server):
+    """Serves an application until :attr:`should_exit`; signals are its caller's."""
+
+    def __init__(self, application: ASGIApp, context: ssl.SSLContext | None) -> None:
+        # Frames of the WebSocket are compressed for none: it costs CPU for each page.
+        config = Config(
+            application,
+            http=Connection,
+            ws="websockets-sansio",
+            lifespan="off",
+            interface="asgi3",
+            log_config=None,
+            access_log=False,
+            backlog=BACKLOG,
+            proxy_headers=False,
+            server_header=False,
+            ws_max_size=MAX_BYTES,
+            ws_per_message_deflate=False,
+            ws_ping_interval=None,
+            timeout_graceful_shutdown=1,
+            h11_max_incomplete_event_size=16384,
+        )
+        config.load()
+        config.ssl = context
+        # What a client sent may be in its lines.
+        logging.getLogger("uvicorn").setLevel(logging.CRITICAL)
+        super().__init__(config)
+
+    @contextlib.contextmanager
+    def capture_signals(self) -> Generator[None, None, None]:
+        """Leave signals alone."""
+        yield
+
+
+class Connection(H11Protocol):
+    """One connection, which is counted until it is a page."""
+
+    waiting: ClassVar[dict[Connection, str]] = {}
+
+    _deadline: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Count it, and close another one where there are too many."""
+        super().connection_made(transport)
+        transport.set_write_buffer_limits(high=UNSENT_BYTES)
+        own = transport.get_extra_info("socket")
+        with contextlib.suppress(OSError):
+            own.setsockopt(socket.IPPROTO_TCP, TCP_NOTSENT_LOWAT, UNSENT_BYTES)
+        self._deadline = self.loop.call_later(WAIT_S, self.close)
+        self.waiting[self] = self.client[0] if self.client else ""
+        if len(self.waiting) > MAX_OPEN:
+            most = Counter(self.waiting.values()).most_common(1)[0][0]
+            next(each for each, address in self.waiting.items() if address == most).close()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Forget it."""
+        self._leave()
+        super().connection_lost(exc)
+
+    def handle_websocket_upgrade(self, event: h11.Request) -> None:
+        """Become a page, which has limits of its own."""
+        self._leave()
+        super().handle_websocket_upgrade(event)
+
+    def on_response_complete(self) -> None:
+        """Wait for the next request from now on."""
+        super().on_response_complete()
+        if self._deadline is not None:
+            self._deadline.cancel()
+            self._deadline = self.loop.call_later(WAIT_S, self.close)
+
+    def _leave(self) -> None:
+        self.waiting.pop(self, None)
+        if self._deadline is not None:
+            self._deadline.cancel()
+            self._deadline = None
+
+    def close(self) -> None:
+        """End it at once."""
+        self._leave()
+        self.transport.abort()
+
+
+def raise_file_limit() -> None:
+    """Have room for as many connections as the limits above allow, and more."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = FILES if hard == resource.RLIM_INFINITY else min(FILES, hard)
+    if soft != resource.RLIM_INFINITY and soft < wanted:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
