@@ -134,7 +134,7 @@ ratios: $(VENV)/.dev ## CPU, latency and memory beside the least that a program 
 footprint: $(VENV)/.run ## memory, threads, CPU, start-up time and sizes of the daemon
 	@$(PY) -m benchmarks.footprint $(ARGS)
 
-calibration: $(VENV)/.dev ## how well `calibrate` finds 100 random robots that are off (a minute)
+calibration: $(VENV)/.dev ## how well `calibrate` finds 400 random robots that are off (three minutes)
 	@$(PY) -m benchmarks.random_robots $(ARGS)
 
 picture: $(VENV)/.dev ## drive the simulated robot, and draw docs/images/path.png

@@ -79,8 +79,8 @@ def test_the_deviations_that_are_named_are_those_of_many_robots() -> None:
     off = []
     for _ in range(40):
         robot = Robot(rng, TRUE, SLIP_M_PER_SQRT_M)
-        runs = [robot.measured("pose", *square(SIDE_M, left=left)) for left in (True, False)]
-        found = fit([*runs, robot.measured("straight", *straight(STRAIGHT_M))])
+        runs = [robot.measured(*square(SIDE_M, left=left)) for left in (True, False)]
+        found = fit([*runs, robot.measured(*straight(STRAIGHT_M))])
         off.append((np.array(found.factors) / np.array(TRUE) - 1.0) / np.array(found.std))
     # 40 samples of a variance of 1: 0.5 to 1.7 holds it at 99.9 %.
     assert np.all((np.var(off, axis=0) > 0.5) & (np.var(off, axis=0) < 1.7)), np.var(off, axis=0)

@@ -10,6 +10,8 @@ import pytest
 from led_calibration import LedCalibration
 from real_robot import Client, RealRobot, wait_for
 
+from yahboomd.simulation.truth import TruthSample
+
 pytestmark = pytest.mark.realtime
 
 
@@ -33,3 +35,46 @@ def test_the_way_onto_its_mark_is_no_part_of_a_run(
         assert math.hypot(end.x - mark.x, end.y - mark.y) == pytest.approx(0.5, abs=0.1)
     finally:
         led.close()
+
+
+def test_squares_and_a_straight_are_measured_at_their_ends(
+    real_robot: Callable[..., RealRobot], tmp_path: Path
+) -> None:
+    robot = real_robot(simulate=["--wheel-radius", "0.0345", "--wheel-separation", "0.162"])
+    robot.daemon.says("Connected to")
+    quick = ("--count", "1", "--side", "0.4", "--speed", "0.5", "--turn-speed", "2")
+    shape = (*quick, "--straight", "0.8", "--dry-run")
+    led = LedCalibration(robot.endpoint, tmp_path, "squares", *shape)
+    asked, begin = [], robot.settled_truth()
+    try:
+        while (question := led.question())["name"] != "heading" or len(asked) < 9:
+            if question["name"] == "move":
+                begin = robot.settled_truth()
+                led.answer(question)
+            else:
+                led.answer(question, f"{seen(begin, robot.settled_truth())[question['name']]:.4f}")
+            asked.append(question["name"])
+        led.answer(question, f"{seen(begin, robot.settled_truth())['heading']:.4f}")
+        led.ends()
+    finally:
+        led.close()
+    square = ["move", "ahead", "left", "heading"]
+    assert asked == [*square, *square, "move", "length", "left"]
+    (result,) = [line["facts"] for line in led.of_type("result")]
+    factors = result["chassis"]["wheel_radius_multiplier"]
+    assert factors == pytest.approx(dict.fromkeys(("left", "right"), 0.0345 / 0.0335), rel=0.01)
+    track = result["chassis"]["wheel_separation_multiplier"]
+    assert track == pytest.approx(0.162 / 0.150, rel=0.02)
+
+
+def seen(begin: TruthSample, end: TruthSample) -> dict[str, float]:
+    """The measurements of a person between two moments: mm, degrees; the length in m."""
+    dx, dy = end.x - begin.x, end.y - begin.y
+    cos, sin = math.cos(begin.theta), math.sin(begin.theta)
+    turned = (end.theta - begin.theta + math.pi) % (2.0 * math.pi) - math.pi
+    return {
+        "ahead": 1e3 * (cos * dx + sin * dy),
+        "left": 1e3 * (cos * dy - sin * dx),
+        "heading": math.degrees(turned),
+        "length": math.hypot(dx, dy),
+    }

@@ -138,22 +138,27 @@ class _Wizard:
                 )
                 x = await self._metres("ahead", "How far ahead of its mark did it end, in mm?")
                 y = await self._metres("left", "How far to the left of its mark, in mm?")
-                degrees = await self._person.number(
-                    "heading",
-                    "How many degrees to the left does it point? (empty: not measured)",
-                    unit="deg",
-                    good=lambda value: abs(value) <= 360.0,
-                    wrong="A number of degrees, or nothing.",
-                )
-                measured: tuple[float, ...] = (x, y)
-                std: tuple[float, ...] = (TAPE_STD_M, TAPE_STD_M)
-                if degrees is not None:
-                    measured, std = (*measured, math.radians(degrees)), (*std, ANGLE_STD_RAD)
-                runs.append(self._run("pose", measured, std))
-        runs.append(await self._straight())
+                runs.append(await self._end(x, y))
+        runs.append(await self._straight(bend=True))
         return runs
 
-    async def _straight(self) -> Run:
+    async def _end(self, x: float, y: float) -> Run:
+        """A run that ended there, as seen from its start, metres; asks for the heading."""
+        degrees = await self._person.number(
+            "heading",
+            "How many degrees to the left does it point? (empty: not measured)",
+            unit="deg",
+            good=lambda value: abs(value) <= 360.0,
+            wrong="A number of degrees, or nothing.",
+        )
+        measured: tuple[float, ...] = (x, y)
+        std: tuple[float, ...] = (TAPE_STD_M, TAPE_STD_M)
+        if degrees is not None:
+            measured, std = (*measured, math.radians(degrees)), (*std, ANGLE_STD_RAD)
+        return self._run("pose", measured, std)
+
+    async def _straight(self, *, bend: bool = False) -> Run:
+        """Drive a straight; with ``bend``, ask how far it bent: that makes the scale surer."""
         metres = self._args.straight
         await self._move(
             straight(metres, self._args.speed),
@@ -168,6 +173,18 @@ class _Wizard:
         )
         if length is None:
             raise Refused("Without a length there is nothing to calibrate by: nothing was written.")
+        if bend:
+            left_mm = await self._person.number(
+                "left",
+                "How far to the left of its line did it end, in mm? (negative: to the right; "
+                "empty: not measured)",
+                unit="mm",
+                good=lambda value: abs(value) < 1000.0 * length,
+                wrong="A number of millimetres, or nothing.",
+            )
+            if left_mm is not None:
+                left = left_mm / 1000.0
+                return await self._end(math.sqrt(length * length - left * left), left)
         return self._run("straight", (length,), (TAPE_STD_M,))
 
     async def _metres(self, name: str, question: str) -> float:
