@@ -18,6 +18,7 @@ from starlette.websockets import WebSocket
 
 from yahboomd.clock import Clock
 from yahboomd.web.entry_tokens import Tokens
+from yahboomd.web.page_downloads import Downloads
 from yahboomd.web.page_files import PageFile
 from yahboomd.web.page_frames import MAX_BYTES, Role
 from yahboomd.web.page_hub import POLICY, PageHub
@@ -92,6 +93,7 @@ class WebApplication:
             Route("/session", self._session, methods=["GET"]),
             Route("/session", self._enter, methods=["POST"]),
             Route("/estop", self._estop, methods=["POST"]),
+            *Downloads(hub.tools.recordings, self._role).routes,
             WebSocketRoute("/ws", self._page),
         ]
         self.asgi: ASGIApp = Guard(Starlette(routes=routes), origin)

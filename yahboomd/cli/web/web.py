@@ -20,6 +20,7 @@ from yahboomd.cli.shared_options import (
     client_options,
     daemon_endpoints,
     read_config,
+    robot_arguments,
 )
 from yahboomd.errors import ConfigError
 
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from yahboomd.metrics.http_listener import Place
     from yahboomd.web.entry_tokens import Tokens
     from yahboomd.web.page_hub import PageHub
+    from yahboomd.web.page_tools import ToolSettings
     from yahboomd.web.web_server import WebServer
 
 DEFAULT_PLACE = "127.0.0.1:8480"
@@ -72,6 +74,7 @@ class _Setup(NamedTuple):
     context: SSLContext | None
     options: BusOptions
     source: str
+    tools: ToolSettings
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -127,6 +130,8 @@ def run(args: argparse.Namespace) -> int:
         return _certify(folder, place, args.host_name)
     if args.new_tokens or args.show_link:
         return _links(args, place, folder)
+    from yahboomd.web.page_tools import ToolSettings
+
     check_source(args)
     config = read_config(args).config
     setup = _Setup(
@@ -136,6 +141,7 @@ def run(args: argparse.Namespace) -> int:
         context=_context(args),
         options=client_options(daemon_endpoints(args, config), config),
         source=args.source,
+        tools=ToolSettings(robot=robot_arguments(args), recordings=folder / "recordings"),
     )
     return asyncio.run(_serve(setup))
 
@@ -234,7 +240,7 @@ async def _serve(setup: _Setup) -> int:
     listener = listen(place.host, place.port)
     port = listener.getsockname()[1]
     place = type(place)(host=place.host, port=port)
-    hub = PageHub(setup.options, clock, setup.source)
+    hub = PageHub(setup.options, clock, setup.tools, setup.source)
     names = set(setup.names) | (set() if place.is_loopback else own_names())
     application = WebApplication(
         hub,
