@@ -154,6 +154,13 @@ class Site:
         await page.one("hello")
         return page
 
+    async def driver(self, **options: Any) -> Page:
+        """Open a page, and give it control."""
+        page = await self.page(**options)
+        await page.send(type="control", want=True)
+        await page.one("control", mine=True)
+        return page
+
     async def open(self, **options: Any) -> Page:
         """Open a WebSocket."""
         address = self.origin.replace("http", "ws", 1) + "/ws"

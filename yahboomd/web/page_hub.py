@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+from collections import deque
 from collections.abc import Awaitable, Callable, Coroutine, Mapping
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
@@ -13,6 +14,8 @@ from yahboomd.bus import keys
 from yahboomd.bus.options import BusOptions
 from yahboomd.client.questions import Answer
 from yahboomd.clock import Clock, Schedule
+from yahboomd.messages.codecs import encode
+from yahboomd.messages.native import EventSample
 from yahboomd.model import Twist2d
 from yahboomd.web.beats import LAPSE_NS, PERIOD_NS, Beats
 from yahboomd.web.page_commands import LATE, NOT_YOURS, PageCommands, Refusal
@@ -29,6 +32,7 @@ from yahboomd.web.page_frames import (
     Tool,
     part,
     read_frame,
+    sample_part,
 )
 from yahboomd.web.page_session import PageSession
 from yahboomd.web.page_tools import PageTools, ToolSettings
@@ -37,6 +41,11 @@ from yahboomd.web.robot_feed import RobotFeed, daemon_part
 MAX_PAGES = 64
 MAX_REQUESTS = 4
 """Requests of one page that are under way at once."""
+
+EVENTS = 100
+"""Events that a page gets when it connects; the newest."""
+
+NS_PER_MS = 1_000_000
 
 REFUSALS_NS = 200_000_000
 """A page learns of a refused command five times a second."""
@@ -74,6 +83,7 @@ class PageHub:
         self._beats = Beats(clock)
         self._pages: dict[int, PageSession] = {}
         self._numbers = 0
+        self._events: deque[bytes] = deque(maxlen=EVENTS)
         self._driver: tuple[int | None, str | None] = (None, None)
         self.robot = RobotFeed(
             options,
@@ -132,6 +142,7 @@ class PageHub:
         page.queue(self._hello(page))
         page.queue(daemon_part(self.robot))
         page.queue(self._control(page))
+        page.queue(b'{"type":"events","samples":[' + b",".join(self._events) + b"]}")
         page.show(self.robot.known | self.tools.shown())
         if role == "driver":
             self.tools.recordings.driver_came(page.number)
@@ -197,7 +208,11 @@ class PageHub:
                     self._refuse(page, refusal, "hold")
             case LetGo():
                 self.tools.calibration.let_go(page.number)
-            case Seen() | EmergencyStop():
+            case Seen(beat=beat):
+                age_ns = self._beats.age_ns(beat, page.joined)
+                if age_ns is not None:
+                    page.show({"delay": part("delay", beat=beat, age_ms=age_ns // NS_PER_MS)})
+            case EmergencyStop():
                 pass
 
     def _drive(self, page: PageSession, frame: Drive) -> Refusal | None:
@@ -271,7 +286,7 @@ class PageHub:
         if now_ns - page.refused_ns < REFUSALS_NS:
             return
         page.refused_ns = now_ns
-        age_ms = None if refusal.age_ns is None else refusal.age_ns // 1_000_000
+        age_ms = None if refusal.age_ns is None else refusal.age_ns // NS_PER_MS
         page.queue(part("refused", what=what, why=refusal.why, age_ms=age_ms, text=refusal.text))
 
     # To the pages.
@@ -295,7 +310,7 @@ class PageHub:
             version=__version__,
             limits=self.robot.robot.get("limits"),
             geometry=self.robot.robot.get("geometry"),
-            lapse_ms=LAPSE_NS // 1_000_000,
+            lapse_ms=LAPSE_NS // NS_PER_MS,
             source=self.robot.source,
             views=VIEWS,
         )
@@ -325,9 +340,11 @@ class PageHub:
             page.queue(self._hello(page))
             page.queue(daemon)
 
-    def _event_came(self, event: bytes) -> None:
+    def _event_came(self, event: EventSample) -> None:
+        self._events.append(encode(event, "json"))
+        known = sample_part("event", event)
         for page in self._pages.values():
-            page.queue(event)
+            page.queue(known)
 
     def _lapsed(self, page: int, refusal: Refusal) -> None:
         if (session := self._pages.get(page)) is not None:
