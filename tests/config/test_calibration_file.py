@@ -116,3 +116,27 @@ def test_it_is_in_the_state_directory_of_whom_the_configuration_is(
 ) -> None:
     found = calibration_path(Config(), environ, path and Path(path), user_id=user_id)
     assert found == (expected and Path(expected))
+
+
+def test_a_mecanum_base_has_three_multipliers_and_others_two(tmp_path: Path) -> None:
+    path = tmp_path / "calibration.toml"
+    write_calibration(path, calibration())
+    assert "sideways" not in path.read_text()
+    base = ("chassis.preset=mecanum", "chassis.wheel_base_m=0.2")
+    config = read(None, environ={}, overrides=base).config
+    made = calibration(config=config)
+    corners = config.kinematics().wheels
+    both = {
+        name: Multipliers(
+            wheel_radius_multiplier=dict.fromkeys(corners, 1.0),
+            wheel_separation_multiplier=1.0,
+            sideways_multiplier=factor,
+        )
+        for name, factor in (("chassis", 0.87), ("before", 1.0))
+    }
+    write_calibration(path, made.model_copy(update=both))
+    found = loaded(tmp_path, *base)
+    assert found.config.chassis.sideways_multiplier == 0.87
+    assert "calibration.toml" in found.origins["chassis", "sideways_multiplier"].words
+    forward = found.config.kinematics().forward
+    assert forward[1][1] == pytest.approx(0.25 * 0.87)

@@ -318,3 +318,10 @@ def test_a_car_that_steers_needs_its_axles_and_no_other_base_has_a_steering():
     assert found(chassis=car) == {}
     lines = found(chassis={"steering_max_rad": 0.6})
     assert "belongs to an ackermann base" in lines["chassis.steering_max_rad"]
+
+
+def test_the_way_to_the_side_belongs_to_mecanum_wheels() -> None:
+    lines = found(chassis={"sideways_multiplier": 0.9})
+    assert "belongs to a mecanum base" in lines["chassis.sideways_multiplier"]
+    mecanum = {"preset": "mecanum", "wheel_base_m": 0.2, "sideways_multiplier": 0.9}
+    assert found(chassis=mecanum) == {}

@@ -61,6 +61,18 @@ def test_mecanum_wheels_are_in_the_order_of_the_vendors_channels(
     assert four_rollers.wheels == ("front_left", "rear_left", "front_right", "rear_right")
 
 
+def test_rollers_that_slip_are_commanded_more_to_the_side_and_believed_less() -> None:
+    plain = mecanum(separation_m=0.2, base_m=0.16)
+    slipping = mecanum(separation_m=0.2, base_m=0.16, sideways=0.8)
+    assert wheel_speeds(slipping, Twist2d(vy=0.4)) == pytest.approx((-0.5, 0.5, 0.5, -0.5))
+    for twist in (Twist2d(vx=0.4), Twist2d(wz=1.0)):
+        assert wheel_speeds(slipping, twist) == wheel_speeds(plain, twist)
+    assert body_twist(slipping, (-0.5, 0.5, 0.5, -0.5)).vy == pytest.approx(0.4)
+    assert slipping.forward[0] + slipping.forward[2] == plain.forward[0] + plain.forward[2]
+    with pytest.raises(ConfigError, match="sideways_multiplier is 0"):
+        mecanum(separation_m=0.2, base_m=0.16, sideways=0.0)
+
+
 def test_skid_steer_is_differential_with_the_effective_separation() -> None:
     skid = KINEMATICS["skid_steer"](separation_m=0.3)
     plain = differential(separation_m=0.3)

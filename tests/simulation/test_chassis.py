@@ -78,3 +78,11 @@ def test_mecanum_moves_sideways() -> None:
     base = chassis("mecanum", FOUR_WHEELS)
     base.advance([-1.0, 1.0, 1.0, -1.0])
     assert (base.pose.x, base.pose.y) == pytest.approx((0.0, 1.0))
+
+
+def test_rollers_that_slip_go_less_far_to_the_side_alone() -> None:
+    parts = shares("mecanum", FOUR_WHEELS, wheel_separation_m=0.2, wheel_base_m=0.2, sideways=0.8)
+    base = Chassis(parts)
+    assert base.body([-1.0, 1.0, 1.0, -1.0]) == pytest.approx((0.0, 0.8, 0.0))
+    assert base.body([1.0, 1.0, 1.0, 1.0]) == pytest.approx((1.0, 0.0, 0.0))
+    assert base.body([-1.0, -1.0, 1.0, 1.0]) == pytest.approx((0.0, 0.0, 5.0))

@@ -184,16 +184,6 @@ async def test_files_are_compressed_once_and_not_sent_again(site: Any, tmp_path:
     assert (status, nothing) == (304, b"")
 
 
-async def test_the_meaning_of_every_counter_is_served(site: Any) -> None:
-    served = await site(endpoint=free_endpoint())
-    status, _, body = await served.request("GET", "/counters")
-    groups = json.loads(body)
-    assert status == 200
-    assert set(groups) == {"board", "link", "command", "sources", "bus"}
-    assert groups["link"]["readings"]["kind"] == "counter"
-    assert all(each["meaning"] for group in groups.values() for each in group.values())
-
-
 async def test_the_estop_says_in_words_when_no_daemon_answers(site: Any) -> None:
     served = await site(endpoint=free_endpoint())
     status, _, body = await served.request("POST", "/estop")

@@ -27,7 +27,7 @@ async def test_the_estop_is_served_beside_a_thousand_connections_that_say_nothin
     raise_file_limit()
     daemon = await fake_daemon()
     served = await site(daemon)
-    page = await served.driver()
+    page = await served.page()
     idle = [socket.create_connection(("127.0.0.1", served.port)) for _ in range(1000)]
     try:
         await eventually(lambda: len(Connection.waiting) == MAX_OPEN)
@@ -67,7 +67,7 @@ async def test_a_page_that_stops_reading_delays_no_other_and_gets_no_old_samples
         "Sec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==\r\n\r\n".encode()
     )
     try:
-        page = await served.driver()
+        page = await served.page()
         await page.hold(lambda: len(daemon.velocities) > 10)
         begun = len(page.of("beat"))
         # Written on until it takes no more: then given up after five seconds.
@@ -85,7 +85,7 @@ async def test_tls_serves_the_page_and_its_cookie_travels_over_it_alone(
     context = Certificate(certificate=certificate, key=key).context()
     served = await site(daemon, tokens=TOKENS, context=context)
     trusting = ssl.create_default_context(cafile=str(certificate))
-    page = await served.driver(ssl=trusting)
+    page = await served.page(ssl=trusting)
     await page.hold(lambda: daemon.velocities)
     page.socket.transport.abort()
     await eventually(lambda: daemon.velocities[-1] == ZERO)

@@ -163,3 +163,31 @@ async def test_the_command_scale_is_a_multiplier_of_the_speed_and_not_of_the_cou
         assert steady_estimate(bench, 0.5).vx == pytest.approx(0.36, abs=0.01)
         await asyncio.sleep(1.5)
         assert_at_truth(bench)
+
+
+@pytest.mark.parametrize("dialect", ["streamed", "polled", "rosmaster"])
+@on_virtual_time
+async def test_slip_of_the_rollers_is_made_up_for_in_commands_and_in_odometry(
+    tmp_path: Path, dialect: str
+) -> None:
+    preset = ("chassis.preset=mecanum", f"chassis.wheel_base_m={BASE_M}")
+    sideways = "chassis.sideways_multiplier=0.85"
+    simulation = SimulationOptions(
+        dialect=dialect,
+        drive="mecanum",
+        wheel_separation_m=TRACK_M,
+        wheel_base_m=BASE_M,
+        sideways=0.85,
+        max_speed_m_s=1.5,
+    )
+    async with FaultBench(tmp_path, [*preset, sideways], simulation) as bench:
+        await bench.ready()
+        wish = Twist2d(vx=0.1, vy=0.25, wz=0.3)
+        await say(bench, wish, 3.0)
+        truth = steady_truth(bench, 0.5)
+        assert (truth.vx, truth.vy, truth.wz) == pytest.approx((0.1, 0.25, 0.3), abs=0.02)
+        estimate = bench.heard.estimates[-1]
+        assert estimate.twist.vy == pytest.approx(truth.vy, abs=0.02)
+        await asyncio.sleep(1.0)
+        pose, place = bench.heard.estimates[-1].pose, bench.robot.truth(bench.clock.now_ns())
+        assert math.hypot(pose.x - place.x, pose.y - place.y) < 0.01

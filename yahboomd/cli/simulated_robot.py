@@ -55,5 +55,6 @@ def as_configured(config: Config, base: SimulationOptions | None = None) -> Simu
         wheel_separation_m=config.chassis.wheel_separation_m
         * config.chassis.wheel_separation_multiplier,
         wheel_base_m=config.chassis.wheel_base_m or base.wheel_base_m,
+        sideways=config.chassis.sideways_multiplier,
         flash=BOARDS[dialect].stored({**profile.settings, "ratio": int(profile.ratio)}),
     )

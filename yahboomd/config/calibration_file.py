@@ -40,6 +40,8 @@ class Multipliers(Section):
 
     wheel_radius_multiplier: dict[str, Multiplier]
     wheel_separation_multiplier: Multiplier
+    sideways_multiplier: Multiplier | None = None
+    """Of a mecanum base."""
 
 
 class Calibration(Section):
@@ -113,7 +115,7 @@ def write_calibration(path: Path, calibration: Calibration) -> None:
         "# Written by `yahboomd calibrate`, and read over config.toml. `yahboomd calibrate undo`",
         "# takes it back; removing this file does too.",
     ]
-    for key, value in calibration.model_dump(mode="json").items():
+    for key, value in calibration.model_dump(mode="json", exclude_none=True).items():
         if isinstance(value, dict):
             lines += ["", f"[{key}]", *(f"{name} = {inline(each)}" for name, each in value.items())]
         else:

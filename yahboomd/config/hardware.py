@@ -307,9 +307,16 @@ class Chassis(Section):
         description="Calibration of the track; a skid-steer base acts as if it were 1.3 to 1.9 "
         "times as wide as it is.",
     )
+    sideways_multiplier: float = Field(
+        default=1.0,
+        ge=0.1,
+        le=10.0,
+        description="Calibration of the way to the side of a mecanum base, for each metre that its "
+        "wheels count; slip of the rollers makes it 0.8 to 0.95.",
+    )
     calibration_file: str = Field(
         default="",
-        description="The file that `yahboomd calibrate` writes and that goes over the two "
+        description="The file that `yahboomd calibrate` writes and that goes over the three "
         "multipliers. Empty: calibration.toml in the state directory, /var/lib/yahboomd for the "
         "service.",
     )

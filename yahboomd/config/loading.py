@@ -120,7 +120,7 @@ def _calibrate(layers: Layers, config: Config, path: Path) -> str:
             "remove it with `yahboomd calibrate undo`."
         )
     words = f"{path} ({calibration.method}, {calibration.made})"
-    for key, value in calibration.chassis.model_dump().items():
+    for key, value in calibration.chassis.model_dump(exclude_none=True).items():
         layers.take(("chassis", key), value, words)
     return ""
 

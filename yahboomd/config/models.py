@@ -78,6 +78,7 @@ class Config(Section):
             separation_m=chassis.wheel_separation_m * chassis.wheel_separation_multiplier,
             base_m=chassis.wheel_base_m,
             steering_max_rad=chassis.steering_max_rad or STEERING_MAX_RAD,
+            sideways=chassis.sideways_multiplier,
         )
 
     def profile(self) -> MotorProfile:

@@ -156,6 +156,9 @@ def geometry(config: Config) -> Iterator[Finding]:
     if name != "ackermann" and config.chassis.steering_max_rad is not None:
         words = f"belongs to an ackermann base, and this one is {name}; leave it out"
         yield Finding(("chassis", "steering_max_rad"), words, beside)
+    if name != "mecanum" and config.chassis.sideways_multiplier != 1.0:
+        words = f"belongs to a mecanum base, and this one is {name}; leave it out"
+        yield Finding(("chassis", "sideways_multiplier"), words, beside)
 
 
 def profile(config: Config) -> Iterator[Finding]:

@@ -30,16 +30,21 @@ def shares(
     *,
     wheel_separation_m: float,
     wheel_base_m: float,
+    sideways: float = 1.0,
 ) -> tuple[Share, ...]:
     """The share of each motor, in the order of the motors.
 
     A side with several wheels moves as their mean. Mecanum is the least-squares inverse of
-    v = vx -+ vy -+ (half base + half track) wz.
+    v = vx -+ vy -+ (half base + half track) wz, with the slip of its rollers to the side.
     """
     if drive == "mecanum":
         arm_m = (wheel_separation_m + wheel_base_m) / 2.0
         return tuple(
-            (0.25, 0.25 * _MECANUM[wire.corner][0], 0.25 * _MECANUM[wire.corner][1] / arm_m)
+            (
+                0.25,
+                0.25 * sideways * _MECANUM[wire.corner][0],
+                0.25 * _MECANUM[wire.corner][1] / arm_m,
+            )
             for wire in motors
         )
     on_left = ["left" in wire.corner for wire in motors]

@@ -110,6 +110,7 @@ class SimulationOptions(msgspec.Struct, frozen=True, kw_only=True):
         wheel_radius_m: The true radius of the wheels.
         wheel_separation_m: The true (effective) track.
         wheel_base_m: Distance between the axles, for mecanum.
+        sideways: The true way to the side for each metre that the wheels roll, for mecanum.
         max_speed_m_s: Rim speed at full output.
         motor_dead_zone: Output below which the motors do not turn, in PWM units.
         time_constant_s: Lag of a driven motor.
@@ -139,6 +140,7 @@ class SimulationOptions(msgspec.Struct, frozen=True, kw_only=True):
     wheel_radius_m: float = 0.0335
     wheel_separation_m: float = 0.15
     wheel_base_m: float = 0.15
+    sideways: float = 1.0
     max_speed_m_s: float = 1.15
     motor_dead_zone: int = 1950
     time_constant_s: float = 0.06
@@ -200,6 +202,7 @@ def _impossible(options: SimulationOptions) -> list[tuple[str, float]]:
         ("wheel_radius_m", options.wheel_radius_m),
         ("wheel_separation_m", options.wheel_separation_m),
         ("wheel_base_m", options.wheel_base_m),
+        ("sideways", options.sideways),
         ("max_speed_m_s", options.max_speed_m_s),
         ("time_constant_s", options.time_constant_s),
         ("rated_volts", options.rated_volts),

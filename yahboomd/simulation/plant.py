@@ -35,6 +35,7 @@ class Plant:
                 self.wiring,
                 wheel_separation_m=options.wheel_separation_m,
                 wheel_base_m=options.wheel_base_m,
+                sideways=options.sideways,
             )
         )
         self._by_position: list[Motor | None] = [None] * CHANNELS

@@ -17,9 +17,7 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket
 
 from yahboomd.clock import Clock
-from yahboomd.messages.status_fields import FIELDS, StatusField
 from yahboomd.web.entry_tokens import Tokens
-from yahboomd.web.page_downloads import Downloads
 from yahboomd.web.page_files import PageFile
 from yahboomd.web.page_frames import MAX_BYTES, Role
 from yahboomd.web.page_hub import POLICY, PageHub
@@ -91,11 +89,9 @@ class WebApplication:
         routes = [
             Route("/", self._file, methods=["GET"]),
             Route("/page/{name:path}", self._file, methods=["GET"]),
-            Route("/counters", self._counters, methods=["GET"]),
             Route("/session", self._session, methods=["GET"]),
             Route("/session", self._enter, methods=["POST"]),
             Route("/estop", self._estop, methods=["POST"]),
-            *Downloads(hub.tools.recordings, self._role).routes,
             WebSocketRoute("/ws", self._page),
         ]
         self.asgi: ASGIApp = Guard(Starlette(routes=routes), origin)
@@ -117,13 +113,6 @@ class WebApplication:
             content = file.compressed
             headers["content-encoding"] = "gzip"
         return Response(content, media_type=file.kind, headers=headers)
-
-    async def _counters(self, _request: Request) -> Response:
-        """The meaning of each field of the status, by group and name."""
-        groups: dict[str, dict[str, StatusField]] = {}
-        for field in FIELDS:
-            groups.setdefault(field.group, {})[field.name] = field
-        return Response(msgspec.json.encode(groups), media_type="application/json")
 
     async def _session(self, request: Request) -> Response:
         role = self._role(request)

@@ -24,7 +24,6 @@ from uvicorn import Config, Server
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from yahboomd.errors import ConfigError, ListenError
-from yahboomd.web.page_downloads import is_download
 from yahboomd.web.page_frames import MAX_BYTES
 
 if TYPE_CHECKING:
@@ -151,7 +150,7 @@ class Connection(H11Protocol):
         own = transport.get_extra_info("socket")
         with contextlib.suppress(OSError):
             own.setsockopt(socket.IPPROTO_TCP, TCP_NOTSENT_LOWAT, UNSENT_BYTES)
-        self._deadline = self.loop.call_later(WAIT_S, self._overdue)
+        self._deadline = self.loop.call_later(WAIT_S, self.close)
         self.waiting[self] = self.client[0] if self.client else ""
         if len(self.waiting) > MAX_OPEN:
             most = Counter(self.waiting.values()).most_common(1)[0][0]
@@ -172,21 +171,13 @@ class Connection(H11Protocol):
         super().on_response_complete()
         if self._deadline is not None:
             self._deadline.cancel()
-            self._deadline = self.loop.call_later(WAIT_S, self._overdue)
+            self._deadline = self.loop.call_later(WAIT_S, self.close)
 
     def _leave(self) -> None:
         self.waiting.pop(self, None)
         if self._deadline is not None:
             self._deadline.cancel()
             self._deadline = None
-
-    def _overdue(self) -> None:
-        cycle = self.cycle
-        if cycle is None or cycle.response_complete or not is_download(cycle.scope["path"]):
-            self.close()
-        else:
-            # It ends by itself where nothing is read any more.
-            self._deadline = self.loop.call_later(WAIT_S, self._overdue)
 
     def close(self) -> None:
         """End it at once."""

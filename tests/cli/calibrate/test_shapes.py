@@ -6,8 +6,10 @@ import math
 
 import pytest
 
-from yahboomd.cli.calibrate.shapes import Leg, Sides, square
+from yahboomd.cli.calibrate.shapes import Leg, Sides, sideways, square
 from yahboomd.config import read
+from yahboomd.drive.kinematics import wheel_speeds
+from yahboomd.model import Twist2d
 
 
 def config(preset: str):
@@ -51,3 +53,21 @@ def test_a_square_ends_as_it_began() -> None:
         -2.0 * math.pi
     )
     assert [leg.amount for leg in legs if leg.vx] == [2.0] * 4
+
+
+def test_a_mecanum_base_counts_its_way_to_the_side_and_turns_by_wheels_and_axles() -> None:
+    made = config("mecanum")
+    motors, kinematics = made.motors(), made.kinematics()
+    sides = Sides(made, [motor.name for motor in motors])
+    assert sides.separation_m == pytest.approx(0.15 + 0.2)
+    wish = Twist2d(vx=0.1, vy=0.3, wz=0.5)
+    per_m = motors[0].ticks_per_revolution / (2.0 * math.pi * motors[0].radius_m)
+    ticks = [0.0] * 4, [speed * per_m for speed in wheel_speeds(kinematics, wish)]
+    left, right = sides.travel(ticks)
+    assert (left[0] + right[0]) / 2.0 == pytest.approx(0.1)
+    assert (right[0] - left[0]) / sides.separation_m == pytest.approx(0.5)
+    assert sides.to_the_left(ticks)[0] == pytest.approx(0.3)
+    (leg,) = sideways(-1.0, 0.2)
+    assert (leg.vx, leg.vy, leg.wz, leg.amount) == (0.0, -0.2, 0.0, 1.0)
+    assert leg.done(0.0, 0.0, 1.0, to_the_left_m=-0.4) == 0.4
+    assert leg.limit_s == pytest.approx(12.5)

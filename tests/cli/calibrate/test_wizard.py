@@ -78,3 +78,50 @@ def seen(begin: TruthSample, end: TruthSample) -> dict[str, float]:
         "heading": math.degrees(turned),
         "length": math.hypot(dx, dy),
     }
+
+
+def test_a_mecanum_base_goes_to_both_sides_and_gets_three_multipliers(
+    real_robot: Callable[..., RealRobot], tmp_path: Path
+) -> None:
+    base = ("chassis.preset=mecanum", "chassis.wheel_base_m=0.15")
+    robot = real_robot(
+        simulate=[
+            *("--drive", "mecanum", "--wheel-radius", "0.0345", "--wheel-separation", "0.165"),
+            *("--wheel-base", "0.15", "--sideways", "0.87"),
+        ],
+        run=[word for each in base for word in ("--set", each)],
+    )
+    robot.daemon.says("Connected to")
+    quick = ("--straight", "1", "--sideways", "0.6", "--turns", "1", "--speed", "0.4")
+    config = tmp_path / "robot.toml"
+    config.write_text('[chassis]\npreset = "mecanum"\nwheel_base_m = 0.15\n')
+    led = LedCalibration(
+        robot.endpoint, tmp_path, "tape", *quick, "--turn-speed", "2", "--config", str(config)
+    )
+    names, begin = [], robot.settled_truth()
+    try:
+        # A straight, two turns, and two ways to the side.
+        for _ in range(10):
+            question = led.question()
+            names.append(question["name"])
+            if question["name"] == "move":
+                begin = robot.settled_truth()
+                led.answer(question)
+                continue
+            end = robot.settled_truth()
+            measured = seen(begin, end)["length"]
+            if question["name"] == "beyond":
+                measured = math.degrees(abs(end.theta - begin.theta)) - 360.0
+            led.answer(question, f"{measured:.4f}")
+        led.ends()
+    finally:
+        led.close()
+    assert names[1::2] == ["length", "beyond", "beyond", "length", "length"]
+    (result,) = [line["facts"] for line in led.of_type("result")]
+    assert result["refused"] == []
+    radii = result["chassis"]["wheel_radius_multiplier"]
+    assert radii["rear_left"] == pytest.approx(0.0345 / 0.0335, rel=5e-3)
+    assert result["chassis"]["wheel_separation_multiplier"] == pytest.approx(1.1, rel=0.02)
+    assert result["chassis"]["sideways_multiplier"] == pytest.approx(0.87, rel=0.01)
+    written = (tmp_path / "calibration.toml").read_text()
+    assert f"sideways_multiplier = {result['chassis']['sideways_multiplier']}" in written

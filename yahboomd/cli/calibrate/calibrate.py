@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 DESCRIPTION = """\
 Find the true size of the wheels and of the track, and write it to the calibration file, which goes
-over the two multipliers of [chassis]. The robot drives known shapes while the daemon runs; you say
+over the multipliers of [chassis]. The robot drives known shapes while the daemon runs; you say
 where it truly ended. It moves only while this command runs, within the bounds that it announces;
 Ctrl-C stops it. Nothing is written that cannot be trusted, and the reason is named.
 """
@@ -55,7 +55,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "tape",
         help="a straight and turns in place: size of the wheels, and track",
         description="A straight between two marks gives the size of the wheels, turns in place on "
-        "a mark give the track.",
+        "a mark give the track. A mecanum base also goes to either side, which gives the slip of "
+        "its rollers.",
     )
     squares = verbs.add_parser(
         "squares",
@@ -68,6 +69,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         type=number("a whole number from 1 to 50", lambda n: n in range(1, 51)),
         default=5,
         help="turns in place each way (default: %(default)s)",
+    )
+    tape.add_argument(
+        "--sideways",
+        metavar="M",
+        type=_positive,
+        default=1.0,
+        help="of a mecanum base: way to the left, then to the right (default: %(default)s)",
     )
     squares.add_argument(
         "--side",

@@ -6,7 +6,7 @@ import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from yahboomd.calibration.verdict import doubts
+from yahboomd.calibration.verdict import doubts, sideways_doubts
 from yahboomd.errors import Refused
 
 if TYPE_CHECKING:
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from yahboomd.calibration.least_squares import Fit
     from yahboomd.calibration.runs import Run
+    from yahboomd.calibration.sideways import Sideways, SidewaysRun
     from yahboomd.cli.calibrate.asking import Person
     from yahboomd.config import Config
     from yahboomd.config.calibration_file import Calibration
@@ -26,6 +27,8 @@ def conclude(
     *,
     method: str,
     runs: Sequence[Run] = (),
+    sideways: Sideways | None = None,
+    sideways_runs: Sequence[SidewaysRun] = (),
     dry_run: bool,
     person: Person,
 ) -> int:
@@ -37,6 +40,8 @@ def conclude(
         path: The calibration file; None where there is no state directory.
         method: How it was measured, in a few words.
         runs: What it was fitted to.
+        sideways: The way of a mecanum base to the side.
+        sideways_runs: What that was fitted to.
         dry_run: Whether to show it only.
         person: Who is shown it.
 
@@ -46,8 +51,16 @@ def conclude(
     """
     from yahboomd.config.calibration_file import write_calibration
 
-    calibration = made_of(fit, config, method=method, runs=len(runs))
-    wrong = doubts(fit, skid_steer=config.kinematics_name() == "skid_steer", runs=runs)
+    count = len(runs) + len(sideways_runs)
+    calibration = made_of(fit, config, method=method, runs=count, sideways=sideways)
+    wrong = doubts(
+        fit,
+        skid_steer=config.kinematics_name() == "skid_steer",
+        runs=runs,
+        track=calibration.chassis.wheel_separation_multiplier,
+    )
+    if sideways is not None:
+        wrong += sideways_doubts(sideways, sideways_runs)
     target = None if dry_run or wrong else path
     written: Path | None = None
     try:
@@ -55,7 +68,10 @@ def conclude(
             write_calibration(target, calibration)
             written = target
     finally:
-        person.result(_table(fit, calibration), _facts(fit, calibration, wrong, written))
+        facts = _facts(fit, calibration, wrong, written)
+        if sideways is not None:
+            facts["std"]["sideways"] = sideways.std
+        person.result(_table(fit, calibration, sideways), facts)
     if wrong:
         raise Refused("\n".join(["Nothing was written:", *(f"  {words}" for words in wrong)]))
     if dry_run:
@@ -73,7 +89,9 @@ def conclude(
     return 0
 
 
-def made_of(fit: Fit, config: Config, *, method: str, runs: int) -> Calibration:
+def made_of(
+    fit: Fit, config: Config, *, method: str, runs: int, sideways: Sideways | None = None
+) -> Calibration:
     """The calibration file's contents."""
     from yahboomd.config.calibration_file import Calibration, Multipliers, geometry_of
     from yahboomd.config.models import WHEELS
@@ -81,7 +99,7 @@ def made_of(fit: Fit, config: Config, *, method: str, runs: int) -> Calibration:
     factors, chassis = fit.factors, config.chassis
     wheels = WHEELS[config.kinematics_name()]
     track = factors.track
-    if chassis.wheel_base_m is not None:
+    if config.kinematics().holonomic and chassis.wheel_base_m is not None:
         # Only the distance of the sides is calibrated; a mecanum base turns by half of both sums.
         whole = chassis.wheel_separation_m + chassis.wheel_base_m
         track = (track * whole - chassis.wheel_base_m) / chassis.wheel_separation_m
@@ -94,13 +112,16 @@ def made_of(fit: Fit, config: Config, *, method: str, runs: int) -> Calibration:
         residual=_residual(fit, runs),
         geometry=geometry_of(config),
         chassis=Multipliers(
-            wheel_radius_multiplier=radii, wheel_separation_multiplier=round(track, 6)
+            wheel_radius_multiplier=radii,
+            wheel_separation_multiplier=round(track, 6),
+            sideways_multiplier=None if sideways is None else round(sideways.factor, 6),
         ),
         before=Multipliers(
             wheel_radius_multiplier={
                 name: chassis.wheel_radius_multiplier.get(name, 1.0) for name in wheels
             },
             wheel_separation_multiplier=chassis.wheel_separation_multiplier,
+            sideways_multiplier=None if sideways is None else chassis.sideways_multiplier,
         ),
     )
 
@@ -112,7 +133,7 @@ def _residual(fit: Fit, runs: int) -> str:
     return f"{1000.0 * rms_m:.1f} mm in a piece of the path, of {len(fit.errors)} pieces"
 
 
-def _table(fit: Fit, calibration: Calibration) -> str:
+def _table(fit: Fit, calibration: Calibration, sideways: Sideways | None) -> str:
     before, after = calibration.before, calibration.chassis
     lines = ["                    before      now         known within"]
     for name, value in after.wheel_radius_multiplier.items():
@@ -122,6 +143,11 @@ def _table(fit: Fit, calibration: Calibration) -> str:
         f"{'track':<20}{before.wheel_separation_multiplier:<12.5f}"
         f"{after.wheel_separation_multiplier:<12.5f}{_percent(fit.std.track)}"
     )
+    if sideways is not None:
+        lines.append(
+            f"{'sideways':<20}{before.sideways_multiplier or 1.0:<12.5f}"
+            f"{sideways.factor:<12.5f}{_percent(sideways.std)}"
+        )
     lines.append(f"{'right over left':<32}{fit.factors.ratio:<12.5f}{_percent(fit.std.ratio)}")
     lines.append(f"What is left over: {calibration.residual}.")
     return "\n".join(lines)
@@ -135,7 +161,7 @@ def _facts(
     fit: Fit, calibration: Calibration, wrong: list[str], written: Path | None
 ) -> dict[str, Any]:
     return {
-        **calibration.model_dump(mode="json"),
+        **calibration.model_dump(mode="json", exclude_none=True),
         "std": dict(zip(fit.std._fields, fit.std, strict=True)),
         "chi_squared": fit.chi_squared,
         "errors": fit.errors,

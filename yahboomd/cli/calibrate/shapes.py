@@ -33,6 +33,8 @@ STANDS_WITHIN_NS = 20 * NS_PER_S
 class Sides:
     """From the ticks of single motors to the travel of the two sides, with nominal radii.
 
+    A mecanum base turns as if its sides were as far apart as its wheels and its axles together.
+
     Args:
         config: The robot.
         names: The motors, in the order of the ticks.
@@ -50,28 +52,53 @@ class Sides:
             mine = [i for i, name in enumerate(names) if side[name].endswith(which)]
             self._weights[row, mine] = per_tick / len(mine)
         self.separation_m = geometry.wheel_separation_m
+        kinematics = config.kinematics()
+        self._to_the_left = np.zeros(len(names))
+        if kinematics.holonomic:
+            self.separation_m += config.chassis.wheel_base_m or 0.0
+            across = dict(zip(kinematics.wheels, kinematics.forward[1], strict=True))
+            self._to_the_left = np.array([np.sign(across[side[name]]) for name in names]) * (
+                per_tick / len(names)
+            )
 
     def travel(self, ticks: Sequence[Sequence[int]]) -> tuple[Floats, Floats]:
         """The travel of the left and the right side between the readings, metres."""
         steps = np.diff(np.array(ticks, dtype=float), axis=0) @ self._weights.T
         return steps[:, 0], steps[:, 1]
 
+    def to_the_left(self, ticks: Sequence[Sequence[int]]) -> Floats:
+        """The travel of a mecanum base to the left between the readings, metres, without slip."""
+        steps: Floats = np.diff(np.array(ticks, dtype=float), axis=0) @ self._to_the_left
+        return steps
+
 
 class Leg:
-    """A part of a shape: a straight of some metres, or a turn in place of some radians."""
+    """A part of a shape: a straight of some metres, or a turn in place of some radians.
 
-    def __init__(self, vx: float, wz: float, amount: float) -> None:
+    Args:
+        vx: Forward, m/s.
+        wz: Counter-clockwise, rad/s.
+        amount: Metres, or radians.
+        vy: To the left, m/s.
+    """
+
+    def __init__(self, vx: float, wz: float, amount: float, *, vy: float = 0.0) -> None:
         self.vx = vx
+        self.vy = vy
         self.wz = wz
         self.amount = amount
 
     @property
     def limit_s(self) -> float:
         """So long it lasts at most, ramps and a weak battery included."""
-        return 1.5 * self.amount / max(abs(self.vx), abs(self.wz)) + 5.0
+        return 1.5 * self.amount / max(abs(self.vx), abs(self.vy), abs(self.wz)) + 5.0
 
-    def done(self, left_m: float, right_m: float, separation_m: float) -> float:
+    def done(
+        self, left_m: float, right_m: float, separation_m: float, *, to_the_left_m: float = 0.0
+    ) -> float:
         """The part of it that the robot has done, by the counts."""
+        if self.vy:
+            return to_the_left_m * (1.0 if self.vy > 0.0 else -1.0)
         if self.vx:
             return (left_m + right_m) / 2.0 * (1.0 if self.vx > 0.0 else -1.0)
         return (right_m - left_m) / separation_m * (1.0 if self.wz > 0.0 else -1.0)
@@ -106,7 +133,7 @@ class Driver:
     def bounds(self, legs: Sequence[Leg]) -> Bounds:
         """The most that the robot moves in these legs."""
         return Bounds(
-            distance_m=sum(leg.amount for leg in legs if leg.vx),
+            distance_m=sum(leg.amount for leg in legs if leg.vx or leg.vy),
             turn_rad=float(sum(leg.amount for leg in legs if leg.wz)),
             time_s=sum(leg.limit_s for leg in legs),
         )
@@ -186,8 +213,10 @@ class Driver:
             while True:
                 command.go_on()
                 sides = await self._next()
-                left, right = sides.travel([first, self._ticks[-1]])
-                done = leg.done(float(left[0]), float(right[0]), sides.separation_m) / leg.amount
+                ticks = [first, self._ticks[-1]]
+                left, right = map(float, np.concatenate(sides.travel(ticks)))
+                beside = float(sides.to_the_left(ticks)[0])
+                done = leg.done(left, right, sides.separation_m, to_the_left_m=beside) / leg.amount
                 if done >= 1.0:
                     break
                 progress(max(0.0, done))
@@ -212,6 +241,13 @@ class Driver:
         assert self.sides is not None
         return (*self.sides.travel(self._ticks), self.sides.separation_m)
 
+    def gathered_sideways(self) -> tuple[Floats, Floats, Floats]:
+        """The travel ahead, to the left, and the turn, in steps, with nominal sizes."""
+        left, right, separation_m = self.gathered()
+        assert self.sides is not None
+        turn: Floats = (right - left) / separation_m
+        return (left + right) / 2.0, self.sides.to_the_left(self._ticks), turn
+
 
 class _Command:
     """The command of one leg: it ends with the leg's time, and with the person's hold."""
@@ -222,7 +258,7 @@ class _Command:
         self._hold = hold
         self._ends_ns = SystemClock().now_ns() + nanoseconds(leg.limit_s)
         if hold is None:
-            robot.drive(leg.vx, leg.wz, for_s=leg.limit_s)
+            robot.drive(leg.vx, leg.wz, vy=leg.vy, for_s=leg.limit_s)
 
     def go_on(self) -> None:
         """Command on.
@@ -239,7 +275,8 @@ class _Command:
             left_s = seconds(self._ends_ns - SystemClock().now_ns())
             over = left_s <= 0.0
             if not over:
-                self._robot.drive(self._leg.vx, self._leg.wz, for_s=min(held_s, left_s))
+                leg = self._leg
+                self._robot.drive(leg.vx, leg.wz, vy=leg.vy, for_s=min(held_s, left_s))
         if over:
             raise Refused(
                 f"After {self._leg.limit_s:.0f} s the robot was not where its counts should "
@@ -250,6 +287,11 @@ class _Command:
 def straight(metres: float, speed: float) -> list[Leg]:
     """One straight."""
     return [Leg(speed, 0.0, metres)]
+
+
+def sideways(metres: float, speed: float) -> list[Leg]:
+    """To the side; negative is to the right."""
+    return [Leg(0.0, 0.0, abs(metres), vy=speed if metres > 0.0 else -speed)]
 
 
 def turns(radians: float, speed: float) -> list[Leg]:

@@ -7,11 +7,12 @@ import math
 from functools import partial
 from typing import TYPE_CHECKING
 
-from yahboomd.cli.calibrate.shapes import Driver, Leg, LetGo, square, straight, turns
+from yahboomd.cli.calibrate.shapes import Driver, Leg, LetGo, sideways, square, straight, turns
 from yahboomd.errors import ConfigError, Refused
 
 if TYPE_CHECKING:
     from yahboomd.calibration.runs import Run
+    from yahboomd.calibration.sideways import SidewaysRun
     from yahboomd.cli.calibrate.asking import Person
     from yahboomd.cli.calibrate.hold import Hold
     from yahboomd.client import AsyncRobot
@@ -46,6 +47,7 @@ async def calibrate(
         ConfigError: The daemon is another robot's, or the file cannot be written.
     """
     from yahboomd.calibration.least_squares import PARTS, Unseen, fit
+    from yahboomd.calibration.sideways import fit_sideways
     from yahboomd.calibration.verdict import unseen
     from yahboomd.cli.calibrate.result import conclude
 
@@ -56,14 +58,23 @@ async def calibrate(
             "`yahboomd calibrate tape`"
         )
     wizard = _Wizard(Driver(robot, config, args.source, hold), person, args)
+    beside: list[SidewaysRun] = []
     if args.verb == "tape":
         runs = await wizard.by_tape()
+        if config.kinematics().holonomic:
+            beside = await wizard.sideways()
         method, free = "tape", PARTS[::2]
     else:
         runs = await wizard.by_squares()
         method, free = f"squares of {args.side:g} m", PARTS
     try:
         found = fit(runs, free=free)
+        factors, std = found.factors, found.std
+        to_the_side = None
+        if beside:
+            to_the_side = fit_sideways(
+                beside, scale=factors.scale, track=factors.track, scale_std=std.scale
+            )
     except Unseen as error:
         raise Refused(f"Nothing was written. {unseen(error)}") from error
     return conclude(
@@ -72,6 +83,8 @@ async def calibrate(
         loaded.calibration_path,
         method=method,
         runs=runs,
+        sideways=to_the_side,
+        sideways_runs=beside,
         dry_run=args.dry_run,
         person=person,
     )
@@ -127,6 +140,22 @@ class _Wizard:
             runs.append(self._run("turn", (measured,), (ANGLE_STD_RAD,)))
         return runs
 
+    async def sideways(self) -> list[SidewaysRun]:
+        """Runs of a mecanum base to either side."""
+        from yahboomd.calibration.sideways import SidewaysRun
+
+        args, runs = self._args, []
+        for left in (True, False):
+            way = "left" if left else "right"
+            metres = args.sideways if left else -args.sideways
+            await self._move(
+                sideways(metres, args.speed),
+                f"{args.sideways:g} m to the {way}, sideways: mark where the robot stands.",
+            )
+            length = await self._length()
+            runs.append(SidewaysRun(*self._driver.gathered_sideways(), length, TAPE_STD_M))
+        return runs
+
     async def by_squares(self) -> list[Run]:
         args, runs = self._args, []
         for left in (True, False):
@@ -164,15 +193,7 @@ class _Wizard:
             straight(metres, self._args.speed),
             f"A straight of {metres:g} m: mark where the robot stands.",
         )
-        length = await self._person.number(
-            "length",
-            "How far did it truly go, in m?",
-            unit="m",
-            good=lambda value: 0.0 < value < 1000.0,
-            wrong="A number of metres, such as 1.987.",
-        )
-        if length is None:
-            raise Refused("Without a length there is nothing to calibrate by: nothing was written.")
+        length = await self._length()
         if bend:
             left_mm = await self._person.number(
                 "left",
@@ -186,6 +207,18 @@ class _Wizard:
                 left = left_mm / 1000.0
                 return await self._end(math.sqrt(length * length - left * left), left)
         return self._run("straight", (length,), (TAPE_STD_M,))
+
+    async def _length(self) -> float:
+        length = await self._person.number(
+            "length",
+            "How far did it truly go, in m?",
+            unit="m",
+            good=lambda value: 0.0 < value < 1000.0,
+            wrong="A number of metres, such as 1.987.",
+        )
+        if length is None:
+            raise Refused("Without a length there is nothing to calibrate by: nothing was written.")
+        return length
 
     async def _metres(self, name: str, question: str) -> float:
         value = await self._person.number(
