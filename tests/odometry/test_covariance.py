@@ -466,3 +466,8 @@ def test_with_a_gyro_an_error_of_heading_becomes_one_of_place(base):
 def test_a_heading_that_becomes_surer_stays_as_correlated_as_it_was():
     found = matrix(with_heading((4.0, 0.5, 0.6, 0.5, 9.0, 1.2, 0.6, 1.2, 0.16), 0.04))
     assert np.allclose(found, [[4.0, 0.5, 0.3], [0.5, 9.0, 0.6], [0.3, 0.6, 0.04]])
+
+
+def test_without_a_window_nothing_is_known_of_the_twist(kit):
+    twist = Covariance(kit.differential(), kit.motors()).twist(Window(0, (0, 0), 0, 0))
+    assert np.array_equal(matrix(twist), np.eye(3))

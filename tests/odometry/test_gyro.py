@@ -144,3 +144,9 @@ def test_before_its_first_sample_there_is_no_gyro_and_nothing_is_wrong() -> None
     gyro = Gyro()
     gyro.turn(10**12)
     assert (gyro.present, gyro.believed, gyro.problem) == (False, False, None)
+
+
+def test_before_anything_turned_it_has_no_noise() -> None:
+    sampled = Sampled()
+    sampled.show(0.0)
+    assert sampled.gyro.turn(sampled.now_ns).noise == pytest.approx(0.0, abs=1e-7)
