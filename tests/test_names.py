@@ -11,6 +11,7 @@ from yahboomd.names import (
     is_local,
     is_ros_name,
     name_problem,
+    source_words,
 )
 
 CHUNKS = st.lists(st.text(min_size=1, max_size=8), min_size=1, max_size=4).map("/".join)
@@ -118,3 +119,8 @@ def test_relative_names_of_ros(name):
 @pytest.mark.parametrize("name", ["", "/odom", "odom/", "a//b", "1odom", "my-bot", "odom\n"])
 def test_names_that_ros_refuses(name):
     assert not is_ros_name(name)
+
+
+def test_the_source_of_the_page_is_called_the_page_and_others_by_their_key():
+    assert source_words("cmd_vel/web") == "The page"
+    assert source_words("cmd_vel/teleop") == "cmd_vel/teleop"

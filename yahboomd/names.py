@@ -8,6 +8,9 @@ import re
 PROTOCOLS = ("tcp", "udp", "tls", "quic", "unixsock-stream")
 """Compiled into the Zenoh wheel, and known to clients in other languages as well."""
 
+PAGE_SOURCE = "cmd_vel/web"
+"""The key on which the page commands."""
+
 _ENDPOINT = re.compile(r"(?P<protocol>[^/]+)/(?P<address>[^?#\s]+)(\?[^#\s]*)?(#\S*)?")
 _ADDRESS = re.compile(r"(?P<host>\[[0-9A-Fa-f:.%a-z]+\]|[^:\[\]/]+):(?P<port>[0-9]{1,5})")
 
@@ -70,6 +73,11 @@ def is_local(endpoint: str) -> bool:
         return ipaddress.ip_address(found[0]).is_loopback
     except ValueError:
         return False
+
+
+def source_words(key: str | None) -> str:
+    """A source of commands at the beginning of a sentence for people."""
+    return "The page" if key == PAGE_SOURCE else str(key)
 
 
 def is_ros_name(name: str) -> bool:

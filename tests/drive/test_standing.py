@@ -123,3 +123,9 @@ def test_the_state_is_the_one_that_most_needs_a_person(
         decision=decision, latched=latched, holds=holds, commanded_zero=zero, measured_m_s=measured
     )
     assert found == expected
+
+
+def test_people_read_of_the_page_and_not_of_its_key() -> None:
+    decision = Decision(source="cmd_vel/web", age_ns=S, why="timed_out")
+    (found,) = reasons(5 * S, decision=decision)
+    assert found.message.startswith("The page fell silent")

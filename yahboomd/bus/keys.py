@@ -9,9 +9,11 @@ prescribe (``/@ros2_lv/...``, ``/0/odom/...``) has its own rules for names.
 
 from __future__ import annotations
 
+from yahboomd import names
+
 CMD_VEL = "cmd_vel"
 CMD_VEL_TELEOP = "cmd_vel/teleop"
-CMD_VEL_WEB = "cmd_vel/web"
+CMD_VEL_WEB = names.PAGE_SOURCE
 
 POSE = "yahboomd/pose"
 TWIST = "yahboomd/twist"

@@ -36,6 +36,7 @@ from yahboomd.errors import YahboomdError
 from yahboomd.link.connected_board import ConnectedBoard
 from yahboomd.link.handshake import Identity
 from yahboomd.model import Counts, EncoderReading, Event, ImuReading, Matrix3, Pose2d
+from yahboomd.names import source_words
 from yahboomd.odometry.odometer import Odometer
 from yahboomd.protocol.dialect import Units
 from yahboomd.protocol.settings import VERSION
@@ -470,5 +471,5 @@ class Controller:
             release=self._options.release,
         )
         if not found:
-            return state, f"{self._decision.driver} drives."
+            return state, f"{source_words(self._decision.driver)} drives."
         return state, " ".join(reason.message for reason in found)

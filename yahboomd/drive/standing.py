@@ -11,6 +11,7 @@ import msgspec
 
 from yahboomd.drive.arbitration import Decision
 from yahboomd.drive.holds import BOARD_UNFIT, FAULT, WAITING_FOR_BOARD, Hold
+from yahboomd.names import source_words
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -131,16 +132,17 @@ def _held(now_ns: int, hold: Hold, again: str) -> Reason:
 
 
 def _not_commanded(decision: Decision) -> list[Reason]:
+    source, driver = source_words(decision.source), source_words(decision.driver)
     age = "" if decision.age_ns is None else f" {_seconds(decision.age_ns)} ago"
     match decision.why:
         case "no_command":
             message = "No source commands motion."
         case "timed_out":
-            message = f"{decision.source} fell silent: its last command was given{age}."
+            message = f"{source} fell silent: its last command was given{age}."
         case "revoked":
             message = f"Held-up commands of {decision.source or 'a source'} were dropped."
         case "zero_command":
-            message = f"{decision.driver} commands zero and keeps control."
+            message = f"{driver} commands zero and keeps control."
         case _:
             return []
     return [Reason(kind=decision.why, message=message)]
@@ -164,15 +166,16 @@ def _impossible(
     )
     if any(left):
         return []
+    driver = source_words(decision.driver)
     if not holonomic and twist.vx == 0.0 and twist.wz == 0.0:
-        message = f"{decision.driver} commands sideways motion, which this base cannot do."
+        message = f"{driver} commands sideways motion, which this base cannot do."
         return [Reason(kind="sideways", message=message)]
     zeros = [
         name
         for name, allowed in (("limits.linear", straight), ("limits.angular", turning))
         if not allowed
     ]
-    message = f"{decision.driver} commands motion that {' and '.join(zeros)}.velocity = 0 forbids."
+    message = f"{driver} commands motion that {' and '.join(zeros)}.velocity = 0 forbids."
     return [Reason(kind="limit_zero", message=message)]
 
 

@@ -9,6 +9,7 @@ from typing import Any
 from yahboomd.cli.screens.dashboard import Count, View
 from yahboomd.cli.words import degrees, duration, rate
 from yahboomd.messages.native import EventSample, StatusSample
+from yahboomd.names import source_words
 from yahboomd.program import pasteable, plain
 
 
@@ -17,7 +18,7 @@ def driver(view: View) -> str:
     if view.status is None or view.status.driver is None:
         return "no source has control"
     since = "" if view.driver_s is None else f" for {duration(view.driver_s)}"
-    return f"{view.status.driver} has control{since}"
+    return f"{source_words(view.status.driver)} has control{since}"
 
 
 def lost_sight(view: View) -> str:

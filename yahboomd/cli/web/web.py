@@ -22,6 +22,7 @@ from yahboomd.cli.shared_options import (
     read_config,
 )
 from yahboomd.errors import ConfigError
+from yahboomd.names import PAGE_SOURCE
 
 if TYPE_CHECKING:
     from socket import socket
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
     from yahboomd.web.web_server import WebServer
 
 DEFAULT_PLACE = "127.0.0.1:8480"
-SOURCE = "cmd_vel/web"
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -108,7 +108,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="make a certificate for the addresses and names of this machine; serve nothing",
     )
-    add_source_option(parser, SOURCE)
+    add_source_option(parser, PAGE_SOURCE)
     add_bus_options(parser)
     add_config_options(parser)
 
