@@ -26,7 +26,7 @@ help: ## this list
 .PHONY: help
 
 $(VENV)/.run: pyproject.toml tools/bootstrap.py
-	@$(PYTHON) tools/bootstrap.py $(VENV) monitor
+	@$(PYTHON) tools/bootstrap.py $(VENV) monitor,web
 	@touch $@
 
 $(VENV)/.dev: pyproject.toml tools/bootstrap.py
@@ -35,7 +35,7 @@ $(VENV)/.dev: pyproject.toml tools/bootstrap.py
 
 ##@ Use it
 .PHONY: run
-run: $(VENV)/.run ## start the daemon: on a simulated board, or on a real one with PORT=/dev/...
+run: $(VENV)/.run ## start daemon and page: on a simulated board, or on a real one with PORT=/dev/... (ARGS=--listen: for phones)
 	@exec $(PY) tools/make_run.py $(if $(PORT),--port $(PORT)) $(ARGS)
 
 ##@ Check a change

@@ -23,7 +23,7 @@ HERE = Path(__file__).resolve().parent
 TREE = HERE.parent
 PYTHON = "/usr/bin/python3"
 HOME = "opt/yahboomd"
-EXTRAS = "monitor"
+EXTRAS = "monitor,web"
 
 
 def main() -> int:
@@ -131,7 +131,7 @@ def shared() -> dict[str, str]:
 
 def _files(stage: Path, version: str, pretty: str) -> None:
     units = stage / "usr/lib/systemd/system"
-    for name in ("yahboomd.service", "yahboomd@.service", "yahboomd-metrics.service"):
+    for name in sorted(path.name for path in (TREE / "systemd").glob("*.service")):
         _write(units / name, (TREE / "systemd" / name).read_text())
     _write(
         stage / "usr/lib/udev/rules.d/95-yahboomd.rules",

@@ -133,6 +133,7 @@ CALLED_BY_OTHERS = {
         "the black box, while it is not in the daemon yet",
     ),
     "capture_signals": "uvicorn",
+    "handle_ping": "uvicorn",
     "handle_websocket_upgrade": "uvicorn",
     "on_response_complete": "uvicorn",
 }

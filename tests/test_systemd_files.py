@@ -13,6 +13,7 @@ import pytest
 SYSTEMD = Path(__file__).resolve().parent.parent / "systemd"
 UNITS = ("yahboomd.service", "yahboomd@.service")
 METRICS = "yahboomd-metrics.service"
+WEB = "yahboomd-web.service"
 MOST_EXPOSURE = 1.5
 
 analyze = shutil.which("systemd-analyze")
@@ -31,14 +32,14 @@ def keys(unit: str) -> dict[str, list[str]]:
 @pytest.fixture
 def units(tmp_path: Path) -> Path:
     """The units with a program that exists, since systemd looks."""
-    for unit in (*UNITS, METRICS):
+    for unit in (*UNITS, METRICS, WEB):
         text = (SYSTEMD / unit).read_text().replace("/usr/bin/yahboomd", "/bin/true")
         (tmp_path / unit).write_text(text)
     return tmp_path
 
 
 @needs_analyze
-@pytest.mark.parametrize("unit", ["yahboomd.service", "yahboomd@front.service", METRICS])
+@pytest.mark.parametrize("unit", ["yahboomd.service", "yahboomd@front.service", METRICS, WEB])
 def test_systemd_finds_nothing_to_say_about_the_unit(units: Path, unit: str) -> None:
     ran = subprocess.run(
         ["systemd-analyze", "verify", "--man=no", str(units / unit)],
@@ -52,7 +53,7 @@ def test_systemd_finds_nothing_to_say_about_the_unit(units: Path, unit: str) -> 
 
 
 @needs_analyze
-@pytest.mark.parametrize("unit", [*UNITS, METRICS])
+@pytest.mark.parametrize("unit", [*UNITS, METRICS, WEB])
 def test_the_service_is_exposed_to_little(unit: str) -> None:
     ran = subprocess.run(
         ["systemd-analyze", "security", "--offline=true", str(SYSTEMD / unit)],
@@ -129,22 +130,25 @@ def test_a_listener_that_a_person_opens_is_not_cut_off(unit: str) -> None:
     assert not {"IPAddressDeny", "IPAddressAllow", "PrivateNetwork"} & set(keys(unit))
 
 
-@pytest.mark.parametrize("unit", [*UNITS, METRICS])
+@pytest.mark.parametrize("unit", [*UNITS, METRICS, WEB])
 def test_the_page_that_a_unit_names_is_in_the_package(unit: str) -> None:
     (link,) = keys(unit)["Documentation"]
     page = link.removeprefix("file:/usr/share/doc/yahboomd/")
     assert (SYSTEMD.parent / page).is_file()
 
 
-def test_the_metrics_have_none_of_the_daemons_rights_and_do_not_start_with_it() -> None:
-    unit_keys = keys(METRICS)
+@pytest.mark.parametrize("beside", [METRICS, WEB])
+def test_what_runs_beside_the_daemon_has_none_of_its_rights_and_does_not_start_with_it(
+    beside: str,
+) -> None:
+    unit_keys = keys(beside)
     assert unit_keys["DynamicUser"] == ["yes"]
     assert not {"SupplementaryGroups", "DeviceAllow", "RuntimeDirectory"} & set(unit_keys)
     assert unit_keys["IPAddressDeny"] == ["any"]
     assert unit_keys["IPAddressAllow"] == ["localhost"]
     for unit in UNITS:
-        assert METRICS not in (SYSTEMD / unit).read_text()
-    # All that protects the daemon protects this, too.
+        assert beside not in (SYSTEMD / unit).read_text()
+    # All that protects the daemon protects it, too.
     weaker = {
         key
         for key, value in keys(UNITS[0]).items()
@@ -152,6 +156,14 @@ def test_the_metrics_have_none_of_the_daemons_rights_and_do_not_start_with_it() 
         and unit_keys.get(key) != value
     }
     assert weaker <= {"NotifyAccess", "RestartPreventExitStatus"}
+
+
+def test_the_pages_tokens_are_for_its_own_user_and_it_listens_on_loopback() -> None:
+    unit_keys = keys(WEB)
+    assert unit_keys["StateDirectory"] == ["yahboomd-web"]
+    assert unit_keys["StateDirectoryMode"] == ["0700"]
+    assert unit_keys["UMask"] == ["0077"]
+    assert unit_keys["Environment"] == ['"WEB_OPTIONS=--listen 127.0.0.1:8480"']
 
 
 def test_both_ids_of_the_chip_are_known_to_the_rule() -> None:

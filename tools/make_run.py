@@ -17,6 +17,9 @@ PATIENCE_S = 15.0
 PASSED_ON = (signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1, signal.SIGUSR2)
 """Passed on to the daemon, which stops the wheels and ends; then this and the board end."""
 
+PAGE = "127.0.0.1:8480"
+PAGE_FOR_PHONES = "0.0.0.0:8480"
+
 HINT = """\
 
 Now, in a second terminal, in this folder ({folder}):
@@ -36,6 +39,14 @@ def main() -> int:
         prog="make run", description=__doc__, usage="make run [PORT=/dev/...] [ARGS='...']"
     )
     parser.add_argument("--port", help="the board's serial port; without it, one is simulated")
+    parser.add_argument(
+        "--listen",
+        metavar="ADDRESS:PORT",
+        nargs="?",
+        default=PAGE,
+        const=PAGE_FOR_PHONES,
+        help="serve the page to phones, too; prints the link and a QR code",
+    )
     args, more = parser.parse_known_args()
     shared = argparse.ArgumentParser(add_help=False)
     add_config_options(shared)
@@ -51,7 +62,7 @@ def main() -> int:
     for number in PASSED_ON:
         signal.signal(number, lambda number, _: sys.exit(128 + number))
     if args.port:
-        return _drive(args.port, more, endpoints)
+        return _drive(args.port, more, endpoints, args.listen)
     with tempfile.TemporaryDirectory(prefix="yahboomd-") as folder:
         link = Path(folder) / "board"
         with subprocess.Popen(
@@ -70,7 +81,7 @@ def main() -> int:
                 sys.stdout.write(f"A simulated board is at {link}, and yahboomd starts on it.\n")
                 # The e-stop of a simulated robot goes with it.
                 latch = f"estop.latch_file={Path(folder) / 'estop'}"
-                return _drive(str(link), more, endpoints, ("--set", latch))
+                return _drive(str(link), more, endpoints, args.listen, ("--set", latch))
             except KeyboardInterrupt:
                 return 128 + signal.SIGINT
             finally:
@@ -85,14 +96,19 @@ def _robot(options: argparse.Namespace, link: Path) -> list[str]:
 
 
 def _drive(
-    port: str, more: list[str], endpoints: tuple[str, ...], own: tuple[str, ...] = ()
+    port: str,
+    more: list[str],
+    endpoints: tuple[str, ...],
+    listen: str,
+    own: tuple[str, ...] = (),
 ) -> int:
-    """Run the daemon, and print how to drive it once it listens.
+    """Run the daemon, and the page and how to drive it once it listens.
 
     Args:
         port: The board's.
         more: Options of the daemon; other commands need them, too, to reach it.
         endpoints: Where it listens.
+        listen: Where the page is served.
         own: Further options of the daemon.
     """
     from yahboomd.cli.unresponsive import listener
@@ -102,6 +118,7 @@ def _drive(
         signal.signal(number, lambda number, _: daemon.send_signal(number))
     deadline = time.monotonic() + PATIENCE_S
     invited = False
+    page: subprocess.Popen[bytes] | None = None
     while True:
         try:
             if not invited and (listener(endpoints) == daemon.pid or time.monotonic() > deadline):
@@ -109,7 +126,11 @@ def _drive(
                 options = "".join(f" {shlex.quote(word)}" for word in more)
                 sys.stdout.write(HINT.format(folder=Path.cwd(), options=options))
                 sys.stdout.flush()
+                page = subprocess.Popen([*_yahboomd(), "web", "--listen", listen, *more])
             status = daemon.wait(None if invited else 0.05)
+            if page is not None:
+                page.terminate()
+                page.wait()
             return status if status >= 0 else 128 - status
         except subprocess.TimeoutExpired:
             continue

@@ -278,6 +278,14 @@ def test_counters_that_did_not_move_at_all_were_not_reset(encoders):
     assert feed(encoders, (5_000, -70), 60_010, 60_010) == "gap_kept"
 
 
+@pytest.mark.parametrize(("count", "outcome"), [(63, "gap_lost"), (64, "gap_kept")])
+def test_near_zero_a_reset_may_have_come_back_to_the_same_counts(encoders, count, outcome):
+    feed(encoders, (count, -3), 0, 0)
+    encoders.announce("gap")
+    feed(encoders, (count, -3), 60_000, 60_000)
+    assert feed(encoders, (count, -3), 60_010, 60_010) == outcome
+
+
 def test_standing_at_zero_after_a_gap_proves_nothing(encoders):
     feed(encoders, (3, 0), 0, 0)
     encoders.announce("gap")

@@ -165,3 +165,12 @@ def test_samples_that_are_late_are_no_slip() -> None:
         before = behind
     assert slips == 0
     assert made.error == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_bias_that_is_not_measured_wanders() -> None:
+    made = at_rest(0.0, 20.0, Random(6))
+    before = made.bias_variance
+    for _ in range(2500):
+        made.roll(0.0, DT_S)
+    # 0.1 mrad/s in the root of a second, for 100 s.
+    assert made.bias_variance - before == pytest.approx(1e-4**2 * 100.0)

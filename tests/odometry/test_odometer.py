@@ -488,6 +488,8 @@ def test_while_another_period_is_measured_the_twist_is_less_sure(kit):
     # The first measurement takes half a second, and the second one settles it.
     assert len(unsure) > 0.4 * len(wrong) > 20
     assert all(abs(each.twist.vx - true_v) < 0.05 for each in rig.estimates[-20:])
+    (event,) = rig.events
+    assert (event.kind, event.data) == ("board_clock_period", {"period_ms": 5.0})
 
 
 def test_faults_on_a_stream_make_no_jump(kit):
@@ -721,7 +723,12 @@ def test_what_the_gyro_sees_beside_standing_wheels_is_in_a_fused_pose_alone(kit,
 def test_unless_it_is_configured_a_heading_is_the_wheels(kit):
     rig = Rig(kit)
     turned_by_hand(rig)
-    assert rig.feed(0, 0, after_ms=20.0).estimate.pose.theta == 0.0
+    estimate = rig.feed(0, 0, after_ms=20.0).estimate
+    assert estimate.pose.theta == 0.0
+    without = Rig(kit)
+    for _ in range(10):
+        without.feed(0, 0, after_ms=20.0)
+    assert estimate.pose_covariance == without.estimates[-1].pose_covariance
 
 
 @pytest.mark.parametrize(("after_ms", "carried_ms"), [(15.0, 10.0), (2.0, -3.0), (90.0, 50.0)])

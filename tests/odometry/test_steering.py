@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from yahboomd.odometry.steering import ANGLE_RAD, ARRIVES_NS, Steering
+from yahboomd.odometry.steering import ARRIVES_NS, Steering
 
 BASE_M = 0.235
 MS = 1_000_000
@@ -18,7 +18,7 @@ def steering() -> Steering:
 
 
 def test_the_turn_is_between_both_by_their_variances(steering: Steering) -> None:
-    own = (ANGLE_RAD / BASE_M) ** 2 * 0.01
+    own = (0.02 / BASE_M) ** 2 * 0.01  # a degree of play, over a centimetre
     for variance in (own / 9.0, own, 9.0 * own):
         extra, left = steering.correct(0.01, 0.018, variance, ARRIVES_NS)
         share = variance / (variance + own)

@@ -23,6 +23,7 @@ from yahboomd.clock import SystemClock
 from yahboomd.web.entry_tokens import Tokens
 from yahboomd.web.page_files import FOLDER, page_files
 from yahboomd.web.page_hub import PageHub
+from yahboomd.web.page_tools import ToolSettings
 from yahboomd.web.request_origin import RequestOrigin
 from yahboomd.web.web_application import WebApplication
 from yahboomd.web.web_server import WebServer, listen
@@ -103,6 +104,7 @@ class Site:
     def __init__(
         self,
         endpoint: str,
+        state: Path,
         *,
         tokens: Tokens | None = None,
         context: ssl.SSLContext | None = None,
@@ -115,7 +117,8 @@ class Site:
         self.port: int = self._listener.getsockname()[1]
         self.tokens = tokens
         self.origin = f"{'https' if context else 'http'}://127.0.0.1:{self.port}"
-        self.hub = PageHub(client_options(endpoint, namespace=namespace), clock)
+        tools = ToolSettings(robot=(f"--connect={endpoint}",), recordings=state / "recordings")
+        self.hub = PageHub(client_options(endpoint, namespace=namespace), clock, tools)
         application = WebApplication(
             self.hub,
             page_files(folder),
@@ -149,6 +152,13 @@ class Site:
         headers = self.cookie(role) if self.tokens else {}
         page = await self.open(additional_headers=headers, **options)
         await page.one("hello")
+        return page
+
+    async def driver(self, **options: Any) -> Page:
+        """Open a page, and give it control."""
+        page = await self.page(**options)
+        await page.send(type="control", want=True)
+        await page.one("control", mine=True)
         return page
 
     async def open(self, **options: Any) -> Page:
@@ -201,13 +211,13 @@ class Site:
 
 
 @pytest.fixture
-async def site(fake_daemon: Any) -> AsyncIterator[Callable[..., Awaitable[Site]]]:
+async def site(fake_daemon: Any, tmp_path: Path) -> AsyncIterator[Callable[..., Awaitable[Site]]]:
     """Starts servers: ``await site(daemon)``, with or without a daemon behind them."""
     sites: list[Site] = []
 
     async def start(daemon: Any = None, endpoint: str = "", **options: Any) -> Site:
         where = daemon.endpoint if daemon is not None else endpoint
-        sites.append(Site(where, **options))
+        sites.append(Site(where, tmp_path, **options))
         await sites[-1].start()
         if daemon is not None:
             await eventually(lambda: sites[-1].hub.robot.obstacle() is None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import socket
 import subprocess
@@ -60,7 +61,8 @@ def started(tmp_path: Path) -> Iterator[Callable[..., tuple[MakeRun, str]]]:
         if latch:
             settings.append(f"estop.latch_file={tmp_path / 'estop'}")
         sets = [word for each in settings for word in ("--set", each)]
-        running.append(MakeRun(*arguments, *sets))
+        page = () if "--listen" in arguments else ("--listen", "127.0.0.1:0")
+        running.append(MakeRun(*arguments, *page, *sets))
         return running[-1], endpoint
 
     yield start
@@ -77,8 +79,38 @@ def test_without_a_port_a_board_is_simulated_and_the_robot_can_be_driven(
     app.drive(b'{"vx": 0.3}', 0.5)
     wait_for(lambda: app.latest("pose")["x"] > 0.05, "it moved")
     wait_for(lambda: ".venv/bin/yahboomd drive" in made.output, "the invitation")
+    wait_for(lambda: "The page is at http://127.0.0.1:" in made.output, "the page")
+    wait_for(lambda: f"{endpoint} answers" in made.output, "the page found its daemon")
     assert made.end() == 0
     assert "Traceback" not in made.output
+
+
+def test_a_daemon_works_on_when_its_page_dies_and_a_page_for_phones_needs_a_token(
+    started: Callable[..., tuple[MakeRun, str]],
+    client: Callable[..., Client],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
+    made, endpoint = started("--listen", "0.0.0.0:0")
+    app = client("client", endpoint)
+    app.in_state("standing")
+    wait_for(lambda: "yahboomd web --show-link" in made.output, "how to see the link")
+    (page,) = children(made.process.pid, "web")
+    os.kill(page, signal.SIGKILL)
+    app.drive(b'{"vx": 0.3}', 0.5)
+    wait_for(lambda: app.latest("pose")["x"] > 0.05, "it moved")
+    assert made.end() == 0
+
+
+def children(pid: int, command: str) -> list[int]:
+    """The processes that one started with this command of yahboomd."""
+    found = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    return [
+        int(each)
+        for each in found
+        if Path(f"/proc/{each}/cmdline").read_bytes().split(b"\0")[3:4] == [command.encode()]
+    ]
 
 
 @pytest.mark.parametrize("preset", ["4wd", "mecanum"])
@@ -167,7 +199,7 @@ def test_a_mistake_in_the_options_ends_it_with_the_daemons_status(
 def test_where_the_daemon_does_not_start_no_one_is_invited_to_drive_it() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         listen = f"zenoh.listen=tcp/127.0.0.1:{taken.getsockname()[1]}"
-        made = MakeRun("--set", listen, "--set", "zenoh.connect=[]")
+        made = MakeRun("--set", listen, "--set", "zenoh.connect=[]", "--listen", "127.0.0.1:0")
         assert made.process.wait(60) == 69
         assert made.end() == 69
     assert "cannot listen" in made.output

@@ -19,9 +19,13 @@ ESTOP = Refusal(why="estop", text="The emergency stop is engaged.")
 
 
 class Scene:
-    """Commands of two pages, and what reaches the bus, with its time in milliseconds."""
+    """Commands of two pages, and what reaches the bus, with its time in milliseconds.
 
-    def __init__(self) -> None:
+    Args:
+        driver: The page that has control.
+    """
+
+    def __init__(self, driver: int | None = ANNE) -> None:
         self.put: list[tuple[int, Twist2d]] = []
         self.obstacle: Refusal | None = None
         self.changes = 0
@@ -35,6 +39,8 @@ class Scene:
             changed=self._changed,
             lapsed=lambda page, _refusal: self.lapsed.append(page),
         )
+        if driver is not None:
+            self.commands.take_control(driver)
 
     @property
     def ms(self) -> int:
@@ -76,7 +82,18 @@ async def test_an_unknown_beat_moves_nothing() -> None:
     scene = Scene()
     assert scene.why(ANNE, age_ns=None) == "late"
     assert scene.twists == []
-    assert scene.commands.driver is None
+
+
+@on_virtual_time
+async def test_without_asking_for_control_no_page_drives() -> None:
+    scene = Scene(driver=None)
+    assert scene.why(ANNE) == "not_yours"
+    assert scene.twists == []
+    scene.commands.take_control(ANNE)
+    # Its thumb was down before.
+    assert scene.why(ANNE) == "let_go"
+    scene.why(ANNE, STANDSTILL)
+    assert scene.why(ANNE) == ""
 
 
 @on_virtual_time
@@ -170,6 +187,7 @@ async def test_a_page_that_is_closed_in_motion_stops_the_wheels_at_once_and_free
     scene.commands.closed(ANNE)
     assert scene.put[-1] == (20, STANDSTILL)
     assert scene.commands.driver is None
+    scene.commands.take_control(BERT)
     assert scene.why(BERT) == ""
 
 

@@ -20,7 +20,8 @@ async def test_a_page_gets_the_robot_beats_and_the_newest_samples(
     fake_daemon: Any, site: Any
 ) -> None:
     daemon = await fake_daemon()
-    page = await (await site(daemon)).page()
+    served = await site(daemon)
+    page = await served.page()
     hello = page.of("hello")[0]
     assert (hello["role"], hello["lapse_ms"]) == ("driver", 300)
     assert (await page.one("daemon"))["alive"]
@@ -31,13 +32,28 @@ async def test_a_page_gets_the_robot_beats_and_the_newest_samples(
     daemon.tell("A wheel fell off.")
     await eventually(lambda: page.of("event"))
     assert page.of("event")[0]["sample"]["message"] == "A wheel fell off."
+    # One that comes later learns of it, too.
+    later = await served.page()
+    known = (await later.one("events"))["samples"]
+    assert [each["message"] for each in known] == ["A wheel fell off."]
+
+
+async def test_a_page_learns_how_slow_its_network_is_before_it_drives(
+    fake_daemon: Any, site: Any
+) -> None:
+    page = await (await site(await fake_daemon())).page()
+    await eventually(lambda: page.beat >= 0)
+    beat = page.beat
+    await eventually(lambda: page.beat >= beat + 6)
+    await page.send(type="seen", beat=beat)
+    assert 300 <= (await page.one("delay", beat=beat))["age_ms"] < 20_000
 
 
 async def test_a_page_drives_and_its_zeros_arrive_and_nothing_after_them(
     fake_daemon: Any, site: Any
 ) -> None:
     daemon = await fake_daemon()
-    page = await (await site(daemon)).page()
+    page = await (await site(daemon)).driver()
     await page.hold(lambda: len(daemon.velocities) >= 5)
     await page.drive(0.0)
     await eventually(lambda: daemon.velocities[-1] == ZERO)
@@ -56,7 +72,7 @@ async def test_a_command_without_a_fresh_beat_of_this_connection_moves_nothing(
 ) -> None:
     daemon = await fake_daemon()
     served = await site(daemon)
-    page = await served.page()
+    page = await served.driver()
     await eventually(lambda: page.beat >= 0)
     old = page.beat
     await eventually(lambda: page.beat > old + 8)
@@ -69,11 +85,9 @@ async def test_a_command_without_a_fresh_beat_of_this_connection_moves_nothing(
         page.came.clear()
         await asyncio.sleep(0.21)
     assert page.of("refused") == []
-    other = await served.page()
-    await other.drive(beat=page.beat)
-    # The beat of before it connected.
-    newest = other.beat
-    await other.drive(beat=newest - 100)
+    # A beat of before it connected.
+    other = await served.driver()
+    await other.drive(beat=page.of("beat")[0]["beat"])
     assert (await other.one("refused", why="late"))["what"] == "drive"
     assert (0.2, 0.0) not in daemon.velocities[1:]
 
@@ -83,7 +97,7 @@ async def test_a_page_that_is_closed_in_motion_stops_the_robot_at_once(
 ) -> None:
     daemon = await fake_daemon()
     served = await site(daemon)
-    page, watching = await served.page(), await served.page()
+    page, watching = await served.driver(), await served.page()
     await page.hold(lambda: daemon.velocities)
     page.socket.transport.abort()
     await watching.one("control", page_driver=None)
@@ -95,7 +109,7 @@ async def test_a_page_that_falls_silent_is_stopped_and_learns_why(
     fake_daemon: Any, site: Any
 ) -> None:
     daemon = await fake_daemon()
-    page = await (await site(daemon)).page()
+    page = await (await site(daemon)).driver()
     await page.hold(lambda: daemon.velocities)
     refused = await page.one("refused", why="lapse")
     assert "robot was stopped" in refused["text"]
@@ -112,10 +126,10 @@ async def test_one_page_drives_and_another_takes_over_deliberately(
 ) -> None:
     daemon = await fake_daemon()
     served = await site(daemon)
-    first, second = await served.page(), await served.page()
+    first, second = await served.driver(), await served.page()
     await first.hold(lambda: daemon.velocities)
     await second.drive(0.1)
-    assert "Another page drives" in (await second.one("refused", why="not_yours"))["text"]
+    assert "Take control" in (await second.one("refused", why="not_yours"))["text"]
     await second.drive(0.0)
     await second.send(type="control", want=True)
     displaced = await first.one("control", mine=False, page_driver=2)
@@ -156,7 +170,7 @@ async def test_the_driver_releases_and_is_answered_in_the_daemons_words(
     fake_daemon: Any, site: Any
 ) -> None:
     daemon = await fake_daemon()
-    page = await (await site(daemon)).page()
+    page = await (await site(daemon)).driver()
     await page.send(type="request", id=1, do="release")
     assert (await page.one("answer", id=1))["text"] == "Released."
     daemon.releases = False
@@ -172,7 +186,7 @@ async def test_while_the_robot_may_not_move_a_page_learns_the_daemons_reason(
 ) -> None:
     """And has to let go before it moves again, so that a release moves nothing."""
     daemon = await fake_daemon()
-    page = await (await site(daemon)).page()
+    page = await (await site(daemon)).driver()
     daemon.status = daemon_samples.status(state, driver=None, why="Anne pressed the button.")
     await page.one("status", type="status")
     await eventually(lambda: page.of("status")[-1]["sample"]["state"] == state)
@@ -190,7 +204,7 @@ async def test_without_a_daemon_the_page_says_so_and_comes_back_by_itself(
 ) -> None:
     endpoint = free_endpoint()
     served = await site(endpoint=endpoint)
-    page = await served.page()
+    page = await served.driver()
     assert not (await page.one("daemon"))["alive"]
     await page.drive()
     assert "No yahboomd answers at tcp" in (await page.one("refused", why="no_daemon"))["text"]
@@ -201,6 +215,7 @@ async def test_without_a_daemon_the_page_says_so_and_comes_back_by_itself(
     assert answer["text"]
     daemon = await fake_daemon(endpoint=endpoint)
     await page.one("daemon", alive=True)
+    await eventually(lambda: served.hub.robot.obstacle() is None)
     await page.hold(lambda: daemon.velocities)
     await daemon.stop()
     await eventually(lambda: not page.of("daemon")[-1]["alive"])
@@ -250,5 +265,7 @@ async def test_there_are_so_many_pages_and_no_more_and_the_estop_works_beside_th
     assert b'"engaged":true' in body
     assert daemon.asked == ["yahboomd/estop"]
     await pages[0].close()
+    await pages[1].send(type="control", want=True)
+    await pages[1].one("control", mine=True)
     await pages[1].hold(lambda: daemon.velocities)
     await served.page()

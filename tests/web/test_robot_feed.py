@@ -26,7 +26,7 @@ class Followed:
 
     def __init__(self, endpoint: str, source: str = "cmd_vel/web") -> None:
         self.changes = 0
-        self.events: list[bytes] = []
+        self.events: list[object] = []
         self.feed = RobotFeed(
             client_options(endpoint),
             SystemClock(),

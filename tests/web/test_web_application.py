@@ -13,7 +13,6 @@ from web_site import TOKENS
 from websockets.exceptions import InvalidStatus
 from zenoh_fixtures import eventually, free_endpoint
 
-from yahboomd.web.page_hub import POLICY
 from yahboomd.web.web_application import HEADERS
 
 pytestmark = pytest.mark.realtime
@@ -51,9 +50,8 @@ async def test_without_a_token_or_with_a_wrong_one_no_one_gets_in(site: Any) -> 
     for cookie in ("", forged, f"yahboomd-{served.port}={TOKENS.driver}"):
         assert (await served.request("GET", "/session", Cookie=cookie))[0] == 401
         assert (await served.request("POST", "/estop", Cookie=cookie))[0] == 401
-        page = await served.open(additional_headers={"Cookie": cookie} if cookie else {})
-        assert await page.close_code() == POLICY
-        assert page.came == []
+        with pytest.raises(InvalidStatus, match="401"):
+            await served.open(additional_headers={"Cookie": cookie} if cookie else {})
 
 
 async def test_guessing_tokens_is_slowed_down_and_the_estop_is_not(
@@ -164,10 +162,9 @@ async def test_bodies_and_headers_are_bounded_in_size(site: Any) -> None:
         + b"\r\n0\r\n\r\n"
     )
     assert (await served.raw(chunked))[0] == 413
-    head = f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{served.port}\r\nX: {'y' * 70_000}\r\n\r\n"
-    with pytest.raises((ValueError, IndexError, ConnectionError, AssertionError)):  # noqa: PT012
-        status, _, _ = await served.raw(head.encode())
-        assert status == 200
+    # Just too long to be read: of one that is longer, the answer may be lost in a reset.
+    head = f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{served.port}\r\nX: {'y' * 16_350}"
+    assert (await served.raw(head.encode()))[0] == 400
     assert (await served.request("GET", "/session"))[0] == 401
 
 
@@ -182,6 +179,16 @@ async def test_files_are_compressed_once_and_not_sent_again(site: Any, tmp_path:
     assert len(packed) < len(body)
     status, _, nothing = await served.request("GET", "/", If_None_Match=headers["etag"])
     assert (status, nothing) == (304, b"")
+
+
+async def test_the_meaning_of_every_counter_is_served(site: Any) -> None:
+    served = await site(endpoint=free_endpoint())
+    status, _, body = await served.request("GET", "/counters")
+    groups = json.loads(body)
+    assert status == 200
+    assert set(groups) == {"board", "link", "command", "sources", "bus"}
+    assert groups["link"]["readings"]["kind"] == "counter"
+    assert all(each["meaning"] for group in groups.values() for each in group.values())
 
 
 async def test_the_estop_says_in_words_when_no_daemon_answers(site: Any) -> None:

@@ -27,7 +27,7 @@ async def test_the_estop_is_served_beside_a_thousand_connections_that_say_nothin
     raise_file_limit()
     daemon = await fake_daemon()
     served = await site(daemon)
-    page = await served.page()
+    page = await served.driver()
     idle = [socket.create_connection(("127.0.0.1", served.port)) for _ in range(1000)]
     try:
         await eventually(lambda: len(Connection.waiting) == MAX_OPEN)
@@ -53,6 +53,32 @@ async def test_a_connection_that_sends_no_request_in_time_is_closed(
         writer.close()
 
 
+def handshake(served: Any) -> bytes:
+    return (
+        f"GET /ws HTTP/1.1\r\nHost: 127.0.0.1:{served.port}\r\nOrigin: {served.origin}\r\n"
+        "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+        "Sec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==\r\n\r\n"
+    ).encode()
+
+
+async def test_a_page_that_pings_without_end_and_reads_no_answer_is_cut_off(site: Any) -> None:
+    served = await site(endpoint=free_endpoint())
+    flooding = socket.socket()
+    flooding.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
+    flooding.connect(("127.0.0.1", served.port))
+    flooding.sendall(handshake(served))
+    flooding.setblocking(False)
+    ping = b"\x89\xfd\0\0\0\0" + b"p" * 125
+    loop = asyncio.get_running_loop()
+    try:
+        with pytest.raises(ConnectionError):  # noqa: PT012
+            while True:
+                await loop.sock_sendall(flooding, ping * 100)
+        await eventually(lambda: not served.hub._pages)
+    finally:
+        flooding.close()
+
+
 async def test_a_page_that_stops_reading_delays_no_other_and_gets_no_old_samples(
     fake_daemon: Any, site: Any
 ) -> None:
@@ -61,13 +87,9 @@ async def test_a_page_that_stops_reading_delays_no_other_and_gets_no_old_samples
     slow = socket.socket()
     slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
     slow.connect(("127.0.0.1", served.port))
-    slow.sendall(
-        f"GET /ws HTTP/1.1\r\nHost: 127.0.0.1:{served.port}\r\nOrigin: {served.origin}\r\n"
-        "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
-        "Sec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==\r\n\r\n".encode()
-    )
+    slow.sendall(handshake(served))
     try:
-        page = await served.page()
+        page = await served.driver()
         await page.hold(lambda: len(daemon.velocities) > 10)
         begun = len(page.of("beat"))
         # Written on until it takes no more: then given up after five seconds.
@@ -85,7 +107,7 @@ async def test_tls_serves_the_page_and_its_cookie_travels_over_it_alone(
     context = Certificate(certificate=certificate, key=key).context()
     served = await site(daemon, tokens=TOKENS, context=context)
     trusting = ssl.create_default_context(cafile=str(certificate))
-    page = await served.page(ssl=trusting)
+    page = await served.driver(ssl=trusting)
     await page.hold(lambda: daemon.velocities)
     page.socket.transport.abort()
     await eventually(lambda: daemon.velocities[-1] == ZERO)

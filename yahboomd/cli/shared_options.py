@@ -153,6 +153,20 @@ def read_config(args: argparse.Namespace, environ: Mapping[str, str] | None = No
     )
 
 
+def robot_arguments(args: argparse.Namespace) -> tuple[str, ...]:
+    """The shared options of a command again, for another command that is to reach the same robot.
+
+    Args:
+        args: Parsed by a parser with :func:`add_bus_options` and :func:`add_config_options`.
+    """
+    arguments = [f"--connect={endpoint}" for endpoint in args.connect or ()]
+    arguments += [f"--set={override}" for override in args.overrides]
+    for name in ("config", "namespace"):
+        if (value := getattr(args, name)) is not None:
+            arguments.append(f"--{name}={value}")
+    return tuple(arguments)
+
+
 def daemon_endpoints(args: argparse.Namespace, config: Config) -> tuple[str, ...]:
     """The endpoint of the daemon: as given, else where the configuration has it listen.
 

@@ -50,6 +50,13 @@ class Tokens(msgspec.Struct, frozen=True, kw_only=True):
         return _matching({role: self.cookie(role) for role in ROLES}, cookie)
 
 
+def give_to_owner(folder: Path, file: int | Path) -> None:
+    """Give a file to the owner of its folder: root makes what the service's user reads."""
+    if os.geteuid() == 0:
+        owner = folder.stat()
+        os.chown(file, owner.st_uid, owner.st_gid)
+
+
 def _matching(expected: dict[Role, str], given: str) -> Role | None:
     found: Role | None = None
     # Both are compared, so that the time says nothing about which one it was.
@@ -108,6 +115,7 @@ def make_tokens(folder: Path) -> Tokens:
             file.write(msgspec.json.encode(tokens))
             file.flush()
             os.fsync(file.fileno())
+            give_to_owner(folder, file.fileno())
         Path(made).replace(folder / FILE)
     except OSError as error:
         raise ConfigError(

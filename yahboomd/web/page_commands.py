@@ -1,6 +1,7 @@
 """Decides what a page may command.
 
-- One page has control. Another driver's page gets it by asking, and the wheels are stopped first.
+- One page has control: a driver's page that asked for it. Where another page had it, the wheels are
+  stopped first.
 - A command that asks for motion becomes one sample on the bus, or none: it is refused where its
   beat is older than :data:`~yahboomd.web.beats.LAPSE_NS`. Nothing is repeated.
 - A zero from the page in control always stops, however old its beat.
@@ -41,7 +42,9 @@ LAPSED = Refusal(
     "again.",
 )
 LET_GO = Refusal(why="let_go", text="Let go, then press again.")
-NOT_YOURS = Refusal(why="not_yours", text="Another page drives. Take control to drive from here.")
+NOT_YOURS = Refusal(
+    why="not_yours", text="This page has no control of the robot. Take control to drive from here."
+)
 
 
 class PageCommands:
@@ -119,9 +122,6 @@ class PageCommands:
             if page == self._driver:
                 self._stop()
             return refusal
-        if self._driver is None:
-            self._driver = page
-            self._changed()
         self._zeros.set(None)
         self._moving = True
         self._moved_ns = self._clock.now_ns()
@@ -136,7 +136,7 @@ class PageCommands:
         self._zeros.close()
 
     def _refusal(self, page: int, age_ns: int | None) -> Refusal | None:
-        if self._driver not in {None, page}:
+        if page != self._driver:
             return NOT_YOURS
         if obstacle := self._obstacle():
             return obstacle

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 import msgspec
 from msgspec import Meta
@@ -52,7 +52,26 @@ class Seen(msgspec.Struct, frozen=True, tag="seen"):
     beat: _Number
 
 
-PageFrame: TypeAlias = Drive | Control | Request | EmergencyStop | Seen
+class Tool(msgspec.Struct, frozen=True, tag="tool"):
+    """The page uses a tool, such as the calibration; it is answered."""
+
+    id: _Number
+    do: str
+    args: dict[str, Any] = {}
+
+
+class Hold(msgspec.Struct, frozen=True, tag="hold"):
+    """The button of a calibration is held, for the movement of this question."""
+
+    beat: _Number
+    question: str
+
+
+class LetGo(msgspec.Struct, frozen=True, tag="let_go"):
+    """The button of a calibration was let go."""
+
+
+PageFrame: TypeAlias = Drive | Control | Request | EmergencyStop | Seen | Tool | Hold | LetGo
 
 _decoder: msgspec.json.Decoder[PageFrame] = msgspec.json.Decoder(PageFrame)
 _encoder = msgspec.json.Encoder()

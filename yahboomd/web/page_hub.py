@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Awaitable, Callable, Coroutine
+from collections import deque
+from collections.abc import Awaitable, Callable, Coroutine, Mapping
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
@@ -13,26 +14,38 @@ from yahboomd.bus import keys
 from yahboomd.bus.options import BusOptions
 from yahboomd.client.questions import Answer
 from yahboomd.clock import Clock, Schedule
+from yahboomd.messages.codecs import encode
+from yahboomd.messages.native import EventSample
 from yahboomd.model import Twist2d
 from yahboomd.web.beats import LAPSE_NS, PERIOD_NS, Beats
-from yahboomd.web.page_commands import PageCommands, Refusal
+from yahboomd.web.page_commands import LATE, NOT_YOURS, PageCommands, Refusal
 from yahboomd.web.page_frames import (
     Control,
     Drive,
     EmergencyStop,
+    Hold,
+    LetGo,
     PageFrame,
     Request,
     Role,
     Seen,
+    Tool,
     part,
     read_frame,
+    sample_part,
 )
 from yahboomd.web.page_session import PageSession
+from yahboomd.web.page_tools import PageTools, ToolSettings
 from yahboomd.web.robot_feed import RobotFeed, daemon_part
 
 MAX_PAGES = 64
 MAX_REQUESTS = 4
 """Requests of one page that are under way at once."""
+
+EVENTS = 100
+"""Events that a page gets when it connects; the newest."""
+
+NS_PER_MS = 1_000_000
 
 REFUSALS_NS = 200_000_000
 """A page learns of a refused command five times a second."""
@@ -40,9 +53,12 @@ REFUSALS_NS = 200_000_000
 POLICY, FULL = 1008, 1013
 """Codes of a closed WebSocket: the page broke a rule; too many pages."""
 
-VIEWS = ("drive", "map", "wheels", "health")
+VIEWS = ("drive", "map", "wheels", "health", "calibrate", "record")
 
 VIEWER = Refusal(why="viewer", text="This link lets you watch and stop the robot, not drive it.")
+CALIBRATES = Refusal(
+    why="calibrating", text="A calibration drives the robot. End it to drive from here."
+)
 INVALID = Refusal(why="invalid", text="That is no velocity.")
 
 
@@ -52,14 +68,22 @@ class PageHub:
     Args:
         options: Of a client of its daemon.
         clock: The source of time.
+        settings: Of the commands that pages start.
         source: The key to command on.
     """
 
-    def __init__(self, options: BusOptions, clock: Clock, source: str = keys.CMD_VEL_WEB) -> None:
+    def __init__(
+        self,
+        options: BusOptions,
+        clock: Clock,
+        settings: ToolSettings,
+        source: str = keys.CMD_VEL_WEB,
+    ) -> None:
         self._clock = clock
         self._beats = Beats(clock)
         self._pages: dict[int, PageSession] = {}
         self._numbers = 0
+        self._events: deque[bytes] = deque(maxlen=EVENTS)
         self._driver: tuple[int | None, str | None] = (None, None)
         self.robot = RobotFeed(
             options,
@@ -75,6 +99,7 @@ class PageHub:
             changed=self._show_control,
             lapsed=self._lapsed,
         )
+        self.tools = PageTools(clock, settings, source, self._show)
         self._actions: dict[str, Callable[[Request], Awaitable[Answer]]] = {
             "release": lambda _: self.robot.release(),
             "reset_odometry": lambda _: self.robot.reset_odometry(),
@@ -94,10 +119,12 @@ class PageHub:
         finally:
             beating.cancel()
             await asyncio.gather(beating, return_exceptions=True)
+            await self.tools.close()
 
     def stop(self) -> None:
         """Stop what a page drives; before the bus is closed."""
         self._commands.close()
+        self.tools.stop()
 
     async def attend(self, socket: WebSocket, role: Role) -> None:
         """Serve one page until it leaves.
@@ -115,7 +142,10 @@ class PageHub:
         page.queue(self._hello(page))
         page.queue(daemon_part(self.robot))
         page.queue(self._control(page))
-        page.show(self.robot.known)
+        page.queue(b'{"type":"events","samples":[' + b",".join(self._events) + b"]}")
+        page.show(self.robot.known | self.tools.shown())
+        if role == "driver":
+            self.tools.recordings.driver_came(page.number)
         sending = asyncio.create_task(page.send(), name="web-send")
         receiving = asyncio.create_task(self._receive(page, socket), name="web-receive")
         try:
@@ -123,6 +153,7 @@ class PageHub:
         finally:
             del self._pages[page.number]
             self._commands.closed(page.number)
+            self.tools.page_left(page.number)
             for task in (sending, receiving, *page.requests):
                 task.cancel()
             await asyncio.gather(sending, receiving, *page.requests, return_exceptions=True)
@@ -166,17 +197,61 @@ class PageHub:
                     self._begin(page, self._answer(page, frame))
                 else:
                     page.queue(_answered(frame.id, ok=False, text="One thing after the other."))
-            case Seen() | EmergencyStop():
+            case Tool():
+                if len(page.requests) < MAX_REQUESTS:
+                    self._begin(page, self._use(page, frame))
+                else:
+                    page.queue(_answered(frame.id, ok=False, text="One thing after the other."))
+            case Hold():
+                refusal = self._hold(page, frame)
+                if refusal is not None:
+                    self._refuse(page, refusal, "hold")
+            case LetGo():
+                self.tools.calibration.let_go(page.number)
+            case Seen(beat=beat):
+                age_ns = self._beats.age_ns(beat, page.joined)
+                if age_ns is not None:
+                    page.show({"delay": part("delay", beat=beat, age_ms=age_ns // NS_PER_MS)})
+            case EmergencyStop():
                 pass
 
     def _drive(self, page: PageSession, frame: Drive) -> Refusal | None:
         if page.role != "driver":
             return VIEWER
+        if self.tools.calibration.page is not None:
+            return CALIBRATES
         if not all(map(math.isfinite, (frame.vx, frame.vy, frame.wz))):
             return INVALID
         twist = Twist2d(vx=frame.vx, vy=frame.vy, wz=frame.wz)
         age_ns = self._beats.age_ns(frame.beat, page.joined)
         return self._commands.command(page.number, twist, age_ns)
+
+    def _hold(self, page: PageSession, frame: Hold) -> Refusal | None:
+        age_ns = self._beats.age_ns(frame.beat, page.joined)
+        if age_ns is None or age_ns > LAPSE_NS:
+            return Refusal(why="late", text=LATE, age_ns=age_ns)
+        words = self.tools.calibration.hold(page.number, frame.question)
+        return Refusal(why="not_calibrating", text=words) if words else None
+
+    async def _use(self, page: PageSession, tool: Tool) -> None:
+        refusal = self._tool_refusal(page, tool)
+        if refusal is None:
+            done, words = await self.tools.use(page.number, tool)
+        else:
+            done, words = False, refusal.text
+        page.queue(_answered(tool.id, ok=done, text=words))
+
+    def _tool_refusal(self, page: PageSession, tool: Tool) -> Refusal | None:
+        if page.role != "driver":
+            return VIEWER
+        if tool.do != "calibrate":
+            return None
+        if self._commands.driver not in {None, page.number}:
+            return NOT_YOURS
+        if (obstacle := self.robot.obstacle()) is not None:
+            return obstacle
+        self._commands.take_control(page.number)
+        return None
 
     def _begin(self, page: PageSession, work: Coroutine[None, None, None]) -> None:
         task = asyncio.create_task(work, name="web-request")
@@ -206,13 +281,13 @@ class PageHub:
                 _answered(request.id, ok=answer.success, text=answer.message, data=answer.data)
             )
 
-    def _refuse(self, page: PageSession, refusal: Refusal) -> None:
+    def _refuse(self, page: PageSession, refusal: Refusal, what: str = "drive") -> None:
         now_ns = self._clock.now_ns()
         if now_ns - page.refused_ns < REFUSALS_NS:
             return
         page.refused_ns = now_ns
-        age_ms = None if refusal.age_ns is None else refusal.age_ns // 1_000_000
-        page.queue(part("refused", what="drive", why=refusal.why, age_ms=age_ms, text=refusal.text))
+        age_ms = None if refusal.age_ns is None else refusal.age_ns // NS_PER_MS
+        page.queue(part("refused", what=what, why=refusal.why, age_ms=age_ms, text=refusal.text))
 
     # To the pages.
 
@@ -235,7 +310,7 @@ class PageHub:
             version=__version__,
             limits=self.robot.robot.get("limits"),
             geometry=self.robot.robot.get("geometry"),
-            lapse_ms=LAPSE_NS // 1_000_000,
+            lapse_ms=LAPSE_NS // NS_PER_MS,
             source=self.robot.source,
             views=VIEWS,
         )
@@ -251,8 +326,13 @@ class PageHub:
 
     def _show_control(self) -> None:
         self._driver = (self._commands.driver, self.robot.driver)
+        self.tools.calibration.control_changed(self._commands.driver)
         for page in self._pages.values():
             page.show({"control": self._control(page)})
+
+    def _show(self, parts: Mapping[str, bytes]) -> None:
+        for page in self._pages.values():
+            page.show(parts)
 
     def _robot_changed(self) -> None:
         daemon = daemon_part(self.robot)
@@ -260,9 +340,11 @@ class PageHub:
             page.queue(self._hello(page))
             page.queue(daemon)
 
-    def _event_came(self, event: bytes) -> None:
+    def _event_came(self, event: EventSample) -> None:
+        self._events.append(encode(event, "json"))
+        known = sample_part("event", event)
         for page in self._pages.values():
-            page.queue(event)
+            page.queue(known)
 
     def _lapsed(self, page: int, refusal: Refusal) -> None:
         if (session := self._pages.get(page)) is not None:

@@ -53,7 +53,7 @@ class RobotFeed:
         clock: The source of time.
         source: The key to command on.
         changed: Called when the daemon comes, goes, or has said what robot it is.
-        happened: Called with each event as a part of a frame.
+        happened: Called with each event.
 
     Attributes:
         known: The latest parts that hold until newer ones come, for a page that connects.
@@ -67,7 +67,7 @@ class RobotFeed:
         source: str,
         *,
         changed: Callable[[], None],
-        happened: Callable[[bytes], None],
+        happened: Callable[[EventSample], None],
     ) -> None:
         self.known: dict[str, bytes] = {}
         self.robot: dict[str, Any] = {}
@@ -238,7 +238,7 @@ class RobotFeed:
     def _receive_events(self, arrivals: list[Arrival]) -> None:
         for arrival in arrivals:
             if (event := read_sample(arrival.payload, EventSample)) is not None:
-                self._happened(sample_part("event", event))
+                self._happened(event)
 
 
 def robot_facts(config: dict[str, Any]) -> dict[str, Any]:

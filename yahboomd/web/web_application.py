@@ -17,10 +17,12 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket
 
 from yahboomd.clock import Clock
+from yahboomd.messages.status_fields import FIELDS, StatusField
 from yahboomd.web.entry_tokens import Tokens
+from yahboomd.web.page_downloads import Downloads
 from yahboomd.web.page_files import PageFile
 from yahboomd.web.page_frames import MAX_BYTES, Role
-from yahboomd.web.page_hub import POLICY, PageHub
+from yahboomd.web.page_hub import PageHub
 from yahboomd.web.rate_limit import RateLimit
 from yahboomd.web.request_origin import RequestOrigin
 
@@ -89,9 +91,11 @@ class WebApplication:
         routes = [
             Route("/", self._file, methods=["GET"]),
             Route("/page/{name:path}", self._file, methods=["GET"]),
+            Route("/counters", self._counters, methods=["GET"]),
             Route("/session", self._session, methods=["GET"]),
             Route("/session", self._enter, methods=["POST"]),
             Route("/estop", self._estop, methods=["POST"]),
+            *Downloads(hub.tools.recordings, self._role).routes,
             WebSocketRoute("/ws", self._page),
         ]
         self.asgi: ASGIApp = Guard(Starlette(routes=routes), origin)
@@ -113,6 +117,13 @@ class WebApplication:
             content = file.compressed
             headers["content-encoding"] = "gzip"
         return Response(content, media_type=file.kind, headers=headers)
+
+    async def _counters(self, _request: Request) -> Response:
+        """The meaning of each field of the status, by group and name."""
+        groups: dict[str, dict[str, StatusField]] = {}
+        for field in FIELDS:
+            groups.setdefault(field.group, {})[field.name] = field
+        return Response(msgspec.json.encode(groups), media_type="application/json")
 
     async def _session(self, request: Request) -> Response:
         role = self._role(request)
@@ -160,12 +171,11 @@ class WebApplication:
 
     async def _page(self, socket: WebSocket) -> None:
         role = self._role(socket)
-        # A browser shows a page why its WebSocket was closed, but not why it was never opened.
-        await socket.accept()
         if role is None:
-            await socket.close(POLICY, NO_SESSION)
-        else:
-            await self._hub.attend(socket, role)
+            await socket.send_denial_response(_json(401, text=NO_SESSION))
+            return
+        await socket.accept()
+        await self._hub.attend(socket, role)
 
 
 class Guard:

@@ -22,8 +22,10 @@ import h11
 import msgspec
 from uvicorn import Config, Server
 from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 from yahboomd.errors import ConfigError, ListenError
+from yahboomd.web.page_downloads import is_download
 from yahboomd.web.page_frames import MAX_BYTES
 
 if TYPE_CHECKING:
@@ -110,7 +112,7 @@ class WebServer(Server):
         config = Config(
             application,
             http=Connection,
-            ws="websockets-sansio",
+            ws=PageSocket,
             lifespan="off",
             interface="asgi3",
             log_config=None,
@@ -150,7 +152,7 @@ class Connection(H11Protocol):
         own = transport.get_extra_info("socket")
         with contextlib.suppress(OSError):
             own.setsockopt(socket.IPPROTO_TCP, TCP_NOTSENT_LOWAT, UNSENT_BYTES)
-        self._deadline = self.loop.call_later(WAIT_S, self.close)
+        self._deadline = self.loop.call_later(WAIT_S, self._overdue)
         self.waiting[self] = self.client[0] if self.client else ""
         if len(self.waiting) > MAX_OPEN:
             most = Counter(self.waiting.values()).most_common(1)[0][0]
@@ -171,7 +173,7 @@ class Connection(H11Protocol):
         super().on_response_complete()
         if self._deadline is not None:
             self._deadline.cancel()
-            self._deadline = self.loop.call_later(WAIT_S, self.close)
+            self._deadline = self.loop.call_later(WAIT_S, self._overdue)
 
     def _leave(self) -> None:
         self.waiting.pop(self, None)
@@ -179,10 +181,29 @@ class Connection(H11Protocol):
             self._deadline.cancel()
             self._deadline = None
 
+    def _overdue(self) -> None:
+        cycle = self.cycle
+        if cycle is None or cycle.response_complete or not is_download(cycle.scope["path"]):
+            self.close()
+        else:
+            # It ends by itself where nothing is read any more.
+            self._deadline = self.loop.call_later(WAIT_S, self._overdue)
+
     def close(self) -> None:
         """End it at once."""
         self._leave()
         self.transport.abort()
+
+
+class PageSocket(WebSocketsSansIOProtocol):
+    """The WebSocket of one page."""
+
+    def handle_ping(self) -> None:
+        """Answer, unless the page reads none of the answers."""
+        if self.transport.get_write_buffer_size() > UNSENT_BYTES:
+            self.transport.abort()
+        else:
+            super().handle_ping()
 
 
 def raise_file_limit() -> None:

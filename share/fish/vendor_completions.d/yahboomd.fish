@@ -267,6 +267,8 @@ complete -c yahboomd -n '__yahboomd_at install' -l dry-run -d 'print what would 
 complete -c yahboomd -n '__yahboomd_at install' -l root -x -a '(__fish_complete_directories)' -d 'install into this folder instead, such as the image of another machine'
 complete -c yahboomd -n '__yahboomd_at install' -l instance -x -d 'one of several boards: its service is yahboomd@NAME'
 complete -c yahboomd -n '__yahboomd_at install' -l port -r -F -d 'serial port of the instance\'s board, by its socket'
+complete -c yahboomd -n '__yahboomd_at install' -l web -d 'start the page too: its service is yahboomd-web'
+complete -c yahboomd -n '__yahboomd_at install' -l listen -x -d 'for --web: where browsers find the page, such as 0.0.0.0:8480 for phones'
 complete -c yahboomd -n '__yahboomd_at uninstall' -s h -l help -d 'show this help message and exit'
 complete -c yahboomd -n '__yahboomd_at uninstall' -l dry-run -d 'print what would be done, and do nothing'
 complete -c yahboomd -n '__yahboomd_at uninstall' -l root -x -a '(__fish_complete_directories)' -d 'install into this folder instead, such as the image of another machine'

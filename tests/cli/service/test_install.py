@@ -9,6 +9,7 @@ import pytest
 
 from yahboomd.cli.main import main
 from yahboomd.cli.service import install as command
+from yahboomd.cli.service import install_plan
 from yahboomd.cli.service.install import System, install
 
 UNIT = "etc/systemd/system/yahboomd.service"
@@ -218,3 +219,75 @@ def test_a_program_that_the_services_user_cannot_read_is_refused(
     said = capsys.readouterr().err
     assert str(program) in said
     assert "UV_TOOL_DIR=/opt/uv/tools" in said
+
+
+def test_the_page_is_started_where_it_is_asked_for_and_reached_from_this_machine_alone(
+    tmp_path: Path, as_root: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = Commands()
+    install(system(tmp_path, run, live=True))
+    assert not any("yahboomd-web" in each for each in run.ran)
+    assert install(system(tmp_path, run, live=True), web=True) == 0
+    assert run.ran[-2:] == [
+        "systemctl enable yahboomd-web.service",
+        "systemctl start yahboomd-web.service",
+    ]
+    assert not (tmp_path / install_plan.WEB_LISTEN).exists()
+    assert "http://127.0.0.1:8480/" in capsys.readouterr().out
+
+
+def test_the_page_is_reached_from_elsewhere_where_a_person_says_so(
+    tmp_path: Path, as_root: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = Commands()
+    assert install(system(tmp_path, run, live=True), web=True, listen="0.0.0.0:8480") == 0
+    text = (tmp_path / install_plan.WEB_LISTEN).read_text()
+    assert 'Environment="WEB_OPTIONS=--listen 0.0.0.0:8480"' in text
+    assert "IPAddressDeny=\n" in text
+    assert "sudo yahboomd web --show-link" in capsys.readouterr().out
+    assert run.ran.index("systemctl daemon-reload") < len(run.ran) - 2
+    again = Commands()
+    install(system(tmp_path, again, live=True, packaged=True), web=True, listen="0.0.0.0:9000")
+    assert again.ran[-3:] == [
+        "systemctl daemon-reload",
+        "systemctl enable yahboomd-web.service",
+        "systemctl restart yahboomd-web.service",
+    ]
+
+
+def test_a_page_that_is_not_served_is_no_success(
+    tmp_path: Path, as_root: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class WithoutPage(Commands):
+        def __call__(self, words: Sequence[str]) -> int:
+            super().__call__(words)
+            return int(words[-1] == "yahboomd-web.service")
+
+    assert install(system(tmp_path, WithoutPage(), live=True), web=True) == 1
+    assert "journalctl -u yahboomd-web" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("web", "listen", "instance", "words"),
+    [
+        (False, "0.0.0.0:8480", None, "--listen is for --web"),
+        (True, "here", None, "--listen takes an address and a port"),
+        (True, '0.0.0.0:8480"', None, "--listen takes an address and a port"),
+        (True, None, "front", "--web is for one board"),
+    ],
+)
+def test_a_page_that_cannot_be_is_refused_in_words(
+    tmp_path: Path,
+    web: bool,
+    listen: str | None,
+    instance: str | None,
+    words: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    port = "/dev/ttyUSB0" if instance else None
+    done = install(
+        system(tmp_path, Commands()), web=web, listen=listen, instance=instance, port=port
+    )
+    assert done == 78
+    assert words in capsys.readouterr().err
+    assert tree(tmp_path) == {}

@@ -28,6 +28,7 @@ def test_on_an_empty_system_everything_is_new(tmp_path: Path) -> None:
         "yahboomd.service": "new",
         "yahboomd@.service": "new",
         "yahboomd-metrics.service": "new",
+        "yahboomd-web.service": "new",
         "95-yahboomd.rules": "new",
         "yahboomd.conf": "new",
         "config.toml": "new",
@@ -64,6 +65,7 @@ def test_every_command_of_the_units_is_the_program_that_installs(tmp_path: Path)
     assert len(daemons) == 2
     assert all(f"exec {PROGRAM} stop " in unit for unit in daemons)
     assert sum(f"ExecStart={PROGRAM} metrics " in unit for unit in units) == 1
+    assert sum(f"ExecStart={PROGRAM} web " in unit for unit in units) == 1
     assert not any(install_plan.UNIT_PROGRAM in unit for unit in units)
 
 

@@ -9,7 +9,7 @@ from yahboomd.cli.web.page_link import link, own_addresses, own_names, qr_lines,
 
 def test_the_token_is_in_the_fragment() -> None:
     assert link("127.0.0.1", 8480, tls=False) == "http://127.0.0.1:8480/"
-    assert link("192.168.1.5", 8480, tls=True, token="abc") == "https://192.168.1.5:8480/#abc"
+    assert link("192.168.1.5", 8480, tls=True, token="abc") == "https://192.168.1.5:8480/#token=abc"
     assert link("::1", 1, tls=False) == "http://[::1]:1/"
 
 
@@ -26,6 +26,7 @@ def test_names_of_this_machine_are_those_that_phones_use() -> None:
 
 
 def test_a_link_fits_a_terminal_as_a_qr_code() -> None:
-    lines = qr_lines("http://192.168.100.100:8480/#" + "x" * 22).splitlines()
+    lines = qr_lines("https://192.168.100.100:8480/#token=" + "x" * 22).splitlines()
     assert len(lines) < 24
+    assert max(map(len, lines)) < 80
     assert any("█" in line or "▄" in line for line in lines)

@@ -37,14 +37,14 @@ def test_beyond_loopback_tokens_are_kept_and_never_printed_into_a_log(tmp_path: 
         web.says("Without TLS everybody")
     finally:
         assert web.end(signal.SIGINT) == 0
-    link = Process("web", "--listen", "0.0.0.0:8480", "--show-link", environ=environ)
+    link = Process("web", "--show-link", environ=environ)
     assert link.end_by_itself() == 0
-    tokens = re.findall(r"#([\w-]{22})", link.output)
+    tokens = re.findall(r"#token=([\w-]{22})", link.output)
     assert len(set(tokens)) == 2
     assert not any(token in web.output for token in tokens)
-    renewed = Process("web", "--listen", "0.0.0.0:8480", "--new-tokens", environ=environ)
+    renewed = Process("web", "--new-tokens", environ=environ)
     assert renewed.end_by_itself() == 0
-    assert not set(tokens) & set(re.findall(r"#([\w-]{22})", renewed.output))
+    assert not set(tokens) & set(re.findall(r"#token=([\w-]{22})", renewed.output))
 
 
 def failed(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str]:
@@ -68,13 +68,16 @@ def test_mistakes_are_named_with_what_to_do(
     assert (status, "Choose another port" in words) == (69, True)
 
 
-def test_a_certificate_is_made_by_one_command_that_says_how_to_use_it(
+def test_a_certificate_is_made_by_one_command_and_used_from_then_on(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
-    assert main(["web", "--make-certificate", "--listen", "0.0.0.0:8480"]) == 0
-    words = capsys.readouterr().out
-    assert f"--certificate {tmp_path}/web-certificate.pem --key {tmp_path}/web-key.pem" in words
+    assert main(["web", "--show-link"]) == 78
+    assert "add --listen" in capsys.readouterr().err
+    assert main(["web", "--make-certificate"]) == 0
+    assert f"{tmp_path}/web-certificate.pem" in capsys.readouterr().out
+    assert main(["web", "--show-link", "--listen", "192.0.2.5:8480"]) == 0
+    assert "https://192.0.2.5:8480/#" in capsys.readouterr().out
 
 
 def test_without_its_extra_the_command_says_how_to_install_it(
@@ -86,7 +89,8 @@ def test_without_its_extra_the_command_says_how_to_install_it(
     )
     done = yahboomd("web", "--listen", "127.0.0.1:0", PYTHONPATH=str(tmp_path))
     assert done.returncode == 69
-    assert "pip install 'yahboomd[web]'" in done.stderr
+    assert "`web` needs starlette" in done.stderr
+    assert "[web]'" in done.stderr
 
 
 def test_tokens_are_kept_where_the_state_of_this_user_belongs() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import os
 import shlex
 import shutil
@@ -15,6 +16,8 @@ from typing import NamedTuple
 import yahboomd
 from yahboomd.cli.service import install_plan
 from yahboomd.cli.service.install_plan import PlannedFile
+from yahboomd.metrics.http_listener import Place
+from yahboomd.program import install_command
 
 DESCRIPTION = """\
 Install the service: unit, udev rule, system user, a default /etc/yahboomd/config.toml, man pages
@@ -26,6 +29,9 @@ EPILOG = """\
 examples:
   yahboomd install --dry-run           print what would be done
   sudo yahboomd install                one board
+  sudo yahboomd install --web          and the page, for browsers on this machine
+  sudo yahboomd install --web --listen 0.0.0.0:8480
+                                       and the page, for phones
   sudo yahboomd install --instance front --port /dev/serial/by-path/...
                                        one of several boards, as yahboomd@front
 
@@ -87,6 +93,15 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--port", metavar="PATH", help="serial port of the instance's board, by its socket"
     )
 
+    parser.add_argument(
+        "--web", action="store_true", help="start the page too: its service is yahboomd-web"
+    )
+    parser.add_argument(
+        "--listen",
+        metavar="ADDRESS:PORT",
+        help="for --web: where browsers find the page, such as 0.0.0.0:8480 for phones",
+    )
+
 
 def add_system_options(parser: argparse.ArgumentParser) -> None:
     """``--dry-run`` and ``--root DIR``."""
@@ -122,12 +137,21 @@ def run(args: argparse.Namespace) -> int:
     Returns:
         0, or 77 without the permission, 78 where the service could not run, 1 where it does not.
     """
-    return install(system_of(args), instance=args.instance, port=args.port)
+    return install(
+        system_of(args), instance=args.instance, port=args.port, web=args.web, listen=args.listen
+    )
 
 
-def install(system: System, *, instance: str | None = None, port: str | None = None) -> int:
+def install(
+    system: System,
+    *,
+    instance: str | None = None,
+    port: str | None = None,
+    web: bool = False,
+    listen: str | None = None,
+) -> int:
     """Carry it out; see :func:`run`."""
-    trouble = _trouble(system, instance, port)
+    trouble = _trouble(system, instance, port) or _web_trouble(web, listen, instance)
     if trouble:
         return complain(trouble, os.EX_CONFIG)
     files = install_plan.planned_files(system.root, system.program, packaged=system.packaged)
@@ -135,6 +159,8 @@ def install(system: System, *, instance: str | None = None, port: str | None = N
     if instance is not None and port is not None:
         files.append(install_plan.instance_file(system.root, instance, port))
         unit = f"yahboomd@{instance}.service"
+    if listen is not None:
+        files.append(install_plan.web_listen_file(system.root, listen))
     if not system.dry and not _may_write(files, system):
         return complain("this needs root: put sudo in front.", os.EX_NOPERM)
     print(f"Installing {unit}, which runs {system.program}:")
@@ -142,10 +168,11 @@ def install(system: System, *, instance: str | None = None, port: str | None = N
         _put(file, dry=system.dry)
     _put_shared(install_plan.shared_plan(system.root, packaged=system.packaged), dry=system.dry)
     if system.live:
-        return _start(system, unit, files)
+        status = _start(system, unit, files)
+        return _start_web(system, files, listen) or status if web else status
     offline = ("--root", str(system.root)) if system.root != Path("/") else ()
     if shutil.which("systemctl"):
-        system.ran("systemctl", *offline, "enable", unit)
+        system.ran("systemctl", *offline, "enable", unit, *([install_plan.WEB] if web else []))
     print("Nothing is started: systemd does not run this system. The user of the service is made")
     print("at its next boot.")
     return os.EX_OK
@@ -177,6 +204,19 @@ def _trouble(system: System, instance: str | None, port: str | None) -> str:
                 f"the service runs as a user of its own, which cannot read {hidden}.\n"
                 f"{install_plan.REACH_REMEDY}"
             )
+    return ""
+
+
+def _web_trouble(web: bool, listen: str | None, instance: str | None) -> str:
+    """The reason why the page cannot be installed like this; empty where it can."""
+    if not web:
+        return "--listen is for --web." if listen is not None else ""
+    if instance is not None:
+        return "--web is for one board; the page of an instance: docs/web.md."
+    if listen is not None and Place.of(listen) is None:
+        return f"--listen takes an address and a port such as 0.0.0.0:8480, not {listen!r}."
+    if importlib.util.find_spec("starlette") is None:
+        return f"the page needs packages that are not installed: {install_command('web')}"
     return ""
 
 
@@ -260,6 +300,22 @@ def _start(system: System, unit: str, files: list[PlannedFile]) -> int:
     )
     if not (ready and started):
         return complain(f"{unit} does not run yet; see journalctl -u {name}.", 1)
+    return os.EX_OK
+
+
+def _start_web(system: System, files: list[PlannedFile], listen: str | None) -> int:
+    changed = any(file.fate in {"new", "changed"} for file in files)
+    started = (not system.packaged or system.ran("systemctl", "daemon-reload")) and (
+        system.ran("systemctl", "enable", install_plan.WEB)
+        and system.ran("systemctl", "restart" if changed else "start", install_plan.WEB)
+    )
+    if not started:
+        return complain("the page is not served yet; see journalctl -u yahboomd-web.", 1)
+    print(
+        "\nThe page:       http://127.0.0.1:8480/"
+        if listen is None
+        else "\nThe page:       sudo yahboomd web --show-link   prints its link and QR code"
+    )
     return os.EX_OK
 
 

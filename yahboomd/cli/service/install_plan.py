@@ -23,6 +23,7 @@ FILES: Mapping[str, str] = {
     "yahboomd.service": "etc/systemd/system/yahboomd.service",
     "yahboomd@.service": "etc/systemd/system/yahboomd@.service",
     "yahboomd-metrics.service": "etc/systemd/system/yahboomd-metrics.service",
+    "yahboomd-web.service": "etc/systemd/system/yahboomd-web.service",
     "95-yahboomd.rules": "etc/udev/rules.d/95-yahboomd.rules",
     "yahboomd.sysusers.conf": "etc/sysusers.d/yahboomd.conf",
 }
@@ -36,6 +37,12 @@ FISH = "etc/fish/completions/yahboomd.fish"
 
 CONFIG = "etc/yahboomd/config.toml"
 """A person's file: written once, then kept."""
+
+WEB = "yahboomd-web.service"
+"""The page's service, which is started only where it is asked for."""
+
+WEB_LISTEN = "etc/systemd/system/yahboomd-web.service.d/listen.conf"
+"""Written where the page is to be reached from elsewhere; how, is a person's from then on."""
 
 FIRST_INSTANCE_PORT = 7449
 """The default of the single service is 7448."""
@@ -140,6 +147,22 @@ def instance_file(root: Path, name: str, port: str) -> PlannedFile:
         f'listen = ["tcp/127.0.0.1:{listen}"]\n'
     )
     return _planned(path, text, keep=True)
+
+
+def web_listen_file(root: Path, listen: str) -> PlannedFile:
+    """The addition to the page's unit that lets other machines reach it.
+
+    Args:
+        root: Replaces ``/``.
+        listen: Address and port.
+    """
+    text = (
+        "# Written by `yahboomd install --web --listen`. The links: sudo yahboomd web --show-link\n"
+        "[Service]\n"
+        f'Environment="WEB_OPTIONS=--listen {listen}"\n'
+        "IPAddressDeny=\n"
+    )
+    return _planned(root / WEB_LISTEN, text)
 
 
 def free_listen_port(configurations: Iterable[str]) -> int:

@@ -59,9 +59,11 @@ def uninstall(system: System, *, instance: str | None = None) -> int:
         _end(system, [f"yahboomd@{instance}.service"])
         print(f"Kept: {system.root / 'etc/yahboomd' / f'{instance}.toml'}")
         return os.EX_OK
-    _end(system, ["yahboomd.service", *_instances(system.root), *_metrics(system.root)])
+    _end(system, ["yahboomd.service", *_instances(system.root), *_others(system.root)])
     for place in install_plan.FILES.values():
         _remove(system.root / place, dry=system.dry)
+    if (system.root / install_plan.WEB_LISTEN).exists():
+        _remove(system.root / install_plan.WEB_LISTEN, dry=system.dry)
     for file in install_plan.shared_plan(system.root, packaged=system.packaged):
         if file.path.exists():
             _remove(file.path, dry=system.dry)
@@ -89,10 +91,10 @@ def _instances(root: Path) -> list[str]:
     return sorted(link.name for link in wants.glob("yahboomd@*.service"))
 
 
-def _metrics(root: Path) -> list[str]:
-    """The service of the metrics; an older installation has none."""
-    name = "yahboomd-metrics.service"
-    return [name] if (root / install_plan.FILES[name]).exists() else []
+def _others(root: Path) -> list[str]:
+    """The services of the metrics and the page; an older installation has none."""
+    names = ("yahboomd-metrics.service", "yahboomd-web.service")
+    return [name for name in names if (root / install_plan.FILES[name]).exists()]
 
 
 def _remove(path: Path, *, dry: bool) -> None:

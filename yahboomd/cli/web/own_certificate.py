@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from yahboomd.errors import ConfigError
+from yahboomd.web.entry_tokens import give_to_owner
 
 CERTIFICATE = "web-certificate.pem"
 KEY = "web-key.pem"
@@ -42,6 +43,8 @@ def make_certificate(folder: Path, hosts: Iterable[str]) -> tuple[Path, Path, st
             *("-subj", "/CN=yahboomd", "-addext", f"subjectAltName={','.join(map(_name, hosts))}"),
             *("-addext", "extendedKeyUsage=serverAuth"),
         )
+        for each in (certificate, key):
+            give_to_owner(folder, each)
         shown = _openssl("x509", "-in", str(certificate), "-noout", "-fingerprint", "-sha256")
     except OSError as error:
         raise ConfigError(

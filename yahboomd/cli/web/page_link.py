@@ -15,7 +15,7 @@ SIOCGIFADDR = 0x8915
 def link(host: str, port: int, *, tls: bool, token: str = "") -> str:
     """The link to the page; a token goes into its fragment, which no browser sends or logs."""
     where = f"[{host}]" if ":" in host else host
-    fragment = f"#{token}" if token else ""
+    fragment = f"#token={token}" if token else ""
     return f"{'https' if tls else 'http'}://{where}:{port}/{fragment}"
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import logging
 import os
 import signal
@@ -11,6 +12,8 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
+
+import msgspec
 
 from yahboomd.cli.shared_options import (
     add_bus_options,
@@ -20,6 +23,7 @@ from yahboomd.cli.shared_options import (
     client_options,
     daemon_endpoints,
     read_config,
+    robot_arguments,
 )
 from yahboomd.errors import ConfigError
 from yahboomd.names import PAGE_SOURCE
@@ -32,6 +36,7 @@ if TYPE_CHECKING:
     from yahboomd.metrics.http_listener import Place
     from yahboomd.web.entry_tokens import Tokens
     from yahboomd.web.page_hub import PageHub
+    from yahboomd.web.page_tools import ToolSettings
     from yahboomd.web.web_server import WebServer
 
 DEFAULT_PLACE = "127.0.0.1:8480"
@@ -49,9 +54,8 @@ EPILOG = """\
 examples:
   yahboomd web                                 for a browser on this machine
   yahboomd web --listen 0.0.0.0:8480           for phones: prints the link and a QR code
-  yahboomd web --listen 0.0.0.0:8480 --show-link
-                                               show the link of the service again
-  yahboomd web --make-certificate              once, for TLS; then
+  yahboomd web --show-link                     show the link again
+  yahboomd web --make-certificate              once: the page is served over TLS from then on
   yahboomd web --listen 0.0.0.0:8480 --certificate FILE --key FILE
 
 As a service: sudo yahboomd install --web. docs/web.md explains who gets in. Ctrl-C ends it.
@@ -72,6 +76,18 @@ class _Setup(NamedTuple):
     context: SSLContext | None
     options: BusOptions
     source: str
+    folder: Path
+    tools: ToolSettings
+
+
+class _Served(msgspec.Struct, frozen=True):
+    """How the page was served last, for --show-link."""
+
+    listen: str
+    tls: bool
+
+
+SERVED = "web-served.json"
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -79,9 +95,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--listen",
         metavar="ADDRESS:PORT",
-        default=DEFAULT_PLACE,
-        help="where browsers find the page (default: %(default)s); 0.0.0.0:8480 for every network "
-        "of this machine",
+        help=f"where browsers find the page (default: {DEFAULT_PLACE}); 0.0.0.0:8480 for every "
+        "network of this machine",
     )
     parser.add_argument(
         "--host-name",
@@ -121,21 +136,25 @@ def run(args: argparse.Namespace) -> int:
         ListenError: The address is taken.
         BusError: The robot can never be reached like this.
     """
-    place = _place(args.listen)
     folder = state_folder(os.environ, os.geteuid())
     if args.make_certificate:
-        return _certify(folder, place, args.host_name)
+        return _certify(folder, args.host_name)
     if args.new_tokens or args.show_link:
-        return _links(args, place, folder)
+        return _links(args, folder)
+    from yahboomd.web.page_tools import ToolSettings
+
+    place = _place(args.listen or DEFAULT_PLACE)
     check_source(args)
     config = read_config(args).config
     setup = _Setup(
         place=place,
         names=args.host_name,
         tokens=None if place.is_loopback else _tokens(folder),
-        context=_context(args),
+        context=_context(args, place, folder),
+        folder=folder,
         options=client_options(daemon_endpoints(args, config), config),
         source=args.source,
+        tools=ToolSettings(robot=robot_arguments(args), recordings=folder / "recordings"),
     )
     return asyncio.run(_serve(setup))
 
@@ -174,36 +193,56 @@ def _tokens(folder: Path) -> Tokens:
     return read_tokens(folder) or make_tokens(folder)
 
 
-def _context(args: argparse.Namespace) -> SSLContext | None:
+def _context(args: argparse.Namespace, place: Place, folder: Path) -> SSLContext | None:
+    """The certificate that is given; else, beyond loopback, the one that was made here."""
+    from yahboomd.cli.web.own_certificate import CERTIFICATE, KEY
     from yahboomd.web.web_server import Certificate
 
-    if (args.certificate is None) != (args.key is None):
+    certificate, key = args.certificate, args.key
+    if (certificate is None) != (key is None):
         raise ConfigError("--certificate and --key belong together: give both, or neither.")
-    if args.certificate is None:
+    if certificate is None and not place.is_loopback and (folder / CERTIFICATE).exists():
+        certificate, key = folder / CERTIFICATE, folder / KEY
+    if certificate is None:
         return None
-    return Certificate(certificate=args.certificate, key=args.key).context()
+    return Certificate(certificate=certificate, key=key).context()
 
 
-def _certify(folder: Path, place: Place, names: list[str]) -> int:
+def _certify(folder: Path, names: list[str]) -> int:
     from yahboomd.cli.web.own_certificate import make_certificate
     from yahboomd.cli.web.page_link import own_addresses, own_names
 
     hosts = dict.fromkeys(("127.0.0.1", "localhost", *own_addresses(), *sorted(own_names())))
     certificate, key, fingerprint = make_certificate(folder, [*hosts, *names])
-    print(f"A certificate is made. Its fingerprint (SHA-256): {fingerprint}")
-    print("Browsers warn of it once, because no authority signed it. Use it with:")
-    print(f"  yahboomd web --listen {place} --certificate {certificate} --key {key}")
+    print(f"A certificate is made: {certificate}, with its key {key}.")
+    print(f"Its fingerprint (SHA-256): {fingerprint}")
+    print("From the next start on `yahboomd web --listen` uses it for other machines. Browsers")
+    print("warn of it once, because no authority signed it: compare the fingerprint.")
     return os.EX_OK
 
 
-def _links(args: argparse.Namespace, place: Place, folder: Path) -> int:
+def _links(args: argparse.Namespace, folder: Path) -> int:
     from yahboomd.web.entry_tokens import make_tokens
 
     tokens = make_tokens(folder) if args.new_tokens else _tokens(folder)
     if args.new_tokens:
         print("New tokens are made: start `yahboomd web` again, where it runs.")
-    _print_links(place, tokens, tls=args.certificate is not None)
+    served = _last_served(folder)
+    if args.listen is None and served is None:
+        raise ConfigError(
+            f"It is not known where the page is served: nothing in {folder} says so.",
+            remedy="Start `yahboomd web --listen 0.0.0.0:8480` first, or add --listen here.",
+        )
+    place = _place(args.listen or (served.listen if served else ""))
+    _print_links(place, tokens, tls=_context(args, place, folder) is not None)
     return os.EX_OK
+
+
+def _last_served(folder: Path) -> _Served | None:
+    try:
+        return msgspec.json.decode((folder / SERVED).read_bytes(), type=_Served)
+    except (OSError, ValueError):
+        return None
 
 
 def _print_links(place: Place, tokens: Tokens, *, tls: bool) -> None:
@@ -211,9 +250,11 @@ def _print_links(place: Place, tokens: Tokens, *, tls: bool) -> None:
 
     hosts = reachable_hosts(place.host)
     for host in hosts:
-        print(f"to drive:  {link(host, place.port, tls=tls, token=tokens.driver)}")
-    print(f"to watch and stop only:  {link(hosts[0], place.port, tls=tls, token=tokens.viewer)}")
+        print(f"to drive:           {link(host, place.port, tls=tls, token=tokens.driver)}")
+    for host in hosts:
+        print(f"to watch and stop:  {link(host, place.port, tls=tls, token=tokens.viewer)}")
     if sys.stdout.isatty():
+        print(f"\nto drive, for the camera of a phone that reaches {hosts[0]}:")
         print(qr_lines(link(hosts[0], place.port, tls=tls, token=tokens.driver)))
 
 
@@ -234,7 +275,7 @@ async def _serve(setup: _Setup) -> int:
     listener = listen(place.host, place.port)
     port = listener.getsockname()[1]
     place = type(place)(host=place.host, port=port)
-    hub = PageHub(setup.options, clock, setup.source)
+    hub = PageHub(setup.options, clock, setup.tools, setup.source)
     names = set(setup.names) | (set() if place.is_loopback else own_names())
     application = WebApplication(
         hub,
@@ -248,17 +289,28 @@ async def _serve(setup: _Setup) -> int:
     server = WebServer(application.asgi, setup.context)
     if setup.tokens is None:
         print(f"The page is at {link(place.host, port, tls=tls)}", flush=True)
-    elif sys.stdout.isatty():
-        _print_links(place, setup.tokens, tls=tls)
+    else:
+        _announce(place, setup.tokens, setup.folder, tls=tls)
+    return await _until_ended(server, hub, listener, ", ".join(setup.options.connect))
+
+
+def _announce(place: Place, tokens: Tokens, folder: Path, *, tls: bool) -> None:
+    """Show the links on a terminal, and only how to see them in a log."""
+    with contextlib.suppress(OSError):
+        (folder / SERVED).write_bytes(msgspec.json.encode(_Served(listen=str(place), tls=tls)))
+    if sys.stdout.isatty():
+        _print_links(place, tokens, tls=tls)
     else:
         print(
-            f"The page is at port {port} of this machine. Its links have tokens and are not "
-            f"logged; to see them: yahboomd web --listen {setup.place} --show-link",
+            f"The page is at port {place.port} of this machine. Its links have tokens and are not "
+            "logged; to see them, as this user or as root: yahboomd web --show-link"
+        )
+    if not tls:
+        print(
+            "Without TLS everybody on that network can read along, the token too: "
+            "yahboomd web --make-certificate",
             flush=True,
         )
-    if setup.tokens is not None and not tls:
-        print("Without TLS everybody on that network can read along: docs/web.md.", flush=True)
-    return await _until_ended(server, hub, listener, ", ".join(setup.options.connect))
 
 
 async def _until_ended(server: WebServer, hub: PageHub, listener: socket, where: str) -> int:

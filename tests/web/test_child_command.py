@@ -1,0 +1,56 @@
+"""Children end with the server, in order where they can, by force where they do not."""
+
+from __future__ import annotations
+
+import os
+import signal
+
+import pytest
+from zenoh_fixtures import eventually
+
+from yahboomd.web import child_command
+from yahboomd.web.child_command import Child, output_of
+
+
+async def test_a_command_runs_to_its_end_without_a_shell() -> None:
+    status, printed, last_words = await output_of(["--version"])
+    assert (status, last_words) == (0, "")
+    assert printed.startswith("yahboomd ")
+    status, printed, last_words = await output_of(["config", "show; echo no", "$(id)"])
+    assert status == 2
+    assert "uid=" not in printed + last_words
+
+
+async def test_what_it_complains_of_is_kept_without_the_programs_name() -> None:
+    status, _, last_words = await output_of(["config", "check", "--config=/none"])
+    assert status == 78
+    assert last_words.startswith("The configuration has a mistake:\n/none")
+
+
+async def test_a_command_that_takes_too_long_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(child_command, "END_S", 0.2)
+    with pytest.raises(TimeoutError):
+        await output_of(["simulate"], within_s=2.0)
+
+
+async def test_a_child_that_does_not_end_is_killed_with_its_group(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(child_command, "END_S", 0.2)
+    child = await Child.start(["events", "--connect=tcp/127.0.0.1:1", "--timeout=60"])
+    pid = child._process.pid
+    assert os.getpgid(pid) == pid
+    os.kill(pid, signal.SIGSTOP)
+    assert await child.end() == -signal.SIGKILL
+
+
+async def test_what_a_child_does_not_read_is_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
+    child = await Child.start(["events", "--connect=tcp/127.0.0.1:1", "--timeout=60"])
+    os.kill(child._process.pid, signal.SIGSTOP)
+    try:
+        await eventually(lambda: not child.write(text="x" * 1000))
+    finally:
+        os.kill(child._process.pid, signal.SIGCONT)
+        monkeypatch.setattr(child_command, "END_S", 0.2)
+        await child.end()
+    assert not child.write(text="x")

@@ -1,0 +1,259 @@
+"""A page leads the wizard: the robot moves while its button is held, and by nothing else."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import signal
+from collections.abc import Awaitable, Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from real_robot import Process, RealRobot
+from web_site import Page, Site
+from websockets.asyncio.client import connect
+from zenoh_fixtures import eventually
+
+from yahboomd.web.page_calibration import RANGES, chosen
+
+pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("web_tools")]
+
+QUICK = {"straight": 1, "turns": 1, "speed": 0.4, "turn-speed": 2}
+
+Start = Callable[..., Awaitable[Site]]
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealRobot]:
+    made = RealRobot(tmp_path_factory.mktemp("robot"))
+    made.daemon.says("Connected to")
+    yield made
+    made.close()
+
+
+@pytest.fixture(autouse=True)
+def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
+    return tmp_path / "calibration.toml"
+
+
+class Thumb:
+    """Holds the button of a page, 20 times a second."""
+
+    def __init__(self, page: Page, question: dict[str, Any], behind: int = 0) -> None:
+        self._page, self._id, self._behind = page, question["id"], behind
+        self._task = asyncio.create_task(self._hold())
+
+    async def _hold(self) -> None:
+        with contextlib.suppress(Exception):
+            while True:
+                beat = self._page.beat - self._behind
+                await self._page.send(type="hold", beat=beat, question=self._id)
+                await asyncio.sleep(0.05)
+
+    async def lift(self) -> None:
+        self._task.cancel()
+        await asyncio.gather(self._task, return_exceptions=True)
+
+
+async def use(page: Page, do: str, **args: Any) -> dict[str, Any]:
+    """Use a tool; the answer."""
+    number = len(page.of("answer")) + 1
+    await page.send(type="tool", id=number, do=do, args=args)
+    return await page.one("answer", id=number)
+
+
+async def question(page: Page, kind: str, after: str = "") -> dict[str, Any]:
+    """Wait for a question of a kind."""
+
+    def found() -> dict[str, Any] | None:
+        shown = page.of("calibration")[-1]
+        asked: dict[str, Any] | None = shown["question"]
+        assert shown["page"] is not None or not shown["refused"], shown
+        return asked if asked and asked["kind"] == kind and asked["id"] != after else None
+
+    result: dict[str, Any] = await eventually(found)
+    return result
+
+
+async def moving(robot: RealRobot) -> None:
+    await eventually(lambda: max(map(abs, robot.truth()[-1].speed_m_s)) > 0.1)
+
+
+async def started(site: Start, robot: RealRobot) -> tuple[Site, Page, dict[str, Any]]:
+    served = await site(endpoint=robot.endpoint)
+    await eventually(lambda: served.hub.robot.obstacle() is None)
+    page = await served.page()
+    answer = await use(page, "calibrate", verb="tape", choices=QUICK)
+    assert answer["ok"], answer
+    return served, page, await question(page, "hold")
+
+
+async def test_the_robot_moves_while_the_button_is_held_and_not_after(
+    site: Start, robot: RealRobot, state: Path
+) -> None:
+    _, page, asked = await started(site, robot)
+    before = await asyncio.to_thread(robot.settled_truth)
+    thumb = Thumb(page, asked)
+    await moving(robot)
+    await page.send(type="drive", beat=page.beat, vx=-0.2, vy=0.0, wz=0.0)
+    await page.one("refused", what="drive", why="calibrating")
+    await thumb.lift()
+    await page.send(type="let_go")
+    again = await question(page, "hold", after=asked["id"])
+    assert again["text"].startswith("You let go")
+    stopped = await asyncio.to_thread(robot.settled_truth)
+    assert 0.0 < sum(stopped.travel_m) - sum(before.travel_m) < 1.6
+    # The thumb of the movement that is over begins no other.
+    thumb = Thumb(page, asked)
+    await eventually(lambda: robot.truth()[-1].t_ns > stopped.t_ns + 1_000_000_000)
+    await thumb.lift()
+    assert (await asyncio.to_thread(robot.settled_truth)).travel_m == stopped.travel_m
+    thumb = Thumb(page, again)
+    asked = await question(page, "number")
+    await thumb.lift()
+    answer = await use(page, "answer", question=asked["id"], text="far")
+    assert answer["ok"]
+    assert (await question(page, "number", after=asked["id"]))["wrong"]
+    assert (await use(page, "end_calibration"))["ok"]
+    shown = await page.one("calibration", page=None, verb="tape")
+    assert "nothing was written" in shown["refused"]
+    assert not state.exists()
+
+
+async def test_a_page_that_leaves_in_mid_run_stops_the_robot_and_ends_the_wizard(
+    site: Start, robot: RealRobot, state: Path
+) -> None:
+    served, page, asked = await started(site, robot)
+    Thumb(page, asked)
+    await moving(robot)
+    before = robot.truth()[-1]
+    await page.close()
+    await eventually(lambda: served.hub.tools.calibration.page is None)
+    stopped = await asyncio.to_thread(robot.settled_truth)
+    assert sum(stopped.travel_m) - sum(before.travel_m) < 1.0
+    assert not state.exists()
+
+
+async def test_holds_with_an_old_beat_move_nothing_and_are_refused_with_the_reason(
+    site: Start, robot: RealRobot
+) -> None:
+    _, page, asked = await started(site, robot)
+    await eventually(lambda: len(page.of("beat")) > 30)
+    before = await asyncio.to_thread(robot.settled_truth)
+    thumb = Thumb(page, asked, behind=10)
+    refusal = await page.one("refused", what="hold", why="late")
+    assert refusal["age_ms"] > 300
+    await eventually(lambda: robot.truth()[-1].t_ns > before.t_ns + 1_000_000_000)
+    await thumb.lift()
+    assert robot.truth()[-1].travel_m == before.travel_m
+
+
+async def test_another_page_watches_and_when_it_takes_control_the_wizard_ends(
+    site: Start, robot: RealRobot, state: Path
+) -> None:
+    served, page, asked = await started(site, robot)
+    other = await served.page()
+    assert (await other.one("calibration", page=1))["question"] == asked
+    assert not (await use(other, "calibrate", verb="tape", choices={}))["ok"]
+    assert not (await use(other, "answer", question=asked["id"], text="1"))["ok"]
+    assert not (await use(other, "end_calibration"))["ok"]
+    await eventually(lambda: other.beat >= 0)
+    await other.send(type="hold", beat=other.beat, question=asked["id"])
+    await other.one("refused", what="hold", why="not_calibrating")
+    Thumb(page, asked)
+    await moving(robot)
+    await other.send(type="control", want=True)
+    await other.one("calibration", page=None, verb="tape")
+    await asyncio.to_thread(robot.settled_truth)
+    assert not state.exists()
+
+
+async def test_a_server_that_is_killed_in_mid_run_leaves_neither_motion_nor_a_process(
+    robot: RealRobot, tmp_path: Path, state: Path
+) -> None:
+    server = Process(
+        "web",
+        "--listen=127.0.0.1:0",
+        f"--connect={robot.endpoint}",
+        environ={"HOME": str(tmp_path)},
+    )
+    await asyncio.to_thread(server.says, "The page is at")
+    await asyncio.to_thread(server.says, "answers")
+    origin = server.output.split("The page is at ")[1].split("/\n")[0].rstrip("/")
+    page = Page(await connect(origin.replace("http", "ws") + "/ws", origin=origin))
+    try:
+        await page.one("daemon", alive=True)
+        answer = await use(page, "calibrate", verb="tape", choices=QUICK)
+        assert answer["ok"], answer
+        thumb = Thumb(page, await question(page, "hold"))
+        await moving(robot)
+        (child,) = await asyncio.to_thread(_children, server.process.pid)
+        server.end(signal.SIGKILL)
+        before = robot.truth()[-1]
+        stopped = await asyncio.to_thread(robot.settled_truth)
+        assert sum(stopped.travel_m) - sum(before.travel_m) < 1.0
+        await eventually(lambda: not _runs(child))
+        await thumb.lift()
+    finally:
+        server.end(signal.SIGKILL)
+        await page.close()
+    assert not state.exists()
+
+
+def _children(pid: int) -> list[int]:
+    found = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    return [int(each) for each in found]
+
+
+def _runs(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+        return ") Z " not in Path(f"/proc/{pid}/stat").read_text()
+    except OSError:
+        return False
+
+
+def test_what_a_page_may_choose_becomes_options_and_nothing_else_does() -> None:
+    assert chosen("tape", {"straight": 1.5, "turns": 3, "by-hand": True, "dry-run": False}) == [
+        "tape",
+        "--straight=1.5",
+        "--turns=3",
+        "--by-hand",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("verb", "choices"),
+    [
+        ("poses", {}),
+        ("tape --by-hand", {}),
+        (["tape"], {}),
+        (None, {}),
+        ("tape", {"config": "/etc/shadow"}),
+        ("tape", {"--config": 1}),
+        ("tape", {"straight": "1 --by-hand"}),
+        ("tape", {"straight": True}),
+        ("tape", {"straight": float("nan")}),
+        ("tape", {"straight": 1e9}),
+        ("tape", {"straight": -1}),
+        ("tape", {"turns": 1.5}),
+        ("tape", {"by-hand": "yes"}),
+        ("tape", {"by-hand": 1}),
+        ("imu", {"speed": 0.2}),
+    ],
+)
+def test_nothing_else_that_a_page_sends_reaches_a_command_line(verb: Any, choices: Any) -> None:
+    assert chosen(verb, choices) is None
+
+
+def test_every_bound_of_a_choice_is_one_that_the_command_accepts() -> None:
+    from yahboomd.cli.main import whole_parser
+
+    for verb, ranges in RANGES.items():
+        for bounds in zip(*ranges.values(), strict=True):
+            arguments = chosen(verb, dict(zip(ranges, bounds, strict=True)))
+            assert arguments is not None
+            whole_parser().parse_args(["calibrate", *arguments])

@@ -1,0 +1,120 @@
+"""Downloads are for people with a session, of recordings alone, and end where they are not read."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+
+import pytest
+from web_site import TOKENS, Site
+from zenoh_fixtures import free_endpoint
+
+from yahboomd.web import page_downloads, web_server
+
+Start = Callable[..., Awaitable[Site]]
+
+LARGE = 20_000_000
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    folder = tmp_path / "recordings" / "run-001"
+    folder.mkdir(parents=True)
+    (tmp_path / "secret").write_text("secret")
+    path = folder / "native_0.mcap"
+    path.write_bytes(bytes(range(256)) * (LARGE // 256))
+    return path
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/recordings/../secret",
+        "/recordings/%2e%2e/secret",
+        "/recordings/..%2f..%2fsecret/native_0.mcap",
+        "/recordings/run-001/..%2f..%2fsecret",
+        "/recordings/run-001/%2e%2e/%2e%2e/secret",
+        "/recordings//etc/passwd",
+        "/recordings/%2fetc/passwd",
+        "/recordings/run-001/native_0.mcap%00",
+        "/recordings/run-001/",
+        "/recordings/run-001/native_9.mcap",
+    ],
+)
+async def test_no_path_leads_to_another_file(site: Start, file: Path, path: str) -> None:
+    served = await site(endpoint=free_endpoint())
+    status, _, body = await served.request("GET", path)
+    assert (status, b"secret" in body, b"root:" in body) == (404, False, False)
+
+
+async def test_a_large_file_arrives_whole_and_only_with_a_session(site: Start, file: Path) -> None:
+    served = await site(endpoint=free_endpoint(), tokens=TOKENS)
+    path = "/recordings/run-001/native_0.mcap"
+    assert (await served.request("GET", path))[0] == 401
+    status, headers, body = await served.request("GET", path, **served.cookie("viewer"))
+    assert (status, headers["x-content-type-options"]) == (200, "nosniff")
+    assert body == file.read_bytes()
+
+
+async def test_a_file_that_grows_is_sent_as_far_as_it_was(site: Start, file: Path) -> None:
+    served = await site(endpoint=free_endpoint())
+    before = file.read_bytes()
+    reader, writer = await asyncio.open_connection("127.0.0.1", served.port)
+    writer.write(
+        b"GET /recordings/run-001/native_0.mcap HTTP/1.1\r\n"
+        + f"Host: 127.0.0.1:{served.port}\r\nConnection: close\r\n\r\n".encode()
+    )
+    head = await reader.readuntil(b"\r\n\r\n")
+    assert f"content-length: {len(before)}".encode() in head.lower()
+    with file.open("ab") as stream:
+        stream.write(b"more")
+    assert await reader.read(-1) == before
+    writer.close()
+
+
+async def test_downloads_that_are_not_read_are_cut_off_and_no_more_than_some_run_at_once(
+    site: Start, file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(page_downloads, "STALLED_S", 0.5)
+    served = await site(endpoint=free_endpoint())
+    request = (
+        b"GET /recordings/run-001/native_0.mcap HTTP/1.1\r\n"
+        + f"Host: 127.0.0.1:{served.port}\r\n\r\n".encode()
+    )
+    opened = []
+    for _ in range(page_downloads.AT_ONCE):
+        reader, writer = await asyncio.open_connection("127.0.0.1", served.port, limit=1000)
+        writer.write(request)
+        assert b" 200 " in await reader.readline()
+        opened.append((reader, writer))
+    status, _, _ = await served.request("GET", "/recordings/run-001/native_0.mcap")
+    assert status == 503
+
+    async def served_again() -> bool:
+        status, _, body = await served.request("GET", "/recordings/run-001/native_0.mcap")
+        return status == 200 and len(body) == file.stat().st_size
+
+    async with asyncio.timeout(20):
+        while not await served_again():
+            await asyncio.sleep(0.1)
+    for _, writer in opened:
+        writer.close()
+
+
+async def test_a_download_may_take_longer_than_a_request_has_to_begin(
+    site: Start, file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(web_server, "WAIT_S", 0.3)
+    served = await site(endpoint=free_endpoint())
+    reader, writer = await asyncio.open_connection("127.0.0.1", served.port, limit=1000)
+    writer.write(
+        b"GET /recordings/run-001/native_0.mcap HTTP/1.1\r\n"
+        + f"Host: 127.0.0.1:{served.port}\r\nConnection: close\r\n\r\n".encode()
+    )
+    await reader.readuntil(b"\r\n\r\n")
+    for _ in range(10):
+        await asyncio.sleep(0.1)
+        assert (await served.request("GET", "/session"))[0] == 200
+    assert len(await reader.read(-1)) == file.stat().st_size
+    writer.close()

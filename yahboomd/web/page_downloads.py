@@ -1,0 +1,132 @@
+"""Files that pages download: recordings, listed and sent in pieces."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
+
+import msgspec
+from starlette.requests import HTTPConnection, Request
+from starlette.responses import PlainTextResponse, Response, StreamingResponse
+from starlette.routing import Route
+
+from yahboomd.web.page_frames import Role
+from yahboomd.web.page_recordings import PageRecordings
+
+if TYPE_CHECKING:
+    from starlette.types import Message, Receive, Scope, Send
+
+CHUNK_BYTES = 65536
+
+STALLED_S = 20.0
+"""A browser that takes nothing for so long is cut off."""
+
+AT_ONCE = 8
+
+
+class Downloads:
+    """The routes.
+
+    Args:
+        recordings: Those of pages.
+        role: Of the person who asks; None for people without a session.
+    """
+
+    def __init__(
+        self, recordings: PageRecordings, role: Callable[[HTTPConnection], Role | None]
+    ) -> None:
+        self._recordings = recordings
+        self._role = role
+        self._running = 0
+        self.routes = [
+            Route("/recordings", self._list, methods=["GET"]),
+            Route("/recordings/{name}/{file}", self._recording, methods=["GET"]),
+        ]
+
+    async def _list(self, request: Request) -> Response:
+        if self._role(request) is None:
+            return _refused(401)
+        found = await asyncio.to_thread(self._recordings.listed)
+        return Response(
+            msgspec.json.encode(found),
+            media_type="application/json",
+            headers={"cache-control": "no-store"},
+        )
+
+    async def _recording(self, request: Request) -> Response:
+        if self._role(request) is None:
+            return _refused(401)
+        name, file = request.path_params["name"], request.path_params["file"]
+        path = await asyncio.to_thread(self._recordings.file, name, file)
+        return _refused(404) if path is None else await self._download(path, f"{name}-{file}")
+
+    async def _download(self, path: Path, name: str) -> Response:
+        if self._running >= AT_ONCE:
+            return _refused(503)
+        try:
+            file, size = await asyncio.to_thread(_opened, path)
+        except OSError:
+            return _refused(404)
+        self._running += 1
+        return _Download(file, size, name, self._ended)
+
+    def _ended(self) -> None:
+        self._running -= 1
+
+
+class _Download(StreamingResponse):
+    """A file, as far as it was when it was asked for: one that is recorded grows."""
+
+    def __init__(self, file: BinaryIO, size: int, name: str, ended: Callable[[], None]) -> None:
+        self._file = file
+        self._ended = ended
+        super().__init__(
+            self._chunks(size),
+            media_type="application/octet-stream",
+            headers={
+                "content-length": str(size),
+                "content-disposition": f'attachment; filename="{name}"',
+                "cache-control": "no-store",
+            },
+        )
+
+    async def _chunks(self, size: int) -> AsyncIterator[bytes]:
+        left = size
+        while left > 0:
+            chunk = await asyncio.to_thread(self._file.read, min(left, CHUNK_BYTES))
+            if not chunk:
+                return
+            left -= len(chunk)
+            yield chunk
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        async def send_soon(message: Message) -> None:
+            async with asyncio.timeout(STALLED_S):
+                await send(message)
+
+        try:
+            await super().__call__(scope, receive, send_soon)
+        finally:
+            self._file.close()
+            self._ended()
+
+
+def is_download(path: str) -> bool:
+    """Whether the answer to a request may take long."""
+    return path.startswith("/recordings/")
+
+
+def _opened(path: Path) -> tuple[BinaryIO, int]:
+    file = path.open("rb")
+    return file, path.stat().st_size
+
+
+def _refused(status: int) -> Response:
+    words = {
+        401: "Open the link, or scan the code, that the terminal on the robot shows.",
+        404: "There is no such file.",
+        503: "Too many downloads at once. Try again when one has ended.",
+    }
+    return PlainTextResponse(f"{words[status]}\n", status)

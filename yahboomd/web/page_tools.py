@@ -1,0 +1,95 @@
+"""What a page can do besides driving: calibrate, and record. One of each runs at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import msgspec
+
+from yahboomd.clock import Clock
+from yahboomd.web.page_calibration import PageCalibration
+from yahboomd.web.page_frames import Hold, Tool
+from yahboomd.web.page_recordings import PageRecordings
+
+
+class ToolSettings(msgspec.Struct, frozen=True, kw_only=True):
+    """The surroundings of the commands that pages start.
+
+    Attributes:
+        robot: Options of every command that talks to the daemon: where it is.
+        recordings: The folder of recordings.
+    """
+
+    robot: tuple[str, ...]
+    recordings: Path
+
+
+class PageTools:
+    """The tools of all pages.
+
+    Args:
+        clock: The source of time.
+        settings: Of the commands that they start.
+        source: The key to command on.
+        show: Shows parts to every page.
+    """
+
+    def __init__(
+        self,
+        clock: Clock,
+        settings: ToolSettings,
+        source: str,
+        show: Callable[[Mapping[str, bytes]], None],
+    ) -> None:
+        self._show = show
+        self.calibration = PageCalibration(clock, settings.robot, source, self._calibrates)
+        self.recordings = PageRecordings(clock, settings.robot, settings.recordings, self._records)
+
+    def shown(self) -> dict[str, bytes]:
+        """Everything, for a page that connects."""
+        return {"calibration": self.calibration.shown(), "recording": self.recordings.shown()}
+
+    def _calibrates(self) -> None:
+        self._show({"calibration": self.calibration.shown()})
+
+    def _records(self) -> None:
+        self._show({"recording": self.recordings.shown()})
+
+    async def use(self, page: int, tool: Tool) -> tuple[bool, str]:
+        """Do what a page of a driver asks; whether it was done, and words for people."""
+        match tool:
+            case Tool(do="calibrate", args={"verb": verb, "choices": dict(choices)}):
+                words = self.calibration.begin(page, verb, choices)
+            case Tool(do="answer", args={"question": question, "text": text}):
+                words = self.calibration.answer(page, question, text)
+            case Tool(do="end_calibration"):
+                words = self.calibration.end(page)
+            case Tool(do="undo_calibration"):
+                return await self.calibration.undo()
+            case Tool(do="record"):
+                words = await self.recordings.begin()
+            case Tool(do="end_recording"):
+                words = self.recordings.stop()
+            case Tool(do="delete_recording", args={"name": name}):
+                words = await self.recordings.delete(name)
+            case _:
+                words = "This server does not know that."
+        return not words, words
+
+    def hold(self, page: int, hold: Hold) -> str:
+        """The button of the calibration is held; why that moves nothing, or nothing."""
+        return self.calibration.hold(page, hold.question)
+
+    def page_left(self, page: int) -> None:
+        """A page has gone."""
+        self.recordings.page_left(page)
+
+    def stop(self) -> None:
+        """Stop what moves, now."""
+        self.calibration.end()
+
+    async def close(self) -> None:
+        """End everything, and wait until it has ended."""
+        await self.calibration.close()
+        await self.recordings.close()
