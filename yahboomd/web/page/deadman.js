@@ -1,0 +1,87 @@
+// The deadman: the only place that sends velocities. It moves the robot while a thumb or a key is held, and no obstacle
+// is known. Whatever ends it sends zero at once, zeros for a second, then nothing: a zero holds control.
+
+const PERIOD_MS = 50;
+const SPACING_MS = 20; // A finger moves more often than that; the server takes 100 messages a second.
+const ZEROS_MS = 1000;
+const STALLED_MS = 250; // This page did not run for so long: nothing that it held counts any more.
+const ZERO = { vx: 0, vy: 0, wz: 0 };
+
+export class Deadman {
+  #velocity = null; // While held.
+  #zerosUntil = -Infinity;
+  #sentAt = -Infinity;
+  #tickedAt = 0;
+  #timer = 0;
+
+  /**
+   * @param connection Carries the velocities.
+   * @param obstacle Returns why this page may not drive now, in words; "" where it may.
+   * @param onLetGo Called with the reason when the robot stops being driven; "" when the person let go.
+   */
+  constructor(connection, obstacle, onLetGo) {
+    this.connection = connection;
+    this.obstacle = obstacle;
+    this.onLetGo = onLetGo;
+    const lose = (why) => () => this.letGo(why);
+    document.addEventListener("visibilitychange", () => document.hidden && this.letGo("The page was hidden."));
+    document.addEventListener("freeze", lose("The page was hidden."));
+    addEventListener("pagehide", lose("The page was left."));
+    addEventListener("blur", lose("The page lost the focus."));
+  }
+
+  get held() {
+    return this.#velocity !== null;
+  }
+
+  /** Begin to drive, at a velocity that `move` changes; false, with the reason passed on, where it may not. */
+  hold(velocity) {
+    const why = document.hidden ? "The page is hidden." : this.obstacle();
+    if (why) {
+      this.onLetGo(why);
+      return false;
+    }
+    this.#velocity = velocity;
+    this.#tickedAt = performance.now();
+    if (!this.#timer) this.#timer = setInterval(() => this.#tick(), PERIOD_MS);
+    this.#send(velocity);
+    return true;
+  }
+
+  /** Another velocity, while held. */
+  move(velocity) {
+    if (!this.held) return;
+    this.#velocity = velocity;
+    if (performance.now() - this.#sentAt >= SPACING_MS && this.#mayGoOn()) this.#send(velocity);
+  }
+
+  /** Stop: at once, for whatever reason. */
+  letGo(why = "") {
+    if (!this.held) return;
+    this.#velocity = null;
+    this.#zerosUntil = performance.now() + ZEROS_MS;
+    this.#send(ZERO);
+    this.onLetGo(why);
+  }
+
+  #mayGoOn() {
+    const late = performance.now() - this.#tickedAt - PERIOD_MS;
+    const why = late > STALLED_MS ? "This page stood still for a moment." : this.obstacle();
+    if (why) this.letGo(why);
+    return !why;
+  }
+
+  #tick() {
+    if (this.held && this.#mayGoOn()) this.#send(this.#velocity);
+    else if (!this.held && performance.now() < this.#zerosUntil) this.#send(ZERO);
+    else if (!this.held) {
+      clearInterval(this.#timer);
+      this.#timer = 0;
+    }
+    this.#tickedAt = performance.now();
+  }
+
+  #send(velocity) {
+    if (this.connection.drive(velocity)) this.#sentAt = performance.now();
+  }
+}

@@ -1,0 +1,39 @@
+// Elements, numbers and times as people read them.
+
+/**
+ * An element: `el("p", { class: "why", id: "x" }, "text", child)`.
+ * A property that starts with "on" is a listener.
+ */
+export function el(tag, properties = {}, ...children) {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(properties)) {
+    if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
+    else if (value === true) element.setAttribute(name, "");
+    else if (value !== false && value !== null && value !== undefined) element.setAttribute(name, value);
+  }
+  element.append(...children);
+  return element;
+}
+
+/** Set a text only where it differs: a screen reader repeats what is written again. */
+export function write(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}
+
+/** A number with fixed decimals, and a true minus; never "-0.00". */
+export function fixed(value, decimals) {
+  const text = value.toFixed(decimals);
+  return Number(text) === 0 ? (0).toFixed(decimals) : text.replace("-", "\u2212");
+}
+
+/** The time of day of a stamp in Unix nanoseconds. */
+export function timeOf(stampNs) {
+  return new Date(stampNs / 1e6).toLocaleTimeString([], { hour: "2-digit", minute: "2-digit", second: "2-digit" });
+}
+
+/** A duration in the largest unit that keeps it short: "0.4 s", "12 s", "3 min". */
+export function duration(ms) {
+  if (ms < 10_000) return `${fixed(ms / 1000, 1)} s`;
+  if (ms < 120_000) return `${Math.round(ms / 1000)} s`;
+  return `${Math.round(ms / 60_000)} min`;
+}

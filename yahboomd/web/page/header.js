@@ -1,0 +1,63 @@
+// The lines on top of every view: state, why the robot stands, who drives, battery, network.
+
+import { duration, fixed, write } from "./dom.js";
+import { delayOf } from "./obstacles.js";
+
+const STATES = {
+  driving: "driving", standing: "standing", stopping: "stopping", estopped: "emergency stop",
+  fault: "fault", waiting: "waiting",
+};
+const OLD_MS = 3000; // Two statuses come in a second.
+
+const at = (id) => document.getElementById(id);
+
+export function watchHeader(connection, live) {
+  const show = () => {
+    const hello = live.newest("hello");
+    if (hello) {
+      write(at("robot"), hello.robot || "yahboomd");
+      document.title = hello.robot || "yahboomd";
+    }
+    const { state, words, why } = summary(connection, live);
+    at("state").dataset.state = state;
+    write(at("state"), words);
+    write(at("why"), why);
+    write(at("driver"), who(live));
+    const battery = live.sample("battery");
+    write(at("battery"), battery ? `${fixed(battery.volts, 1)} V` : "");
+    const delay = delayOf(live);
+    write(at("delay"), delay ? `${Math.round(delay)} ms` : "");
+    at("delay").title = "Network, there and back";
+    at("battery").title = "Battery";
+  };
+  for (const type of ["link", "hello", "control", "daemon", "status", "battery", "delay"]) live.on(type, show);
+  setInterval(show, 1000);
+  show();
+}
+
+function summary(connection, live) {
+  const link = live.newest("link");
+  const problem = live.newest("problem");
+  if (problem) return { state: "offline", words: "no access", why: problem.text };
+  if (!connection.isOpen) {
+    const attempt = connection.attempts > 1 ? ` Attempt ${connection.attempts}.` : "";
+    const why = link?.reason || "Connecting to the robot's computer.";
+    return { state: "offline", words: "not connected", why: `${why}${attempt}` };
+  }
+  const daemon = live.newest("daemon");
+  if (daemon && !daemon.alive) return { state: "offline", words: "no daemon", why: daemon.text };
+  const status = live.sample("status");
+  if (!status) return { state: "offline", words: "connecting", why: "Waiting for the robot's first status." };
+  if (live.age("status") > OLD_MS)
+    return { state: "offline", words: "silent", why: `The last status is ${duration(live.age("status"))} old. It was: ${status.why}` };
+  return { state: status.state, words: STATES[status.state] ?? status.state, why: status.why };
+}
+
+function who(live) {
+  const control = live.newest("control");
+  if (!control) return "";
+  const page = control.mine ? "This page" : control.page_driver === null ? "No page" : "Another page";
+  const driver = live.sample("status")?.driver;
+  if (!driver) return `${page} has control.`;
+  return driver === live.newest("hello")?.source ? `${page} drives.` : `${driver} drives.`;
+}

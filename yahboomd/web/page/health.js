@@ -1,0 +1,75 @@
+// Health: battery, board, network, counters that grow, events in order.
+
+import { Counters } from "./counters.js";
+import { duration, el, fixed, write } from "./dom.js";
+import { Events } from "./events.js";
+import { delayOf } from "./obstacles.js";
+
+export const health = { id: "health", title: "Health", create };
+
+function create({ live, connection }) {
+  const counters = new Counters();
+  const events = new Events(live);
+  const facts = new Map();
+  const list = el("dl", { class: "facts" });
+  let rate = null; // Readings a second.
+  let before = null;
+
+  const fact = (name, value) => {
+    if (!facts.has(name)) {
+      const row = el("div", {}, el("dt", {}, name), el("dd", {}));
+      facts.set(name, row);
+      list.append(row);
+    }
+    write(facts.get(name).lastChild, value);
+    facts.get(name).hidden = !value;
+  };
+
+  live.on("status", ({ sample }) => {
+    const { readings } = sample.link;
+    if (before && sample.stamp_ns > before.stamp_ns && readings >= before.readings)
+      rate = ((readings - before.readings) * 1e9) / (sample.stamp_ns - before.stamp_ns);
+    before = { stamp_ns: sample.stamp_ns, readings };
+    counters.receive(sample);
+    show();
+  });
+  for (const type of ["battery", "delay", "link", "daemon"]) live.on(type, show);
+
+  function show() {
+    if (element.hidden) return;
+    const status = live.sample("status");
+    const battery = live.sample("battery");
+    fact("Battery", battery ? `${fixed(battery.volts, 2)} V` : "not measured yet");
+    if (status) {
+      const { board } = status;
+      fact("Board", board.port ? [board.dialect, board.version && `firmware ${board.version}`].filter(Boolean).join(", ") : "not connected");
+      fact("Port", board.port ?? "");
+      fact("Readings", rate === null ? "" : `${fixed(rate, 0)} a second`);
+      fact("In this state for", duration(Math.max(0, (status.stamp_ns - status.since_ns) / 1e6)));
+      fact("Last refused command", status.command.last_refusal ?? "");
+    }
+    const delay = delayOf(live);
+    fact("Network", connection.isOpen ? (delay ? `${Math.round(delay)} ms there and back` : "connected") : "not connected");
+    const hello = live.newest("hello");
+    fact("yahboomd", hello?.version ?? "");
+    fact("This page", hello ? (hello.role === "driver" ? "may drive" : "may watch and stop") : "");
+    counters.show();
+    events.show();
+  }
+
+  const element = el(
+    "section",
+    { class: "health" },
+    el("div", { class: "card" }, el("h2", {}, "Robot"), list),
+    el("div", { class: "card" }, el("h2", {}, "Events"), events.element),
+    el("div", { class: "card" }, el("h2", {}, "Counters"), counters.element),
+  );
+  return {
+    element,
+    show: () => {
+      counters.describe();
+      show();
+    },
+    hide: () => {},
+  };
+}

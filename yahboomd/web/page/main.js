@@ -1,0 +1,25 @@
+// Starts the page.
+
+import { Estop } from "./estop.js";
+import { watchHeader } from "./header.js";
+import { Live } from "./live.js";
+import { openSession } from "./session.js";
+import { Connection } from "./socket.js";
+import { Views } from "./views.js";
+
+const live = new Live();
+const connection = new Connection(live);
+const app = { live, connection, stopDriving: () => {} };
+
+const session = openSession(); // It takes the token out of the address before the views read it.
+app.estop = new Estop(connection, live, () => app.stopDriving());
+watchHeader(connection, live);
+new Views(app);
+
+try {
+  const { problem } = await session;
+  if (problem) live.emit("problem", { text: problem });
+  else connection.connect();
+} catch {
+  connection.connect(); // It says that there is no connection, and tries again.
+}

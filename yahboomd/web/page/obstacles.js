@@ -1,0 +1,30 @@
+// Why this page may not drive now, in plain words.
+
+import { duration } from "./dom.js";
+
+const DELAY_GOOD_MS = 2500; // A delay that was measured longer ago than this says nothing.
+
+/** Why not, or "". What a person can change comes last. */
+export function obstacle(connection, live) {
+  const hello = live.newest("hello");
+  if (!connection.isOpen || !hello) return "There is no connection to the robot's computer.";
+  const lapse = hello.lapse_ms ?? 300;
+  if (connection.beatAge > lapse)
+    return `Nothing came from the robot for ${duration(connection.beatAge)}; it drives only while the network is quick.`;
+  const delay = delayOf(live);
+  if (delay > lapse)
+    return `The network is too slow to drive: ${Math.round(delay)} ms there and back, ${lapse} ms at most.`;
+  if (hello.role !== "driver") return "This link may watch and stop the robot, not drive it.";
+  const daemon = live.newest("daemon");
+  if (daemon && !daemon.alive) return daemon.text || "yahboomd does not run.";
+  const status = live.sample("status");
+  if (status?.state === "estopped") return "The emergency stop is engaged. Release it to drive.";
+  if (status?.state === "fault" || status?.state === "waiting") return status.why;
+  const control = live.newest("control");
+  return control?.mine || control?.page_driver === null ? "" : "Another page has control of the robot.";
+}
+
+/** The newest delay there and back, in ms; 0 where none is known. */
+export function delayOf(live) {
+  return live.age("delay") < DELAY_GOOD_MS ? live.newest("delay").age_ms : 0;
+}

@@ -1,0 +1,90 @@
+// The path of the robot: bounded, in pieces where the pose was set or jumped.
+
+const JUMP_M = 0.5; // Between two poses that came within a moment: a pose that was set.
+
+export class Path {
+  #last = null;
+
+  /** @param capacity Points that are kept at most; beyond them every second one goes. */
+  constructor(capacity = 10_000) {
+    this.capacity = capacity;
+    this.clear();
+  }
+
+  clear() {
+    this.x = new Float64Array(this.capacity);
+    this.y = new Float64Array(this.capacity);
+    this.starts = new Uint8Array(this.capacity); // 1: a new piece begins here.
+    this.length = 0;
+    this.spacing = 0.005;
+    this.version = (this.version ?? 0) + 1; // Changes where points that were there are not any more.
+    this.#last = null;
+  }
+
+  /** The next pose begins a new piece: what lies between was not seen. */
+  interrupt() {
+    this.#last = null;
+  }
+
+  add(x, y) {
+    const way = this.#last ? Math.hypot(x - this.#last.x, y - this.#last.y) : Infinity;
+    if (way < this.spacing) return;
+    if (this.length === this.capacity) this.#thin();
+    this.x[this.length] = x;
+    this.y[this.length] = y;
+    this.starts[this.length] = way > Math.max(JUMP_M, this.spacing * 4) ? 1 : 0;
+    this.length += 1;
+    this.#last = { x, y };
+  }
+
+  #thin() {
+    let kept = 0;
+    let starts = 0;
+    for (let from = 0; from < this.length; from += 1) {
+      starts |= this.starts[from];
+      if (from % 2 && !this.starts[from]) continue;
+      this.x[kept] = this.x[from];
+      this.y[kept] = this.y[from];
+      this.starts[kept] = starts;
+      starts = 0;
+      kept += 1;
+    }
+    // Nothing but pieces: the older half goes.
+    if (kept === this.length) {
+      kept >>= 1;
+      for (const list of [this.x, this.y, this.starts]) list.copyWithin(0, this.length - kept, this.length);
+    }
+    this.length = kept;
+    this.spacing *= 2;
+    this.version += 1;
+  }
+
+  /** Draw it: `toX` and `toY` map metres to pixels; points closer than a pixel are left out. */
+  trace(context, toX, toY) {
+    context.beginPath();
+    let atX = NaN;
+    let atY = NaN;
+    for (let index = 0; index < this.length; index += 1) {
+      const x = toX(this.x[index]);
+      const y = toY(this.y[index]);
+      if (this.starts[index]) context.moveTo(x, y);
+      else if (Math.abs(x - atX) + Math.abs(y - atY) < 1 && index < this.length - 1) continue;
+      else context.lineTo(x, y);
+      atX = x;
+      atY = y;
+    }
+  }
+
+  /** The corners of what it covers: `[left, bottom, right, top]`; null where there is nothing. */
+  bounds() {
+    if (!this.length) return null;
+    const box = [Infinity, Infinity, -Infinity, -Infinity];
+    for (let index = 0; index < this.length; index += 1) {
+      box[0] = Math.min(box[0], this.x[index]);
+      box[1] = Math.min(box[1], this.y[index]);
+      box[2] = Math.max(box[2], this.x[index]);
+      box[3] = Math.max(box[3], this.y[index]);
+    }
+    return box;
+  }
+}

@@ -1,0 +1,23 @@
+// Who this page is: the token of the link becomes a cookie that no script can read.
+
+/**
+ * Exchange the token, if the address has one, and ask for the role.
+ * Returns `{ role, robot }`, or `{ problem }`: why this page gets nothing.
+ */
+export async function openSession() {
+  const [token] = location.hash.match(/(?<=^#)[\w-]{20,}$/) ?? [];
+  if (token) {
+    // First of all: a token that stays in the address ends up in pictures and bookmarks.
+    history.replaceState(null, "", location.pathname);
+    const answer = await fetch("/session", {
+      method: "POST",
+      headers: { "Content-Type": "application/json" },
+      body: JSON.stringify({ token }),
+    });
+    if (answer.status === 429) return { problem: "Too many attempts. Wait a minute, then open the link again." };
+    if (!answer.ok) return { problem: "The robot does not accept this link. Print a new one with: yahboomd web" };
+  }
+  const answer = await fetch("/session");
+  if (answer.ok) return answer.json();
+  return { problem: "Open this page by its link, or by the QR code, that yahboomd web prints." };
+}

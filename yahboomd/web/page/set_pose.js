@@ -1,0 +1,81 @@
+// Setting the pose: numbers, or a touch on the map and a drag along the heading.
+
+import { el, write } from "./dom.js";
+
+export class SetPose {
+  /**
+   * @param connection Asks the robot.
+   * @param pose Returns the newest pose, or null.
+   * @param onChange Called when what is drawn on the map changes.
+   */
+  constructor(connection, pose, onChange) {
+    this.connection = connection;
+    this.pose = pose;
+    this.onChange = onChange;
+    this.isOpen = false;
+    this.wanted = null;
+    this.opener = el("button", { type: "button", "aria-expanded": "false", onclick: () => this.#toggle() }, "Set pose");
+    this.inputs = Object.fromEntries(
+      ["x", "y", "heading"].map((name) => [name, el("input", { type: "number", step: "any", inputmode: "decimal", name, required: true, oninput: () => this.#read() })]),
+    );
+    const units = { x: "x, m", y: "y, m", heading: "heading, °" };
+    this.answer = el("p", { role: "status" });
+    this.form = el(
+      "form",
+      { class: "setpose", hidden: true, onsubmit: (event) => this.#submit(event) },
+      el("p", {}, "Touch the map where the robot is, and drag the way it looks; or type."),
+      ...Object.entries(this.inputs).map(([name, input]) => el("label", {}, `${units[name]} `, input)),
+      el("button", { type: "submit", class: "primary" }, "Set"),
+      el("button", { type: "button", onclick: () => this.#fill({ x: 0, y: 0, theta: 0 }) }, "Zero"),
+      el("button", { type: "button", onclick: () => this.#toggle() }, "Close"),
+      this.answer,
+    );
+  }
+
+  /** A finger came down there. */
+  point([x, y]) {
+    this.#fill({ x, y, theta: this.wanted?.theta ?? 0 });
+  }
+
+  /** It was dragged to there. */
+  turn([x, y]) {
+    if (!this.wanted) return;
+    const theta = Math.atan2(y - this.wanted.y, x - this.wanted.x);
+    if (Math.hypot(y - this.wanted.y, x - this.wanted.x) > 0.02) this.#fill({ ...this.wanted, theta });
+  }
+
+  #toggle() {
+    this.isOpen = !this.isOpen;
+    this.form.hidden = !this.isOpen;
+    this.opener.setAttribute("aria-expanded", this.isOpen);
+    write(this.answer, "");
+    if (this.isOpen) this.#fill(this.pose() ?? { x: 0, y: 0, theta: 0 });
+    else {
+      this.wanted = null;
+      this.opener.focus();
+      this.onChange();
+    }
+  }
+
+  #fill({ x, y, theta }) {
+    const around = Math.atan2(Math.sin(theta), Math.cos(theta));
+    this.wanted = { x, y, theta: around };
+    this.inputs.x.value = x.toFixed(2);
+    this.inputs.y.value = y.toFixed(2);
+    this.inputs.heading.value = ((around * 180) / Math.PI).toFixed(0);
+    this.onChange();
+  }
+
+  #read() {
+    const [x, y, heading] = ["x", "y", "heading"].map((name) => this.inputs[name].valueAsNumber);
+    if ([x, y, heading].every(Number.isFinite)) this.wanted = { x, y, theta: (heading * Math.PI) / 180 };
+    this.onChange();
+  }
+
+  async #submit(event) {
+    event.preventDefault();
+    this.#read();
+    const answer = await this.connection.request("set_pose", this.wanted);
+    write(this.answer, answer.text);
+  }
+}

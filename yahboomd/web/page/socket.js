@@ -1,0 +1,144 @@
+// The connection to the server: beats, messages, requests, and reconnecting for ever.
+
+const SILENT_MS = 2000; // The server sends a beat every 50 ms: without one for so long, connect again.
+const BACKLOG_BYTES = 2000; // Commands that the network does not take are dropped: old ones are worth nothing.
+const ANSWER_MS = 5000;
+
+export class Connection {
+  #socket = null;
+  #beat = null;
+  #beatAt = -Infinity;
+  #attempts = 0;
+  #retry = 0;
+  #requests = new Map();
+  #nextId = 1;
+
+  /** @param live Receives each message under its type, and "link" when the connection changes. */
+  constructor(live) {
+    this.live = live;
+    setInterval(() => this.#check(), 1000);
+    addEventListener("online", () => this.#hurry());
+    // A page that is frozen or kept in the cache of the browser holds no connection: the server sees it leave.
+    addEventListener("pagehide", () => this.#leave());
+    document.addEventListener("freeze", () => this.#leave());
+    addEventListener("pageshow", (event) => event.persisted && this.#hurry());
+    document.addEventListener("resume", () => this.#hurry());
+    document.addEventListener("visibilitychange", () => document.hidden || this.#hurry());
+  }
+
+  get isOpen() {
+    return this.#socket?.readyState === WebSocket.OPEN;
+  }
+
+  /** Milliseconds since the newest beat of this connection arrived. */
+  get beatAge() {
+    return performance.now() - this.#beatAt;
+  }
+
+  get attempts() {
+    return this.#attempts;
+  }
+
+  connect() {
+    clearTimeout(this.#retry);
+    this.#retry = 0;
+    this.#attempts += 1;
+    const socket = new WebSocket(`${location.protocol.replace("http", "ws")}//${location.host}/ws`);
+    this.#socket = socket;
+    this.#beat = null;
+    this.#beatAt = -Infinity;
+    const opened = performance.now();
+    socket.onmessage = ({ data }) => socket === this.#socket && [JSON.parse(data)].flat().forEach((part) => this.#receive(part));
+    socket.onclose = ({ code, reason }) => socket === this.#socket && this.#lost(reason, code);
+    this.openedAt = opened;
+    this.live.emit("link", { open: false });
+  }
+
+  /** Send a velocity with the newest beat; false where it was not sent. */
+  drive({ vx, vy, wz }) {
+    if (!this.isOpen || this.#beat === null || this.#socket.bufferedAmount > BACKLOG_BYTES) return false;
+    this.#send({ type: "drive", beat: this.#beat, vx, vy, wz });
+    return true;
+  }
+
+  /** Take over control, or give it back. */
+  control(want) {
+    if (this.isOpen) this.#send({ type: "control", want });
+  }
+
+  /** Ask for something to be done; resolves with the answer, `{ ok, text, data }`. */
+  request(what, args = {}) {
+    return this.#ask({ type: "request", do: what, ...args });
+  }
+
+  /** The e-stop on this connection, beside the one by POST. */
+  estop() {
+    return this.#ask({ type: "estop" });
+  }
+
+  #ask(message) {
+    if (!this.isOpen) return Promise.resolve({ ok: false, text: "There is no connection to the robot." });
+    const id = this.#nextId++;
+    this.#send({ ...message, id });
+    return new Promise((resolve) => {
+      const give = (answer) => {
+        clearTimeout(timer);
+        this.#requests.delete(id);
+        resolve(answer);
+      };
+      const timer = setTimeout(() => give({ ok: false, text: "The robot did not answer." }), ANSWER_MS);
+      this.#requests.set(id, give);
+    });
+  }
+
+  #send(message) {
+    this.#socket.send(JSON.stringify(message));
+  }
+
+  #receive(message) {
+    if (message.type === "beat") {
+      this.#beat = message.beat;
+      this.#beatAt = performance.now();
+      return;
+    }
+    if (message.type === "hello" && !this.live.newest("link").open) {
+      this.#attempts = 0;
+      this.live.emit("link", { open: true });
+    }
+    if (message.type === "answer") this.#requests.get(message.id)?.(message);
+    else this.live.emit(message.type, message);
+  }
+
+  #check() {
+    if (!this.#socket || this.#retry) return;
+    const silence = Math.min(this.beatAge, performance.now() - this.openedAt);
+    if (silence > SILENT_MS) this.#lost("The robot's computer fell silent.");
+    else if (this.isOpen && this.#beat !== null) this.#send({ type: "seen", beat: this.#beat });
+  }
+
+  #lost(reason) {
+    this.#drop();
+    for (const give of [...this.#requests.values()]) give({ ok: false, text: "The connection was lost." });
+    this.live.emit("link", { open: false, reason });
+    clearTimeout(this.#retry);
+    this.#retry = setTimeout(() => this.connect(), Math.min(4000, 250 * 2 ** Math.min(this.#attempts, 6)));
+  }
+
+  #drop() {
+    const socket = this.#socket;
+    this.#socket = null;
+    this.#beat = null;
+    this.#beatAt = -Infinity;
+    for (const type of ["control", "delay", "daemon"]) this.live.drop(type);
+    socket?.close();
+  }
+
+  #leave() {
+    this.#drop();
+    this.live.emit("link", { open: false });
+  }
+
+  #hurry() {
+    if (!this.isOpen && this.#socket?.readyState !== WebSocket.CONNECTING) this.connect();
+  }
+}

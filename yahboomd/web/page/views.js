@@ -1,0 +1,63 @@
+// The views, in the order of the navigation. Each is `{ id, title, create(app) }`; `create` returns
+// `{ element, show(), hide() }`. Instead of `create`, `load` may return a promise of it: its module is then loaded when the
+// view is first opened, as in `load: () => import("./record.js").then((module) => module.create)`.
+
+import { el } from "./dom.js";
+import { drive } from "./drive.js";
+import { health } from "./health.js";
+import { map } from "./map.js";
+import { wheels } from "./wheels.js";
+
+const VIEWS = [drive, map, wheels, health];
+const WIDE = matchMedia("(min-width: 1000px)"); // As in style.css: the drive view stays beside the others.
+
+export class Views {
+  #made = new Map();
+  #shown = new Set();
+
+  constructor(app) {
+    this.app = app;
+    this.main = document.getElementById("main");
+    // At once: they follow the robot from the beginning, seen or not.
+    for (const view of VIEWS) if (view.create) this.#add(view, view.create);
+    this.links = VIEWS.map(({ id, title }) => el("a", { href: `#${id}`, "data-view": id }, title));
+    document.getElementById("views").append(...this.links);
+    addEventListener("hashchange", () => this.#open());
+    WIDE.addEventListener("change", () => this.#open());
+    this.#open();
+  }
+
+  async #open() {
+    const asked = VIEWS.find(({ id }) => `#${id}` === location.hash) ?? VIEWS[0];
+    const opened = WIDE.matches && asked === drive ? map : asked;
+    const wanted = WIDE.matches ? [drive, opened] : [opened];
+    for (const link of this.links) {
+      const current = link.dataset.view === opened.id;
+      if (current) link.setAttribute("aria-current", "page");
+      else link.removeAttribute("aria-current");
+    }
+    for (const view of wanted) if (!this.#made.has(view.id)) this.#add(view, await view.load());
+    for (const [id, made] of this.#made) {
+      const show = wanted.some((view) => view.id === id);
+      made.element.hidden = !show;
+      if (show === this.#shown.has(id)) continue;
+      if (show) {
+        this.#shown.add(id);
+        made.show();
+      } else {
+        this.#shown.delete(id);
+        made.hide();
+      }
+    }
+  }
+
+  #add(view, create) {
+    if (this.#made.has(view.id)) return; // Opened twice while it was loaded.
+    const made = create(this.app);
+    made.element.id = `view-${view.id}`;
+    made.element.setAttribute("aria-label", view.title);
+    made.element.hidden = true;
+    this.main.append(made.element);
+    this.#made.set(view.id, made);
+  }
+}
