@@ -29,6 +29,7 @@ COMMANDS = {
     "web": "serve the page that drives the robot from a phone",
     "metrics": "serve what the daemon counts, for Prometheus and Grafana",
     "probe": "find the port, name the board, explain what is wrong",
+    "setup": "find out how the motors are connected, and write robot.toml",
     "calibrate": "find the true size of the wheels and the track",
     "config": "check, show and explain the configuration",
     "install": "install the service: at boot, or as the board is plugged in",

@@ -11,7 +11,7 @@ from urllib.parse import quote
 
 import pytest
 
-from yahboomd.daemon.latch_file import LatchFile
+from yahboomd.daemon.latch_file import LatchFile, engaged_in
 
 FULL = """
 import sys
@@ -183,3 +183,23 @@ def test_a_device_in_the_place_of_the_file_is_not_removed(tmp_path: Path) -> Non
     with pytest.raises(OSError, match=r"a device; set estop\.latch_file"):
         LatchFile(path).release()
     assert path.is_char_device()
+
+
+def test_an_engaged_emergency_stop_of_any_daemon_on_the_port_is_found(tmp_path: Path) -> None:
+    def engaged(name: str, port: str) -> bool:
+        (tmp_path / name).touch()
+        found = engaged_in(tmp_path, port)
+        (tmp_path / name).unlink()
+        return found == tmp_path / name
+
+    usb = quote("/dev/ttyUSB0", safe="")
+    assert engaged(f"estop@{usb}", "/dev/ttyUSB0")
+    assert engaged(f"estop.bot1@{usb}", "/dev/ttyUSB0")
+    assert engaged("estop", "/dev/ttyUSB0")
+    assert engaged("estop.bot1", "/dev/ttyUSB0")
+    assert not engaged(f"estop@{usb}", "/dev/ttyUSB1")
+    assert not engaged("estop", "/tmp/board")
+    assert engaged(f"estop@{quote('/tmp/board', safe='')}", "/tmp/board")
+    assert not engaged(f"port@{usb}", "/dev/ttyUSB0")
+    with pytest.raises(FileNotFoundError):
+        engaged_in(tmp_path / "nowhere", "/dev/ttyUSB0")

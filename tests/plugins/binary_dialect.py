@@ -158,6 +158,7 @@ class Binary(msgspec.Struct, frozen=True, kw_only=True):
     answer_spacing_ns: int = 5_000_000
     baudrate: int = 115_200
     fastest_m_s: float = 1.0
+    most_output: int = 0
     brake: bytes = frame(0x10, bytes(6))
     cut: bytes | None = frame(0x11)
     sample_period_ns: int | None = 40_000_000
@@ -246,6 +247,9 @@ class Binary(msgspec.Struct, frozen=True, kw_only=True):
 
     def speeds(self, units: Units) -> bytes:
         return frame(0x10, struct.pack("<3h", *(max(-32768, min(32767, each)) for each in units)))
+
+    def outputs(self, outputs: Units) -> bytes:
+        return b""
 
     def for_profile(self, profile: MotorProfile) -> Binary:
         return self

@@ -80,6 +80,7 @@ class RobotBench:
         folder: Where the e-stop's file lies.
         overrides: As for ``--set``.
         simulation: The robot.
+        file: The configuration.
     """
 
     def __init__(
@@ -87,9 +88,10 @@ class RobotBench:
         folder: Path,
         overrides: Sequence[str] = (),
         simulation: SimulationOptions | None = None,
+        file: Path | None = None,
     ) -> None:
         latch = f"estop.latch_file={folder / 'estop'}"
-        self.config: Config = read(None, environ={}, overrides=[latch, *overrides]).config
+        self.config: Config = read(file, environ={}, overrides=[latch, *overrides]).config
         self.clock = LoopClock()
         self.robot = SimulatedRobot(simulation or SimulationOptions())
         self.port: BoardPort | None = None

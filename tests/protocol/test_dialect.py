@@ -78,6 +78,16 @@ def test_every_speed_frame_carries_four_numbers_in_range(dialect, units):
     assert max(map(abs, numbers)) <= 1000
 
 
+@given(st.sampled_from([DIALECTS[name] for name in TEXT]), st.tuples(*[st.integers()] * 4))
+def test_outputs_without_regulation_are_in_range_where_there_are_any(dialect, outputs):
+    frame = dialect.outputs(outputs)
+    assert bool(frame) == bool(dialect.most_output)
+    if frame:
+        numbers = [int(number) for number in frame.split(b":")[1].rstrip(b"#").split(b",")]
+        most = dialect.most_output
+        assert numbers == [max(-most, min(most, each)) for each in outputs]
+
+
 @pytest.mark.parametrize("name", DIALECTS)
 def test_the_brake_is_speed_zero(name):
     dialect = DIALECTS[name]

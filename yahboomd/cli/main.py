@@ -28,6 +28,7 @@ FOLDERS = {
     **dict.fromkeys(("monitor", "drive"), "screens"),
     **dict.fromkeys(("status", "pose", "send", "call", "events"), "robot"),
     "probe": "probe",
+    "setup": "setup",
     "calibrate": "calibrate",
     "record": "record",
     "plot": "plot",

@@ -113,6 +113,23 @@ class LatchFile:
                     os.unlink(folder / name)
 
 
+def engaged_in(folder: Path, port: str) -> Path | None:
+    """The file of an engaged e-stop in a runtime folder, of any daemon that may have this port.
+
+    Args:
+        folder: Of daemons.
+        port: A serial port, as it was named.
+
+    Raises:
+        OSError: The folder cannot be read.
+    """
+    for name in sorted(os.listdir(folder)):
+        start, _, other = name.partition("@")
+        if start.partition(".")[0] == "estop" and _may_be(port, unquote(other)):
+            return folder / name
+    return None
+
+
 def _may_be(one: str, other: str) -> bool:
     """Whether two configured ports may be the same board's."""
     if not one or not other:

@@ -216,6 +216,10 @@ class SerialPort(asyncio.Protocol):
         self._on_data = on_data
         self._on_lost = on_lost
 
+    def fileno(self) -> int:
+        """The descriptor, for another process that has to outlive this one."""
+        return self._fd
+
     @property
     def pending(self) -> int:
         """Bytes that the kernel did not take yet."""

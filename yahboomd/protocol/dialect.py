@@ -473,6 +473,19 @@ class Dialect(Protocol):
         """
         ...
 
+    @property
+    def most_output(self) -> int:
+        """The largest of :meth:`outputs`; 0 where motors cannot be driven without regulation."""
+        ...
+
+    def outputs(self, outputs: Units) -> bytes:
+        """Drive the motors without regulation: they turn though no encoder works.
+
+        Args:
+            outputs: One for each position, in the unit of the stored dead zone; clamped.
+        """
+        ...
+
     def for_profile(self, profile: MotorProfile) -> Dialect:
         """The same dialect, for boards that must be sent the motor type at each start."""
         ...

@@ -8,7 +8,7 @@ from yahboomd.drive.kinematics import KINEMATICS
 from yahboomd.errors import BoardError
 from yahboomd.model import Motor
 from yahboomd.protocol.profiles import PROFILES
-from yahboomd.protocol.rosmaster.packets import PacketFramer, Words
+from yahboomd.protocol.rosmaster.packets import PacketFramer, Words, frame
 from yahboomd.protocol.rosmaster.rosmaster import Rosmaster
 
 ROSMASTER = Rosmaster()
@@ -25,18 +25,24 @@ def frames(dialect):
 
 
 def test_every_frame_is_one_that_the_board_can_take_and_stores_nothing():
-    for frame in frames(ROSMASTER):
-        assert frame[:2] == b"\xff\xfc"
-        assert frame[2] == len(frame) - 2 <= 17
-        assert sum(frame[2:-1]) & 0xFF == frame[-1]
+    for each in frames(ROSMASTER):
+        assert each[:2] == b"\xff\xfc"
+        assert each[2] == len(each) - 2 <= 17
+        assert sum(each[2:-1]) & 0xFF == each[-1]
         # The byte that saves to the flash.
-        assert 0x5F not in frame[4:-1]
+        assert 0x5F not in each[4:-1]
 
 
 def test_it_never_commands_the_open_loop_or_what_holds_the_heading():
-    assert {frame[3] for frame in frames(ROSMASTER)} == {0x12, 0x11, 0x50, 0x01}
+    assert {each[3] for each in frames(ROSMASTER)} == {0x12, 0x11, 0x50, 0x01}
     assert ROSMASTER.speeds((200, 0, 500)) == bytes.fromhex("FF FC 0A 12 01 C8 00 00 00 F4 01 DA")
     assert ROSMASTER.brake == bytes.fromhex("FF FC 0A 12 01 00 00 00 00 00 00 1D")
+
+
+def test_outputs_are_shares_above_the_boards_own_dead_zone():
+    assert ROSMASTER.outputs((2600, -2600, 0, 3600)) == bytes.fromhex("FFFC0710 32CE0064 7B")
+    # Up to the dead zone there is none, and none is more than all.
+    assert ROSMASTER.outputs((1600, -1600, 1619, -9999)) == frame(0x10, 0, 0, 0, 256 - 100)
 
 
 def test_it_listens_for_longer_than_two_reports_of_a_kind():

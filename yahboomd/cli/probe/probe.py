@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 
 import msgspec
 
+from yahboomd.cli.own_port import opener_of, with_hints
 from yahboomd.cli.probe import probe_report, probe_text
 from yahboomd.cli.probe.probe_report import Report, StoredValue
 from yahboomd.cli.probe.probe_write import Printed, agreed, stored_value
@@ -22,8 +23,7 @@ from yahboomd.cli.shared_options import (
     read_config,
 )
 from yahboomd.cli.stop import stop_local
-from yahboomd.cli.stop.stop_port import pids
-from yahboomd.cli.unresponsive import FROZEN, process_state, true_names
+from yahboomd.cli.unresponsive import true_names
 from yahboomd.clock import SystemClock
 from yahboomd.config import Config
 from yahboomd.errors import (
@@ -35,7 +35,6 @@ from yahboomd.errors import (
     YahboomdError,
 )
 from yahboomd.link import diagnosis, discovery, latency_timer, probing, storing
-from yahboomd.link.port import Opener, Port, PortOptions, open_port
 from yahboomd.link.port_errors import holders
 from yahboomd.program import readable
 from yahboomd.protocol.registry import DIALECTS, check_storable
@@ -154,11 +153,11 @@ def _probe(args: argparse.Namespace) -> int:
         reported = _ask_daemon(args, config, port, want) if ask else None
         if reported is None:
             if port:
-                raise _with_hints(error, port) from error
+                raise with_hints(error, port) from error
             raise (error if args.write else _with_daemons(error)) from error
         report = reported
     except LinkError as error:
-        raise _with_hints(error, port) from error
+        raise with_hints(error, port) from error
     if not args.json:
         _print(probe_text.text(report))
     if args.write:
@@ -172,7 +171,7 @@ def _probe(args: argparse.Namespace) -> int:
 
 def _examine(port: str, config: Config, want: BoardSettings, *, reopening: bool) -> Report:
     clock = SystemClock()
-    opener = _opener(port, config, clock)
+    opener = opener_of(port, config, clock)
 
     async def both() -> tuple[probing.Examination, probing.Reopening | None]:
         found = await probing.examine(opener, clock, want)
@@ -214,46 +213,6 @@ def _report(
     if late is None:
         return report
     return msgspec.structs.replace(report, advice=(*report.advice, late))
-
-
-def _opener(port: str, config: Config, clock: SystemClock) -> Opener:
-    serial = config.serial
-    options = PortOptions(
-        path=port,
-        baudrate=serial.baudrate,
-        dtr=serial.dtr,
-        rts=serial.rts,
-        hangup_on_close=serial.hangup_on_close,
-    )
-
-    async def open_it() -> Port:
-        return await open_port(options, clock)
-
-    return open_it
-
-
-def _with_hints(error: YahboomdError, port: str) -> YahboomdError:
-    """The same error, with hints from the state of this machine."""
-    if not isinstance(error, LinkError):
-        return error
-    if isinstance(error, PortBusy):
-        return _held(error, tuple(map(true_names, holders(port))))
-    hints = diagnosis.hints(error, port, found=discovery.candidates())
-    return type(error)(error.message, remedy=" ".join(hints) or error.remedy)
-
-
-def _held(error: PortBusy, who: tuple[str, ...]) -> PortBusy:
-    """The same error, with the command that ends each holder."""
-    commands = [
-        f"kill -CONT {pid} (it is suspended), then kill {pid}"
-        if process_state(pid) in FROZEN
-        else f"kill {pid}"
-        for pid in pids(who)
-    ]
-    remedy = " ".join(diagnosis.busy(who))
-    if commands:
-        remedy += f" One program at a time can use the board. End the other: {'; '.join(commands)}"
-    return PortBusy(true_names(error.message), remedy=remedy.strip())
 
 
 def _with_daemons(error: YahboomdError) -> YahboomdError:
@@ -311,7 +270,7 @@ def _write(
             _say(args, "Nothing was stored.")
             return FOUND_WANTING if report.problems else os.EX_OK
         clock = SystemClock()
-        opener = _opener(port, config, clock)
+        opener = opener_of(port, config, clock)
         _say(args, "")
         outcome = asyncio.run(storing.store(opener, clock, want, None if args.json else Printed()))
         stored = tuple(stored_value(step) for step in outcome.steps)

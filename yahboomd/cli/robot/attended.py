@@ -107,6 +107,23 @@ def _explained(error: NoDaemon, endpoints: tuple[str, ...], again: str) -> NoDae
 async def _attended(
     robot: AsyncRobot, work: Callable[[AsyncRobot], Awaitable[int]], signals: tuple[int, ...]
 ) -> int:
+    async def connected() -> int:
+        async with robot:
+            return await work(robot)
+
+    return await until_signal(connected(), signals)
+
+
+async def until_signal(work: Awaitable[int], signals: Iterable[int]) -> int:
+    """Cancel the work at a signal, or when the output is lost.
+
+    Args:
+        work: What to do; returns the exit status.
+        signals: Those that cancel it.
+
+    Returns:
+        What it returned; 128 and the number of the signal that ended it.
+    """
     loop, task = asyncio.get_running_loop(), asyncio.current_task()
     came: list[int] = []
 
@@ -119,8 +136,7 @@ async def _attended(
         loop.add_signal_handler(number, end, number)
     try:
         with output_watched(lambda: end(signal.SIGPIPE)):
-            async with robot:
-                return await work(robot)
+            return await work
     except asyncio.CancelledError:
         if not came:
             raise

@@ -58,6 +58,7 @@ class Polled(msgspec.Struct, frozen=True, kw_only=True):
     answer_spacing_ns: int = AFTER_ANSWER_NS
     baudrate: int = BAUDRATE
     fastest_m_s: float = MAX_M_S
+    most_output: int = 0
     line_end: bytes = b""
     listen_ns: int = 0
     starts_within_s: float = 0.0
@@ -87,6 +88,10 @@ class Polled(msgspec.Struct, frozen=True, kw_only=True):
     def speeds(self, units: Units) -> bytes:
         """Permille of the article's scale, about mm/s: -1000..1000."""
         return command("speed", units, MAX_SPEED)
+
+    def outputs(self, outputs: Units) -> bytes:  # noqa: ARG002 (the seam's shape)
+        """Return nothing: it regulates always."""
+        return b""
 
     def decode(self, item: Frame | TextLine) -> Decoded:
         """The counters; text as the other dialect has it, so that a wrong choice shows."""

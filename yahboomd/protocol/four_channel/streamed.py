@@ -84,6 +84,7 @@ class Streamed(msgspec.Struct, frozen=True, kw_only=True):
     answer_spacing_ns: int = AFTER_ANSWER_NS
     baudrate: int = BAUDRATE
     fastest_m_s: float = MAX_M_S
+    most_output: int = MAX_PWM
     line_end: bytes = b"\r\n"
     listen_ns: int = 0
     starts_within_s: float = 0.0
@@ -110,6 +111,10 @@ class Streamed(msgspec.Struct, frozen=True, kw_only=True):
     def speeds(self, units: Units) -> bytes:
         """Closed loop, in mm/s as the board believes: -1000..1000."""
         return command("spd", units, MAX_SPEED)
+
+    def outputs(self, outputs: Units) -> bytes:
+        """Open loop, in PWM units: -3600..3600."""
+        return command("pwm", outputs, MAX_PWM)
 
     def decode(self, item: Frame | TextLine) -> Decoded:
         """Interpret frames by their exact names, and lines as a whole."""

@@ -27,6 +27,7 @@ from yahboomd.protocol.settings import BoardSettings, SettingValue, StoredSettin
 # To the board.
 
 AUTO_REPORT: Final = 0x01
+OPEN_LOOP: Final = 0x10
 CAR_RUN: Final = 0x11
 MOTION: Final = 0x12
 MOTOR_PID: Final = 0x13
@@ -44,6 +45,10 @@ RAW_ICM20948: Final = 0x0E
 
 TYPE_BYTE: Final = 1
 """The board looks at its highest bit alone, which holds the heading: never set."""
+
+MOST_OUTPUT: Final = 3600
+OUTPUT_OFFSET: Final = 1600
+"""Of a motor's output, in PWM units: what the firmware adds to every share of it."""
 
 IN_FLASH: Final = 0x5F
 IN_MEMORY: Final = 0x00
@@ -89,6 +94,20 @@ def motion(vx: int, vy: int, wz: int) -> bytes:
     """Move: mm/s, mm/s, mrad/s, each of 16 bits; for a car that steers vy is its angle, degrees."""
     numbers = (max(-0x7FFF, min(0x7FFF, each)) for each in (vx, vy, wz))
     return frame(MOTION, TYPE_BYTE, *struct.pack("<3h", *numbers))
+
+
+def open_loop(outputs: tuple[int, ...]) -> bytes:
+    """Outputs of the four motors in PWM units, none of which has regulation from now on.
+
+    The board takes a share of 100, and puts it on top of a dead zone that cannot be left out: an
+    output up to there is none. A zero lets the motor go.
+    """
+    shares = (
+        max(0, min(100, 100 * (abs(each) - OUTPUT_OFFSET) // (MOST_OUTPUT - OUTPUT_OFFSET)))
+        * (1 if each > 0 else -1)
+        for each in outputs
+    )
+    return frame(OPEN_LOOP, *(share & 0xFF for share in shares))
 
 
 # What it says.

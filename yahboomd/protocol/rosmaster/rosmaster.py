@@ -21,6 +21,7 @@ from yahboomd.protocol.rosmaster.functions import (
     AUTO_REPORT,
     CAR_RUN,
     IN_MEMORY,
+    MOST_OUTPUT,
     READ_SETTINGS,
     TABLE,
     TYPE_BYTE,
@@ -28,6 +29,7 @@ from yahboomd.protocol.rosmaster.functions import (
     decode,
     findings,
     motion,
+    open_loop,
     request,
 )
 from yahboomd.protocol.rosmaster.packets import RESYNC, Item, PacketFramer, Words, frame
@@ -70,6 +72,7 @@ class Rosmaster(msgspec.Struct, frozen=True, kw_only=True):
     battery: bytes | None = request(AUTO_REPORT)
     read_settings: tuple[bytes, ...] = READ_SETTINGS
     settings: tuple[StoredSetting, ...] = TABLE
+    most_output: int = MOST_OUTPUT
     fastest_m_s: float = max(car.fastest_mm_s for car in CARS.values()) / 1000.0
 
     def framer(self) -> PacketFramer:
@@ -136,6 +139,10 @@ class Rosmaster(msgspec.Struct, frozen=True, kw_only=True):
         """Velocity of the body: mm/s, mm/s, mrad/s; of a car that steers mm/s, degrees, 0."""
         vx, vy, wz = map(operator.index, units)
         return motion(vx, vy, wz)
+
+    def outputs(self, outputs: Units) -> bytes:
+        """Open loop, as shares of 100 of what lies above the board's own dead zone."""
+        return open_loop(tuple(map(operator.index, outputs)))
 
     def for_profile(self, profile: MotorProfile) -> Rosmaster:  # noqa: ARG002 (the seam's shape)
         """Itself: the car type lives in the board's flash."""

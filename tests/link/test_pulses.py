@@ -1,0 +1,219 @@
+"""A pulse is short, bounded by counts or by time, and an output: never a speed."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from typing import Any
+
+import pytest
+from board_bench import LinkBench
+
+from yahboomd.errors import BoardError, BoardSilent
+from yahboomd.link import handshake
+from yahboomd.link.conversation import Conversation
+from yahboomd.link.line import Line
+from yahboomd.link.pulses import LONGEST_S, SHOWN_TURNS, STEPS, Pulses
+from yahboomd.model import NS_PER_S
+from yahboomd.simulation.motors import FAULTS, MotorFaults, joined
+from yahboomd.simulation.options import FOUR_WHEELS
+from yahboomd.simulation.virtual_time import on_virtual_time
+
+TICKS = 1320.0
+FASTEST = 200.0 / 30.0
+HALF_TURN_M = 3.141592653589793 * 0.0335
+
+
+@asynccontextmanager
+async def pulses_on(board: LinkBench, **more: Any) -> AsyncIterator[tuple[Pulses, Line]]:
+    line = Line(await board.open(), board.clock, resend_s=0.1)
+    async with line.attended():
+        talk = await Conversation.begin(line)
+        await talk.read_counters()
+        await handshake.await_reports(line, talk.dialect)
+        options = {"ticks_per_revolution": TICKS, "fastest_turns_per_s": FASTEST, **more}
+        yield Pulses(line, talk.dialect, **options), line
+
+
+class Watched:
+    """The truth of every pulse: how long it was driven, and how far each wheel rolled."""
+
+    def __init__(self, board: LinkBench) -> None:
+        self.driven_s: list[float] = []
+        self.rolled_m: list[list[float]] = []
+        self._plant = board.robot.plant
+        self._board = board
+        self._began_ns: int | None = None
+        self._before: list[float] = []
+        board.robot.on_truth = lambda sample: self._look(sample.t_ns)
+
+    def mark(self, on: bool) -> None:
+        travel = [motor.travel_m for motor in self._plant.motors]
+        if on:
+            self._before = travel
+        else:
+            rolled = [abs(new - old) for new, old in zip(travel, self._before, strict=True)]
+            self.rolled_m.append(rolled)
+
+    def _look(self, now_ns: int) -> None:
+        driven = any(motor.pwm for motor in self._plant.motors)
+        if driven and self._began_ns is None:
+            self._began_ns = now_ns
+        elif not driven and self._began_ns is not None:
+            self.driven_s.append((now_ns - self._began_ns) / NS_PER_S)
+            self._began_ns = None
+
+
+def stands(board: LinkBench) -> bool:
+    motors = board.robot.plant.motors
+    return all(motor.pwm == 0 and abs(motor.speed_m_s) < 0.03 for motor in motors)
+
+
+async def broken(board: LinkBench, breaks: Callable[[int], None]) -> None:
+    """Turn a motor, after something happened to the robot."""
+    async with pulses_on(board) as (pulses, _):
+        breaks(board.clock.now_ns())
+        await pulses.turn(1)
+
+
+@pytest.mark.parametrize("dialect", ["streamed", "rosmaster"])
+@on_virtual_time
+async def test_one_wheel_turns_visibly_and_by_half_a_turn_at_most(dialect: str) -> None:
+    board = LinkBench(dialect=dialect, drive="skid_steer", wiring=FOUR_WHEELS)
+    watched = Watched(board)
+    async with pulses_on(board, on_pulse=watched.mark) as (pulses, _):
+        for position in (1, 2, 3, 4):
+            pulse = await pulses.turn(position)
+            assert pulse.turns >= SHOWN_TURNS
+            assert [abs(count) > 100 for count in pulse.counts] == [
+                each == position for each in (1, 2, 3, 4)
+            ]
+            assert stands(board)
+            assert max(watched.rolled_m[-1]) > HALF_TURN_M / 8.0
+    assert max(map(max, watched.rolled_m)) <= HALF_TURN_M
+    assert max(watched.driven_s) <= LONGEST_S + 0.05
+
+
+@pytest.mark.parametrize("dialect", ["streamed", "rosmaster"])
+@pytest.mark.parametrize("speed_m_s", [0.4, 1.15, 1.4])
+@on_virtual_time
+async def test_without_counts_a_pulse_ends_by_time_before_half_a_turn(
+    dialect: str, speed_m_s: float
+) -> None:
+    board = LinkBench(dialect=dialect, max_speed_m_s=speed_m_s, time_constant_s=0.02)
+    board.robot.start(round(asyncio.get_running_loop().time() * NS_PER_S))
+    board.robot.set_faults("all", FAULTS["encoder-dead"], now_ns=0)
+    watched = Watched(board)
+    async with pulses_on(board, on_pulse=watched.mark) as (pulses, _):
+        pulse = await pulses.turn(1)
+        assert pulse.counts == (0, 0, 0, 0)
+        assert len(watched.rolled_m) == len(STEPS)
+        assert max(map(max, watched.rolled_m)) <= HALF_TURN_M
+        # Ten degrees: it can be seen.
+        assert max(map(max, watched.rolled_m)) > HALF_TURN_M / 18.0
+        assert max(watched.driven_s) <= LONGEST_S + 0.05
+        assert stands(board)
+
+
+@pytest.mark.parametrize("fault", ["encoder-reversed", "phases-swapped", "mounted-round"])
+@on_virtual_time
+async def test_a_wheel_that_would_run_away_is_only_pulsed_and_never_sent_a_speed(
+    fault: str,
+) -> None:
+    board = LinkBench()
+    board.robot.start(round(asyncio.get_running_loop().time() * NS_PER_S))
+    board.robot.set_faults("left", FAULTS[fault], now_ns=0)
+    watched = Watched(board)
+    async with pulses_on(board, on_pulse=watched.mark) as (pulses, _):
+        pulse = await pulses.turn(1)
+    assert abs(pulse.counts[0]) > 100
+    assert max(map(max, watched.rolled_m)) <= HALF_TURN_M
+    assert stands(board)
+    speeds = [frame for frame in board.frames if re.match(rb"\$sp(ee)?d:", frame)]
+    assert set(speeds) <= {b"$speed:0,0,0,0#"}
+
+
+@on_virtual_time
+async def test_it_starts_small_and_the_next_motor_a_little_below_the_last() -> None:
+    board = LinkBench()
+    async with pulses_on(board) as (pulses, _):
+        await pulses.turn(1)
+        first = [frame for frame in board.frames if re.match(rb"\$pwm:[1-9]", frame)]
+        assert first[0] == b"$pwm:%d,0,0,0#" % round(STEPS[0] * 3600)
+        moved = first[-1]
+        await pulses.turn(3)
+    later = [frame for frame in board.frames if re.match(rb"\$pwm:0,0,[1-9]", frame)]
+    assert int(later[0].split(b",")[2]) < int(moved.split(b":")[1].split(b",")[0])
+    assert int(later[0].split(b",")[2]) > round(STEPS[0] * 3600)
+
+
+@on_virtual_time
+async def test_lost_frames_leave_no_wheel_turning() -> None:
+    for seed in range(5):
+        board = LinkBench(seed=seed)
+        async with pulses_on(board) as (pulses, _):
+            board.robot.impairments.change(loss=0.02)
+            for position in (1, 3):
+                await pulses.turn(position)
+                assert stands(board)
+
+
+@on_virtual_time
+async def test_a_wheel_that_turns_by_itself_is_named_and_nothing_is_driven() -> None:
+    board = LinkBench()
+
+    def breaks(now_ns: int) -> None:
+        board.robot.set_faults("right", FAULTS["turning"], now_ns=now_ns)
+
+    with pytest.raises(BoardError, match="a wheel turns"):
+        await broken(board, breaks)
+    assert not any(re.match(rb"\$pwm:[1-9]", frame) for frame in board.frames)
+
+
+@on_virtual_time
+async def test_a_board_that_resets_itself_under_load_has_too_weak_a_supply() -> None:
+    board = LinkBench()
+
+    def breaks(now_ns: int) -> None:
+        board.robot.after(now_ns + NS_PER_S // 2, board.robot.brown_out)
+
+    with pytest.raises(BoardError, match="supply is too weak"):
+        await broken(board, breaks)
+    assert stands(board)
+
+
+@on_virtual_time
+async def test_counters_that_stop_end_the_pulse() -> None:
+    board = LinkBench()
+
+    def breaks(now_ns: int) -> None:
+        board.robot.after(now_ns + NS_PER_S // 5, lambda at_ns: board.robot.mute(at_ns, 60.0))
+
+    with pytest.raises(BoardSilent, match="the counters stopped while M1 turned"):
+        await broken(board, breaks)
+    assert stands(board)
+
+
+@on_virtual_time
+async def test_cancelled_at_any_moment_it_leaves_the_wheels_at_rest() -> None:
+    for tenths in range(1, 40, 3):
+        board = LinkBench()
+        board.robot.start(round(asyncio.get_running_loop().time() * NS_PER_S))
+        faults = joined(FAULTS["encoder-reversed"], MotorFaults())
+        board.robot.set_faults("left", faults, now_ns=board.clock.now_ns())
+
+        async def turned(board: LinkBench = board) -> None:
+            async with pulses_on(board) as (pulses, _):
+                while True:
+                    await pulses.turn(1)
+
+        task = asyncio.ensure_future(turned())
+        await asyncio.sleep(tenths / 10.0)
+        task.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await task
+        await asyncio.sleep(1.0)
+        board.robot.advance(board.clock.now_ns())
+        assert stands(board)

@@ -1,0 +1,182 @@
+"""A person beside a simulated robot, who answers the questions of `setup` by its truth."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from collections.abc import Callable
+
+from board_bench import LinkBench
+
+from yahboomd.calibration.wiring import WiredMotor, Wiring
+from yahboomd.cli.setup.description import Description, Given
+from yahboomd.cli.setup.outcome import Outcome
+from yahboomd.cli.setup.robot_drawing import CORNERS
+from yahboomd.cli.setup.setup_wizard import Wizard
+from yahboomd.config import WHEELS, Config
+from yahboomd.errors import Refused
+from yahboomd.protocol.profiles import PROFILES
+from yahboomd.simulation.motors import FAULTS, HEALTHY, MotorFaults, joined
+
+SEEN_M = 0.003
+"""A wheel that rolled so far was seen to turn: five degrees."""
+
+
+class SimulatedPerson:
+    """Answers by what truly happened.
+
+    Args:
+        bench: The robot.
+
+    Attributes:
+        questions: All that was asked.
+        others: Answers to questions that no truth answers, by their first words.
+        repair: What is done when a repair is asked for; None: the file is wanted as it is.
+    """
+
+    def __init__(self, bench: LinkBench) -> None:
+        self.questions: list[str] = []
+        self.others = {
+            "Are all wheels off the ground?": "yes",
+            "One stored value differs": "n",
+        }
+        self.repair: Callable[[], None] | None = None
+        self._bench = bench
+        self._wheels = CORNERS if len(bench.robot.plant.motors) == 4 else ("left", "right")
+        self._before: dict[str, float] = {}
+        self._turned: tuple[str, float] | None = None
+
+    async def line(self, question: str) -> str:
+        """Answer a question."""
+        self.questions.append(question)
+        # No question is asked while a wheel turns.
+        assert max(map(abs, self._bench.rim_speeds)) < 0.03, question
+        if question.startswith("\nEnter, and M"):
+            self._before = self._travel()
+            return ""
+        if question.startswith("Which wheel turned?"):
+            rolled = {name: now - self._before[name] for name, now in self._travel().items()}
+            turned = [(name, way) for name, way in rolled.items() if abs(way) > SEEN_M]
+            assert len(turned) <= 1, turned
+            self._turned = turned[0] if turned else None
+            return str(self._wheels.index(turned[0][0]) + 1) if turned else "0"
+        if question.startswith("Which way did"):
+            assert self._turned is not None
+            return "f" if self._turned[1] > 0 else "b"
+        if found := re.match(r"(.*) did not turn\. Which plug", question):
+            name = found[1].lower().replace(" ", "_")
+            return f"m{next(w.position for w in self._bench.robot.plant.wiring if w.name == name)}"
+        if found := re.match(r"Turn wheel (\d)", question):
+            await self._turn_by_hand(self._wheels[int(found[1]) - 1])
+            return ""
+        if question.startswith("(Enter: try again"):
+            if self.repair is None:
+                return "w" if "w:" in question else "q"
+            self.repair()
+            return ""
+        for start, answer in self.others.items():
+            if question.startswith(start):
+                return answer
+        raise Refused(f"nothing is known of {question!r}")
+
+    async def _turn_by_hand(self, name: str) -> None:
+        bench = self._bench
+        wire, motor = next(
+            pair
+            for pair in zip(bench.robot.plant.wiring, bench.robot.plant.motors, strict=True)
+            if pair[0].name == name
+        )
+        before = motor.faults
+        bench.robot.add_faults(name, MotorFaults(turning_m_s=0.2), now_ns=bench.now_ns)
+        await asyncio.sleep(0.5)
+        bench.robot.set_faults(name, before, now_ns=bench.now_ns)
+        await asyncio.sleep(1.0)
+        assert joined(HEALTHY, before) == before
+        assert wire.name == name
+
+    def _travel(self) -> dict[str, float]:
+        plant = self._bench.robot.plant
+        self._bench.robot.advance(self._bench.now_ns)
+        return {
+            wire.name: motor.travel_m
+            for wire, motor in zip(plant.wiring, plant.motors, strict=True)
+        }
+
+
+PORT = "/tmp/board"
+
+FOUR = Given(
+    profile="520",
+    kinematics="skid_steer",
+    wheel_diameter_mm=67.0,
+    wheel_separation_mm=150.0,
+    wheel_base_mm=150.0,
+)
+
+
+async def set_up(
+    bench: LinkBench,
+    given: Given,
+    *,
+    person: SimulatedPerson | None = None,
+    by_hand: bool = False,
+    config: Config | None = None,
+) -> Outcome:
+    wizard = Wizard(
+        person or SimulatedPerson(bench),
+        given,
+        config or Config(),
+        port=PORT,
+        opener=bench.open,
+        clock=bench.clock,
+    )
+    return await wizard.find(by_hand=by_hand)
+
+
+def broken(bench: LinkBench, *faults: str) -> None:
+    """Start the robot with faults: `encoder-dead 2`, `crossed 1 3`."""
+    bench.robot.start(bench.now_ns)
+    for fault in faults:
+        name, *words = fault.split()
+        if name == "crossed":
+            bench.robot.cross_encoders(int(words[0]), int(words[1]), now_ns=bench.now_ns)
+        else:
+            bench.robot.add_faults(words[0], FAULTS[name], now_ns=bench.now_ns)
+
+
+def connected(found: Outcome) -> dict[str, int]:
+    return {motor.wheel: motor.position * motor.sign for motor in found.wiring.motors}
+
+
+def true_wiring(bench: LinkBench) -> dict[str, int]:
+    return {wire.name: wire.position * wire.command_sign for wire in bench.robot.plant.wiring}
+
+
+def kinds(found: Outcome) -> set[tuple[str, int | None]]:
+    return {(fault.kind, fault.position) for fault in found.wiring.faults}
+
+
+SKID_STEER = ("front_left", "rear_left", "front_right", "rear_right")
+
+
+def outcome(kinematics: str = "differential", **board: object) -> Outcome:
+    wheels = SKID_STEER if kinematics == "skid_steer" else WHEELS[kinematics]
+    board = board or {"profile": "520"}
+    return Outcome(
+        port="/dev/ttyUSB0",
+        dialect="streamed",
+        description=Description(
+            board=board,
+            profile=PROFILES["520"],
+            kinematics=kinematics,
+            wheel_diameter_mm=65.0,
+            wheel_separation_mm=170.0,
+            wheel_base_mm=160.0 if kinematics in {"mecanum", "ackermann"} else None,
+        ),
+        wiring=Wiring(
+            motors=tuple(
+                WiredMotor(wheel=wheel, position=position, sign=1 if position % 2 else -1)
+                for position, wheel in enumerate(wheels, start=1)
+            )
+        ),
+    )

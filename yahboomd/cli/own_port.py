@@ -1,0 +1,89 @@
+"""The board's port for a command that takes it itself, and why it cannot be had."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+from yahboomd.cli.stop.stop_local import folders
+from yahboomd.cli.stop.stop_port import pids
+from yahboomd.cli.unresponsive import FROZEN, process_state, true_names
+from yahboomd.clock import Clock
+from yahboomd.config import Config
+from yahboomd.daemon.latch_file import LatchFile, engaged_in
+from yahboomd.errors import LinkError, PortBusy, Refused, YahboomdError
+from yahboomd.link import diagnosis, discovery
+from yahboomd.link.port import Opener, Port, PortOptions, open_port
+from yahboomd.link.port_errors import holders
+
+
+def opener_of(port: str, config: Config, clock: Clock) -> Opener:
+    """What opens the port as the configuration says, for this process alone."""
+    serial = config.serial
+    options = PortOptions(
+        path=port,
+        baudrate=serial.baudrate,
+        dtr=serial.dtr,
+        rts=serial.rts,
+        hangup_on_close=serial.hangup_on_close,
+    )
+
+    async def open_it() -> Port:
+        return await open_port(options, clock)
+
+    return open_it
+
+
+def refuse_estop(port: str, config: Config, environ: Mapping[str, str]) -> None:
+    """Refuse to turn wheels while an emergency stop is engaged that may be this board's.
+
+    Args:
+        port: The port, as it was named or found.
+        config: May name the file of the emergency stop.
+        environ: Leads to the folders of daemons.
+
+    Raises:
+        Refused: One is engaged, or it cannot be seen whether one is.
+    """
+    own = config.latch_path(environ, user_id=os.getuid())
+    try:
+        found = own if LatchFile(own).load() is not None else None
+        for folder in folders(environ):
+            found = found or engaged_in(Path(folder), port)
+    except OSError as error:
+        raise Refused(
+            f"{error.filename} cannot be read ({error.strerror}), so the emergency stop may be "
+            "engaged: no wheel is turned.",
+            remedy="Run the same command with sudo, or as a user of the group yahboomd.",
+        ) from error
+    if found is not None:
+        raise Refused(
+            f"The emergency stop is engaged ({found}): no wheel is turned.",
+            remedy="See why it was engaged. Then start the daemon, release it with `yahboomd stop "
+            "--release`, and end the daemon again.",
+        )
+
+
+def with_hints(error: YahboomdError, port: str) -> YahboomdError:
+    """The same error, with hints from the state of this machine."""
+    if not isinstance(error, LinkError):
+        return error
+    if isinstance(error, PortBusy):
+        return _held(error, tuple(map(true_names, holders(port))))
+    hints = diagnosis.hints(error, port, found=discovery.candidates())
+    return type(error)(error.message, remedy=" ".join(hints) or error.remedy)
+
+
+def _held(error: PortBusy, who: tuple[str, ...]) -> PortBusy:
+    """The same error, with the command that ends each holder."""
+    commands = [
+        f"kill -CONT {pid} (it is suspended), then kill {pid}"
+        if process_state(pid) in FROZEN
+        else f"kill {pid}"
+        for pid in pids(who)
+    ]
+    remedy = " ".join(diagnosis.busy(who))
+    if commands:
+        remedy += f" One program at a time can use the board. End the other: {'; '.join(commands)}"
+    return PortBusy(true_names(error.message), remedy=remedy.strip())

@@ -1,0 +1,219 @@
+"""Sets a robot up: its board first, then the person's description, then the wheels."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+
+from yahboomd.calibration.wiring import Wiring
+from yahboomd.cli.own_port import refuse_estop
+from yahboomd.cli.probe import probe_report, probe_text
+from yahboomd.cli.probe.probe_write import Printed
+from yahboomd.cli.setup.description import Description, Given, ask_motors, ask_robot
+from yahboomd.cli.setup.motor_turns import MOTOR_TURNS_PER_S, ByHand, ByOutput
+from yahboomd.cli.setup.outcome import Outcome
+from yahboomd.cli.setup.robot_drawing import wheels_of
+from yahboomd.cli.setup.terminal_questions import Person, agrees, say, say_heading, say_points
+from yahboomd.clock import Clock
+from yahboomd.config import WHEELS, Config
+from yahboomd.errors import BoardError, BoardSilent, Refused
+from yahboomd.link import diagnosis, handshake, probing, storing
+from yahboomd.link.conversation import Conversation
+from yahboomd.link.guard import Guard
+from yahboomd.link.line import Line
+from yahboomd.link.port import Opener, Port, SerialPort
+from yahboomd.link.probing import Examination
+from yahboomd.link.pulses import Pulses
+from yahboomd.model import ImuReading
+from yahboomd.protocol.dialect import Dialect
+from yahboomd.protocol.profiles import MotorProfile
+from yahboomd.protocol.settings import BoardSettings
+
+RESEND_S = 0.1
+"""An output is repeated so often: the board may lose a frame."""
+
+
+class Wizard:
+    """One robot that is set up.
+
+    Args:
+        person: Answers.
+        given: The answers that are known.
+        config: How the port is opened, and where the emergency stop is kept.
+        port: The port.
+        opener: Opens it.
+        clock: The source of time.
+    """
+
+    def __init__(
+        self,
+        person: Person,
+        given: Given,
+        config: Config,
+        *,
+        port: str,
+        opener: Opener,
+        clock: Clock,
+    ) -> None:
+        self._person = person
+        self._given = given
+        self._config = config
+        self._port = port
+        self._opener = opener
+        self._clock = clock
+        self._imu = ""
+
+    async def find(self, *, by_hand: bool) -> Outcome:
+        """Ask what the robot is, and find out how its motors are connected.
+
+        Args:
+            by_hand: Turn no motor, whatever the board can.
+
+        Raises:
+            Refused: The emergency stop is engaged, or the person ended it.
+            LinkError: The port or the board cannot be used.
+            BoardError: The board cannot be driven as it is, or a wheel does not stop.
+        """
+        self._may_turn()
+        dialect, found = await self._examine({})
+        report = self._report(found, self._config.profile(), {})
+        for line in itertools.takewhile(bool, probe_text.text(report)):
+            say(line)
+        say_points(report.advice)
+        say_heading("The motors")
+        board, profile = await ask_motors(self._person, self._given, dialect, found.settings)
+        await self._fit(dialect, found, profile)
+        description = await ask_robot(self._person, self._given, board, profile)
+        if by_hand or not dialect.most_output:
+            say_heading("The wheels")
+            say("No motor is turned." if by_hand else "This board takes speeds only.")
+            wiring = await self._connected(description, by_hand=True)
+        else:
+            await self._lifted()
+            wiring = await self._connected(description, by_hand=False)
+        return Outcome(
+            port=self._port,
+            dialect=dialect.name,
+            description=description,
+            wiring=wiring,
+            imu=self._imu,
+        )
+
+    def _may_turn(self) -> None:
+        refuse_estop(self._port, self._config, os.environ)
+
+    # The board.
+
+    async def _examine(self, want: BoardSettings) -> tuple[Dialect, Examination]:
+        found = await probing.examine(self._opener, self._clock, want)
+        if found.dialect is None:
+            raise BoardSilent(
+                f"{self._port}: no board answers.", remedy=diagnosis.what_was_heard(found.heard)
+            )
+        return found.dialect, found
+
+    def _report(
+        self, found: Examination, profile: MotorProfile, want: BoardSettings
+    ) -> probe_report.Report:
+        return probe_report.report(
+            found,
+            None,
+            port=self._port,
+            device=os.path.realpath(self._port),
+            profile=profile,
+            want=want,
+            wanted_dialect=self._config.serial.dialect,
+        )
+
+    async def _fit(self, dialect: Dialect, found: Examination, profile: MotorProfile) -> None:
+        """Show what the board stores, and have it store what these motors need, if it is wanted.
+
+        Raises:
+            Refused: No motor may turn with what it stores.
+        """
+        report = self._report(found, profile, profile.settings)
+        if report.settings:
+            say()
+            title = f"profile {report.profile}"
+            for line in probe_text.table(report.settings, dialect.settings, title):
+                say(line)
+        if report.differing:
+            say()
+            say_points(report.problems)
+            count = len(report.differing)
+            values = "One stored value differs" if count == 1 else f"{count} stored values differ"
+            need = "No motor may turn before." if report.problems else "It does no harm."
+            if await agrees(self._person, f"{values}. {need} Store the profile's in the board?"):
+                await storing.store(self._opener, self._clock, profile.settings, Printed())
+                _, found = await self._examine(profile.settings)
+                report = self._report(found, profile, profile.settings)
+        if report.problems:
+            raise Refused(f"No motor is turned like this. {' '.join(report.problems)}")
+
+    # The wheels.
+
+    async def _lifted(self) -> None:
+        say_heading("The wheels")
+        say("Lift the robot: every wheel must turn freely, with nothing to be caught in it.")
+        say("Keep a hand near the switch of the motors' supply.")
+        answer = await self._person.line("Are all wheels off the ground? Type yes:")
+        if answer.lower() != "yes":
+            raise Refused("No motor was turned, and nothing was written.")
+
+    async def _connected(self, description: Description, *, by_hand: bool) -> Wiring:
+        wheels = wheels_of(description.kinematics, WHEELS[description.kinematics])
+        person, profile = self._person, description.profile
+        port = await self._opener()
+        line = Line(port, self._clock, resend_s=RESEND_S)
+        line.on_imu = self._on_imu
+        # The guard ends last: it takes a second where a wheel might turn.
+        with ExitStack() as outlasting:
+            async with line.attended():
+                talk = await Conversation.begin(line)
+                # The motors are without power: a brake would start the board's speed loop.
+                line.let_go = True
+                await handshake.await_reports(line, talk.dialect)
+                if by_hand:
+                    return await ByHand(talk, person, description, wheels).find()
+                guard = outlasting.enter_context(_guarded(port, talk.dialect))
+                pulses = Pulses(
+                    line,
+                    talk.dialect,
+                    ticks_per_revolution=profile.ticks_per_revolution,
+                    fastest_turns_per_s=MOTOR_TURNS_PER_S / profile.ratio,
+                    on_pulse=(lambda _pulse: None) if guard is None else guard.mark,
+                )
+                wheels_turned = ByOutput(
+                    talk,
+                    pulses,
+                    person,
+                    description=description,
+                    wheels=wheels,
+                    may_turn=self._may_turn,
+                )
+                return await wheels_turned.find()
+
+    def _on_imu(self, reading: ImuReading) -> None:
+        self._imu = reading.sensor.name
+
+
+@contextmanager
+def _guarded(port: Port, dialect: Dialect) -> Iterator[Guard | None]:
+    """A process that stops the wheels where this one is killed; none for a simulated port.
+
+    Raises:
+        BoardError: It does not start: no motor may turn.
+    """
+    if not isinstance(port, SerialPort):
+        yield None
+        return
+    try:
+        guard = Guard.start(port.fileno(), dialect.resync + (dialect.cut or dialect.brake))
+    except OSError as error:
+        raise BoardError(f"No motor is turned: {error}.") from error
+    try:
+        yield guard
+    finally:
+        guard.close()

@@ -1,0 +1,68 @@
+"""The person at the terminal, or lines of standard input."""
+
+from __future__ import annotations
+
+import os
+import sys
+import termios
+import textwrap
+from collections.abc import Iterable
+from typing import Protocol
+
+from yahboomd.cli.calibrate.asking import input_ended
+from yahboomd.cli.robot.input_lines import InputLines
+
+WIDTH = 100
+
+
+class Person(Protocol):
+    """Who is asked."""
+
+    async def line(self, question: str) -> str:
+        """Ask, and wait for a line."""
+        ...
+
+
+class Terminal:
+    """Asks on standard error: standard output is for the result."""
+
+    def __init__(self) -> None:
+        self._lines = InputLines()
+
+    async def line(self, question: str) -> str:
+        """Ask, and wait for a line.
+
+        Raises:
+            Refused: The input ended.
+        """
+        if sys.stdin is not None and sys.stdin.isatty():
+            # What was typed before the question was asked answers another one.
+            termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
+        print(question, end=" ", file=sys.stderr, flush=True)
+        line = await self._lines.line()
+        if line is None:
+            print(file=sys.stderr)
+            raise input_ended()
+        return line
+
+
+def say(words: str = "") -> None:
+    """Print for the person."""
+    print(words, file=sys.stderr, flush=True)
+
+
+def say_heading(words: str) -> None:
+    """Print what comes next, in bold on a terminal."""
+    bold = sys.stderr.isatty() and not os.environ.get("NO_COLOR")
+    say(f"\n\x1b[1m{words}\x1b[0m" if bold else f"\n{words}")
+
+
+def say_points(points: Iterable[str]) -> None:
+    """Print sentences as a list."""
+    for words in points:
+        say(textwrap.fill(words, WIDTH, initial_indent="  - ", subsequent_indent="    "))
+
+
+async def agrees(person: Person, question: str) -> bool:
+    """Ask a question that is denied by anything but yes."""
+    return (await person.line(f"{question} [y/N]")).lower() in {"y", "yes"}

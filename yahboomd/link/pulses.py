@@ -1,0 +1,233 @@
+"""Pulses of single motors without regulation: a wheel turns a little, whatever its encoder does.
+
+The law: a pulse lasts half a second at most, and no wheel turns by more than half a turn. It ends
+where any counter shows the bound; while no counter moves, it ends when the fastest motor there is
+would have turned so far. A pulse is an output, never a speed: the speed loop of the board would
+drive a wheel whose encoder is dead or runs backward as fast as it can.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+
+import msgspec
+
+from yahboomd.clock import Clock, nanoseconds, sleep_until
+from yahboomd.counts import unwrapped
+from yahboomd.errors import BoardError, BoardSilent
+from yahboomd.link.line import Line
+from yahboomd.model import CHANNELS, Counts
+from yahboomd.protocol.dialect import Dialect
+
+LONGEST_S = 0.5
+
+BOUND_TURNS = 0.3
+"""Counted so far a pulse ends: the wheel rolls out, and counts are some milliseconds old."""
+
+BLIND_TURNS = 0.5
+"""The bound by time, at the speed of the fastest motor there is, rolling out included."""
+
+ROLLS_S = 0.08
+"""A wheel that is let go rolls on as far as it turned in so long."""
+
+SHORTEST_S = 0.04
+"""No motor gets far in so long, and none is seen to move in less."""
+
+SHOWN_TURNS = 0.1
+"""A person sees a wheel that turns so far."""
+
+MOVED_TURNS = 0.01
+"""Less than that is no motion: gears have play."""
+
+STEPS = tuple(step / 100.0 for step in range(30, 80, 6))
+"""Outputs to try, as shares of the largest one; the smallest ones turn no motor."""
+
+DEAD_SHARE = 0.3
+"""No motor turns with less."""
+
+UNSEEN_S = 0.6
+"""A wheel that no counter shows rolls out within so long of full output, of less in proportion."""
+
+SILENT_S = 0.3
+"""Reports come every 41 ms at least."""
+
+STAND_WITHIN_S = 2.0
+CUTS = 3
+"""A frame may be lost, so that each cut is sent so often; it is repeated until the wheel stands."""
+
+
+class Pulse(msgspec.Struct, frozen=True, kw_only=True):
+    """The outcome of a pulse.
+
+    Attributes:
+        output: The output, of the dialect's most.
+        counts: What each counter changed by, until all wheels stood.
+        turns: The most that any counter showed.
+    """
+
+    output: int
+    counts: Counts
+    turns: float
+
+
+class Pulses:
+    """Turns single motors of a board whose counters come by themselves.
+
+    Args:
+        line: An attended line, on which the wheels were stopped and the counters come.
+        dialect: The dialect of the board, with outputs.
+        ticks_per_revolution: Counts of one turn of a wheel.
+        fastest_turns_per_s: No wheel turns faster at full output.
+        on_pulse: Called with True before each pulse, and with False when the wheels stand again.
+    """
+
+    def __init__(
+        self,
+        line: Line,
+        dialect: Dialect,
+        *,
+        ticks_per_revolution: float,
+        fastest_turns_per_s: float,
+        on_pulse: Callable[[bool], None] = lambda _on: None,
+    ) -> None:
+        self._line = line
+        self._clock: Clock = line.clock
+        self._dialect = dialect
+        self._ticks = ticks_per_revolution
+        self._fastest = fastest_turns_per_s
+        self._on_pulse = on_pulse
+        self._first = 0
+        self._news = asyncio.Event()
+        self._readings = 0
+        line.on_counts = self._on_counts
+        # A brake would start the board's speed loop: the line leaves by letting the motors go.
+        line.let_go = True
+
+    async def turn(self, position: int, on_step: Callable[[], None] = lambda: None) -> Pulse:
+        """Turn a motor forward by its own idea, with more and more output, until a counter moves.
+
+        Args:
+            position: Of the motor, 1 to 4.
+            on_step: Called before each pulse, while every wheel stands.
+
+        Returns:
+            The latest pulse: of the first output that turned a wheel visibly, as the counters show
+            it, else of the largest one.
+
+        Raises:
+            BoardError: The board reset itself, or a wheel does not stop.
+            BoardSilent: The counters stopped.
+        """
+        for number in range(self._first, len(STEPS)):
+            on_step()
+            pulse = await self._pulse(position, STEPS[number])
+            if pulse.turns >= SHOWN_TURNS:
+                # The next motor is much like this one.
+                self._first = max(0, number - 2)
+                break
+        return pulse
+
+    def limit_s(self, share: float) -> float:
+        """The longest pulse of an output while no counter moves."""
+        until_s = BLIND_TURNS / max(1e-9, self._fastest * _effect(share)) - ROLLS_S
+        return min(LONGEST_S, max(SHORTEST_S, until_s))
+
+    async def _pulse(self, position: int, share: float) -> Pulse:
+        line, clock, dialect = self._line, self._clock, self._dialect
+        output = round(share * dialect.most_output)
+        outputs = tuple(output if each == position else 0 for each in range(1, CHANNELS + 1))
+        resets = line.heard.resets
+        before = await self._standing(position, resets)
+        start_ns = heard_ns = clock.now_ns()
+        self._on_pulse(True)
+        line.writer.velocity(dialect.outputs(outputs))
+        try:
+            while True:
+                now_ns = clock.now_ns()
+                self._check_reset(position, resets)
+                turns = self._turns(before)
+                limit_s = LONGEST_S if turns >= MOVED_TURNS else self.limit_s(share)
+                end_ns = start_ns + nanoseconds(limit_s)
+                if turns >= BOUND_TURNS or now_ns >= end_ns:
+                    break
+                if now_ns - heard_ns >= nanoseconds(SILENT_S):
+                    raise BoardSilent(
+                        f"{line.port.name}: the counters stopped while M{position} turned.",
+                        remedy="Is the cable long or noisy? Try `yahboomd probe`.",
+                    )
+                if await self._counted(min(end_ns, heard_ns + nanoseconds(SILENT_S))):
+                    heard_ns = clock.now_ns()
+        finally:
+            self._cut()
+        if self._turns(before) < MOVED_TURNS:
+            await sleep_until(clock, clock.now_ns() + nanoseconds(UNSEEN_S * _effect(share)))
+        after = await self._standing(position, resets)
+        self._on_pulse(False)
+        a, b, c, d = (unwrapped(new - old) for new, old in zip(after, before, strict=True))
+        return Pulse(output=output, counts=(a, b, c, d), turns=self._turns(before))
+
+    def _turns(self, before: Counts) -> float:
+        ticks = self._line.ticks
+        assert ticks is not None
+        steps = (unwrapped(new - old) for new, old in zip(ticks, before, strict=True))
+        return max(map(abs, steps)) / self._ticks
+
+    def _cut(self) -> None:
+        dialect = self._dialect
+        self._line.writer.stop((dialect.cut or dialect.brake,) * CUTS)
+
+    def _check_reset(self, position: int, resets: int) -> None:
+        if self._line.heard.resets != resets:
+            raise BoardError(
+                f"{self._line.port.name}: the board reset itself while M{position} was tried.",
+                remedy="Its supply is too weak: feed the motors from a battery, not from USB, and "
+                "charge it.",
+            )
+
+    async def _standing(self, position: int, resets: int) -> Counts:
+        """Wait until every wheel stands; the counters then.
+
+        Raises:
+            BoardError: One still turns, the counters do not come, or the board reset itself.
+        """
+        line, clock = self._line, self._clock
+        line.watch.reset()
+        end_ns = clock.now_ns() + nanoseconds(STAND_WITHIN_S)
+        cut_ns = clock.now_ns() + nanoseconds(0.1)
+        while not line.watch.standing:
+            self._check_reset(position, resets)
+            if clock.now_ns() >= end_ns:
+                seen = "a wheel turns" if line.watch.speed is not None else "no counts come"
+                raise BoardError(
+                    f"{line.port.name}: M{position} was let go, and {seen}.",
+                    remedy="Take your hands off the wheels. If one turns by itself, switch the "
+                    "motors' supply off: its driver may be broken.",
+                )
+            if clock.now_ns() >= cut_ns:
+                self._cut()
+                cut_ns = clock.now_ns() + nanoseconds(0.1)
+            await self._counted(min(cut_ns, end_ns))
+        assert line.ticks is not None
+        return line.ticks
+
+    async def _counted(self, until_ns: int) -> bool:
+        """Wait for the next counts; whether they came in time."""
+        self._news.clear()
+        alarm = self._clock.alarm(self._news.set)
+        before = self._readings
+        alarm.set(until_ns)
+        try:
+            await self._news.wait()
+        finally:
+            alarm.close()
+        return self._readings != before
+
+    def _on_counts(self, *_: object) -> None:
+        self._readings += 1
+        self._news.set()
+
+
+def _effect(share: float) -> float:
+    """The speed of a motor that turns as soon as any does, as a share of its largest."""
+    return max(0.0, (share - DEAD_SHARE) / (1.0 - DEAD_SHARE))
