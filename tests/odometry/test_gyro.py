@@ -146,6 +146,23 @@ def test_before_its_first_sample_there_is_no_gyro_and_nothing_is_wrong() -> None
     assert (gyro.present, gyro.believed, gyro.problem) == (False, False, None)
 
 
+def test_after_a_silence_the_first_sample_counts_and_after_saturation_the_first_good_one(
+    sampled: Sampled,
+) -> None:
+    whole = PROBATION_NS // GAP_NS
+    sampled.now_ns += SILENT_NS
+    sampled.show(0.0)
+    sampled.run([0.0] * (whole - 1))
+    assert not sampled.gyro.believed
+    sampled.show(0.0)
+    assert sampled.gyro.believed
+    sampled.show(9.0)
+    sampled.run([0.0] * whole)
+    assert not sampled.gyro.believed
+    sampled.show(0.0)
+    assert sampled.gyro.believed
+
+
 def test_before_anything_turned_it_has_no_noise() -> None:
     sampled = Sampled()
     sampled.show(0.0)
