@@ -118,7 +118,7 @@ wirings: $(VENV)/.dev ## `setup` on all 384 ways to connect four motors, each wi
 	YAHBOOMD_EVERY_WIRING=1 $(PYTEST) $(PARALLEL) -q tests/cli/setup/test_setup_wizard.py -k four_wheels
 
 ##@ Measure
-.PHONY: bench bench-short ratios footprint calibration picture
+.PHONY: bench bench-short ratios footprint page-figures calibration picture
 $(VENV)/.bench: $(VENV)/.dev
 	@$(PYTHON) tools/bootstrap.py $(VENV) uvloop || echo "bench: there is no uvloop here; its rows are left out"
 	@touch $@
@@ -137,6 +137,9 @@ ratios: $(VENV)/.dev ## CPU, latency and memory beside the least that a program 
 
 footprint: $(VENV)/.run ## memory, threads, CPU, start-up time and sizes of the daemon
 	@$(PY) -m benchmarks.footprint $(ARGS)
+
+page-figures: $(VENV)/.dev ## CPU and memory of the page's server with 1, 5 and 30 pages, and the bytes of its first load
+	@$(PY) -m benchmarks.page_server $(ARGS)
 
 calibration: $(VENV)/.dev ## how well `calibrate` finds 400 random robots that are off (three minutes)
 	@$(PY) -m benchmarks.random_robots $(ARGS)
