@@ -26,6 +26,7 @@ COMMANDS = {
     "events": "print events as they happen",
     "record": "write what is on the bus to MCAP files",
     "plot": "draw a recording",
+    "replay": "play a black box to a daemon, or compute its poses again",
     "web": "serve the page that drives the robot from a phone",
     "metrics": "serve what the daemon counts, for Prometheus and Grafana",
     "probe": "find the port, name the board, explain what is wrong",

@@ -32,6 +32,7 @@ FOLDERS = {
     "calibrate": "calibrate",
     "record": "record",
     "plot": "plot",
+    "replay": "replay",
     "web": "web",
     **dict.fromkeys(("install", "uninstall"), "service"),
     "completions": "shell",

@@ -141,6 +141,11 @@ class Odometer:
         )
 
     @property
+    def pose(self) -> Pose2d:
+        """The pose of the base in the odometry frame, as of the latest reading."""
+        return self._integrator.pose
+
+    @property
     def gyro_bias_rad_s(self) -> float:
         """The gyro's reading at rest, as learned."""
         return self._heading.bias_rad_s

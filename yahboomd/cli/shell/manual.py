@@ -37,6 +37,8 @@ STATUSES: Mapping[int, str] = {
     2: "the arguments make no sense.",
     3: "the emergency stop is engaged (`yahboomd status`).",
     4: "the robot waits for its board (`yahboomd status`).",
+    65: "a file is not what the command takes.",
+    66: "a file cannot be read.",
     69: "no port, no board or no daemon is there, or another process holds the port.",
     70: "an error of yahboomd itself; the log has a traceback.",
     74: "the output cannot be written: the disk is full.",

@@ -1,0 +1,56 @@
+from __future__ import annotations
+
+import math
+import random
+from pathlib import Path
+
+import pytest
+from wire_records import WireBench, header_of
+
+from yahboomd.cli.replay.replayed_poses import KINDS, PoseReplay
+from yahboomd.model import Pose2d
+from yahboomd.simulation.virtual_time import on_virtual_time
+
+
+def replayed(bench: WireBench) -> PoseReplay:
+    replay = PoseReplay(header_of(bench))
+    replay.run(bench.records)
+    return replay
+
+
+@pytest.mark.parametrize(
+    ("dialect", "heading"), [("streamed", "wheels"), ("polled", "wheels"), ("rosmaster", "fused")]
+)
+@on_virtual_time
+async def test_every_pose_and_every_event_of_the_odometry_is_the_daemons_to_the_last_bit(
+    tmp_path: Path, dialect: str, heading: str
+) -> None:
+    chance = random.Random(7)
+    bench = WireBench(tmp_path, dialect, f"odometry.heading={heading}")
+    async with bench:
+        await bench.ready()
+        for disturbance in ("", "reset", "pose", "noise", "unplug", "hold", ""):
+            now_ns = bench.clock.now_ns()
+            bench.robot.impairments.change(corruption=0.002 * (disturbance == "noise"))
+            match disturbance:
+                case "reset":
+                    bench.robot.reset(now_ns)
+                case "pose":
+                    bench.operator.set_pose(Pose2d(x=1.0, theta=math.pi), None)
+                case "unplug":
+                    bench.robot.unplug(now_ns, 1.0)
+                case "hold":
+                    bench.robot.hold(now_ns, 0.4)
+            for _ in range(2):
+                await bench.drive(1.0, chance.uniform(-0.3, 0.4), chance.uniform(-1.0, 1.0))
+            bench.anchor(dialect)
+    replay = replayed(bench)
+    assert len(replay.estimates) > 200
+    found = [each.estimate for each in replay.estimates]
+    assert found == bench.heard.estimates[-len(found) :]
+    compared = replay.compared
+    assert compared.same
+    assert compared.anchors == compared.identical >= 1
+    assert (compared.largest, compared.unmatched, compared.restarts) == (0.0, 0, 0)
+    published = [each for each in bench.heard.events if each.kind in KINDS]
+    assert published[-1] in replay.events

@@ -1,0 +1,219 @@
+"""What goes over the wire of a simulated robot and its daemon, as the records of a black box."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+
+from board_bench import BoardPort
+from fault_bench import FaultBench
+
+from yahboomd.blackbox.box_file import (
+    Header,
+    ImuSettings,
+    OdometerSettings,
+    deflated,
+    encode_header,
+)
+from yahboomd.blackbox.records import (
+    Anchor,
+    Armed,
+    Closed,
+    Happened,
+    Identified,
+    Meaning,
+    Opened,
+    PoseSet,
+    Reading,
+    Received,
+    Record,
+    Renewal,
+    Written,
+    encode,
+)
+from yahboomd.blackbox.ring import Ring
+from yahboomd.model import EncoderReading
+from yahboomd.odometry import snapshot
+from yahboomd.simulation.options import SimulationOptions
+
+_TAPS = ("update", "armed", "set_pose", "set_sample_period")
+
+
+class WireBench(FaultBench):
+    """A daemon without its bus, whose bytes are kept.
+
+    Attributes:
+        records: Them.
+        readings: Of the counters, as the daemon had them.
+    """
+
+    def __init__(self, folder: Path, dialect: str, *overrides: str, **simulation: object) -> None:
+        options = SimulationOptions(**{"dialect": dialect, **simulation})  # type: ignore[arg-type]
+        super().__init__(folder, overrides, options)
+        self.records: list[Record] = []
+        self.readings: list[EncoderReading] = []
+        reading, connected = self.controller.reading, self.controller.connected
+
+        def keep(each: EncoderReading) -> None:
+            self.readings.append(each)
+            reading(each)
+
+        def identified(board, identity) -> None:
+            self.note(Identified(dialect=identity.dialect.name, settings=identity.settings))
+            connected(board, identity)
+
+        self._tap_odometer()
+        event = self.heard.event
+
+        def happened(each) -> None:
+            self.note(Happened(event=each))
+            event(each)
+
+        self.heard.event = happened  # type: ignore[method-assign]
+        self.controller.reading = keep  # type: ignore[method-assign]
+        self.controller.connected = identified  # type: ignore[method-assign]
+
+    def _tap_odometer(self) -> None:
+        odometer = self.controller._odometer
+        update, armed, set_pose = odometer.update, odometer.armed, odometer.set_pose
+        set_period = odometer.set_sample_period
+
+        def updated(each: EncoderReading):
+            if each.requested_ns or each.after_gap or each.after_reset or each.unbroken:
+                names = Reading.__struct_fields__
+                self.note(Reading(**{name: getattr(each, name) for name in names}))
+            return update(each)
+
+        def was_armed() -> None:
+            self.note(Armed())
+            armed()
+
+        def was_set(pose, covariance=None) -> None:
+            self.note(PoseSet(pose=pose, covariance=covariance))
+            set_pose(pose, covariance)
+
+        def renewed(period_ns, *, each_line=False, age_ns=0) -> None:
+            self.note(Renewal(period_ns=period_ns, each_line=each_line, age_ns=age_ns))
+            set_period(period_ns, each_line=each_line, age_ns=age_ns)
+
+        odometer.update, odometer.armed, odometer.set_pose = updated, was_armed, was_set
+        odometer.set_sample_period = renewed
+
+    def anchor(self, dialect: str) -> None:
+        """The state of the odometer, between two reads."""
+        odometer = self.controller._odometer
+        taps = {name: vars(odometer).pop(name) for name in _TAPS}
+        state = snapshot.save(odometer)
+        vars(odometer).update(taps)
+        port = self.port
+        self.note(Anchor(port=port.name, byte_ns=port.byte_ns, dialect=dialect, state=state))
+
+    def note(self, meaning: Meaning) -> None:
+        self.records.append(Record(self.clock.now_ns(), meaning))
+
+    async def _open(self) -> BoardPort:
+        port = await super()._open()
+        if not self.records:
+            self.anchor("")
+        self.note(Opened(port=port.name, byte_ns=port.byte_ns))
+        listen, write, close = port.listen, port.write, port.close
+
+        def hear(data: bytes, on_data: Callable[[bytes], None]) -> None:
+            self.note(Received(data=data))
+            on_data(data)
+
+        def written(data: bytes) -> None:
+            self.note(Written(data=data))
+            write(data)
+
+        def closed() -> None:
+            self.note(Closed())
+            close()
+
+        port.listen = lambda on_data, on_lost: listen(lambda data: hear(data, on_data), on_lost)  # type: ignore[method-assign]
+        port.write = written  # type: ignore[method-assign]
+        port.close = closed  # type: ignore[method-assign]
+        return port
+
+
+class DevicePort(BoardPort):
+    """A port with any device behind it, on virtual time."""
+
+    def __init__(self, device) -> None:
+        super().__init__(_Robot(device))
+
+
+class _Robot:
+    """What a memory port wants of a robot, by any device."""
+
+    def __init__(self, device) -> None:
+        self.device = device
+        self.started = False
+        self.plugged = True
+        self.options = SimulationOptions()
+        self.host_wrote, self.host_backlog_ns = device.host_wrote, device.host_backlog_ns
+        self.advance = device.advance
+
+    def start(self, now_ns: int) -> None:
+        self.started = True
+        self.device.start(now_ns)
+
+    @property
+    def next_ns(self) -> int:
+        return self.device.next_ns
+
+    @property
+    def on_plug(self):
+        return self.device.on_plug
+
+    @on_plug.setter
+    def on_plug(self, call) -> None:
+        self.device.on_plug = call
+
+
+SIZE = 1 << 20
+
+
+def header_of(bench: WireBench) -> Header:
+    """What belongs to all records."""
+    config = bench.config
+    return Header(
+        version="test",
+        machine="test",
+        boot_id="",
+        pid=1,
+        started_ns=bench.records[0].at_ns,
+        started_wall_ns=1_700_000_000_000_000_000,
+        config=config.model_dump(mode="json", exclude_none=True),
+        profile=config.board.profile,
+        odometer=OdometerSettings(
+            kinematics=config.kinematics(),
+            motors=config.motors(),
+            speed_max_m_s=2.0,
+            noise_m=1e-5,
+            fused=config.odometry.heading == "fused",
+            gyro_scale=None,
+        ),
+        imu=ImuSettings(axes="x y z", gyro_axes="x y z", gyro_factor=1.0),
+        segment_bytes=SIZE,
+    )
+
+
+def save(path: Path, bench: WireBench) -> None:
+    """The bytes as a saved box, of one segment."""
+    head = encode_header(header_of(bench))
+    buffer = bytearray(head + bytes(SIZE))
+    ring = Ring(buffer, len(head), SIZE)
+    for at_ns, meaning in bench.records:
+        ring.write(*encode(meaning), at_ns)
+    path.write_bytes(deflated(bytes(buffer)))
+
+
+async def drive_about(bench: WireBench) -> None:
+    """A short drive with a curve, and rest before and after it."""
+    await bench.ready()
+    await asyncio.sleep(0.5)
+    await bench.drive(1.5, 0.3, 0.6)
+    await bench.drive(1.0, -0.2)
+    await asyncio.sleep(1.0)
