@@ -11,6 +11,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from yahboomd.errors import BoardError
 from yahboomd.link.guard import Guard
 
 pytestmark = pytest.mark.realtime
@@ -109,10 +110,16 @@ def test_signals_of_the_terminal_do_not_end_it(port: tuple[int, int]) -> None:
 
 
 def test_without_the_guard_there_is_no_pulse(port: tuple[int, int]) -> None:
-    guard = Guard.start(port[1], STOP)
-    guard.close()
-    with pytest.raises((ValueError, OSError)):
-        guard.mark(True)
+    closed = Guard.start(port[1], STOP)
+    closed.close()
+    with pytest.raises(BoardError, match="no motor is turned"):
+        closed.mark(True)
+    killed = Guard.start(port[1], STOP)
+    os.kill(killed._process.pid, signal.SIGKILL)
+    killed._process.wait()
+    with pytest.raises(BoardError, match="no motor is turned"):
+        killed.mark(True)
+    killed.close()
     os.close(port[1])
 
 

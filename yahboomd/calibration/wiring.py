@@ -16,7 +16,9 @@ import msgspec
 
 from yahboomd.model import Counts
 
-Kind: TypeAlias = Literal["encoder_crossed", "encoder_swapped", "encoder_dead", "motor_dead"]
+Kind: TypeAlias = Literal[
+    "encoder_crossed", "encoder_swapped", "encoder_dead", "motor_dead", "motor_misplaced"
+]
 
 MOVED_TURNS = 0.01
 """Less than that is no motion: gears have play."""
@@ -74,7 +76,8 @@ class WiringFault(msgspec.Struct, frozen=True, kw_only=True):
         kind: Its name, for programs.
         position: The plug of the motor; None where it is not known.
         wheel: Its wheel.
-        arrives: Where the counts of this motor arrive instead; for ``encoder_crossed``.
+        arrives: Where the counts of this motor arrive instead, for ``encoder_crossed``; the plug
+            where it belongs, for ``motor_misplaced``.
         words: What is wrong, and the plug to change.
     """
 

@@ -12,6 +12,8 @@ import subprocess
 import sys
 from typing import Self
 
+from yahboomd.errors import BoardError
+
 OVERDUE_S = 1.2
 """A pulse and the time to notice that the wheels stand; then the guard stops them itself."""
 
@@ -66,10 +68,15 @@ class Guard:
         """A pulse begins (True), or has ended and the wheels stand.
 
         Raises:
-            BrokenPipeError: The guard is gone: there must be no pulse.
+            BoardError: The guard is gone: there must be no pulse.
         """
         assert self._process.stdin is not None
-        os.write(self._process.stdin.fileno(), BEGINS if pulse else ENDS)
+        try:
+            os.write(self._process.stdin.fileno(), BEGINS if pulse else ENDS)
+        except (OSError, ValueError) as error:
+            raise BoardError(
+                "The process that lets the motors go after a crash has ended: no motor is turned."
+            ) from error
 
     def close(self) -> None:
         """End it; it stops the wheels first where a pulse has not ended."""

@@ -11,10 +11,12 @@ from yahboomd.cli.setup.robot_file import as_toml, write_robot
 from yahboomd.config import WHEELS, Config, read
 from yahboomd.errors import ConfigError
 
+TEXT = as_toml(outcome().description, outcome().wiring)
+
 
 def config_of(found: Outcome, folder: Path, **more: str) -> Config:
     path = folder / "robot.toml"
-    write_robot(path, as_toml(found, **more), overwrite=True)
+    write_robot(path, as_toml(found.description, found.wiring, **more), overwrite=True)
     return read(path, environ={}).config
 
 
@@ -48,14 +50,13 @@ def test_what_has_to_be_repaired_stands_at_its_head() -> None:
     fault = WiringFault(kind="encoder_dead", position=1, wheel="left", words="M1 is not counted.")
     found = outcome()
     wiring = Wiring(motors=found.wiring.motors, faults=(fault,))
-    text = as_toml(
-        Outcome(port="", dialect="", description=found.description, wiring=wiring), port=""
-    )
+    text = as_toml(found.description, wiring)
     assert "# To be repaired: M1 is not counted." in text.splitlines()
 
 
 def test_every_line_of_a_comment_is_one() -> None:
-    for line in as_toml(outcome("skid_steer")).splitlines():
+    found = outcome("skid_steer")
+    for line in as_toml(found.description, found.wiring).splitlines():
         assert line == "" or line[0] in "#[ ]" or "=" in line
         assert len(line) <= 100
 
@@ -64,15 +65,15 @@ def test_a_file_that_is_there_is_kept_and_a_wrong_one_is_never_written(tmp_path:
     path = tmp_path / "robot.toml"
     path.write_text("# mine\n")
     with pytest.raises(ConfigError, match="there already"):
-        write_robot(path, as_toml(outcome()), overwrite=False)
+        write_robot(path, TEXT, overwrite=False)
     with pytest.raises(ConfigError, match="wheel_radius_m"):
         write_robot(path, "[chassis]\nwheel_radius_m = -1.0\n", overwrite=True)
     assert path.read_text() == "# mine\n"
     assert [each.name for each in tmp_path.iterdir()] == ["robot.toml"]
-    write_robot(path, as_toml(outcome()), overwrite=True)
+    write_robot(path, TEXT, overwrite=True)
     assert path.stat().st_mode & 0o777 == 0o644
 
 
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"cannot be written.*--output FILE"):
-        write_robot(tmp_path / "no" / "robot.toml", as_toml(outcome()), overwrite=False)
+        write_robot(tmp_path / "no" / "robot.toml", TEXT, overwrite=False)

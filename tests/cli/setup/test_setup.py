@@ -206,12 +206,22 @@ def test_an_engaged_emergency_stop_is_refused_before_the_port_is_opened(board, t
     assert not (tmp_path / "robot.toml").exists()
 
 
-def test_a_port_that_another_program_holds_is_refused_with_its_name(board, tmp_path) -> None:
+def test_a_port_that_a_daemon_owns_is_refused_with_words_and_the_daemon_drives_on(
+    board, tmp_path
+) -> None:
     robot = board()
-    robot.board.drive()
-    done = scripted(robot, tmp_path, ANSWERS)
-    assert done.returncode == 69
-    assert f"kill {robot.board.owner.pid}" in done.stderr
+    listen = ("--set", f'zenoh.listen=["{free_endpoint()}"]', "--set", "zenoh.connect=[]")
+    daemon = Process("run", "--port", robot.port, *listen)
+    try:
+        daemon.says("Connected to")
+        done = scripted(robot, tmp_path, ANSWERS)
+        assert done.returncode == 69
+        assert "A yahboomd daemon owns the board" in done.stderr
+        assert f"kill {daemon.process.pid}" in done.stderr
+        assert daemon.process.poll() is None
+        assert "Lost" not in daemon.output
+    finally:
+        daemon.end()
 
 
 @pytest.mark.parametrize(

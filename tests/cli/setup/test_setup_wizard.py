@@ -29,6 +29,7 @@ from yahboomd.config import Config, read
 from yahboomd.daemon.latch_file import LatchFile
 from yahboomd.errors import BoardSilent, Refused
 from yahboomd.simulation.four_channel.flash import FlashContent
+from yahboomd.simulation.motors import FAULTS
 from yahboomd.simulation.options import FOUR_WHEELS, TWO_WHEELS, Wiring, at_plug
 from yahboomd.simulation.rosmaster.rosmaster_board import RosmasterStored
 from yahboomd.simulation.virtual_time import on_virtual_time
@@ -49,7 +50,7 @@ SELECTED = EVERY_WIRING if "YAHBOOMD_EVERY_WIRING" in os.environ else SAMPLE
 
 async def drives_straight_and_turns_left(bench: LinkBench, found: Outcome, folder: Path) -> None:
     path = folder / "robot.toml"
-    write_robot(path, as_toml(found), overwrite=True)
+    write_robot(path, as_toml(found.description, found.wiring), overwrite=True)
     assert [(m.name, m.position) for m in read(path, environ={}).config.motors()]
     robot = RobotBench(folder, file=path)
     robot.robot = bench.robot
@@ -136,6 +137,60 @@ async def test_a_mecanum_car_of_the_other_board_is_found_and_its_sensor_noticed(
     await drives_straight_and_turns_left(bench, found, tmp_path)
 
 
+@on_virtual_time
+async def test_a_board_that_divides_a_motion_itself_has_its_plugs_named(tmp_path: Path) -> None:
+    bench = LinkBench(
+        dialect="rosmaster",
+        drive="mecanum",
+        wiring=plugged(FOUR_WHEELS, (2, 1, 3, -4)),
+        battery_volts=11.5,
+        rated_volts=11.5,
+        wheel_radius_m=0.0325,
+        flash=RosmasterStored(car_type=1),
+    )
+    given = Given(
+        profile="x3",
+        kinematics="mecanum",
+        wheel_diameter_mm=65.0,
+        wheel_separation_mm=169.0,
+        wheel_base_mm=160.0,
+    )
+    found = await set_up(bench, given)
+    (fault,) = found.wiring.faults
+    assert (fault.kind, fault.position) == ("motor_misplaced", 3)
+    assert "M3 (front right) is mounted the other way round, and this board cannot" in fault.words
+    # The file is that of the repaired robot.
+    assert connected(found) == true_wiring(bench) | {"front_right": -3}
+
+    person = SimulatedPerson(bench)
+    person.repair = lambda: bench.robot.add_faults(
+        "front_right", FAULTS["mounted-round"], now_ns=bench.now_ns
+    )
+    found = await set_up(bench, given, person=person)
+    assert found.wiring.faults == ()
+    await drives_straight_and_turns_left(bench, found, tmp_path)
+
+
+@on_virtual_time
+async def test_a_robot_that_the_board_is_not_set_up_for_is_refused_before_a_wheel_turns() -> None:
+    bench = LinkBench(
+        dialect="rosmaster",
+        battery_volts=11.5,
+        drive="mecanum",
+        flash=RosmasterStored(car_type=4),
+    )
+    given = Given(
+        profile="x1",
+        kinematics="mecanum",
+        wheel_diameter_mm=65.0,
+        wheel_separation_mm=169.0,
+        wheel_base_mm=160.0,
+    )
+    with pytest.raises(Refused, match="The board cannot drive such a robot"):
+        await set_up(bench, given)
+    assert all(motor.travel_m == 0.0 for motor in bench.robot.plant.motors)
+
+
 @pytest.mark.parametrize(
     ("faults", "found_faults"),
     [
@@ -174,7 +229,7 @@ async def test_faults_are_named_by_their_plugs_alone_and_together(
     assert {motor.wheel: motor.position for motor in found.wiring.motors} == {
         wire.name: wire.position for wire in FOUR_WHEELS
     }
-    assert "To be repaired" in as_toml(found)
+    assert "To be repaired" in as_toml(found.description, found.wiring)
 
 
 @on_virtual_time

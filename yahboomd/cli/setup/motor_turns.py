@@ -7,14 +7,18 @@ import sys
 import textwrap
 from collections.abc import Callable, Sequence
 
+import msgspec
+
 from yahboomd.calibration.wiring import (
     HandTurn,
     Turn,
+    WiredMotor,
     Wiring,
     judge,
     judge_by_hand,
     plain,
 )
+from yahboomd.cli.setup.board_law import as_drivable
 from yahboomd.cli.setup.description import Description
 from yahboomd.cli.setup.robot_drawing import picture
 from yahboomd.cli.setup.terminal_questions import WIDTH, Person, say, say_heading, say_points
@@ -37,6 +41,25 @@ POWER_UNSEEN = (
 )
 
 
+class Robot(msgspec.Struct, frozen=True, kw_only=True):
+    """A robot whose wiring is to be found.
+
+    Attributes:
+        description: What it is.
+        wheels: The driven wheels, by their number in the picture.
+        ways: The ways to connect their motors that the board can drive.
+    """
+
+    description: Description
+    wheels: tuple[str, ...]
+    ways: list[tuple[WiredMotor, ...]]
+
+    @property
+    def picture(self) -> str:
+        """It, from above."""
+        return picture(self.description.kinematics, self.wheels)
+
+
 class ByOutput:
     """Finds the wiring with a board that can give its motors an output.
 
@@ -44,8 +67,7 @@ class ByOutput:
         talk: The conversation with the board.
         pulses: Turns single motors.
         person: Says what was seen.
-        description: The robot.
-        wheels: The driven wheels, by their number in the picture.
+        robot: What it is.
         may_turn: Called before each motor is turned; raises where none may be.
     """
 
@@ -54,17 +76,14 @@ class ByOutput:
         talk: Conversation,
         pulses: Pulses,
         person: Person,
-        *,
-        description: Description,
-        wheels: Sequence[str],
+        robot: Robot,
         may_turn: Callable[[], None],
     ) -> None:
         self._talk = talk
         self._pulses = pulses
         self._person = person
-        self._ticks = description.profile.ticks_per_revolution
-        self._wheels = wheels
-        self._picture = picture(description.kinematics, wheels)
+        self._robot = robot
+        self._ticks = robot.description.profile.ticks_per_revolution
         self._may_turn = may_turn
         self._turns: dict[int, Turn] = {}
         self._plugs: dict[str, int] = {}
@@ -82,7 +101,7 @@ class ByOutput:
         """
         say("\nEach motor turns for a moment, half a turn of its wheel at most. Watch the wheels.")
         say(FORWARD)
-        say(self._picture)
+        say(self._robot.picture)
         again: Sequence[int] = range(1, CHANNELS + 1)
         while True:
             await _counting(self._talk)
@@ -96,19 +115,21 @@ class ByOutput:
                 continue
             if verdict.missing and await self._ask_plugs(verdict.missing):
                 verdict = self._verdict()
+            if not verdict.missing:
+                verdict = as_drivable(verdict, self._robot.ways)
             if not verdict.faults or await _gives_up(self._person, verdict):
                 return verdict
             again = self._suspects(verdict)
 
     def _verdict(self) -> Wiring:
-        return judge(list(self._turns.values()), tuple(self._wheels), self._ticks, self._plugs)
+        return judge(list(self._turns.values()), self._robot.wheels, self._ticks, self._plugs)
 
     async def _try(self, positions: Sequence[int]) -> None:
         for position in positions:
             self._turns.pop(position, None)
         for position in positions:
             seen = {turn.wheel for turn in self._turns.values()}
-            if seen >= {*self._wheels}:
+            if seen >= {*self._robot.wheels}:
                 say(f"Every wheel has its motor: M{position} is free.")
                 continue
             self._turns[position] = await self._turn(position)
@@ -130,7 +151,7 @@ class ByOutput:
 
     async def _ask_wheel(self) -> str | None:
         """The wheel, empty for none; None to see it again."""
-        numbers = {str(number): wheel for number, wheel in enumerate(self._wheels, start=1)}
+        numbers = {str(number): wheel for number, wheel in enumerate(self._robot.wheels, start=1)}
         while True:
             answer = (
                 await self._person.line(
@@ -144,7 +165,7 @@ class ByOutput:
             if answer in {"0", "n", "none"}:
                 return ""
             say("The number at the wheel in the picture, please.")
-            say(self._picture)
+            say(self._robot.picture)
 
     async def _ask_way(self, wheel: str) -> bool | None:
         """Whether it turned forward; None to see it again."""
@@ -194,18 +215,14 @@ class ByHand:
     Args:
         talk: The conversation with the board.
         person: Turns the wheels.
-        description: The robot.
-        wheels: The driven wheels, by their number in the picture.
+        robot: What it is.
     """
 
-    def __init__(
-        self, talk: Conversation, person: Person, description: Description, wheels: Sequence[str]
-    ) -> None:
+    def __init__(self, talk: Conversation, person: Person, robot: Robot) -> None:
         self._talk = talk
         self._person = person
-        self._ticks = description.profile.ticks_per_revolution
-        self._wheels = wheels
-        self._picture = picture(description.kinematics, wheels)
+        self._robot = robot
+        self._ticks = robot.description.profile.ticks_per_revolution
 
     async def find(self) -> Wiring:
         """Have each wheel turned, until nothing contradicts itself.
@@ -216,19 +233,22 @@ class ByHand:
         """
         say("Turn each wheel forward by hand, about half a turn.")
         say(FORWARD)
-        say(self._picture)
+        say(self._robot.picture)
         while True:
             await _counting(self._talk)
             turns = [
                 await self._turn(number, wheel)
-                for number, wheel in enumerate(self._wheels, start=1)
+                for number, wheel in enumerate(self._robot.wheels, start=1)
             ]
             verdict = judge_by_hand(turns, self._ticks)
             for words in verdict.doubts:
                 say(f"  {words}")
             if verdict.doubts:
                 say("Once more, then.")
-            elif not verdict.faults or await _gives_up(self._person, verdict):
+                continue
+            if not verdict.missing:
+                verdict = as_drivable(verdict, self._robot.ways)
+            if not verdict.faults or await _gives_up(self._person, verdict):
                 say()
                 say(textwrap.fill(POWER_UNSEEN, WIDTH))
                 return verdict

@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 import tempfile
 import textwrap
+import tomllib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from yahboomd.calibration.wiring import WiredMotor
-from yahboomd.cli.setup.outcome import Outcome
-from yahboomd.config import read
+from yahboomd.calibration.wiring import WiredMotor, Wiring
+from yahboomd.cli.setup.description import Description
+from yahboomd.config import Config, read
 from yahboomd.config.values import inline
 from yahboomd.errors import ConfigError
 
@@ -24,19 +25,19 @@ _COMMENTS = {
 }
 
 
-def as_toml(found: Outcome, *, port: str = "") -> str:
+def as_toml(description: Description, wiring: Wiring, *, port: str = "") -> str:
     """The configuration of a robot.
 
     Args:
-        found: The robot.
+        description: What it is.
+        wiring: How its motors are connected.
         port: The serial port; empty: yahboomd looks for it.
     """
-    description, motors = found.description, found.wiring.motors
     lines = [
         "# A robot, written by `yahboomd setup`. What is not in here has its default, which",
         "# `yahboomd config reference` explains. After a change: `yahboomd config check`.",
     ]
-    for fault in found.wiring.faults:
+    for fault in wiring.faults:
         lines += [f"# {line}" for line in textwrap.wrap(f"To be repaired: {fault.words}", 96)]
     if port:
         lines += ["", "[serial]", f"port = {inline(port)}"]
@@ -59,9 +60,24 @@ def as_toml(found: Outcome, *, port: str = "") -> str:
         "# Which plug each wheel's motor is in. Both signs are -1 for a motor that is mounted the",
         "# other way round.",
         "[chassis.motors]",
-        *_motors(description.kinematics, motors),
+        *_motors(description.kinematics, wiring.motors),
     ]
     return "\n".join(lines) + "\n"
+
+
+def as_config(description: Description, wheels: Sequence[str]) -> Config:
+    """The configuration of a robot whose wiring is not known yet.
+
+    Args:
+        description: What it is.
+        wheels: The wheels that have a motor.
+    """
+    motors = tuple(
+        WiredMotor(wheel=wheel, position=position, sign=1)
+        for position, wheel in enumerate(wheels, start=1)
+    )
+    text = as_toml(description, Wiring(motors=motors))
+    return Config.model_validate(tomllib.loads(text))
 
 
 def write_robot(path: Path, text: str, *, overwrite: bool) -> None:

@@ -123,7 +123,11 @@ def run(args: argparse.Namespace) -> int:
         with contextlib.redirect_stdout(sys.stderr):
             overwrite = args.overwrite or (there and await may_overwrite(person, path))
             found = await wizard.find(by_hand=args.by_hand)
-        write_robot(path, as_toml(found, port=config.serial.port), overwrite=overwrite)
+        write_robot(
+            path,
+            as_toml(found.description, found.wiring, port=config.serial.port),
+            overwrite=overwrite,
+        )
         print(result(found, path) if args.json else next_steps(found, path), flush=True)
         return 0
 

@@ -11,10 +11,12 @@ from yahboomd.calibration.wiring import Wiring
 from yahboomd.cli.own_port import refuse_estop
 from yahboomd.cli.probe import probe_report, probe_text
 from yahboomd.cli.probe.probe_write import Printed
-from yahboomd.cli.setup.description import Description, Given, ask_motors, ask_robot
-from yahboomd.cli.setup.motor_turns import MOTOR_TURNS_PER_S, ByHand, ByOutput
+from yahboomd.cli.setup.board_law import drivable
+from yahboomd.cli.setup.description import Given, ask_motors, ask_robot
+from yahboomd.cli.setup.motor_turns import MOTOR_TURNS_PER_S, ByHand, ByOutput, Robot
 from yahboomd.cli.setup.outcome import Outcome
 from yahboomd.cli.setup.robot_drawing import wheels_of
+from yahboomd.cli.setup.robot_file import as_config
 from yahboomd.cli.setup.terminal_questions import Person, agrees, say, say_heading, say_points
 from yahboomd.clock import Clock
 from yahboomd.config import WHEELS, Config
@@ -63,6 +65,7 @@ class Wizard:
         self._port = port
         self._opener = opener
         self._clock = clock
+        self._settings: BoardSettings | None = None
         self._imu = ""
 
     async def find(self, *, by_hand: bool) -> Outcome:
@@ -86,13 +89,17 @@ class Wizard:
         board, profile = await ask_motors(self._person, self._given, dialect, found.settings)
         await self._fit(dialect, found, profile)
         description = await ask_robot(self._person, self._given, board, profile)
+        wheels = wheels_of(description.kinematics, WHEELS[description.kinematics])
+        ways = drivable(dialect, self._settings, as_config(description, wheels), wheels)
         if by_hand or not dialect.most_output:
             say_heading("The wheels")
             say("No motor is turned." if by_hand else "This board takes speeds only.")
-            wiring = await self._connected(description, by_hand=True)
         else:
             await self._lifted()
-            wiring = await self._connected(description, by_hand=False)
+        wiring = await self._connected(
+            Robot(description=description, wheels=wheels, ways=ways),
+            by_hand=by_hand or not dialect.most_output,
+        )
         return Outcome(
             port=self._port,
             dialect=dialect.name,
@@ -112,6 +119,7 @@ class Wizard:
             raise BoardSilent(
                 f"{self._port}: no board answers.", remedy=diagnosis.what_was_heard(found.heard)
             )
+        self._settings = found.settings
         return found.dialect, found
 
     def _report(
@@ -162,9 +170,8 @@ class Wizard:
         if answer.lower() != "yes":
             raise Refused("No motor was turned, and nothing was written.")
 
-    async def _connected(self, description: Description, *, by_hand: bool) -> Wiring:
-        wheels = wheels_of(description.kinematics, WHEELS[description.kinematics])
-        person, profile = self._person, description.profile
+    async def _connected(self, robot: Robot, *, by_hand: bool) -> Wiring:
+        person, profile = self._person, robot.description.profile
         port = await self._opener()
         line = Line(port, self._clock, resend_s=RESEND_S)
         line.on_imu = self._on_imu
@@ -176,7 +183,7 @@ class Wizard:
                 line.let_go = True
                 await handshake.await_reports(line, talk.dialect)
                 if by_hand:
-                    return await ByHand(talk, person, description, wheels).find()
+                    return await ByHand(talk, person, robot).find()
                 guard = outlasting.enter_context(_guarded(port, talk.dialect))
                 pulses = Pulses(
                     line,
@@ -185,15 +192,7 @@ class Wizard:
                     fastest_turns_per_s=MOTOR_TURNS_PER_S / profile.ratio,
                     on_pulse=(lambda _pulse: None) if guard is None else guard.mark,
                 )
-                wheels_turned = ByOutput(
-                    talk,
-                    pulses,
-                    person,
-                    description=description,
-                    wheels=wheels,
-                    may_turn=self._may_turn,
-                )
-                return await wheels_turned.find()
+                return await ByOutput(talk, pulses, person, robot, self._may_turn).find()
 
     def _on_imu(self, reading: ImuReading) -> None:
         self._imu = reading.sensor.name
