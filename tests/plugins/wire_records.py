@@ -9,6 +9,7 @@ from pathlib import Path
 from board_bench import BoardPort
 from fault_bench import FaultBench
 
+from yahboomd import __version__
 from yahboomd.blackbox.box_file import (
     Header,
     ImuSettings,
@@ -179,8 +180,8 @@ def header_of(bench: WireBench) -> Header:
     """What belongs to all records."""
     config = bench.config
     return Header(
-        version="test",
-        machine="test",
+        version=__version__,
+        machine="simulated",
         boot_id="",
         pid=1,
         started_ns=bench.records[0].at_ns,
@@ -190,8 +191,8 @@ def header_of(bench: WireBench) -> Header:
         odometer=OdometerSettings(
             kinematics=config.kinematics(),
             motors=config.motors(),
-            speed_max_m_s=2.0,
-            noise_m=1e-5,
+            speed_max_m_s=config.odometry.max_wheel_speed_m_s,
+            noise_m=config.odometry.noise_m,
             fused=config.odometry.heading == "fused",
             gyro_scale=None,
         ),

@@ -141,7 +141,8 @@ class Anchor(msgspec.Struct, frozen=True, kw_only=True):
         port: The port that is open; empty for none.
         byte_ns: Nanoseconds that a byte takes on its wire.
         dialect: The dialect of the board; empty where none is connected.
-        state: The odometer's state (:mod:`yahboomd.odometry.snapshot`).
+        state: The odometer's state (:mod:`yahboomd.odometry.snapshot`); empty for one that was
+            given nothing yet, which any version can make.
     """
 
     port: str

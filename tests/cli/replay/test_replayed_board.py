@@ -6,10 +6,13 @@ from pathlib import Path
 
 import pytest
 from board_bench import Recorder
+from replay_captures import FOLDER, HEADINGS
 from wire_records import DevicePort, WireBench, drive_about
 
+from yahboomd.blackbox.box_file import read_box
 from yahboomd.cli.replay.recorded_wire import Connection, Piece, Poll, connections
 from yahboomd.cli.replay.replayed_board import LAST_WORDS_NS, UNPLUGGED_NS, ReplayedBoard
+from yahboomd.cli.replay.replayed_poses import PoseReplay
 from yahboomd.clock import LoopClock
 from yahboomd.link.session import Session, SessionOptions
 from yahboomd.model import EncoderReading
@@ -175,3 +178,21 @@ def test_a_poll_that_was_not_answered_is_not_answered_again() -> None:
         board.host_wrote(b"$read#", at * MS)
         got.append(run_to(board, (at + 10) * MS))
     assert got == [[b"a"], [], [b"c"]]
+
+
+@pytest.mark.parametrize("capture", HEADINGS)
+@on_virtual_time
+async def test_a_capture_is_a_board_that_a_session_knows_and_reads(capture: str) -> None:
+    box = read_box((FOLDER / f"{capture}.box").read_bytes())
+    recorded = connections(box.records)
+    assert len(recorded) == (2 if capture == "polled" else 1)
+    replay = PoseReplay(box.header)
+    replay.run(box.records)
+    _, recorder = await played(recorded[-1:], SessionOptions())
+    assert [each.dialect.name for each in recorder.identities] == [capture]
+    last = replay.estimates[-1].estimate.motor_ticks
+    ticks = recorder.readings[-1].ticks
+    moved = [ticks[motor.position - 1] for motor in box.header.odometer.motors]
+    assert len(moved) == len(last)
+    assert any(moved)
+    assert len(recorder.resets) == (capture != "polled")

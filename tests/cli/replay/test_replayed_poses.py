@@ -1,13 +1,16 @@
 from __future__ import annotations
 
+import json
 import math
 import random
 from pathlib import Path
 
 import pytest
+from replay_captures import FOLDER, HEADINGS, golden
 from wire_records import WireBench, header_of
 
-from yahboomd.cli.replay.replayed_poses import KINDS, PoseReplay
+from yahboomd.blackbox.box_file import read_box
+from yahboomd.cli.replay.replayed_poses import KINDS, NEAR, PoseReplay
 from yahboomd.model import Pose2d
 from yahboomd.simulation.virtual_time import on_virtual_time
 
@@ -54,3 +57,24 @@ async def test_every_pose_and_every_event_of_the_odometry_is_the_daemons_to_the_
     assert (compared.largest, compared.unmatched, compared.restarts) == (0.0, 0, 0)
     published = [each for each in bench.heard.events if each.kind in KINDS]
     assert published[-1] in replay.events
+
+
+@pytest.mark.parametrize("capture", HEADINGS)
+def test_a_capture_gives_its_golden_poses_and_events(capture: str) -> None:
+    box = read_box((FOLDER / f"{capture}.box").read_bytes())
+    expected = json.loads((FOLDER / f"{capture}.json").read_text())
+    replay = PoseReplay(box.header)
+    replay.run(box.records)
+    estimates = [each.estimate for each in replay.estimates]
+    assert len(estimates) == expected["estimates"]
+    assert [each.kind for each in replay.events] == expected["events"]
+    poses = golden(estimates)
+    assert [row[0] for row in poses] == [row[0] for row in expected["poses"]]
+    largest = max(
+        abs(here - there)
+        for row, known in zip(poses, expected["poses"], strict=True)
+        for here, there in zip(row[1:], known[1:], strict=True)
+    )
+    # On the machine that recorded them it is 0.
+    assert largest <= NEAR
+    assert replay.compared.same

@@ -207,7 +207,8 @@ class PoseReplay:
             fused=made.fused,
             gyro_scale=made.gyro_scale,
         )
-        snapshot.restore(odometer, state)
+        if state:
+            snapshot.restore(odometer, state)
         return odometer
 
     def _anchor(self, anchor: Anchor) -> None:
