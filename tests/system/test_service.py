@@ -311,3 +311,47 @@ def test_the_metrics_are_off_until_enabled_and_outlive_the_daemon(bench) -> None
     finally:
         machine.run("systemctl", "disable", "--now", unit)
     bench.drive()
+
+
+ENTER = """
+import http.client, json, sys
+def ask(method, path, token=""):
+    link = http.client.HTTPConnection("127.0.0.1", 8480)
+    body = json.dumps({"token": token}) if token else ""
+    headers = {"Origin": "http://127.0.0.1:8480"} if method == "POST" else {}
+    link.request(method, path, body, headers)
+    answer = link.getresponse()
+    return answer.status, answer.read().decode()
+print(*ask("GET", "/session"), *ask("POST", "/session", sys.argv[1]))
+"""
+
+
+@main_claim
+def test_the_page_is_off_until_installed_and_its_tokens_are_in_no_journal(bench) -> None:
+    machine = bench.machine
+    unit = "yahboomd-web.service"
+
+    def entered(token: str) -> str:
+        return machine.run(PYTHON, "-c", ENTER, token, check=False)
+
+    assert machine.run("systemctl", "is-enabled", unit, check=False).strip() == "disabled"
+    machine.run("yahboomd", "install", "--web")
+    try:
+        # On loopback everybody on this machine drives.
+        wait_until(lambda: entered("none").startswith('200 {"role":"driver"'), "the page")
+        assert 61184 <= int(machine.show(unit, "UID")) <= 65519
+        machine.run("yahboomd", "install", "--web", "--listen", "0.0.0.0:8480")
+        wait_until(lambda: entered("wrong").startswith("401"), "the page wants a token")
+        links = machine.run("yahboomd", "web", "--show-link")
+        tokens = re.findall(r"#token=([\w-]{22})", links)
+        assert len(set(tokens)) == 2
+        assert " 204 " in entered(tokens[0])
+        journal = machine.run("journalctl", "-u", unit, "--no-pager")
+        assert "yahboomd web --show-link" in journal
+        assert not any(token in journal for token in tokens)
+        machine.run("systemctl", "kill", "--signal=SIGKILL", unit)
+        wait_until(lambda: " 204 " in entered(tokens[0]), "it is back, with the same tokens")
+        assert machine.show(SERVICE, "ActiveState") == "active"
+    finally:
+        machine.run("systemctl", "disable", "--now", unit)
+    bench.drive()

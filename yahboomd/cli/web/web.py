@@ -342,8 +342,8 @@ async def _report(hub: PageHub, where: str) -> None:
     """Print when the daemon comes or goes."""
     alive: bool | None = None
     while True:
+        await asyncio.sleep(1.0)
         if hub.robot.alive != alive:
             alive = hub.robot.alive
             words = "answers" if alive else "does not answer; it is waited for"
             print(f"yahboomd at {where} {words}.", flush=True)
-        await asyncio.sleep(1.0)
