@@ -8,13 +8,15 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from real_robot import wait_for
 
 HOLD_EVERY_S = 0.05
+
+Begin = TypeVar("Begin")
 
 
 class LedCalibration:
@@ -101,13 +103,44 @@ class LedCalibration:
         self._held = ""
         self.send(type="release")
 
-    def held_through(self, question: dict[str, Any]) -> dict[str, Any]:
-        """Hold it until the next question."""
+    def hold_until(
+        self, question: dict[str, Any], condition: Callable[[], object]
+    ) -> dict[str, Any]:
+        """Hold it until something is true; again, where a busy machine let it lapse.
+
+        Returns:
+            The question whose button is held in the end.
+        """
         assert question["kind"] == "hold", question
         self.hold(question)
-        after = self.question()
-        self._held = ""
-        return after
+
+        def held() -> bool:
+            nonlocal question
+            again = self.of_type("question")[self._seen :]
+            if again and again[0]["kind"] == "hold":
+                question = self.question()
+                self.hold(question)
+            return bool(condition())
+
+        wait_for(held, "what is held for")
+        return question
+
+    def held_through(
+        self, question: dict[str, Any], begin: Callable[[], Begin]
+    ) -> tuple[Begin, dict[str, Any]]:
+        """Hold it until the question after the movement.
+
+        Returns:
+            What ``begin`` returned before the movement that counts, and the question after it.
+        """
+        while True:
+            begun = begin()
+            self.hold(question)
+            after = self.question()
+            self._held = ""
+            if after["kind"] != "hold":
+                return begun, after
+            question = after
 
     def ends(self) -> int:
         """Wait for its end; its exit status."""

@@ -117,7 +117,9 @@ class Site:
         self.port: int = self._listener.getsockname()[1]
         self.tokens = tokens
         self.origin = f"{'https' if context else 'http'}://127.0.0.1:{self.port}"
-        tools = ToolSettings(robot=(f"--connect={endpoint}",), recordings=state / "recordings")
+        # The state directory of root is the machine's.
+        file = f"--set=chassis.calibration_file={state / 'calibration.toml'}"
+        tools = ToolSettings(robot=(f"--connect={endpoint}", file), recordings=state / "recordings")
         self.hub = PageHub(client_options(endpoint, namespace=namespace), clock, tools)
         application = WebApplication(
             self.hub,

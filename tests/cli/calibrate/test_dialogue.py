@@ -26,12 +26,18 @@ TRUE_RADIUS_M, TRUE_TRACK_M = 0.0345, 0.162
 QUICK = ("--straight", "1", "--turns", "1", "--speed", "0.4", "--turn-speed", "2")
 
 PARENT = """
-import subprocess, sys, time, json
+import subprocess, sys, time, json, threading
 child = subprocess.Popen(sys.argv[1:], stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0)
 print(child.pid, flush=True)
-asked = json.loads(child.stdout.readline())
+asked = {}
+
+def read():
+    for line in child.stdout:
+        asked.update(json.loads(line))
+
+threading.Thread(target=read, daemon=True).start()
 while True:
-    hold = {"type": "hold", "id": asked["id"], "at_ns": time.monotonic_ns()}
+    hold = {"type": "hold", "id": asked.get("id"), "at_ns": time.monotonic_ns()}
     child.stdin.write(json.dumps(hold).encode() + b"\\n")
     time.sleep(0.05)
 """
@@ -62,8 +68,8 @@ def lead(robot: RealRobot, tmp_path: Path) -> Iterator[Callable[..., LedCalibrat
         each.close()
 
 
-def wait_moving(robot: RealRobot) -> None:
-    wait_for(lambda: max(map(abs, robot.truth()[-1].speed_m_s)) > 0.1, "it drives")
+def moves(robot: RealRobot) -> bool:
+    return max(map(abs, robot.truth()[-1].speed_m_s)) > 0.1
 
 
 def test_a_whole_calibration_by_tape_with_the_button_held_writes_the_true_size(
@@ -73,8 +79,7 @@ def test_a_whole_calibration_by_tape_with_the_button_held_writes_the_true_size(
     asked = led.question()
     assert asked["bounds"] == {"distance_m": 1.0, "turn_rad": 0.0, "time_s": 8.8}
     assert "It moves 1 m, for at most 9 s." in asked["text"]
-    begin = robot.settled_truth()
-    asked = led.held_through(asked)
+    begin, asked = led.held_through(asked, robot.settled_truth)
     end = robot.settled_truth()
     assert (asked["kind"], asked["name"], asked["unit"]) == ("number", "length", "m")
     led.answer(asked, "far")
@@ -82,8 +87,7 @@ def test_a_whole_calibration_by_tape_with_the_button_held_writes_the_true_size(
     assert asked["wrong"] == "A number of metres, such as 1.987."
     led.answer(asked, f"{math.hypot(end.x - begin.x, end.y - begin.y):.4f}")
     for _ in range(2):
-        begin = robot.settled_truth()
-        asked = led.held_through(led.question())
+        begin, asked = led.held_through(led.question(), robot.settled_truth)
         end = robot.settled_truth()
         led.answer(asked, f"{math.degrees(abs(end.theta - begin.theta)) - 360.0:.3f}")
     assert led.ends() == 0
@@ -105,18 +109,18 @@ def test_the_robot_stops_when_the_button_is_let_go_and_the_run_is_done_once_more
     led = lead("tape", *QUICK, "--held")
     first = led.question()
     begin = robot.settled_truth()
-    led.hold(first)
-    wait_moving(robot)
+    first = led.hold_until(first, lambda: moves(robot))
     led.release() if way == "released" else led.fall_silent()
     asked = led.question()
-    assert asked["text"].startswith("You let go")
+    assert asked["text"].startswith("The button was let go")
     stopped = robot.settled_truth()
     assert math.hypot(stopped.x - begin.x, stopped.y - begin.y) < 0.9
     # The holds of the run that is over do not begin the next one.
     led.hold(first)
     wait_for(lambda: robot.truth()[-1].t_ns > stopped.t_ns + 1_000_000_000, "a second")
     assert robot.settled_truth().x == pytest.approx(stopped.x, abs=1e-4)
-    assert led.held_through(asked)["name"] == "length"
+    _, after = led.held_through(asked, robot.settled_truth)
+    assert after["name"] == "length"
     led.send(type="abort")
     assert led.ends() == 1
     assert led.lines[-1]["type"] == "refused"
@@ -146,9 +150,12 @@ def test_an_input_that_ends_in_mid_run_stops_the_robot_and_nothing_is_written(
 ) -> None:
     led = lead("tape", *QUICK, *held)
     asked = led.question()
-    led.hold(asked) if held else led.answer(asked)
     begin = robot.settled_truth()
-    wait_moving(robot)
+    if held:
+        led.hold_until(asked, lambda: moves(robot))
+    else:
+        led.answer(asked)
+        wait_for(lambda: moves(robot), "it drives")
     assert led.process.stdin is not None
     led.fall_silent()
     led.process.stdin.close()
@@ -173,8 +180,8 @@ def test_a_program_that_is_killed_stops_the_robot_and_leaves_no_process(
     with parent:
         assert parent.stdout is not None
         child = int(parent.stdout.readline())
-        begin = robot.settled_truth()
-        wait_moving(robot)
+        wait_for(lambda: moves(robot), "it drives")
+        begin = robot.truth()[-1]
         parent.kill()
     stopped = robot.settled_truth()
     assert math.hypot(stopped.x - begin.x, stopped.y - begin.y) < 0.9
@@ -193,8 +200,7 @@ def test_ctrl_c_in_mid_run_stops_the_robot_and_nothing_is_written(
     robot: RealRobot, lead: Callable[..., LedCalibration], tmp_path: Path
 ) -> None:
     led = lead("tape", *QUICK, "--held")
-    led.hold(led.question())
-    wait_moving(robot)
+    led.hold_until(led.question(), lambda: moves(robot))
     led.process.send_signal(signal.SIGINT)
     assert led.ends() == 130
     robot.settled_truth()
@@ -205,14 +211,13 @@ def test_holds_that_waited_while_the_command_was_frozen_do_not_move_the_robot_af
     robot: RealRobot, lead: Callable[..., LedCalibration]
 ) -> None:
     led = lead("tape", *QUICK, "--held")
-    led.hold(led.question())
-    wait_moving(robot)
+    led.hold_until(led.question(), lambda: moves(robot))
     led.process.send_signal(signal.SIGSTOP)
     stopped = robot.settled_truth()
     led.fall_silent()
     wait_for(lambda: robot.truth()[-1].t_ns > stopped.t_ns + 300_000_000, "the last hold is old")
     led.process.send_signal(signal.SIGCONT)
-    assert led.question()["text"].startswith("You let go")
+    assert led.question()["text"].startswith("The button was let go")
     assert robot.settled_truth().travel_m == pytest.approx(stopped.travel_m, abs=2e-3)
 
 

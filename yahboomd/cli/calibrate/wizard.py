@@ -249,8 +249,8 @@ class _Wizard:
                     await driver.drive(leg, partial(person.progress, part, len(legs)))
             except LetGo:
                 words = (
-                    "You let go before the end, and the robot stopped: this run does not count. "
-                    "Put it back on its mark; it is done once more."
+                    "The button was let go, or the connection was too slow: the robot stopped, and "
+                    "this run does not count. Put it back on its mark; it is done once more."
                 )
             else:
                 return
