@@ -87,3 +87,17 @@ def test_damage_inside_a_segment_is_counted(memory):
     found = read_box(bytes(image))
     assert found.damaged == 1
     assert found.records[-1].meaning == Received(data=b"1989")
+
+
+def test_segments_that_are_missing_in_the_middle_are_counted(memory):
+    image = filled(memory, count=5000)
+    whole = read_box(image)
+    assert whole.damaged == 0
+    head = len(image) - 4 * 4096
+    # The ring has gone round: what was cut off lies between the oldest and the newest.
+    newest = max(range(4), key=lambda at: image[head + 4096 * at + 1 : head + 4096 * at + 9][::-1])
+    moved = [(newest + 2 + each) % 4 for each in range(4)]
+    segments = [image[head + 4096 * at : head + 4096 * (at + 1)] for at in moved]
+    cut = read_box(image[:head] + b"".join(segments[:1] + segments[2:]))
+    assert cut.damaged == 1
+    assert len(cut.records) < len(whole.records)

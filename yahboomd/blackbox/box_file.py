@@ -17,6 +17,7 @@ from __future__ import annotations
 import gzip
 import struct
 import zlib
+from itertools import pairwise
 from typing import Any
 
 import msgspec
@@ -122,7 +123,8 @@ class Box(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         header: What belongs to all records.
         records: In their order.
-        damaged: Segments that are damaged inside: what follows the damage in them is missing.
+        damaged: Places where records are missing: in a damaged segment those behind the damage,
+            or whole segments.
     """
 
     header: Header
@@ -170,7 +172,10 @@ def read_box(data: bytes) -> Box:
             found.append((number, *_records(segment)))
     found.sort(key=lambda each: each[0])
     records = [record for _, some, _ in found for record in some]
-    return Box(header=header, records=records, damaged=sum(damaged for *_, damaged in found))
+    damaged = sum(damaged for *_, damaged in found)
+    # A file that was cut after the ring had gone round lacks some in the middle.
+    missing = sum(after[0] - before[0] > 1 for before, after in pairwise(found))
+    return Box(header=header, records=records, damaged=damaged + missing)
 
 
 def _inflated(data: bytes) -> bytes:

@@ -10,6 +10,7 @@ from replay_captures import FOLDER, HEADINGS, golden
 from wire_records import WireBench, header_of
 
 from yahboomd.blackbox.box_file import read_box
+from yahboomd.blackbox.records import Anchor
 from yahboomd.cli.replay.replayed_poses import KINDS, NEAR, PoseReplay
 from yahboomd.model import Pose2d
 from yahboomd.simulation.virtual_time import on_virtual_time
@@ -57,6 +58,32 @@ async def test_every_pose_and_every_event_of_the_odometry_is_the_daemons_to_the_
     assert (compared.largest, compared.unmatched, compared.restarts) == (0.0, 0, 0)
     published = [each for each in bench.heard.events if each.kind in KINDS]
     assert published[-1] in replay.events
+
+
+@on_virtual_time
+async def test_after_records_that_are_missing_it_goes_on_from_the_daemons_next_state(
+    tmp_path: Path,
+) -> None:
+    async with WireBench(tmp_path, "streamed") as bench:
+        await bench.ready()
+        await bench.drive(2.0, 0.3, 0.5)
+        bench.anchor("streamed")
+        resumed = len(bench.heard.estimates)
+        await bench.drive(1.0, 0.2)
+    (at,) = [index for index, each in enumerate(bench.records) if isinstance(each.meaning, Anchor)][
+        1:
+    ]
+    records = [*bench.records[: at - 500], *bench.records[at:]]
+    replay = PoseReplay(header_of(bench))
+    replay.run(records, damaged=True)
+    after = bench.heard.estimates[resumed:]
+    assert [each.estimate for each in replay.estimates][-len(after) :] == after
+    assert (replay.compared.restarts, replay.compared.same) == (1, True)
+    # In a file that is whole the same is a difference.
+    whole = PoseReplay(header_of(bench))
+    whole.run(records)
+    assert whole.compared.largest > 1e-3
+    assert not whole.compared.same
 
 
 @pytest.mark.parametrize("capture", HEADINGS)

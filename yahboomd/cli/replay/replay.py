@@ -137,7 +137,7 @@ def _compute(box: Box, args: argparse.Namespace) -> int:
 
     replay = PoseReplay(box.header)
     try:
-        replay.run(box.records)
+        replay.run(box.records, damaged=box.damaged > 0)
     except NotAState as error:
         raise Unplayable(
             f"{args.file}: its odometry is that of yahboomd {box.header.version}, and this is "
@@ -232,7 +232,7 @@ def _verdict(compared: Compared, machine: str) -> list[str]:
         lines.append(f"{compared.unmatched} readings of the daemon are not in its bytes.")
     if compared.restarts:
         lines.append(
-            f"Records are missing in {compared.restarts} places; after each it goes on from the "
-            "daemon's next state."
+            f"After missing records it went on from the daemon's next state "
+            f"({compared.restarts} times)."
         )
     return lines

@@ -19,7 +19,6 @@ from yahboomd.blackbox.records import (
     Closed,
     Happened,
     Identified,
-    Lost,
     Opened,
     PoseSet,
     Reading,
@@ -123,12 +122,22 @@ class PoseReplay:
         self._pending: list[_Pending] = []
         self._wall_less_monotonic_ns = header.started_wall_ns - header.started_ns
         self._recorded: list[Event] = []
+        self._damaged = False
         self.estimates: list[Estimated] = []
         self.events: list[Event] = []
         self.compared = Compared()
 
-    def run(self, records: Sequence[Record]) -> None:
-        """Compute everything."""
+    def run(self, records: Sequence[Record], *, damaged: bool = False) -> None:
+        """Compute everything.
+
+        Args:
+            records: The recording.
+            damaged: Records are missing somewhere: poses that differ at an anchor go on from there.
+
+        Raises:
+            NotAState: The state of an anchor is that of another version of yahboomd.
+        """
+        self._damaged = damaged
         for at_ns, meaning in records:
             if isinstance(meaning, Reading):
                 self._complete(meaning)
@@ -143,15 +152,7 @@ class PoseReplay:
                 self._wall_less_monotonic_ns = meaning.wall_ns - at_ns
             elif isinstance(
                 meaning,
-                Anchor
-                | Opened
-                | Identified
-                | Closed
-                | Received
-                | Renewal
-                | PoseSet
-                | Steered
-                | Lost,
+                Anchor | Opened | Identified | Closed | Received | Renewal | PoseSet | Steered,
             ):
                 self._use(list(self._pending))
                 self._take(at_ns, meaning)
@@ -161,22 +162,11 @@ class PoseReplay:
     def _take(
         self,
         at_ns: int,
-        meaning: Anchor
-        | Opened
-        | Identified
-        | Closed
-        | Received
-        | Renewal
-        | PoseSet
-        | Steered
-        | Lost,
+        meaning: Anchor | Opened | Identified | Closed | Received | Renewal | PoseSet | Steered,
     ) -> None:
         odometer = self._odometer
         if isinstance(meaning, Anchor):
             self._anchor(meaning)
-        elif isinstance(meaning, Lost):
-            self._odometer = None
-            self.compared.restarts += 1
         elif isinstance(meaning, Opened | Closed):
             self._framer, self._dialect = None, ""
             self._unread.clear()
@@ -221,9 +211,14 @@ class PoseReplay:
                 return
             recorded = self._fresh(anchor.state)
             apart = _apart(own.pose, recorded.pose)
-            compared.largest = max(compared.largest, apart)
             if apart <= NEAR:
+                compared.largest = max(compared.largest, apart)
                 return
+            if self._damaged:
+                compared.anchors -= 1
+                compared.restarts += 1
+            else:
+                compared.largest = max(compared.largest, apart)
         self._odometer = self._fresh(anchor.state)
         self._framer = None
         self._byte_ns = anchor.byte_ns
@@ -287,7 +282,7 @@ class PoseReplay:
                     )
                 )
                 return
-        if self._odometer is not None:
+        if self._odometer is not None and not self._damaged:
             self.compared.unmatched += 1
 
     def _up_to_a_cause(self) -> None:
@@ -327,6 +322,8 @@ class PoseReplay:
 
         A daemon publishes of one kind not more than a few in a second.
         """
+        if self._damaged:
+            return
         computed = iter(self.events)
         for event in self._recorded:
             if event not in computed:
