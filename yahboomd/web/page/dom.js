@@ -37,3 +37,19 @@ export function duration(ms) {
   if (ms < 120_000) return `${Math.round(ms / 1000)} s`;
   return `${Math.round(ms / 60_000)} min`;
 }
+
+/** A number of bytes: "870 kB", "1.2 GB". */
+export function amount(bytes) {
+  const [unit, name] = [[1e9, "GB"], [1e6, "MB"], [1e3, "kB"]].find(([each]) => bytes >= each) ?? [1, "bytes"];
+  return `${fixed(bytes / unit, unit > 1e3 && bytes < 100 * unit ? 1 : 0)} ${name}`;
+}
+
+/** Date and time of day of Unix seconds. */
+export function stamp(seconds) {
+  return new Date(seconds * 1000).toLocaleString([], { dateStyle: "medium", timeStyle: "short" });
+}
+
+/** Seconds as on a stopwatch: "4:05". */
+export function clockTime(seconds) {
+  return `${Math.floor(seconds / 60)}:${String(Math.floor(seconds % 60)).padStart(2, "0")}`;
+}

@@ -65,7 +65,7 @@ function create(app) {
     },
     () => deadman.letGo(),
   );
-  app.stopDriving = (why = "") => deadman.letGo(why);
+  app.onStop.add(() => deadman.letGo());
 
   const slide = el("input", { type: "checkbox", id: "slide" });
   const slideRow = el("label", { class: "slide", for: "slide", hidden: true }, slide, " Slide sideways instead of turning");

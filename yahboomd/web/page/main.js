@@ -9,10 +9,10 @@ import { Views } from "./views.js";
 
 const live = new Live();
 const connection = new Connection(live);
-const app = { live, connection, stopDriving: () => {} };
+const app = { live, connection, onStop: new Set() }; // Whatever drives by a thumb lets go when the stop is pressed.
 
 const session = openSession(); // It takes the token out of the address before the views read it.
-app.estop = new Estop(connection, live, () => app.stopDriving());
+app.estop = new Estop(connection, live, () => app.onStop.forEach((letGo) => letGo()));
 watchHeader(connection, live);
 new Views(app);
 

@@ -3,6 +3,7 @@
 const SILENT_MS = 2000; // The server sends a beat every 50 ms: without one for so long, connect again.
 const BACKLOG_BYTES = 2000; // Commands that the network does not take are dropped: old ones are worth nothing.
 const ANSWER_MS = 5000;
+const TOOL_MS = 30_000; // A command is started for some of them.
 
 export class Connection {
   #socket = null;
@@ -61,6 +62,25 @@ export class Connection {
     return true;
   }
 
+  /** The button of a calibration's question is held; false where that was not sent. */
+  hold(question) {
+    if (!this.isOpen || this.#beat === null || this.#socket.bufferedAmount > BACKLOG_BYTES) return false;
+    this.#send({ type: "hold", beat: this.#beat, question });
+    return true;
+  }
+
+  /** It was let go. */
+  letGo() {
+    if (!this.isOpen) return false;
+    this.#send({ type: "let_go" });
+    return true;
+  }
+
+  /** Use a tool of the server's; resolves with the answer. */
+  tool(what, args = {}) {
+    return this.#ask({ type: "tool", do: what, args }, TOOL_MS);
+  }
+
   /** Take over control, or give it back. */
   control(want) {
     if (this.isOpen) this.#send({ type: "control", want });
@@ -76,7 +96,7 @@ export class Connection {
     return this.#ask({ type: "estop" });
   }
 
-  #ask(message) {
+  #ask(message, patience = ANSWER_MS) {
     if (!this.isOpen) return Promise.resolve({ ok: false, text: "There is no connection to the robot." });
     const id = this.#nextId++;
     this.#send({ ...message, id });
@@ -86,7 +106,7 @@ export class Connection {
         this.#requests.delete(id);
         resolve(answer);
       };
-      const timer = setTimeout(() => give({ ok: false, text: "The robot did not answer." }), ANSWER_MS);
+      const timer = setTimeout(() => give({ ok: false, text: "The robot did not answer." }), patience);
       this.#requests.set(id, give);
     });
   }

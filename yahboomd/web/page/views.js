@@ -8,7 +8,11 @@ import { health } from "./health.js";
 import { map } from "./map.js";
 import { wheels } from "./wheels.js";
 
-const VIEWS = [drive, map, wheels, health];
+const VIEWS = [
+  drive, map, wheels, health,
+  { id: "calibrate", title: "Calibrate", load: () => import("./calibrate.js").then((module) => module.create) },
+  { id: "record", title: "Record", load: () => import("./record.js").then((module) => module.create) },
+];
 const WIDE = matchMedia("(min-width: 1000px)"); // As in style.css: the drive view stays beside the others.
 
 export class Views {
@@ -35,6 +39,7 @@ export class Views {
       const current = link.dataset.view === opened.id;
       if (current) link.setAttribute("aria-current", "page");
       else link.removeAttribute("aria-current");
+      if (current) link.scrollIntoView({ block: "nearest", inline: "center" });
     }
     for (const view of wanted) if (!this.#made.has(view.id)) this.#add(view, await view.load());
     for (const [id, made] of this.#made) {

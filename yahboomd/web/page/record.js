@@ -1,0 +1,116 @@
+// Recordings: one runs at a time; those that are there are listed, downloaded and removed.
+
+import { amount, clockTime, el, stamp, write } from "./dom.js";
+
+const AGAIN_MS = 3000;
+
+export function create({ live, connection }) {
+  let listed = null; // What the server said last.
+  let problem = "";
+  let doubted = ""; // The recording that is about to be removed.
+
+  const driver = () => live.newest("hello")?.role === "driver";
+  const now = () => live.newest("recording");
+
+  const toggle = el("button", { type: "button", class: "primary", onclick: () => press() });
+  const words = el("p", { role: "status" });
+  const room = el("p", { class: "note" });
+  const list = el("ul", { class: "files" });
+
+  async function press() {
+    toggle.disabled = true;
+    const answer = await connection.tool(now()?.name ? "end_recording" : "record");
+    toggle.disabled = false;
+    problem = answer.ok ? "" : answer.text;
+    show();
+    read();
+  }
+
+  async function remove(name) {
+    doubted = "";
+    const answer = await connection.tool("delete_recording", { name });
+    problem = answer.ok ? "" : answer.text;
+    await read();
+  }
+
+  async function read() {
+    try {
+      const answer = await fetch("/recordings");
+      if (answer.ok) listed = await answer.json();
+    } catch {
+      // The next one comes soon.
+    }
+    show();
+  }
+
+  function show() {
+    if (element.hidden) return;
+    const running = now()?.name ?? null;
+    write(toggle, running ? "End the recording" : "Begin to record");
+    toggle.hidden = !driver();
+    write(words, problem || (running ? `Recording ${running}: ${elapsed()}, ${amount(now().bytes)}.` : now()?.ended ?? ""));
+    if (!listed) return;
+    write(room, `${listed.recordings.length} recordings, ${amount(listed.bytes)} of at most ${amount(listed.most_bytes)}. ${amount(listed.free_bytes ?? 0)} of the disk are free.`);
+    const rows = JSON.stringify([listed.recordings, doubted, driver()]);
+    if (rows !== list.dataset.shown) {
+      list.dataset.shown = rows;
+      list.replaceChildren(...listed.recordings.map(row));
+    }
+  }
+
+  function elapsed() {
+    return clockTime((now().for_s ?? 0) + live.age("recording") / 1000);
+  }
+
+  function row({ name, running, at_s, bytes, files }) {
+    const links = files.map((file) =>
+      el("a", { href: `/recordings/${name}/${file.name}`, download: `${name}-${file.name}` }, file.name, el("small", {}, ` ${amount(file.bytes)}`)),
+    );
+    const ask = () => {
+      doubted = name;
+      show();
+      list.querySelector(".doubt button")?.focus();
+    };
+    const keep = () => {
+      doubted = "";
+      show();
+    };
+    const doubt = el(
+      "p",
+      { class: "doubt" },
+      `Remove ${name} for ever? `,
+      el("button", { type: "button", onclick: keep }, "Keep it"),
+      el("button", { type: "button", class: "danger", onclick: () => remove(name) }, "Remove"),
+    );
+    const mayRemove = driver() && !running;
+    return el(
+      "li",
+      { class: "card" },
+      el("div", { class: "line" }, el("b", {}, name), el("span", { class: "fact" }, running ? "recording" : `${stamp(at_s)}, ${amount(bytes)}`)),
+      el("div", { class: "links" }, ...links),
+      ...(mayRemove ? [doubted === name ? doubt : el("button", { type: "button", "aria-label": `Remove ${name}`, onclick: ask }, "Remove\u2026")] : []),
+    );
+  }
+
+  const element = el(
+    "section",
+    { class: "record" },
+    el("div", { class: "card" }, el("h2", {}, "Record"), el("p", { class: "note" }, "What the robot does and is commanded, as files for Foxglove, Lichtblick and ROS 2. A recording ends by itself a minute after the last page to drive was closed."), toggle, words),
+    room,
+    list,
+  );
+  live.on("recording", (message) => {
+    if (!message.name) read();
+    show();
+  });
+  live.on("hello", show);
+  let clock = 0;
+  return {
+    element,
+    show: () => {
+      clock = setInterval(read, AGAIN_MS);
+      read();
+    },
+    hide: () => clearInterval(clock),
+  };
+}
