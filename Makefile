@@ -118,7 +118,7 @@ wirings: $(VENV)/.dev ## `setup` on all 384 ways to connect four motors, each wi
 	YAHBOOMD_EVERY_WIRING=1 $(PYTEST) $(PARALLEL) -q tests/cli/setup/test_setup_wizard.py -k four_wheels
 
 ##@ Measure
-.PHONY: bench bench-short ratios footprint page-figures calibration picture
+.PHONY: bench bench-short ratios footprint page-figures calibration tuning picture
 $(VENV)/.bench: $(VENV)/.dev
 	@$(PYTHON) tools/bootstrap.py $(VENV) uvloop || echo "bench: there is no uvloop here; its rows are left out"
 	@touch $@
@@ -143,6 +143,9 @@ page-figures: $(VENV)/.dev ## CPU and memory of the page's server with 1, 5 and 
 
 calibration: $(VENV)/.dev ## how well `calibrate` finds 400 random robots that are off (three minutes)
 	@$(PY) -m benchmarks.random_robots $(ARGS)
+
+tuning: $(VENV)/.dev ## `tune` on every motor profile from every bad start, the table of docs/tuning.md (five minutes)
+	$(PYTEST) $(PARALLEL) -rP tests/cli/tune/all_profiles.py $(ARGS)
 
 picture: $(VENV)/.dev ## drive the simulated robot, and draw docs/images/path.png
 	$(PY) tools/picture.py $(ARGS)

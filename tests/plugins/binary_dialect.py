@@ -158,6 +158,7 @@ class Binary(msgspec.Struct, frozen=True, kw_only=True):
     answer_spacing_ns: int = 5_000_000
     baudrate: int = 115_200
     fastest_m_s: float = 1.0
+    loop_ns: int = 0
     most_output: int = 0
     brake: bytes = frame(0x10, bytes(6))
     cut: bytes | None = frame(0x11)

@@ -34,6 +34,7 @@ FOLDERS = {
     "plot": "plot",
     "replay": "replay",
     "web": "web",
+    "tune": "tune",
     **dict.fromkeys(("install", "uninstall"), "service"),
     "completions": "shell",
 }

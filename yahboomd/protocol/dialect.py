@@ -474,6 +474,11 @@ class Dialect(Protocol):
         ...
 
     @property
+    def loop_ns(self) -> int:
+        """The period of the board's speed loops; 0 where nothing is known of them."""
+        ...
+
+    @property
     def most_output(self) -> int:
         """The largest of :meth:`outputs`; 0 where motors cannot be driven without regulation."""
         ...

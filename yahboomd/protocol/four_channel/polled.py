@@ -58,6 +58,7 @@ class Polled(msgspec.Struct, frozen=True, kw_only=True):
     answer_spacing_ns: int = AFTER_ANSWER_NS
     baudrate: int = BAUDRATE
     fastest_m_s: float = MAX_M_S
+    loop_ns: int = 0
     most_output: int = 0
     line_end: bytes = b""
     listen_ns: int = 0

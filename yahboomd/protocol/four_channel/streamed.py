@@ -84,6 +84,7 @@ class Streamed(msgspec.Struct, frozen=True, kw_only=True):
     answer_spacing_ns: int = AFTER_ANSWER_NS
     baudrate: int = BAUDRATE
     fastest_m_s: float = MAX_M_S
+    loop_ns: int = 10_000_000
     most_output: int = MAX_PWM
     line_end: bytes = b"\r\n"
     listen_ns: int = 0

@@ -72,6 +72,7 @@ class Rosmaster(msgspec.Struct, frozen=True, kw_only=True):
     battery: bytes | None = request(AUTO_REPORT)
     read_settings: tuple[bytes, ...] = READ_SETTINGS
     settings: tuple[StoredSetting, ...] = TABLE
+    loop_ns: int = 10_000_000
     most_output: int = MOST_OUTPUT
     fastest_m_s: float = max(car.fastest_mm_s for car in CARS.values()) / 1000.0
 

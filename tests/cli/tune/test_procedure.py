@@ -1,0 +1,127 @@
+"""Tunings of simulated boards on virtual time: what is measured, suggested, written, and not."""
+
+from __future__ import annotations
+
+import pytest
+from tuning_bench import TuningBench
+
+from yahboomd.cli.tune.procedure import ROUNDS, Procedure
+from yahboomd.simulation.virtual_time import on_virtual_time
+
+
+def writes(bench: TuningBench) -> list[bytes]:
+    frames = [frame for port in bench.link.ports for frame in port.frames]
+    return [frame for frame in frames if frame.startswith((b"$MPID", b"$deadzone"))]
+
+
+# Every motor from every start: `make tuning`.
+@pytest.mark.parametrize(
+    ("profile", "start", "most_writes"),
+    [("310", "too soft, no dead zone stored", 2), ("tt", "oscillates", 2), ("r2", "too soft", 1)],
+)
+@on_virtual_time
+async def test_gains_with_5_percent_of_overshoot_settle_30_percent_sooner(
+    profile, start, most_writes
+) -> None:
+    bench = TuningBench(profile, start)
+    before = await bench.true_step()
+    result = await bench.tune()
+    after = await bench.true_step()
+    assert after.overshoot <= 0.05
+    assert after.settling_s is not None
+    assert before.settling_s is None or after.settling_s <= 0.7 * before.settling_s
+    assert result.writes <= most_writes
+    # What was measured is what is true, to the ticks of a slope.
+    worst = max(wheel.after.settling_s for wheel in result.wheels)
+    assert worst == pytest.approx(after.settling_s, abs=0.1)
+
+
+@on_virtual_time
+async def test_gains_that_chatter_are_followed_by_trial_ones_which_show_the_motors() -> None:
+    bench = TuningBench("520", "chatters")
+    result = await bench.tune()
+    assert (await bench.true_step()).overshoot <= 0.05
+    assert result.expected is not None
+    assert result.writes == len(writes(bench)) <= 1 + ROUNDS
+
+
+@on_virtual_time
+async def test_what_the_board_stores_is_saved_before_the_first_write() -> None:
+    bench = TuningBench("520", "oscillates")
+    procedure = bench.procedure()
+    await procedure.examine()
+    assert writes(bench) == []
+
+    def save(_dialect, settings):
+        assert writes(bench) == []
+        bench.saved.append(settings)
+
+    assert await procedure.store(bench.agree, save)
+    assert bench.saved == [{"pid": (0.3, 0.6, 0.0), "deadzone": 1600}] or bench.saved == [
+        procedure.result.stored_before
+    ]
+    assert len(writes(bench)) == procedure.result.writes == 2
+    assert procedure.result.resets == 1
+
+
+@on_virtual_time
+async def test_without_agreement_nothing_is_saved_or_written() -> None:
+    bench = TuningBench("520", "oscillates")
+    procedure = bench.procedure()
+    await procedure.examine()
+
+    async def disagree(_wanted, _dialect):
+        return False
+
+    assert not await procedure.store(disagree, bench.save)
+    assert bench.saved == writes(bench) == []
+    assert procedure.result.notes == ["Nothing was stored."]
+
+
+@on_virtual_time
+async def test_a_board_that_is_tuned_is_left_alone() -> None:
+    bench = TuningBench("520", "oscillates")
+    await bench.tune()
+    again = bench.procedure()
+    await again.examine()
+    assert not again.worth_writing
+
+
+@on_virtual_time
+async def test_where_no_gains_are_better_the_board_has_its_own_again(monkeypatch) -> None:
+    bench = TuningBench("520", "as sold")
+    procedure = bench.procedure()
+    await procedure.examine()
+    # Suggestions of a wrong model: they settle later than what the board has.
+    monkeypatch.setattr(
+        Procedure, "_suggest", lambda self, _least=0.0: self.result.suggested.update(pid=BAD)
+    )
+    procedure.result.suggested = {"pid": BAD}
+    before = dict(procedure.result.stored_before)
+    assert not await procedure.store(bench.agree, bench.save)
+    assert procedure.result.stored_now == before
+    assert "its own values again" in procedure.result.notes[-1]
+
+
+BAD = (0.05, 0.01, 0.0)
+
+
+@on_virtual_time
+async def test_a_board_that_stores_no_gains_is_measured_and_says_so() -> None:
+    bench = TuningBench("520", dialect="polled")
+    result = await bench.tune()
+    assert all(wheel.before.settling_s is not None for wheel in result.wheels)
+    assert result.suggested == {}
+    assert any("stores no gains" in note for note in result.notes)
+    assert any("no dead zone is measured" in note for note in result.notes)
+
+
+@on_virtual_time
+async def test_dead_zones_are_found_to_2_percent_of_full_output() -> None:
+    bench = TuningBench("520", options={"motor_dead_zone": 1500})
+    procedure = bench.procedure()
+    await procedure.examine()
+    for wheel in procedure.result.wheels:
+        for found in wheel.turning_output:
+            assert abs(found - 1500) <= 0.02 * 3600
+    assert procedure.result.suggested["deadzone"] < 1500

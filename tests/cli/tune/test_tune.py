@@ -1,0 +1,133 @@
+"""`yahboomd tune` as a process, on a real pty: refusals, ends by any signal, and what is left."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from urllib.parse import quote
+
+import pytest
+from real_robot import Process, wait_for
+from simulated_board import SimulatedBoard
+
+from yahboomd.cli.main import main
+from yahboomd.cli.tune.saved import read_saved
+
+pytestmark = pytest.mark.realtime
+
+
+@pytest.fixture
+def tune(tmp_path: Path) -> Iterator[Callable[..., Process]]:
+    processes: list[Process] = []
+
+    def start(board: SimulatedBoard, *options: str) -> Process:
+        words = ("tune", "--port", board.port, "--output", str(tmp_path / "steps.svg"), *options)
+        processes.append(Process(*words, environ={"STATE_DIRECTORY": str(tmp_path)}))
+        return processes[-1]
+
+    yield start
+    for each in processes:
+        each.end()
+
+
+def turning(board: SimulatedBoard) -> bool:
+    return max(map(abs, board.speeds)) > 0.05
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_leaves_standing_wheels_and_an_untouched_board(
+    simulated_board, tune, tmp_path, number
+):
+    board = simulated_board()
+    tuning = tune(board, "--yes")
+    wait_for(lambda: turning(board) or tuning.process.poll() is not None, "a wheel turns")
+    tuning.process.send_signal(number)
+    assert tuning.end_by_itself() == 128 + number, tuning.output
+    assert board.stands
+    assert "the wheels were stopped" in tuning.output
+    assert not list(tmp_path.glob("before-tune*"))
+
+
+def test_killed_among_its_writes_the_wheels_stand_and_undo_restores_the_board(
+    simulated_board, tune, tmp_path
+):
+    board = simulated_board("--flash", "p=0.3", "--flash", "i=0.6", "--flash", "d=0")
+    tuning = tune(board, "--yes")
+    tuning.says("gains P, I, D")
+    wait_for(lambda: turning(board), "a wheel turns with the new gains")
+    tuning.process.kill()
+    wait_for(lambda: board.stands, "the wheels stand")
+    (path,) = tmp_path.glob("before-tune*.json")
+    assert read_saved(path).settings == {"pid": (0.3, 0.6, 0.0), "deadzone": 1600}
+    assert not read_saved(path).finished
+
+    def undone() -> Process | None:
+        # The guard lets go of the port a second after the last stop.
+        undoing = tune(board, "--undo")
+        return undoing if undoing.end_by_itself() == 0 else None
+
+    wait_for(undone, "the board is restored").says("dead zone 1600. Values written: 2.")
+    assert not path.exists()
+
+
+def test_a_dry_run_measures_suggests_and_writes_nothing(simulated_board, tune, tmp_path):
+    board = simulated_board("--flash", "p=0.3", "--flash", "i=0.6", "--flash", "d=0")
+    tuning = tune(board, "--yes", "--dry-run", "--json")
+    assert tuning.end_by_itself() == 0, tuning.output
+    found = json.loads(tuning.output[tuning.output.index("\n{") :])
+    assert found["writes"] == 0
+    assert found["stored_now"] == found["stored_before"]
+    assert found["suggested"]["pid"][2] == 0.0
+    assert [wheel["name"] for wheel in found["wheels"]] == ["left", "right"]
+    assert all(wheel["before"]["overshoot"] > 0.2 for wheel in found["wheels"])
+    assert (tmp_path / "steps.svg").read_text().startswith("<?xml")
+    assert found["picture"] == str(tmp_path / "steps.svg")
+    assert not list(tmp_path.glob("before-tune*"))
+
+
+def test_a_port_that_another_process_has_is_named_with_it(simulated_board, tune, tmp_path):
+    board = simulated_board()
+    board.drive()
+    tuning = tune(board, "--yes")
+    assert tuning.end_by_itself() == os.EX_UNAVAILABLE
+    assert f"kill {board.owner.pid}" in tuning.output
+    assert not board.stands
+
+
+def test_while_the_emergency_stop_is_engaged_no_wheel_turns(
+    simulated_board, tmp_path, monkeypatch, capsys
+):
+    board = simulated_board()
+    monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
+    (tmp_path / f"estop@{quote(board.port, safe='')}").write_text("")
+    for options in (["--yes"], ["--undo"]):
+        assert main(["tune", "--port", board.port, *options]) == 1
+        assert "emergency stop is engaged" in capsys.readouterr().err
+    assert board.stands
+
+
+def test_unless_the_person_says_that_the_wheels_are_in_the_air_none_turns(
+    simulated_board, tmp_path, monkeypatch, capsys
+):
+    board = simulated_board()
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
+    read, write = os.pipe()
+    os.write(write, b"no\n")
+    os.close(write)
+    with os.fdopen(read) as answers:
+        monkeypatch.setattr("sys.stdin", answers)
+        assert main(["tune", "--port", board.port]) == 1
+    assert "The wheels have to be in the air" in capsys.readouterr().err
+    assert board.stands
+
+
+@pytest.mark.parametrize(
+    ("name", "words"), [("steps.txt", "is no picture"), ("no/steps.png", "There is no folder")]
+)
+def test_a_picture_that_cannot_be_is_refused_before_a_wheel_turns(tmp_path, capsys, name, words):
+    assert main(["tune", "--yes", "--port", "/dev/null", "--output", str(tmp_path / name)]) == 1
+    assert words in capsys.readouterr().err

@@ -1,0 +1,100 @@
+"""Counts become travel on a grid, speeds, and the figures of a step."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from yahboomd.tuning.step_response import figures, mean, on_grid, speeds, tick_times
+
+TICK_S = 0.01
+
+
+def second_order(damping: float, rate: float = 20.0, ticks: int = 150) -> list[float]:
+    """The step of a second-order lag, whose overshoot is exp(-pi z / sqrt(1 - z^2))."""
+    fast = math.sqrt(1.0 - damping**2)
+    return [
+        1.0
+        - math.exp(-damping * rate * t)
+        * (math.cos(rate * fast * t) + damping / fast * math.sin(rate * fast * t))
+        for t in (tick * TICK_S for tick in range(ticks))
+    ]
+
+
+@pytest.mark.parametrize("damping", [0.2, 0.5, 0.7])
+def test_the_overshoot_of_a_second_order_lag_is_the_textbooks(damping):
+    expected = math.exp(-math.pi * damping / math.sqrt(1.0 - damping**2))
+    assert figures(second_order(damping), 1.0, TICK_S).overshoot == pytest.approx(
+        expected, abs=0.01
+    )
+
+
+@pytest.mark.parametrize("lag_s", [0.05, 0.1, 0.2])
+def test_a_first_order_lag_rises_in_2_2_and_settles_in_3_time_constants(lag_s):
+    trace = [1.0 - math.exp(-tick * TICK_S / lag_s) for tick in range(150)]
+    found = figures(trace, 1.0, TICK_S)
+    assert found.rise_s == pytest.approx(math.log(9.0) * lag_s, abs=0.003)
+    assert found.settling_s == pytest.approx(math.log(20.0) * lag_s, abs=TICK_S)
+    assert found.overshoot == 0.0
+    assert found.steady_error == pytest.approx(0.0, abs=0.005)
+
+
+def test_a_speed_that_stays_short_of_the_step_neither_rises_nor_settles():
+    found = figures([0.8] * 100, 1.0, TICK_S)
+    assert found.rise_s is None
+    assert found.settling_s is None
+    assert found.steady_error == pytest.approx(-0.2)
+
+
+def test_one_that_comes_into_the_band_at_the_very_end_has_not_settled():
+    assert figures([0.5] * 95 + [1.0] * 5, 1.0, TICK_S).settling_s is None
+
+
+def test_a_step_backward_has_the_figures_of_one_forward():
+    trace = second_order(0.4)
+    assert figures([-each for each in trace], -1.0, TICK_S) == figures(trace, 1.0, TICK_S)
+
+
+@given(st.floats(-2.0, 2.0), st.lists(st.floats(0.001, 0.05), min_size=2, max_size=80))
+def test_travel_at_a_constant_speed_is_a_straight_line_whenever_it_was_read(speed, gaps):
+    times, at = [], 0.0
+    for gap in gaps:
+        at += gap
+        times.append(at)
+    ticks = int(at / TICK_S)
+    grid = on_grid(times, [speed * each for each in times], tick_s=TICK_S, ticks=ticks)
+    assert grid == pytest.approx([speed * TICK_S * tick for tick in range(ticks + 1)], abs=1e-9)
+    if ticks >= 2:
+        assert speeds(grid, TICK_S) == pytest.approx([speed] * (ticks + 1), abs=1e-7)
+
+
+def test_behind_the_last_reading_nothing_moves():
+    assert on_grid([0.02], [1.0], tick_s=0.01, ticks=4) == pytest.approx([0.0, 0.5, 1.0, 1.0, 1.0])
+
+
+@given(
+    st.floats(0.0, 0.0099),
+    st.lists(st.floats(0.0, 0.0085), min_size=20, max_size=120),
+)
+def test_late_lines_are_brought_down_to_the_ticks_that_they_are_of(phase, delays):
+    arrivals = sorted(phase + tick * TICK_S + late for tick, late in enumerate(delays))
+    found = tick_times(arrivals, TICK_S)
+    steps = [round((after - before) / TICK_S) for before, after in itertools.pairwise(found)]
+    assert all(step >= 1 for step in steps)
+    assert all(at <= arrival + 1e-9 for at, arrival in zip(found, arrivals, strict=True))
+
+
+def test_a_burst_after_a_pause_belongs_to_the_ticks_before_it():
+    arrivals = [tick * TICK_S + 0.002 for tick in range(40)]
+    # Three lines were held up, and came together with the fourth.
+    arrivals[20:23] = [arrivals[23] - 0.0003 * each for each in (3, 2, 1)]
+    found = tick_times(arrivals, TICK_S)
+    assert [round((at - found[0]) / TICK_S) for at in found] == list(range(40))
+
+
+def test_the_mean_of_repeats_is_taken_tick_by_tick():
+    assert mean([[0.0, 1.0, 2.0], [0.0, 3.0, 4.0]]) == [0.0, 2.0, 3.0]

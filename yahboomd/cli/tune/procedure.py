@@ -1,0 +1,401 @@
+"""Measure, suggest, store, measure again: the course of a tuning, without terminal and pictures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Awaitable, Callable, Sequence
+
+import msgspec
+
+from yahboomd.cli.tune.stand import TICK_S, Stand, Traces
+from yahboomd.clock import Clock
+from yahboomd.config import Config
+from yahboomd.link import storing
+from yahboomd.link.port import Opener
+from yahboomd.protocol.dialect import Dialect
+from yahboomd.protocol.settings import VERSION, BoardSettings
+from yahboomd.tuning import dead_zone, loop_model, step_response
+from yahboomd.tuning.loop_model import Gains, LoopModel, Step
+from yahboomd.tuning.step_response import StepFigures
+from yahboomd.tuning.suggestion import Suggestion, suggest
+
+GAINS, DEAD_ZONE = "pid", "deadzone"
+"""The fields of stored settings that are tuned."""
+
+HOLD_S = 1.5
+REPEATS = 2
+"""Of each step, forward and as often backward."""
+
+ROUNDS = 3
+"""The most sets of gains that are tried."""
+
+OVERSHOOT = 0.05
+BETTER = 0.9
+"""Gains that settle within this share of the time before are worth a write."""
+
+SLOWER = 1.5
+UNSEEN = 0.6
+"""The least time constant of a closed loop, in times between two readings of the counts."""
+
+TRUSTED = 0.06
+"""A model that leaves so much of a step unexplained suggests nothing."""
+
+TRIAL = Gains(0.2, 0.02, 0.0)
+SOFTER = 0.2
+HARDER = 5.0
+FOLLOWS = 0.3
+"""A wheel that comes to less of a step by its end shows too little of its motor."""
+
+DEAD_ZONE_OFF_SHARE = 0.012
+GAP_LEFT = 0.05
+FASTEST_M_S = 1.5
+
+
+class Wheel(msgspec.Struct, kw_only=True):
+    """The findings on one wheel.
+
+    Attributes:
+        name: Of its motor.
+        position: Of its motor, 1 to 4.
+        turning_output: The output at which it begins to turn, forward and backward; None where the
+            board drives no motor without regulation.
+        before: The figures of its step with the gains that the board stored.
+        after: With those that it stores now; None where none were stored.
+        model: The motor as the loop sees it; None where no model explains the steps.
+        unexplained: The share of the steps that the model leaves.
+    """
+
+    name: str
+    position: int
+    turning_output: tuple[int, int] | None = None
+    before: StepFigures | None = None
+    after: StepFigures | None = None
+    model: LoopModel | None = None
+    unexplained: float | None = None
+
+
+class Result(msgspec.Struct, kw_only=True):
+    """The outcome of a tuning.
+
+    Attributes:
+        port: The board's.
+        dialect: The board's.
+        firmware: Its version, where known.
+        volts: The supply of its motors, where known.
+        speed_m_s: The step.
+        stored_before: Gains and dead zone that the board stored.
+        stored_now: Those that it stores now.
+        suggested: Those that are suggested; empty where none are.
+        expected: The suggestion with what the models say of it.
+        wheels: Each wheel.
+        writes: Values written to the board's flash.
+        resets: Restarts of the board that these cost.
+        notes: Sentences for the person.
+        traces: Before and after: for each wheel its speeds by tick, in m/s; for pictures.
+    """
+
+    port: str = ""
+    dialect: str = ""
+    firmware: str = ""
+    volts: float | None = None
+    speed_m_s: float = 0.0
+    stored_before: BoardSettings = msgspec.field(default_factory=dict)
+    stored_now: BoardSettings = msgspec.field(default_factory=dict)
+    suggested: BoardSettings = msgspec.field(default_factory=dict)
+    expected: Suggestion | None = None
+    wheels: list[Wheel] = msgspec.field(default_factory=list)
+    writes: int = 0
+    resets: int = 0
+    notes: list[str] = msgspec.field(default_factory=list)
+    traces: dict[str, list[list[float]]] = msgspec.field(default_factory=dict)
+
+
+Agree = Callable[[BoardSettings, Dialect], Awaitable[bool]]
+"""Announces values that are about to be written; whether the person agrees."""
+
+Save = Callable[[Dialect, BoardSettings], None]
+"""Keeps what the board stored on disk, before the first write."""
+
+
+class Procedure:
+    """One tuning.
+
+    Args:
+        opener: Opens the port.
+        clock: The source of time.
+        config: Of the robot.
+        speed_m_s: Of the steps; lowered where the board or the wheels cannot turn so fast.
+        say: Receives progress.
+
+    Attributes:
+        result: What is known so far.
+    """
+
+    def __init__(
+        self,
+        opener: Opener,
+        clock: Clock,
+        config: Config,
+        *,
+        speed_m_s: float,
+        say: Callable[[str], None],
+    ) -> None:
+        self._opener = opener
+        self._clock = clock
+        self._config = config
+        self._say = say
+        self.result = Result(speed_m_s=speed_m_s)
+        self._steps: list[list[Step]] = []
+        self._dialect: Dialect | None = None
+        self._count = 0.0
+
+    async def examine(self) -> None:
+        """Check each wheel, find its dead zone, and measure the steps of the stored gains.
+
+        Raises:
+            BoardError: A wheel touches the ground, or does not do as it is commanded.
+            LinkError: The port or the board cannot be used.
+        """
+        result = self.result
+        async with Stand.open(self._opener, self._clock, self._config) as stand:
+            dialect, settings = stand.dialect, stand.settings or {}
+            self._dialect = dialect
+            result.dialect, result.volts = dialect.name, stand.volts
+            result.firmware = str(settings.get(VERSION) or "")
+            result.speed_m_s = min(result.speed_m_s, 0.6 * stand.top_m_s)
+            result.stored_before = result.stored_now = _tuned_of(settings)
+            result.wheels = [
+                Wheel(name=motor.name, position=motor.position) for motor in stand.motors
+            ]
+            if dialect.most_output:
+                await self._ramps(stand)
+            else:
+                result.notes.append(
+                    "This board drives no motor without regulation: no dead zone is measured, and "
+                    "nothing but you sees whether the wheels are in the air."
+                )
+            figures = await self._measure(stand, "before")
+            for wheel, each in zip(result.wheels, figures, strict=True):
+                wheel.before = each
+        if not dialect.settings:
+            result.notes.append(
+                f"A board of the {dialect.name} dialect stores no gains: nothing to suggest."
+            )
+        elif not dialect.loop_ns:
+            result.notes.append("Nothing is known of this board's speed loop: no gains.")
+        else:
+            self._suggest()
+
+    async def _ramps(self, stand: Stand) -> None:
+        for motor, wheel in zip(stand.motors, self.result.wheels, strict=True):
+            outputs = []
+            for way in (1, -1):
+                self._say(f"{motor.name}: output slowly up, {'forward' if way > 0 else 'backward'}")
+                found = dead_zone.turning_output(await stand.ramp(motor, way))
+                assert found is not None, "a ramp ends when the wheel has turned"
+                outputs.append(found)
+            wheel.turning_output = (outputs[0], outputs[1])
+
+    async def _measure(self, stand: Stand, name: str) -> list[StepFigures]:
+        """Steps of all wheels together, forward and backward; the figures of their means."""
+        speed_m_s = self.result.speed_m_s
+        steps: list[Traces] = []
+        for number in range(2 * REPEATS):
+            way = -1 if number % 2 else 1
+            self._say(f"step {number + 1} of {2 * REPEATS}: {way * speed_m_s:+.2f} m/s")
+            steps.append(await stand.step(way * speed_m_s, HOLD_S))
+        travels = [
+            step_response.mean([step.travel_m[index] for step in steps])
+            for index in range(len(stand.motors))
+        ]
+        traces = [step_response.speeds(travel, TICK_S) for travel in travels]
+        self.result.traces[name] = traces
+        unit = stand.units(speed_m_s) / speed_m_s
+        self._count = stand.motors[0].metres_per_tick * unit
+        gains = self.result.stored_now.get(GAINS)
+        if isinstance(gains, tuple):
+            apart = max(1, round(stand.ticks_apart_s / TICK_S))
+            self._steps = self._steps or [[] for _ in travels]
+            for own, travel in zip(self._steps, travels, strict=True):
+                own.append(
+                    Step(
+                        gains=Gains(*gains),
+                        target=speed_m_s * unit,
+                        travel=[unit * each for each in travel],
+                        apart=apart,
+                    )
+                )
+        return [step_response.figures(trace, speed_m_s, TICK_S) for trace in traces]
+
+    # What is suggested.
+
+    def _suggest(self, least_lambda_s: float = 0.0) -> None:
+        """Fit the motors to all steps so far, and suggest gains, or trial ones where none fits."""
+        result, dialect = self.result, self._dialect
+        assert dialect is not None
+        tick_s = dialect.loop_ns / 1e9
+        target = self._steps[0][0].target
+        fastest = target / result.speed_m_s * FASTEST_M_S
+        models = []
+        for wheel, steps in zip(result.wheels, self._steps, strict=True):
+            found = loop_model.fit(steps, tick_s=tick_s, fastest=fastest)
+            if found[1] > TRUSTED:
+                # Gains that made it chatter explain nothing; the latest ones may.
+                found = loop_model.fit(steps[-1:], tick_s=tick_s, fastest=fastest)
+            wheel.model, wheel.unexplained = found
+            models.append(found[0])
+        wanted: BoardSettings = {}
+        turning = [each for wheel in result.wheels for each in wheel.turning_output or ()]
+        stored = result.stored_now.get(DEAD_ZONE)
+        if turning and isinstance(stored, int | float):
+            measured = dead_zone.made_up_for(turning, dialect.most_output)
+            if abs(measured - stored) > DEAD_ZONE_OFF_SHARE * dialect.most_output:
+                wanted[DEAD_ZONE] = measured
+                models = [_with_gap(model, GAP_LEFT * target) for model in models]
+        unexplained = max(wheel.unexplained or 0.0 for wheel in result.wheels)
+        if unexplained > TRUSTED or not self._follows:
+            result.expected = None
+            wanted[GAINS] = self._trial()
+        else:
+            result.expected = suggest(
+                models,
+                target,
+                tick_s=tick_s,
+                count=self._count,
+                # What lies between two readings of the counts is not seen.
+                least_lambda_s=max(least_lambda_s, UNSEEN * TICK_S * self._steps[0][0].apart),
+            )
+            gains = result.expected.gains
+            wanted[GAINS] = (gains.p, gains.i, gains.d)
+        result.suggested = wanted
+
+    def _trial(self) -> tuple[float, float, float]:
+        """Gains that show the motors where those before explain nothing."""
+        last = self._steps[0][-1].gains
+        if not self._follows:
+            return max(TRIAL.p, HARDER * last.p), max(TRIAL.i, HARDER * last.i), 0.0
+        return round(SOFTER * last.p, 3), round(SOFTER * last.i, 3), 0.0
+
+    @property
+    def _follows(self) -> bool:
+        """Whether every wheel comes near the latest step by its end."""
+        return all(
+            steps[-1].travel[-1] - steps[-1].travel[-11] > 10 * TICK_S * FOLLOWS * steps[-1].target
+            for steps in self._steps
+        )
+
+    @property
+    def worth_writing(self) -> bool:
+        """Whether the suggestion would be an improvement."""
+        result = self.result
+        if not result.suggested:
+            return False
+        overshoot, settling_s = _worst([wheel.before for wheel in result.wheels])
+        expected = result.expected
+        if overshoot > OVERSHOOT or settling_s is None or expected is None:
+            return True
+        return expected.settling_s is not None and expected.settling_s < BETTER * settling_s
+
+    # What is stored.
+
+    async def store(self, agree: Agree, save: Save) -> bool:
+        """Store what is suggested, measure it, and again where it is not good enough.
+
+        Where the last one is no better than what the board had, that is stored again.
+
+        Returns:
+            Whether the board stores better values now.
+
+        Raises:
+            BoardError: As :meth:`examine`, and where the board does not store them.
+        """
+        result = self.result
+        assert self._dialect is not None
+        if not await agree(result.suggested, self._dialect):
+            result.notes.append("Nothing was stored.")
+            return False
+        save(self._dialect, result.stored_before)
+        before = [wheel.before for wheel in result.wheels]
+        best = (_rank(before, trial=False), result.stored_before, before)
+        for number in range(ROUNDS):
+            await self._write(result.suggested)
+            async with Stand.open(self._opener, self._clock, self._config) as stand:
+                after: list[StepFigures | None] = [*await self._measure(stand, "after")]
+            rank = _rank(after, trial=result.expected is None)
+            best = min(best, (rank, result.stored_now, after), key=lambda each: each[0])
+            if result.expected is not None and best[2] is after and _is_good(after):
+                break
+            if number < ROUNDS - 1:
+                self._suggest(result.expected.lambda_s * SLOWER if result.expected else 0.0)
+        _, stored, figures = best
+        if stored != result.stored_now:
+            await self._write(stored)
+        if figures is before:
+            result.notes.append(
+                f"None of {ROUNDS} sets of gains was better: the board has its own values again."
+            )
+            return False
+        for wheel, each in zip(result.wheels, figures, strict=True):
+            wheel.after = each
+        return True
+
+    async def _write(self, want: BoardSettings) -> None:
+        result = self.result
+        outcome = await storing.store(self._opener, self._clock, want, _Said(self._say))
+        result.writes += sum(step.attempts for step in outcome.steps)
+        result.resets += sum(step.write.resets for step in outcome.steps)
+        result.stored_now = _tuned_of(outcome.has)
+        if not outcome.complete:
+            step = outcome.steps[-1]
+            answer = f" ({step.answer!r})" if step.answer else ""
+            raise storing_failed(step.write.text, answer)
+
+
+class _Said(storing.Progress):
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self._say = say
+
+    def stored(self, step: storing.Step, has: BoardSettings) -> None:  # noqa: ARG002
+        """See the base class."""
+        self._say(f"{step.write.text}: {step.outcome}")
+
+
+def storing_failed(what: str, answer: str) -> Exception:
+    """The error of a value that the board does not store."""
+    from yahboomd.errors import BoardError
+
+    return BoardError(
+        f"The board does not store {what}{answer}.",
+        remedy="`yahboomd tune --undo` stores again what it had.",
+    )
+
+
+def _with_gap(model: LoopModel, most: float) -> LoopModel:
+    return msgspec.structs.replace(model, gap=min(model.gap, most))
+
+
+def _worst(found: Sequence[StepFigures | None]) -> tuple[float, float | None]:
+    """The largest overshoot and the longest settling; None where one does not settle."""
+    known = [each for each in found if each is not None]
+    settled = [each.settling_s for each in known]
+    longest = None if None in settled else max(each for each in settled if each is not None)
+    return max(each.overshoot for each in known), longest
+
+
+def _is_good(found: Sequence[StepFigures | None]) -> bool:
+    overshoot, settling_s = _worst(found)
+    return overshoot <= OVERSHOOT and settling_s is not None
+
+
+def _rank(found: Sequence[StepFigures | None], *, trial: bool) -> tuple[bool, bool, float]:
+    """Less is better: the time to settle, after whether it overshoots too far or never settles.
+
+    Trial gains are there to show the motors: suggested ones come before them.
+    """
+    overshoot, settling_s = _worst(found)
+    bad = overshoot > OVERSHOOT or settling_s is None
+    return bad, trial, math.inf if settling_s is None else settling_s
+
+
+def _tuned_of(settings: BoardSettings) -> BoardSettings:
+    return {field: settings[field] for field in (GAINS, DEAD_ZONE) if field in settings}

@@ -1,0 +1,412 @@
+"""Wheels that turn in the air for a measurement, watched at each reading.
+
+The law: no wheel turns without a check of each reading, a bound in time, and a second process that
+stops it if this one dies (:mod:`yahboomd.link.guard`). One that turns against its command, faster
+than commanded, or not at all, ends the measurement with its motors cut.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import AsyncIterator
+from typing import Self
+
+import msgspec
+
+from yahboomd.clock import Clock, nanoseconds, seconds, sleep_until
+from yahboomd.config import Config
+from yahboomd.counts import unwrapped
+from yahboomd.errors import BoardError, BoardSilent
+from yahboomd.link.conversation import Conversation
+from yahboomd.link.guard import Guard
+from yahboomd.link.line import Line
+from yahboomd.link.port import Opener, SerialPort
+from yahboomd.model import CHANNELS, NS_PER_S, Counts, Motor
+from yahboomd.protocol.dialect import Dialect, Motion
+from yahboomd.protocol.settings import BoardSettings
+from yahboomd.tuning import step_response
+
+TICK_S = 0.01
+"""Grid of the traces."""
+
+LOOK_NS = 10_000_000
+BEAT_NS = 200_000_000
+POLL_NS = 20_000_000
+POLL_TIMEOUT_NS = 100_000_000
+
+SILENT_NS = 800_000_000
+STAND_WITHIN_S = 3.0
+STILL_TICKS_PER_S = 20.0
+"""A count more or less in the window of a standstill; what rolls out would count as motion."""
+
+CUTS = 3
+
+AGAINST_M = 0.02
+TOO_FAST = 1.7
+TOO_FAST_M_S = 0.15
+SLACK_S = 0.05
+
+MOVES_WITHIN_S = 1.2
+"""Where no ramp has shown before that the wheel turns and counts."""
+
+
+RAMP_UNITS_PER_S = 800.0
+RAMP_TURNS = 0.15
+"""A ramp ends when the wheel has turned so far."""
+
+TOUCHED_COUNTS = 12
+"""Another wheel that turns so far with a single driven one touches the ground, or is coupled."""
+
+Ramp = list[tuple[int, int]]
+
+
+class Traces(msgspec.Struct, frozen=True, kw_only=True):
+    """One step of all wheels.
+
+    Attributes:
+        speed_m_s: The commanded speed; negative backward.
+        travel_m: Travel of each motor on the grid of :data:`TICK_S`, positive along the command.
+    """
+
+    speed_m_s: float
+    travel_m: tuple[list[float], ...]
+
+
+class Stand:
+    """A known board whose wheels are in the air.
+
+    Attributes:
+        dialect: The board's.
+        settings: What it stores; None where it stores nothing.
+        motors: The configured motors.
+        volts: The supply; None where the board does not report it.
+
+    Args:
+        line: The attended line.
+        dialect: The board's.
+        motors: The configured motors.
+        motion: Its commands.
+        guard: Stops the wheels if this process dies; None on a simulated line.
+    """
+
+    def __init__(
+        self,
+        line: Line,
+        dialect: Dialect,
+        motors: tuple[Motor, ...],
+        motion: Motion,
+        guard: Guard | None,
+    ) -> None:
+        self.dialect = dialect
+        self.settings: BoardSettings | None = None
+        self.motors = motors
+        self.volts: float | None = None
+        self._line = line
+        self._clock: Clock = line.clock
+        self._motion = motion
+        self._guard = guard
+        self._wheels = len(motion.wheel_limits)
+        self._samples: list[tuple[int, Counts]] = []
+        self._first: Counts = (0, 0, 0, 0)
+        self._heard_ns = 0
+        self._problem = ""
+        self._expected: tuple[float, ...] | None = None
+        self._began_ns = 0
+        self._resets = line.heard.resets
+        line.on_counts = self._on_counts
+
+    @classmethod
+    @contextlib.asynccontextmanager
+    async def open(cls, opener: Opener, clock: Clock, config: Config) -> AsyncIterator[Self]:
+        """Stop the wheels, find out what board is there, and have it send its counters.
+
+        Raises:
+            BoardError: Its stored settings forbid motion.
+            LinkError: The port cannot be had, or no board answers.
+        """
+        line = Line(await opener(), clock)
+        async with line.attended():
+            talk = await Conversation.begin(line)
+            dialect = talk.dialect.for_profile(config.profile())
+            settings = await talk.read_settings(config.profile().settings)
+            if settings is not None and (
+                unfit := dialect.findings(settings, config.profile()).unfit
+            ):
+                raise BoardError(f"{line.port.name}: {' '.join(unfit)}")
+            motors = config.motors()
+            motion = dialect.motion(
+                config.kinematics(), motors, settings, scale=config.chassis.command_scale
+            )
+            guard = None
+            if isinstance(line.port, SerialPort):
+                stop = dialect.resync + (dialect.cut or dialect.brake)
+                guard = Guard.start(line.port.fileno(), stop)
+            try:
+                stand = cls(line, dialect, motors, motion, guard)
+                stand.settings = settings
+                stand.volts = await talk.read_battery()
+                # A brake would start the board's speed loop again.
+                line.let_go = dialect.cut is not None
+                for frame in dialect.arm:
+                    line.writer.queue(frame)
+                if await talk.read_counters() is None:
+                    raise BoardSilent(f"{line.port.name}: the board sends no counters.")
+                if dialect.poll is not None:
+                    line.tasks.start(stand._poll(dialect.poll), "poll")
+                await stand._stand()
+                yield stand
+                await stand._stand()
+            finally:
+                line.writer.quiet()
+                if guard is not None:
+                    # It must not hold the port open; the line stops the wheels itself.
+                    await line.rest(dialect)
+                    guard.close()
+
+    @property
+    def top_m_s(self) -> float:
+        """The fastest that every wheel can be commanded."""
+        return min(self._motion.wheel_limits)
+
+    @property
+    def ticks_apart_s(self) -> float:
+        """From one renewal of the counts to the next."""
+        return (self.dialect.sample_period_ns or POLL_NS) / NS_PER_S
+
+    def units(self, speed_m_s: float) -> float:
+        """A speed of all wheels in the board's units."""
+        return max(map(abs, self._motion.units((speed_m_s,) * self._wheels)))
+
+    async def ramp(self, motor: Motor, way: int) -> Ramp:
+        """Raise one motor's output slowly until it has turned; every other one is off.
+
+        Args:
+            motor: The motor.
+            way: +1 forward, -1 backward.
+
+        Returns:
+            The output and what the motor had counted by then, in the order of time.
+
+        Raises:
+            BoardError: Another wheel turned too, or it turned the wrong way, or not at all.
+        """
+        dialect, position = self.dialect, motor.position
+        ticks_end = RAMP_TURNS * motor.ticks_per_revolution
+        found: Ramp = []
+        first = await self._stand()
+        async with self._driven(None):
+            start_ns = self._clock.now_ns()
+            while True:
+                elapsed_s = seconds(self._clock.now_ns() - start_ns)
+                output = min(dialect.most_output, round(RAMP_UNITS_PER_S * elapsed_s))
+                signed = output * motor.command_sign * way
+                each = [signed if place == position else 0 for place in range(1, CHANNELS + 1)]
+                self._line.writer.velocity(dialect.outputs(tuple(each)))
+                await self._look(2 * LOOK_NS)
+                counts = self._counts_since(first)
+                own = counts[position - 1] * motor.encoder_sign * way
+                found.append((output, own))
+                self._check_alone(motor, counts)
+                if own < -TOUCHED_COUNTS:
+                    raise BoardError(
+                        f"{motor.name} (M{position}) counts {'down' if way > 0 else 'up'} while it "
+                        f"is driven {'forward' if way > 0 else 'backward'}: with regulation it "
+                        "would run away.",
+                        remedy="Set its signs, or swap the wires of its encoder: see `yahboomd "
+                        "probe` and the page on setting up.",
+                    )
+                if own >= ticks_end:
+                    break
+                if output >= dialect.most_output:
+                    raise BoardError(
+                        f"{motor.name} (M{position}) does not count at full output.",
+                        remedy="Look at its cable, at the supply of the motors, and whether the "
+                        "wheel is free.",
+                    )
+        return found
+
+    def _check_alone(self, motor: Motor, counts: Counts) -> None:
+        for other in self.motors:
+            if other is not motor and abs(counts[other.position - 1]) > TOUCHED_COUNTS:
+                raise BoardError(
+                    f"{other.name} (M{other.position}) turned while {motor.name} alone was driven: "
+                    "they touch the ground, are coupled, or the plugs of encoders are swapped.",
+                    remedy="Put the robot on a stand so that every wheel turns freely.",
+                )
+
+    async def step(self, speed_m_s: float, hold_s: float) -> Traces:
+        """Turn every wheel by one step from rest, and stop it again.
+
+        Args:
+            speed_m_s: Of the rims; negative backward.
+            hold_s: How long.
+
+        Raises:
+            BoardError: A wheel does not follow.
+        """
+        first = await self._stand()
+        frame = self.dialect.speeds(self._motion.units((speed_m_s,) * self._wheels))
+        async with self._driven((speed_m_s,) * len(self.motors)):
+            self._samples = []
+            start_ns = self._clock.now_ns() + len(frame) * self._line.port.byte_ns
+            self._line.writer.velocity(frame)
+            await self._look(nanoseconds(hold_s))
+            samples = self._samples
+        way = 1 if speed_m_s > 0.0 else -1
+        times_s, counts = self._times(samples, start_ns)
+        return Traces(
+            speed_m_s=speed_m_s,
+            travel_m=tuple(
+                step_response.on_grid(
+                    times_s,
+                    [
+                        unwrapped(each[motor.position - 1] - first[motor.position - 1])
+                        * (motor.encoder_sign * way * motor.metres_per_tick)
+                        for each in counts
+                    ],
+                    tick_s=TICK_S,
+                    ticks=round(hold_s / TICK_S),
+                )
+                for motor in self.motors
+            ),
+        )
+
+    def _times(
+        self, samples: list[tuple[int, Counts]], start_ns: int
+    ) -> tuple[list[float], list[Counts]]:
+        """When counts were taken, since the command, and those counts."""
+        new = [
+            (at_ns, ticks)
+            for index, (at_ns, ticks) in enumerate(samples)
+            if at_ns > start_ns and (index == 0 or ticks != samples[index - 1][1])
+        ]
+        dialect = self.dialect
+        arrivals_s = [seconds(at_ns - start_ns) for at_ns, _ in new]
+        if dialect.sample_period_ns is not None and not dialect.renews_with_each_line:
+            times_s = step_response.tick_times(arrivals_s, self.ticks_apart_s)
+        else:
+            times_s = [at_s - seconds(dialect.age_ns) / 2.0 for at_s in arrivals_s]
+        kept = [(at_s, ticks) for at_s, (_, ticks) in zip(times_s, new, strict=True) if at_s > 0.0]
+        return [at_s for at_s, _ in kept], [ticks for _, ticks in kept]
+
+    # Watching.
+
+    @contextlib.asynccontextmanager
+    async def _driven(self, expected: tuple[float, ...] | None) -> AsyncIterator[None]:
+        """Watch wheels that turn, cut them in the end, and see them stand unless it failed.
+
+        Args:
+            expected: The speed of each motor; None while one is driven without regulation.
+        """
+        self._problem = ""
+        self._first = self._line.ticks or self._first
+        self._expected = expected
+        self._began_ns = self._heard_ns = self._clock.now_ns()
+        self._mark(driven=True)
+        try:
+            yield
+        finally:
+            # After a failure the line stops them, and the guard stays awake until it has.
+            self._cut()
+        await self._stand()
+        self._mark(driven=False)
+
+    def _mark(self, *, driven: bool) -> None:
+        if self._guard is not None:
+            self._guard.mark(driven)
+
+    async def _look(self, ns: int) -> None:
+        """Wait, with a look every 10 ms at whether all is as it should be."""
+        end_ns = self._clock.now_ns() + ns
+        beat_ns = 0
+        while True:
+            now_ns = self._clock.now_ns()
+            if self._problem:
+                raise BoardError(self._problem)
+            if self._line.heard.resets != self._resets:
+                raise BoardError(
+                    f"{self._line.port.name}: the board reset itself while wheels turned.",
+                    remedy="Its supply is too weak: feed the motors from a battery, and charge it.",
+                )
+            if now_ns - self._heard_ns > SILENT_NS:
+                raise BoardSilent(f"{self._line.port.name}: the counters stopped.")
+            if now_ns >= end_ns:
+                return
+            if now_ns >= beat_ns:
+                self._mark(driven=True)
+                beat_ns = now_ns + BEAT_NS
+            await sleep_until(self._clock, min(end_ns, now_ns + LOOK_NS))
+
+    def _on_counts(self, ticks: Counts, _received_ns: int, sent_ns: int, *_: int | None) -> None:
+        self._heard_ns = self._clock.now_ns()
+        self._samples.append((sent_ns, ticks))
+        if self._expected is not None and not self._problem:
+            self._problem = self._wrong(self._expected, self._first)
+            if self._problem:
+                self._cut()
+
+    def _wrong(self, expected: tuple[float, ...], first: Counts) -> str:
+        """What a wheel does that it should not, by its travel since the command; or nothing.
+
+        Late readings make a wheel look slower here, never faster.
+        """
+        counted = self._counts_since(first)
+        waited_s = seconds(self._clock.now_ns() - self._began_ns)
+        for motor, wanted in zip(self.motors, expected, strict=True):
+            counts = counted[motor.position - 1] * motor.encoder_sign
+            along_m = math.copysign(counts * motor.metres_per_tick, counts * wanted)
+            name = f"{motor.name} (M{motor.position})"
+            if along_m < -AGAINST_M:
+                return (
+                    f"{name} turned against its command; the motors were cut. Its signs, or the "
+                    "wires of its encoder, are wrong."
+                )
+            if along_m > (TOO_FAST * abs(wanted) + TOO_FAST_M_S) * (waited_s + SLACK_S):
+                return (
+                    f"{name} ran at {along_m / waited_s:.2f} m/s where {abs(wanted):.2f} was "
+                    "commanded; the motors were cut. Look at its encoder's cable and at the stored "
+                    "settings."
+                )
+            if counts == 0 and waited_s > MOVES_WITHIN_S and not self.dialect.most_output:
+                return (
+                    f"{name} did not turn within {MOVES_WITHIN_S:g} s; the motors were cut. Its "
+                    "encoder or its motor is not connected, or the stored gains are far too small."
+                )
+        return ""
+
+    def _counts_since(self, first: Counts) -> Counts:
+        ticks = self._line.ticks
+        assert ticks is not None
+        a, b, c, d = (unwrapped(new - old) for new, old in zip(ticks, first, strict=True))
+        return a, b, c, d
+
+    def _cut(self) -> None:
+        self._expected = None
+        self._line.writer.quiet()
+        self._line.writer.stop((self.dialect.cut or self.dialect.brake,) * CUTS)
+
+    async def _stand(self) -> Counts:
+        """Wait until every wheel stands; the counters then."""
+        line, clock = self._line, self._clock
+        line.watch.reset()
+        end_ns = clock.now_ns() + nanoseconds(STAND_WITHIN_S)
+        again_ns = clock.now_ns() + nanoseconds(0.1)
+        while (speed := line.watch.speed) is None or speed > STILL_TICKS_PER_S:
+            now_ns = clock.now_ns()
+            if now_ns >= end_ns:
+                raise BoardError(
+                    f"{line.port.name}: the motors are cut, and a wheel still turns.",
+                    remedy="Switch the supply of the motors off.",
+                )
+            if now_ns >= again_ns:
+                self._cut()
+                again_ns = now_ns + nanoseconds(0.1)
+            await sleep_until(clock, now_ns + LOOK_NS)
+        assert line.ticks is not None
+        return line.ticks
+
+    async def _poll(self, frame: bytes) -> None:
+        while True:
+            self._line.writer.poll(frame, POLL_TIMEOUT_NS)
+            await sleep_until(self._clock, self._clock.now_ns() + POLL_NS)

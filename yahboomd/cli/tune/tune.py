@@ -1,0 +1,290 @@
+"""``yahboomd tune``: how each wheel follows a step, its dead zone, and better gains."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import datetime
+import os
+import signal
+import sys
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from yahboomd.cli.shared_options import (
+    add_config_options,
+    add_port_option,
+    number,
+    read_config,
+)
+from yahboomd.errors import LinkError, Refused, YahboomdError
+from yahboomd.program import readable
+
+if TYPE_CHECKING:
+    from yahboomd.cli.tune.procedure import Procedure, Result
+    from yahboomd.config import Config
+    from yahboomd.protocol.dialect import Dialect
+    from yahboomd.protocol.settings import BoardSettings
+
+DESCRIPTION = """\
+Measure how each wheel follows a step of its speed and where its dead zone ends, and find gains for
+the board's speed loop that settle soon and do not overshoot. The wheels turn: every wheel of the
+robot has to be in the air. Takes the port itself, so the daemon must be stopped. What the board
+stores is saved before it is changed, and --undo stores it again.
+"""
+
+EPILOG = """\
+examples:
+  yahboomd tune                      measure, suggest, ask, store, measure again
+  yahboomd tune --dry-run            write nothing to the board
+  yahboomd tune --undo               store again what the board had before
+  yahboomd tune --yes --json --output steps.svg    for a program that knows where the wheels are
+
+exit status:
+  0    better gains are stored, or there are none; with --dry-run: measured
+  1    a wheel does not do as it should, the emergency stop is engaged, or no gains were better
+  69   no port, a held one, or no board
+  77   no permission
+  78   a mistake in the configuration
+"""
+
+ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+FLASH_WRITES = 10_000
+"""What a page of the flash of such microcontrollers endures, by their data sheet."""
+
+RESET_S = 0.35
+
+IN_THE_AIR = (
+    "Every wheel will turn, alone and together, at up to {speed:.2f} m/s for 1.5 s at a time, for "
+    "a minute in all.\nDoes the robot stand so that all wheels are in the air, and is nothing near "
+    "them? [y/N]"
+)
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument(
+        "--dry-run", action="store_true", help="measure and suggest; write nothing to the board"
+    )
+    parser.add_argument(
+        "--undo", action="store_true", help="store again what the board had before; no wheel turns"
+    )
+    parser.add_argument(
+        "--speed",
+        metavar="M_S",
+        type=number("a speed from 0.1 to 1 m/s", lambda speed: 0.1 <= speed <= 1.0),
+        default=0.4,
+        help="of the steps (default: %(default)s m/s)",
+    )
+    parser.add_argument(
+        "--output",
+        metavar="FILE",
+        type=Path,
+        help="the picture: .png or .svg (default: tune-DATE-TIME.png)",
+    )
+    parser.add_argument("--json", action="store_true", help="one JSON object, for programs")
+    parser.add_argument(
+        "--yes",
+        action="store_true",
+        help="do not ask: the wheels are in the air, and values may be written",
+    )
+    add_port_option(parser)
+    add_config_options(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Tune.
+
+    Raises:
+        Refused: The emergency stop is engaged, or the person does not agree.
+        BoardError: A wheel does not do as it is commanded.
+        LinkError: The port or the board cannot be used.
+    """
+    if not args.undo:
+        # The extra is missed before a wheel turns.
+        import matplotlib  # noqa: F401
+
+        if args.output is not None:
+            _check_picture(args.output)
+    loaded = read_config(args)
+    config = loaded.config
+    from yahboomd.cli.own_port import opener_of, refuse_estop, with_hints
+    from yahboomd.cli.tune.saved import saved_path
+    from yahboomd.clock import SystemClock
+    from yahboomd.link import discovery
+
+    place = saved_path(config, os.environ, args.config)
+    port = ""
+    try:
+        port = discovery.choose(config.serial.port, discovery.candidates())
+        refuse_estop(port, config, os.environ)
+        clock = SystemClock()
+        tuning = Tuning(args, config, port, place)
+        opener = opener_of(port, config, clock)
+        if args.undo:
+            from yahboomd.cli.tune.undo import undo
+
+            return _ended_by_signals(lambda: undo(opener, clock, place, as_json=args.json), tuning)
+        from yahboomd.cli.tune.procedure import Procedure
+
+        procedure = Procedure(opener, clock, config, speed_m_s=args.speed, say=tuning.say)
+        procedure.result.port = port
+        return _ended_by_signals(lambda: tuning.tune(procedure), tuning)
+    except LinkError as error:
+        raise (with_hints(error, port) if port else error) from error
+
+
+def _check_picture(path: Path) -> None:
+    if path.suffix not in {".png", ".svg", ".pdf"}:
+        raise Refused(f"{path} is no picture: name a file that ends in .png, .svg or .pdf.")
+    if not path.absolute().parent.is_dir():
+        raise Refused(f"There is no folder {path.absolute().parent} for the picture.")
+
+
+def _ended_by_signals(work: Callable[[], Awaitable[int]], tuning: Tuning) -> int:
+    """Run it; a signal ends it, and the wheels are brought to rest on the way."""
+
+    async def attended() -> int:
+        loop, task = asyncio.get_running_loop(), asyncio.current_task()
+        came: list[int] = []
+
+        def end(number: int) -> None:
+            if not came and task is not None:
+                came.append(number)
+                task.cancel()
+
+        for each in ENDINGS:
+            loop.add_signal_handler(each, end, each)
+        try:
+            return await work()
+        except asyncio.CancelledError:
+            if not came:
+                raise
+            tuning.say_ended(signal.Signals(came[0]).name)
+            return 128 + came[0]
+
+    return asyncio.run(attended())
+
+
+class Tuning:
+    """The command's side: questions, files, and words.
+
+    Args:
+        args: The options.
+        config: Of the robot.
+        port: The board's.
+        place: Of the file with what the board stored.
+    """
+
+    def __init__(self, args: argparse.Namespace, config: Config, port: str, place: Path) -> None:
+        from yahboomd.cli.robot.input_lines import InputLines
+
+        self._args = args
+        self._config = config
+        self._port = port
+        self._place = place
+        self._lines = InputLines()
+        self._wrote = False
+
+    def say(self, words: str) -> None:
+        """Show progress, on standard error: standard output is the result."""
+        print(readable(words), file=sys.stderr, flush=True)
+
+    def say_ended(self, name: str) -> None:
+        """Explain an end by a signal."""
+        self.say(f"Ended by {name}: the wheels were stopped.")
+        if self._wrote:
+            self.say(
+                "The board stores trial values now. `yahboomd tune --undo` stores again what it "
+                "had."
+            )
+
+    async def tune(self, procedure: Procedure) -> int:
+        """Measure, suggest, store, and report."""
+        args, result = self._args, procedure.result
+        if not args.yes and not await self._yes(IN_THE_AIR.format(speed=args.speed)):
+            raise Refused("The wheels have to be in the air: nothing was turned.")
+        stored = True
+        try:
+            await procedure.examine()
+            if procedure.worth_writing and not args.dry_run:
+                stored = await procedure.store(self._agree, self._save)
+                self._finish()
+            elif result.suggested and not procedure.worth_writing:
+                result.notes.append(
+                    "The gains are good: what is suggested would settle hardly sooner."
+                )
+        except YahboomdError as error:
+            if not args.json:
+                raise
+            print(_json(result, error=str(error)))
+            return error.exit_code
+        picture = args.output or Path(
+            f"tune-{datetime.datetime.now().astimezone():%Y-%m-%d-%H%M%S}.png"
+        )
+        from yahboomd.cli.tune.step_picture import save_picture
+
+        save_picture(result, picture)
+        if args.json:
+            print(_json(result, picture=str(picture)))
+        else:
+            from yahboomd.cli.tune.tune_text import lines
+
+            print("\n".join(map(readable, [*lines(result), "", str(picture)])))
+        return os.EX_OK if stored else 1
+
+    async def _yes(self, question: str) -> bool:
+        """Ask; without an answer it is no."""
+        print(question, end=" ", file=sys.stderr, flush=True)
+        answer = await self._lines.line()
+        if answer is None:
+            print(file=sys.stderr)
+        return (answer or "").strip().lower() in {"y", "yes"}
+
+    async def _agree(self, wanted: BoardSettings, dialect: Dialect) -> bool:
+        """Announce what is about to be written, and ask."""
+        from yahboomd.cli.tune.procedure import ROUNDS
+        from yahboomd.cli.tune.tune_text import values
+
+        resets = any(row.resets for row in dialect.settings if row.field in wanted)
+        restart = f", and restarts the board ({RESET_S:g} s)" if resets else ""
+        self.say(
+            f"To be stored: {values(wanted)}. Each value costs one of some {FLASH_WRITES:,} writes "
+            f"of the board's flash{restart}; up to {ROUNDS} sets of gains are tried. What it "
+            f"stores now is saved in {self._place}."
+        )
+        if self._args.yes:
+            return True
+        return await self._yes("Store it? [y/N]")
+
+    def _save(self, dialect: Dialect, settings: BoardSettings) -> None:
+        from yahboomd.cli.tune.saved import SavedSettings, save
+
+        now = datetime.datetime.now(datetime.UTC)
+        found = SavedSettings(
+            made=f"{now:%Y-%m-%d %H:%M:%S}",
+            port=self._port,
+            dialect=dialect.name,
+            settings=dict(settings),
+        )
+        kept = save(self._place, found)
+        if kept is not found:
+            self.say(f"A tuning of {kept.made} did not end: --undo stores what was before that.")
+        self._wrote = True
+
+    def _finish(self) -> None:
+        from yahboomd.cli.tune.saved import finish, read_saved
+
+        saved = read_saved(self._place)
+        if saved is not None and self._wrote:
+            finish(self._place, saved)
+        self._wrote = False
+
+
+def _json(result: Result, **more: str) -> str:
+    data = msgspec.to_builtins(result) | more
+    return readable(msgspec.json.format(msgspec.json.encode(data), indent=2).decode())

@@ -1,0 +1,71 @@
+"""``yahboomd tune --undo``: the board stores again what it had before a tuning."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import msgspec
+
+from yahboomd.cli.tune.procedure import storing_failed
+from yahboomd.cli.tune.saved import NAME, SavedSettings, read_saved, remove, settings_of
+from yahboomd.cli.tune.tune_text import values
+from yahboomd.clock import Clock
+from yahboomd.errors import Refused
+from yahboomd.link.port import Opener
+from yahboomd.link.storing import Progress, store
+from yahboomd.protocol.dialect import Dialect
+from yahboomd.protocol.settings import BoardSettings, SettingWrite
+
+
+async def undo(opener: Opener, clock: Clock, place: Path, *, as_json: bool) -> int:
+    """Store what was saved; then the file is removed.
+
+    Raises:
+        Refused: Nothing is saved, or it is not this board's.
+        BoardError: The board does not store it.
+        LinkError: The port or the board cannot be used.
+    """
+    saved = read_saved(place)
+    if saved is None:
+        others = ", ".join(sorted(each.name for each in place.parent.glob(f"{NAME}*.json")))
+        raise Refused(
+            f"{place} is not there: no tuning has written to this board, or it was taken back "
+            "already.",
+            remedy=f"Name the port or the namespace of the tuning; there are {others}."
+            if others
+            else "",
+        )
+    want = settings_of(saved)
+    outcome = await store(opener, clock, want, _Checked(saved))
+    if not outcome.complete:
+        raise storing_failed(outcome.steps[-1].write.text, "")
+    remove(place)
+    writes = sum(step.attempts for step in outcome.steps)
+    if as_json:
+        print(msgspec.json.encode({"stored_now": want, "writes": writes}).decode())
+    elif writes:
+        print(f"The board stores again: {values(want)}. Values written: {writes}.")
+    else:
+        print(f"The board stores this already: {values(want)}. Nothing was written.")
+    return os.EX_OK
+
+
+class _Checked(Progress):
+    """Refuses a board that is not the one whose settings were saved."""
+
+    def __init__(self, saved: SavedSettings) -> None:
+        self._saved = saved
+
+    def begins(
+        self,
+        dialect: Dialect,
+        writes: tuple[SettingWrite, ...],  # noqa: ARG002
+        had: BoardSettings,  # noqa: ARG002
+    ) -> None:
+        """See the base class."""
+        if dialect.name != self._saved.dialect:
+            raise Refused(
+                f"What was saved is of a {self._saved.dialect} board at {self._saved.port}, and "
+                f"this is a {dialect.name} board: nothing was stored."
+            )

@@ -1,0 +1,140 @@
+"""A wheel's answer to a step of its speed: travel on a common grid, and the figures of the step.
+
+Speeds are slopes of the travel over :data:`WINDOW` ticks. The counts of repeated steps are averaged
+before: each begins elsewhere between two counts, so that the mean is finer than a count.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+import msgspec
+
+BAND = 0.05
+"""Share of the step within which the speed counts as settled."""
+
+WINDOW = 4
+"""Ticks of a slope; with ticks of 10 ms one count more or less in it is 1 % of 0.4 m/s."""
+
+END_SHARE = 0.25
+"""The part of a step at its end by which its steady error is judged."""
+
+
+class StepFigures(msgspec.Struct, frozen=True, kw_only=True):
+    """The figures of a step.
+
+    Attributes:
+        rise_s: From a tenth to nine tenths of the step; None where it does not come so far.
+        overshoot: Beyond the step, as a share of it.
+        settling_s: From the command until the speed stays within 5 % of the step; None where it
+            does not.
+        steady_error: Mean of the end less the step, as a share of it.
+    """
+
+    rise_s: float | None
+    overshoot: float
+    settling_s: float | None
+    steady_error: float
+
+
+def tick_times(arrivals_s: Sequence[float], tick_s: float) -> list[float]:
+    """The ticks at which a board renewed counts that came at these times.
+
+    A line cannot come before its tick, and each tick's counts are new: so arrivals are brought down
+    to a grid, each at least a tick before the next. The grid is the one on which most arrivals are
+    one tick apart.
+
+    Args:
+        arrivals_s: When counts came that differ from those before; rising.
+        tick_s: The period at which the board renews them.
+    """
+    phases = [tick_s * part / 20.0 for part in range(20)]
+
+    def ticks(phase: float) -> list[int]:
+        return [math.floor((at - phase) / tick_s) for at in arrivals_s]
+
+    def regular(phase: float) -> int:
+        return sum(after - before == 1 for before, after in pairwise(ticks(phase)))
+
+    best = max(map(regular, phases))
+    good = [phase for phase in phases if regular(phase) >= 0.95 * best]
+    phase = good[len(good) // 2]
+    found = ticks(phase)
+    for index in range(len(found) - 2, -1, -1):
+        found[index] = min(found[index], found[index + 1] - 1)
+    return [phase + tick * tick_s for tick in found]
+
+
+def on_grid(
+    times_s: Sequence[float], travel: Sequence[float], *, tick_s: float, ticks: int
+) -> list[float]:
+    """Travel at 0, 1, 2 ... ticks, by straight lines between what was counted.
+
+    Args:
+        times_s: When counts were taken, since the command; rising.
+        travel: At those times, since the command.
+        tick_s: The step of the grid.
+        ticks: Its length.
+    """
+    grid = []
+    points = [(0.0, 0.0), *zip(times_s, travel, strict=True)]
+    pairs = pairwise([*points, (float("inf"), points[-1][1])])
+    (t0, x0), (t1, x1) = next(pairs)
+    for tick in range(ticks + 1):
+        at = tick * tick_s
+        while at > t1:
+            (t0, x0), (t1, x1) = next(pairs)
+        share = (at - t0) / (t1 - t0) if t0 < t1 < float("inf") else float(t1 <= at)
+        grid.append(x0 + (x1 - x0) * share)
+    return grid
+
+
+def mean(traces: Sequence[Sequence[float]]) -> list[float]:
+    """The mean of repeated steps."""
+    return [sum(values) / len(traces) for values in zip(*traces, strict=True)]
+
+
+def speeds(travel: Sequence[float], tick_s: float) -> list[float]:
+    """Slopes of the travel over :data:`WINDOW` ticks, centred; shorter ones at both ends."""
+    last, half = len(travel) - 1, WINDOW // 2
+    found = []
+    for tick in range(len(travel)):
+        low, high = max(0, tick - half), min(last, tick + half)
+        found.append((travel[high] - travel[low]) / ((high - low) * tick_s))
+    return found
+
+
+def figures(trace: Sequence[float], target: float, tick_s: float) -> StepFigures:
+    """The figures of a step from rest.
+
+    Args:
+        trace: Speeds by tick since the command.
+        target: The commanded speed, in the same unit, not 0.
+        tick_s: Seconds of a tick.
+    """
+    shares = [value / target for value in trace]
+    tenth = _crossing(shares, 0.1)
+    nine_tenths = _crossing(shares, 0.9)
+    outside = [tick for tick, share in enumerate(shares) if abs(share - 1.0) > BAND]
+    settled = outside[-1] + 1 if outside else 0
+    end = shares[-max(1, round(END_SHARE * len(shares))) :]
+    return StepFigures(
+        rise_s=None if tenth is None or nine_tenths is None else (nine_tenths - tenth) * tick_s,
+        overshoot=max(0.0, max(shares) - 1.0),
+        # One that comes into the band at the very end has not been seen to stay.
+        settling_s=settled * tick_s if settled < len(shares) - len(end) // 2 else None,
+        steady_error=sum(end) / len(end) - 1.0,
+    )
+
+
+def _crossing(shares: Sequence[float], level: float) -> float | None:
+    """The tick at which a level is first crossed, with its fraction."""
+    before = 0.0
+    for tick, share in enumerate(shares):
+        if share >= level:
+            rise = share - before
+            return tick - (share - level) / rise if tick and rise > 0.0 else float(tick)
+        before = share
+    return None
