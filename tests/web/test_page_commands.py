@@ -192,11 +192,16 @@ async def test_a_page_that_is_closed_in_motion_stops_the_wheels_at_once_and_free
 
 
 @on_virtual_time
-async def test_the_end_of_the_server_stops_the_wheels() -> None:
+async def test_the_end_of_the_server_stops_the_wheels_and_no_page_moves_them_again() -> None:
     scene = Scene()
     scene.why(ANNE)
+    scene.commands.end()
+    assert scene.why(ANNE) == "ended"
+    scene.why(ANNE, STANDSTILL)
+    assert scene.why(ANNE) == "ended"
+    assert FORWARD not in scene.twists[1:]
+    assert STANDSTILL in scene.twists
     scene.commands.close()
-    assert scene.twists == [FORWARD, STANDSTILL]
 
 
 @on_virtual_time

@@ -41,6 +41,7 @@ LAPSED = Refusal(
     text="Nothing came from this page for 0.3 s, so the robot was stopped. Let go, then press "
     "again.",
 )
+ENDED = Refusal(why="ended", text="The page's server is ending.")
 LET_GO = Refusal(why="let_go", text="Let go, then press again.")
 NOT_YOURS = Refusal(
     why="not_yours", text="This page has no control of the robot. Take control to drive from here."
@@ -73,6 +74,7 @@ class PageCommands:
         self._changed = changed
         self._lapsed = lapsed
         self._driver: int | None = None
+        self._ended = False
         self._moving = False
         self._moved_ns: int | None = None
         self._pressed = set[int]()
@@ -129,13 +131,19 @@ class PageCommands:
         self._put(twist)
         return None
 
-    def close(self) -> None:
-        """Stop what a page drives, and command nothing more."""
+    def end(self) -> None:
+        """Stop what a page drives, and let none move anything any more."""
+        self._ended = True
         self._stop()
+
+    def close(self) -> None:
+        """Release the timers."""
         self._silence.close()
         self._zeros.close()
 
     def _refusal(self, page: int, age_ns: int | None) -> Refusal | None:
+        if self._ended:
+            return ENDED
         if page != self._driver:
             return NOT_YOURS
         if obstacle := self._obstacle():

@@ -120,10 +120,11 @@ class PageHub:
             beating.cancel()
             await asyncio.gather(beating, return_exceptions=True)
             await self.tools.close()
+            self._commands.close()
 
     def stop(self) -> None:
         """Stop what a page drives; before the bus is closed."""
-        self._commands.close()
+        self._commands.end()
         self.tools.stop()
 
     async def attend(self, socket: WebSocket, role: Role) -> None:

@@ -287,6 +287,9 @@ async def _serve(setup: _Setup) -> int:
         port=port,
     )
     server = WebServer(application.asgi, setup.context)
+    loop = asyncio.get_running_loop()
+    for number in SIGNALS:
+        loop.add_signal_handler(number, _end, server, hub)
     if setup.tokens is None:
         print(f"The page is at {link(place.host, port, tls=tls)}", flush=True)
     else:
@@ -313,20 +316,19 @@ def _announce(place: Place, tokens: Tokens, folder: Path, *, tls: bool) -> None:
         )
 
 
-async def _until_ended(server: WebServer, hub: PageHub, listener: socket, where: str) -> int:
-    def end() -> None:
-        hub.stop()
-        server.should_exit = True
+def _end(server: WebServer, hub: PageHub) -> None:
+    # The wheels first.
+    hub.stop()
+    server.should_exit = True
 
-    loop = asyncio.get_running_loop()
-    for number in SIGNALS:
-        loop.add_signal_handler(number, end)
+
+async def _until_ended(server: WebServer, hub: PageHub, listener: socket, where: str) -> int:
     following = asyncio.create_task(hub.run(), name="web-robot")
     serving = asyncio.create_task(server.serve(sockets=[listener]), name="web-server")
     reporting = asyncio.create_task(_report(hub, where), name="web-report")
     try:
         await asyncio.wait([following, serving], return_when=asyncio.FIRST_COMPLETED)
-        end()
+        _end(server, hub)
         await serving
     finally:
         for task in (following, reporting):
