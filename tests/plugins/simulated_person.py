@@ -63,8 +63,8 @@ class SimulatedPerson:
         if question.startswith("Which way did"):
             assert self._turned is not None
             return "f" if self._turned[1] > 0 else "b"
-        if found := re.match(r"(.*) did not turn\. Which plug", question):
-            name = found[1].lower().replace(" ", "_")
+        if found := re.match(r"The (.*) wheel did not turn\. Which plug", question):
+            name = found[1].replace(" ", "_")
             return f"m{next(w.position for w in self._bench.robot.plant.wiring if w.name == name)}"
         if found := re.match(r"Turn wheel (\d)", question):
             await self._turn_by_hand(self._wheels[int(found[1]) - 1])

@@ -14,8 +14,8 @@ from typing import Self
 
 from yahboomd.errors import BoardError
 
-OVERDUE_S = 1.2
-"""A pulse and the time to notice that the wheels stand; then the guard stops them itself."""
+OVERDUE_S = 0.6
+"""A little more than a pulse: then the guard stops the wheels, whatever the other process does."""
 
 READY_WITHIN_S = 10.0
 ENDS_WITHIN_S = 2.0

@@ -15,7 +15,7 @@ import msgspec
 
 from yahboomd.clock import Clock, nanoseconds, sleep_until
 from yahboomd.counts import unwrapped
-from yahboomd.errors import BoardError, BoardSilent
+from yahboomd.errors import BoardError
 from yahboomd.link.line import Line
 from yahboomd.model import CHANNELS, Counts
 from yahboomd.protocol.dialect import Dialect
@@ -49,10 +49,7 @@ DEAD_SHARE = 0.3
 UNSEEN_S = 0.6
 """A wheel that no counter shows rolls out within so long of full output, of less in proportion."""
 
-SILENT_S = 0.3
-"""Reports come every 41 ms at least."""
-
-STAND_WITHIN_S = 2.0
+STAND_WITHIN_S = 3.0
 CUTS = 3
 """A frame may be lost, so that each cut is sent so often; it is repeated until the wheel stands."""
 
@@ -99,8 +96,7 @@ class Pulses:
         self._on_pulse = on_pulse
         self._first = 0
         self._news = asyncio.Event()
-        self._readings = 0
-        line.on_counts = self._on_counts
+        line.on_counts = lambda *_: self._news.set()
         # A brake would start the board's speed loop: the line leaves by letting the motors go.
         line.let_go = True
 
@@ -116,8 +112,7 @@ class Pulses:
             it, else of the largest one.
 
         Raises:
-            BoardError: The board reset itself, or a wheel does not stop.
-            BoardSilent: The counters stopped.
+            BoardError: The board reset itself, a wheel does not stop, or no counts come.
         """
         for number in range(self._first, len(STEPS)):
             on_step()
@@ -139,7 +134,7 @@ class Pulses:
         outputs = tuple(output if each == position else 0 for each in range(1, CHANNELS + 1))
         resets = line.heard.resets
         before = await self._standing(position, resets)
-        start_ns = heard_ns = clock.now_ns()
+        start_ns = clock.now_ns()
         self._on_pulse(True)
         line.writer.velocity(dialect.outputs(outputs))
         try:
@@ -151,13 +146,7 @@ class Pulses:
                 end_ns = start_ns + nanoseconds(limit_s)
                 if turns >= BOUND_TURNS or now_ns >= end_ns:
                     break
-                if now_ns - heard_ns >= nanoseconds(SILENT_S):
-                    raise BoardSilent(
-                        f"{line.port.name}: the counters stopped while M{position} turned.",
-                        remedy="Is the cable long or noisy? Try `yahboomd probe`.",
-                    )
-                if await self._counted(min(end_ns, heard_ns + nanoseconds(SILENT_S))):
-                    heard_ns = clock.now_ns()
+                await self._counted(end_ns)
         finally:
             self._cut()
         if self._turns(before) < MOVED_TURNS:
@@ -198,9 +187,13 @@ class Pulses:
         while not line.watch.standing:
             self._check_reset(position, resets)
             if clock.now_ns() >= end_ns:
-                seen = "a wheel turns" if line.watch.speed is not None else "no counts come"
+                if line.watch.speed is None:
+                    raise BoardError(
+                        f"{line.port.name}: M{position} was let go, and no counts come.",
+                        remedy="Is the cable long or noisy? Try `yahboomd probe`.",
+                    )
                 raise BoardError(
-                    f"{line.port.name}: M{position} was let go, and {seen}.",
+                    f"{line.port.name}: M{position} was let go, and a wheel turns.",
                     remedy="Take your hands off the wheels. If one turns by itself, switch the "
                     "motors' supply off: its driver may be broken.",
                 )
@@ -211,21 +204,15 @@ class Pulses:
         assert line.ticks is not None
         return line.ticks
 
-    async def _counted(self, until_ns: int) -> bool:
-        """Wait for the next counts; whether they came in time."""
+    async def _counted(self, until_ns: int) -> None:
+        """Wait for the next counts, or until then."""
         self._news.clear()
         alarm = self._clock.alarm(self._news.set)
-        before = self._readings
         alarm.set(until_ns)
         try:
             await self._news.wait()
         finally:
             alarm.close()
-        return self._readings != before
-
-    def _on_counts(self, *_: object) -> None:
-        self._readings += 1
-        self._news.set()
 
 
 def _effect(share: float) -> float:

@@ -63,7 +63,13 @@ async def turned(process: Any, board: Board, name: str) -> list[float]:
     before = board.truth()["travel_m"]
     count = process.written.count("Which wheel turned?")
     process.type("\n")
-    await eventually(lambda: process.written.count("Which wheel turned?") > count)
+    await eventually(
+        lambda: (
+            process.written.count("Which wheel turned?") > count
+            or process.process.poll() is not None
+        )
+    )
+    assert process.written.count("Which wheel turned?") > count, process.screen
     after = board.truth()["travel_m"]
     return [new - old for new, old in zip(after, before, strict=True)]
 

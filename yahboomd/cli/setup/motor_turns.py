@@ -172,7 +172,8 @@ class ByOutput:
         while True:
             answer = (
                 await self._person.line(
-                    f"Which way did {plain(wheel)} turn? (f: forward; b: backward; a: again)"
+                    f"Which way did the {plain(wheel)} wheel turn? "
+                    "(f: forward; b: backward; a: again)"
                 )
             ).lower()
             if answer in {"f", "forward"}:
@@ -191,7 +192,7 @@ class ByOutput:
             return False
         for wheel in wanted:
             answer = await self._person.line(
-                f"{plain(wheel).capitalize()} did not turn. Which plug is its motor in? "
+                f"The {plain(wheel)} wheel did not turn. Which plug is its motor in? "
                 f"({', '.join(f'M{each}' for each in still)}; Enter: not known)"
             )
             answer = answer.upper().removeprefix("M")
@@ -255,7 +256,7 @@ class ByHand:
 
     async def _turn(self, number: int, wheel: str) -> HandTurn:
         before = await self._counters()
-        await self._person.line(f"Turn wheel {number}, {plain(wheel)}, forward; then Enter:")
+        await self._person.line(f"Turn wheel {number} ({plain(wheel)}) forward; then Enter:")
         after = await self._counters()
         a, b, c, d = (unwrapped(new - old) for new, old in zip(after, before, strict=True))
         return HandTurn(wheel=wheel, counts=(a, b, c, d))

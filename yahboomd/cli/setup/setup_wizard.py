@@ -143,7 +143,8 @@ class Wizard:
         """
         report = self._report(found, profile, profile.settings)
         if report.settings:
-            say()
+            if self._given.profile is None:
+                say()
             title = f"profile {report.profile}"
             for line in probe_text.table(report.settings, dialect.settings, title):
                 say(line)
