@@ -9,10 +9,11 @@ import pytest
 from replay_captures import FOLDER, HEADINGS, golden
 from wire_records import WireBench, header_of
 
-from yahboomd.blackbox.box_file import read_box
-from yahboomd.blackbox.records import Anchor
+from yahboomd.blackbox.box_file import Box, read_box
+from yahboomd.blackbox.records import Anchor, Armed, Reading, Received, Record
 from yahboomd.cli.replay.replayed_poses import KINDS, NEAR, PoseReplay
-from yahboomd.model import Pose2d
+from yahboomd.model import EncoderReading, Pose2d
+from yahboomd.odometry.odometer import Update
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 
@@ -86,9 +87,52 @@ async def test_after_records_that_are_missing_it_goes_on_from_the_daemons_next_s
     assert not whole.compared.same
 
 
+def captured(capture: str) -> Box:
+    return read_box((FOLDER / f"{capture}.box").read_bytes())
+
+
+def test_the_odometer_is_called_in_the_order_in_which_the_daemon_called_it() -> None:
+    replay = PoseReplay(captured("streamed").header)
+    replay.run([Record(0, Anchor(port="p", byte_ns=10, dialect="streamed", state=b""))])
+    calls: list[object] = []
+    odometer = replay._odometer
+    odometer.update = lambda reading: calls.append(reading) or Update()
+    odometer.armed = lambda: calls.append("armed")
+    # One read brings counts, the banner of a reset, at which the daemon arms, and counts again.
+    before, banner, after = b"$MAll:9,9,9,9#\r\n", b"Motor_Version:1.7.3\r\n", b"$MAll:0,0,0,0#"
+    came = before + banner + after
+    flags = {"after_reset": True, "after_gap": True, "unbroken": True, "earliest_ns": 40}
+    replay.run(
+        [
+            Record(10_000, Received(data=came)),
+            Record(10_001, Armed()),
+            Record(10_002, Reading(received_ns=10_000, requested_ns=9_990, **flags)),
+            Record(20_000, Received(data=after)),
+        ]
+    )
+    behind = 10 * len(banner + after)
+    first_ns = 10_000 - behind - 20
+    assert calls == [
+        EncoderReading(ticks=(9, 9, 9, 9), received_ns=first_ns, sent_ns=first_ns - 140),
+        "armed",
+        EncoderReading(
+            ticks=(0, 0, 0, 0), received_ns=10_000, sent_ns=9_990, requested_ns=9_990, **flags
+        ),
+        EncoderReading(ticks=(0, 0, 0, 0), received_ns=20_000, sent_ns=20_000 - 140),
+    ]
+
+
+def test_a_reading_that_the_bytes_do_not_show_is_counted() -> None:
+    replay = PoseReplay(captured("streamed").header)
+    lost = Record(5, Reading(received_ns=4))
+    replay.run([lost, Record(0, Anchor(port="p", byte_ns=1, dialect="streamed", state=b"")), lost])
+    assert replay.compared.unmatched == 1
+    assert not replay.compared.same
+
+
 @pytest.mark.parametrize("capture", HEADINGS)
 def test_a_capture_gives_its_golden_poses_and_events(capture: str) -> None:
-    box = read_box((FOLDER / f"{capture}.box").read_bytes())
+    box = captured(capture)
     expected = json.loads((FOLDER / f"{capture}.json").read_text())
     replay = PoseReplay(box.header)
     replay.run(box.records)
