@@ -33,6 +33,8 @@ class Geometry(Section):
     wheel_separation_m: float
     wheel_radius_m: float
     ticks_per_revolution: float
+    wheel_base_m: float | None = None
+    """Of a mecanum base, whose turns depend on it."""
 
 
 class Multipliers(Section):
@@ -66,8 +68,10 @@ class Calibration(Section):
 
 def geometry_of(config: Config) -> Geometry:
     """The robot as configured, without its calibration."""
+    mecanum = config.kinematics_name() == "mecanum"
     return Geometry(
         kinematics=config.kinematics_name(),
+        wheel_base_m=config.chassis.wheel_base_m if mecanum else None,
         wheel_separation_m=config.chassis.wheel_separation_m,
         wheel_radius_m=config.chassis.wheel_radius_m or config.profile().wheel_radius_m,
         ticks_per_revolution=config.ticks_per_revolution(),
@@ -100,7 +104,7 @@ def difference(calibration: Calibration, config: Config) -> str:
     changed = [
         f"chassis.{name} was {inline(getattr(then, name))} and is {inline(getattr(now, name))}"
         for name in Geometry.model_fields
-        if getattr(then, name) != getattr(now, name)
+        if getattr(then, name) not in (getattr(now, name), None)
     ]
     return "; ".join(changed)
 
