@@ -134,6 +134,8 @@ CALLED_BY_OTHERS = {
     ),
     "capture_signals": "uvicorn",
     "handle_ping": "uvicorn",
+    "handle_pong": "uvicorn",
+    "handle_cont": "uvicorn",
     "handle_websocket_upgrade": "uvicorn",
     "on_response_complete": "uvicorn",
 }

@@ -79,6 +79,77 @@ async def test_a_page_that_pings_without_end_and_reads_no_answer_is_cut_off(site
         flooding.close()
 
 
+def flooding_page(served: Any) -> socket.socket:
+    flooding = socket.socket()
+    flooding.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
+    flooding.connect(("127.0.0.1", served.port))
+    flooding.sendall(handshake(served))
+    flooding.setblocking(False)
+    return flooding
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [b"\x89\x80\0\0\0\0", b"\x8a\x80\0\0\0\0", b"\x00\x80\0\0\0\0"],
+    ids=("ping", "pong", "piece"),
+)
+async def test_a_page_that_floods_with_frames_that_no_page_sends_is_cut_off(
+    fake_daemon: Any, site: Any, frame: bytes
+) -> None:
+    daemon = await fake_daemon()
+    served = await site(daemon)
+    loop = asyncio.get_running_loop()
+    flooding = flooding_page(served)
+    # Empty, so that no limit of bytes is reached: the first piece of a message, and then more.
+    begun = b"" if frame[0] & 0x80 else b"\x01\x80\0\0\0\0"
+    try:
+        await eventually(lambda: served.hub._pages)
+
+        async def flood() -> None:
+            await loop.sock_sendall(flooding, begun + frame * 20)
+            while True:
+                await loop.sock_sendall(flooding, frame * 100)
+
+        async def read() -> None:
+            while await loop.sock_recv(flooding, 1 << 16):
+                pass
+
+        reading = asyncio.create_task(read())
+        with pytest.raises(ConnectionError):
+            await flood()
+        await eventually(lambda: not served.hub._pages)
+        reading.cancel()
+        await asyncio.gather(reading, return_exceptions=True)
+    finally:
+        flooding.close()
+    status, _, body = await served.request("POST", "/estop")
+    assert (status, json.loads(body)["engaged"]) == (200, True)
+
+
+async def test_a_page_that_floods_with_emergency_stops_delays_no_other_page(
+    fake_daemon: Any, site: Any
+) -> None:
+    daemon = await fake_daemon()
+    served = await site(daemon)
+    stop = b'{"type":"estop"}'
+    frame = bytes((0x81, 0x80 | len(stop), 0, 0, 0, 0)) + stop
+    flooding = flooding_page(served)
+    await eventually(lambda: served.hub._pages)
+    flood = asyncio.get_running_loop().sock_sendall(flooding, frame * 20_000)
+    sending = asyncio.create_task(flood)
+    try:
+        await eventually(lambda: daemon.asked)
+        for _ in range(10):
+            status, _, body = await served.request("POST", "/estop")
+            assert (status, json.loads(body)["engaged"]) == (200, True)
+        # It waits for its turn, with most of them.
+        assert not sending.done()
+    finally:
+        sending.cancel()
+        flooding.close()
+        await asyncio.gather(sending, return_exceptions=True)
+
+
 async def test_a_page_that_stops_reading_delays_no_other_and_gets_no_old_samples(
     fake_daemon: Any, site: Any
 ) -> None:

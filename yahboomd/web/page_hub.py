@@ -45,6 +45,9 @@ MAX_REQUESTS = 4
 EVENTS = 100
 """Events that a page gets when it connects; the newest."""
 
+STOP_S = 0.001
+"""A page's next frame waits so long after each of its emergency stops."""
+
 NS_PER_MS = 1_000_000
 
 REFUSALS_NS = 200_000_000
@@ -169,8 +172,9 @@ class PageHub:
                 return
             frame = read_frame(text)
             if isinstance(frame, EmergencyStop):
-                # Before any limit.
+                # Before any limit; yet one who floods us with them leaves time for others.
                 self._stop(page, frame)
+                await asyncio.sleep(STOP_S)
                 continue
             if not page.may_send():
                 await socket.close(POLICY, "This page sends more than a page does.")

@@ -23,6 +23,7 @@ import msgspec
 from uvicorn import Config, Server
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+from websockets.frames import Frame
 
 from yahboomd.errors import ConfigError, ListenError
 from yahboomd.web.page_downloads import is_download
@@ -39,6 +40,12 @@ WAIT_S = 10.0
 
 UNSENT_BYTES = 16384
 """A page that reads slowly has at most so much waiting for it, here and in the kernel each."""
+
+UNREAD_BYTES = 4096
+"""So much is asked of the kernel for what comes: one who floods us fills no more in one turn."""
+
+ODD_FRAMES = 20
+"""Frames that no browser's page sends, pings and pieces, that one may send; then one a second."""
 
 BACKLOG = 1024
 
@@ -92,6 +99,8 @@ def listen(host: str, port: int) -> socket.socket:
     listener = socket.socket(family)
     try:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        # Connections inherit it.
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, UNREAD_BYTES)
         listener.bind((host, port))
         # From now on connections wait, until they are accepted.
         listener.listen(BACKLOG)
@@ -198,12 +207,33 @@ class Connection(H11Protocol):
 class PageSocket(WebSocketsSansIOProtocol):
     """The WebSocket of one page."""
 
+    _credit = float(ODD_FRAMES)
+    _counted_s = 0.0
+
     def handle_ping(self) -> None:
-        """Answer, unless the page reads none of the answers."""
+        """Answer, unless the page sends many, or reads none of the answers."""
         if self.transport.get_write_buffer_size() > UNSENT_BYTES:
             self.transport.abort()
-        else:
+        elif self._may_send():
             super().handle_ping()
+
+    def handle_pong(self, _event: Frame) -> None:
+        """Count it: we send no pings."""
+        self._may_send()
+
+    def handle_cont(self, event: Frame) -> None:
+        """Keep a piece of a message, unless there are many, which may all be empty."""
+        if self._may_send():
+            super().handle_cont(event)
+
+    def _may_send(self) -> bool:
+        """Count an odd frame; cut the page off that sends too many."""
+        now_s = self.loop.time()
+        self._credit = min(ODD_FRAMES, self._credit + now_s - self._counted_s) - 1.0
+        self._counted_s = now_s
+        if self._credit < 0.0:
+            self.transport.abort()
+        return self._credit >= 0.0
 
 
 def raise_file_limit() -> None:
