@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from binary_dialect import registered
 from board_bench import LinkBench
 from robot_bench import RobotBench
 from simulated_person import (
@@ -135,6 +136,22 @@ async def test_a_mecanum_car_of_the_other_board_is_found_and_its_sensor_noticed(
     assert connected(found) == true_wiring(bench)
     assert found.imu == "mpu9250"
     await drives_straight_and_turns_left(bench, found, tmp_path)
+
+
+@on_virtual_time
+async def test_a_board_that_this_tree_does_not_know_is_set_up_by_hand() -> None:
+    with registered():
+        bench = LinkBench(wiring=plugged(TWO_WHEELS, (1, 3)), dialect="binary")
+        given = Given(
+            profile="520",
+            kinematics="differential",
+            wheel_diameter_mm=67.0,
+            wheel_separation_mm=150.0,
+        )
+        person = SimulatedPerson(bench)
+        found = await set_up(bench, given, person=person)
+        assert (found.dialect, connected(found)) == ("binary", true_wiring(bench))
+        assert any("Turn wheel 1" in question for question in person.questions)
 
 
 @on_virtual_time

@@ -129,6 +129,31 @@ def test_a_car_that_steers_is_commanded_by_speed_and_angle():
         ROSMASTER.motion(car, rear, {"car_type": 1}, scale=1.0)
 
 
+@pytest.mark.parametrize(
+    ("plugs", "refused"),
+    [((2, 4), False), ((-2, -4), False), ((4, 2), True), ((2, -4), True), ((-4, 2), True)],
+)
+def test_a_car_whose_rear_motors_are_exchanged_or_mounted_unlike_is_refused(plugs, refused):
+    car = KINEMATICS["ackermann"](separation_m=0.1911, base_m=0.23537)
+    rear = tuple(
+        Motor(
+            name=name,
+            wheel=wheel,
+            position=abs(plug),
+            command_sign=1 if plug > 0 else -1,
+            radius_m=0.03425,
+            ticks_per_revolution=836.0,
+        )
+        for wheel, (name, plug) in enumerate(zip(("left", "right"), plugs, strict=True))
+    )
+    if refused:
+        with pytest.raises(BoardError, match="left on M2 and right on M4; these are not"):
+            ROSMASTER.motion(car, rear, {"car_type": 5}, scale=1.0)
+    else:
+        motion = ROSMASTER.motion(car, rear, {"car_type": 5}, scale=1.0)
+        assert abs(motion.units((0.5, 0.5))[0]) == 500
+
+
 def test_a_unit_that_is_no_whole_number_is_refused():
     with pytest.raises(TypeError):
         ROSMASTER.speeds((0.5, 0, 0))

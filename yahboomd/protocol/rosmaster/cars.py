@@ -145,10 +145,23 @@ def steered(
 ) -> Steered:
     """How the board drives this car; see :func:`body`.
 
+    It is sent its speed and its angle alone: both motors have to be mounted alike, and each on its
+    side, for the board speeds up the outer one by itself.
+
     Raises:
         BoardError: As :func:`body` does.
     """
     rear = body(car, kinematics, motors, scale=scale)
+    along, _, about = rear.rows
+    ahead, _, round_ = zip(*kinematics.inverse, strict=True)
+    drives = _dot(along, ahead)
+    if abs(_dot(along, round_)) > MISFIT * abs(drives) or drives * _dot(about, round_) <= 0.0:
+        raise BoardError(
+            f"The board is set to the car {car.name}, whose motors are mounted alike, left on M2 "
+            "and right on M4; these are not.",
+            remedy="Compare chassis.motors and their signs with the car: `yahboomd setup` finds "
+            "what to change.",
+        )
     return Steered(rear=rear, kinematics=kinematics, wheel_limits=rear.wheel_limits)
 
 
