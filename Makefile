@@ -118,7 +118,7 @@ wirings: $(VENV)/.dev ## `setup` on all 384 ways to connect four motors, each wi
 	YAHBOOMD_EVERY_WIRING=1 $(PYTEST) $(PARALLEL) -q tests/cli/setup/test_setup_wizard.py -k four_wheels
 
 ##@ Measure
-.PHONY: bench bench-short ratios footprint page-figures calibration tuning picture
+.PHONY: bench bench-short ratios black-box footprint page-figures calibration tuning picture
 $(VENV)/.bench: $(VENV)/.dev
 	@$(PYTHON) tools/bootstrap.py $(VENV) uvloop || echo "bench: there is no uvloop here; its rows are left out"
 	@touch $@
@@ -134,6 +134,9 @@ heading: $(VENV)/.dev ## the heading by wheels and gyro on simulated bases, the 
 
 ratios: $(VENV)/.dev ## CPU, latency and memory beside the least that a program can do, in one run (five minutes)
 	@$(PY) -m benchmarks.ratios $(ARGS)
+
+black-box: $(VENV)/.dev ## CPU, memory and latency with and without the black box, in one run (three minutes)
+	@$(PY) -m benchmarks.black_box_cost $(ARGS)
 
 footprint: $(VENV)/.run ## memory, threads, CPU, start-up time and sizes of the daemon
 	@$(PY) -m benchmarks.footprint $(ARGS)

@@ -162,7 +162,10 @@ def daemon(
     ]
     chosen = ("-m", "benchmarks.on_uvloop") if loop == "uvloop" else tuple(prefix)
     arguments = [part for each in own for part in ("--set", each)]
-    return Process(*chosen, "run", "--port", str(where / port), *arguments, nice=nice)
+    environ = {"STATE_DIRECTORY": str(where / (port + ".state"))}
+    return Process(
+        *chosen, "run", "--port", str(where / port), *arguments, nice=nice, environ=environ
+    )
 
 
 def free_endpoint() -> str:

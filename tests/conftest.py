@@ -5,7 +5,9 @@ from __future__ import annotations
 import asyncio
 import functools
 import importlib
+import os
 import re
+import shutil
 import signal
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
 from typing import Any
@@ -15,6 +17,7 @@ from hypothesis import HealthCheck, settings
 from real_robot import client, real_robot
 from zenoh_fixtures import zenoh_router
 
+from yahboomd.blackbox.ring_file import ring_folder
 from yahboomd.simulation import virtual_time
 
 # A shell ignores these for what it starts in the background, `nohup` the first one, and every
@@ -66,9 +69,14 @@ __all__ = ["client", "real_robot", "virtual_time_run", "zenoh_router"]
 @pytest.fixture(scope="session", autouse=True)
 def runtime_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Daemons and stops of these tests find only each other, whatever else this machine runs."""
+    runtime = tmp_path_factory.mktemp("run")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("RUNTIME_DIRECTORY", str(tmp_path_factory.mktemp("run")))
+        patch.setenv("RUNTIME_DIRECTORY", str(runtime))
+        patch.setenv("STATE_DIRECTORY", str(tmp_path_factory.mktemp("state")))
         yield
+    # The rings of daemons that were killed.
+    if (rings := ring_folder(runtime, os.getuid())) != runtime:
+        shutil.rmtree(rings, ignore_errors=True)
 
 
 @pytest.fixture

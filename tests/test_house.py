@@ -128,10 +128,6 @@ CALLED_BY_OTHERS = {
     "data_received": "asyncio",
     "connection_lost": "asyncio",
     "modify": "selectors",
-    **dict.fromkeys(
-        ("Ring", "left_out", "read_box", "encode_header", "deflated", "encode", "save", "restore"),
-        "the black box, while it is not in the daemon yet",
-    ),
     "capture_signals": "uvicorn",
     "handle_ping": "uvicorn",
     "handle_pong": "uvicorn",

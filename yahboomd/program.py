@@ -28,6 +28,7 @@ COMMANDS = {
     "plot": "draw a recording",
     "replay": "play a black box to a daemon, or compute its poses again",
     "web": "serve the page that drives the robot from a phone",
+    "blackbox": "explain why the robot stopped, by its last minute",
     "metrics": "serve what the daemon counts, for Prometheus and Grafana",
     "probe": "find the port, name the board, explain what is wrong",
     "setup": "find out how the motors are connected, and write robot.toml",

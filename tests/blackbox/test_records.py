@@ -34,7 +34,7 @@ ALL = [
     records.Happened(event=Event(kind="estop", severity="warning", message="", data={"n": 1.5})),
     records.WallClock(wall_ns=1_700_000_000_000_000_000),
     records.Lost(what="commands", count=1000),
-    records.Crashed(error="RuntimeError: the task control ended by itself"),
+    records.Ended(reasons=("crash",), error="RuntimeError: the task control ended by itself"),
 ]
 
 

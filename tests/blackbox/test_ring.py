@@ -62,7 +62,7 @@ def test_killed_between_any_two_stores_the_newest_record_alone_is_missing(memory
     plain, ring = memory(segments=2)
     buffer = Watched(plain)
     buffer.history = []
-    ring._buffer = buffer
+    ring._buffer = buffer  # type: ignore[assignment]
     sent = lines(150)
     whole = []
     for number, line in enumerate(sent):

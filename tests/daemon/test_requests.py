@@ -18,7 +18,7 @@ from yahboomd.bus.services import TOO_MANY, Request, Response
 from yahboomd.daemon.latch_file import LatchFile
 from yahboomd.daemon.requests import Services
 from yahboomd.messages import cdr
-from yahboomd.messages.native import BatterySample
+from yahboomd.messages.native import BatterySample, ServiceReply
 from yahboomd.model import Pose2d
 from yahboomd.simulation.motors import MotorFaults
 from yahboomd.simulation.virtual_time import on_virtual_time
@@ -252,6 +252,10 @@ def request(key: str, payload: bytes, *, oversize: bool = False, harmless: bool 
     )
 
 
+async def saved() -> ServiceReply:
+    return ServiceReply(success=True, message="Saved.", data={"path": "/a/box"})
+
+
 def served(bench: RobotBench, board: dict[str, Any] | None = None) -> Bus:
     bus = Bus(bench.latch.settle)
     services = Services(
@@ -260,6 +264,7 @@ def served(bench: RobotBench, board: dict[str, Any] | None = None) -> Bus:
         config=lambda: {"zenoh": {"namespace": "bot1"}},
         board=lambda: board or {},
         newest={keys.BATTERY: BatterySample(stamp_ns=1, volts=7.4)}.get,
+        save_box=saved,
     )
     services.serve(bus)  # type: ignore[arg-type]
     return bus
@@ -433,6 +438,7 @@ async def test_configuration_and_board_are_answered(tmp_path: Path) -> None:
     async with RobotBench(tmp_path) as bench:
         bus = served(bench)
         assert bus.ask(keys.CONFIG)["data"] == {"zenoh": {"namespace": "bot1"}}
+        assert bus.ask(keys.BLACKBOX_SAVE)["data"] == {"path": "/a/box"}
         nothing = bus.ask(keys.BOARD)
         assert not nothing["success"]
         assert nothing["message"] == "No board is connected."
@@ -478,7 +484,12 @@ async def test_an_estop_that_is_offered_elsewhere_too_is_an_alarm_there(tmp_path
         await bench.ready()
         bus = served(bench)
         services = Services(
-            bench.operator, encoding="json", config=dict, board=dict, newest=lambda _: None
+            bench.operator,
+            encoding="json",
+            config=dict,
+            board=dict,
+            newest=lambda _: None,
+            save_box=saved,
         )
         services.offer(
             bus,  # type: ignore[arg-type]

@@ -42,7 +42,11 @@ class Running:
             f"estop.latch_file={folder / 'estop'}",
         ]
         self.config = read(None, environ={}, overrides=overrides).config
-        environ = {"RUNTIME_DIRECTORY": str(folder / "run"), **environ}
+        environ = {
+            "RUNTIME_DIRECTORY": str(folder / "run"),
+            "STATE_DIRECTORY": str(folder / "state"),
+            **environ,
+        }
         self.daemon = Daemon(self.config, environ=environ, clock=SystemClock(), opener=self.open)
         self.task = asyncio.create_task(self.daemon.run())
         self.samples: dict[str, list[zenoh.Sample]] = {}
@@ -259,8 +263,9 @@ async def test_a_bus_that_cannot_be_opened_is_reported_without_a_traceback(tmp_p
         environ={},
         overrides=["zenoh.mode=client", f'zenoh.connect=["{free_endpoint()}"]'],
     ).config
+    environ = {"RUNTIME_DIRECTORY": str(tmp_path), "STATE_DIRECTORY": str(tmp_path)}
     with pytest.raises(BusError):
-        await Daemon(config, environ={"RUNTIME_DIRECTORY": str(tmp_path)}).run()
+        await Daemon(config, environ=environ).run()
 
 
 async def test_a_service_is_ready_once_the_port_that_it_listens_on_is_free(tmp_path: Path) -> None:
@@ -283,7 +288,11 @@ async def test_a_service_is_ready_once_the_port_that_it_listens_on_is_free(tmp_p
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind(str(tmp_path / "notify"))
         manager.setblocking(False)
-        environ = {"RUNTIME_DIRECTORY": str(tmp_path), "NOTIFY_SOCKET": manager.getsockname()}
+        environ = {
+            "RUNTIME_DIRECTORY": str(tmp_path),
+            "STATE_DIRECTORY": str(tmp_path),
+            "NOTIFY_SOCKET": manager.getsockname(),
+        }
         daemon = Daemon(config, environ=environ)
         with socket.create_server((host, int(port))):
             task = asyncio.create_task(daemon.run())

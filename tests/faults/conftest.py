@@ -41,7 +41,11 @@ class InnerDaemon:
             f"estop.latch_file={folder / 'estop'}",
         ]
         config = read(None, environ={}, overrides=overrides).config
-        environ = {"RUNTIME_DIRECTORY": str(folder / "run"), **environ}
+        environ = {
+            "RUNTIME_DIRECTORY": str(folder / "run"),
+            "STATE_DIRECTORY": str(folder / "state"),
+            **environ,
+        }
         self.daemon = Daemon(config, environ=environ, clock=SystemClock(), opener=self._open)
         self.task = asyncio.create_task(self.daemon.run())
         self.session: zenoh.Session

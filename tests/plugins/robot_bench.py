@@ -11,6 +11,8 @@ import msgspec
 from board_bench import BoardPort
 from event_check import assert_registered
 
+from yahboomd.blackbox.recorder import Recorder
+from yahboomd.blackbox.ring import Ring
 from yahboomd.bus.subscriptions import Arrival
 from yahboomd.clock import LoopClock, Schedule
 from yahboomd.config import Config, read
@@ -20,6 +22,7 @@ from yahboomd.daemon.control import Controller
 from yahboomd.daemon.requests import Operator
 from yahboomd.daemon.supervisor import Supervisor
 from yahboomd.errors import PortMissing
+from yahboomd.link.tap import NO_TAP
 from yahboomd.messages.codecs import encode
 from yahboomd.messages.native import VelocityCommand
 from yahboomd.model import Event, ImuEstimate, OdometryEstimate
@@ -81,6 +84,7 @@ class RobotBench:
         overrides: As for ``--set``.
         simulation: The robot.
         file: The configuration.
+        ring: Where a black box is recorded.
     """
 
     def __init__(
@@ -89,6 +93,7 @@ class RobotBench:
         overrides: Sequence[str] = (),
         simulation: SimulationOptions | None = None,
         file: Path | None = None,
+        ring: Ring | None = None,
     ) -> None:
         latch = f"estop.latch_file={folder / 'estop'}"
         self.config: Config = read(file, environ={}, overrides=[latch, *overrides]).config
@@ -96,6 +101,8 @@ class RobotBench:
         self.robot = SimulatedRobot(simulation or SimulationOptions())
         self.port: BoardPort | None = None
         self.heard = Heard()
+        self.recorder = ring and Recorder(ring, self.clock.now_ns, self.clock.wall_ns)
+        tap = self.recorder or NO_TAP
         self.arbiter = assembly.arbiter(self.config)
         self.latch = assembly.latch(self.config, self.clock, {})
         self.controller: Controller = assembly.controller(
@@ -104,6 +111,7 @@ class RobotBench:
             arbiter=self.arbiter,
             latch=self.latch,
             outputs=self.heard,
+            recorder=self.recorder,
         )
         self.operator = Operator(
             self.clock, controller=self.controller, arbiter=self.arbiter, latch=self.latch
@@ -114,9 +122,10 @@ class RobotBench:
             holonomic=self.config.kinematics().holonomic,
             notice_pause=self.controller.notice_pause,
             step=self.controller.step_soon,
+            recorder=self.recorder,
         )
         self.supervisor = Supervisor(
-            lambda: assembly.session(self.config, self.clock, self.controller, self._open),
+            lambda: assembly.session(self.config, self.clock, self.controller, self._open, tap),
             self.clock,
             self.controller.unavailable,
         )

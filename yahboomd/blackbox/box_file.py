@@ -14,7 +14,6 @@ is compressed (gzip) and has ``saved`` in its header.
 
 from __future__ import annotations
 
-import gzip
 import struct
 import zlib
 from itertools import pairwise
@@ -190,7 +189,8 @@ def _inflated(data: bytes) -> bytes:
 
 def deflated(data: bytes) -> bytes:
     """The bytes of a saved file."""
-    return gzip.compress(data, compresslevel=4, mtime=0)
+    deflate = zlib.compressobj(4, wbits=16 + zlib.MAX_WBITS)
+    return deflate.compress(data) + deflate.flush()
 
 
 def _records(segment: bytes) -> tuple[list[Record], bool]:

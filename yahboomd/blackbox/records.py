@@ -3,8 +3,8 @@
 A record has a kind, a moment (monotonic nanoseconds) and a payload of bytes. Records stand in the
 order in which things happened in the daemon's loop.
 
-What is promised: from an :class:`Anchor` on, until the next :class:`Lost` or the end, the pure
-rooms compute from the records, bit by bit, the estimates that the daemon computed. For that:
+What is promised: from the first :class:`Anchor` on, where no segment is damaged, the pure rooms
+compute from the records, bit by bit, the estimates that the daemon computed. For that:
 
 1. Make an odometer as the header's ``odometer`` says, and restore the anchor's state
    (:func:`yahboomd.odometry.snapshot.restore`). The anchor stands where all bytes that came before
@@ -211,14 +211,16 @@ class Lost(msgspec.Struct, frozen=True, kw_only=True):
     count: int
 
 
-class Crashed(msgspec.Struct, frozen=True, kw_only=True):
-    """The daemon ended by a fault of its own.
+class Ended(msgspec.Struct, frozen=True, kw_only=True):
+    """The daemon ended, and this ring was not saved yet.
 
     Attributes:
-        error: The traceback's last lines.
+        reasons: Why it is to be saved.
+        error: The fault of the daemon, in short; empty where it ended as it should.
     """
 
-    error: str
+    reasons: tuple[str, ...]
+    error: str = ""
 
 
 Meaning: TypeAlias = (
@@ -238,7 +240,7 @@ Meaning: TypeAlias = (
     | Happened
     | WallClock
     | Lost
-    | Crashed
+    | Ended
 )
 
 
@@ -283,7 +285,7 @@ _PACKED: dict[int, type[msgspec.Struct]] = {
     23: Decision,
     24: Happened,
     25: Lost,
-    26: Crashed,
+    26: Ended,
 }
 _KINDS = {meaning: kind for kind, meaning in _PACKED.items()}
 

@@ -11,9 +11,10 @@ import mmap
 import struct
 
 from yahboomd.blackbox.box_file import SEGMENT
-from yahboomd.blackbox.records import BASE, HEAD, MOMENT
+from yahboomd.blackbox.records import BASE, HEAD, MOMENT, RECEIVED, REPEATED
 
 _LENGTH_AND_TIME = struct.Struct("<HI")
+_HEAD_BYTES = HEAD.size
 SPAN_NS = 1 << 32
 """Moments are written in 32 bits: after 4.3 s they are counted from another base."""
 
@@ -35,7 +36,7 @@ class Ring:
     """
 
     def __init__(self, buffer: mmap.mmap | bytearray, begin: int, segment_bytes: int) -> None:
-        self._buffer = buffer
+        self._buffer = memoryview(buffer)
         self._begin = begin
         self._segment_bytes = segment_bytes
         self._count = (len(buffer) - begin) // segment_bytes
@@ -43,6 +44,7 @@ class Ring:
         self._number = 0
         self._at = self._end = 0
         self._base_ns = 0
+        self._read: bytes | None = None
         self.turned = False
         self.left_out = 0
 
@@ -55,7 +57,7 @@ class Ring:
             at_ns: When it was made; monotonic nanoseconds.
         """
         at = self._at
-        begin = at + HEAD.size
+        begin = at + _HEAD_BYTES
         end = begin + len(payload)
         since_ns = at_ns - self._base_ns
         if end > self._end or not 0 <= since_ns < SPAN_NS:
@@ -63,7 +65,7 @@ class Ring:
                 self.left_out += 1
                 return
             at = self._at
-            begin = at + HEAD.size
+            begin = at + _HEAD_BYTES
             end = begin + len(payload)
             since_ns = at_ns - self._base_ns
         buffer = self._buffer
@@ -72,6 +74,18 @@ class Ring:
         # A store of one byte: there, or not there.
         buffer[at] = kind
         self._at = end
+
+    def write_read(self, data: bytes, at_ns: int) -> None:
+        """Write a read of the port; where it brought the same bytes as the last one, in short."""
+        at = self._at
+        since_ns = at_ns - self._base_ns
+        if data == self._read and at + _HEAD_BYTES <= self._end and 0 <= since_ns < SPAN_NS:
+            _LENGTH_AND_TIME.pack_into(self._buffer, at + 1, 0, since_ns)
+            self._buffer[at] = REPEATED
+            self._at = at + _HEAD_BYTES
+            return
+        self.write(RECEIVED, data, at_ns)
+        self._read = data
 
     def _make_room(self, size: int, at_ns: int) -> bool:
         """Begin a segment or set a base; whether a payload of this size fits then."""
@@ -82,10 +96,10 @@ class Ring:
             self._turn()
         self._base_ns = max(0, at_ns - EARLIER_NS)
         at = self._at
-        MOMENT.pack_into(self._buffer, at + HEAD.size, self._base_ns)
+        MOMENT.pack_into(self._buffer, at + _HEAD_BYTES, self._base_ns)
         _LENGTH_AND_TIME.pack_into(self._buffer, at + 1, MOMENT.size, 0)
         self._buffer[at] = BASE
-        self._at = at + HEAD.size + MOMENT.size
+        self._at = at + _HEAD_BYTES + MOMENT.size
         return True
 
     def _turn(self) -> None:
@@ -95,6 +109,8 @@ class Ring:
         buffer[start] = 0
         buffer[start : start + self._segment_bytes] = self._zeros
         self._number += 1
+        # A segment has to be readable without the one before it.
+        self._read = None
         SEGMENT.pack_into(buffer, start, 0, self._number)
         buffer[start] = 1
         self._at, self._end = start + SEGMENT.size, start + self._segment_bytes

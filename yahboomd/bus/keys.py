@@ -32,6 +32,7 @@ ODOMETRY_RESET = "yahboomd/odometry/reset"
 ODOMETRY_SET_POSE = "yahboomd/odometry/set_pose"
 CONFIG = "yahboomd/config"
 BOARD = "yahboomd/board"
+BLACKBOX_SAVE = "yahboomd/blackbox/save"
 
 ALIVE = "yahboomd/alive"
 

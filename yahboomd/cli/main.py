@@ -31,6 +31,7 @@ FOLDERS = {
     "setup": "setup",
     "calibrate": "calibrate",
     "record": "record",
+    "blackbox": "blackbox",
     "plot": "plot",
     "replay": "replay",
     "web": "web",

@@ -20,7 +20,7 @@ from yahboomd.config.hardware import (
     Serial,
     preset_motors,
 )
-from yahboomd.config.outputs import Log, Odometry, Ros2, Zenoh
+from yahboomd.config.outputs import BlackBox, Log, Odometry, Ros2, Zenoh
 from yahboomd.config.values import Section
 from yahboomd.drive.arbitration import Source
 from yahboomd.drive.kinematics import KINEMATICS, STEERING_MAX_RAD
@@ -36,6 +36,9 @@ WHEELS: dict[str, tuple[str, ...]] = {
 
 CALIBRATION = "calibration.toml"
 """The name of the calibration file in the state directory."""
+
+BLACKBOX = "blackbox"
+"""The name of the folder of black boxes in the state directory."""
 
 USUAL_LINES = 11
 """Encoder lines of the motors that are sold with the board."""
@@ -55,6 +58,7 @@ class Config(Section):
     ros2: Ros2 = Field(default=Ros2(), description="The ROS 2 plane.")
     faults: Faults = Field(default=Faults(), description="The faults.")
     estop: Estop = Field(default=Estop(), description="The emergency stop.")
+    blackbox: BlackBox = Field(default=BlackBox(), description="The black box.")
     log: Log = Field(default=Log(), description="The log.")
 
     def resolved(self) -> Config:
@@ -199,28 +203,54 @@ def runtime_folder(environ: Mapping[str, str], *, user_id: int) -> Path:
 def calibration_path(
     config: Config, environ: Mapping[str, str], path: Path | None, *, user_id: int
 ) -> Path | None:
-    """The calibration file of a configuration.
+    """The calibration file of a configuration; None where there is no state directory.
 
     Args:
         config: Names it, or leaves the choice to the state directory.
-        environ: For ``STATE_DIRECTORY`` (the service manager's), ``XDG_STATE_HOME`` and ``HOME``.
-        path: The configuration file; one below /etc/yahboomd is that of a service.
+        environ: As for :func:`state_folder`, like the others.
+        path: The configuration file.
         user_id: Of the process.
-
-    Returns:
-        None where there is no state directory.
     """
     if config.chassis.calibration_file:
         return Path(config.chassis.calibration_file)
+    folder = state_folder(environ, path, user_id=user_id)
+    return None if folder is None else folder / CALIBRATION
+
+
+def blackbox_folder(
+    config: Config, environ: Mapping[str, str], path: Path | None, *, user_id: int
+) -> Path | None:
+    """The folder of the saved black boxes; None where there is no state directory.
+
+    Args:
+        config: Names it, or leaves the choice to the state directory.
+        environ: As for :func:`state_folder`, like the others.
+        path: The configuration file.
+        user_id: Of the process.
+    """
+    if config.blackbox.folder:
+        return Path(config.blackbox.folder)
+    folder = state_folder(environ, path, user_id=user_id)
+    return None if folder is None else folder / BLACKBOX
+
+
+def state_folder(environ: Mapping[str, str], path: Path | None, *, user_id: int) -> Path | None:
+    """The state directory; None where there is none.
+
+    Args:
+        environ: For ``STATE_DIRECTORY`` (the service manager's), ``XDG_STATE_HOME`` and ``HOME``.
+        path: The configuration file; one below /etc/yahboomd is that of a service.
+        user_id: Of the process.
+    """
     if given := environ.get("STATE_DIRECTORY", "").split(":")[0]:
-        return Path(given) / CALIBRATION
+        return Path(given)
     if path is not None and path.parent == Path("/etc/yahboomd"):
         instance = "" if path.stem == "config" else f"-{path.stem}"
-        return Path(f"/var/lib/yahboomd{instance}") / CALIBRATION
+        return Path(f"/var/lib/yahboomd{instance}")
     if user_id == 0:
-        return Path("/var/lib/yahboomd") / CALIBRATION
+        return Path("/var/lib/yahboomd")
     if state := environ.get("XDG_STATE_HOME"):
-        return Path(state) / "yahboomd" / CALIBRATION
+        return Path(state) / "yahboomd"
     if home := environ.get("HOME"):
-        return Path(home) / ".local/state/yahboomd" / CALIBRATION
+        return Path(home) / ".local/state/yahboomd"
     return None

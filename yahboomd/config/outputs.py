@@ -179,6 +179,20 @@ class Ros2(Section):
     )
 
 
+class BlackBox(Section):
+    """The black box: what happened in the last minute, to see why the robot stopped."""
+
+    enabled: bool = Field(
+        default=True,
+        description="Keep the last minute in memory, and save it at each fault, emergency stop, "
+        "disconnect and crash.",
+    )
+    folder: AbsolutePath = Field(
+        default="",
+        description="Where it is saved. Empty: blackbox in the state directory.",
+    )
+
+
 class Log(Section):
     """The log."""
 

@@ -8,6 +8,8 @@ from pathlib import Path
 
 from msgspec import structs
 
+from yahboomd.blackbox.box_file import OdometerSettings
+from yahboomd.blackbox.recorder import Recorder
 from yahboomd.bus.options import BusOptions
 from yahboomd.clock import Clock, nanoseconds
 from yahboomd.config import Config, runtime_folder
@@ -17,6 +19,7 @@ from yahboomd.daemon.folder import check_folder
 from yahboomd.daemon.latch import EstopLatch
 from yahboomd.daemon.latch_file import LatchFile
 from yahboomd.daemon.publisher import Outputs
+from yahboomd.daemon.recorded_odometer import RecordedOdometer
 from yahboomd.daemon.supervisor import storing_opener
 from yahboomd.drive.arbiter import Arbiter
 from yahboomd.drive.standing import STANDING_M_S
@@ -26,6 +29,7 @@ from yahboomd.link.discovery import candidates, choose
 from yahboomd.link.port import Opener, Port, PortOptions, open_port
 from yahboomd.link.port_identity import identify
 from yahboomd.link.session import Session, SessionOptions
+from yahboomd.link.tap import NO_TAP, Tap
 from yahboomd.odometry.heading import CALIBRATED
 from yahboomd.odometry.odometer import Odometer
 from yahboomd.program import release_command
@@ -49,16 +53,22 @@ def arbiter(config: Config) -> Arbiter:
     return Arbiter(config.sources(), on_timeout=command.on_timeout, stamps=command.stamps)
 
 
-def odometer(config: Config) -> Odometer:
-    """The odometer."""
-    return Odometer(
-        config.kinematics(),
-        config.motors(),
+def odometer_settings(config: Config) -> OdometerSettings:
+    """The arguments of the odometer."""
+    return OdometerSettings(
+        kinematics=config.kinematics(),
+        motors=config.motors(),
         speed_max_m_s=config.odometry.max_wheel_speed_m_s,
         noise_m=config.odometry.noise_m,
         fused=config.odometry.heading == "fused",
         gyro_scale=None if config.imu.gyro_scale is None else CALIBRATED,
     )
+
+
+def odometer(config: Config, recorder: Recorder | None = None) -> Odometer:
+    """The odometer; with a recorder, what it is given is recorded."""
+    arguments = structs.asdict(odometer_settings(config))
+    return Odometer(**arguments) if recorder is None else RecordedOdometer(recorder, **arguments)
 
 
 def control_options(config: Config) -> ControlOptions:
@@ -90,14 +100,20 @@ def latch(config: Config, clock: Clock, environ: Mapping[str, str]) -> EstopLatc
 
 
 def controller(
-    config: Config, clock: Clock, *, arbiter: Arbiter, latch: EstopLatch, outputs: Outputs
+    config: Config,
+    clock: Clock,
+    *,
+    arbiter: Arbiter,
+    latch: EstopLatch,
+    outputs: Outputs,
+    recorder: Recorder | None = None,
 ) -> Controller:
     """The control path."""
     return Controller(
         clock,
         control_options(config),
         arbiter=arbiter,
-        odometer=odometer(config),
+        odometer=odometer(config, recorder),
         latch=latch,
         outputs=outputs,
     )
@@ -162,12 +178,14 @@ def session_options(config: Config) -> SessionOptions:
     )
 
 
-def session(config: Config, clock: Clock, listener: Listener, open_it: Opener) -> Session:
+def session(
+    config: Config, clock: Clock, listener: Listener, open_it: Opener, tap: Tap = NO_TAP
+) -> Session:
     """One connection to the board."""
     if config.board.write_settings:
         want = config.profile().settings
-        open_it = storing_opener(open_it, clock, want, listener.event)
-    return Session(open_it, clock, listener, session_options(config))
+        open_it = storing_opener(open_it, clock, want, listener.event, tap)
+    return Session(open_it, clock, listener, session_options(config), tap)
 
 
 def command_period_ns(config: Config) -> int:

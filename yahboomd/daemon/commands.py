@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from yahboomd.blackbox.recorder import Recorder
 from yahboomd.bus.subscriptions import Arrival
 from yahboomd.clock import Clock, nanoseconds
 from yahboomd.drive.arbiter import Arbiter
@@ -13,7 +14,7 @@ from yahboomd.drive.arbitration import Accepted
 from yahboomd.messages.codecs import Refusal, decode_command
 from yahboomd.messages.ros2 import parse_attachment
 from yahboomd.messages.status_fields import REFUSALS, ZEROS
-from yahboomd.model import Event, Twist2d
+from yahboomd.model import STANDSTILL, Event, Twist2d
 
 
 class CommandIntake:
@@ -25,6 +26,7 @@ class CommandIntake:
         holonomic: Whether a sideways velocity means anything.
         notice_pause: Detects whether this process stood still; called before anything is offered.
         step: Runs a control step; called once for what arrived together.
+        recorder: Records commands, and what became of them.
     """
 
     def __init__(
@@ -35,12 +37,14 @@ class CommandIntake:
         holonomic: bool,
         notice_pause: Callable[[], None],
         step: Callable[[], None],
+        recorder: Recorder | None = None,
     ) -> None:
         self._arbiter = arbiter
         self._clock = clock
         self._holonomic = holonomic
         self._notice_pause = notice_pause
         self._step = step
+        self._recorder = recorder
         self.counters: Counter[str] = Counter()
         self._by_source: dict[str, Counter[str]] = {}
         self.last_refusal = ""
@@ -96,9 +100,10 @@ class CommandIntake:
             self._count(source, "vy_ignored")
             vy = 0.0
         sent_ns = command.stamp_ns or attached_ns
+        twist = Twist2d(vx=command.vx, vy=vy, wz=command.wz)
         verdict = self._arbiter.offer(
             source,
-            Twist2d(vx=command.vx, vy=vy, wz=command.wz),
+            twist,
             arrival.arrived_ns,
             sent_ns or arrival.stamp_ns,
             sent_ns is not None,
@@ -108,8 +113,10 @@ class CommandIntake:
         if isinstance(verdict, Accepted):
             # In all, the arbiter counts its own verdicts.
             self._by_source[source]["accepted"] += 1
+            if self._recorder is not None:
+                self._recorder.command(source, twist)
         else:
-            self._refused(source, verdict.reason, verdict.detail)
+            self._refused(source, verdict.reason, verdict.detail, twist)
 
     def _refuse(self, source: str, reason: str, detail: str) -> None:
         # What cannot be read was to be a command, and the next one may be one that can.
@@ -118,10 +125,12 @@ class CommandIntake:
         self._arbiter.note_refusal(self._clock.now_ns(), reason)
         self._refused(source, reason, detail)
 
-    def _refused(self, source: str, reason: str, detail: str) -> None:
+    def _refused(self, source: str, reason: str, detail: str, twist: Twist2d = STANDSTILL) -> None:
         self.counters["refused"] += 1
         self._by_source[source][_REFUSED + reason] += 1
         self.last_refusal = f"{source}: {reason}: {detail}"
+        if self._recorder is not None:
+            self._recorder.command(source, twist, reason)
 
     def _count(self, source: str, what: str, times: int = 1) -> None:
         self.counters[what] += times

@@ -136,6 +136,7 @@ OFFERS: dict[str, Offer] = {
     keys.BOARD: Offer(
         does="returns what is known of the board: firmware and settings", wildcards=True
     ),
+    keys.BLACKBOX_SAVE: Offer(does="saves the black box, at most once a minute"),
 }
 """The services, by key."""
 

@@ -145,6 +145,11 @@ def die_of(number: int) -> None:
 _AGE = re.compile(r" \(since [^)]*\)| [\d.]+ s ago")
 
 
+def without_age(words: str) -> str:
+    """The words of a status without how long ago something was."""
+    return _AGE.sub("", words)
+
+
 class Notifier:
     """Reports to the service manager, where there is one.
 
@@ -183,7 +188,7 @@ class Notifier:
         Nor are words that differ in an age alone: each would wake the manager and its listeners,
         twice a second.
         """
-        words = _AGE.sub("", words)
+        words = without_age(words)
         if words != self._status:
             self._status = words
             self._send(f"STATUS={words}")

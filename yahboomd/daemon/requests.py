@@ -191,6 +191,7 @@ class Services:
         config: The effective configuration, for ``yahboomd/config``.
         board: What is known of the board, for ``yahboomd/board``.
         newest: The newest sample of a key that is published.
+        save_box: Saves the black box, and says what came of it.
     """
 
     def __init__(
@@ -201,12 +202,14 @@ class Services:
         config: Facts,
         board: Facts,
         newest: Newest,
+        save_box: Callable[[], Awaitable[ServiceReply]],
     ) -> None:
         self._operator = operator
         self._encoding: NativeEncoding = encoding
         self._config = config
         self._board = board
         self._newest = newest
+        self._save_box = save_box
         self.actions: dict[str, Action] = {
             keys.ESTOP: self._estop_query,
             keys.ESTOP_RESET: self._estop_reset,
@@ -224,6 +227,12 @@ class Services:
             self.offer(bus, key, action)
         for key in keys.SAMPLES:
             bus.serve(key, self._sample, fallback=self._refuse, wildcards=True)
+        bus.serve(
+            keys.BLACKBOX_SAVE,
+            self._save,
+            fallback=self._refuse,
+            wildcards=OFFERS[keys.BLACKBOX_SAVE].wildcards,
+        )
 
     def hear_estop(self, bus: Bus, at: str) -> None:
         """Subscribe to the e-stop's samples on a key."""
@@ -283,6 +292,9 @@ class Services:
             payload=encode_sample(sample, self._encoding),
             encoding=encoding_name(type(sample), self._encoding),
         )
+
+    async def _save(self, request: Request) -> Response:
+        return self._answer(request, await self._save_box())
 
     def _refuse(self, reason: str, request: Request) -> Response:
         return self._answer(request, ServiceReply(success=False, message=reason))

@@ -17,6 +17,7 @@ from yahboomd.bus.publishers import BusPublisher
 from yahboomd.clock import Clock, Schedule, SystemClock, nanoseconds
 from yahboomd.config import Config, runtime_folder
 from yahboomd.daemon import assembly, ros2_plane
+from yahboomd.daemon.black_box import BlackBox
 from yahboomd.daemon.commands import ClockWatch, CommandIntake
 from yahboomd.daemon.control import Controller
 from yahboomd.daemon.key_table import OUTPUTS
@@ -127,7 +128,10 @@ class Daemon:
             motor_names=tuple(motor.name for motor in config.motors()),
         )
         latch = assembly.latch(config, clock, self._environ)
-        controller = assembly.controller(config, clock, arbiter=arbiter, latch=latch, outputs=self)
+        box = self._box = BlackBox(config, clock, self._environ)
+        controller = assembly.controller(
+            config, clock, arbiter=arbiter, latch=latch, outputs=self, recorder=box.recorder
+        )
         self._controller = controller
         self._clocks = ClockWatch(arbiter.clock_warnings, controller.event)
         intake = CommandIntake(
@@ -136,9 +140,10 @@ class Daemon:
             holonomic=config.kinematics().holonomic,
             notice_pause=controller.notice_pause,
             step=controller.step_soon,
+            recorder=box.recorder,
         )
         supervisor = Supervisor(
-            lambda: assembly.session(config, clock, controller, self._opener),
+            lambda: assembly.session(config, clock, controller, self._opener, box.tap),
             clock,
             controller.unavailable,
         )
@@ -155,6 +160,7 @@ class Daemon:
             intake=intake,
             supervisor=supervisor,
             bus=bus,
+            box=box,
             more_bus_facts=lambda: {**self._publisher.status_values(), **local.status_values()},
         )
         services = Services(
@@ -163,6 +169,7 @@ class Daemon:
             config=lambda: config.model_dump(mode="json", exclude_none=True),
             board=status.board,
             newest=self._publisher.newest,
+            save_box=box.save_now,
         )
         # The e-stop is there before anything can be commanded.
         await local.open()
@@ -182,9 +189,14 @@ class Daemon:
         self._announce(bus)
         notifier.ready()
         gc.freeze()
+        fault: BaseException | None = None
         try:
             await self._run_tasks(controller, supervisor, status, notifier)
+        except BaseExceptionGroup as group:
+            fault = group
+            raise
         finally:
+            box.close(fault)
             local.close()
             controller.close()
             latch.settle()
@@ -258,6 +270,7 @@ class Daemon:
             while True:
                 self._stamps.follow()
                 sample = status.sample()
+                self._box.status(sample)
                 self._publisher.status(sample)
                 if self._ros2 is not None:
                     self._ros2.status(sample)
@@ -306,6 +319,7 @@ class Daemon:
 
     def event(self, event: Event) -> None:
         """Something happened."""
+        self._box.event(event)
         stamp_ns = self._publisher.event(event)
         # An emergency stop over the local socket may come before the bus is set up.
         if self._ros2 is not None:

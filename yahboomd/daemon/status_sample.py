@@ -7,6 +7,7 @@ from typing import Any
 
 from yahboomd.bus.bus import Bus
 from yahboomd.clock import Clock, nanoseconds
+from yahboomd.daemon.black_box import BlackBox
 from yahboomd.daemon.commands import CommandIntake
 from yahboomd.daemon.control import Controller
 from yahboomd.daemon.stamps import STEP_S
@@ -44,6 +45,7 @@ class Status:
         intake: Commands and refusals.
         supervisor: The link's counters.
         bus: The routers and clients that the daemon is connected to.
+        box: The black box.
         more_bus_facts: What the bus itself does not know.
     """
 
@@ -55,6 +57,7 @@ class Status:
         intake: CommandIntake,
         supervisor: Supervisor,
         bus: Bus,
+        box: BlackBox,
         more_bus_facts: Callable[[], dict[str, Any]],
     ) -> None:
         self._clock = clock
@@ -62,6 +65,7 @@ class Status:
         self._intake = intake
         self._supervisor = supervisor
         self._bus = bus
+        self._box = box
         self._more_bus_facts = more_bus_facts
         self._state: str | None = None
         self._since_ns = 0
@@ -92,6 +96,7 @@ class Status:
                 **ZEROS["command"],
                 **self._intake.status_values(),
                 **self._controller.status_values(),
+                **self._box.status_values(),
             },
             bus=self.bus(),
         )

@@ -28,12 +28,17 @@ from yahboomd.errors import (
 from yahboomd.link.port import Opener, Port
 from yahboomd.link.session import Session
 from yahboomd.link.storing import Progress, Step, store
+from yahboomd.link.tap import NO_TAP, Tap
 from yahboomd.model import Event
 from yahboomd.protocol.settings import BoardSettings
 
 
 def storing_opener(
-    opener: Opener, clock: Clock, want: BoardSettings, tell: Callable[[Event], None]
+    opener: Opener,
+    clock: Clock,
+    want: BoardSettings,
+    tell: Callable[[Event], None],
+    tap: Tap = NO_TAP,
 ) -> Opener:
     """An opener that sees to the board's settings first.
 
@@ -45,12 +50,13 @@ def storing_opener(
         clock: The source of time.
         want: What the board shall store.
         tell: Receives an event for every value that was, or could not be, stored.
+        tap: Sees every byte.
     """
 
     async def open_it() -> Port:
         # A board that stores nothing is sent its motors at each connection.
         with contextlib.suppress(BoardStoresNothing):
-            await store(opener, clock, want, _Reported(tell))
+            await store(opener, clock, want, _Reported(tell), tap)
         return await opener()
 
     return open_it

@@ -28,6 +28,7 @@ from yahboomd.link.stopping import (
     bring_to_rest,
     stop_unidentified,
 )
+from yahboomd.link.tap import NO_TAP, Tap, TappedPort
 from yahboomd.link.vital_tasks import VitalTasks, undisturbed
 from yahboomd.link.writer import Spacing, Writer
 from yahboomd.model import Counts, ImuReading
@@ -89,6 +90,7 @@ class Line:
         clock: The source of time.
         still_ticks_per_s: Below it a wheel counts as standing.
         resend_s: The period at which the current velocity is repeated.
+        tap: Sees every byte.
 
     Attributes:
         tasks: Those that the line cannot do without.
@@ -109,6 +111,7 @@ class Line:
         on_imu: Takes samples of the inertial sensor.
         on_said: Takes everything else, and what it says of a start of the board.
         on_leaving: Called when the wheels are being stopped by the line itself.
+        tap: Sees every byte.
     """
 
     def __init__(
@@ -118,8 +121,10 @@ class Line:
         *,
         still_ticks_per_s: float = STILL_TICKS_PER_S,
         resend_s: float = 1.0,
+        tap: Tap = NO_TAP,
     ) -> None:
-        self.port = port
+        self.port = port = port if tap is NO_TAP else TappedPort(port, tap)
+        self.tap = tap
         self.clock = clock
         self._resend_ns = nanoseconds(resend_s)
         self._framers = {name: dialect.framer() for name, dialect in DIALECTS.items()}
@@ -156,6 +161,7 @@ class Line:
         self.on_imu: Callable[[ImuReading], None] = lambda _: None
         self.on_said: Callable[[Decoded, Notice], None] = lambda *_: None
         self.on_leaving: Callable[[], None] = lambda: None
+        tap.opened(port.name, port.byte_ns)
 
     # What a session or a conversation does with it.
 
@@ -257,6 +263,7 @@ class Line:
 
     def _receive(self, data: bytes) -> None:
         now_ns = self.clock.now_ns()
+        self.tap.received(data, now_ns)
         if len(self.heard.start) < KEPT_BYTES:
             self.heard.start = (self.heard.start + data)[:KEPT_BYTES]
         dialect = self.dialect
@@ -267,7 +274,8 @@ class Line:
                     self.unread += [(name, item) for item in items]
                     self.news.set()
             return
-        for item in self._framer.feed(data):
+        items = self._framer.feed(data)
+        for item in items:
             if item is not self._item:
                 self._item, self._decoded = item, dialect.decode(item)
             decoded = self._decoded
@@ -284,6 +292,9 @@ class Line:
         if self._gathering is not None and self._gathering.rest(self._framer.held_bytes):
             self.port.gather(self._gathering.least)
         self._notice_noise(now_ns)
+        # Behind a whole item a framer that holds nothing is as a fresh one.
+        if self.tap.due and items and not self._framer.held_bytes:
+            self.tap.settled()
 
     def _counts(self, totals: Totals, item: Item, now_ns: int) -> None:
         byte_ns = self.port.byte_ns
@@ -376,3 +387,4 @@ class Line:
                 await self.rest(self.dialect)
         finally:
             self.port.close()
+            self.tap.closed()

@@ -19,6 +19,7 @@ from yahboomd.link.line import Line
 from yahboomd.link.poller import Poller
 from yahboomd.link.port import Opener, Port
 from yahboomd.link.stopping import StopReport
+from yahboomd.link.tap import NO_TAP, Tap
 from yahboomd.model import NS_PER_S, Event
 from yahboomd.protocol.profiles import PROFILES, MotorProfile
 
@@ -51,15 +52,22 @@ class Session:
         clock: The source of time.
         listener: Receives what the board does.
         options: See :class:`SessionOptions`.
+        tap: Sees every byte.
 
     Attributes:
         board: The board, once connected.
     """
 
     def __init__(
-        self, opener: Opener, clock: Clock, listener: Listener, options: SessionOptions
+        self,
+        opener: Opener,
+        clock: Clock,
+        listener: Listener,
+        options: SessionOptions,
+        tap: Tap = NO_TAP,
     ) -> None:
         self._opener = opener
+        self._tap = tap
         self._clock = clock
         self._listener = listener
         self._options = options
@@ -79,6 +87,7 @@ class Session:
             self._clock,
             still_ticks_per_s=options.still_ticks_per_s,
             resend_s=options.resend_s,
+            tap=self._tap,
         )
         line.writer.on_slow = lambda bytes_per_s: self._port_is_slow(port, bytes_per_s)
         try:
@@ -150,6 +159,7 @@ class Session:
             # Between the counts of a board that reports unasked come other reports, just as urgent.
             line.gather(dialect.line_end)
         poller.arm()
+        self._tap.identified(dialect.name, settings)
         listener.connected(board, identity)
         if (words := latency_timer.describe(line.port.name)) is not None:
             words = " ".join(words.splitlines())

@@ -17,6 +17,7 @@ from yahboomd.errors import BoardError, BoardStoresNothing
 from yahboomd.link.conversation import Conversation
 from yahboomd.link.line import Line
 from yahboomd.link.port import Opener
+from yahboomd.link.tap import NO_TAP, Tap
 from yahboomd.protocol.dialect import CommandLost, Decoded, Dialect, Reply, VersionLine
 from yahboomd.protocol.settings import BoardSettings, SettingWrite
 from yahboomd.protocol.settings import writes as settings_writes
@@ -77,7 +78,11 @@ class Progress:
 
 
 async def store(
-    opener: Opener, clock: Clock, want: BoardSettings, progress: Progress | None = None
+    opener: Opener,
+    clock: Clock,
+    want: BoardSettings,
+    progress: Progress | None = None,
+    tap: Tap = NO_TAP,
 ) -> Storing:
     """Store what differs, value by value.
 
@@ -86,6 +91,7 @@ async def store(
         clock: The source of time.
         want: What the board shall store; None leaves a value alone.
         progress: Receives the progress.
+        tap: Sees every byte.
 
     Raises:
         BoardStoresNothing: The board's dialect has no settings.
@@ -94,7 +100,7 @@ async def store(
         LinkError: The port cannot be had, went away, or the board fell silent.
     """
     progress = progress or Progress()
-    line = Line(await opener(), clock)
+    line = Line(await opener(), clock, tap=tap)
     async with line.attended():
         talk = await Conversation.begin(line)
         dialect = talk.dialect

@@ -143,6 +143,9 @@ _COMMAND = {
     "`std_msgs/Bool` that is false)",
     "poses_refused": "samples that were to set the pose, and did not: another frame, or no pose",
     "estop_file_failures": "times that the e-stop's file could not be written or removed",
+    "blackbox_saved": "black boxes that were saved",
+    "blackbox_failures": "black boxes that could not be saved",
+    "blackbox_left_out": "records that were too large for the black box",
     "events": "events that were published",
     "events_suppressed": "events that were left out: more than five of one kind in a second",
     "odometry_readings": "readings that reached odometry",
@@ -251,6 +254,8 @@ FIELDS: tuple[StatusField, ...] = (
     *_counters("link", _LINK),
     *_counters("command", _ACCOUNT | _COMMAND),
     _fact("command", "gauge", "estop_not_on_file", "1 while an engaged e-stop is not on file"),
+    _fact("command", "gauge", "blackbox_recording", "1 while the black box is kept"),
+    _fact("command", "text", "blackbox_last", "the newest saved black box; empty: none was saved"),
     _fact(
         *("command", "gauge", "board_tick_ns"),
         "period in which the board renews its counts; 0: none fits, or the board is asked for them",

@@ -1,0 +1,136 @@
+"""``make black-box``: what the black box costs the daemon, in three minutes.
+
+Two daemons run at the same time on two ports of one thin board, one with the black box and one
+without. Standing and driving alternate, and the CPU of the two is compared pair by pair; then each
+command is sent to both, in turn, and the time to its frame is compared: the machine is not quiet,
+and what disturbs it disturbs both.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import platform
+import random
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from benchmarks import latency, rig
+from benchmarks.ratios import listen, memory_mb
+from benchmarks.report import median, quantile
+from benchmarks.thin_board import read_log
+
+Put = Callable[[bytes], object]
+
+SETTINGS = {"with": (), "without": ("blackbox.enabled=false",)}
+DRIVE_HZ = 50
+
+
+def daemons(
+    stack: contextlib.ExitStack, where: Path, options: tuple[str, ...]
+) -> tuple[rig.Process, list[int], list[Put]]:
+    """The board, the process of each daemon, and how to command it."""
+    board = stack.enter_context(rig.thin_board(where, *options, ports=2))
+    pids, puts = [], []
+    for number, settings in enumerate(SETTINGS.values()):
+        endpoint = rig.free_endpoint()
+        daemon = rig.daemon(where, endpoint, *latency.UNLIMITED, *settings, port=f"port{number}")
+        pids.append(stack.enter_context(daemon).pid)
+        session = stack.enter_context(rig.client(endpoint))
+        rig.Status(session).ready()
+        listen(stack, endpoint)
+        puts.append(latency.publisher(session).put)
+    return board, pids, puts
+
+
+def cpu(dialect: str, seconds: float, rounds: int) -> None:
+    """Print the CPU of both, standing and driving."""
+    shares: dict[str, list[tuple[float, float]]] = {"standing": [], "driving": []}
+    with contextlib.ExitStack() as stack:
+        where = stack.enter_context(rig.folder())
+        _, pids, puts = daemons(stack, where, ("--dialect", dialect))
+        time.sleep(3.0)
+        for number in range(rounds):
+            for state, found in shares.items():
+                before = [rig.usage(pid) for pid in pids]
+                end = time.monotonic() + seconds
+                while time.monotonic() < end:
+                    if state == "driving":
+                        for put in puts:
+                            put(latency.command(300 + number))
+                    time.sleep(1.0 / DRIVE_HZ)
+                after = [rig.usage(pid) for pid in pids]
+                on, off = map(rig.share_of_core, before, after)
+                found.append((on, off))
+            time.sleep(1.0)
+        (on_mb, _), (off_mb, _) = map(memory_mb, pids)
+    for state, found in shares.items():
+        more = [100.0 * (on - off) for on, off in found]
+        print(
+            f"{dialect}, {state}: {100 * median([on for on, _ in found]):.2f} % of a core with, "
+            f"{100 * median([off for _, off in found]):.2f} % without; difference by pairs: "
+            f"median {median(more):+.2f}, quartiles {quantile(more, 0.25):+.2f} to "
+            f"{quantile(more, 0.75):+.2f} ({len(more)} pairs of {seconds:g} s)",
+            flush=True,
+        )
+    print(f"{dialect}: {on_mb:.1f} MB (PSS) with, {off_mb:.1f} MB without", flush=True)
+
+
+def times(dialect: str, count: int) -> None:
+    """Print the time from a command's put to its frame on the wire, for both."""
+    chance = random.Random(1)
+    sent: list[tuple[int, int, int]] = []
+    with contextlib.ExitStack() as stack:
+        where = stack.enter_context(rig.folder())
+        line = ("--line-us", str(latency.LINE_US), "--ticks", str(latency.TICKS))
+        board, _, puts = daemons(stack, where, ("--dialect", dialect, *line))
+        for number in range(count):
+            units = 300 + 7 * number % 400
+            for target in chance.sample((0, 1), 2):
+                time.sleep(chance.uniform(0.008, 0.014))
+                sent.append((target, units, time.monotonic_ns()))
+                puts[target](latency.command(units))
+        time.sleep(0.2)
+        board.end()
+        heard = read_log(where).heard
+    found: list[list[float]] = [[], []]
+    for target in (0, 1):
+        arrivals = [(t_ns, latency.units_of(data)) for port, t_ns, data in heard if port == target]
+        at = 0
+        for _, units, sent_ns in (each for each in sent if each[0] == target):
+            while at < len(arrivals) and arrivals[at][0] < sent_ns:
+                at += 1
+            near = (t_ns for t_ns, shown in arrivals[at : at + 8] if units in shown)
+            if (t_ns := next(near, None)) is not None:
+                found[target].append((t_ns - sent_ns) * 1e-6)
+    for share in (0.5, 0.9, 0.99):
+        on, off = (quantile(each, share) for each in found)
+        print(
+            f"{dialect}, put to wire, p{100 * share:g}: {on:.3f} ms with, {off:.3f} ms without, "
+            f"ratio {on / off:.3f}",
+            flush=True,
+        )
+    print(f"{dialect}: {len(found[0])} and {len(found[1])} of {count} commands", flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n", maxsplit=1)[0])
+    parser.add_argument("--seconds", type=float, default=4.0, help="of standing, and of driving")
+    parser.add_argument("--rounds", type=int, default=8)
+    parser.add_argument("--commands", type=int, default=1500, help="for the latency")
+    parser.add_argument("--dialects", nargs="+", default=["streamed"])
+    args = parser.parse_args()
+    for dialect in args.dialects:
+        cpu(dialect, args.seconds, args.rounds)
+        times(dialect, args.commands)
+    print(
+        f"{platform.machine()}, load average {os.getloadavg()[0]:.1f}, "
+        f"Python {sys.version.split()[0]}"
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,145 @@
+"""A box in words: why it stopped, what came before, and when."""
+
+from __future__ import annotations
+
+from made_boxes import ring_of, saved_box
+
+from yahboomd.blackbox import records
+from yahboomd.blackbox.box_file import read_box
+from yahboomd.cli.blackbox.box_story import before, story, summary, utc, wall_clock_ns
+from yahboomd.model import Event, Pose2d
+
+DRIVES = records.Decision(state="driving", driver="cmd_vel", why="cmd_vel drives.")
+SILENT = records.Decision(state="standing", driver="", why="No command for 0.5 s.")
+ESTOP = records.Decision(state="estopped", driver="", why="Emergency stop, engaged by Ann.")
+
+
+def commands(first_s: float, count: int, **fields: float):
+    return [
+        (first_s - 0.05 * number, records.Command(source="cmd_vel", **(ZERO | fields)))
+        for number in range(count)
+    ]
+
+
+ZERO = {"vx": 0.0, "vy": 0.0, "wz": 0.0}
+
+
+def retold(*happened, **options):
+    found = story(read_box(saved_box(*happened, **options)))
+    return found, [
+        (round((found.end_ns - line.at_ns) * 1e-9, 2), line.what, line.words)
+        for line in found.lines
+    ]
+
+
+def test_it_says_when_and_why_it_stopped_last() -> None:
+    found, _ = retold((30.0, DRIVES), (20.0, SILENT), (15.0, DRIVES), (12.41, ESTOP), (5.0, SILENT))
+    assert found.why == "It stopped 12.41 s before the save: Emergency stop, engaged by Ann."
+
+
+def test_a_robot_that_did_not_drive_or_drives_on_has_no_stop() -> None:
+    assert retold((5.0, SILENT))[0].why == "It did not drive in the time that is recorded."
+    assert retold((5.0, DRIVES))[0].why == "It drives to the end of the record."
+
+
+def test_what_a_killed_daemon_left_is_counted_from_its_end() -> None:
+    box = read_box(ring_of((12.0, DRIVES), (3.0, SILENT), (1.0, records.Closed())))
+    assert story(box).why == "It stopped 2.00 s before the end: No command for 0.5 s."
+
+
+def test_commands_that_are_alike_are_one_line_until_the_source_falls_silent() -> None:
+    _, lines = retold(
+        *commands(20.0, 40, vx=0.3), *commands(18.0, 3), *commands(9.0, 2, vx=0.1, wz=1.0)
+    )
+    assert lines == [
+        (20.0, "command", "cmd_vel: 40 commands for 1.95 s, the first 0.30 m/s, 0.00 rad/s."),
+        (18.0, "command", "cmd_vel: 3 commands for 0.10 s, the first 0.00 m/s, 0.00 rad/s."),
+        (9.0, "command", "cmd_vel: 2 commands for 0.05 s, the first 0.10 m/s, 1.00 rad/s."),
+    ]
+
+
+def test_refused_commands_say_why() -> None:
+    refused = records.Command(source="nav", vx=0.1, vy=0.2, wz=0.0, refused="lower_priority")
+    _, lines = retold((3.0, refused))
+    assert lines == [
+        (
+            3.0,
+            "command",
+            "nav: 0.10 m/s, 0.20 m/s to the left, 0.00 rad/s: refused (lower_priority).",
+        )
+    ]
+
+
+def test_the_line_and_what_was_sent_are_in_it() -> None:
+    def sent(frame: bytes) -> records.Written:
+        return records.Written(data=frame)
+
+    _, lines = retold(
+        (9.0, records.Opened(port="/dev/ttyUSB0", byte_ns=86_805)),
+        (8.9, records.Identified(dialect="streamed", settings=None)),
+        (8.8, sent(b"$spd:0,0,0,0#")),
+        (8.7, sent(b"$spd:0,0,0,0#")),
+        (8.0, DRIVES),
+        (7.9, sent(b"$spd:300,0,300,0#")),
+        (7.0, sent(b"$spd:0,0,0,0#")),
+        (6.9, sent(b"$pwm:0,0,0,0#")),
+        (6.0, records.Closed()),
+    )
+    words = [line for _, what, line in lines if what in ("board", "sent")]
+    assert words == [
+        "/dev/ttyUSB0 was opened.",
+        "It is a Yahboom 4-channel motor driver (streamed) board.",
+        "Sent to the board: brake.",
+        "Sent to the board: brake.",
+        "Sent to the board: motors off.",
+        "The port was closed.",
+    ]
+
+
+def test_a_silence_of_the_board_is_named_where_it_begins() -> None:
+    read = records.Received(data=b"$MAll:0,0,0,0#\r\n")
+    _, lines = retold(*[(10.0 - 0.1 * number, read) for number in range(20)], (5.0, read))
+    assert lines == [
+        (8.1, "board", "The board sent nothing for 3.10 s."),
+        (5.0, "board", "The board sent nothing for 5.00 s."),
+    ]
+
+
+def test_events_poses_losses_and_the_end_are_in_it_once() -> None:
+    event = Event(kind="estop", severity="warning", message="Emergency stop\x1b[31m engaged.")
+    _, lines = retold(
+        (4.0, SILENT),
+        (3.9, SILENT),
+        (3.0, records.Happened(event=event)),
+        (2.0, records.PoseSet(pose=Pose2d(x=1.5))),
+        (1.5, records.Lost(what="commands", count=400)),
+        (1.0, records.Ended(reasons=("crash",), error="RuntimeError: no")),
+    )
+    assert [words for _, _, words in lines] == [
+        "standing: No command for 0.5 s.",
+        # What came over the bus commands no terminal.
+        "Emergency stop [31m engaged.",
+        "The pose was set: x 1.5, y 0, theta 0.",
+        "400 more commands came in a second and are left out.",
+        "yahboomd ended by a fault of its own: RuntimeError: no",
+    ]
+
+
+def test_moments_are_those_of_the_wall_clock_of_their_time() -> None:
+    at = 1_795_370_000_000_000_000
+    box = read_box(saved_box((80.0, SILENT), (50.0, records.WallClock(wall_ns=at)), (40.0, DRIVES)))
+    first, _, last = (record.at_ns for record in box.records)
+    assert utc(wall_clock_ns(box, first)) == "2026-11-22 17:54:10.00 UTC"
+    assert wall_clock_ns(box, last) == at + 10 * 10**9
+    assert before(last, last + 12_412_000_000, "the save") == "12.41 s before the save"
+
+
+def test_the_summary_names_robot_time_and_reason() -> None:
+    words = summary(read_box(saved_box((80.0, SILENT), (50.0, SILENT), reasons=("estop", "crash"))))
+    assert words.splitlines() == [
+        "yahboomd 0.1.0, robot bot1, process 17",
+        "2026-11-22 17:54:10.00 UTC to 2026-11-22 17:54:40.00 UTC: 30.0 s, 2 records",
+        "saved for: an emergency stop, then a fault of yahboomd itself",
+    ]
+    assert "not saved yet" in summary(read_box(ring_of((80.0, SILENT))))
+    assert "0 records" in summary(read_box(ring_of()))

@@ -1,0 +1,1 @@
+"""The command ``blackbox``: where boxes are, their story in words, and their export as MCAP."""

@@ -1,0 +1,201 @@
+"""``yahboomd blackbox``: lists black boxes, explains why the robot stopped, exports, saves one."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from yahboomd.cli.shared_options import add_config_options, read_config
+
+if TYPE_CHECKING:
+    from yahboomd.blackbox.box_file import Box
+    from yahboomd.cli.blackbox.box_places import Found, Places
+    from yahboomd.client import AsyncRobot
+
+DESCRIPTION = """\
+Why did the robot stop? The daemon keeps the last minute of bytes, commands, decisions and events in
+memory, and saves it at each fault, emergency stop, disconnect and crash. List what was saved,
+explain it in plain words, export it, or have it saved now. Only `save` needs a daemon.
+"""
+
+EPILOG = """\
+examples:
+  yahboomd blackbox                          what was saved, and what is in memory
+  yahboomd blackbox explain                  why the robot stopped last, with times
+  yahboomd blackbox explain 12               the box with this number; a file will do, too
+  yahboomd blackbox explain --json | jq .why
+  yahboomd blackbox export 12 stop.mcap      for Foxglove and other readers of MCAP
+  yahboomd blackbox save                     save it now, by the daemon
+
+exit status:
+  0    it was done
+  1    it was refused: the message says why
+  69   no daemon is there, for `save`
+  78   no such black box, or it cannot be read
+"""
+
+WORDS = {"saved": "saved", "running": "in memory: its daemon runs", "left": "not saved: was killed"}
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the verbs."""
+    from yahboomd.cli.robot.attended import add_robot_options
+
+    verbs = parser.add_subparsers(dest="verb", metavar="VERB")
+    listing = verbs.add_parser(
+        "list", help="list them, which is done without a verb as well", description="List them."
+    )
+    explain = verbs.add_parser(
+        "explain",
+        help="why the robot stopped, in plain words",
+        description="Explain in plain words, with times, why the robot stopped.",
+    )
+    export = verbs.add_parser(
+        "export", help="write it as MCAP", description="Write a black box as an MCAP file."
+    )
+    save = verbs.add_parser(
+        "save",
+        help="have the daemon save it now",
+        description="Have the daemon save its black box now. It does so at most once a minute.",
+    )
+    explain.add_argument(
+        "box",
+        metavar="BOX",
+        nargs="?",
+        help="its number or name in the list, or its file (default: the newest that is saved)",
+    )
+    export.add_argument("box", metavar="BOX", help="its number or name in the list, or its file")
+    export.add_argument("path", metavar="FILE", type=Path, help="the file to write, such as x.mcap")
+    for each in (parser, listing, explain, save):
+        each.add_argument("--json", action="store_true", help="print JSON, for programs")
+    for each in (listing, explain, export):
+        add_config_options(each)
+    add_robot_options(save)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry out one verb.
+
+    Raises:
+        ConfigError: There is no such box, or it cannot be read.
+        Refused: It cannot be exported, or the daemon does not save it.
+        NoDaemon: No daemon is there.
+    """
+    if args.verb == "save":
+        return _save(args)
+    where = _places(args)
+    from yahboomd.cli.blackbox.box_places import boxes, choose, load
+
+    found = boxes(where)
+    match args.verb:
+        case "explain":
+            path = choose(found, args.box)
+            _explain(load(path), path, as_json=args.json)
+        case "export":
+            from yahboomd.cli.blackbox.box_export import export
+
+            count = export(load(choose(found, args.box)), args.path)
+            print(f"Wrote {count} messages to {args.path}.")
+        case _:
+            _list(found, where, as_json=args.json)
+    return os.EX_OK
+
+
+def _places(args: argparse.Namespace) -> Places:
+    from yahboomd.cli.blackbox.box_places import places
+    from yahboomd.config.models import blackbox_folder
+
+    if not hasattr(args, "config"):
+        args.config, args.overrides = None, []
+    loaded = read_config(args)
+    own = blackbox_folder(loaded.config, os.environ, loaded.path, user_id=os.geteuid())
+    return places(os.environ, own)
+
+
+def _list(found: list[Found], where: Places, *, as_json: bool) -> None:
+    from yahboomd.cli.blackbox.box_story import utc
+    from yahboomd.program import plain
+
+    if as_json:
+        rows = [
+            {
+                "name": each.name,
+                "kind": each.kind,
+                "path": str(each.path),
+                "written_ns": each.written_ns,
+                "bytes": each.size,
+            }
+            for each in found
+        ]
+        print(json.dumps({"boxes": rows, "denied": [str(each) for each in where.denied]}))
+        return
+    for each in found:
+        reason = each.path.stem.rpartition("Z_")[2] if each.kind == "saved" else WORDS[each.kind]
+        size = f"{each.size / 1024:.0f} kB"
+        print(
+            f"{each.name:>9}  {utc(each.written_ns)[:19]}  {reason:<26}  {size:>7}  "
+            f"{plain(str(each.path))}"
+        )
+    for folder in where.denied:
+        from yahboomd.cli.blackbox.box_places import REMEDY
+
+        print(f"{folder} cannot be read. {REMEDY}")
+    if not found:
+        print("There is no black box here: nothing was saved, and no daemon of yours runs.")
+
+
+def _explain(box: Box, path: Path, *, as_json: bool) -> None:
+    from yahboomd.cli.blackbox.box_story import before, story, summary, utc, wall_clock_ns
+
+    text = story(box)
+    if as_json:
+        facts = {
+            "path": str(path),
+            "version": box.header.version,
+            "reasons": list(box.header.saved.reasons) if box.header.saved else [],
+            "why": text.why,
+            "damaged": box.damaged,
+            "end": utc(wall_clock_ns(box, text.end_ns)),
+            "lines": [
+                {
+                    "before_s": round((text.end_ns - line.at_ns) * 1e-9, 3),
+                    "stamp_ns": wall_clock_ns(box, line.at_ns),
+                    "what": line.what,
+                    "words": line.words,
+                }
+                for line in text.lines
+            ],
+        }
+        print(json.dumps(facts))
+        return
+    print(f"{path}\n{summary(box)}\n\n{text.why}\n")
+    for line in text.lines:
+        print(f"{before(line.at_ns, text.end_ns, text.end)}: {line.words}")
+
+
+def _save(args: argparse.Namespace) -> int:
+    from yahboomd.cli.robot.attended import attend
+
+    async def work(robot: AsyncRobot) -> int:
+        from yahboomd.bus.keys import BLACKBOX_SAVE
+        from yahboomd.client.questions import read_answers
+        from yahboomd.errors import NoDaemon, Refused
+
+        payloads = await robot.ask(BLACKBOX_SAVE, b'{"by": "yahboomd blackbox"}')
+        if not payloads:
+            raise NoDaemon(
+                "The daemon is there, and does not answer.", remedy="Is it busy? Try again."
+            )
+        answer = read_answers(payloads)
+        if not answer.success:
+            raise Refused(answer.message)
+        path = (answer.data or {}).get("path")
+        print(
+            json.dumps({"message": answer.message, "path": path}) if args.json else answer.message
+        )
+        return os.EX_OK
+
+    return attend(args, work)

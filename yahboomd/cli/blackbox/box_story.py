@@ -1,0 +1,256 @@
+"""A black box in plain words, with times: why the robot stopped, and what came before."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import NamedTuple
+
+from yahboomd.blackbox import records
+from yahboomd.blackbox.box_file import Box
+from yahboomd.blackbox.records import Record
+from yahboomd.model import NS_PER_S
+from yahboomd.program import plain
+from yahboomd.protocol.registry import DIALECTS
+
+SILENT_NS = 300_000_000
+"""A board sends twenty times as often, or is asked so."""
+
+REASONS = {
+    "estop": "an emergency stop",
+    "runaway": "a wheel that ran away",
+    "fault": "a fault",
+    "disconnected": "the loss of the board",
+    "crash": "a fault of yahboomd itself",
+    "killed": "the daemon was killed",
+    "asked": "somebody asked for it",
+}
+
+
+class Line(NamedTuple):
+    """A line of the story.
+
+    Attributes:
+        at_ns: When; monotonic nanoseconds.
+        what: In a word: ``event``, ``state``, ``command``, ``board``, ``sent``, ``daemon``.
+        words: What happened.
+    """
+
+    at_ns: int
+    what: str
+    words: str
+
+
+class Story(NamedTuple):
+    """A box in words.
+
+    Attributes:
+        end_ns: When it was saved, or ended; monotonic nanoseconds.
+        end: What that moment is: ``the save`` or ``the end``.
+        why: Why the robot stopped last.
+        lines: What happened, the oldest first.
+    """
+
+    end_ns: int
+    end: str
+    why: str
+    lines: list[Line]
+
+
+def story(box: Box) -> Story:
+    """The story of a box."""
+    saved = box.header.saved
+    newest_ns = box.records[-1].at_ns if box.records else box.header.started_ns
+    end_ns, end = (saved.at_ns, "the save") if saved and saved.at_ns else (newest_ns, "the end")
+    lines = sorted(
+        [*_said(box.records), *_commands(box.records), *_silences(box.records, end_ns)],
+        key=lambda line: line.at_ns,
+    )
+    return Story(end_ns, end, _why(box.records, end_ns, end), lines)
+
+
+def before(at_ns: int, end_ns: int, end: str) -> str:
+    """``12.41 s before the save``."""
+    return f"{(end_ns - at_ns) / NS_PER_S:.2f} s before {end}"
+
+
+def wall_clock_ns(box: Box, at_ns: int) -> int:
+    """A moment as Unix nanoseconds, by the latest reading of the wall clock before it."""
+    mono_ns, wall_ns = box.header.started_ns, box.header.started_wall_ns
+    for record in box.records:
+        if record.at_ns > at_ns:
+            break
+        if isinstance(record.meaning, records.WallClock):
+            mono_ns, wall_ns = record.at_ns, record.meaning.wall_ns
+    return wall_ns + at_ns - mono_ns
+
+
+def utc(wall_ns: int) -> str:
+    """``2026-11-22 17:35:30.25 UTC``."""
+    moment = datetime.fromtimestamp(wall_ns / NS_PER_S, UTC)
+    return f"{moment:%Y-%m-%d %H:%M:%S}.{moment.microsecond // 10_000:02} UTC"
+
+
+def summary(box: Box) -> str:
+    """What was recorded, and how much."""
+    header = box.header
+    first_ns = box.records[0].at_ns if box.records else header.started_ns
+    last_ns = box.records[-1].at_ns if box.records else header.started_ns
+    name = header.config.get("zenoh", {}).get("namespace", "")
+    reasons = header.saved.reasons if header.saved else ("it is not saved yet",)
+    why = ", then ".join(REASONS.get(reason, reason) for reason in reasons)
+    from_to = f"{utc(wall_clock_ns(box, first_ns))} to {utc(wall_clock_ns(box, last_ns))}"
+    words = [
+        f"yahboomd {header.version}{f', robot {name}' if name else ''}, process {header.pid}",
+        f"{from_to}: {(last_ns - first_ns) / NS_PER_S:.1f} s, {len(box.records)} records",
+        f"saved for: {why}" if header.saved else "the ring of a daemon, not saved yet",
+    ]
+    if box.damaged:
+        words.append(f"damaged in {box.damaged} of its segments: a part is missing")
+    return "\n".join(words)
+
+
+def _why(every: list[Record], end_ns: int, end: str) -> str:
+    """Why the robot stands, by the last time that it stopped driving."""
+    driving, stopped = False, None
+    for record in every:
+        meaning = record.meaning
+        if isinstance(meaning, records.Decision):
+            drives = meaning.state == "driving"
+            if driving and not drives:
+                stopped = record
+            elif drives:
+                stopped = None
+            driving = drives
+    if stopped is None or not isinstance(stopped.meaning, records.Decision):
+        if driving:
+            return "It drives to the end of the record."
+        return "It did not drive in the time that is recorded."
+    words = plain(stopped.meaning.why)
+    return f"It stopped {before(stopped.at_ns, end_ns, end)}: {words}"
+
+
+def _said(every: list[Record]) -> list[Line]:
+    """Events, decisions, connections and the kinds of frames that were sent."""
+    lines = []
+    dialect, sent, decision = "", "", None
+    for at_ns, meaning in every:
+        match meaning:
+            case records.Happened():
+                lines.append(Line(at_ns, "event", plain(meaning.event.message)))
+            case records.Decision():
+                # Each segment of a ring begins with the latest one.
+                if meaning != decision:
+                    lines.append(Line(at_ns, "state", f"{meaning.state}: {plain(meaning.why)}"))
+                decision = meaning
+                sent = "" if meaning.state == "driving" else sent
+            case records.Opened():
+                lines.append(Line(at_ns, "board", f"{plain(meaning.port)} was opened."))
+                dialect = sent = ""
+            case records.Identified() | records.Anchor():
+                dialect = meaning.dialect or dialect
+                if isinstance(meaning, records.Identified):
+                    lines.append(Line(at_ns, "board", f"It is a {_title(dialect)} board."))
+            case records.Closed():
+                lines.append(Line(at_ns, "board", "The port was closed."))
+            case records.Written():
+                kind = _frame(meaning.data, dialect)
+                if kind and kind != sent:
+                    lines.append(Line(at_ns, "sent", f"Sent to the board: {kind}."))
+                sent = kind or sent
+            case records.PoseSet():
+                pose = meaning.pose
+                words = f"The pose was set: x {pose.x:g}, y {pose.y:g}, theta {pose.theta:g}."
+                lines.append(Line(at_ns, "event", words))
+            case records.Lost():
+                words = f"{meaning.count} more {meaning.what} came in a second and are left out."
+                lines.append(Line(at_ns, "command", words))
+            case records.Ended():
+                words = f"yahboomd ended by a fault of its own: {plain(meaning.error)}"
+                words = words if meaning.error else "yahboomd ended."
+                lines.append(Line(at_ns, "daemon", words))
+            case _:
+                pass
+    return lines
+
+
+def _title(dialect: str) -> str:
+    known = DIALECTS.get(dialect)
+    return f"{known.title} ({dialect})" if known is not None else dialect
+
+
+def _frame(data: bytes, dialect: str) -> str:
+    """The kind of a frame to the board, as far as stops are concerned; empty for others."""
+    known = DIALECTS.get(dialect)
+    if known is None:
+        return ""
+    if known.cut and known.cut in data:
+        return "motors off"
+    return "brake" if known.brake in data else ""
+
+
+class _Run(NamedTuple):
+    """Commands of one source that came one after the other."""
+
+    first_ns: int
+    last_ns: int
+    times: int
+    command: records.Command
+
+
+def _commands(every: list[Record]) -> list[Line]:
+    """Commands, a line for as many as were alike; each silence of a source ends its line."""
+    runs: list[_Run] = []
+    open_runs: dict[str, _Run] = {}
+    for at_ns, meaning in every:
+        if not isinstance(meaning, records.Command):
+            continue
+        run = open_runs.get(meaning.source)
+        if run is not None and _alike(run.command, meaning) and at_ns - run.last_ns < NS_PER_S:
+            open_runs[meaning.source] = run._replace(last_ns=at_ns, times=run.times + 1)
+            continue
+        if run is not None:
+            runs.append(run)
+        open_runs[meaning.source] = _Run(at_ns, at_ns, 1, meaning)
+    return [Line(run.first_ns, "command", _run_words(run)) for run in [*runs, *open_runs.values()]]
+
+
+def _alike(one: records.Command, other: records.Command) -> bool:
+    if one.refused != other.refused:
+        return False
+    moved = (one.vx, one.vy, one.wz), (other.vx, other.vy, other.wz)
+    # What a joystick sends differs a little each time.
+    return any(moved[0]) == any(moved[1])
+
+
+def _run_words(run: _Run) -> str:
+    command = run.command
+    speed = f"{command.vx:.2f} m/s, {command.wz:.2f} rad/s"
+    if command.vy:
+        speed = f"{command.vx:.2f} m/s, {command.vy:.2f} m/s to the left, {command.wz:.2f} rad/s"
+    many = f"{run.times} commands for {(run.last_ns - run.first_ns) / NS_PER_S:.2f} s, the first "
+    words = f"{plain(command.source)}: {many if run.times > 1 else ''}{speed}"
+    return f"{words}: refused ({command.refused})." if command.refused else f"{words}."
+
+
+def _silences(every: list[Record], end_ns: int) -> list[Line]:
+    """Times in which an open port brought nothing."""
+    lines = []
+    last_ns: int | None = None
+    for at_ns, meaning in every:
+        if isinstance(meaning, records.Received):
+            if last_ns is not None and at_ns - last_ns > SILENT_NS:
+                lines.append(_silence(last_ns, at_ns))
+            last_ns = at_ns
+        elif isinstance(meaning, records.Closed | records.Opened):
+            if last_ns is not None and at_ns - last_ns > SILENT_NS:
+                lines.append(_silence(last_ns, at_ns))
+            last_ns = None
+    if last_ns is not None and end_ns - last_ns > SILENT_NS:
+        lines.append(_silence(last_ns, end_ns))
+    return lines
+
+
+def _silence(from_ns: int, to_ns: int) -> Line:
+    return Line(
+        from_ns, "board", f"The board sent nothing for {(to_ns - from_ns) / NS_PER_S:.2f} s."
+    )

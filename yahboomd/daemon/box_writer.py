@@ -1,0 +1,194 @@
+"""Writes black boxes in a thread of low priority: a disk that hangs holds up nothing."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import os
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple, TypeVar
+
+from msgspec import structs
+
+from yahboomd.blackbox.box_file import Header, NotABox, Saved, deflated, encode_header, read_box
+from yahboomd.blackbox.ring_file import LeftRing, left_rings
+from yahboomd.blackbox.saved_boxes import save_box, saved_boxes
+from yahboomd.clock import Clock
+from yahboomd.daemon.folder import prepare_folder
+
+log = logging.getLogger(__name__)
+
+Result = TypeVar("Result")
+
+END_S = 0.7
+"""The end of the daemon waits so long for a box that is being written, once the wheels stand. The
+watchdog of the service, which is not fed meanwhile, would end it after 2 s."""
+
+LEAST_PRIORITY = 19
+
+
+class Outcome(NamedTuple):
+    """What came of writing a box.
+
+    Attributes:
+        path: Its file; None where it was not written.
+        problem: Why not.
+    """
+
+    path: Path | None
+    problem: str = ""
+
+
+class BoxWriter:
+    """One box at a time.
+
+    Args:
+        folder: Where boxes are saved; None where there is no such place.
+        rings: The folder of the rings.
+        clock: The source of time.
+
+    Attributes:
+        saved: Boxes that were written.
+        failures: Boxes that were not.
+        left: Rings that were left behind and are to be saved.
+    """
+
+    def __init__(self, folder: Path | None, rings: Path, clock: Clock) -> None:
+        self._folder = folder
+        self._rings = rings
+        self._clock = clock
+        self._thread: threading.Thread | None = None
+        self._failing = False
+        self.saved = self.failures = self.left = 0
+
+    @property
+    def busy(self) -> bool:
+        """Whether something is being written."""
+        return self._thread is not None
+
+    def look(self, done: Callable[[int | None], None]) -> None:
+        """Look for what earlier daemons left.
+
+        Args:
+            done: Called on the loop with the time of the newest box, Unix nanoseconds.
+        """
+
+        def job() -> int | None:
+            with left_rings(self._rings) as left:
+                self.left = len(left)
+            if self._folder is None:
+                return None
+            with contextlib.suppress(OSError):
+                return max((box.written_ns for box in saved_boxes(self._folder)), default=None)
+            return None
+
+        self._start(job, done)
+
+    def save(self, header: Header, segments: bytes, done: Callable[[Outcome], None]) -> None:
+        """Write a box.
+
+        Args:
+            header: Why it is saved is in it.
+            segments: The copy of the ring.
+            done: Called on the loop.
+        """
+        self._start(lambda: self._write(header, segments), done)
+
+    def adopt(self, done: Callable[[Outcome], None]) -> None:
+        """Write a ring that was left behind as a box, and remove it.
+
+        Args:
+            done: Called on the loop.
+        """
+        wall_ns = self._clock.wall_ns()
+
+        def job() -> Outcome:
+            with left_rings(self._rings) as left:
+                self.left = max(0, len(left) - 1)
+                return (
+                    self._adopted(left[0], wall_ns)
+                    if left
+                    else Outcome(None, "there is none any more")
+                )
+
+        self._start(job, done)
+
+    def save_last(self, header: Header, segments: bytes) -> bool:
+        """Write a box while the daemon ends; whether it was written in 0.7 s."""
+        written: list[Outcome] = []
+        thread = threading.Thread(
+            target=lambda: written.append(self._write(header, segments)), daemon=True
+        )
+        thread.start()
+        thread.join(END_S)
+        return bool(written) and written[0].path is not None
+
+    def end(self) -> bool:
+        """Wait for what is being written, for 0.7 s at most; whether it is."""
+        if self._thread is None:
+            return True
+        self._thread.join(END_S)
+        return not self._thread.is_alive()
+
+    def _start(self, job: Callable[[], Result], done: Callable[[Result], None]) -> None:
+        loop = asyncio.get_running_loop()
+
+        def ended(result: Result) -> None:
+            self._thread = None
+            done(result)
+
+        def work() -> None:
+            # What drives the robot goes first.
+            with contextlib.suppress(OSError):
+                os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), LEAST_PRIORITY)
+            result = job()
+            # The loop may be closed by now.
+            with contextlib.suppress(RuntimeError):
+                loop.call_soon_threadsafe(ended, result)
+
+        self._thread = threading.Thread(target=work, name="black-box", daemon=True)
+        self._thread.start()
+
+    def _write(self, header: Header, segments: bytes) -> Outcome:
+        assert header.saved is not None
+        if self._folder is None:
+            return self._failed("there is no state directory: name one with blackbox.folder")
+        try:
+            prepare_folder(self._folder)
+            data = deflated(encode_header(header) + segments)
+            path = save_box(
+                self._folder, data, reason=header.saved.reasons[0], wall_ns=header.saved.wall_ns
+            )
+        except OSError as error:
+            return self._failed(f"{self._folder}: {error.strerror or error}")
+        self.saved += 1
+        self._failing = False
+        log.info("The black box was saved (%s): %s", ", ".join(header.saved.reasons), path)
+        return Outcome(path)
+
+    def _adopted(self, ring: LeftRing, wall_ns: int) -> Outcome:
+        try:
+            header = read_box(ring.data).header
+            saved = Saved(reasons=ring.reasons, at_ns=0, wall_ns=wall_ns)
+        except NotABox as error:
+            ring.remove()
+            return Outcome(None, str(error))
+        begin = len(encode_header(header))
+        outcome = self._write(structs.replace(header, saved=saved), ring.data[begin:])
+        if outcome.path is not None:
+            ring.remove()
+        return outcome
+
+    def _failed(self, words: str) -> Outcome:
+        self.failures += 1
+        if not self._failing:
+            self._failing = True
+            log.warning(
+                "The black box cannot be saved (%s). It goes on in memory, and nothing else is "
+                "affected; further failures are counted.",
+                words,
+            )
+        return Outcome(None, words)

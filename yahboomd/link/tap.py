@@ -1,0 +1,122 @@
+"""A tap on a line: sees every byte in both directions, and what the line is.
+
+The black box of the daemon is one. A tap must not raise, block or wait.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from yahboomd.link.port import Port
+
+
+class Tap(Protocol):
+    """Callbacks of a line, in the order in which things happen."""
+
+    @property
+    def due(self) -> bool:
+        """Whether :meth:`settled` is to be called."""
+        ...
+
+    def opened(self, port: str, byte_ns: int) -> None:
+        """A port was opened, which takes so long for a byte."""
+        ...
+
+    def received(self, data: bytes, now_ns: int) -> None:
+        """Bytes came in one read, at this moment; nothing was made of them yet."""
+        ...
+
+    def settled(self) -> None:
+        """Everything that came was made use of, and no part of a frame is left."""
+        ...
+
+    def written(self, data: bytes) -> None:
+        """Bytes were written."""
+        ...
+
+    def identified(self, dialect: str, settings: dict[str, Any] | None) -> None:
+        """The board is known and its counts are used from here on."""
+        ...
+
+    def closed(self) -> None:
+        """The port was closed."""
+        ...
+
+
+class NoTap:
+    """Sees nothing."""
+
+    due = False
+
+    def opened(self, port: str, byte_ns: int) -> None:
+        """See :class:`Tap`."""
+
+    def received(self, data: bytes, now_ns: int) -> None:
+        """See :class:`Tap`."""
+
+    def settled(self) -> None:
+        """See :class:`Tap`."""
+
+    def written(self, data: bytes) -> None:
+        """See :class:`Tap`."""
+
+    def identified(self, dialect: str, settings: dict[str, Any] | None) -> None:
+        """See :class:`Tap`."""
+
+    def closed(self) -> None:
+        """See :class:`Tap`."""
+
+
+NO_TAP = NoTap()
+
+
+class TappedPort:
+    """A port whose output is seen by a tap; input is seen by the line, which knows its moment.
+
+    Args:
+        port: The port.
+        tap: The tap.
+    """
+
+    def __init__(self, port: Port, tap: Tap) -> None:
+        self._port = port
+        self._tap = tap
+        self.name = port.name
+        self.byte_ns = port.byte_ns
+
+    @property
+    def queued(self) -> int:
+        """See :class:`~yahboomd.link.port.Port`."""
+        return self._port.queued
+
+    def listen(
+        self, on_data: Callable[[bytes], None], on_lost: Callable[[Exception | None], None]
+    ) -> None:
+        """See :class:`~yahboomd.link.port.Port`."""
+        self._port.listen(on_data, on_lost)
+
+    def write(self, data: bytes) -> None:
+        """See :class:`~yahboomd.link.port.Port`."""
+        self._port.write(data)
+        self._tap.written(data)
+
+    def gather(self, least: int) -> None:
+        """See :class:`~yahboomd.link.port.Port`."""
+        self._port.gather(least)
+
+    def read_now(self) -> None:
+        """See :class:`~yahboomd.link.port.Port`."""
+        self._port.read_now()
+
+    def discard(self) -> None:
+        """See :class:`~yahboomd.link.port.Port`."""
+        self._port.discard()
+
+    async def drain(self, timeout_s: float) -> bool:
+        """See :class:`~yahboomd.link.port.Port`."""
+        return await self._port.drain(timeout_s)
+
+    def close(self) -> None:
+        """See :class:`~yahboomd.link.port.Port`."""
+        self._port.close()
