@@ -97,6 +97,18 @@ async def test_one_wheel_turns_visibly_and_by_half_a_turn_at_most(dialect: str) 
 
 
 @pytest.mark.parametrize("dialect", ["streamed", "rosmaster"])
+@on_virtual_time
+async def test_a_fast_wheel_is_ended_by_its_counts_before_half_a_turn(dialect: str) -> None:
+    board = LinkBench(dialect=dialect, max_speed_m_s=2.4)
+    watched = Watched(board)
+    async with pulses_on(board, on_pulse=watched.mark) as (pulses, _):
+        await pulses.turn(1)
+    assert HALF_TURN_M / 4.0 < max(watched.rolled_m[-1]) <= HALF_TURN_M
+    # By time it would have been driven for longer.
+    assert watched.driven_s[-1] < 0.4
+
+
+@pytest.mark.parametrize("dialect", ["streamed", "rosmaster"])
 @pytest.mark.parametrize("speed_m_s", [0.4, 1.15, 1.4])
 @on_virtual_time
 async def test_without_counts_a_pulse_ends_by_time_before_half_a_turn(
