@@ -15,7 +15,7 @@ WORKERS ?= $(shell expr 4 + $$(getconf _NPROCESSORS_ONLN))
 PYTEST := PYTHONDONTWRITEBYTECODE= $(PY) -m pytest
 PARALLEL := -n $(WORKERS) --dist loadgroup
 # Suites with targets of their own: they need programs of other languages.
-OWN_TARGETS := interop generators clients
+OWN_TARGETS := interop generators clients browser
 REST := $(if $(findstring tests/,$(ARGS)),,$(OWN_TARGETS:%=--ignore=tests/%))
 
 .DEFAULT_GOAL := help
@@ -72,7 +72,7 @@ schemas-check: $(VENV)/.dev
 	$(PY) -m yahboomd.daemon.asyncapi --check schemas
 
 ##@ Suites that need other languages, or more time (.ci/run runs their short forms)
-.PHONY: interop interop-figures generators asyncapi clients metrics fuzz mutants soak alarms
+.PHONY: interop interop-figures generators asyncapi clients browser metrics fuzz mutants soak alarms
 interop: $(VENV)/.dev ## build the real ROS 2 peers once (in a cache outside the tree), drive through them
 	@tests/interop/build.sh || echo "interop: what was not built is named above; its tests are skipped"
 	$(PYTEST) $(PARALLEL) tests/interop $(ARGS)
@@ -88,6 +88,10 @@ asyncapi: $(VENV)/.dev ## AsyncAPI's own parser and schema (installed once, in a
 
 clients: $(VENV)/.dev ## build examples/clients/ in every language (once, in a cache), drive the simulated board with each (SHORT=1: those that build in moments)
 	$(if $(SHORT),,YAHBOOMD_CLIENTS=1) $(PYTEST) $(PARALLEL) tests/clients $(ARGS)
+
+browser: $(VENV)/.dev ## the page in a real Chromium, by touch and keys (root installs it by apt; SHORT=1: in a minute)
+	@tests/browser/install.sh || echo "browser: what is not there is named above; its tests are skipped"
+	$(if $(SHORT),,YAHBOOMD_BROWSER=1) $(PYTEST) tests/browser $(ARGS)
 
 metrics: $(VENV)/.dev ## real Prometheus scrapes a real daemon: the page, alerts and the dashboard's queries (apt install prometheus)
 	$(PYTEST) tests/metrics tests/prometheus tests/cli/test_metrics.py tests/cli/test_robot_poll.py $(ARGS)

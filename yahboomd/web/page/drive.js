@@ -7,7 +7,7 @@ import { Keyboard } from "./keyboard.js";
 import { obstacle } from "./obstacles.js";
 
 const LIMIT = "speed limit"; // Its key in the storage of the browser.
-const AGAIN = " Lift your thumb, and touch again to drive.";
+const AGAIN = " Lift your thumb and touch again.";
 
 export const drive = { id: "drive", title: "Drive", create };
 
@@ -115,7 +115,8 @@ function create(app) {
   live.on("refused", (message) => {
     if (message.what !== "drive") return;
     if (message.why === "late") live.emit("delay", { age_ms: message.age_ms });
-    if (deadman.held) deadman.letGo(message.text);
+    // The page's own words have the figure.
+    if (deadman.held) deadman.letGo((message.why === "late" && obstacle(connection, live)) || message.text);
     else show();
   });
   live.on("control", ({ mine: isMine }) => isMine || deadman.letGo("Another page took control."));
@@ -130,9 +131,9 @@ function create(app) {
   const element = el(
     "section",
     { class: "drive" },
-    el("div", { class: "line" }, words, take),
+    words,
     el("div", { class: "room" }, joystick.element),
-    speed,
+    el("div", { class: "line" }, speed, take),
     el("div", { class: "limit" }, el("label", { for: "limit" }, "Speed limit "), limitText, slider),
     slideRow,
     el("p", { class: "keys" }, el("kbd", {}, "↑ ↓ ← →"), " or ", el("kbd", {}, "W A S D"), " drive while held. ", el("kbd", {}, "Space"), " is the emergency stop, everywhere."),

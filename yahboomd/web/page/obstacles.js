@@ -10,7 +10,7 @@ export function obstacle(connection, live) {
   if (!connection.isOpen || !hello) return "There is no connection to the robot's computer.";
   const lapse = hello.lapse_ms ?? 300;
   if (connection.beatAge > lapse)
-    return `Nothing came from the robot for ${duration(connection.beatAge)}; it drives only while the network is quick.`;
+    return `Nothing came from the robot for ${duration(connection.beatAge)}: the network is too weak to drive.`;
   const delay = delayOf(live);
   if (delay > lapse)
     return `The network is too slow to drive: ${Math.round(delay)} ms there and back, ${lapse} ms at most.`;

@@ -12,7 +12,7 @@ export function create({ live, connection }) {
   const driver = () => live.newest("hello")?.role === "driver";
   const now = () => live.newest("recording");
 
-  const toggle = el("button", { type: "button", class: "primary", onclick: () => press() });
+  const toggle = el("button", { type: "button", class: "primary", hidden: true, onclick: () => press() });
   const words = el("p", { role: "status" });
   const room = el("p", { class: "note" });
   const list = el("ul", { class: "files" });

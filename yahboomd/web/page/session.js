@@ -5,8 +5,8 @@
  * Returns `{ role, robot }`, or `{ problem }`: why this page gets nothing.
  */
 export async function openSession() {
-  const [token] = location.hash.match(/(?<=^#)[\w-]{20,}$/) ?? [];
-  if (token) {
+  const token = new URLSearchParams(location.hash.slice(1)).get("token");
+  if (token !== null) {
     // First of all: a token that stays in the address ends up in pictures and bookmarks.
     history.replaceState(null, "", location.pathname);
     const answer = await fetch("/session", {

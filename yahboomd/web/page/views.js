@@ -59,7 +59,7 @@ export class Views {
   #add(view, create) {
     if (this.#made.has(view.id)) return; // Opened twice while it was loaded.
     const made = create(this.app);
-    made.element.id = `view-${view.id}`;
+    made.element.id = view.id;
     made.element.setAttribute("aria-label", view.title);
     made.element.hidden = true;
     this.main.append(made.element);

@@ -15,7 +15,7 @@ function create({ live }) {
   const none = el("p", {}, "No sample of the wheels came yet.");
   const element = el(
     "section",
-    { class: "wheels" },
+    { class: "wheels", tabindex: "0" },
     el("p", { class: "legend" }, el("span", { class: "measured" }, "measured"), el("span", { class: "commanded" }, "commanded"), " rim speed in m/s, the last 10 s"),
     none,
     list,

@@ -1,0 +1,94 @@
+"""The emergency stop: from every view, by touch and key, until it is acknowledged; its release."""
+
+from __future__ import annotations
+
+import signal
+
+import pytest
+from chromium import Page
+from page_bench import LONG, PageBench
+from real_robot import wait_for
+
+pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser")]
+
+
+def release(bench: PageBench, page: Page) -> None:
+    page.says("#release", "Release the stop")
+    # The daemon refuses for a second after each command for motion, and after the last release.
+    button = "document.querySelector('#release:not([hidden])')?.click()"
+    wait_for(lambda: page.evaluate(button) or page.text("#state") == "standing", "it is released")
+
+
+@pytest.mark.parametrize(
+    "view", ["map", *(pytest.param(view, marks=LONG) for view in ("drive", "wheels", "health"))]
+)
+def test_the_button_is_seen_in_every_view_and_stops(
+    bench: PageBench, page: Page, view: str
+) -> None:
+    page.evaluate(f"location.hash = '#{view}'")
+    page.until(f"!document.querySelector('#{view}').hidden")
+    page.tap("#estop")
+    page.says("#state", "emergency stop")
+    page.says("#estop-text", "acknowledged the emergency stop")
+    release(bench, page)
+
+
+def test_a_finger_on_the_button_stops_what_the_thumb_drives(bench: PageBench, page: Page) -> None:
+    thumb = bench.press(page)
+    button = page.middle("#estop")
+    bench.stops_after(lambda: page.touch(thumb, button))
+    page.says("#state", "emergency stop")
+    page.lift()
+    release(bench, page)
+
+
+@pytest.mark.parametrize(
+    "focus", ["#views a", *(pytest.param(each, marks=LONG) for each in ("body", "#limit", ".pad"))]
+)
+def test_space_stops_wherever_the_focus_is(bench: PageBench, page: Page, focus: str) -> None:
+    page.evaluate(f"document.querySelector('{focus}').focus()")
+    page.type("Space")
+    page.says("#state", "emergency stop")
+    release(bench, page)
+
+
+def test_a_stop_that_is_not_acknowledged_is_tried_again_visibly_until_it_is(
+    bench: PageBench, page: Page
+) -> None:
+    bench.server.process.send_signal(signal.SIGSTOP)
+    page.tap("#estop")
+    page.says("#estop-text", "attempt 3")
+    assert "Switch the motors' supply off" in page.text("#estop-text")
+    bench.server.process.send_signal(signal.SIGCONT)
+    page.says("#estop-text", "acknowledged the emergency stop")
+    page.says("#state", "emergency stop")
+    release(bench, page)
+
+
+@LONG
+def test_a_stop_is_tried_again_over_a_network_that_comes_back(bench: PageBench) -> None:
+    with bench.page() as page:
+        bench.ready(page)
+        bench.network.cut()
+        page.tap("#estop")
+        page.says("#estop-text", "attempt 3")
+        bench.network.refuses = False
+        page.says("#estop-text", "acknowledged the emergency stop")
+        release(bench, page)
+
+
+@LONG
+def test_a_robot_that_is_stopped_is_not_driven_until_it_is_released(
+    bench: PageBench, page: Page
+) -> None:
+    page.tap("#estop")
+    page.says(".words", "emergency stop is engaged")
+    page.touch(page.middle(".pad"))
+    x, y = page.middle(".pad")
+    page.touch((x, y - 60), kind="touchMove")
+    bench.stays()
+    # The release does not wake a thumb that is down.
+    page.lift()
+    release(bench, page)
+    bench.press(page)
+    bench.stops_after(page.lift)

@@ -1,0 +1,150 @@
+"""Every way of losing the thumb: zero on the wire, and nothing moves the robot then."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from chromium import Page
+from page_bench import LONG, PageBench
+
+pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser")]
+
+
+def lift(page: Page) -> None:
+    page.lift()
+
+
+def cancel(page: Page) -> None:
+    page.order("Input.dispatchTouchEvent", type="touchCancel", touchPoints=[])
+
+
+def hide(page: Page) -> None:
+    """Another tab comes to the front."""
+    other = page.browser.order("Target.createTarget", url="about:blank")["targetId"]
+    page.until("document.hidden")
+    page.browser.order("Target.closeTarget", targetId=other)
+
+
+def freeze(page: Page) -> None:
+    """The screen is locked: a phone hides the page, and then freezes it."""
+    page.order("Page.setWebLifecycleState", state="frozen")
+
+
+def lose_focus(page: Page) -> None:
+    """Another window, or the address bar."""
+    page.evaluate("window.dispatchEvent(new Event('blur'))")
+
+
+def leave(page: Page) -> None:
+    page.order("Page.navigate", url="about:blank")
+
+
+def reload(page: Page) -> None:
+    page.order("Page.reload")
+
+
+def crash(page: Page) -> None:
+    page.begin("Page.crash")  # It is never answered.
+
+
+def another_view(page: Page) -> None:
+    page.evaluate("location.hash = '#wheels'")
+
+
+LOSSES: dict[str, Callable[[Page], None]] = {
+    "released": lift,
+    "interrupted by the system": cancel,
+    "tab hidden": hide,
+    "screen locked": freeze,
+    "focus lost": lose_focus,
+    "page left": leave,
+    "page reloaded": reload,
+    "page crashed": crash,
+    "another view": another_view,
+}
+
+
+IN_SHORT = {"tab hidden", "screen locked", "page reloaded"}
+
+
+@pytest.mark.parametrize(
+    "loss",
+    [
+        pytest.param(loss, id=name, marks=() if name in IN_SHORT else LONG)
+        for name, loss in LOSSES.items()
+    ],
+)
+def test_a_thumb_that_is_lost_ends_in_zero(bench: PageBench, loss: Callable[[Page], None]) -> None:
+    with bench.page() as page:
+        bench.press(page)
+        bench.stops_after(lambda: loss(page))
+
+
+def test_a_second_finger_anywhere_stops_and_the_first_drives_again_only_when_lifted(
+    bench: PageBench, page: Page
+) -> None:
+    first = bench.press(page)
+    second = (30.0, 20.0)
+    bench.stops_after(lambda: page.touch(first, second))
+    # The first thumb is still down, and moves.
+    page.touch((first[0] + 20, first[1]), second, kind="touchMove")
+    page.touch((first[0] + 20, first[1]), kind="touchEnd")
+    page.touch((first[0] - 20, first[1]), kind="touchMove")
+    bench.stays()
+    page.lift()
+    bench.press(page)
+    bench.stops_after(page.lift)
+
+
+def test_the_pad_does_not_move_under_the_thumb_whatever_the_page_says(
+    bench: PageBench, page: Page
+) -> None:
+    before = page.middle(".pad")
+    bench.press(page)
+    places = [page.middle(".pad")]
+    page.touch(bench.place(page, 0, 0.8), (30.0, 20.0))
+    page.says(".words", "second finger")
+    places.append(page.middle(".pad"))
+    page.lift()
+    bench.robot.settled_truth()
+    bench.network.held = True
+    page.says(".words", "Nothing came")
+    places.append(page.middle(".pad"))
+    assert all(place == pytest.approx(before, abs=1.0) for place in places)
+
+
+@LONG
+def test_two_thumbs_at_once_drive_nothing(bench: PageBench, page: Page) -> None:
+    x, y = page.middle(".pad")
+    page.touch((x - 40, y), (x + 40, y))
+    page.touch((x - 40, y - 50), (x + 40, y - 50), kind="touchMove")
+    bench.stays()
+    page.lift()
+
+
+def test_the_page_sends_zeros_for_a_second_and_then_nothing(bench: PageBench, page: Page) -> None:
+    bench.press(page)
+    page.order("Network.enable")
+    page.lift()
+    bench.robot.settled_truth()
+    bench.stays()
+    sent = bench.sent_by(page)
+    last_motion = max(at for at, frame in sent if frame["type"] == "drive" and frame["vx"])
+    zeros = [at for at, frame in sent if frame["type"] == "drive" and at > last_motion]
+    assert 10 <= len(zeros) <= 25
+    assert 0.7 < zeros[-1] - zeros[0] < 1.3
+
+
+def test_keys_drive_while_they_are_held(bench: PageBench, page: Page) -> None:
+    bench.hold(page, "ArrowUp")
+    bench.stops_after(lambda: page.key("ArrowUp", down=False))
+
+
+@LONG
+def test_a_key_whose_release_is_never_reported_stops_with_the_focus(
+    bench: PageBench, page: Page
+) -> None:
+    bench.hold(page, "KeyW")
+    bench.stops_after(lambda: lose_focus(page))
+    page.key("KeyW", down=False)

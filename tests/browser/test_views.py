@@ -1,0 +1,192 @@
+"""What the views show, and that everybody can read and use them."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from chromium import Page
+from page_bench import LONG, PageBench
+from real_robot import wait_for
+
+pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser")]
+
+VIEWS = ("drive", "map", "wheels", "health", "calibrate", "record")
+PHONE, DESKTOP = (360, 740), (1920, 1080)
+
+
+def axe() -> str:
+    """The program that checks accessibility; skips the test where it is not there."""
+    cache = os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")
+    folder = Path(os.environ.get("YAHBOOMD_CACHE", Path(cache) / "yahboomd"))
+    path = folder / "browser" / "axe" / "axe.min.js"
+    if not path.exists():
+        pytest.skip("axe-core is not there: make browser fetches it")
+    return path.read_text()
+
+
+def show(page: Page, view: str) -> None:
+    page.evaluate(f"location.hash = '#{view}'")
+    page.until(f"document.querySelector('#views [aria-current]').dataset.view === '{view}'")
+
+
+def violations(page: Page) -> list[str]:
+    """What axe-core finds wrong, each with the element."""
+    found = page.evaluate("axe.run(document, { resultTypes: ['violations'] })")
+    return [
+        f"{each['id']}: {node['target']} {node['failureSummary']}"
+        for each in found["violations"]
+        for node in each["nodes"]
+    ]
+
+
+def spills(page: Page) -> list[str]:
+    """What is wider than the screen."""
+    found: list[str] = page.evaluate(
+        "[...document.querySelectorAll('body *')].filter((e) => e.checkVisibility()"
+        " && !e.closest('nav, .skip') && e.getBoundingClientRect().right > innerWidth + 0.5)"
+        ".map((e) => e.tagName + '.' + e.className)"
+    )
+    return found
+
+
+@pytest.mark.parametrize(
+    ("scheme", "size"),
+    [
+        pytest.param("light", PHONE, id="light-phone"),
+        pytest.param("dark", DESKTOP, id="dark-desktop"),
+        pytest.param("dark", PHONE, id="dark-phone", marks=LONG),
+        pytest.param("light", DESKTOP, id="light-desktop", marks=LONG),
+    ],
+)
+def test_no_view_has_a_barrier_that_axe_finds_and_none_is_wider_than_the_screen(
+    bench: PageBench, page: Page, scheme: str, size: tuple[int, int]
+) -> None:
+    page.evaluate(axe() + "; 0")
+    page.prefer(scheme)
+    bench.make_events()
+    page.resize(*size, phone=size == PHONE)
+    for view in VIEWS if size == PHONE else VIEWS[1:]:
+        show(page, view)
+        assert violations(page) == [], view
+        assert spills(page) == [], view
+    show(page, "map")
+    page.click(".tools button[aria-expanded]")
+    assert violations(page) == []
+    page.click("#estop")
+    page.says("#state", "emergency stop")
+    assert violations(page) == []
+
+
+@LONG
+def test_the_keyboard_alone_reaches_and_reads_everything(bench: PageBench, page: Page) -> None:
+    page.resize(*DESKTOP, phone=False)
+    page.evaluate("document.activeElement.blur()")
+    reached = set[str]()
+    for _ in range(60):
+        page.type("Tab")
+        focus = page.evaluate(
+            "(() => { const e = document.activeElement; const b = e.getBoundingClientRect();"
+            " return [e.id || e.className || e.dataset.view || e.textContent,"
+            " getComputedStyle(e).outlineStyle, b.width * b.height]; })()"
+        )
+        if page.evaluate("document.activeElement !== document.body"):
+            reached.add(focus[0])
+            assert focus[1] != "none", f"{focus[0]} has the focus, and one does not see it"
+    everything = {"skip", "pad", "limit", "estop", "map", "wheels", "health"}
+    assert everything <= reached, reached
+    page.evaluate("document.querySelector('#views a[data-view=health]').focus()")
+    page.type("Enter")
+    page.says("#health", "Battery")
+
+
+@LONG
+def test_the_map_draws_the_path_that_was_driven_and_follows_the_robot(
+    bench: PageBench, page: Page
+) -> None:
+    show(page, "map")
+    page.says(".where", "heading")
+    before = page.text(".where")
+    show(page, "drive")
+    bench.press(page)
+    enough_m = bench.robot.travelled_m() + 1.0
+    wait_for(lambda: bench.robot.travelled_m() > enough_m, "half a metre is driven")
+    page.lift()
+    bench.robot.settled_truth()
+    show(page, "map")
+    wait_for(lambda: page.text(".where") != before, "the pose on the map changes")
+    truth = bench.application.latest("pose")
+    shown = page.text(".where").replace("\u2212", "-").split()
+    assert float(shown[1]) == pytest.approx(truth["x"], abs=0.02)
+    assert float(shown[6]) == pytest.approx(truth["y"], abs=0.02)
+    show(page, "map")
+    inked = page.evaluate(INK)
+    page.click(".tools button[title^=Forget]")
+    wait_for(lambda: page.evaluate(INK) < inked, "the path is gone")
+
+
+INK = """(() => {
+  const canvas = document.querySelector('canvas.map');
+  const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+  let blue = 0;
+  for (let at = 0; at < data.length; at += 4)
+    if (data[at + 3] > 200 && data[at] < 60 && data[at + 2] > 140) blue += 1;
+  return blue;
+})()"""
+"""How many points of the map have the colour of the path."""
+
+
+def test_a_pose_is_set_by_a_touch_on_the_map_and_a_drag_along_the_heading(
+    bench: PageBench, page: Page
+) -> None:
+    show(page, "map")
+    page.says(".where", "heading")
+    page.click(".tools button[aria-expanded]")
+    x, y = page.middle("canvas.map")
+    page.touch((x + 60, y))
+    page.touch((x + 60, y - 50), kind="touchMove")
+    page.lift()
+    page.click(".setpose button[type=submit]")
+    page.until("document.querySelector('.setpose [role=status]').innerText.length > 3")
+    wanted = page.evaluate(
+        "[...document.querySelectorAll('.setpose input')].map((i) => i.valueAsNumber)"
+    )
+    assert wanted[2] == 90
+    wait_for(
+        lambda: bench.application.latest("pose")["x"] == pytest.approx(wanted[0], abs=0.02),
+        "the pose is set",
+    )
+    assert bench.application.latest("pose")["theta"] == pytest.approx(1.571, abs=0.02)
+
+
+@LONG
+def test_two_fingers_zoom_the_map_and_one_moves_it(bench: PageBench, page: Page) -> None:
+    show(page, "map")
+    page.says(".where", "heading")
+    x, y = page.middle("canvas.map")
+    page.touch((x - 30, y), (x + 30, y))
+    for spread in (40, 60, 80, 120):
+        page.touch((x - spread, y), (x + spread, y), kind="touchMove")
+    page.lift()
+    assert page.evaluate("document.querySelector('.tools [aria-pressed]').ariaPressed") == "true"
+    page.touch((x, y))
+    page.touch((x + 30, y + 30), kind="touchMove")
+    page.lift()
+    page.until("document.querySelector('.tools [aria-pressed]').ariaPressed === 'false'")
+
+
+def test_wheels_and_health_show_what_the_bus_says(bench: PageBench, page: Page) -> None:
+    show(page, "wheels")
+    page.says(".charts", "left")
+    show(page, "health")
+    volts = bench.application.latest("battery")["volts"]
+    page.says(".facts", f"{volts:.1f}")
+    bench.make_events()
+    for event in bench.application.samples["events"][-2:]:
+        page.says(".events", event["message"])
+    # A page that comes later knows the events of before, and what the counters mean.
+    with bench.page() as other:
+        show(other, "health")
+        other.says(".events", bench.application.samples["events"][-1]["message"])
+        other.says("#health", "connections with a recognised board")

@@ -1,0 +1,211 @@
+"""The page in a real browser, on a real server, daemon and simulated board; judged on the wire."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from chromium import Chromium, Page
+from real_robot import Client, Process, RealRobot, free_endpoint, wait_for
+from weak_network import WeakNetwork
+
+from benchmarks.soak.processes import DAEMON_NICE, prefer
+from yahboomd.simulation.heard import read_heard
+
+SPEEDS = re.compile(r"\$spd:([-\d,]+)#")
+
+STOPS_WITHIN_S = 1.0
+"""From the loss to the last frame with motion: 0.5 s are the daemon's own timeout, 0.2 s its ramp,
+the rest is this machine's."""
+
+LONG = pytest.mark.skipif(
+    not os.environ.get("YAHBOOMD_BROWSER"), reason="minutes: make browser without SHORT"
+)
+"""Beyond the short form."""
+
+HELD_NS = 250_000_000
+"""The daemon repeats a speed at least so often."""
+
+QUIET_S = 1.6
+"""Then nothing that waited anywhere moves the robot: zeros are sent for a second."""
+
+
+class PageBench:
+    """Board, daemon and server; pages are opened in a browser that lives longer.
+
+    Args:
+        folder: For all files.
+        browser: It opens the pages.
+        simulate: More arguments of ``yahboomd simulate``.
+        listen: The address of the server; another one than loopback demands tokens.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        browser: Chromium,
+        *,
+        simulate: tuple[str, ...] = (),
+        listen: str = "127.0.0.1",
+    ) -> None:
+        self.browser = browser
+        self._heard = folder / "heard"
+        self.robot = RealRobot(folder, simulate=["--heard", str(self._heard), *simulate])
+        self.port = int(free_endpoint().rsplit(":", 1)[1])
+        self._listen = f"{listen}:{self.port}"
+        self._environ = {"XDG_STATE_HOME": str(folder), "STATE_DIRECTORY": str(folder)}
+        self.network = WeakNetwork(self.port)
+        self.server = self.start_server()
+        self.application = Client("client", self.robot.endpoint)
+
+    @property
+    def url(self) -> str:
+        """The page, through the weak network."""
+        return f"http://127.0.0.1:{self.network.port}/"
+
+    def start_server(self) -> Process:
+        """Start (another) server on the same port."""
+        self.server = Process(
+            "web",
+            *("--listen", self._listen, "--connect", self.robot.endpoint),
+            environ=self._environ,
+        )
+        prefer(self.server.process, DAEMON_NICE)
+        self.server.says("answers")
+        return self.server
+
+    def links(self) -> tuple[str, str]:
+        """The link to drive, and the one to watch."""
+        shown = Process("web", "--listen", self._listen, "--show-link", environ=self._environ)
+        assert shown.end_by_itself() == 0, shown.output
+        driver, *_, viewer = re.findall(r"#\S+", shown.output)
+        return self.url + driver, self.url + viewer
+
+    @contextmanager
+    def page(self, url: str = "", **looks: Any) -> Iterator[Page]:
+        """A page; closed afterwards."""
+        page = self.browser.open(url or self.url, **looks)
+        try:
+            yield page
+        finally:
+            page.close()
+
+    def ready(self, page: Page) -> Page:
+        """Wait until a page may drive."""
+        page.until("document.querySelector('.pad:not(.barred)') !== null")
+        page.until("parseFloat(document.querySelector('.limit output').innerText) > 0")
+        return page
+
+    def close(self) -> None:
+        """End all of it."""
+        self.application.close()
+        self.server.end()
+        print(self.server.output)
+        self.network.close()
+        self.robot.close()
+
+    # On the wire.
+
+    def motions(self, since_ns: int = 0) -> list[int]:
+        """The moments of the frames that command motion."""
+        found = []
+        for heard in read_heard(self._heard):
+            speeds = [int(each) for text in SPEEDS.findall(heard.data) for each in text.split(",")]
+            if heard.t_ns > since_ns and any(speeds):
+                found.append(heard.t_ns)
+        return found
+
+    def is_moving(self) -> bool:
+        """Whether the wheels turn in truth."""
+        return max(map(abs, self.robot.truth()[-1].speed_m_s)) > 0.05
+
+    def press(self, page: Page, *, up: float = 0.8, right: float = 0.0) -> tuple[float, float]:
+        """Put a thumb on the joystick; returns once the wheels turn.
+
+        Where this machine is too busy to drive, the page or the server ends it: again, then.
+        """
+        self.ready(page)
+        place = self.place(page, right, up)
+        self._drives(page, lambda: page.touch(place), page.lift)
+        return place
+
+    def hold(self, page: Page, key: str) -> None:
+        """Hold a key down; returns once the wheels turn."""
+        self._drives(page, lambda: page.key(key, down=True), lambda: page.key(key, down=False))
+
+    def _drives(self, page: Page, begin: Callable[[], object], end: Callable[[], object]) -> None:
+        def drives() -> bool:
+            if not page.says_driving():
+                end()
+                self.ready(page)
+                begin()
+            return self.is_moving() and bool(self.motions(time.monotonic_ns() - HELD_NS))
+
+        try:
+            wait_for(drives, "the wheels turn")
+        except pytest.fail.Exception:
+            print(page.text("body"))
+            raise
+
+    def place(self, page: Page, right: float, up: float) -> tuple[float, float]:
+        """A point of the joystick, by its radius."""
+        x, y = page.middle(".pad")
+        radius: float = page.evaluate("document.querySelector('.pad').clientWidth / 2")
+        return x + right * radius, y - up * radius
+
+    def stops_after(self, loss: Callable[[], object]) -> float:
+        """Lose the thumb: the wheels stop in time, and nothing moves them afterwards.
+
+        Returns:
+            Seconds from the loss to the last frame with motion.
+        """
+        lost_ns = time.monotonic_ns()
+        loss()
+        self.robot.settled_truth()
+        quiet_ns = time.monotonic_ns() + round(QUIET_S * 1e9)
+        wait_for(lambda: self.robot.truth()[-1].t_ns > quiet_ns, "1.6 s of quiet")
+        late_s = (max(self.motions(), default=lost_ns) - lost_ns) / 1e9
+        print(f"the last frame with motion: {late_s * 1e3:.0f} ms after the loss")
+        assert late_s < STOPS_WITHIN_S
+        return late_s
+
+    def stays(self) -> None:
+        """The robot stands, and goes on to for 1.6 s."""
+        since_ns = time.monotonic_ns()
+        quiet_ns = since_ns + round(QUIET_S * 1e9)
+        wait_for(lambda: self.robot.truth()[-1].t_ns > quiet_ns, "1.6 s of quiet")
+        assert self.motions(since_ns) == []
+        assert not self.is_moving()
+
+    def recover(self) -> None:
+        """As it was at first: the network is good, nothing is engaged, no page has control."""
+        self.network.delay_s, self.network.held, self.network.refuses = 0.0, False, False
+        if self.application.latest("status")["state"] != "standing":
+            reset = "yahboomd/estop/reset"
+            wait_for(lambda: self.application.ask(reset)["success"], "the stop is released")
+
+    def sent_by(self, page: Page) -> list[tuple[float, dict[str, Any]]]:
+        """The frames that a page sent to the server, with their moments in seconds."""
+        return [
+            (event["params"]["timestamp"], json.loads(event["params"]["response"]["payloadData"]))
+            for event in page.browser.events
+            if event.get("sessionId") == page.session
+            and event["method"] == "Network.webSocketFrameSent"
+        ]
+
+    def make_events(self) -> None:
+        """Have the daemon publish events: the board is unplugged for a moment."""
+        events = self.application.samples.setdefault("events", [])
+        known = len(events)
+        self.robot.do("unplug 0.3")
+        wait_for(
+            lambda: "connected" in [event["kind"] for event in events[known:]], "it is back again"
+        )
+        self.application.in_state("standing")
