@@ -41,6 +41,29 @@ async def test_the_estop_is_served_beside_a_thousand_connections_that_say_nothin
             each.close()
 
 
+async def test_connections_whose_tls_never_begins_are_bounded_and_the_estop_is_served(
+    fake_daemon: Any, site: Any, tmp_path: Path
+) -> None:
+    """Each takes 300 kB: a thousand of them ended a service that may have 256 MB."""
+    raise_file_limit()
+    daemon = await fake_daemon()
+    certificate, key, _ = make_certificate(tmp_path, ["127.0.0.1"])
+    served = await site(daemon, context=Certificate(certificate=certificate, key=key).context())
+    idle = [socket.create_connection(("127.0.0.1", served.port)) for _ in range(500)]
+    try:
+        await eventually(lambda: len(Connection.waiting) == MAX_OPEN)
+        page = await served.page(ssl=ssl.create_default_context(cafile=str(certificate)))
+        await page.send(type="estop", id=1)
+        assert (await page.one("answer", id=1))["ok"]
+        assert len(Connection.waiting) <= MAX_OPEN
+        open_files = len(list(Path("/proc/self/fd").iterdir()))
+        # Those of the test itself among them.
+        assert open_files < len(idle) + MAX_OPEN + 100
+    finally:
+        for each in idle:
+            each.close()
+
+
 async def test_a_connection_that_sends_no_request_in_time_is_closed(
     site: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -16,12 +16,13 @@ import ssl
 from collections import Counter
 from collections.abc import Generator
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, cast
 
 import h11
 import msgspec
 from uvicorn import Config, Server
 from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.protocols.utils import get_remote_addr
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.frames import Frame
 
@@ -41,7 +42,7 @@ WAIT_S = 10.0
 UNSENT_BYTES = 16384
 """A page that reads slowly has at most so much waiting for it, here and in the kernel each."""
 
-UNREAD_BYTES = 4096
+UNREAD_BYTES = 8192
 """So much is asked of the kernel for what comes: one who floods us fills no more in one turn."""
 
 ODD_FRAMES = 20
@@ -118,7 +119,7 @@ class WebServer(Server):
 
     def __init__(self, application: ASGIApp, context: ssl.SSLContext | None) -> None:
         # Frames of the WebSocket are compressed for none: it costs CPU for each page.
-        config = Config(
+        config = WebConfig(
             application,
             http=Connection,
             ws=PageSocket,
@@ -136,7 +137,7 @@ class WebServer(Server):
             h11_max_incomplete_event_size=16384,
         )
         config.load()
-        config.ssl = context
+        config.tls = context
         # What a client sent may be in its lines.
         logging.getLogger("uvicorn").setLevel(logging.CRITICAL)
         super().__init__(config)
@@ -146,31 +147,84 @@ class WebServer(Server):
         """Leave signals alone."""
         yield
 
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """End every connection, also those whose TLS begins."""
+        for each in list(Connection.waiting):
+            if not each.begun:
+                each.close()
+        await super().shutdown(sockets)
+
+
+class WebConfig(Config):
+    """The settings of the server, which begins TLS itself: asyncio bounds not how many wait."""
+
+    tls: ssl.SSLContext | None = None
+
 
 class Connection(H11Protocol):
     """One connection, which is counted until it is a page."""
 
     waiting: ClassVar[dict[Connection, str]] = {}
 
+    begun = False
     _deadline: asyncio.TimerHandle | None = None
+    _socket: asyncio.Transport
+    _entering: asyncio.Task[None] | None = None
+    _early = b""
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Count it, and close another one where there are too many."""
+        self._socket = transport
+        self._deadline = self.loop.call_later(WAIT_S, self._overdue)
+        client = get_remote_addr(transport)
+        self.waiting[self] = client[0] if client else ""
+        if len(self.waiting) > MAX_OPEN:
+            most = Counter(self.waiting.values()).most_common(1)[0][0]
+            next(each for each, address in self.waiting.items() if address == most).close()
+        context = cast("WebConfig", self.config).tls
+        if context is None:
+            self._begin(transport)
+        else:
+            self._entering = self.loop.create_task(self._enter(context), name="web-tls")
+
+    async def _enter(self, context: ssl.SSLContext) -> None:
+        if self._socket.is_closing():
+            return
+        # Nothing counts that came before TLS.
+        self._early = b""
+        try:
+            transport = await self.loop.start_tls(
+                self._socket, self, context, server_side=True, ssl_handshake_timeout=WAIT_S
+            )
+        except OSError:
+            transport = None
+        if transport is None or transport.is_closing():
+            self._leave()
+            return
+        self._begin(transport)
+        if early := self._early:
+            super().data_received(early)
+
+    def _begin(self, transport: asyncio.Transport) -> None:
+        self.begun = True
         super().connection_made(transport)
         transport.set_write_buffer_limits(high=UNSENT_BYTES)
         own = transport.get_extra_info("socket")
         with contextlib.suppress(OSError):
             own.setsockopt(socket.IPPROTO_TCP, TCP_NOTSENT_LOWAT, UNSENT_BYTES)
-        self._deadline = self.loop.call_later(WAIT_S, self._overdue)
-        self.waiting[self] = self.client[0] if self.client else ""
-        if len(self.waiting) > MAX_OPEN:
-            most = Counter(self.waiting.values()).most_common(1)[0][0]
-            next(each for each, address in self.waiting.items() if address == most).close()
+
+    def data_received(self, data: bytes) -> None:
+        """Read it; what comes in one piece with the end of the handshake waits for its turn."""
+        if self.begun:
+            super().data_received(data)
+        else:
+            self._early += data
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Forget it."""
         self._leave()
-        super().connection_lost(exc)
+        if self.begun:
+            super().connection_lost(exc)
 
     def handle_websocket_upgrade(self, event: h11.Request) -> None:
         """Become a page, which has limits of its own."""
@@ -201,7 +255,9 @@ class Connection(H11Protocol):
     def close(self) -> None:
         """End it at once."""
         self._leave()
-        self.transport.abort()
+        if self._entering is not None:
+            self._entering.cancel()
+        (self.transport if self.begun else self._socket).abort()
 
 
 class PageSocket(WebSocketsSansIOProtocol):
