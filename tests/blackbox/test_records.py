@@ -24,6 +24,7 @@ ALL = [
     records.Renewal(period_ns=10_000_000, each_line=True, age_ns=3),
     records.Renewal(period_ns=None, each_line=False, age_ns=0),
     records.Armed(),
+    records.Posed(stamp_ns=7, pose=Pose2d(x=0.1, y=-2.0, theta=7.0)),
     records.PoseSet(pose=Pose2d(x=0.1, y=-0.2, theta=7.5)),
     records.PoseSet(pose=Pose2d(), covariance=(0.1, 0.0, 0.0, 0.0, 0.2, 0.0, 0.0, 0.0, 0.3)),
     records.Steered(curvature_per_m=0.1 + 0.2),

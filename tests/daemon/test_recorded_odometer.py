@@ -9,12 +9,12 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from box_replay import Replay
 from robot_bench import RobotBench
 
 from yahboomd.blackbox import records
 from yahboomd.blackbox.box_file import encode_header, read_box
 from yahboomd.blackbox.ring import Ring
+from yahboomd.cli.replay.replayed_poses import PoseReplay
 from yahboomd.daemon.black_box import header
 from yahboomd.model import Pose2d
 from yahboomd.protocol.registry import DIALECTS
@@ -40,11 +40,16 @@ def bench_and_image(folder: Path, dialect: str, overrides: list[str]):
 
 
 def assert_same_to_the_last_bit(box, published) -> int:
-    replayed = Replay(box)
+    replay = PoseReplay(box.header)
+    replay.run(box.records)
     assert box.damaged == 0
     # From the first anchor to the newest one none is left out.
-    assert replayed.estimates == published[-len(replayed.estimates) :]
-    return len(replayed.estimates)
+    found = [each.estimate for each in replay.estimates]
+    assert found == published[-len(found) :]
+    compared = replay.compared
+    assert compared.same
+    assert compared.moments == compared.identical > 0
+    return len(found)
 
 
 @pytest.mark.parametrize("heading", ["wheels", "fused"])
@@ -74,6 +79,11 @@ async def test_poses_from_a_box_are_those_that_were_published_to_the_last_bit(
         found = box()
         assert_same_to_the_last_bit(found, bench.heard.estimates)
     kinds = {type(record.meaning) for record in found.records}
-    assert {records.Received, records.Written, records.Anchor, records.Command} <= kinds
+    assert {
+        records.Received,
+        records.Written,
+        records.Anchor,
+        records.Posed,
+        records.Command,
+    } <= kinds
     assert compared > 400
-    assert Replay(found).anchors > 0

@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from box_replay import Replay
 from real_robot import Client, RealRobot, wait_for
 
 from yahboomd.blackbox.box_file import Box, read_box
 from yahboomd.blackbox.ring_file import ring_folder, rings
 from yahboomd.blackbox.saved_boxes import SavedBox, saved_boxes
+from yahboomd.cli.replay.replayed_poses import PoseReplay
 
 pytestmark = pytest.mark.realtime
 
@@ -87,7 +87,11 @@ def test_killed_at_any_moment_it_is_readable_and_its_poses_are_those_that_were_p
         kinds = {type(record.meaning).__name__ for record in box.records}
         assert {"Anchor", "Received", "Written", "Command", "Decision", "Happened"} <= kinds
         # All that the daemon published since the first anchor, to the last bit.
-        computed = {(e.pose.x, e.pose.y, e.pose.theta) for e in Replay(box).estimates}
+        replay = PoseReplay(box.header)
+        replay.run(box.records, damaged=box.damaged > 0)
+        poses = [each.estimate.pose for each in replay.estimates]
+        computed = {(each.x, each.y, each.theta) for each in poses}
+        assert replay.compared.same
         published = [(p["x"], p["y"], p["theta"]) for p in application.samples["pose"]]
         assert len(published) > 20
         assert {*published} <= computed

@@ -13,7 +13,18 @@ from typing import Any
 from yahboomd.blackbox import records
 from yahboomd.blackbox.records import WRITTEN, encode
 from yahboomd.blackbox.ring import Ring
-from yahboomd.model import NS_PER_S, STANDSTILL, EncoderReading, Event, Matrix3, Pose2d, Twist2d
+from yahboomd.model import (
+    NS_PER_S,
+    STANDSTILL,
+    EncoderReading,
+    Event,
+    Matrix3,
+    OdometryEstimate,
+    Pose2d,
+    Twist2d,
+)
+
+POSES_EVERY_NS = 200_000_000
 
 COMMANDS_A_SECOND = 100
 """More are counted only: a flood of commands must not push the last minute out of the ring."""
@@ -42,6 +53,7 @@ class Recorder:
         self._decision: records.Decision | None = None
         self._second_ns = 0
         self._commands = 0
+        self._posed_ns = 0
         self.odometer_state: Callable[[], bytes] | None = None
         # A read of the port is the most frequent of all: without a call in between.
         self.received = ring.write_read
@@ -113,6 +125,12 @@ class Recorder:
                     unbroken=reading.unbroken,
                 )
             )
+
+    def estimate(self, estimate: OdometryEstimate) -> None:
+        """The odometer made an estimate; its pose is recorded now and then."""
+        if estimate.stamp_ns - self._posed_ns >= POSES_EVERY_NS:
+            self._posed_ns = estimate.stamp_ns
+            self.record(records.Posed(stamp_ns=estimate.stamp_ns, pose=estimate.pose))
 
     def renewal(self, period_ns: int | None, *, each_line: bool, age_ns: int) -> None:
         """The board's clock was chosen."""

@@ -23,6 +23,9 @@ compute from the records, bit by bit, the estimates that the daemon computed. Fo
 5. A :class:`Reading` behind it completes the counts with the same ``received_ns``: what their bytes
    do not show. Counts without one came by themselves, with no flag set. Where there is a
    ``requested_ns``, they were sent no earlier.
+6. :class:`Anchor` and :class:`Posed` have what the daemon computed, to compare with.
+
+``yahboomd replay --odometry`` does this (:mod:`yahboomd.cli.replay.replayed_poses`).
 
 Of what a person decided, and of what the daemon decided, :class:`Command`, :class:`Decision` and
 :class:`Happened` are the record; :class:`Written` has the bytes to the board.
@@ -151,6 +154,18 @@ class Anchor(msgspec.Struct, frozen=True, kw_only=True):
     state: bytes
 
 
+class Posed(msgspec.Struct, frozen=True, kw_only=True):
+    """The pose of an estimate, a few times a second: what is computed again is compared with it.
+
+    Attributes:
+        stamp_ns: Of the estimate; monotonic nanoseconds.
+        pose: The pose.
+    """
+
+    stamp_ns: int
+    pose: Pose2d
+
+
 class Command(msgspec.Struct, frozen=True, kw_only=True):
     """A command that arrived.
 
@@ -235,6 +250,7 @@ Meaning: TypeAlias = (
     | PoseSet
     | Steered
     | Anchor
+    | Posed
     | Command
     | Decision
     | Happened
@@ -286,6 +302,7 @@ _PACKED: dict[int, type[msgspec.Struct]] = {
     24: Happened,
     25: Lost,
     26: Ended,
+    27: Posed,
 }
 _KINDS = {meaning: kind for kind, meaning in _PACKED.items()}
 

@@ -53,4 +53,7 @@ class RecordedOdometer(Odometer):
     def update(self, reading: EncoderReading) -> Update:
         """See there."""
         self._recorder.reading(reading)
-        return super().update(reading)
+        update = super().update(reading)
+        if update.estimate is not None:
+            self._recorder.estimate(update.estimate)
+        return update

@@ -148,8 +148,10 @@ def test_a_host_that_comes_back_gets_the_recording_from_its_beginning() -> None:
     board.host_is_there(True)
     board.host_wrote(ARM, 0)
     assert run_to(board, 20 * MS) == [b"a"]
+    assert board.elapsed_ns == 19 * MS
     board.host_is_there(False)
     assert run_to(board, 200 * MS) == []
+    assert (board.elapsed_ns, board.farthest_ns) == (0, 19 * MS)
     board.host_is_there(True)
     board.host_wrote(ARM, 200 * MS)
     assert run_to(board, 260 * MS) == [b"a", b"b"]

@@ -55,7 +55,7 @@ async def test_every_pose_and_every_event_of_the_odometry_is_the_daemons_to_the_
     assert found == bench.heard.estimates[-len(found) :]
     compared = replay.compared
     assert compared.same
-    assert compared.anchors == compared.identical >= 1
+    assert compared.moments == compared.identical >= 1
     assert (compared.largest, compared.unmatched, compared.restarts) == (0.0, 0, 0)
     published = [each for each in bench.heard.events if each.kind in KINDS]
     assert published[-1] in replay.events

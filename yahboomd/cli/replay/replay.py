@@ -34,9 +34,9 @@ are compared with what the daemon computed.
 
 EPILOG = """\
 examples:
-  yahboomd replay estop.box --odometry
-  yahboomd replay estop.box --odometry --output poses.csv
-  yahboomd replay estop.box --link /tmp/board    in one terminal
+  yahboomd replay 12.blackbox --odometry
+  yahboomd replay 12.blackbox --odometry --output poses.csv
+  yahboomd replay 12.blackbox --link /tmp/board    in one terminal
   yahboomd run --port /tmp/board                 in another one
 
 exit status:
@@ -120,7 +120,7 @@ def _read(path: Path) -> Box:
     if data.startswith(MCAP):
         raise Unplayable(
             f"{path} is an MCAP file, which has not all that a replay needs.",
-            remedy="Name the black box itself: `yahboomd blackbox list` shows where they are.",
+            remedy="Name the black box itself: `yahboomd blackbox` shows which there are.",
         )
     try:
         box = read_box(data)
@@ -212,15 +212,15 @@ def _words(facts: dict[str, Any], replay: PoseReplay) -> str:
 
 def _verdict(compared: Compared, machine: str) -> list[str]:
     """How the poses compare with the daemon's."""
-    if not compared.anchors:
-        lines = ["There is nothing to compare with: the recording has no later pose."]
-    elif compared.identical == compared.anchors:
-        lines = [f"The same as the daemon's to the last bit ({compared.anchors} compared)."]
+    if not compared.moments:
+        lines = ["There is nothing to compare with: the recording has no pose of the daemon's."]
+    elif compared.identical == compared.moments:
+        lines = [f"The same as the daemon's to the last bit ({compared.moments} compared)."]
     else:
         lines = [
             (
                 f"The same as the daemon's to the last bit in {compared.identical} of "
-                f"{compared.anchors}; at most {compared.largest:.2g} m or rad apart."
+                f"{compared.moments}; at most {compared.largest:.2g} m or rad apart."
             )
         ]
         if machine != platform.machine():

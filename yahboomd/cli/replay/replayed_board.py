@@ -55,6 +55,7 @@ class ReplayedBoard:
         self.on_end: Callable[[], None] = lambda: None
         self.counters = Counter[str](motions=0, stops=0, polls=0, questions=0, bytes=0)
         self.played_ns = 0
+        self._farthest_ns = 0
         self._index = 0
         self._now_ns = 0
         self._over_ns = NEVER
@@ -90,6 +91,7 @@ class ReplayedBoard:
     def host_is_there(self, present: bool) -> None:
         """A process has opened the port, or closed it: the connection begins at its beginning."""
         if self._over_ns == NEVER:
+            self._farthest_ns = self.farthest_ns
             self._begin()
             if present and self.connection.dialect.listen_ns:
                 self._started_ns = self._now_ns
@@ -156,6 +158,11 @@ class ReplayedBoard:
         return self.played_ns + min(
             self._now_ns - self._started_ns, connection.ends_ns - connection.begins_ns
         )
+
+    @property
+    def farthest_ns(self) -> int:
+        """The same, for the host that stayed the longest."""
+        return max(self._farthest_ns, self.elapsed_ns)
 
     def _turn_over(self, now_ns: int) -> None:
         """A connection is over: the port goes away; another one may follow."""

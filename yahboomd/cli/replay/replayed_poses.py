@@ -20,6 +20,7 @@ from yahboomd.blackbox.records import (
     Happened,
     Identified,
     Opened,
+    Posed,
     PoseSet,
     Reading,
     Received,
@@ -68,7 +69,7 @@ class Compared(msgspec.Struct, kw_only=True):
     """What was computed, against what the daemon computed.
 
     Attributes:
-        anchors: States of the daemon's odometer that were compared.
+        moments: States and poses of the daemon's odometer that were compared.
         identical: Those of them that were the same to the last bit.
         largest: The largest difference of a pose, in metres or radians.
         missing: Events of the daemon that were not computed.
@@ -76,7 +77,7 @@ class Compared(msgspec.Struct, kw_only=True):
         restarts: How often records were missing, so that the next anchor had to be restored.
     """
 
-    anchors: int = 0
+    moments: int = 0
     identical: int = 0
     largest: float = 0.0
     missing: list[Event] = msgspec.field(default_factory=list)
@@ -122,6 +123,7 @@ class PoseReplay:
         self._pending: list[_Pending] = []
         self._wall_less_monotonic_ns = header.started_wall_ns - header.started_ns
         self._recorded: list[Event] = []
+        self._posed: list[Posed] = []
         self._damaged = False
         self.estimates: list[Estimated] = []
         self.events: list[Event] = []
@@ -148,6 +150,9 @@ class PoseReplay:
             elif isinstance(meaning, Happened):
                 if meaning.event.kind in KINDS and self._odometer is not None:
                     self._recorded.append(meaning.event)
+            elif isinstance(meaning, Posed):
+                if self._odometer is not None:
+                    self._posed.append(meaning)
             elif isinstance(meaning, WallClock):
                 self._wall_less_monotonic_ns = meaning.wall_ns - at_ns
             elif isinstance(
@@ -157,7 +162,9 @@ class PoseReplay:
                 self._use(list(self._pending))
                 self._take(at_ns, meaning)
         self._use(list(self._pending))
-        self._compare_events()
+        if not damaged:
+            self._compare_poses()
+            self._compare_events()
 
     def _take(
         self,
@@ -205,7 +212,7 @@ class PoseReplay:
         own = self._odometer
         if own is not None:
             compared = self.compared
-            compared.anchors += 1
+            compared.moments += 1
             if snapshot.save(own) == anchor.state:
                 compared.identical += 1
                 return
@@ -215,7 +222,7 @@ class PoseReplay:
                 compared.largest = max(compared.largest, apart)
                 return
             if self._damaged:
-                compared.anchors -= 1
+                compared.moments -= 1
                 compared.restarts += 1
             else:
                 compared.largest = max(compared.largest, apart)
@@ -317,13 +324,23 @@ class PoseReplay:
             wall_ns = update.estimate.stamp_ns + self._wall_less_monotonic_ns
             self.estimates.append(Estimated(wall_ns, update.estimate))
 
+    def _compare_poses(self) -> None:
+        compared = self.compared
+        poses = {each.estimate.stamp_ns: each.estimate.pose for each in self.estimates}
+        for posed in self._posed:
+            own = poses.get(posed.stamp_ns)
+            if own is None:
+                compared.unmatched += 1
+                continue
+            compared.moments += 1
+            compared.identical += own == posed.pose
+            compared.largest = max(compared.largest, _apart(own, posed.pose))
+
     def _compare_events(self) -> None:
         """Each event of the daemon is among those computed, in this order.
 
         A daemon publishes of one kind not more than a few in a second.
         """
-        if self._damaged:
-            return
         computed = iter(self.events)
         for event in self._recorded:
             if event not in computed:
