@@ -50,11 +50,25 @@ class Tokens(msgspec.Struct, frozen=True, kw_only=True):
         return _matching({role: self.cookie(role) for role in ROLES}, cookie)
 
 
-def give_to_owner(folder: Path, file: int | Path) -> None:
-    """Give a file to the owner of its folder: root makes what the service's user reads."""
-    if os.geteuid() == 0:
-        owner = folder.stat()
-        os.chown(file, owner.st_uid, owner.st_gid)
+def keep(folder: Path, name: str, content: bytes) -> None:
+    """Write a file for the owner of its folder alone: root makes what the service's user reads.
+
+    A link that is there is replaced, not followed: the service's user writes to that folder, and
+    root must not write elsewhere for it.
+
+    Raises:
+        OSError: The folder cannot be written to.
+    """
+    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    descriptor, made = tempfile.mkstemp(prefix=f".{name}.", dir=folder)
+    with os.fdopen(descriptor, "wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+        if os.geteuid() == 0:
+            owner = folder.stat()
+            os.chown(file.fileno(), owner.st_uid, owner.st_gid)
+    Path(made).replace(folder / name)
 
 
 def _matching(expected: dict[Role, str], given: str) -> Role | None:
@@ -109,14 +123,7 @@ def make_tokens(folder: Path) -> Tokens:
     """
     tokens = Tokens(driver=secrets.token_urlsafe(16), viewer=secrets.token_urlsafe(16))
     try:
-        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        descriptor, made = tempfile.mkstemp(prefix=f".{FILE}.", dir=folder)
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(msgspec.json.encode(tokens))
-            file.flush()
-            os.fsync(file.fileno())
-            give_to_owner(folder, file.fileno())
-        Path(made).replace(folder / FILE)
+        keep(folder, FILE, msgspec.json.encode(tokens))
     except OSError as error:
         raise ConfigError(
             f"The tokens cannot be kept in {folder}: {error.strerror}.",

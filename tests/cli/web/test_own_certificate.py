@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.cli.web.own_certificate import make_certificate
+from yahboomd.cli.web.own_certificate import CERTIFICATE, KEY, make_certificate
 from yahboomd.errors import ConfigError
 
 
@@ -26,6 +26,20 @@ def test_it_names_every_host_and_its_key_is_for_this_user_alone(tmp_path: Path) 
     assert fingerprint.count(":") == 31
     # Again: the one before is replaced.
     assert make_certificate(folder, ["robot.local"])[2] != fingerprint
+
+
+def test_it_replaces_links_and_never_writes_through_them(tmp_path: Path) -> None:
+    """Root makes it in a folder of the service's user, who could point root at any file."""
+    precious, folder = tmp_path / "precious", tmp_path / "state"
+    precious.write_text("precious")
+    folder.mkdir()
+    for name in (CERTIFICATE, KEY):
+        (folder / name).symlink_to(precious)
+    for made in make_certificate(folder, ["robot.local"])[:2]:
+        assert not made.is_symlink()
+        assert made.stat().st_mode & 0o777 == 0o600
+    assert precious.read_text() == "precious"
+    assert {each.name for each in folder.iterdir()} == {CERTIFICATE, KEY}
 
 
 def test_without_openssl_or_a_folder_it_says_what_to_do(

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import ipaddress
-import os
 import subprocess
+import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
 from yahboomd.errors import ConfigError
-from yahboomd.web.entry_tokens import give_to_owner
+from yahboomd.web.entry_tokens import keep
 
 CERTIFICATE = "web-certificate.pem"
 KEY = "web-key.pem"
 
 DAYS = 825
 """The longest that phones accept."""
+
+_FINGERPRINT = ("-noout", "-fingerprint", "-sha256")
 
 
 def make_certificate(folder: Path, hosts: Iterable[str]) -> tuple[Path, Path, str]:
@@ -33,19 +35,19 @@ def make_certificate(folder: Path, hosts: Iterable[str]) -> tuple[Path, Path, st
     """
     certificate, key = folder / CERTIFICATE, folder / KEY
     try:
-        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        key.unlink(missing_ok=True)
-        # openssl writes into a file that others could not read at any moment.
-        os.close(os.open(key, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600))
-        _openssl(
-            *("req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1"),
-            *("-nodes", "-keyout", str(key), "-out", str(certificate), "-days", str(DAYS)),
-            *("-subj", "/CN=yahboomd", "-addext", f"subjectAltName={','.join(map(_name, hosts))}"),
-            *("-addext", "extendedKeyUsage=serverAuth"),
-        )
-        for each in (certificate, key):
-            give_to_owner(folder, each)
-        shown = _openssl("x509", "-in", str(certificate), "-noout", "-fingerprint", "-sha256")
+        # Not in the folder, where others than this user may put links.
+        with tempfile.TemporaryDirectory(prefix="yahboomd-web-") as made:
+            new_certificate, new_key = Path(made) / CERTIFICATE, Path(made) / KEY
+            _openssl(
+                *("req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1"),
+                *("-nodes", "-keyout", str(new_key), "-out", str(new_certificate)),
+                *("-days", str(DAYS), "-subj", "/CN=yahboomd"),
+                *("-addext", f"subjectAltName={','.join(map(_name, hosts))}"),
+                *("-addext", "extendedKeyUsage=serverAuth"),
+            )
+            shown = _openssl("x509", "-in", str(new_certificate), *_FINGERPRINT)
+            keep(folder, KEY, new_key.read_bytes())
+            keep(folder, CERTIFICATE, new_certificate.read_bytes())
     except OSError as error:
         raise ConfigError(
             f"The certificate cannot be written to {folder}: {error.strerror}.",

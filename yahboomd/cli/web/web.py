@@ -299,8 +299,10 @@ async def _serve(setup: _Setup) -> int:
 
 def _announce(place: Place, tokens: Tokens, folder: Path, *, tls: bool) -> None:
     """Show the links on a terminal, and only how to see them in a log."""
+    from yahboomd.web.entry_tokens import keep
+
     with contextlib.suppress(OSError):
-        (folder / SERVED).write_bytes(msgspec.json.encode(_Served(listen=str(place), tls=tls)))
+        keep(folder, SERVED, msgspec.json.encode(_Served(listen=str(place), tls=tls)))
     if sys.stdout.isatty():
         _print_links(place, tokens, tls=tls)
     else:
