@@ -118,8 +118,13 @@ class Site:
         self.tokens = tokens
         self.origin = f"{'https' if context else 'http'}://127.0.0.1:{self.port}"
         # The state directory of root is the machine's.
-        file = f"--set=chassis.calibration_file={state / 'calibration.toml'}"
-        tools = ToolSettings(robot=(f"--connect={endpoint}", file), recordings=state / "recordings")
+        files = (
+            f"--set=chassis.calibration_file={state / 'calibration.toml'}",
+            f"--set=blackbox.folder={state / 'boxes'}",
+        )
+        tools = ToolSettings(
+            robot=(f"--connect={endpoint}", *files), recordings=state / "recordings"
+        )
         self.hub = PageHub(client_options(endpoint, namespace=namespace), clock, tools)
         application = WebApplication(
             self.hub,

@@ -47,8 +47,6 @@ class Child:
                 stderr=asyncio.subprocess.PIPE,
                 limit=LINE_BYTES,
                 start_new_session=True,
-                # The state directory of the server's own service; they use the robot's.
-                env={name: each for name, each in os.environ.items() if name != "STATE_DIRECTORY"},
             )
         )
 

@@ -1,4 +1,4 @@
-"""Files that pages download: recordings, listed and sent in pieces."""
+"""Files that pages download: recordings and black boxes, listed and sent in pieces."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from starlette.responses import PlainTextResponse, Response, StreamingResponse
 from starlette.routing import Route
 
 from yahboomd.web.page_frames import Role
-from yahboomd.web.page_recordings import PageRecordings
+from yahboomd.web.page_tools import PageTools
 
 if TYPE_CHECKING:
     from starlette.types import Message, Receive, Scope, Send
@@ -30,30 +30,27 @@ class Downloads:
     """The routes.
 
     Args:
-        recordings: Those of pages.
+        tools: Have the recordings and the boxes.
         role: Of the person who asks; None for people without a session.
     """
 
-    def __init__(
-        self, recordings: PageRecordings, role: Callable[[HTTPConnection], Role | None]
-    ) -> None:
-        self._recordings = recordings
+    def __init__(self, tools: PageTools, role: Callable[[HTTPConnection], Role | None]) -> None:
+        self._recordings = tools.recordings
+        self._boxes = tools.boxes
         self._role = role
         self._running = 0
         self.routes = [
             Route("/recordings", self._list, methods=["GET"]),
             Route("/recordings/{name}/{file}", self._recording, methods=["GET"]),
+            Route("/boxes", self._list_boxes, methods=["GET"]),
+            Route("/boxes/{name}", self._box, methods=["GET"]),
+            Route("/boxes/{name}/words", self._box_in_words, methods=["GET"]),
         ]
 
     async def _list(self, request: Request) -> Response:
         if self._role(request) is None:
             return _refused(401)
-        found = await asyncio.to_thread(self._recordings.listed)
-        return Response(
-            msgspec.json.encode(found),
-            media_type="application/json",
-            headers={"cache-control": "no-store"},
-        )
+        return _json(await asyncio.to_thread(self._recordings.listed))
 
     async def _recording(self, request: Request) -> Response:
         if self._role(request) is None:
@@ -61,6 +58,21 @@ class Downloads:
         name, file = request.path_params["name"], request.path_params["file"]
         path = await asyncio.to_thread(self._recordings.file, name, file)
         return _refused(404) if path is None else await self._download(path, f"{name}-{file}")
+
+    async def _list_boxes(self, request: Request) -> Response:
+        return _refused(401) if self._role(request) is None else _json(await self._boxes.listed())
+
+    async def _box_in_words(self, request: Request) -> Response:
+        if self._role(request) is None:
+            return _refused(401)
+        found = await self._boxes.explained(request.path_params["name"])
+        return _refused(404) if found is None else _json(found)
+
+    async def _box(self, request: Request) -> Response:
+        if self._role(request) is None:
+            return _refused(401)
+        path = await self._boxes.file(request.path_params["name"])
+        return _refused(404) if path is None else await self._download(path, path.name)
 
     async def _download(self, path: Path, name: str) -> Response:
         if self._running >= AT_ONCE:
@@ -115,12 +127,20 @@ class _Download(StreamingResponse):
 
 def is_download(path: str) -> bool:
     """Whether the answer to a request may take long."""
-    return path.startswith("/recordings/")
+    return path.startswith(("/recordings/", "/boxes"))
 
 
 def _opened(path: Path) -> tuple[BinaryIO, int]:
     file = path.open("rb")
     return file, path.stat().st_size
+
+
+def _json(found: object) -> Response:
+    return Response(
+        msgspec.json.encode(found),
+        media_type="application/json",
+        headers={"cache-control": "no-store"},
+    )
 
 
 def _refused(status: int) -> Response:

@@ -56,7 +56,7 @@ REFUSALS_NS = 200_000_000
 POLICY, FULL = 1008, 1013
 """Codes of a closed WebSocket: the page broke a rule; too many pages."""
 
-VIEWS = ("drive", "map", "wheels", "health", "calibrate", "record")
+VIEWS = ("drive", "map", "wheels", "health", "calibrate", "record", "boxes")
 
 VIEWER = Refusal(why="viewer", text="This link lets you watch and stop the robot, not drive it.")
 CALIBRATES = Refusal(

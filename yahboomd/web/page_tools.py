@@ -1,4 +1,4 @@
-"""What a page can do besides driving: calibrate, and record. One of each runs at a time."""
+"""What a page can do besides driving: calibrate, record, and ask why the robot stopped."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 import msgspec
 
 from yahboomd.clock import Clock
+from yahboomd.web.page_boxes import PageBoxes
 from yahboomd.web.page_calibration import PageCalibration
 from yahboomd.web.page_frames import Hold, Tool
 from yahboomd.web.page_recordings import PageRecordings
@@ -44,6 +45,7 @@ class PageTools:
     ) -> None:
         self._show = show
         self.calibration = PageCalibration(clock, settings.robot, source, self._calibrates)
+        self.boxes = PageBoxes(clock, settings.robot)
         self.recordings = PageRecordings(clock, settings.robot, settings.recordings, self._records)
 
     def shown(self) -> dict[str, bytes]:
@@ -67,6 +69,8 @@ class PageTools:
                 words = self.calibration.end(page)
             case Tool(do="undo_calibration"):
                 return await self.calibration.undo()
+            case Tool(do="save_box"):
+                return await self.boxes.save()
             case Tool(do="record"):
                 words = await self.recordings.begin()
             case Tool(do="end_recording"):

@@ -95,7 +95,7 @@ class WebApplication:
             Route("/session", self._session, methods=["GET"]),
             Route("/session", self._enter, methods=["POST"]),
             Route("/estop", self._estop, methods=["POST"]),
-            *Downloads(hub.tools.recordings, self._role).routes,
+            *Downloads(hub.tools, self._role).routes,
             WebSocketRoute("/ws", self._page),
         ]
         self.asgi: ASGIApp = Guard(Starlette(routes=routes), origin)

@@ -39,6 +39,9 @@ if TYPE_CHECKING:
     from yahboomd.web.page_tools import ToolSettings
     from yahboomd.web.web_server import WebServer
 
+SERVICES = Path("/etc/yahboomd")
+"""The configurations of services: calibration and black boxes are in the daemon's directory."""
+
 DEFAULT_PLACE = "127.0.0.1:8480"
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -145,7 +148,11 @@ def run(args: argparse.Namespace) -> int:
 
     place = _place(args.listen or DEFAULT_PLACE)
     check_source(args)
-    config = read_config(args).config
+    loaded = read_config(args)
+    config = loaded.config
+    if loaded.path is not None and loaded.path.parent == SERVICES:
+        # Commands that pages start use the directory of the robot's service, not of the page's.
+        os.environ.pop("STATE_DIRECTORY", None)
     setup = _Setup(
         place=place,
         names=args.host_name,

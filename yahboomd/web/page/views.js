@@ -12,6 +12,7 @@ const VIEWS = [
   drive, map, wheels, health,
   { id: "calibrate", title: "Calibrate", load: () => import("./calibrate.js").then((module) => module.create) },
   { id: "record", title: "Record", load: () => import("./record.js").then((module) => module.create) },
+  { id: "boxes", title: "Black boxes", load: () => import("./boxes.js").then((module) => module.create) },
 ];
 const WIDE = matchMedia("(min-width: 1000px)"); // As in style.css: the drive view stays beside the others.
 

@@ -1,0 +1,115 @@
+"""Black boxes on a page: listed, explained and downloaded with a session, saved by drivers."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from real_robot import RealRobot
+from web_site import TOKENS, Site
+from zenoh_fixtures import eventually, free_endpoint
+
+from yahboomd.blackbox.box_file import read_box
+from yahboomd.web import page_boxes
+from yahboomd.web.page_boxes import BUSY, PageBoxes
+
+pytestmark = pytest.mark.xdist_group("web_tools")
+
+
+class StillClock:
+    """A clock that is set."""
+
+    ns = 10**12
+
+    def now_ns(self) -> int:
+        return self.ns
+
+
+@pytest.fixture
+def boxes(tmp_path: Path) -> PageBoxes:
+    folder = tmp_path / "boxes"
+    folder.mkdir()
+    (folder / "000007_20261122T173530Z_estop.blackbox").write_bytes(b"no box at all")
+    (tmp_path / "secret").write_text("secret")
+    return PageBoxes(StillClock(), [f"--set=blackbox.folder={folder}"])  # type: ignore[arg-type]
+
+
+async def test_boxes_are_listed_without_their_paths(boxes: PageBoxes) -> None:
+    listed = await boxes.listed()
+    (box,) = [each for each in listed["boxes"] if each["kind"] == "saved"]
+    assert (box["name"], box["reason"], box["bytes"]) == ("7", "estop", 13)
+    assert "path" not in box
+    assert await boxes.file("7") is not None
+
+
+@pytest.mark.parametrize("name", ["", "..", "../secret", "/etc/passwd", "8", "-h", "--json", "7\n"])
+async def test_no_name_leads_to_another_file_or_option(boxes: PageBoxes, name: str) -> None:
+    assert await boxes.file(name) is None
+    assert await boxes.explained(name) is None
+
+
+async def test_a_file_that_is_no_box_is_said_to_be_none(boxes: PageBoxes) -> None:
+    found = await boxes.explained("7")
+    assert found is not None
+    assert "no black box" in found["why"]
+    assert found["lines"] == []
+
+
+async def test_no_more_than_some_wait_for_their_turn(
+    boxes: PageBoxes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(page_boxes, "WAITING", 1)
+    answers = await asyncio.gather(*(boxes._ask(["list", "--json"]) for _ in range(3)))
+    assert sorted(words for _, _, words in answers) == ["", BUSY, BUSY]
+
+
+@pytest.mark.realtime
+async def test_an_emergency_stop_is_explained_downloaded_and_another_box_saved_on_demand(
+    site: Callable[..., Awaitable[Site]], real_robot: Callable[..., RealRobot], tmp_path: Path
+) -> None:
+    folder = tmp_path / "boxes"
+    robot = real_robot(run=("--set", f"blackbox.folder={folder}"))
+    await asyncio.to_thread(robot.daemon.says, "Connected to")
+    served = await site(endpoint=robot.endpoint, tokens=TOKENS)
+    await eventually(lambda: served.hub.robot.obstacle() is None)
+    viewer, driver = await served.page("viewer"), await served.page()
+    await viewer.send(type="estop", id=1)
+    assert (await viewer.one("answer", id=1))["ok"]
+    await eventually(lambda: list(folder.glob("*_estop.blackbox")))
+
+    async def get(path: str, role: str = "viewer") -> tuple[int, bytes]:
+        cookie = served.cookie(role) if role else {}
+        status, _, body = await served.request("GET", path, **cookie)
+        return status, body
+
+    assert [(await get(path, role=""))[0] for path in ("/boxes", "/boxes/1", "/boxes/1/words")] == [
+        401
+    ] * 3
+    status, body = await get("/boxes")
+    (box,) = [each for each in json.loads(body)["boxes"] if each["kind"] == "saved"]
+    assert (status, box["reason"]) == (200, "estop")
+    status, body = await get(f"/boxes/{box['name']}/words")
+    story: dict[str, Any] = json.loads(body)
+    assert any("mergency stop" in line["words"] for line in story["lines"])
+    status, body = await get(f"/boxes/{box['name']}")
+    assert read_box(body).records
+    assert (await get("/boxes/..%2fsecret"))[0] == 404
+    assert (await get("/boxes/nothing/words"))[0] == 404
+
+    await viewer.send(type="tool", id=2, do="save_box", args={})
+    assert not (await viewer.one("answer", id=2))["ok"]
+    await driver.send(type="tool", id=3, do="save_box", args={})
+    answer = await driver.one("answer", id=3)
+    assert answer["ok"], answer
+
+
+async def test_without_a_daemon_nothing_is_saved_and_the_reason_is_named(tmp_path: Path) -> None:
+    options = [f"--connect={free_endpoint()}"]
+    boxes = PageBoxes(StillClock(), options)  # type: ignore[arg-type]
+    done, words = await boxes.save()
+    assert not done
+    assert words

@@ -1,0 +1,86 @@
+// Black boxes: the last minute before the robot stopped, in words and as files.
+
+import { amount, el, fixed, stamp, write } from "./dom.js";
+
+const REASONS = {
+  estop: "Emergency stop", runaway: "A wheel ran away", fault: "A fault", disconnected: "The board was lost",
+  crash: "A fault of yahboomd itself", killed: "The daemon was killed", asked: "Saved on demand",
+};
+const KINDS = { running: "The last minute, in memory", left: "The daemon was killed" };
+const SOON_MS = 3000; // A box is saved a second after the robot stopped.
+
+export function create({ live, connection }) {
+  const save = el("button", { type: "button", onclick: () => saveNow() }, "Save the last minute now");
+  const words = el("p", { role: "status" });
+  const list = el("ul", { class: "files" });
+  let shown = "";
+  let soon = 0;
+
+  async function saveNow() {
+    save.disabled = true;
+    write(words, "A moment\u2026");
+    const answer = await connection.tool("save_box");
+    save.disabled = false;
+    await read();
+    write(words, answer.text);
+  }
+
+  async function read() {
+    save.hidden = live.newest("hello")?.role !== "driver";
+    try {
+      const answer = await fetch("/boxes");
+      if (!answer.ok) return;
+      const { boxes, problem } = await answer.json();
+      // One in memory changes all the time.
+      const rows = JSON.stringify(boxes.map(({ name, kind }) => [name, kind]));
+      if (rows !== shown) list.replaceChildren(...boxes.map(row));
+      shown = rows;
+      write(words, problem || (boxes.length ? "" : "There is none yet: nothing has stopped the robot for a reason."));
+    } catch {
+      // The next event asks again.
+    }
+  }
+
+  function row({ name, kind, reason, at_s, bytes }) {
+    const story = el("div", { class: "story", hidden: true });
+    const why = el("button", { type: "button", "aria-expanded": "false", onclick: () => explain(name, why, story) }, "Why did it stop?");
+    const file = el("a", { href: `/boxes/${name}`, download: "" }, "Download", el("small", {}, ` ${amount(bytes)}`));
+    return el(
+      "li",
+      { class: "card" },
+      el("div", { class: "line" }, el("b", {}, REASONS[reason] ?? KINDS[kind] ?? reason), el("span", { class: "fact" }, kind === "running" ? "" : stamp(at_s))),
+      el("div", { class: "links" }, why, ...(kind === "saved" ? [file] : [])),
+      story,
+    );
+  }
+
+  async function explain(name, button, story) {
+    const open = story.hidden;
+    story.hidden = !open;
+    button.setAttribute("aria-expanded", open);
+    if (!open) return;
+    story.replaceChildren(el("p", {}, "A moment\u2026"));
+    try {
+      const answer = await fetch(`/boxes/${name}/words`);
+      const found = answer.ok ? await answer.json() : { why: await answer.text(), lines: [] };
+      const lines = found.lines.map((each) => el("tr", { class: each.what }, el("th", { scope: "row" }, `${fixed(each.before_s, 2)} s`), el("td", {}, each.words)));
+      const table = el("table", {}, el("caption", {}, "What happened, in seconds before it was saved"), el("tbody", {}, ...lines));
+      story.replaceChildren(el("p", { class: "question" }, found.why), ...(lines.length ? [table] : []));
+    } catch {
+      story.replaceChildren(el("p", { class: "error" }, "There is no connection to the robot."));
+    }
+  }
+
+  live.on("event", () => {
+    clearTimeout(soon);
+    soon = setTimeout(() => element.hidden || read(), SOON_MS);
+  });
+  live.on("hello", () => element.hidden || read());
+  const element = el(
+    "section",
+    { class: "boxes" },
+    el("div", { class: "card" }, el("h2", {}, "Why did it stop?"), el("p", { class: "note" }, "The last minute of the robot is kept, and saved when something stops it: an emergency stop, a fault, a lost board."), save, words),
+    list,
+  );
+  return { element, show: read, hide: () => {} };
+}

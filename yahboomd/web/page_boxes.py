@@ -1,0 +1,129 @@
+"""The black boxes of this machine for pages: listed, explained in words, downloaded, saved.
+
+`yahboomd blackbox` does all of it, in a process of its own: one at a time.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from yahboomd.clock import Clock
+from yahboomd.web.child_command import output_of
+
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,79}")
+
+KNOWN_NS = 2_000_000_000
+"""A list that is younger is good enough."""
+
+WAITING = 8
+"""Questions that wait for their turn; more are refused."""
+
+BUSY = "Too many people ask at once. Try again."
+
+
+class PageBoxes:
+    """The boxes of this machine.
+
+    Args:
+        clock: Tells the age of a list.
+        robot: Options of every command that talks to the daemon: where it is.
+    """
+
+    def __init__(self, clock: Clock, robot: Sequence[str]) -> None:
+        self._clock = clock
+        self._robot = tuple(robot)
+        self._turn = asyncio.Lock()
+        self._waiting = 0
+        self._boxes: list[dict[str, Any]] = []
+        self._problem = ""
+        self._listed_ns: int | None = None
+
+    async def listed(self) -> dict[str, Any]:
+        """The boxes, the newest first, and what is wrong, in words."""
+        await self._list()
+        shown = [
+            {
+                "name": each["name"],
+                "kind": each["kind"],
+                "reason": _reason(each),
+                "at_s": each["written_ns"] / 1e9,
+                "bytes": each["bytes"],
+            }
+            for each in reversed(self._boxes)
+        ]
+        return {"boxes": shown, "problem": self._problem}
+
+    async def explained(self, name: str) -> dict[str, Any] | None:
+        """Why the robot stopped, and what came before; None where there is no such box."""
+        if await self._box(name) is None:
+            return None
+        status, printed, words = await self._ask(["explain", name, "--json"])
+        try:
+            facts = json.loads(printed) if status == 0 else {}
+        except ValueError:
+            facts = {}
+        why = facts.get("why") or words or "It cannot be read."
+        lines = [
+            {"before_s": each["before_s"], "what": each["what"], "words": each["words"]}
+            for each in facts.get("lines", ())
+        ]
+        return {"why": why, "lines": lines}
+
+    async def file(self, name: str) -> Path | None:
+        """The file of a saved box; None where there is none, whatever the name says."""
+        box = await self._box(name)
+        if box is None or box["kind"] != "saved":
+            return None
+        return Path(box["path"])
+
+    async def save(self) -> tuple[bool, str]:
+        """Have the daemon save its box now; whether it was done, and words for people."""
+        self._listed_ns = None
+        status, printed, words = await output_of(["blackbox", "save", *self._robot])
+        return status == 0, (printed or words).strip()
+
+    async def _box(self, name: str) -> dict[str, Any] | None:
+        if not NAME.fullmatch(name):
+            return None
+        await self._list()
+        return next((each for each in self._boxes if each["name"] == name), None)
+
+    async def _list(self) -> None:
+        now_ns = self._clock.now_ns()
+        if self._listed_ns is not None and now_ns - self._listed_ns < KNOWN_NS:
+            return
+        status, printed, words = await self._ask(["list", "--json"])
+        try:
+            found = json.loads(printed) if status == 0 else {}
+        except ValueError:
+            found = {}
+        self._boxes = found.get("boxes", [])
+        denied = ", ".join(found.get("denied", ()))
+        self._problem = f"{denied} cannot be read by this page's server." if denied else ""
+        if status:
+            self._problem = words or "The black boxes cannot be listed."
+        self._listed_ns = self._clock.now_ns()
+
+    async def _ask(self, arguments: Sequence[str]) -> tuple[int, str, str]:
+        if self._waiting >= WAITING:
+            return 1, "", BUSY
+        self._waiting += 1
+        try:
+            async with self._turn:
+                # Where boxes are is in the configuration; a daemon is not asked.
+                config = [each for each in self._robot if each.startswith(("--config=", "--set="))]
+                return await output_of(["blackbox", *arguments, *config])
+        except TimeoutError:
+            return 1, "", "It took too long."
+        finally:
+            self._waiting -= 1
+
+
+def _reason(box: dict[str, Any]) -> str:
+    """The word in the name of a saved box's file."""
+    return Path(box["path"]).stem.rpartition("Z_")[2] if box["kind"] == "saved" else ""
