@@ -10,6 +10,7 @@ from yahboomd.config import read
 from yahboomd.config.calibration_file import (
     Calibration,
     Multipliers,
+    check_writable,
     geometry_of,
     undo_calibration,
     write_calibration,
@@ -97,6 +98,9 @@ def test_a_folder_that_cannot_be_written_is_named_with_what_to_do(tmp_path: Path
     with pytest.raises(ConfigError, match="cannot be written") as refused:
         write_calibration(tmp_path / "file" / "calibration.toml", calibration())
     assert "chassis.calibration_file=" in str(refused.value)
+    with pytest.raises(ConfigError, match="cannot be written"):
+        check_writable(tmp_path / "file" / "calibration.toml")
+    check_writable(tmp_path / "not" / "there" / "yet" / "calibration.toml")
 
 
 @pytest.mark.parametrize(

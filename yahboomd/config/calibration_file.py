@@ -142,7 +142,20 @@ def write_calibration(path: Path, calibration: Calibration) -> None:
                 os.unlink(file.name)
                 raise
     except OSError as error:
-        raise _unwritable(path, error) from error
+        raise _unwritable(path, error.strerror) from error
+
+
+def check_writable(path: Path) -> None:
+    """Raise where the file could not be written: a person is spared to measure for nothing.
+
+    Raises:
+        ConfigError: The folder cannot be written to, or made.
+    """
+    folder = path.parent
+    while not folder.exists() and folder != folder.parent:
+        folder = folder.parent
+    if not (folder.is_dir() and os.access(folder, os.W_OK | os.X_OK)):
+        raise _unwritable(path, f"no permission for {folder}")
 
 
 def undo_calibration(path: Path) -> bool:
@@ -162,15 +175,15 @@ def undo_calibration(path: Path) -> bool:
         except FileNotFoundError:
             return False
         except OSError as error:
-            raise _unwritable(path, error) from error
+            raise _unwritable(path, error.strerror) from error
     except OSError as error:
-        raise _unwritable(path, error) from error
+        raise _unwritable(path, error.strerror) from error
     return True
 
 
-def _unwritable(path: Path, error: OSError) -> ConfigError:
+def _unwritable(path: Path, why: str | None) -> ConfigError:
     return ConfigError(
-        f"{path} cannot be written: {error.strerror}.",
+        f"{path} cannot be written: {why}.",
         remedy="Run the same command with sudo, or name another file: "
         "`--set chassis.calibration_file=/path/to/calibration.toml`.",
     )

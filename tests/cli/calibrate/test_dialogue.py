@@ -229,6 +229,17 @@ def test_a_robot_that_is_not_there_is_refused_in_the_dialogue_too(
     assert led.lines[-1]["status"] == 69
 
 
+def test_a_file_that_could_not_be_written_is_refused_before_anything_moves(
+    robot: RealRobot, lead: Callable[..., LedCalibration], tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("no folder")
+    file = f"chassis.calibration_file={tmp_path / 'file' / 'calibration.toml'}"
+    led = lead("tape", "--set", file)
+    assert led.ends() == 78
+    assert "cannot be written" in led.lines[-1]["text"]
+    assert led.of_type("question") == []
+
+
 async def test_progress_is_reported_now_and_then_and_at_the_end(capsys) -> None:
     dialogue = Dialogue(None)
     for each in range(1000):

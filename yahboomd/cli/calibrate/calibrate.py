@@ -211,11 +211,15 @@ def _run(args: argparse.Namespace) -> int:
 
     from yahboomd.cli.calibrate.wizard import calibrate
     from yahboomd.cli.robot.attended import attend
+    from yahboomd.config.calibration_file import check_writable
     from yahboomd.daemon.process import deadly
 
     check_source(args)
     if args.held and not args.dialogue:
         raise ConfigError("--held needs --dialogue json: the button is that of a program.")
+
+    if not args.dry_run and loaded.calibration_path is not None:
+        check_writable(loaded.calibration_path)
 
     async def work(robot: AsyncRobot) -> int:
         if not args.dialogue:
