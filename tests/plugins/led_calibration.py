@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -64,10 +65,9 @@ class LedCalibration:
     def send(self, **message: Any) -> None:
         """Write one line."""
         assert self.process.stdin is not None
-        try:
+        # It may be about to end.
+        with suppress(OSError, ValueError):
             self.process.stdin.write(json.dumps(message).encode() + b"\n")
-        except (OSError, ValueError):
-            assert self.process.poll() is not None or self.process.stdin.closed
 
     def of_type(self, *types: str) -> list[dict[str, Any]]:
         """The lines of these types so far."""
