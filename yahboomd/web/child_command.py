@@ -38,7 +38,7 @@ class Child:
 
     @classmethod
     async def start(cls, arguments: Sequence[str]) -> Child:
-        """Start ``yahboomd`` with these arguments: a list, which no shell reads."""
+        """Start ``yahboomd`` with a list of arguments, which no shell reads, in our environment."""
         return cls(
             await asyncio.create_subprocess_exec(
                 *(sys.executable, "-m", "yahboomd", *arguments),
