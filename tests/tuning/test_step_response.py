@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import itertools
 import math
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.tuning.step_response import figures, mean, on_grid, speeds, tick_times
+from yahboomd.tuning.step_response import figures, mean, on_grid, read_times, speeds, tick_times
 
 TICK_S = 0.01
 
@@ -94,6 +95,26 @@ def test_a_burst_after_a_pause_belongs_to_the_ticks_before_it():
     arrivals[20:23] = [arrivals[23] - 0.0003 * each for each in (3, 2, 1)]
     found = tick_times(arrivals, TICK_S)
     assert [round((at - found[0]) / TICK_S) for at in found] == list(range(40))
+
+
+@given(st.floats(0.0, 0.0099), st.floats(0.1, 1.0))
+def test_reports_by_another_clock_make_a_steady_speed_once_their_ages_are_known(phase, speed):
+    sent = [0.041 * number for number in range(1, 37)]
+    read = [phase + math.floor((at - phase) / TICK_S) * TICK_S for at in sent]
+    found = read_times(sent, [speed * at for at in read], TICK_S)
+    slopes = [
+        speed * (after - before) / (later - at)
+        for (before, after), (at, later) in zip(pairwise(read), pairwise(found), strict=True)
+    ]
+    assert min(slopes[18:]) == pytest.approx(speed, rel=0.03)
+    assert max(slopes[18:]) == pytest.approx(speed, rel=0.03)
+    assert all(
+        0.0 <= at - earlier <= TICK_S + 1e-9 for at, earlier in zip(sent, found, strict=True)
+    )
+
+
+def test_where_nothing_was_reported_there_are_no_times():
+    assert read_times([], [], TICK_S) == []
 
 
 def test_the_mean_of_repeats_is_taken_tick_by_tick():

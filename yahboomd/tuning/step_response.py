@@ -67,6 +67,39 @@ def tick_times(arrivals_s: Sequence[float], tick_s: float) -> list[float]:
     return [phase + tick * tick_s for tick in found]
 
 
+def read_times(arrivals_s: Sequence[float], travel: Sequence[float], tick_s: float) -> list[float]:
+    """The ticks at which a board had read the counts that it reports more seldom, by another clock.
+
+    What it reports is up to a tick old, and that age beats: at a steady speed slopes are off by a
+    quarter now and then. The grid of ticks is the one on which the second half of the step is
+    nearest to a straight line.
+
+    Args:
+        arrivals_s: When reports left; rising.
+        travel: What they say.
+        tick_s: The period at which the board reads.
+    """
+    half = len(arrivals_s) // 2
+
+    def ticks(phase: float) -> list[float]:
+        return [phase + math.floor((at - phase) / tick_s) * tick_s for at in arrivals_s]
+
+    def roughness(phase: float) -> float:
+        times, places = ticks(phase)[half:], travel[half:]
+        count = len(times)
+        time, place = sum(times) / count, sum(places) / count
+        spread = sum((at - time) ** 2 for at in times)
+        slope = sum((at - time) * (x - place) for at, x in zip(times, places, strict=True))
+        slope /= spread or 1.0
+        return sum(
+            (x - place - slope * (at - time)) ** 2 for at, x in zip(times, places, strict=True)
+        )
+
+    if not arrivals_s:
+        return []
+    return ticks(min((tick_s * part / 40.0 for part in range(40)), key=roughness))
+
+
 def on_grid(
     times_s: Sequence[float], travel: Sequence[float], *, tick_s: float, ticks: int
 ) -> list[float]:

@@ -13,7 +13,7 @@ from yahboomd.config import Config
 from yahboomd.link import storing
 from yahboomd.link.port import Opener
 from yahboomd.protocol.dialect import Dialect
-from yahboomd.protocol.settings import VERSION, BoardSettings
+from yahboomd.protocol.settings import VERSION, BoardSettings, SettingWrite
 from yahboomd.tuning import dead_zone, loop_model, step_response
 from yahboomd.tuning.loop_model import Gains, LoopModel, Step
 from yahboomd.tuning.step_response import StepFigures
@@ -25,6 +25,9 @@ GAINS, DEAD_ZONE = "pid", "deadzone"
 HOLD_S = 1.5
 REPEATS = 2
 """Of each step, forward and as often backward."""
+
+SPARE_STEPS = 8
+"""Steps that are measured again, since their readings came late."""
 
 ROUNDS = 3
 """The most sets of gains that are tried."""
@@ -200,10 +203,16 @@ class Procedure:
         """Steps of all wheels together, forward and backward; the figures of their means."""
         speed_m_s = self.result.speed_m_s
         steps: list[Traces] = []
-        for number in range(2 * REPEATS):
-            way = -1 if number % 2 else 1
-            self._say(f"step {number + 1} of {2 * REPEATS}: {way * speed_m_s:+.2f} m/s")
-            steps.append(await stand.step(way * speed_m_s, HOLD_S))
+        spare = SPARE_STEPS
+        while len(steps) < 2 * REPEATS:
+            way = -1 if len(steps) % 2 else 1
+            self._say(f"step {len(steps) + 1} of {2 * REPEATS}: {way * speed_m_s:+.2f} m/s")
+            step = await stand.step(way * speed_m_s, HOLD_S)
+            if step.whole or not spare:
+                steps.append(step)
+            else:
+                spare -= 1
+                self._say("readings were held up, as on a busy computer: once more")
         travels = [
             step_response.mean([step.travel_m[index] for step in steps])
             for index in range(len(stand.motors))
@@ -354,6 +363,17 @@ class Procedure:
 class _Said(storing.Progress):
     def __init__(self, say: Callable[[str], None]) -> None:
         self._say = say
+
+    def begins(
+        self,
+        dialect: Dialect,  # noqa: ARG002
+        writes: tuple[SettingWrite, ...],
+        had: BoardSettings,  # noqa: ARG002
+    ) -> None:
+        """See the base class."""
+        restart = ", which restarts the board" if any(each.resets for each in writes) else ""
+        names = "; ".join(each.text for each in writes) or "nothing that differs"
+        self._say(f"writing to the board's flash{restart}: {names}")
 
     def stored(self, step: storing.Step, has: BoardSettings) -> None:  # noqa: ARG002
         """See the base class."""

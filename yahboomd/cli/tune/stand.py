@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import AsyncIterator
+from itertools import pairwise
 from typing import Self
 
 import msgspec
@@ -37,6 +38,9 @@ POLL_TIMEOUT_NS = 100_000_000
 
 SILENT_NS = 800_000_000
 STAND_WITHIN_S = 3.0
+HELD_UP_NS = 70_000_000
+"""Longer than between any two readings of a line that nothing holds up."""
+
 STILL_TICKS_PER_S = 20.0
 """A count more or less in the window of a standstill; what rolls out would count as motion."""
 
@@ -67,10 +71,12 @@ class Traces(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         speed_m_s: The commanded speed; negative backward.
         travel_m: Travel of each motor on the grid of :data:`TICK_S`, positive along the command.
+        whole: No readings were held up on the way.
     """
 
     speed_m_s: float
     travel_m: tuple[list[float], ...]
+    whole: bool
 
 
 class Stand:
@@ -251,12 +257,16 @@ class Stand:
             self._samples = []
             start_ns = self._clock.now_ns() + len(frame) * self._line.port.byte_ns
             self._line.writer.velocity(frame)
-            await self._look(nanoseconds(hold_s))
-            samples = self._samples
+            # The last reading has to be later than the last tick of the grid.
+            await self._look(nanoseconds(hold_s + 2.0 * self.ticks_apart_s))
+            samples = self._samples.copy()
         way = 1 if speed_m_s > 0.0 else -1
         times_s, counts = self._times(samples, start_ns)
+        times_ns = [start_ns, *(at_ns for at_ns, _ in samples if at_ns > start_ns)]
+        longest_ns = max(after - before for before, after in pairwise(times_ns))
         return Traces(
             speed_m_s=speed_m_s,
+            whole=longest_ns < HELD_UP_NS,
             travel_m=tuple(
                 step_response.on_grid(
                     times_s,
@@ -285,8 +295,18 @@ class Stand:
         arrivals_s = [seconds(at_ns - start_ns) for at_ns, _ in new]
         if dialect.sample_period_ns is not None and not dialect.renews_with_each_line:
             times_s = step_response.tick_times(arrivals_s, self.ticks_apart_s)
+        elif dialect.age_ns:
+            driven = [
+                sum(
+                    unwrapped(each[motor.position - 1] - new[0][1][motor.position - 1])
+                    * motor.encoder_sign
+                    for motor in self.motors
+                )
+                for _, each in new
+            ]
+            times_s = step_response.read_times(arrivals_s, driven, seconds(dialect.age_ns))
         else:
-            times_s = [at_s - seconds(dialect.age_ns) / 2.0 for at_s in arrivals_s]
+            times_s = arrivals_s
         kept = [(at_s, ticks) for at_s, (_, ticks) in zip(times_s, new, strict=True) if at_s > 0.0]
         return [at_s for at_s, _ in kept], [ticks for _, ticks in kept]
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import datetime
 import os
 import signal
 import sys
+import termios
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -192,7 +194,9 @@ class Tuning:
 
     def say(self, words: str) -> None:
         """Show progress, on standard error: standard output is the result."""
-        print(readable(words), file=sys.stderr, flush=True)
+        # A terminal that is gone must not hide why it ended.
+        with contextlib.suppress(OSError):
+            print(readable(words), file=sys.stderr, flush=True)
 
     def say_ended(self, name: str) -> None:
         """Explain an end by a signal."""
@@ -238,7 +242,9 @@ class Tuning:
         return os.EX_OK if stored else 1
 
     async def _yes(self, question: str) -> bool:
-        """Ask; without an answer it is no."""
+        """Ask; without an answer it is no, and what was typed before counts for none."""
+        if sys.stdin is not None and sys.stdin.isatty():
+            termios.tcflush(sys.stdin, termios.TCIFLUSH)
         print(question, end=" ", file=sys.stderr, flush=True)
         answer = await self._lines.line()
         if answer is None:
