@@ -78,8 +78,19 @@ class Page:
         await self.send(type="drive", beat=self.beat if beat is None else beat, vx=vx, vy=vy, wz=wz)
 
     async def hold(self, until: Callable[[], Any], vx: float = 0.2) -> Any:
-        """Drive 20 times a second until something is true."""
+        """Drive 20 times a second until something is true, whatever is refused."""
         while not (found := until()):
+            await self.drive(vx)
+            await asyncio.sleep(0.05)
+        return found
+
+    async def press(self, until: Callable[[], Any], vx: float = 0.2) -> Any:
+        """Drive until something is true; let go and press again where this machine was too busy."""
+        refused = len(self.of("refused"))
+        while not (found := until()):
+            if len(self.of("refused")) > refused:
+                refused = len(self.of("refused"))
+                await self.drive(0.0)
             await self.drive(vx)
             await asyncio.sleep(0.05)
         return found

@@ -44,7 +44,7 @@ async def test_a_page_learns_how_slow_its_network_is_before_it_drives(
     page = await (await site(await fake_daemon())).page()
     await eventually(lambda: page.beat >= 0)
     beat = page.beat
-    await eventually(lambda: page.beat >= beat + 6)
+    await eventually(lambda: page.beat >= beat + 10)
     await page.send(type="seen", beat=beat)
     assert 300 <= (await page.one("delay", beat=beat))["age_ms"] < 20_000
 
@@ -54,11 +54,11 @@ async def test_a_page_drives_and_its_zeros_arrive_and_nothing_after_them(
 ) -> None:
     daemon = await fake_daemon()
     page = await (await site(daemon)).driver()
-    await page.hold(lambda: len(daemon.velocities) >= 5)
+    await page.press(lambda: len(daemon.velocities) >= 5)
     await page.drive(0.0)
     await eventually(lambda: daemon.velocities[-1] == ZERO)
     sent = len(daemon.velocities)
-    assert set(daemon.velocities[:-1]) == {(0.2, 0.0)}
+    assert set(daemon.velocities[:-1]) <= {(0.2, 0.0), ZERO}
     command = daemon.commands[0]
     assert command["source"] == "the page"
     assert command["stamp_ns"] > 1e18
@@ -98,7 +98,7 @@ async def test_a_page_that_is_closed_in_motion_stops_the_robot_at_once(
     daemon = await fake_daemon()
     served = await site(daemon)
     page, watching = await served.driver(), await served.page()
-    await page.hold(lambda: daemon.velocities)
+    await page.press(lambda: daemon.velocities)
     page.socket.transport.abort()
     await watching.one("control", page_driver=None)
     await eventually(lambda: daemon.velocities[-1] == ZERO)
@@ -110,7 +110,7 @@ async def test_a_page_that_falls_silent_is_stopped_and_learns_why(
 ) -> None:
     daemon = await fake_daemon()
     page = await (await site(daemon)).driver()
-    await page.hold(lambda: daemon.velocities)
+    await page.press(lambda: daemon.velocities)
     refused = await page.one("refused", why="lapse")
     assert "robot was stopped" in refused["text"]
     await eventually(lambda: daemon.velocities[-1] == ZERO)
@@ -118,7 +118,7 @@ async def test_a_page_that_falls_silent_is_stopped_and_learns_why(
     await page.hold(lambda: page.of("refused")[-1]["why"] == "let_go")
     assert daemon.velocities.count((0.2, 0.0)) == moved
     await page.drive(0.0)
-    await page.hold(lambda: daemon.velocities.count((0.2, 0.0)) > moved)
+    await page.press(lambda: daemon.velocities.count((0.2, 0.0)) > moved)
 
 
 async def test_one_page_drives_and_another_takes_over_deliberately(
@@ -127,7 +127,7 @@ async def test_one_page_drives_and_another_takes_over_deliberately(
     daemon = await fake_daemon()
     served = await site(daemon)
     first, second = await served.driver(), await served.page()
-    await first.hold(lambda: daemon.velocities)
+    await first.press(lambda: daemon.velocities)
     await second.drive(0.1)
     assert "Take control" in (await second.one("refused", why="not_yours"))["text"]
     await second.drive(0.0)
@@ -135,7 +135,7 @@ async def test_one_page_drives_and_another_takes_over_deliberately(
     displaced = await first.one("control", mine=False, page_driver=2)
     assert displaced["type"] == "control"
     await eventually(lambda: daemon.velocities[-1] == ZERO)
-    await second.hold(lambda: (0.1, 0.0) in daemon.velocities, vx=0.1)
+    await second.press(lambda: (0.1, 0.0) in daemon.velocities, vx=0.1)
     await first.drive()
     await first.one("refused", why="not_yours")
     await second.send(type="control", want=False)
@@ -190,9 +190,8 @@ async def test_while_the_robot_may_not_move_a_page_learns_the_daemons_reason(
     daemon.status = daemon_samples.status(state, driver=None, why="Anne pressed the button.")
     await page.one("status", type="status")
     await eventually(lambda: page.of("status")[-1]["sample"]["state"] == state)
-    await page.hold(lambda: page.of("refused"))
-    assert page.of("refused")[0]["why"] == why
-    assert "Anne pressed the button." in page.of("refused")[0]["text"]
+    await page.hold(lambda: any(each["why"] == why for each in page.of("refused")))
+    assert "Anne pressed the button." in (await page.one("refused", why=why))["text"]
     before = len(daemon.velocities)
     daemon.status = daemon_samples.status("standing", driver=None, why="At rest.")
     await page.hold(lambda: page.of("refused")[-1]["why"] == "let_go")
@@ -216,7 +215,7 @@ async def test_without_a_daemon_the_page_says_so_and_comes_back_by_itself(
     daemon = await fake_daemon(endpoint=endpoint)
     await page.one("daemon", alive=True)
     await eventually(lambda: served.hub.robot.obstacle() is None)
-    await page.hold(lambda: daemon.velocities)
+    await page.press(lambda: daemon.velocities)
     await daemon.stop()
     await eventually(lambda: not page.of("daemon")[-1]["alive"])
     assert page.of("daemon")[-1]["text"]
@@ -267,5 +266,5 @@ async def test_there_are_so_many_pages_and_no_more_and_the_estop_works_beside_th
     await pages[0].close()
     await pages[1].send(type="control", want=True)
     await pages[1].one("control", mine=True)
-    await pages[1].hold(lambda: daemon.velocities)
+    await pages[1].press(lambda: daemon.velocities)
     await served.page()

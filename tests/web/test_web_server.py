@@ -33,7 +33,7 @@ async def test_the_estop_is_served_beside_a_thousand_connections_that_say_nothin
         await eventually(lambda: len(Connection.waiting) == MAX_OPEN)
         status, _, body = await served.request("POST", "/estop")
         assert (status, json.loads(body)["engaged"]) == (200, True)
-        await page.hold(lambda: daemon.velocities)
+        await page.press(lambda: daemon.velocities)
         await served.page()
         assert len(Connection.waiting) <= MAX_OPEN
     finally:
@@ -184,7 +184,7 @@ async def test_a_page_that_stops_reading_delays_no_other_and_gets_no_old_samples
     slow.sendall(handshake(served))
     try:
         page = await served.driver()
-        await page.hold(lambda: len(daemon.velocities) > 10)
+        await page.press(lambda: len(daemon.velocities) > 10)
         begun = len(page.of("beat"))
         # Written on until it takes no more: then given up after five seconds.
         await eventually(lambda: len(served.hub._pages) == 1)
@@ -202,7 +202,7 @@ async def test_tls_serves_the_page_and_its_cookie_travels_over_it_alone(
     served = await site(daemon, tokens=TOKENS, context=context)
     trusting = ssl.create_default_context(cafile=str(certificate))
     page = await served.driver(ssl=trusting)
-    await page.hold(lambda: daemon.velocities)
+    await page.press(lambda: daemon.velocities)
     page.socket.transport.abort()
     await eventually(lambda: daemon.velocities[-1] == ZERO)
     reader, writer = await asyncio.open_connection("127.0.0.1", served.port, ssl=trusting)

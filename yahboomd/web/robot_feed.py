@@ -25,6 +25,7 @@ from yahboomd.messages.native import (
     EventSample,
     PoseSample,
     SetPoseRequest,
+    StatusSample,
     TwistSample,
     VelocityCommand,
     WheelsSample,
@@ -79,7 +80,7 @@ class RobotFeed:
         self._connection = Connection(options, clock, self._presence_changed)
         self._newest: dict[str, Newest] = {}
         self._publisher: BusPublisher | None = None
-        self._status_ns = 0
+        self._shown: StatusSample | None = None
         self._learning: asyncio.Task[None] | None = None
         self._estop: asyncio.Task[Answer] | None = None
         self._next_estop: asyncio.Task[Answer] | None = None
@@ -174,8 +175,8 @@ class RobotFeed:
             if (sample := read_sample(payload, SAMPLES[kind][1])) is not None:
                 found[kind] = sample_part(kind, sample)
         status = self._connection.status
-        if status is not None and status.stamp_ns != self._status_ns:
-            self._status_ns = status.stamp_ns
+        if status is not None and status is not self._shown:
+            self._shown = status
             found["status"] = sample_part("status", status)
         self.known.update(found)
         return found
@@ -221,7 +222,7 @@ class RobotFeed:
     def _presence_changed(self, alive: bool) -> None:
         self.known.clear()
         self.robot = {}
-        self._status_ns = 0
+        self._shown = None
         if self._learning is not None:
             self._learning.cancel()
             self._learning = None
