@@ -324,6 +324,7 @@ class ServiceManager:
                 stderr=self._log,
                 env={
                     **os.environ,
+                    "STATE_DIRECTORY": str(self._notify_path.with_name("state")),
                     "NOTIFY_SOCKET": str(self._notify_path),
                     "WATCHDOG_USEC": str(round(WATCHDOG_S * 1e6)),
                 },

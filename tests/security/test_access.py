@@ -81,7 +81,7 @@ def test_a_viewer_is_refused_cmd_vel_and_the_services_and_still_reads_the_pose(
     viewer.sees_poses()
 
     viewer.drive()
-    for key in ("estop/reset", "odometry/reset", "config", "board"):
+    for key in ("estop/reset", "odometry/reset", "config", "board", "blackbox/save"):
         assert viewer.ask(f"yahboomd/{key}") == []
     assert viewer.ask("yahboomd/odometry/set_pose", b'{"x":1,"y":1,"theta":0}') == []
     # Its commands were sent before, over the same connection.

@@ -355,3 +355,27 @@ def test_the_page_is_off_until_installed_and_its_tokens_are_in_no_journal(bench)
     finally:
         machine.run("systemctl", "disable", "--now", unit)
     bench.drive()
+
+
+def test_the_black_box_of_a_killed_daemon_is_saved_for_its_group_and_explained(bench) -> None:
+    machine = bench.machine
+    bench.drive()
+    # An earlier test may have had one saved within the last minute.
+    machine.run("rm", "-rf", "/var/lib/yahboomd/blackbox")
+    before = bench.pid()
+    bench.kill(signal.SIGKILL)
+    bench.wait_until_active(before)
+    bench.wait_for_status("driving")
+    listing = machine.run(
+        *("sh", "-c"),
+        "for n in $(seq 50); do ls -l /var/lib/yahboomd/blackbox/*_killed.blackbox && exit; "
+        "sleep 0.2; done; ls -lR /var/lib/yahboomd",
+    )
+    assert re.search(
+        r"^-rw-r----- .* yahboomd yahboomd .*_killed\.blackbox$", listing, re.MULTILINE
+    )
+    # Under its hardening the ring is in memory that outlives the process.
+    assert ".ring" in machine.run("ls", "/run/yahboomd")
+    explained = machine.run("yahboomd", "blackbox", "explain")
+    assert "saved for: the daemon was killed" in explained
+    assert "It drives to the end of the record." in explained
