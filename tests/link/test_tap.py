@@ -9,6 +9,7 @@ from board_bench import BoardPort
 from yahboomd.clock import LoopClock
 from yahboomd.link.line import Line
 from yahboomd.link.tap import NO_TAP, TappedPort
+from yahboomd.model import EncoderReading
 from yahboomd.protocol.registry import DIALECTS
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
@@ -31,6 +32,9 @@ class Notes:
 
     def settled(self) -> None:
         self.seen.append(("settled",))
+
+    def noted(self, reading: EncoderReading) -> None:
+        self.seen.append(("noted", reading))
 
     def written(self, data: bytes) -> None:
         self.seen.append(("written", data))

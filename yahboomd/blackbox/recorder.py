@@ -57,6 +57,8 @@ class Recorder:
         self.odometer_state: Callable[[], bytes] | None = None
         # A read of the port is the most frequent of all: without a call in between.
         self.received = ring.write_read
+        self.due = False
+        ring.on_turned = self._look
 
     def record(self, meaning: records.Meaning) -> None:
         """Write a record of something that is rare."""
@@ -65,15 +67,15 @@ class Recorder:
 
     # The tap.
 
-    @property
-    def due(self) -> bool:
+    def _look(self) -> None:
         """Whether an anchor is to be written."""
-        return self._ring.turned and bool(self._dialect)
+        self.due = self._ring.turned and bool(self._dialect)
 
     def opened(self, port: str, byte_ns: int) -> None:
         """A port was opened."""
         self._port, self._byte_ns = port, byte_ns
         self._dialect = ""
+        self.due = False
         if self._ring.turned:
             self.settled()
         self.record(records.Opened(port=port, byte_ns=byte_ns))
@@ -82,7 +84,7 @@ class Recorder:
         """Write an anchor, and what else makes a segment readable without those before it."""
         if self.odometer_state is None:
             return
-        self._ring.turned = False
+        self._ring.turned = self.due = False
         self.record(records.WallClock(wall_ns=self._wall_ns()))
         if self._decision is not None:
             self.record(self._decision)
@@ -102,29 +104,29 @@ class Recorder:
     def identified(self, dialect: str, settings: dict[str, Any] | None) -> None:
         """The board is known."""
         self._dialect = dialect
+        self._look()
         self.record(records.Identified(dialect=dialect, settings=settings))
 
     def closed(self) -> None:
         """The port was closed."""
         self._port = self._dialect = ""
+        self.due = False
         self.record(records.Closed())
 
     # The odometer's other inputs.
 
-    def reading(self, reading: EncoderReading) -> None:
-        """A reading is handed to the odometer; what its bytes do not show is recorded."""
-        flagged = reading.after_reset or reading.after_gap or reading.unbroken
-        if flagged or reading.requested_ns is not None:
-            self.record(
-                records.Reading(
-                    received_ns=reading.received_ns,
-                    requested_ns=reading.requested_ns,
-                    earliest_ns=reading.earliest_ns,
-                    after_reset=reading.after_reset,
-                    after_gap=reading.after_gap,
-                    unbroken=reading.unbroken,
-                )
+    def noted(self, reading: EncoderReading) -> None:
+        """A reading is handed to the odometer, of which its bytes do not show all."""
+        self.record(
+            records.Reading(
+                received_ns=reading.received_ns,
+                requested_ns=reading.requested_ns,
+                earliest_ns=reading.earliest_ns,
+                after_reset=reading.after_reset,
+                after_gap=reading.after_gap,
+                unbroken=reading.unbroken,
             )
+        )
 
     def estimate(self, estimate: OdometryEstimate) -> None:
         """The odometer made an estimate; its pose is recorded now and then."""

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import mmap
 import struct
+from collections.abc import Callable
 
 from yahboomd.blackbox.box_file import SEGMENT
 from yahboomd.blackbox.records import BASE, HEAD, MOMENT, RECEIVED, REPEATED
 
 _LENGTH_AND_TIME = struct.Struct("<HI")
+_pack_into = _LENGTH_AND_TIME.pack_into
 _HEAD_BYTES = HEAD.size
 SPAN_NS = 1 << 32
 """Moments are written in 32 bits: after 4.3 s they are counted from another base."""
@@ -32,6 +34,7 @@ class Ring:
 
     Attributes:
         turned: A segment was begun, and what every segment should begin with is not written yet.
+        on_turned: Called when that becomes so.
         left_out: Records that were too large.
     """
 
@@ -46,6 +49,7 @@ class Ring:
         self._base_ns = 0
         self._read: bytes | None = None
         self.turned = False
+        self.on_turned: Callable[[], None] = lambda: None
         self.left_out = 0
 
     def write(self, kind: int, payload: bytes, at_ns: int) -> None:
@@ -79,11 +83,23 @@ class Ring:
         """Write a read of the port; where it brought the same bytes as the last one, in short."""
         at = self._at
         since_ns = at_ns - self._base_ns
-        if data == self._read and at + _HEAD_BYTES <= self._end and 0 <= since_ns < SPAN_NS:
-            _LENGTH_AND_TIME.pack_into(self._buffer, at + 1, 0, since_ns)
-            self._buffer[at] = REPEATED
-            self._at = at + _HEAD_BYTES
-            return
+        begin = at + _HEAD_BYTES
+        # Several hundred times a second: as `write`, without another call.
+        if 0 <= since_ns < SPAN_NS:
+            buffer = self._buffer
+            if data == self._read:
+                if begin <= self._end:
+                    _pack_into(buffer, at + 1, 0, since_ns)
+                    buffer[at] = REPEATED
+                    self._at = begin
+                    return
+            elif (end := begin + len(data)) <= self._end:
+                buffer[begin:end] = data
+                _pack_into(buffer, at + 1, end - begin, since_ns)
+                buffer[at] = RECEIVED
+                self._at = end
+                self._read = data
+                return
         self.write(RECEIVED, data, at_ns)
         self._read = data
 
@@ -115,3 +131,4 @@ class Ring:
         buffer[start] = 1
         self._at, self._end = start + SEGMENT.size, start + self._segment_bytes
         self.turned = True
+        self.on_turned()

@@ -52,7 +52,6 @@ class RecordedOdometer(Odometer):
 
     def update(self, reading: EncoderReading) -> Update:
         """See there."""
-        self._recorder.reading(reading)
         update = super().update(reading)
         if update.estimate is not None:
             self._recorder.estimate(update.estimate)

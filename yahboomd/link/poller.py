@@ -14,6 +14,7 @@ from typing import NoReturn
 from yahboomd.clock import PAUSE_NS, Clock, Schedule, seconds
 from yahboomd.errors import BoardSilent
 from yahboomd.link.port import Port
+from yahboomd.link.tap import NO_TAP, Tap
 from yahboomd.link.writer import Writer
 from yahboomd.model import Counts, EncoderReading
 from yahboomd.protocol.dialect import Dialect
@@ -40,6 +41,7 @@ class Poller:
         on_armed: Called whenever the board is asked to stream its counts.
         port: Asked for bytes that were too few to wake the reader.
         unbroken: Whether they came before it was asked.
+        tap: Notes readings that their bytes do not show whole.
 
     Attributes:
         unbroken: As given, until the first reading has carried it.
@@ -56,6 +58,7 @@ class Poller:
         on_armed: Callable[[], None],
         port: Port,
         unbroken: bool = False,
+        tap: Tap = NO_TAP,
     ) -> None:
         self._writer = writer
         self._clock = clock
@@ -71,6 +74,7 @@ class Poller:
         self._after_reset = False
         self._after_gap = True
         self.unbroken = unbroken
+        self._tap = tap
         self.counters: Counter[str] = Counter()
 
     def board_reset(self) -> None:
@@ -100,8 +104,9 @@ class Poller:
             after_gap=self._after_gap,
             unbroken=self.unbroken,
         )
-        self._after_reset = self.unbroken = False
-        self._after_gap = False
+        if requested_ns is not None or self._after_gap or self._after_reset or self.unbroken:
+            self._tap.noted(reading)
+            self._after_reset = self._after_gap = self.unbroken = False
         self._on_reading(reading)
 
     async def run(self) -> NoReturn:

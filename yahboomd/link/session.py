@@ -153,6 +153,7 @@ class Session:
             port=line.port,
             # Reports that come unasked prove nothing: they go on after a reset.
             unbroken=line.streaming and dialect.poll is None and not dialect.listen_ns,
+            tap=self._tap,
         )
         board = ConnectedBoard(line, identity, listener, poller)
         if not dialect.listen_ns:

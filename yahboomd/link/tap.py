@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from yahboomd.link.port import Port
+from yahboomd.model import EncoderReading
 
 
 class Tap(Protocol):
@@ -29,6 +30,10 @@ class Tap(Protocol):
 
     def settled(self) -> None:
         """Everything that came was made use of, and no part of a frame is left."""
+        ...
+
+    def noted(self, reading: EncoderReading) -> None:
+        """A reading follows of which its bytes do not show all: it was asked for, or has a flag."""
         ...
 
     def written(self, data: bytes) -> None:
@@ -56,6 +61,9 @@ class NoTap:
         """See :class:`Tap`."""
 
     def settled(self) -> None:
+        """See :class:`Tap`."""
+
+    def noted(self, reading: EncoderReading) -> None:
         """See :class:`Tap`."""
 
     def written(self, data: bytes) -> None:
