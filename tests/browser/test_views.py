@@ -12,7 +12,7 @@ from real_robot import wait_for
 
 pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser")]
 
-VIEWS = ("drive", "map", "wheels", "health", "calibrate", "record")
+VIEWS = ("drive", "map", "wheels", "health", "calibrate", "record", "boxes")
 PHONE, DESKTOP = (360, 740), (1920, 1080)
 
 

@@ -48,7 +48,7 @@ class PageBoxes:
         await self._list()
         shown = [
             {
-                "name": each["name"],
+                "name": _name(each),
                 "kind": each["kind"],
                 "reason": _reason(each),
                 "at_s": each["written_ns"] / 1e9,
@@ -60,9 +60,11 @@ class PageBoxes:
 
     async def explained(self, name: str) -> dict[str, Any] | None:
         """Why the robot stopped, and what came before; None where there is no such box."""
-        if await self._box(name) is None:
+        box = await self._box(name)
+        if box is None:
             return None
-        status, printed, words = await self._ask(["explain", name, "--json"])
+        # By its file, as it was listed: services of one machine count their boxes from 1 each.
+        status, printed, words = await self._ask(["explain", box["path"], "--json"])
         try:
             facts = json.loads(printed) if status == 0 else {}
         except ValueError:
@@ -91,7 +93,7 @@ class PageBoxes:
         if not NAME.fullmatch(name):
             return None
         await self._list()
-        return next((each for each in self._boxes if each["name"] == name), None)
+        return next((each for each in self._boxes if _name(each) == name), None)
 
     async def _list(self) -> None:
         now_ns = self._clock.now_ns()
@@ -122,6 +124,10 @@ class PageBoxes:
             return 1, "", "It took too long."
         finally:
             self._waiting -= 1
+
+
+def _name(box: dict[str, Any]) -> str:
+    return Path(box["path"]).stem
 
 
 def _reason(box: dict[str, Any]) -> str:
