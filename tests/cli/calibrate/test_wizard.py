@@ -83,7 +83,8 @@ def seen(begin: TruthSample, end: TruthSample) -> dict[str, float]:
 def test_a_mecanum_base_goes_to_both_sides_and_gets_three_multipliers(
     real_robot: Callable[..., RealRobot], tmp_path: Path
 ) -> None:
-    base = ("chassis.preset=mecanum", "chassis.wheel_base_m=0.15")
+    # A simulated board that gets no processor time for a moment looks like one without supply.
+    base = ("chassis.preset=mecanum", "chassis.wheel_base_m=0.15", "faults.stall=report")
     robot = real_robot(
         simulate=[
             *("--drive", "mecanum", "--wheel-radius", "0.0345", "--wheel-separation", "0.165"),
