@@ -137,6 +137,9 @@ async def test_the_robot_moves_while_the_button_is_held_and_not_after(
     shown = await page.one("calibration", page=None, verb="tape")
     assert "nothing was written" in shown["refused"]
     assert not state.exists()
+    # The thumb on the joystick, refused during the calibration, has to be lifted first.
+    await page.drive()
+    await page.one("refused", what="drive", why="let_go")
 
 
 async def test_a_whole_calibration_is_written_where_the_robots_daemon_reads_it_and_taken_back(

@@ -180,6 +180,23 @@ async def test_the_driver_releases_and_is_answered_in_the_daemons_words(
     assert not (await page.one("answer", id=3))["ok"]
 
 
+async def test_a_drivers_page_without_control_releases_nothing_while_another_has_it(
+    fake_daemon: Any, site: Any
+) -> None:
+    daemon = await fake_daemon()
+    served = await site(daemon)
+    driver, other = await served.driver(), await served.page()
+    await other.send(type="request", id=1, do="release")
+    answer = await other.one("answer", id=1)
+    assert not answer["ok"]
+    assert "Take control" in answer["text"]
+    assert daemon.asked == []
+    await driver.send(type="control", want=False)
+    await other.one("control", page_driver=None, mine=False)
+    await other.send(type="request", id=2, do="release")
+    assert (await other.one("answer", id=2))["ok"]
+
+
 @pytest.mark.parametrize(("state", "why"), [("estopped", "estop"), ("fault", "fault")])
 async def test_while_the_robot_may_not_move_a_page_learns_the_daemons_reason(
     fake_daemon: Any, site: Any, state: str, why: str

@@ -98,7 +98,7 @@ class PageHub:
         self._commands = PageCommands(
             clock,
             self.robot.put,
-            obstacle=self.robot.obstacle,
+            obstacle=self._obstacle,
             changed=self._show_control,
             lapsed=self._lapsed,
         )
@@ -223,13 +223,16 @@ class PageHub:
     def _drive(self, page: PageSession, frame: Drive) -> Refusal | None:
         if page.role != "driver":
             return VIEWER
-        if self.tools.calibration.page is not None:
-            return CALIBRATES
         if not all(map(math.isfinite, (frame.vx, frame.vy, frame.wz))):
             return INVALID
         twist = Twist2d(vx=frame.vx, vy=frame.vy, wz=frame.wz)
         age_ns = self._beats.age_ns(frame.beat, page.joined)
         return self._commands.command(page.number, twist, age_ns)
+
+    def _obstacle(self) -> Refusal | None:
+        if self.tools.calibration.page is not None:
+            return CALIBRATES
+        return self.robot.obstacle()
 
     def _hold(self, page: PageSession, frame: Hold) -> Refusal | None:
         age_ns = self._beats.age_ns(frame.beat, page.joined)
@@ -280,6 +283,8 @@ class PageHub:
             page.queue(_answered(request.id, ok=False, text=VIEWER.text))
         elif action is None:
             page.queue(_answered(request.id, ok=False, text="This server does not know that."))
+        elif request.do == "release" and self._commands.driver not in {None, page.number}:
+            page.queue(_answered(request.id, ok=False, text=NOT_YOURS.text))
         else:
             answer = await action(request)
             page.queue(
