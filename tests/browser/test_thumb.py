@@ -148,3 +148,17 @@ def test_a_key_whose_release_is_never_reported_stops_with_the_focus(
     bench.hold(page, "KeyW")
     bench.stops_after(lambda: lose_focus(page))
     page.key("KeyW", down=False)
+
+
+@LONG
+def test_a_menu_that_takes_the_keys_away_stops_the_robot(bench: PageBench, page: Page) -> None:
+    """The window keeps the focus, and the key's release goes to the menu."""
+    x, y = page.middle("h1")
+    bench.hold(page, "KeyW")
+    bench.stops_after(
+        lambda: page.order(
+            "Input.dispatchMouseEvent",
+            type="mousePressed", button="right", buttons=2, clickCount=1, x=x, y=y,
+        )
+    )  # fmt: skip
+    page.key("KeyW", down=False)

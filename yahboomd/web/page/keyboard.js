@@ -29,6 +29,8 @@ export class Keyboard {
     addEventListener("keydown", (event) => this.#press(event));
     addEventListener("keyup", (event) => this.#release(event.code));
     addEventListener("blur", () => this.drop());
+    // A menu and a drag take the keys without taking the focus: the release of one is never reported.
+    for (const type of ["contextmenu", "dragstart"]) addEventListener(type, () => this.held && this.#lose(), { capture: true });
   }
 
   get held() {
