@@ -6,7 +6,7 @@ const MINUTE_NS = 60e9;
 const ORDINARY = new Set(
   `attempts readings imu_readings bytes frames lines blank_bytes velocities_sent velocities_replaced stops_sent polls_sent
   requests_sent received accepted took_over limited desaturated events odometry_readings odometry_estimates
-  odometry_repeated stops_said published puts requests stamps_held_back`.split(/\s+/),
+  odometry_repeated blackbox_saved stops_said published puts requests stamps_held_back`.split(/\s+/),
 ); // They grow on a healthy robot.
 
 export class Counters {
@@ -79,7 +79,7 @@ export class Counters {
 
   #counts(group, name) {
     const kind = this.#meanings[group]?.[name]?.kind;
-    return kind ? kind === "counter" : !/^(board_tick_ns|neighbours|estop_not_on_file)$/.test(name);
+    return kind ? kind === "counter" : !/^(board_tick_ns|neighbours|estop_not_on_file|blackbox_recording)$/.test(name);
   }
 
   #meaning(name) {
