@@ -10,11 +10,14 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import itertools
+import mmap
 import os
 import platform
 import random
 import sys
 import time
+import timeit
 from collections.abc import Callable
 from pathlib import Path
 
@@ -22,6 +25,11 @@ from benchmarks import latency, rig
 from benchmarks.ratios import listen, memory_mb
 from benchmarks.report import median, quantile
 from benchmarks.thin_board import read_log
+from yahboomd.blackbox.recorder import Recorder
+from yahboomd.blackbox.records import Command, encode
+from yahboomd.blackbox.ring import Ring
+from yahboomd.blackbox.ring_file import SEGMENT_BYTES, SEGMENTS
+from yahboomd.model import Twist2d
 
 Put = Callable[[bytes], object]
 
@@ -44,6 +52,25 @@ def daemons(
         listen(stack, endpoint)
         puts.append(latency.publisher(session).put)
     return board, pids, puts
+
+
+def each_record() -> None:
+    """Print what one record costs, the least of many runs, in one process."""
+    ring = Ring(mmap.mmap(-1, SEGMENTS * SEGMENT_BYTES), 0, SEGMENT_BYTES)
+    recorder = Recorder(ring, time.monotonic_ns, time.time_ns)
+    lines = itertools.cycle([b"$MAll:%d,%d,0,0#\r\n" % (n, n) for n in range(10_000, 10_100)])
+    twist = Twist2d(vx=0.3)
+    works: dict[str, Callable[[], None]] = {
+        "a read of the port": lambda: recorder.received(next(lines), time.monotonic_ns()),
+        "a read of the same bytes": lambda: recorder.received(b"same", time.monotonic_ns()),
+        "a write to it": lambda: recorder.written(b"$spd:300,0,300,0#"),
+        "a command": lambda: ring.write(
+            *encode(Command(source="cmd_vel", vx=twist.vx, vy=0.0, wz=0.0)), time.monotonic_ns()
+        ),
+    }
+    for name, work in works.items():
+        least_s = min(timeit.repeat(work, number=10_000, repeat=30)) / 10_000
+        print(f"{name}: {least_s * 1e6:.2f} us", flush=True)
 
 
 def cpu(dialect: str, seconds: float, rounds: int) -> None:
@@ -123,7 +150,8 @@ def main() -> None:
     parser.add_argument("--commands", type=int, default=1500, help="for the latency")
     parser.add_argument("--dialects", nargs="+", default=["streamed"])
     args = parser.parse_args()
-    for dialect in args.dialects:
+    each_record()
+    for dialect in args.dialects if args.rounds else ():
         cpu(dialect, args.seconds, args.rounds)
         times(dialect, args.commands)
     print(
