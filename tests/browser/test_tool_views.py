@@ -67,17 +67,24 @@ def begin(page: Page) -> None:
     there(page, ".hold")
 
 
-def hold(bench: PageBench, page: Page) -> None:
-    """Put a thumb on the button; returns once the wheels turn."""
-    page.touch(page.middle(".hold"))
+def hold(bench: PageBench, page: Page, *, by_enter: bool = False) -> None:
+    """Hold the button, by a thumb or by Enter; returns once the wheels turn."""
+
+    def press() -> None:
+        if by_enter:
+            page.evaluate("document.querySelector('.hold').focus()")
+            page.key("Enter", down=True)
+        else:
+            page.touch(page.middle(".hold"))
 
     def moves() -> bool:
         # On a busy machine a hold may come too late: then it has to be pressed again.
         if not page.evaluate("document.querySelector('.hold.held') !== null"):
-            page.lift()
-            page.touch(page.middle(".hold"))
+            page.key("Enter", down=False) if by_enter else page.lift()
+            press()
         return bench.is_moving()
 
+    press()
     wait_for(moves, "the wheels turn")
 
 
@@ -151,14 +158,10 @@ def test_a_network_that_is_cut_while_it_is_held_stops_the_wheels(
 def test_the_button_works_by_enter_and_the_space_bar_is_the_emergency_stop(
     bench: PageBench, page: Page
 ) -> None:
-    page.evaluate("document.querySelector('.hold').focus()")
-    page.key("Enter", down=True)
-    bench.moves()
+    hold(bench, page, by_enter=True)
     bench.stops_after(lambda: page.key("Enter", down=False))
     page.says(".question", "The button was let go")
-    page.evaluate("document.querySelector('.hold').focus()")
-    page.key("Enter", down=True)
-    bench.moves()
+    hold(bench, page, by_enter=True)
     bench.stops_after(lambda: page.type("Space"))
     page.key("Enter", down=False)
     page.says("#state", "emergency stop")
