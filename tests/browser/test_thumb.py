@@ -151,6 +151,17 @@ def test_a_key_whose_release_is_never_reported_stops_with_the_focus(
 
 
 @LONG
+def test_another_speed_limit_in_mid_drive_stops_the_robot(bench: PageBench, page: Page) -> None:
+    """Or it would go on as fast as before, until the key is let go."""
+    change = "limit.value = 20; limit.dispatchEvent(new Event('input'))"
+    bench.hold(page, "KeyW")
+    bench.stops_after(
+        lambda: page.evaluate(f"{{ const limit = document.getElementById('limit'); {change} }}")
+    )
+    page.key("KeyW", down=False)
+
+
+@LONG
 def test_a_menu_that_takes_the_keys_away_stops_the_robot(bench: PageBench, page: Page) -> None:
     """The window keeps the focus, and the key's release goes to the menu."""
     x, y = page.middle("h1")

@@ -79,6 +79,8 @@ function create(app) {
 
   slider.addEventListener("input", () => {
     writeLimit(slider.value);
+    // What a key that is held asked for came from the limit before.
+    deadman.letGo("The speed limit was changed.");
     show();
   });
 
