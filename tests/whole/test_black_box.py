@@ -81,7 +81,10 @@ def test_killed_at_any_moment_it_is_readable_and_its_poses_are_those_that_were_p
         application.in_state("standing")
         application.drive_until(
             b'{"vx": 0.3, "wz": 0.5}',
-            lambda: len(application.samples.get("pose", ())) > 25,  # noqa: B023 - called here
+            lambda: (
+                len(application.samples.get("pose", ())) > 25  # noqa: B023 - called here
+                and application.latest("status")["state"] == "driving"  # noqa: B023
+            ),
             "it drives and publishes",
         )
         time.sleep(chance.uniform(0.0, 0.05))
