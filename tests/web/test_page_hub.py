@@ -11,7 +11,7 @@ from web_site import TOKENS, ZERO
 from websockets.exceptions import ConnectionClosed
 from zenoh_fixtures import eventually, free_endpoint
 
-from yahboomd.web.page_hub import FULL, MAX_PAGES, POLICY
+from yahboomd.web.page_hub import FULL, MAX_PAGES, MAX_VIEWERS, POLICY
 
 pytestmark = pytest.mark.realtime
 
@@ -285,3 +285,16 @@ async def test_there_are_so_many_pages_and_no_more_and_the_estop_works_beside_th
     await pages[1].one("control", mine=True)
     await pages[1].press(lambda: daemon.velocities)
     await served.page()
+
+
+async def test_however_many_viewers_watch_a_drivers_page_finds_room(
+    fake_daemon: Any, site: Any
+) -> None:
+    daemon = await fake_daemon()
+    served = await site(daemon, tokens=TOKENS)
+    for _ in range(MAX_VIEWERS):
+        await served.page("viewer")
+    assert (
+        await (await served.open(additional_headers=served.cookie("viewer"))).close_code() == FULL
+    )
+    await served.driver()

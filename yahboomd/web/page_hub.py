@@ -39,6 +39,9 @@ from yahboomd.web.page_tools import PageTools, ToolSettings
 from yahboomd.web.robot_feed import RobotFeed, daemon_part
 
 MAX_PAGES = 64
+MAX_VIEWERS = 48
+"""Pages of viewers among them: people who drive find room, however many watch."""
+
 MAX_REQUESTS = 4
 """Requests of one page that are under way at once."""
 
@@ -137,8 +140,9 @@ class PageHub:
             socket: A WebSocket that was accepted.
             role: Of its person.
         """
-        if len(self._pages) >= MAX_PAGES:
-            await socket.close(FULL, f"{MAX_PAGES} pages are open already. Close one.")
+        viewers = sum(each.role == "viewer" for each in self._pages.values())
+        if len(self._pages) >= MAX_PAGES or (role == "viewer" and viewers >= MAX_VIEWERS):
+            await socket.close(FULL, f"{len(self._pages)} pages are open already. Close one.")
             return
         self._numbers += 1
         page = PageSession(self._numbers, role, socket, self._clock, self._beats.latest)
