@@ -42,6 +42,13 @@ def test_a_tape_gives_size_and_track_of_a_robot_whose_wheels_are_alike() -> None
     assert found.std.ratio == 0.0, "it was not measured"
 
 
+def test_a_factor_that_is_not_free_stays_as_it_is() -> None:
+    true = Factors(scale=1.03, ratio=1.01, track=1.08)
+    runs = [exact("straight", *straight(2.0), true), exact("turn", *turned(10 * math.pi), true)]
+    found = fit(runs, free=("scale", "track"), start=Factors(ratio=1.01))
+    assert found.factors == pytest.approx(true, rel=1e-9)
+
+
 def test_a_heading_that_was_not_measured_is_not_needed() -> None:
     runs = [
         Run(run.kind, run.left, run.right, TRACK_M, run.measured[:2], run.std[:2])

@@ -30,6 +30,8 @@ SEEN = 1e-12
 
 PARTS: tuple[str, ...] = Factors._fields
 
+NOMINAL = Factors()
+
 
 @dataclass(frozen=True)
 class Fit:
@@ -62,20 +64,25 @@ class Unseen(Exception):
 
 
 def fit(
-    runs: Sequence[Run], *, free: Sequence[str] = PARTS, slip: float = SLIP_M_PER_SQRT_M
+    runs: Sequence[Run],
+    *,
+    free: Sequence[str] = PARTS,
+    start: Factors = NOMINAL,
+    slip: float = SLIP_M_PER_SQRT_M,
 ) -> Fit:
     """The factors of all runs.
 
     Args:
         runs: What was driven and measured.
-        free: The factors to find; the others stay 1.
+        free: The factors to find; the others stay as they are in ``start``.
+        start: The factors to begin with.
         slip: Deviation of a rim's travel by slip after one metre, metres.
 
     Raises:
         Unseen: Some combination of the free factors changes none of the measurements.
     """
     chosen = [PARTS.index(part) for part in free]
-    values = np.ones(len(PARTS))
+    values = np.array(start)
     covariance = np.zeros((len(chosen), len(chosen)))
     for _ in range(STEPS_MAX):
         factors = Factors(*values)

@@ -89,6 +89,19 @@ def conclude(
     return 0
 
 
+def ratio_of(config: Config) -> float:
+    """The radius of the right wheels over that of the left ones, as configured."""
+    from yahboomd.config.models import WHEELS
+
+    wheels = WHEELS[config.kinematics_name()]
+    multipliers = config.chassis.wheel_radius_multiplier
+    right, left = (
+        sum(multipliers.get(name, 1.0) for name in wheels if name.endswith(side))
+        for side in ("right", "left")
+    )
+    return right / left
+
+
 def made_of(
     fit: Fit, config: Config, *, method: str, runs: int, sideways: Sideways | None = None
 ) -> Calibration:

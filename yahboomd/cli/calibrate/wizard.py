@@ -47,9 +47,10 @@ async def calibrate(
         ConfigError: The daemon is another robot's, or the file cannot be written.
     """
     from yahboomd.calibration.least_squares import PARTS, Unseen, fit
+    from yahboomd.calibration.runs import Factors
     from yahboomd.calibration.sideways import fit_sideways
     from yahboomd.calibration.verdict import unseen
-    from yahboomd.cli.calibrate.result import conclude
+    from yahboomd.cli.calibrate.result import conclude, ratio_of
 
     config = await config_of(robot, loaded)
     if args.verb == "squares" and config.kinematics().holonomic:
@@ -68,7 +69,8 @@ async def calibrate(
         runs = await wizard.by_squares()
         method, free = f"squares of {args.side:g} m", PARTS
     try:
-        found = fit(runs, free=free)
+        # A tape does not see the ratio of the wheels: it stays what squares have found.
+        found = fit(runs, free=free, start=Factors(ratio=ratio_of(config)))
         factors, std = found.factors, found.std
         to_the_side = None
         if beside:
