@@ -35,6 +35,13 @@ def is_yahboomd(pid: int, *, proc: str = "/proc") -> bool:
     return "yahboomd" in (os.path.basename(word) for word in arguments(pid, proc=proc)[:3])
 
 
+def measuring(pid: int, *, proc: str = "/proc") -> str:
+    """The command, where a process is one of this program's that turn wheels without a daemon."""
+    words = [os.path.basename(word) for word in arguments(pid, proc=proc)[:4]]
+    command = words[words.index("yahboomd") + 1 :][:1] if "yahboomd" in words else []
+    return command[0] if command and command[0] in {"setup", "tune"} else ""
+
+
 def serial_ports(pid: int, *, proc: str = "/proc") -> tuple[str, ...]:
     """The terminals that a process has open beside its standard streams."""
     found: dict[str, str] = {}

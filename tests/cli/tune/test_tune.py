@@ -73,6 +73,24 @@ def test_killed_among_its_writes_the_wheels_stand_and_undo_restores_the_board(
     assert not path.exists()
 
 
+@pytest.mark.parametrize("suspended", [False, True])
+def test_stop_in_a_second_terminal_ends_it_and_sees_the_wheels_stand(
+    simulated_board, tune, suspended
+):
+    board = simulated_board()
+    tuning = tune(board, "--yes")
+    wait_for(lambda: turning(board) or tuning.process.poll() is not None, "a wheel turns")
+    if suspended:
+        tuning.process.send_signal(signal.SIGSTOP)
+    stop = Process("stop", "--port", board.port)
+    assert stop.end_by_itself() == 0, stop.output
+    assert board.stands
+    assert f"yahboomd tune` (pid {tuning.process.pid}) has {board.port}: it is ended" in stop.output
+    assert "the wheels stand" in stop.output
+    assert tuning.end_by_itself() == 128 + signal.SIGTERM, tuning.output
+    assert "Ended by SIGTERM: the wheels were stopped" in tuning.output
+
+
 def test_a_dry_run_measures_suggests_and_writes_nothing(simulated_board, tune, tmp_path):
     board = simulated_board("--flash", "p=0.3", "--flash", "i=0.6", "--flash", "d=0")
     tuning = tune(board, "--yes", "--dry-run", "--json")

@@ -13,10 +13,16 @@ import signal
 import sys
 import time
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from yahboomd.cli.shared_options import read_config
-from yahboomd.cli.unresponsive import FROZEN, process_state, true_names, unresponsive
+from yahboomd.cli.unresponsive import (
+    FROZEN,
+    measuring,
+    process_state,
+    true_names,
+    unresponsive,
+)
 from yahboomd.errors import ConfigError, LinkError, PortBusy
 from yahboomd.link import port_identity, port_note
 from yahboomd.link.port_note import PortNote
@@ -26,6 +32,9 @@ from yahboomd.program import pasteable, readable
 if TYPE_CHECKING:
     from yahboomd.config import Config
     from yahboomd.link.takeover import TakeoverReport
+
+MEASURING_ENDS_WITHIN_S = 5.0
+"""``setup`` and ``tune`` stop the wheels, see them stand, and let the port go."""
 
 _SIGNALS = (
     *(signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP),
@@ -150,7 +159,7 @@ def seize_port(
     patience_s: float = PATIENCE_S,
     asked: tuple[str, ...] = (),
 ) -> Seized:
-    """Seize the port, which sends the first stop.
+    """Seize the port, which sends the first stop; a `setup` or `tune` that holds it is ended.
 
     Args:
         args: May name the port.
@@ -167,19 +176,42 @@ def seize_port(
         from yahboomd.link.discovery import candidates, choose
 
         path = choose("", candidates())
+    options: dict[str, Any] = {}
+    if config is not None:
+        options = {
+            "baudrate": config.serial.baudrate,
+            "dtr": config.serial.dtr,
+            "rts": config.serial.rts,
+            "hangup_on_close": config.serial.hangup_on_close,
+        }
     try:
-        if config is None:
-            return seize(path, patience_s=patience_s)
-        return seize(
-            path,
-            baudrate=config.serial.baudrate,
-            dtr=config.serial.dtr,
-            rts=config.serial.rts,
-            hangup_on_close=config.serial.hangup_on_close,
-            patience_s=patience_s,
-        )
+        try:
+            return seize(path, **options, patience_s=patience_s)
+        except OSError as error:
+            if error.errno not in {errno.EBUSY, errno.EAGAIN} or not _end_measuring(path):
+                raise
+            return seize(path, **options, patience_s=MEASURING_ENDS_WITHIN_S)
     except OSError as error:
         raise _explained(path, error, asked) from error
+
+
+def _end_measuring(path: str) -> bool:
+    """End each `setup` or `tune` that holds a port, which stops its wheels; whether there is one.
+
+    They obey no emergency stop: no daemon runs beside them.
+    """
+    from yahboomd.link.port_errors import holders
+
+    ended = False
+    for pid in pids(holders(path)):
+        if command := measuring(pid):
+            with contextlib.suppress(OSError):
+                os.kill(pid, signal.SIGTERM)
+                # A suspended one obeys only when it goes on.
+                os.kill(pid, signal.SIGCONT)
+                warn(f"`yahboomd {command}` (pid {pid}) has {path}: it is ended.")
+                ended = True
+    return ended
 
 
 def _explained(path: str, error: OSError, asked: tuple[str, ...]) -> LinkError:
