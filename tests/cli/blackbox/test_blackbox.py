@@ -12,6 +12,7 @@ from zenoh_fixtures import free_endpoint
 
 from yahboomd.blackbox.records import Decision
 from yahboomd.blackbox.saved_boxes import save_box
+from yahboomd.cli.blackbox import box_places
 from yahboomd.cli.main import main
 
 BOX = saved_box(
@@ -70,6 +71,21 @@ def test_it_explains_in_plain_words_with_times(blackbox: Blackbox) -> None:
     assert facts["why"].startswith("It stopped 12.41 s before the save")
     assert [line["before_s"] for line in facts["lines"]] == [20.0, 12.41]
     assert facts["end"] == "2026-11-22 17:55:30.00 UTC"
+
+
+def test_beside_a_daemon_it_names_the_box_that_is_not_saved_yet(
+    blackbox: Blackbox, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def boxes(where: box_places.Places) -> list[box_places.Found]:
+        ring = box_places.Found(Path("/run/blackbox-7.ring"), "7", "running", 0, 1)
+        return [*(each for each in found(where) if each.kind == "saved"), ring]
+
+    found = box_places.boxes
+    monkeypatch.setattr(box_places, "boxes", boxes)
+    status, out, err = blackbox("explain")
+    assert status == 0
+    assert "000002_" in out.splitlines()[0]
+    assert "blackbox explain 7`" in err
 
 
 def test_it_exports_as_mcap(blackbox: Blackbox, tmp_path: Path) -> None:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from yahboomd.cli.shared_options import add_config_options, read_config
+from yahboomd.program import pasteable
 
 if TYPE_CHECKING:
     from yahboomd.blackbox.box_file import Box
@@ -37,7 +39,11 @@ exit status:
   78   no such black box, or it cannot be read
 """
 
-WORDS = {"saved": "saved", "running": "in memory: its daemon runs", "left": "not saved: was killed"}
+WORDS = {
+    "saved": "saved",
+    "running": "in memory: its daemon runs",
+    "left": "not saved: its daemon ended",
+}
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -94,6 +100,12 @@ def run(args: argparse.Namespace) -> int:
         case "explain":
             path = choose(found, args.box)
             _explain(load(path), path, as_json=args.json)
+            if args.box is None and (running := [each for each in found if each.kind == "running"]):
+                words = f"`yahboomd blackbox explain {running[-1].name}`"
+                print(
+                    pasteable(f"\nA daemon runs. Its last minute, saved or not: {words}."),
+                    file=sys.stderr,
+                )
         case "export":
             from yahboomd.cli.blackbox.box_export import export
 

@@ -26,7 +26,7 @@ class Found(NamedTuple):
         path: Its file.
         name: What a person calls it by: its number, or the name of the ring.
         kind: ``saved``; ``running`` for the ring of a daemon that runs, ``left`` for one that
-            was killed and whose ring is not saved yet.
+            ended and whose ring is not saved yet.
         written_ns: When it was written last; Unix nanoseconds.
         size: Bytes of the file.
     """
