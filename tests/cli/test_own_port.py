@@ -9,7 +9,7 @@ from yahboomd.cli.own_port import opener_of, refuse_estop, with_hints
 from yahboomd.clock import SystemClock
 from yahboomd.config import Config
 from yahboomd.daemon.latch_file import LatchFile
-from yahboomd.errors import ConfigError, PortBusy, PortMissing, Refused
+from yahboomd.errors import ConfigError, PortBusy, PortLost, PortMissing, Refused
 
 
 def test_a_port_without_an_emergency_stop_is_free_to_turn_wheels(tmp_path: Path) -> None:
@@ -56,3 +56,10 @@ async def test_a_held_port_names_its_holder(simulated_board) -> None:
     with pytest.raises(PortBusy) as held:
         await opener()
     assert f"kill {board.owner.pid}" in str(with_hints(held.value, board.port))
+
+
+def test_a_board_that_is_gone_may_still_turn_a_wheel_and_the_error_says_how_to_stop_it() -> None:
+    error = with_hints(PortLost("/dev/ttyUSB0: the port went away."), "/dev/ttyUSB0")
+    assert isinstance(error, PortLost)
+    assert "switch the motors' supply off" in error.remedy
+    assert "`yahboomd stop`" in error.remedy

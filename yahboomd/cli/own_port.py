@@ -12,7 +12,7 @@ from yahboomd.cli.unresponsive import FROZEN, process_state, true_names
 from yahboomd.clock import Clock
 from yahboomd.config import Config
 from yahboomd.daemon.latch_file import LatchFile, engaged_in
-from yahboomd.errors import LinkError, PortBusy, Refused, YahboomdError
+from yahboomd.errors import LinkError, PortBusy, PortLost, Refused, YahboomdError
 from yahboomd.link import diagnosis, discovery
 from yahboomd.link.port import Opener, Port, PortOptions, open_port
 from yahboomd.link.port_errors import holders
@@ -65,6 +65,12 @@ def refuse_estop(port: str, config: Config, environ: Mapping[str, str]) -> None:
         )
 
 
+HOLDS = (
+    "The board holds its last output: if a wheel turns, switch the motors' supply off, or plug the "
+    "board in again and run `yahboomd stop`."
+)
+
+
 def with_hints(error: YahboomdError, port: str) -> YahboomdError:
     """The same error, with hints from the state of this machine."""
     if not isinstance(error, LinkError):
@@ -72,6 +78,8 @@ def with_hints(error: YahboomdError, port: str) -> YahboomdError:
     if isinstance(error, PortBusy):
         return _held(error, tuple(map(true_names, holders(port))))
     hints = diagnosis.hints(error, port, found=discovery.candidates())
+    if isinstance(error, PortLost):
+        hints = (HOLDS, *hints)
     return type(error)(error.message, remedy=" ".join(hints) or error.remedy)
 
 
