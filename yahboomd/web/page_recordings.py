@@ -200,7 +200,9 @@ class PageRecordings:
         ]
         found.sort(key=lambda each: each["at_s"], reverse=True)
         try:
-            free: int | None = shutil.disk_usage(self._folder).free
+            # The folder is made by the first recording.
+            there = next(each for each in (self._folder, *self._folder.parents) if each.is_dir())
+            free: int | None = shutil.disk_usage(there).free
         except OSError:
             free = None
         return {

@@ -50,7 +50,8 @@ export function create({ live, connection }) {
     toggle.hidden = !driver();
     write(words, problem || (running ? `Recording ${running}: ${elapsed()}, ${amount(now().bytes)}.` : now()?.ended ?? ""));
     if (!listed) return;
-    write(room, `${listed.recordings.length} recordings, ${amount(listed.bytes)} of at most ${amount(listed.most_bytes)}. ${amount(listed.free_bytes ?? 0)} of the disk are free.`);
+    const free = listed.free_bytes === null ? "" : `${amount(listed.free_bytes)} of the disk are free.`;
+    write(room, `${listed.recordings.length} recordings, ${amount(listed.bytes)} of at most ${amount(listed.most_bytes)}. ${free}`);
     const rows = JSON.stringify([listed.recordings, doubted, driver()]);
     if (rows !== list.dataset.shown) {
       list.dataset.shown = rows;
