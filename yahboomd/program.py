@@ -33,7 +33,7 @@ COMMANDS = {
     "probe": "find the port, name the board, explain what is wrong",
     "setup": "find out how the motors are connected, and write robot.toml",
     "calibrate": "find the true size of the wheels and the track",
-    "tune": "find how the wheels follow their speed, and better gains for the board",
+    "tune": "measure how the wheels follow, and find better gains",
     "config": "check, show and explain the configuration",
     "install": "install the service: at boot, or as the board is plugged in",
     "uninstall": "take the service away again",

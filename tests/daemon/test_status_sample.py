@@ -13,6 +13,8 @@ from status_check import assert_registered
 
 from yahboomd.bus.presence import Neighbour
 from yahboomd.clock import LoopClock
+from yahboomd.config import Config
+from yahboomd.daemon.black_box import BlackBox
 from yahboomd.daemon.status_sample import Status
 from yahboomd.messages.status_fields import ZEROS
 from yahboomd.simulation.virtual_time import on_virtual_time
@@ -29,6 +31,9 @@ class Bus:
         return {"puts": 3, "put_errors": 0}
 
 
+OFF = Config.model_validate({"blackbox": {"enabled": False}})
+
+
 def status(bench: RobotBench) -> Status:
     bus: Any = Bus()
     return Status(
@@ -37,6 +42,7 @@ def status(bench: RobotBench) -> Status:
         intake=bench.intake,
         supervisor=bench.supervisor,
         bus=bus,
+        box=BlackBox(OFF, bench.clock, {}),
         more_bus_facts=lambda: {"stamps_held_back": 1},
     )
 

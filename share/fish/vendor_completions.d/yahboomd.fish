@@ -30,7 +30,7 @@ complete -c yahboomd -n '__yahboomd_ends ' -a metrics -d 'serve what the daemon 
 complete -c yahboomd -n '__yahboomd_ends ' -a probe -d 'find the port, name the board, explain what is wrong'
 complete -c yahboomd -n '__yahboomd_ends ' -a setup -d 'find out how the motors are connected, and write robot.toml'
 complete -c yahboomd -n '__yahboomd_ends ' -a calibrate -d 'find the true size of the wheels and the track'
-complete -c yahboomd -n '__yahboomd_ends ' -a tune -d 'find how the wheels follow their speed, and better gains for the board'
+complete -c yahboomd -n '__yahboomd_ends ' -a tune -d 'measure how the wheels follow, and find better gains'
 complete -c yahboomd -n '__yahboomd_ends ' -a config -d 'check, show and explain the configuration'
 complete -c yahboomd -n '__yahboomd_ends ' -a install -d 'install the service: at boot, or as the board is plugged in'
 complete -c yahboomd -n '__yahboomd_ends ' -a uninstall -d 'take the service away again'
