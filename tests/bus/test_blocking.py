@@ -130,3 +130,14 @@ def test_a_stuck_thread_bounds_the_queue_and_does_not_hold_the_caller():
     assert not sender.close(0.01)
     release.set()
     assert sender.close(20)
+
+
+def test_it_ends_well_while_its_first_call_comes_from_another_thread():
+    for _ in range(300):
+        sender = Sender("first-sender")
+        first = threading.Thread(target=sender.send, args=(lambda: None,))
+        first.start()
+        while not sender._thread:
+            pass
+        assert sender.close(20)
+        first.join()

@@ -146,14 +146,17 @@ class Sender:
         Returns:
             Whether the thread has ended.
         """
-        if self._thread is None:
+        # A first call that comes at the same moment may be starting it: that cannot be joined.
+        with self._lock:
+            thread = self._thread
+        if thread is None:
             return True
         try:
             self._work.put(None, timeout=timeout_s)
         except queue.Full:
             return False
-        self._thread.join(timeout_s)
-        return not self._thread.is_alive()
+        thread.join(timeout_s)
+        return not thread.is_alive()
 
     def _run(self) -> None:
         while (work := self._work.get()) is not None:
