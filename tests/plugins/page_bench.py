@@ -70,6 +70,11 @@ class PageBench:
         """The page, through the weak network."""
         return f"http://127.0.0.1:{self.network.port}/"
 
+    @property
+    def direct_url(self) -> str:
+        """The page, without the weak network: this process has no part in its delays."""
+        return f"http://127.0.0.1:{self.port}/"
+
     def start_server(self) -> Process:
         """Start (another) server on the same port."""
         self.server = Process(
