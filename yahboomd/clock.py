@@ -97,7 +97,6 @@ class PauseWatch:
     :meth:`detect` belongs in front of everything that handles what may have waited.
 
     Args:
-        clock: The source of time.
         shortest_ns: A gap of so long is a pause; the loop must come by more often than that.
     """
 
@@ -125,12 +124,7 @@ class PauseWatch:
 
 
 class Schedule:
-    """Wakes at ``start + n * period``, without drift; missed beats are skipped.
-
-    Args:
-        clock: The time.
-        period_ns: Nanoseconds from beat to beat.
-    """
+    """Wakes at ``start + n * period``, without drift; missed beats are skipped."""
 
     def __init__(self, clock: Clock, period_ns: int) -> None:
         self._clock = clock

@@ -90,7 +90,6 @@ class CountHistory:
 
         Args:
             at_ns: When it was sampled; at the latest, where that is not known.
-            totals: Counts of each motor since any start.
             earliest_ns: And at the earliest.
         """
         readings = self._readings

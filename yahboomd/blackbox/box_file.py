@@ -85,19 +85,14 @@ class Header(msgspec.Struct, frozen=True, kw_only=True):
     """What belongs to all records of a box.
 
     Attributes:
-        format: The version of the format.
-        version: The version of yahboomd.
         machine: The kind of processor, such as ``aarch64``: poses are the same to the last bit on
             the same kind, with the same mathematical library.
         boot_id: The boot of the machine, which the monotonic clock counts from.
-        pid: The daemon's process.
         started_ns: When it started; monotonic nanoseconds.
         started_wall_ns: The same as Unix nanoseconds.
         config: The configuration in effect, without credentials.
-        profile: The motor profile's name.
         odometer: How the odometer was made.
         imu: How samples of the inertial sensor are turned along the base.
-        segment_bytes: The size of a segment.
         saved: Why it was saved; None in a ring.
     """
 
@@ -120,8 +115,6 @@ class Box(msgspec.Struct, frozen=True, kw_only=True):
     """A black box that was read.
 
     Attributes:
-        header: What belongs to all records.
-        records: In their order.
         damaged: Places where records are missing: in a damaged segment those behind the damage,
             or whole segments.
     """

@@ -48,7 +48,6 @@ class Opened(msgspec.Struct, frozen=True, kw_only=True):
     """A port was opened.
 
     Attributes:
-        port: Its name.
         byte_ns: Nanoseconds that a byte takes on its wire.
     """
 
@@ -57,21 +56,13 @@ class Opened(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Received(msgspec.Struct, frozen=True, kw_only=True):
-    """One read of the port.
-
-    Attributes:
-        data: Its bytes.
-    """
+    """One read of the port."""
 
     data: bytes
 
 
 class Written(msgspec.Struct, frozen=True, kw_only=True):
-    """One write to the port.
-
-    Attributes:
-        data: Its bytes.
-    """
+    """One write to the port."""
 
     data: bytes
 
@@ -80,7 +71,6 @@ class Identified(msgspec.Struct, frozen=True, kw_only=True):
     """The board is known: from here on its counts are used.
 
     Attributes:
-        dialect: What it speaks.
         settings: What it stores, by name; None where it cannot be asked.
     """
 
@@ -155,12 +145,7 @@ class Anchor(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Posed(msgspec.Struct, frozen=True, kw_only=True):
-    """The pose of an estimate, a few times a second: what is computed again is compared with it.
-
-    Attributes:
-        stamp_ns: Of the estimate; monotonic nanoseconds.
-        pose: The pose.
-    """
+    """The pose of an estimate, a few times a second: what is computed again is compared with it."""
 
     stamp_ns: int
     pose: Pose2d
@@ -170,7 +155,6 @@ class Command(msgspec.Struct, frozen=True, kw_only=True):
     """A command that arrived.
 
     Attributes:
-        source: Its key.
         vx: m/s forward, to seven digits, like those that follow.
         vy: m/s to the left.
         wz: rad/s.
@@ -190,7 +174,6 @@ class Decision(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         state: In one word, as in ``yahboomd/status``.
         driver: The source that drives; empty for none.
-        why: In words.
     """
 
     state: str
@@ -205,22 +188,13 @@ class Happened(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class WallClock(msgspec.Struct, frozen=True, kw_only=True):
-    """The wall clock at the record's moment.
-
-    Attributes:
-        wall_ns: Unix nanoseconds.
-    """
+    """The wall clock at the record's moment."""
 
     wall_ns: int
 
 
 class Lost(msgspec.Struct, frozen=True, kw_only=True):
-    """Records that were left out here, as in a flood of commands.
-
-    Attributes:
-        what: What they were.
-        count: How many.
-    """
+    """Records that were left out here, as in a flood of commands."""
 
     what: str
     count: int
@@ -230,7 +204,6 @@ class Ended(msgspec.Struct, frozen=True, kw_only=True):
     """The daemon ended, and this ring was not saved yet.
 
     Attributes:
-        reasons: Why it is to be saved.
         error: The fault of the daemon, in short; empty where it ended as it should.
     """
 
@@ -265,7 +238,6 @@ class Record(NamedTuple):
 
     Attributes:
         at_ns: When it was made; monotonic nanoseconds.
-        meaning: Its content.
     """
 
     at_ns: int

@@ -42,7 +42,6 @@ def ring_folder(runtime: Path, user_id: int) -> Path:
 
     Args:
         runtime: The runtime folder, which need not be there yet.
-        user_id: Of the process.
     """
     there = next(each for each in (runtime, *runtime.parents) if each.exists())
     memory = Path("/dev/shm")  # noqa: S108 - its entries are checked before they are used
@@ -64,13 +63,6 @@ def _file_system(folder: Path) -> str:
 
 class RingFile:
     """A ring in a file of its own.
-
-    Args:
-        folder: Where it is made.
-        header: What belongs to all records.
-
-    Attributes:
-        ring: The ring.
 
     Raises:
         OSError: It cannot be made: the folder is full or read-only.
@@ -120,12 +112,7 @@ class RingFile:
 
 
 class LeftRing:
-    """A ring that was left behind, locked until it is saved.
-
-    Attributes:
-        path: Its file.
-        data: Its bytes.
-    """
+    """A ring that was left behind, locked until it is saved."""
 
     def __init__(self, path: Path, data: bytes) -> None:
         self.path = path

@@ -34,8 +34,6 @@ class SavedBox(NamedTuple):
 
     Attributes:
         number: They are counted on from each other.
-        path: Its file.
-        size: Bytes of the file.
         written_ns: When it was written, by its file; Unix nanoseconds.
     """
 
@@ -70,9 +68,7 @@ def save_box(folder: Path, data: bytes, *, reason: str, wall_ns: int) -> Path:
 
     Args:
         folder: An existing folder.
-        data: The file's bytes.
         reason: In a word.
-        wall_ns: Now; Unix nanoseconds.
 
     Returns:
         Its file.

@@ -49,15 +49,6 @@ class Alarm:
 
     Unlike a subscription's, its samples never go into a ring of Zenoh's, which drops unread what it
     has no room for.
-
-    Args:
-        key: The key in full.
-        raised: Called on the loop, before and between all that is not an alarm.
-        ignored: Called on the loop for harmless payloads.
-        harmless: Recognises them.
-        idle: Called on the loop for payloads that ask for nothing.
-        asks_nothing: Recognises those.
-        inbox: Brings the decisions to the loop.
     """
 
     def __init__(

@@ -61,9 +61,6 @@ async def bounded(
     than ``EXIT_S``, the process from ending when the call never returns.
 
     Args:
-        call: What to run.
-        timeout_s: The longest wait, in seconds.
-        name: The thread's name.
         late: Called in the thread with a result that came after the timeout.
 
     Raises:
@@ -111,11 +108,7 @@ _WAITING = 256
 
 
 class Sender:
-    """One thread and its bounded queue. The thread starts with the first call.
-
-    Args:
-        name: The thread's name.
-    """
+    """One thread and its bounded queue. The thread starts with the first call."""
 
     def __init__(self, name: str) -> None:
         self._name = name

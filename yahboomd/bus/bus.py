@@ -58,12 +58,7 @@ Declaration = TypeVar("Declaration", bound=Declared)
 
 
 class Bus:
-    """The robot's place on the bus, on a running event loop.
-
-    Args:
-        options: How it is to be.
-        clock: Stamps what arrives.
-    """
+    """The robot's place on the bus, on a running event loop."""
 
     def __init__(self, options: BusOptions, *, clock: Clock | None = None) -> None:
         self.options = options

@@ -16,9 +16,6 @@ def summed_counters(declared: Iterable[object]) -> dict[str, int]:
 
     Delivered samples are counted by their consumers. The losses of a ring of Zenoh's in a flood
     are unknown; ``samples_dropped`` counts at least one for each full ring.
-
-    Args:
-        declared: All that is declared on the bus.
     """
     found: Counter[str] = Counter()
     for each in declared:

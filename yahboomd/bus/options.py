@@ -106,7 +106,6 @@ def zenoh_config(options: BusOptions, *, uplink: bool = False) -> zenoh.Config:
     """Zenoh's configuration for these options, with the user's own file in it.
 
     Args:
-        options: How the bus is to be.
         uplink: For the session that joins another router, instead of the one that is reached.
 
     Raises:

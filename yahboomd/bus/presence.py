@@ -21,11 +21,7 @@ class TokenChange(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Token:
-    """A liveliness token of our own. Made by ``Bus.token``.
-
-    Args:
-        key: The key in full.
-    """
+    """A liveliness token of our own. Made by ``Bus.token``."""
 
     def __init__(self, key: str) -> None:
         self.key = key
@@ -49,11 +45,6 @@ class TokenWatch:
 
     What is present is kept in Zenoh's threads, so that no change is lost on the way to the loop,
     which compares it with what it reported last.
-
-    Args:
-        pattern: The key expression in full.
-        handler: Takes the changes, on the loop.
-        inbox: Brings them there.
     """
 
     def __init__(

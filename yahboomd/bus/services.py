@@ -135,18 +135,10 @@ class Service:
     Args:
         name: The key as declared, below the namespace.
         key: The key in full.
-        handler: Answers a request.
-        fallback: Answers for it when it does not.
         wildcards: Whether ``**`` may ask: else somebody who lists the network would reset the
             odometry by it.
         harmless: Makes it the service of an alarm: every query on its own key raises it but those
             whose payload this recognises. Decided as a query arrives, in Zenoh's thread.
-        answering: Sends the answers.
-        inbox: Brings the queries to the loop.
-        now_ns: Stamps what arrives.
-        pending: Queries that wait for the loop.
-        max_bytes: The most that payload and attachment may have together.
-        complete: Declared as complete.
     """
 
     def __init__(

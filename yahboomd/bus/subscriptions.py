@@ -75,15 +75,7 @@ class Subscription:
     Args:
         name: The key as declared, below the namespace.
         key: The key in full.
-        handler: Takes what arrived, on the loop.
-        inbox: Brings it there.
-        now_ns: Stamps what arrives.
         stamp_ns: When a sample was sent, as far as its timestamp shows.
-        wall_ns: Unix time.
-        depth: Samples kept for the handler.
-        max_bytes: The most that payload and attachment may have together.
-        keep_oversize: Deliver also what is too large, without its payload.
-        gather_s: Samples are delivered so late, and none of Zenoh's threads runs Python.
     """
 
     def __init__(

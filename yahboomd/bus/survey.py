@@ -29,7 +29,6 @@ class Survey:
     Args:
         selector: The key expression in full.
         handler: Takes the answers of the latest round in each session, on the loop.
-        inbox: Brings them there.
     """
 
     def __init__(self, selector: str, handler: Callable[[list[bytes]], None], inbox: Inbox) -> None:

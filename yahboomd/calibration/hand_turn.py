@@ -48,10 +48,7 @@ def judge(
     Args:
         angles: What the gyro integrated about x, y and z, less its bias; radians.
         force_m_s2: What the accelerometer showed at rest.
-        turns: How often the robot was turned.
-        axes: As configured.
         gyro_axes: As configured; empty for the same.
-        scale: As configured.
     """
     doubts = []
     about, whole = _largest(angles), 2.0 * math.pi * turns

@@ -73,9 +73,7 @@ def fit(
     """The factors of all runs.
 
     Args:
-        runs: What was driven and measured.
         free: The factors to find; the others stay as they are in ``start``.
-        start: The factors to begin with.
         slip: Deviation of a rim's travel by slip after one metre, metres.
 
     Raises:

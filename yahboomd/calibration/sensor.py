@@ -59,7 +59,6 @@ def fit_to_sensor(tracks: Tracks, *, interval_s: float = 1.0) -> tuple[Fit, Moun
     """The factors, with their deviation by leaving parts of the recording out (jackknife).
 
     Args:
-        tracks: The recording.
         interval_s: Length of the pieces that are compared; short ones are noise, long ones slip.
 
     Raises:

@@ -63,7 +63,6 @@ def fit_sideways(
     """The factor of all runs.
 
     Args:
-        runs: What was driven and measured.
         scale: The true size of the wheels, as a multiple of the nominal one.
         track: The same of the distance between the sides.
         scale_std: The deviation of ``scale``, as a fraction.

@@ -55,9 +55,7 @@ def doubts(
     """The reasons not to use the result, a sentence each; empty where it can be used.
 
     Args:
-        fit: The result.
         skid_steer: Whether the sides slip in turns, which makes the effective track wider.
-        runs: What it was fitted to.
         track: The multiplier of the track that would be written; None: the fit's.
     """
     found = []
@@ -99,12 +97,7 @@ def doubts(
 
 
 def sideways_doubts(found: Sideways, runs: Sequence[SidewaysRun]) -> list[str]:
-    """The reasons not to use a way to the side, a sentence each.
-
-    Args:
-        found: The result.
-        runs: What it was fitted to.
-    """
+    """The reasons not to use a way to the side, a sentence each."""
     wrong = [
         f"A run of {run.travel_m:.2f} m to the side is too short: drive {LEAST_SIDEWAYS_M:g} m or "
         "more, better 1 m."

@@ -47,7 +47,6 @@ class HandTurn(msgspec.Struct, frozen=True, kw_only=True):
     """One wheel that a person turned forward by hand.
 
     Attributes:
-        wheel: The wheel.
         counts: What each counter changed by.
     """
 
@@ -59,7 +58,6 @@ class WiredMotor(msgspec.Struct, frozen=True, kw_only=True):
     """A motor as the configuration has it, once every fault is repaired.
 
     Attributes:
-        wheel: The wheel that it turns.
         position: Its plug on the board, 1 to 4.
         sign: -1 for one that is mounted the other way round: both signs of the configuration.
     """
@@ -75,7 +73,6 @@ class WiringFault(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         kind: Its name, for programs.
         position: The plug of the motor; None where it is not known.
-        wheel: Its wheel.
         arrives: Where the counts of this motor arrive instead, for ``encoder_crossed``; the plug
             where it belongs, for ``motor_misplaced``.
         words: What is wrong, and the plug to change.
@@ -93,7 +90,6 @@ class Wiring(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         motors: Those that were seen to turn, in the order of the wheels.
-        faults: What has to be repaired.
         missing: Wheels whose motor was not seen to turn: nothing can be configured before.
         again: Positions (or, by hand, none) whose answers contradict each other.
         doubts: Why, in words.
@@ -123,8 +119,6 @@ def judge(
 
     Args:
         turns: One for each position of the board.
-        wheels: The wheels that have a motor.
-        ticks_per_revolution: Counts of one turn of a wheel.
         plugs: For wheels that did not turn, the plug of their motor as the person says.
     """
     moved = {turn.position: turn for turn in turns if turn.wheel}
@@ -158,7 +152,6 @@ def judge_by_hand(turns: Sequence[HandTurn], ticks_per_revolution: float) -> Wir
 
     Args:
         turns: One for each wheel.
-        ticks_per_revolution: Counts of one turn of a wheel.
     """
     least = MOVED_TURNS * ticks_per_revolution
     motors, faults, missing = [], [], []

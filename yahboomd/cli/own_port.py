@@ -39,9 +39,7 @@ def refuse_estop(port: str, config: Config, environ: Mapping[str, str]) -> None:
     """Refuse to turn wheels while an emergency stop is engaged that may be this board's.
 
     Args:
-        port: The port, as it was named or found.
         config: May name the file of the emergency stop.
-        environ: Leads to the folders of daemons.
 
     Raises:
         Refused: One is engaged, or it cannot be seen whether one is.

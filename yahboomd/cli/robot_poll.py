@@ -43,11 +43,6 @@ class RobotPoll:
     """Follows one robot.
 
     The daemon is asked once a second, however often :meth:`current` is read.
-
-    Args:
-        name: The robot's name in the metrics.
-        options: Of a client.
-        clock: Measures how old a status is.
     """
 
     def __init__(self, name: str, options: BusOptions, clock: Clock) -> None:

@@ -48,7 +48,6 @@ def add_config_options(parser: argparse.ArgumentParser, *, overrides: bool = Tru
     """``--config FILE`` and ``--set SECTION.KEY=VALUE``.
 
     Args:
-        parser: Of a command.
         overrides: Whether to add ``--set``; a command may use the word for something else.
     """
     parser.add_argument(
@@ -133,7 +132,6 @@ def read_config(args: argparse.Namespace, environ: Mapping[str, str] | None = No
     """Read the configuration that the shared options describe.
 
     Args:
-        args: Parsed by a parser with :func:`add_config_options`, perhaps more of this file.
         environ: The environment; the process's own when None.
 
     Raises:
@@ -154,11 +152,7 @@ def read_config(args: argparse.Namespace, environ: Mapping[str, str] | None = No
 
 
 def robot_arguments(args: argparse.Namespace) -> tuple[str, ...]:
-    """The shared options of a command again, for another command that is to reach the same robot.
-
-    Args:
-        args: Parsed by a parser with :func:`add_bus_options` and :func:`add_config_options`.
-    """
+    """The shared options of a command again, for another one that is to reach the same robot."""
     arguments = [f"--connect={endpoint}" for endpoint in args.connect or ()]
     arguments += [f"--set={override}" for override in args.overrides]
     for name in ("config", "namespace"):
@@ -182,12 +176,7 @@ def daemon_endpoints(args: argparse.Namespace, config: Config) -> tuple[str, ...
 
 
 def client_options(endpoints: tuple[str, ...], config: Config) -> BusOptions:
-    """A client of the daemon that a configuration describes.
-
-    Args:
-        endpoints: Where it is reached.
-        config: Names the namespace, and Zenoh's own file.
-    """
+    """A client of the daemon that a configuration describes."""
     import logging
 
     from yahboomd.client import connecting

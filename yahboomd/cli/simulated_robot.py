@@ -23,7 +23,6 @@ def as_configured(config: Config, base: SimulationOptions | None = None) -> Simu
     """A robot that is built as a configuration says, calibration included.
 
     Args:
-        config: Names the motors, the chassis and the motors' profile.
         base: What the configuration does not say; None for the usual robot.
     """
     base = base or SimulationOptions()

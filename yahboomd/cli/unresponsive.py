@@ -140,7 +140,6 @@ def suspended(pid: int, again: str) -> tuple[str, str]:
     """Message and remedy for a suspended daemon.
 
     Args:
-        pid: Of the daemon.
         again: The command to repeat once the daemon runs again.
     """
     return (
@@ -154,7 +153,6 @@ def unresponsive(name: str, pid: int, state: str, again: str) -> tuple[str, str]
 
     Args:
         name: The process, in a sentence.
-        pid: Its id.
         state: From :func:`process_state`.
         again: The command that stops the wheels once it has ended.
     """

@@ -77,9 +77,6 @@ class Commands:
     """The commands of one client on one key; ``AsyncRobot`` explains them.
 
     Args:
-        connection: Carries them.
-        clock: Stamps them.
-        source: The key.
         label: Who commands, for people.
         deadman_s: How long a command without a time of its own lasts.
         rate_hz: How often it is repeated.

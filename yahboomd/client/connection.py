@@ -40,8 +40,6 @@ class Connection:
     """A Zenoh session, and whether the daemon is there.
 
     Args:
-        options: Of a client.
-        clock: The source of time.
         changed: Called on the loop when the daemon is there, and when it no longer is.
 
     Attributes:

@@ -43,10 +43,8 @@ async def ask(
     """Query a key at every daemon, off the event loop.
 
     Args:
-        session: An open session.
         key: The key in full.
         payload: The request. Its encoding is also that of the answer.
-        timeout_s: The longest wait for answers.
         urgent: Overtakes what else is under way.
 
     Returns:

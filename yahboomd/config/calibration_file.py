@@ -53,8 +53,6 @@ class Calibration(Section):
         made: The date, and the time of day in UTC.
         method: How it was measured, in a few words.
         residual: What is left over, in words for people.
-        geometry: The robot.
-        chassis: The result.
         before: What it replaced.
     """
 

@@ -123,8 +123,6 @@ class Layers:
         """Take a calibrated value over that of the file, unless one was given over both.
 
         Args:
-            place: The key.
-            value: What it is set to.
             words: Where it comes from.
         """
         if not any(key[: len(place)] == place for key in self.written):

@@ -26,8 +26,7 @@ class Loaded:
     """A configuration, and how it came about.
 
     Attributes:
-        config: The configuration in effect.
-        layers: What it was read from.
+        layers: What the configuration was read from.
         path: The file that was read, if any.
         warnings: Sentences about what works and may surprise.
         calibration_path: Where its calibration is, or would be; None without a state directory.

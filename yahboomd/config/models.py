@@ -168,10 +168,6 @@ class Config(Section):
         """The file that keeps an engaged emergency stop over a restart.
 
         Robots that share a machine differ by their namespace or their port.
-
-        Args:
-            environ: As for :func:`runtime_folder`.
-            user_id: As for :func:`runtime_folder`.
         """
         if self.estop.latch_file:
             return Path(self.estop.latch_file)
@@ -189,7 +185,6 @@ def runtime_folder(environ: Mapping[str, str], *, user_id: int) -> Path:
 
     Args:
         environ: For ``RUNTIME_DIRECTORY`` (the service manager's) and ``XDG_RUNTIME_DIR``.
-        user_id: Of the process; root has a folder of its own.
     """
     if given := environ.get("RUNTIME_DIRECTORY", "").split(":")[0]:
         return Path(given)
@@ -203,14 +198,7 @@ def runtime_folder(environ: Mapping[str, str], *, user_id: int) -> Path:
 def calibration_path(
     config: Config, environ: Mapping[str, str], path: Path | None, *, user_id: int
 ) -> Path | None:
-    """The calibration file of a configuration; None where there is no state directory.
-
-    Args:
-        config: Names it, or leaves the choice to the state directory.
-        environ: As for :func:`state_folder`, like the others.
-        path: The configuration file.
-        user_id: Of the process.
-    """
+    """The calibration file of a configuration; None where there is no state directory."""
     if config.chassis.calibration_file:
         return Path(config.chassis.calibration_file)
     folder = state_folder(environ, path, user_id=user_id)
@@ -220,14 +208,7 @@ def calibration_path(
 def blackbox_folder(
     config: Config, environ: Mapping[str, str], path: Path | None, *, user_id: int
 ) -> Path | None:
-    """The folder of the saved black boxes; None where there is no state directory.
-
-    Args:
-        config: Names it, or leaves the choice to the state directory.
-        environ: As for :func:`state_folder`, like the others.
-        path: The configuration file.
-        user_id: Of the process.
-    """
+    """The folder of the saved black boxes; None where there is no state directory."""
     if config.blackbox.folder:
         return Path(config.blackbox.folder)
     folder = state_folder(environ, path, user_id=user_id)
@@ -240,7 +221,6 @@ def state_folder(environ: Mapping[str, str], path: Path | None, *, user_id: int)
     Args:
         environ: For ``STATE_DIRECTORY`` (the service manager's), ``XDG_STATE_HOME`` and ``HOME``.
         path: The configuration file; one below /etc/yahboomd is that of a service.
-        user_id: Of the process.
     """
     if given := environ.get("STATE_DIRECTORY", "").split(":")[0]:
         return Path(given)

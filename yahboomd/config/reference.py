@@ -91,7 +91,6 @@ def as_toml(
     """Write every key with its meaning; optional keys that are absent stand in a comment.
 
     Args:
-        config: What to write.
         origins: Where keys were written: each value is followed by its own.
         header: Comment at the top, without the ``#``.
     """

@@ -123,8 +123,6 @@ def opener(config: Config, clock: Clock, environ: Mapping[str, str] | None = Non
     """Looks for the port at each attempt: a board that comes back may be elsewhere.
 
     Args:
-        config: What a person decided.
-        clock: The source of time.
         environ: Decides where to note how the port was opened, for the stop after a kill.
     """
     serial = config.serial

@@ -65,11 +65,6 @@ AGAIN_S = 60.0
 class BlackBox:
     """Records, and saves. Made on the running loop.
 
-    Args:
-        config: Whether, and where.
-        clock: The source of time.
-        environ: Names the runtime folder and the state directory.
-
     Attributes:
         recorder: Takes what is recorded; None where nothing is.
     """

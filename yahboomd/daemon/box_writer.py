@@ -47,8 +47,6 @@ class BoxWriter:
 
     Args:
         folder: Where boxes are saved; None where there is no such place.
-        rings: The folder of the rings.
-        clock: The source of time.
 
     Attributes:
         saved: Boxes that were written.
@@ -93,16 +91,11 @@ class BoxWriter:
         Args:
             header: Why it is saved is in it.
             segments: The copy of the ring.
-            done: Called on the loop.
         """
         self._start(lambda: self._write(header, segments), done)
 
     def adopt(self, done: Callable[[Outcome], None]) -> None:
-        """Write a ring that was left behind as a box, and remove it.
-
-        Args:
-            done: Called on the loop.
-        """
+        """Write a ring that was left behind as a box, and remove it."""
         wall_ns = self._clock.wall_ns()
 
         def job() -> Outcome:

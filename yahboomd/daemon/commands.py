@@ -21,12 +21,10 @@ class CommandIntake:
     """Decodes commands, offers them, and asks for one control step for the lot.
 
     Args:
-        arbiter: Decides which source drives.
         clock: For the wall time that absolute stamps are compared with.
         holonomic: Whether a sideways velocity means anything.
         notice_pause: Detects whether this process stood still; called before anything is offered.
         step: Runs a control step; called once for what arrived together.
-        recorder: Records commands, and what became of them.
     """
 
     def __init__(
@@ -53,7 +51,6 @@ class CommandIntake:
         """The subscription for a source's key. The key is the authority, not the payload.
 
         Args:
-            source: The source.
             attached: rmw_zenoh's nodes send on this key: what they attach to each sample says when
                 it was sent, where the message does not.
         """
@@ -165,7 +162,6 @@ class ClockWatch:
 
     Args:
         warnings: What holds at a moment, by source.
-        tell: Receives the events.
     """
 
     def __init__(

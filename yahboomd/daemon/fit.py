@@ -20,7 +20,6 @@ class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Facts of this robot that the control path needs.
 
     Attributes:
-        kinematics: The drive geometry.
         motors: The motors, in the order of the geometry's wheels.
         profile: The motors' kind.
         command_scale: Multiplier on command units.
@@ -90,10 +89,6 @@ def fit(
     """Compare a board with the configuration.
 
     Args:
-        identity: The board's answers.
-        kinematics: The drive geometry.
-        motors: The configured motors.
-        profile: Their kind.
         scale: The calibration multiplier of commands.
     """
     settings, dialect = identity.settings, identity.dialect

@@ -30,11 +30,9 @@ class Pauses:
     """Detects pauses, and discards what waited for their end.
 
     Args:
-        clock: The source of time.
         period_ns: How often the control path runs at least.
         arbiter: Refuses commands that may have waited.
         wheels: Judge no counts that waited.
-        events: Publish it.
     """
 
     def __init__(
@@ -82,12 +80,9 @@ class Resets:
     """Handles resets of the board for the control path.
 
     Args:
-        clock: The source of time.
         wheels: Are let go, and commanded again.
         limiter: Begins again from standstill.
         holds: Where the rest after a reset is put, and the fault after too many.
-        events: Publishes its events.
-        outputs: Are notified that the state may have changed.
     """
 
     def __init__(

@@ -29,9 +29,6 @@ RETRY_S = 1.0
 class LatchKeeper:
     """Keeps the file as the latch is.
 
-    Args:
-        file: The file.
-
     Attributes:
         failures: How often the file could not be written or removed.
     """
@@ -159,7 +156,6 @@ class EstopLatch:
     """Engages, remembers, releases.
 
     Args:
-        file: Where it is remembered.
         now_ns: Now; what is on file counts as engaged since then.
         release: The command of a terminal that releases it.
     """

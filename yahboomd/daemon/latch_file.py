@@ -118,7 +118,6 @@ def engaged_in(folder: Path, port: str) -> Path | None:
 
     Args:
         folder: Of daemons.
-        port: A serial port, as it was named.
 
     Raises:
         OSError: The folder cannot be read.

@@ -31,7 +31,6 @@ class Peer(NamedTuple):
 
     Attributes:
         pid: Its id; 0 where it lives in another PID namespace.
-        uid: Its user.
         groups: All groups of its user.
     """
 
@@ -45,7 +44,6 @@ class Listening(NamedTuple):
 
     Attributes:
         sock: The socket, not blocking.
-        path: Where it lies.
         inode: Of the file that was made.
         group: Its group; members may use it.
     """

@@ -82,7 +82,6 @@ class LocalStop:
     """Listens, and stops the robot.
 
     Args:
-        folder: Where the socket lies.
         engage: Engages the emergency stop, given who did; returns what was done.
         remembered: Returns these words once the latch is on file, or says that it is not.
         facts: Which robot this is, and its state.

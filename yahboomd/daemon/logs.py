@@ -114,9 +114,7 @@ def configure(level: str, environ: Mapping[str, str], stream: TextIO) -> None:
     """Send the log to ``stream``, in the form that its reader wants.
 
     Args:
-        level: The least serious level that is written.
         environ: Shows whether the journal reads (``JOURNAL_STREAM``).
-        stream: Where lines go.
     """
     handler = PatientHandler(stream)
     handler.addFilter(RepeatFilter())

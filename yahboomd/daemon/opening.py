@@ -39,7 +39,6 @@ async def open_bus(
     Args:
         open_once: Opens it, or raises a BusError.
         notifier: Reports to the manager in words what is waited for.
-        clock: The source of time.
         stop: Set when the daemon is to end.
 
     Returns:

@@ -15,7 +15,6 @@ class PoseIntake:
     """Sets the pose by samples.
 
     Args:
-        operator: Sets it.
         frame_id: The frame that a ROS 2 message has to name: the odometry's, prefix included.
     """
 

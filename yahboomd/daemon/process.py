@@ -151,11 +151,7 @@ def without_age(words: str) -> str:
 
 
 class Notifier:
-    """Reports to the service manager, where there is one.
-
-    Args:
-        environ: The process's environment.
-    """
+    """Reports to the service manager, where there is one."""
 
     def __init__(self, environ: Mapping[str, str]) -> None:
         address = environ.get("NOTIFY_SOCKET", "")

@@ -66,8 +66,6 @@ class Events:
     """Events on their way to the log and the bus.
 
     Args:
-        clock: The source of time.
-        outputs: Receive them.
         counters: Where they are counted, and those that were kept back.
     """
 
@@ -147,13 +145,8 @@ class Publisher:
 
     Args:
         outlet: Opens the outlet of a key.
-        encoding: How samples are written.
-        stamps: Wall time.
         period_ns: The shortest distance between two poses.
-        frame_id: Frame of the pose.
-        child_frame_id: Frame of the base.
         motor_names: In the order of the estimates.
-        imu_frame_id: Frame of the inertial sensor.
     """
 
     def __init__(

@@ -42,14 +42,7 @@ SET_POSE_TAKES = (
 
 
 class Operator:
-    """Carries out requests, and returns the results in words.
-
-    Args:
-        clock: The source of time.
-        controller: Stops the wheels.
-        arbiter: Knows who commands motion.
-        latch: The e-stop.
-    """
+    """Carries out requests, and returns the results in words."""
 
     def __init__(
         self, clock: Clock, *, controller: Controller, arbiter: Arbiter, latch: EstopLatch
@@ -96,7 +89,6 @@ class Operator:
         """Count attempts to release the e-stop where that is refused. Returns the words for them.
 
         Args:
-            by: How it was attempted.
             times: How often since the last call.
         """
         self._controller.counters["release_refused"] += times
@@ -186,10 +178,7 @@ class Services:
     """Answers queries, and receives the e-stop.
 
     Args:
-        operator: Carries out what is asked.
         encoding: How a request without a recognisable payload is answered.
-        config: The effective configuration, for ``yahboomd/config``.
-        board: What is known of the board, for ``yahboomd/board``.
         newest: The newest sample of a key that is published.
         save_box: Saves the black box, and says what came of it.
     """
@@ -251,9 +240,6 @@ class Services:
         """Serve one action.
 
         Args:
-            bus: An open session.
-            key: The service's own key.
-            action: What it does.
             answer: Encodes the reply; unless given, in the encoding of the request.
             at: Where it is offered, if that is another key.
         """

@@ -44,7 +44,6 @@ class Diagnostics:
         """The entries for a status; call it once for each that is published.
 
         Args:
-            sample: The status.
             type_warnings: By source: a node publishes another type than that of its topic.
         """
         commands = _commands(sample, type_warnings or {})

@@ -50,9 +50,6 @@ def start(
 
     Args:
         bus: An open session, on which the services and the plain command keys are there already.
-        config: Which ways, and all names.
-        clock: The source of time.
-        services: Carry out what is asked natively.
         commands: What to hand a source's commands to that arrive natively.
         poses: Takes messages that set the pose and arrive natively.
 

@@ -114,9 +114,6 @@ class RosPublisher:
     """The ROS 2 plane. All that it publishes of one reading carries the stamp it is given.
 
     Args:
-        open_topic: Opens a topic.
-        topics: What is published, and how it is called.
-        clock: Paces the diagnostics.
         type_warnings: Which sources of commands publish another type, at a monotonic time.
     """
 
@@ -230,7 +227,6 @@ def charge_of(volts: float, curve: tuple[tuple[float, float], ...]) -> float:
     """The charge of a battery, from 0 to 1, on straight lines between points (volts, charge).
 
     Args:
-        volts: Its voltage.
         curve: The points, their volts rising; beyond its ends the charge stays. NaN without any.
     """
     if not curve:

@@ -30,11 +30,7 @@ class _Writer(msgspec.Struct):
 
 
 class TypeWatch:
-    """Knows the types that nodes publish on the topics of commands.
-
-    Args:
-        bus: An open session.
-    """
+    """Knows the types that nodes publish on the topics of commands."""
 
     def __init__(self, bus: Bus) -> None:
         self._bus = bus

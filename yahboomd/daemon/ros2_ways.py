@@ -35,7 +35,6 @@ class BridgeWay:
     """Opens topics on plain keys, and announces them.
 
     Args:
-        bus: An open session.
         distro: Of the nodes behind the bridge: decides whether types have hashes.
     """
 
@@ -103,9 +102,7 @@ class AttachedOutlet:
     """Numbers and stamps every sample, as rmw_zenoh does.
 
     Args:
-        publisher: Sends them.
         gid: Distinguishes this publisher from all others.
-        wall_ns: Unix time.
     """
 
     def __init__(self, publisher: TakesAttachments, gid: bytes, wall_ns: Callable[[], int]) -> None:
@@ -130,10 +127,8 @@ class NativeWay:
     """A node of an rmw_zenoh graph: it shows as soon as this is made.
 
     Args:
-        bus: An open session.
         domain_id: ``ROS_DOMAIN_ID`` of the graph.
         distro: Of the graph: decides the types' hashes.
-        wall_ns: Unix time.
     """
 
     def __init__(
@@ -172,9 +167,6 @@ class NativeWay:
 
         Args:
             topic: Its name below the namespace.
-            ros_type: The type that is announced.
-            qos: As it is announced.
-            handler: Takes what arrives.
             also: A type that is heard besides, without being announced: a topic whose types do
                 not agree confuses ROS's tools, but a robot that ignores half of them its users.
         """
@@ -187,8 +179,6 @@ class NativeWay:
 
         Args:
             topic: Its name below the namespace.
-            ros_type: Its type.
-            qos: As it is announced.
             hear: Hears it on the key given.
         """
         hear(self._key(topic, ros_type))
@@ -199,7 +189,6 @@ class NativeWay:
 
         Args:
             key: Its name below the namespace.
-            ros_type: Its type.
             offer: Serves it on the key given, answering as given.
         """
         offer(self._key(key, ros_type), self._answer)

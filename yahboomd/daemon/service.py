@@ -45,9 +45,6 @@ class Daemon:
     """One robot's daemon. ``run`` is called once.
 
     Args:
-        config: What a person decided.
-        environ: The process's environment.
-        clock: The source of time.
         opener: Opens the port; made from the configuration unless given.
     """
 

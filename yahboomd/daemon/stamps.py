@@ -27,10 +27,6 @@ class WallStamps:
     delay for a step of the wall clock; so the monotonic one is read before and after, and the
     difference of before stays in force unless it lies outside of what these three readings allow.
 
-    Args:
-        clock: The source of both times.
-        tell: Receives the event of a step.
-
     Attributes:
         held_back: Stamps that came 1 ns after the one before, to stay in order.
         steps: How often the wall clock was set by :data:`STEP_S` and more.

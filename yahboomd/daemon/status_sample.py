@@ -40,12 +40,7 @@ class Status:
     """Collects the status from all stages.
 
     Args:
-        clock: The source of time.
-        controller: State and reason.
-        intake: Commands and refusals.
-        supervisor: The link's counters.
         bus: The routers and clients that the daemon is connected to.
-        box: The black box.
         more_bus_facts: What the bus itself does not know.
     """
 

@@ -46,11 +46,7 @@ def storing_opener(
     the wheels may turn.
 
     Args:
-        opener: Opens the port.
-        clock: The source of time.
-        want: What the board shall store.
         tell: Receives an event for every value that was, or could not be, stored.
-        tap: Sees every byte.
     """
 
     async def open_it() -> Port:
@@ -97,8 +93,6 @@ class Supervisor:
     """Runs sessions one after another.
 
     Args:
-        make_session: A fresh session.
-        clock: The source of time.
         unavailable: Called when an attempt to connect failed, or an open session ended.
     """
 

@@ -77,11 +77,9 @@ class Wheels:
     """The wheels, with or without a board to turn them.
 
     Args:
-        kinematics: The drive geometry.
         motors: The motors, in the order of its wheels.
         at_rest: Hold the wheels once they stand, or let them go.
         min_speed_m_s: Commands below it prove nothing about counts that stay away.
-        counters: Where stops and cuts are counted.
     """
 
     def __init__(
@@ -166,7 +164,6 @@ class Wheels:
         """Stand, and see that it is obeyed; called in every step while the wheels are to stand.
 
         Args:
-            now_ns: Now.
             at_once: Send it before everything that waits, and again until it is obeyed.
 
         Returns:
@@ -238,7 +235,6 @@ class Wheels:
 
         Args:
             units: The motion, as the board takes it; ``None``: let go.
-            now_ns: When.
         """
         said, speeds_m_s = self._said
         # What was not sent last is a stop, which goes before it.
@@ -274,8 +270,6 @@ class Wheels:
         """Check a measurement.
 
         Args:
-            stamp_ns: When.
-            speeds_m_s: Rim speed of each motor.
             ticks: Travelled counts of each motor since the start.
             received_ns: When they arrived, where that is known besides the stamp.
             earliest_ns: The board sampled them no earlier, where the stamp is only the likeliest

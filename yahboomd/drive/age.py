@@ -66,7 +66,6 @@ class AgeJudge:
         """The age of a command that arrived at ``now_ns``, or why it is too late to obey it.
 
         Args:
-            now_ns: Monotonic nanoseconds.
             stamp_ns: When it was given, on the giver's clock. ``None`` and 0 (what ROS sends
                 without a stamp) are no stamp.
             by_sender: The stamp came in the message, not from the transport.

@@ -48,7 +48,6 @@ class Arbiter:
     """Decides which source drives.
 
     Args:
-        sources: All that may drive.
         on_timeout: Whether silence ends in a ramp or a halt.
         stamps: How the age of a command is judged.
 
@@ -102,9 +101,6 @@ class Arbiter:
         is seen before it had any effect.
 
         Args:
-            source: Who sent it.
-            twist: The wish.
-            now_ns: When it arrived; monotonic nanoseconds.
             stamp_ns: When it was given, on the giver's clock, where that is known.
             stamp_is_message: The stamp is the sender's own, not the transport's.
             wall_ns: When it arrived on the clock that stamps are compared with, for ``absolute``
@@ -158,7 +154,6 @@ class Arbiter:
         """Note what the wheels do: control passes down only from standstill.
 
         Args:
-            now_ns: Monotonic nanoseconds.
             commanded_zero: The latest frame to the board commands standstill.
             measured_m_s: Rim speeds from a reading later than that frame; ``None`` where unknown.
         """

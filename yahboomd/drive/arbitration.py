@@ -43,7 +43,6 @@ class Accepted(msgspec.Struct, frozen=True, kw_only=True):
     """The command is in effect.
 
     Attributes:
-        source: Whose it is.
         age_ns: How long it was under way, as far as can be known.
         took_over: Whether control changed hands with it.
     """
@@ -57,7 +56,6 @@ class Refused(msgspec.Struct, frozen=True, kw_only=True):
     """The command has no effect.
 
     Attributes:
-        source: Whose it is.
         reason: A stable word, also the key in the counters.
         detail: A sentence for a person.
         revoked: Commands of this source that had been accepted turned out to be part of a backlog

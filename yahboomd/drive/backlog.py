@@ -66,7 +66,6 @@ class BacklogGate:
         """Judge what arrived at ``now_ns``.
 
         Args:
-            now_ns: Monotonic nanoseconds.
             arrivals: How many commands arrived since the last call, where only the newest is
                 looked at.
             proven: The command's stamp shows that it is fresh.

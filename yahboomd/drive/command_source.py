@@ -22,10 +22,6 @@ Held: TypeAlias = Literal["revoke", "refuse"]
 class CommandSource:
     """A command as its source sent it.
 
-    Args:
-        source: Its name, priority and timeout.
-        stamps: How the age of a command is judged.
-
     Attributes:
         wish: Its newest command that was not held up, in control or not.
     """

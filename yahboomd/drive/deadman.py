@@ -18,9 +18,6 @@ class Deadman:
     The time is counted from when the command was *given*, which for one that was under way for a
     while is earlier than its arrival. So a command that is delivered twice does not live longer.
 
-    Args:
-        timeout_s: How long a command is good for.
-
     Raises:
         ConfigError: ``timeout_s`` is not a positive number.
     """

@@ -48,8 +48,6 @@ class Doubts:
         Troubles of several wheels at the same moment count as one.
 
         Args:
-            now_ns: Now.
-            fault: The trouble.
             damages: How often the line damaged something lately.
 
         Returns:

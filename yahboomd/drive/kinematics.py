@@ -52,9 +52,6 @@ def differential(
 
     Args:
         separation_m: From the left wheel's contact point to the right one's.
-        base_m: Front to rear; means nothing here.
-        steering_max_rad: Of a car that steers.
-        sideways: Of a mecanum base.
 
     Raises:
         ConfigError: ``separation_m`` is not a positive number.
@@ -78,8 +75,6 @@ def skid_steer(
     Args:
         separation_m: The effective distance of the sides.
         base_m: Front to rear; it is contained in the effective separation.
-        steering_max_rad: Of a car that steers.
-        sideways: Of a mecanum base.
 
     Raises:
         ConfigError: ``separation_m`` is not a positive number.
@@ -109,7 +104,6 @@ def mecanum(
     Args:
         separation_m: Left to right, between the wheels' middles.
         base_m: Front to rear, between the axles.
-        steering_max_rad: Of a car that steers.
         sideways: The true way to the side, for each metre that the wheels count.
 
     Raises:
@@ -157,7 +151,6 @@ def ackermann(
         separation_m: From the left rear wheel's contact point to the right one's.
         base_m: From the rear axle to the front one.
         steering_max_rad: The largest angle of the steering, of a wheel in the middle.
-        sideways: Of a mecanum base.
 
     Raises:
         ConfigError: A distance is missing, or not a positive number, or the angle is none.
@@ -209,7 +202,6 @@ def desaturate(speeds: Sequence[float], limits: Sequence[float]) -> tuple[tuple[
     large that it overflowed) become standstill.
 
     Args:
-        speeds: Wanted rim speeds, m/s.
         limits: The fastest that each wheel can turn, m/s, not negative; ``math.inf`` for no limit.
 
     Returns:

@@ -58,13 +58,7 @@ def reasons(
     """Everything that keeps the robot where it is; empty while it may drive.
 
     Args:
-        now_ns: Monotonic nanoseconds.
-        decision: What the arbiter says.
-        latched: The emergency stop, where it is in force.
-        holds: The active holds.
         refused: How many commands were refused lately, by reason.
-        linear: Limits of ``vx`` and ``vy``.
-        angular: Limits of ``wz``.
         holonomic: Whether the base can move sideways.
         release: The command that lets this robot, and no other, drive again.
     """
@@ -104,11 +98,7 @@ def state_of(
     """The one word of ``status``; where several apply, the one that needs a person first.
 
     Args:
-        decision: What the arbiter says.
-        latched: The emergency stop, where it is in force.
-        holds: The active holds.
         commanded_zero: The latest frame to the board commands standstill.
-        measured_m_s: Rim speeds, where known.
     """
     if latched is not None:
         return "estopped"

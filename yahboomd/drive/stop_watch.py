@@ -33,7 +33,6 @@ class StopWatch:
     """Follows one stop from the command to the proof.
 
     Args:
-        motors: The names of the motors.
         within_s: How long the wheels may take.
 
     Attributes:
@@ -93,7 +92,6 @@ class StopWatch:
         """Judge a stop that is due; :attr:`state` is ``overdue`` from then on.
 
         Args:
-            now_ns: Now.
             noisy: The stop may not have arrived, so that nothing is said of the wheels before the
                 cut was sent for as long.
 

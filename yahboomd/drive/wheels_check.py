@@ -35,7 +35,6 @@ class WheelsCheck:
     """Watches all motors.
 
     Args:
-        motors: Their names.
         min_speed_m_s: Below this command, missing counts prove nothing.
         latency_s: From a command's way into the link to the first reading that can show it.
         metres_per_tick: Rim travel of one count, for each motor: with it, no single reading cuts a
@@ -70,7 +69,6 @@ class WheelsCheck:
         """Record what was sent to the board.
 
         Args:
-            now_ns: When; monotonic nanoseconds.
             speeds_m_s: Rim speed of each motor, as limited; ``None`` where the motors were let go:
                 wheels without power may turn as they like.
         """

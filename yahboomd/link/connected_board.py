@@ -64,14 +64,7 @@ class Listener(Protocol):
 
 
 class ConnectedBoard:
-    """Commands to the wheels, each written at once where the line is free.
-
-    Args:
-        line: The line to the board.
-        identity: What the board is.
-        listener: Receives what the board does.
-        poller: Gets the counts.
-    """
+    """Commands to the wheels, each written at once where the line is free."""
 
     def __init__(
         self,

@@ -22,12 +22,7 @@ BATTERY_WITHIN_S = 0.15
 
 
 class Conversation:
-    """A known board on an attended line.
-
-    Args:
-        line: The line.
-        dialect: The dialect of the board.
-    """
+    """A known board on an attended line."""
 
     def __init__(self, line: Line, dialect: Dialect) -> None:
         self._line = line
@@ -38,7 +33,6 @@ class Conversation:
         """Stop the wheels, and find out what board is there.
 
         Args:
-            line: The line, attended.
             stop_first: The stop of an unknown board has not been sent on it yet.
 
         Raises:

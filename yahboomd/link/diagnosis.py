@@ -40,9 +40,7 @@ def hints(
     """Further facts about an error, the most likely cause first.
 
     Args:
-        error: What happened.
         path: The port that was to be used; empty where none was found.
-        found: The ports of this machine.
         heard: What came from the port, if it was open.
         sysfs: Where the kernel lists USB devices.
     """

@@ -83,7 +83,6 @@ def choose(configured: str, found: Iterable[Candidate], *, udev_name: str = UDEV
 
     Args:
         configured: ``serial.port``; empty to search.
-        found: The ports of this machine.
         udev_name: The name that the udev rule gives the board.
 
     Raises:

@@ -88,10 +88,7 @@ async def drained(
     """Wait until nothing waits.
 
     Args:
-        clock: The source of time.
         waiting: How many bytes wait; None for a port that is lost.
-        byte_ns: How long one takes.
-        timeout_s: The longest wait.
 
     Returns:
         Whether everything is on the wire.

@@ -26,11 +26,7 @@ BEGINS, ENDS = b"+", b"-"
 
 
 class Guard:
-    """The guard, as the process that it watches sees it.
-
-    Args:
-        process: The guard's.
-    """
+    """The guard, as the process that it watches sees it."""
 
     def __init__(self, process: subprocess.Popen[bytes]) -> None:
         self._process = process

@@ -53,7 +53,6 @@ async def identify(line: Line, wanted: str = "auto", *, stop_first: bool = True)
     """Stop the wheels, and find out which dialect the board speaks.
 
     Args:
-        line: The line, attended.
         wanted: ``auto``, or the only dialect to accept.
         stop_first: The stop of an unknown board has not been sent on it yet.
 
@@ -178,8 +177,6 @@ async def read_settings(
     expected one, or when it was sent twice.
 
     Args:
-        line: The line to the board.
-        dialect: How the board is spoken to.
         expected: What a board that was set up for these motors says.
 
     Raises:

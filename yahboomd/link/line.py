@@ -86,11 +86,8 @@ class Line:
     """A port and what is at its other end, known by its dialect sooner or later.
 
     Args:
-        port: The open port.
-        clock: The source of time.
         still_ticks_per_s: Below it a wheel counts as standing.
         resend_s: The period at which the current velocity is repeated.
-        tap: Sees every byte.
 
     Attributes:
         tasks: Those that the line cannot do without.
@@ -111,7 +108,6 @@ class Line:
         on_imu: Takes samples of the inertial sensor.
         on_said: Takes everything else, and what it says of a start of the board.
         on_leaving: Called when the wheels are being stopped by the line itself.
-        tap: Sees every byte.
     """
 
     def __init__(
@@ -193,7 +189,6 @@ class Line:
         """Understand the board from now on, and write to it.
 
         Args:
-            dialect: What it speaks.
             spacing_ns: From the last byte of a frame to the first of the next.
         """
         self.dialect = dialect

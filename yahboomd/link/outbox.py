@@ -150,7 +150,6 @@ class Outbox:
         """The frame to send now, if any.
 
         Args:
-            now_ns: Now.
             busy: The board may be answering a question: only a stop may be sent.
             asking: A question is unanswered: no other one may be sent.
         """

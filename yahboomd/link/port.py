@@ -53,7 +53,6 @@ class PortOptions(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         path: The device, such as ``/dev/yahboom_driver``.
-        baudrate: Bits per second.
         dtr: State of DTR, set before the port opens (the board wires it to its reset).
         rts: State of RTS, likewise (wired to the boot selection).
         hangup_on_close: Leave HUPCL set: closing drops DTR, which may reset the board.
@@ -123,7 +122,6 @@ class _Serial(serial.Serial):
 
     Args:
         fd: The descriptor, which is this object's to close.
-        baudrate: Bits per second.
     """
 
     fd: int | None = None

@@ -24,14 +24,9 @@ class PortNote(NamedTuple):
 
     Attributes:
         path: The device, as it was named: a link stays a link.
-        baudrate: Bits per second.
-        dtr: State of DTR.
-        rts: State of RTS.
-        hangup_on_close: Whether closing drops DTR.
         device: Which one it was: its name may be another's by now. None in a note of an earlier
             version.
         pid: Of the daemon.
-        namespace: The robot's name.
         listen: Where the daemon listens for Zenoh.
         ended: The daemon ended in order, and its wheels were seen to stand.
     """

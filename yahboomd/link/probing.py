@@ -48,8 +48,6 @@ async def examine(
     """Open the port, stop, ask everything that can be asked, and close.
 
     Args:
-        opener: Opens the port.
-        clock: The source of time.
         expected: What the board should store.
         counters_only: Ask for nothing but the counters.
 
@@ -88,8 +86,6 @@ class Reopening(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         survival: Whether they were kept, or the board restarted; unknown where they were near
             zero already, or did not come.
-        before: The counters before.
-        after: The counters after.
         banner: The board announced that it has started.
     """
 
@@ -105,13 +101,7 @@ class Reopening(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def compare(before: Counts | None, after: Counts | None, *, banner: bool) -> Reopening:
-    """Judge by the counters whether a board was reset between two readings.
-
-    Args:
-        before: The counters before the port was closed.
-        after: The counters after it was opened again.
-        banner: Whether the board announced that it has started.
-    """
+    """Judge by the counters whether a board was reset between two readings."""
     # A line that loses bytes can make a banner of the settings: counters know better, if they know.
     survival: Survival = "reset" if banner else "unknown"
     if before is not None and after is not None:
@@ -126,8 +116,6 @@ async def reopen(opener: Opener, clock: Clock, before: Examination) -> Reopening
     """Open the port once more, after it was closed, and look at the counters.
 
     Args:
-        opener: Opens the port.
-        clock: The source of time.
         before: What was found before it was closed.
 
     Raises:

@@ -73,8 +73,6 @@ class Pulses:
 
     Args:
         line: An attended line, on which the wheels were stopped and the counters come.
-        dialect: The dialect of the board, with outputs.
-        ticks_per_revolution: Counts of one turn of a wheel.
         fastest_turns_per_s: No wheel turns faster at full output.
         on_pulse: Called with True before each pulse, and with False when the wheels stand again.
     """
@@ -104,7 +102,6 @@ class Pulses:
         """Turn a motor forward by its own idea, with more and more output, until a counter moves.
 
         Args:
-            position: Of the motor, 1 to 4.
             on_step: Called before each pulse, while every wheel stands.
 
         Returns:

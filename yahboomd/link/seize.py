@@ -23,8 +23,7 @@ from yahboomd.link.port_identity import Device, identify, is_pseudo, same
 from yahboomd.protocol.first_words import FIRST_WORDS, SPACING_S
 
 PATIENCE_S = 1.0
-"""The time for which a held port is tried again: a killed process holds it for a moment.
-"""
+"""The time for which a held port is tried again: a killed process holds it for a moment."""
 
 RETRY_S = 0.02
 WRITE_WITHIN_S = 0.1
@@ -42,8 +41,6 @@ class Seized(NamedTuple):
 
     Attributes:
         fd: The descriptor: exclusive, raw, not blocking.
-        path: The device.
-        baudrate: Bits per second.
         spoken_ns: When the first stop was handed to the kernel; monotonic nanoseconds.
     """
 
@@ -66,11 +63,6 @@ def seize(
     """Take the port for this process alone, and stop whatever board is there.
 
     Args:
-        path: The device.
-        baudrate: Bits per second.
-        dtr: State of DTR.
-        rts: State of RTS.
-        hangup_on_close: Whether closing drops DTR.
         device: Speak to this one only; None for the one that the path leads to.
         patience_s: How long to try again while another process holds it.
 
@@ -102,9 +94,6 @@ def take(path: str, *, dtr: bool, rts: bool, device: Device | None = None) -> in
     """Open a port for this process alone; nothing is sent on it.
 
     Args:
-        path: The device.
-        dtr: State of DTR.
-        rts: State of RTS.
         device: Open this one only; None for the one that the path leads to.
 
     Raises:

@@ -47,13 +47,6 @@ class SessionOptions(msgspec.Struct, frozen=True, kw_only=True):
 class Session:
     """One connection. ``run`` is called once.
 
-    Args:
-        opener: Opens the port.
-        clock: The source of time.
-        listener: Receives what the board does.
-        options: See :class:`SessionOptions`.
-        tap: Sees every byte.
-
     Attributes:
         board: The board, once connected.
     """

@@ -172,7 +172,6 @@ class _Watching:
         """Repeat a stop that was sent once already, until the wheels stand.
 
         Args:
-            stop: The frame.
             within_s: How long at most, from when it was on the wire.
             again: It was held up: send it again at once.
 
@@ -235,9 +234,6 @@ async def bring_to_rest(
 
     Args:
         port: The open port; what the board says must still reach ``watch``.
-        clock: The source of time.
-        dialect: How the board is spoken to.
-        watch: Sees the counters.
         let_go: The motors are without power already: a brake would start the board's speed loop
             again, and there may have been a reason to let them go.
     """

@@ -87,11 +87,7 @@ async def store(
     """Store what differs, value by value.
 
     Args:
-        opener: Opens the port.
-        clock: The source of time.
         want: What the board shall store; None leaves a value alone.
-        progress: Receives the progress.
-        tap: Sees every byte.
 
     Raises:
         BoardStoresNothing: The board's dialect has no settings.

@@ -21,7 +21,6 @@ class TakeoverReport(msgspec.Struct, frozen=True, kw_only=True):
     """The outcome of a stop on a port.
 
     Attributes:
-        port: The port, by name.
         dialect: The dialect of the board; None where none answered.
         stood: The counters showed standstill; None if no counts came.
         cut: The motors did not obey the brake, and were let go in full motion.
@@ -48,8 +47,6 @@ async def take_over(
 
     Args:
         port: The open port; it is closed in the end.
-        clock: The source of time.
-        still_ticks_per_s: Below it a wheel counts as standing.
         spoken_ns: When the stop of an unknown board was sent on this port; None: not yet.
 
     Raises:

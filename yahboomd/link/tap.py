@@ -80,12 +80,7 @@ NO_TAP = NoTap()
 
 
 class TappedPort:
-    """A port whose output is seen by a tap; input is seen by the line, which knows its moment.
-
-    Args:
-        port: The port.
-        tap: The tap.
-    """
+    """A port whose output is seen by a tap; input is seen by the line, which knows its moment."""
 
     def __init__(self, port: Port, tap: Tap) -> None:
         self._port = port

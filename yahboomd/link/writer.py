@@ -55,10 +55,7 @@ class Writer:
     """Owns the outgoing half of a port.
 
     Args:
-        port: The open port.
-        clock: The source of time.
         resend_ns: The period at which the current velocity is repeated.
-        spacing: What lies between frames.
 
     Attributes:
         spacing: As given; the dialect's own, once it is known.

@@ -125,7 +125,6 @@ def encoding_name(message: type[msgspec.Struct] | str, encoding: Encoding) -> st
 
     Args:
         message: A native message, or the name of any, such as ``nav_msgs/msg/Odometry``.
-        encoding: How it is encoded.
     """
     name = message if isinstance(message, str) else message.__name__
     return f"{MEDIA_TYPES[encoding]};{name}"

@@ -297,11 +297,8 @@ def pose_sample(
     """The pose of an estimate.
 
     Args:
-        estimate: What odometry made of one reading.
         stamp_ns: The estimate's stamp as Unix time (the estimate's own is monotonic).
         seq: Number of the reading.
-        frame_id: The odometry frame.
-        child_frame_id: The frame of the base.
     """
     pose = estimate.pose
     return PoseSample(
@@ -343,10 +340,6 @@ def wheels_sample(
     """The wheels of an estimate.
 
     Args:
-        estimate: What odometry made of one reading.
-        stamp_ns: The estimate's stamp as Unix time.
-        seq: Number of the reading.
-        names: The motors' names, in the estimate's order.
         command_m_s: Rim speeds as last commanded, in the same order.
     """
     return WheelsSample(

@@ -31,10 +31,8 @@ def log(stamp_ns: int, level: int, name: str, message: str, function: str) -> by
     """A rcl_interfaces/msg/Log: a line of a node's log, without file and line.
 
     Args:
-        stamp_ns: Unix time.
         level: One of :data:`LEVELS`.
         name: The logger's, which is the node's.
-        message: The line.
         function: Shown as its location.
     """
     out = bytearray(struct.pack("<4s2IB", cdr.HEADER_LE, *cdr.stamp(stamp_ns), level))

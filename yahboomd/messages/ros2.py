@@ -99,7 +99,6 @@ class Node(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         domain_id: ``ROS_DOMAIN_ID``.
         zid: The session's Zenoh id as Zenoh prints it.
-        name: The node's name.
         namespace: The node's namespace without slashes at its ends; empty for none.
     """
 
@@ -138,9 +137,7 @@ def bridge_token(
 
     Args:
         kind: Our role on this key.
-        zid: Our session's Zenoh id.
         key: The plain key, with namespaces, such as ``bot1/odom``.
-        ros_type: Such as ``nav_msgs/msg/Odometry``.
         qos: Becomes that of the DDS writer or reader; services have none.
         distro: Decides whether there is a type hash.
     """
@@ -174,7 +171,6 @@ def native_key(node: Node, *, topic: str, ros_type: str, distro: str) -> str:
     Args:
         node: Gives the domain; its namespace is not added to the topic.
         topic: Fully qualified, without slashes at its ends, such as ``bot1/odom``.
-        ros_type: Such as ``nav_msgs/msg/Odometry``.
         distro: Decides the type hash.
     """
     return f"{node.domain_id}/{topic}/{dds_type(ros_type)}/{type_hash(ros_type, distro)}"
@@ -202,10 +198,8 @@ def endpoint_token(
 
     Args:
         kind: The endpoint's role.
-        node: Its node.
         entity: Its number, from 1 on, different from all others of the session.
         topic: Fully qualified, without slashes at its ends.
-        ros_type: Such as ``nav_msgs/msg/Odometry``.
         qos: As the endpoint announces it.
         distro: Decides the type hash.
     """
@@ -220,7 +214,6 @@ def publisher_tokens(domain_id: int, topic: str) -> str:
     """Matches the tokens of a topic's publishers.
 
     Args:
-        domain_id: ``ROS_DOMAIN_ID``.
         topic: Fully qualified, without slashes at its ends.
     """
     return f"@ros2_lv/{domain_id}/*/*/*/MP/*/*/*/{_mangle(topic)}/*/*/*"

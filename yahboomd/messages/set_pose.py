@@ -63,8 +63,6 @@ def pose_message(stamp_ns: int, frame_id: str, numbers: Sequence[float]) -> byte
     """A geometry_msgs/msg/PoseWithCovarianceStamped. For clients and tests.
 
     Args:
-        stamp_ns: Unix time.
-        frame_id: The frame that the pose is in.
         numbers: Position, quaternion, and 36 covariances.
     """
     frame = frame_id.encode()

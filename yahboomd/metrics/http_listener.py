@@ -75,7 +75,6 @@ class MetricsListener:
     """Answers ``GET /metrics``. An asynchronous context manager.
 
     Args:
-        place: Where to listen.
         render: Makes the page, in OpenMetrics or in the older format.
         names: Host names, besides ``localhost`` and addresses, by which scrapers may ask.
 

@@ -260,13 +260,7 @@ PAGE_KEPT_NS = 500_000_000
 
 
 class Page:
-    """Makes the page, at most once in half a second for each format.
-
-    Args:
-        now_ns: Monotonic time.
-        robots: The facts of each robot.
-        version: The version of this program.
-    """
+    """Makes the page, at most once in half a second for each format."""
 
     def __init__(
         self, now_ns: Callable[[], int], robots: Callable[[], Sequence[RobotFacts]], *, version: str

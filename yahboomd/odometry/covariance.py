@@ -73,7 +73,6 @@ class Covariance:
     """Covariance of the pose over (x, y, theta), and of the twist over (vx, vy, wz).
 
     Args:
-        kinematics: The geometry of the base.
         motors: The motors, in the order in which counts are handed in.
         noise_m: Variance of a wheel's travel per metre that it rolls.
 
@@ -183,8 +182,6 @@ class Covariance:
         """Grow by one step.
 
         Args:
-            deltas: The counts of each motor.
-            arc: What they made.
             fused: Variance that the heading gained since the pose was set, where a gyro knows it
                 as well.
         """

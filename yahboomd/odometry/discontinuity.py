@@ -46,8 +46,6 @@ def event(
     """The severity of its event: a warning where something was lost.
 
     Args:
-        outcome: What ended.
-        gap_s: From the last reading before it to the first after it.
         lost_m: Up to how much of each wheel's travel is unknown.
         counted_m: The farthest that a wheel was counted to have rolled in between.
         unsure_m: How far from the pose the base may be, since it is unknown in which order it went
@@ -73,7 +71,6 @@ def clock_event(notice: Notice, period_ms: float) -> Event:
     """The event about another tick of the board, or none.
 
     Args:
-        notice: What was found out.
         period_ms: The period that yahboomd uses from now on.
     """
     if notice == "period":

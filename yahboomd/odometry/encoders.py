@@ -64,7 +64,6 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     """The meaning of one reading.
 
     Attributes:
-        outcome: What happened.
         ticks: The raw counters of the reading.
         deltas: Signed counts per motor that are travel since the last accepted reading.
         farthest: The largest of them, unsigned; of an ordinary step alone.
@@ -117,7 +116,6 @@ class Encoders:
         """Remember a reset or a gap until two readings settle it; a reset outweighs a gap.
 
         Args:
-            notice: What happened.
             unbroken: The board was certainly not reset in that gap.
         """
         if self._last is not None and self._notice != "reset" and notice != "none":
@@ -158,7 +156,6 @@ class Encoders:
         """The meaning of a reading; nothing is counted yet.
 
         Args:
-            ticks: The raw counters.
             sent_ns: When the line left the board, as far as known.
             elapsed_ns: The longest time that may have passed on the board since the last accepted
                 reading.

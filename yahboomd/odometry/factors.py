@@ -32,10 +32,6 @@ def motor_factors(kinematics: Kinematics, motors: tuple[Motor, ...]) -> tuple[Mo
 
     Motors that share a wheel (the two of a skid-steer side) share its travel in equal parts.
 
-    Args:
-        kinematics: The geometry; its ``forward`` rows map rim travel to body motion.
-        motors: The motors on the board.
-
     Raises:
         ConfigError: A motor names a wheel that the geometry has not, or a wheel has no motor.
     """

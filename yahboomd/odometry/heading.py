@@ -56,7 +56,6 @@ class Heading:
     """Fuses the turns of wheels and gyro, and says what is wrong with either.
 
     Args:
-        geometry: The name of the kinematics.
         counters: Where it is counted what goes wrong.
         tick_variance: Of the wheels' heading by the ticks of their encoders, rad^2.
         scale: Standard deviation of the gyro's scale where it was calibrated, as a share; None
@@ -174,8 +173,6 @@ class Heading:
         Args:
             turn: What they counted, radians.
             rolled: Variance of it by the distance that they rolled, rad^2.
-            stamp_ns: When the counters were sampled.
-            step_ns: Since the step before.
 
         Returns:
             The turn to add to theirs.

@@ -100,7 +100,6 @@ class HeadingFilter:
 
         Args:
             bias: In rad/s.
-            variance: Of it.
             unsure: Variance that the heading gains by what the other one did to it, rad^2.
         """
         self._state[B], self._pull[B] = bias, 0.0
@@ -116,7 +115,6 @@ class HeadingFilter:
 
         Args:
             slip: Variance that the wheels' heading gains, rad^2.
-            dt_s: How long the step took.
         """
         covariance = self._covariance
         for one in (E, C):
@@ -141,7 +139,6 @@ class HeadingFilter:
         Args:
             wheels: The turn that the wheels counted, radians.
             gyro: The turn that the gyro integrated, with its bias.
-            dt_s: How long the step took.
             rate: The rate of turn at its end, by the gyro less its bias, rad/s.
             slip: Variance that the wheels' heading gains in it, rad^2.
             noise: Variance that the gyro's heading gains, rad^2.

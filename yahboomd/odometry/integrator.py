@@ -90,8 +90,6 @@ class Integrator:
     """The pose, advanced by counts.
 
     Args:
-        kinematics: The geometry of the base.
-        motors: The motors, in the order in which counts are handed in.
         corrected: Whether varying curvature is corrected for; off only to compare.
     """
 

@@ -58,7 +58,6 @@ class Update(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         estimate: The new estimate; None where the reading shows nothing new.
-        events: What happened with it.
     """
 
     estimate: OdometryEstimate | None = None
@@ -72,7 +71,6 @@ class Odometer:
     """Computes where the robot is from the board's counts.
 
     Args:
-        kinematics: The geometry of the base.
         motors: The motors on the board; estimates list them in this order.
         speed_max_m_s: A rim speed that no wheel reaches; a larger step is no travel. The fastest of
             the vendor's motors with its wheel runs 1.93 m/s.
@@ -189,7 +187,6 @@ class Odometer:
         """Set the pose of the base. Totals go on.
 
         Args:
-            pose: Its pose in the odometry frame.
             covariance: How sure that is, over (x, y, theta), row by row; None for sure.
         """
         self._integrator.set_pose(pose, self._encoders.totals)

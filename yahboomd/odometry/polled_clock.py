@@ -106,7 +106,6 @@ class PolledClock:
         """Stamp a reading.
 
         Args:
-            reading: It, with the time of its request where that is known.
             ticks: Not used.
             least_ns: The least time that its travel takes: a request that was heard late is
                 recognised by it.

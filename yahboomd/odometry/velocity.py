@@ -57,10 +57,6 @@ class Window(NamedTuple):
 class Velocity:
     """Speeds of the motors and of the body.
 
-    Args:
-        kinematics: The geometry of the base.
-        motors: The motors, in the order in which counts are handed in.
-
     Attributes:
         rough_ns: How well the time of each reading is known, where that is worth speaking of; the
             window is the longest then.
@@ -102,7 +98,6 @@ class Velocity:
         """Take in the totals after a step on the board's clock.
 
         Args:
-            totals: Signed counts of each motor.
             step_ns: How long the step took; at the longest, where that is not known.
             unsure_ns: How much shorter it may have been.
         """

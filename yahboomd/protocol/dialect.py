@@ -116,11 +116,7 @@ class Speeds(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Battery(msgspec.Struct, frozen=True, kw_only=True):
-    """The supply voltage of the motors.
-
-    Attributes:
-        volts: As measured by the board.
-    """
+    """The supply voltage of the motors."""
 
     volts: float
 
@@ -455,8 +451,6 @@ class Dialect(Protocol):
         """The commands with which this board turns these wheels.
 
         Args:
-            kinematics: The drive geometry.
-            motors: The configured motors.
             settings: What the board stores; None where it stores nothing.
             scale: The calibration multiplier of commands.
 

@@ -18,7 +18,6 @@ class PerMotor(msgspec.Struct, frozen=True, kw_only=True):
     """A :class:`~yahboomd.protocol.dialect.Motion` of four speeds.
 
     Attributes:
-        motors: The motors.
         units_per_m_s: For each motor, command units for 1 m/s at the rim.
         wheel_limits: The fastest that the command range lets each wheel turn, m/s.
     """
@@ -58,9 +57,6 @@ def per_motor(
     """The motion of these motors.
 
     Args:
-        kinematics: The geometry.
-        motors: Its motors.
-        units_per_m_s: For each motor, command units for 1 m/s at the rim.
         max_command: The largest command, such as 1000.
     """
     limits = [math.inf] * len(kinematics.wheels)

@@ -19,11 +19,9 @@ class MotorProfile(msgspec.Struct, frozen=True, kw_only=True):
     """A motor with its gear and wheel, as built.
 
     Attributes:
-        name: The word in the configuration.
         stored: What else a board of theirs should store; what is missing stays as it is.
         lines: Encoder lines of one turn of the motor.
         ratio: The true gear ratio, decimals included.
-        wheel_diameter_mm: Millimetres.
     """
 
     name: str

@@ -124,7 +124,6 @@ def writes(
     """The writes that turn one set of stored values into another, in the order of the table.
 
     Args:
-        table: The dialect's.
         have: What the board shows. A value that it did not show is not written.
         want: What it should store; a value that is missing is left alone.
 

@@ -26,11 +26,9 @@ class Channel(NamedTuple):
     """A topic in one encoding.
 
     Attributes:
-        topic: Its name.
         message_encoding: ``json`` or ``cdr``.
         schema: Name of the message's type.
         schema_encoding: ``jsonschema`` or ``ros2msg``; empty without a schema.
-        schema_text: The schema.
         qos: ROS 2's quality of service in YAML, for topics of ROS 2.
     """
 
@@ -47,7 +45,6 @@ class Part:
     """One file of a recording.
 
     Attributes:
-        path: Where it is.
         first_ns: When its first message was recorded; Unix nanoseconds.
         last_ns: When its last one was.
         counts: Messages by channel.
@@ -111,8 +108,6 @@ class McapFiles:
         """Add a message.
 
         Args:
-            channel: Its topic and encoding.
-            data: The message.
             logged_ns: When it arrived; Unix nanoseconds.
             published_ns: When it was published; Unix nanoseconds.
             sequence: Its number, where its sender counts.

@@ -60,7 +60,6 @@ class Board(Protocol):
         """Lose all but the flash, let the motors go, and start again after ``off_ns``.
 
         Args:
-            now_ns: When.
             off_ns: How long it stays without power.
             by_power: Whether power failed, rather than a reset by software.
         """

@@ -22,7 +22,6 @@ class Impairments:
         unanswered: Answers of the board that begin so are lost, each with its probability.
 
     Args:
-        settings: What is wrong from the start.
         random: Decides what happens to which byte.
     """
 

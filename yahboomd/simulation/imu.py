@@ -120,7 +120,6 @@ class Imu:
     """A sensor in the middle between the wheels.
 
     Args:
-        options: Its tolerances.
         random: Draws what this one is like, and its noise.
 
     Attributes:

@@ -25,12 +25,6 @@ class MemoryPort:
         on_data: Takes what arrives, in the chunks in which it arrives.
         on_lost: Called once when the port goes: with an OSError when the plug was pulled, with
             None after :meth:`close`.
-
-    Args:
-        robot: What is at the other end.
-        on_data: See above.
-        on_lost: See above.
-        name: What messages call the port.
     """
 
     def __init__(

@@ -98,7 +98,6 @@ class Motor:
         supply: The voltage of its supply as a share of the one that its law holds for.
 
     Args:
-        law: Its numbers.
         phase: Where between two counts the encoder starts, 0 to 1.
     """
 

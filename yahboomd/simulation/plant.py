@@ -21,7 +21,6 @@ class Plant:
     """Motors by their position on the board, the chassis under them, and the battery.
 
     Args:
-        options: The robot.
         random: Decides where between two counts each encoder starts.
     """
 

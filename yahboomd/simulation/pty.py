@@ -76,7 +76,6 @@ class PtyPort:
         ended: Done with the error if something went wrong inside.
 
     Args:
-        device: What is served.
         link: A symbolic link to the port, kept up to date.
     """
 
@@ -251,12 +250,7 @@ class PtyPort:
 
 
 class RobotPort(PtyPort):
-    """The port of a simulated robot, which takes control commands.
-
-    Args:
-        robot: What is served.
-        link: See :class:`PtyPort`.
-    """
+    """The port of a simulated robot, which takes control commands."""
 
     def __init__(self, robot: SimulatedRobot, *, link: Path | None = None) -> None:
         super().__init__(robot, link=link)

@@ -35,15 +35,11 @@ class SimulatedRobot:
     """Board, motors, chassis and line.
 
     Attributes:
-        options: What it was made of.
         plant: Motors and chassis, the truth.
         board: The firmware.
         impairments: The state of the line.
         on_truth: Takes a sample every 10 ms.
         on_plug: Called when the USB plug comes out (False) or goes in (True).
-
-    Args:
-        options: What it is made of.
 
     Raises:
         ConfigError: Such a robot cannot be.

@@ -88,13 +88,7 @@ class SpeedLoop:
 
 
 class MotorControl:
-    """Counters, modes and outputs of the four positions.
-
-    Args:
-        plant: What is driven and sensed.
-        totals: The counters at the start.
-        gain: Of the speed loops.
-    """
+    """Counters, modes and outputs of the four positions."""
 
     def __init__(
         self, plant: Plant, totals: Counts = (0, 0, 0, 0), gain: float = QUICK_GAIN

@@ -14,11 +14,7 @@ def transfer_ns(size: int, baud: int) -> int:
 
 
 class Wire:
-    """Bytes on their way, on given time.
-
-    Args:
-        baud: Bits a second.
-    """
+    """Bytes on their way, on given time."""
 
     def __init__(self, baud: int) -> None:
         self._baud = baud

@@ -82,11 +82,6 @@ def run(
     """The travel at 0, 1, 2 ... ticks after a step from rest.
 
     Args:
-        model: The motor.
-        gains: Of the loop.
-        target: The commanded speed.
-        tick_s: The period of the loop.
-        ticks: How long.
         count: Travel of one count, by which the loop measures; 0 for a perfect one.
     """
     decay = math.exp(-tick_s / model.lag_s)
@@ -116,7 +111,6 @@ def fit(steps: Sequence[Step], *, tick_s: float, fastest: float) -> tuple[LoopMo
 
     Args:
         steps: Of one wheel, by one or several sets of gains.
-        tick_s: The period of the loop.
         fastest: The first guess of the speed at full output.
 
     Returns:

@@ -108,8 +108,6 @@ def on_grid(
     Args:
         times_s: When counts were taken, since the command; rising.
         travel: At those times, since the command.
-        tick_s: The step of the grid.
-        ticks: Its length.
     """
     grid = []
     points = [(0.0, 0.0), *zip(times_s, travel, strict=True)]
@@ -145,7 +143,6 @@ def figures(trace: Sequence[float], target: float, tick_s: float) -> StepFigures
     Args:
         trace: Speeds by tick since the command.
         target: The commanded speed, in the same unit, not 0.
-        tick_s: Seconds of a tick.
     """
     shares = [value / target for value in trace]
     tenth = _crossing(shares, 0.1)

@@ -74,9 +74,6 @@ def suggest(
     """One set of gains for all motors, as the board stores them.
 
     Args:
-        models: The fitted motors, one or more.
-        target: The step.
-        tick_s: The period of the loop.
         count: Travel of one count.
         least_lambda_s: No faster than this: an earlier suggestion was too fast on the robot.
     """

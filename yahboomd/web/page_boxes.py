@@ -30,7 +30,6 @@ class PageBoxes:
     """The boxes of this machine.
 
     Args:
-        clock: Tells the age of a list.
         robot: Options of every command that talks to the daemon: where it is.
     """
 

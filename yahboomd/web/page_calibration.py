@@ -57,9 +57,7 @@ class PageCalibration:
     """The calibration that a page leads, and what pages see of it.
 
     Args:
-        clock: The time that is passed on with holds.
         robot: Options of every command that talks to the daemon: where it is.
-        source: The key to command on.
         changed: Called when there is something new to show.
     """
 

@@ -52,7 +52,6 @@ class PageCommands:
     """The commands of all pages.
 
     Args:
-        clock: The source of time.
         put: Publishes a velocity.
         obstacle: The reason why no page can drive now, if there is one.
         changed: Called when another page has control, or none.
@@ -109,8 +108,6 @@ class PageCommands:
         """Obey a command, or say why not.
 
         Args:
-            page: Of a driver.
-            twist: The velocity.
             age_ns: How old its beat is; None where that is unknown.
         """
         if twist.is_zero:

@@ -26,8 +26,7 @@ class PageFile(msgspec.Struct, frozen=True, kw_only=True):
     """A file of the page.
 
     Attributes:
-        content: Its bytes.
-        compressed: The same with gzip; empty where that is not smaller.
+        compressed: The content with gzip; empty where that is not smaller.
         kind: Its media type.
         etag: Changes with the content.
     """

@@ -69,14 +69,7 @@ INVALID = Refusal(why="invalid", text="That is no velocity.")
 
 
 class PageHub:
-    """Serves the pages of one robot.
-
-    Args:
-        options: Of a client of its daemon.
-        clock: The source of time.
-        settings: Of the commands that pages start.
-        source: The key to command on.
-    """
+    """Serves the pages of one robot."""
 
     def __init__(
         self,
@@ -134,12 +127,7 @@ class PageHub:
         self.tools.stop()
 
     async def attend(self, socket: WebSocket, role: Role) -> None:
-        """Serve one page until it leaves.
-
-        Args:
-            socket: A WebSocket that was accepted.
-            role: Of its person.
-        """
+        """Serve one page until it leaves."""
         viewers = sum(each.role == "viewer" for each in self._pages.values())
         if len(self._pages) >= MAX_PAGES or (role == "viewer" and viewers >= MAX_VIEWERS):
             await socket.close(FULL, f"{len(self._pages)} pages are open already. Close one.")

@@ -44,7 +44,6 @@ class PageRecordings:
     """The recorder that pages start and stop, and its folder.
 
     Args:
-        clock: Names recordings, and counts their time.
         robot: Options of every command that talks to the daemon: where it is.
         folder: Of all recordings.
         changed: Called when there is something new to show.

@@ -29,8 +29,6 @@ class PageSession:
 
     Args:
         number: Names it to other pages.
-        role: Of its person.
-        socket: The accepted WebSocket.
         clock: Measures how much it sends.
         joined: The latest beat then.
     """

@@ -19,7 +19,6 @@ class ToolSettings(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         robot: Options of every command that talks to the daemon: where it is.
-        recordings: The folder of recordings.
     """
 
     robot: tuple[str, ...]
@@ -30,9 +29,6 @@ class PageTools:
     """The tools of all pages.
 
     Args:
-        clock: The source of time.
-        settings: Of the commands that they start.
-        source: The key to command on.
         show: Shows parts to every page.
     """
 

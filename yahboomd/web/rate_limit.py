@@ -15,7 +15,6 @@ class RateLimit:
     """Failures by address.
 
     Args:
-        clock: The source of time.
         burst: Failures that are allowed at once.
         every_s: Then one in so many seconds.
     """

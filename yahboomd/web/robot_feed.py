@@ -50,9 +50,6 @@ class RobotFeed:
     """One robot: a session that comes and goes with the daemon, and what was learned over it.
 
     Args:
-        options: Of a client.
-        clock: The source of time.
-        source: The key to command on.
         changed: Called when the daemon comes, goes, or has said what robot it is.
         happened: Called with each event.
 

@@ -62,8 +62,6 @@ class WebApplication:
     """The application of one robot.
 
     Args:
-        hub: Serves its pages.
-        files: Of the page.
         origin: Recognises requests of the page's own.
         tokens: Of the people who may enter; None where everybody who reaches it may drive.
         clock: Measures how often an address tries.
@@ -182,7 +180,6 @@ class Guard:
     """Refuses what is not from our own page, and adds the headers of every answer.
 
     Args:
-        application: Serves the rest.
         origin: Recognises requests of the page's own.
     """
 

@@ -45,7 +45,6 @@ def export(box: Box, path: Path) -> int:
     """Write a box as an MCAP file; returns its messages.
 
     Args:
-        box: The box.
         path: A file that is not there yet. It is there only once it is whole.
 
     Raises:

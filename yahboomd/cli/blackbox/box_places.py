@@ -23,12 +23,10 @@ class Found(NamedTuple):
     """A black box on this machine.
 
     Attributes:
-        path: Its file.
         name: What a person calls it by: its number, or the name of the ring.
         kind: ``saved``; ``running`` for the ring of a daemon that runs, ``left`` for one that
             ended and whose ring is not saved yet.
         written_ns: When it was written last; Unix nanoseconds.
-        size: Bytes of the file.
     """
 
     path: Path
@@ -56,7 +54,6 @@ def places(environ: Mapping[str, str], own: Path | None) -> Places:
     """The folders of services, of this user, and of the configuration.
 
     Args:
-        environ: The environment.
         own: The folder of saved boxes by the configuration.
     """
     saved = ([] if own is None else [own]) + sorted(map(Path, glob(SERVICES)))

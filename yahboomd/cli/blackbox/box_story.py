@@ -32,7 +32,6 @@ class Line(NamedTuple):
     Attributes:
         at_ns: When; monotonic nanoseconds.
         what: In a word: ``event``, ``state``, ``command``, ``board``, ``sent``, ``daemon``.
-        words: What happened.
     """
 
     at_ns: int

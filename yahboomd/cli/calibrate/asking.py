@@ -59,8 +59,6 @@ class Person(Protocol):
 
         Args:
             name: Of the question, for programs.
-            question: With the unit.
-            unit: Of the number.
             good: Which numbers are possible.
             wrong: What to say of others.
             blank: The meaning of an empty answer; None: it is returned as None.
@@ -84,9 +82,6 @@ class Answers:
     """A person at a terminal, or lines of standard input.
 
     Questions go to standard error: standard output is the result.
-
-    Args:
-        as_json: Whether the result is one line of JSON.
     """
 
     enter = "Enter"

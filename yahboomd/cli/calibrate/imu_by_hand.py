@@ -64,9 +64,6 @@ async def turn_by_hand(
 
     Args:
         stream: Opens the samples, from now on.
-        answers: Asks the person.
-        config: The daemon's.
-        turns: How often the robot is to be turned.
 
     Raises:
         Refused: No samples come, or what they show cannot be trusted.

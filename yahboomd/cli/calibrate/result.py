@@ -35,15 +35,8 @@ def conclude(
     """Show what was found, and write it unless it cannot be trusted.
 
     Args:
-        fit: The result.
-        config: The robot's configuration in effect.
         path: The calibration file; None where there is no state directory.
-        method: How it was measured, in a few words.
-        runs: What it was fitted to.
         sideways: The way of a mecanum base to the side.
-        sideways_runs: What that was fitted to.
-        dry_run: Whether to show it only.
-        person: Who is shown it.
 
     Raises:
         Refused: The result cannot be trusted; nothing was written.

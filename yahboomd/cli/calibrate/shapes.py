@@ -36,7 +36,6 @@ class Sides:
     A mecanum base turns as if its sides were as far apart as its wheels and its axles together.
 
     Args:
-        config: The robot.
         names: The motors, in the order of the ticks.
     """
 
@@ -112,8 +111,6 @@ class Driver:
     """Drives legs and gathers counts.
 
     Args:
-        robot: A connected client.
-        config: Of the robot.
         source: The key that it commands on.
         hold: The button that lets the robot move; None: it moves without one.
     """
@@ -192,7 +189,6 @@ class Driver:
         """Drive one leg, and wait until the robot stands.
 
         Args:
-            leg: What to drive.
             progress: Is called with the part of it that was driven, from 0 to 1.
 
         Raises:

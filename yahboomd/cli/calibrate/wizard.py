@@ -35,10 +35,7 @@ async def calibrate(
     """Ask, drive, fit, and write the result.
 
     Args:
-        robot: A connected client.
         loaded: The configuration of this machine, which names the calibration file.
-        args: The options of the verb.
-        person: Who answers.
         hold: The button that lets the robot move; None: it moves once the person let it begin.
 
     Raises:

@@ -227,10 +227,7 @@ def _ask_daemon(
     """The daemon's knowledge of its board; None where none answers.
 
     Args:
-        args: Where it is asked.
-        config: Where it is asked otherwise.
         port: The port that it holds; empty for whichever it has.
-        want: What the board should store.
     """
     from yahboomd.cli.probe.probe_client import ask_board
 

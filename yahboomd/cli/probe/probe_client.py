@@ -27,7 +27,6 @@ class Reported(NamedTuple):
     """A daemon's report of its board.
 
     Attributes:
-        port: The port that it holds.
         found: The board's facts, as if it had been asked itself; None while it has no board.
     """
 
@@ -36,12 +35,7 @@ class Reported(NamedTuple):
 
 
 async def ask_board(endpoints: tuple[str, ...], config: Config) -> Reported | None:
-    """Ask for the board's facts; None where no daemon answers.
-
-    Args:
-        endpoints: Where the daemon is reached.
-        config: Names the namespace, and Zenoh's own file.
-    """
+    """Ask for the board's facts; None where no daemon answers."""
     robot = AsyncRobot(client_options(endpoints, config))
     try:
         await robot.join(0.0)

@@ -23,7 +23,6 @@ class SettingRow(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         name: What it is, in words.
-        command: The command that stores it.
         have: What the board stores; None where it did not answer.
         want: What it should store; None leaves the value alone.
         differs: Whether `probe --write` would store it.
@@ -40,7 +39,6 @@ class StoredValue(msgspec.Struct, frozen=True, kw_only=True):
     """One value that `probe --write` tried to store.
 
     Attributes:
-        command: The command that stores it.
         outcome: ``stored`` (and read back), ``refused`` by the board, or ``failed``.
         answer: The answer of the board; empty where none came.
         attempts: How often it was sent.
@@ -63,15 +61,12 @@ class Report(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
         dialect: How the board is spoken to; None where none answered.
         firmware: Its version, where known.
         volts: The supply of its motors.
-        ticks: Its counters.
         standing: Whether the wheels were seen to stand.
         reopen: Whether the counters survive closing and opening the port; None: not tried.
         profile: The motors that the configuration names.
         settings: The stored values; empty where the board stores none.
         problems: Why the board must not be driven like this; each with its remedy.
         advice: What else is worth knowing.
-        error: What went wrong.
-        ports: The ports of this machine.
         stored: What `--write` did, value by value.
     """
 
@@ -107,17 +102,7 @@ def report(
     want: BoardSettings,
     wanted_dialect: str,
 ) -> Report:
-    """Put together a board's answers and what they mean.
-
-    Args:
-        found: The board's answers.
-        reopening: What opening the port once more did.
-        port: The port, as it was named.
-        device: The device behind it.
-        profile: The motors that the configuration names.
-        want: What the board should store for them.
-        wanted_dialect: ``serial.dialect``.
-    """
+    """Put together a board's answers and what they mean."""
     dialect, settings = found.dialect, found.settings
     assert dialect is not None
     meant = Findings()
@@ -191,9 +176,6 @@ def setting_rows(
     """The stored values beside the wanted ones.
 
     Args:
-        table: The dialect's.
-        have: What the board stores.
-        want: What it should store.
         differing: The commands of the values that differ, as the dialect compares them.
     """
     return tuple(

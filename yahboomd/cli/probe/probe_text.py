@@ -76,12 +76,7 @@ def columns(cells: Sequence[Sequence[str]]) -> list[str]:
 
 
 def verdict(found: Report, width: int = 100) -> list[str]:
-    """Whether the board may be driven, and what else is worth knowing, in lines.
-
-    Args:
-        found: The report.
-        width: Characters of a line.
-    """
+    """Whether the board may be driven, and what else is worth knowing, in lines."""
     points = [*found.problems, *found.advice]
     count = len(found.differing)
     if count and not found.problems:
@@ -133,12 +128,7 @@ def listing(found: Sequence[Candidate], udev_name: str, target: str) -> list[str
 
 
 def shown(row: SettingRow, settings: Sequence[StoredSetting]) -> tuple[str, str]:
-    """Both values of a setting: what the board stores, and what it should.
-
-    Args:
-        row: The values.
-        settings: The dialect's table.
-    """
+    """Both values of a setting: what the board stores, and what it should."""
     setting = next(each for each in settings if each.command == row.command)
     have = "not known" if row.have is None else setting.words(row.have)
     want = "left as it is" if row.want is None else setting.words(row.want)

@@ -208,11 +208,6 @@ class _Numbered(msgspec.Struct):
 class Recorder:
     """Writes what arrives, and counts what does not.
 
-    Args:
-        native: Where native messages go.
-        ros: Where those of ROS 2 go.
-        wall_ns: Unix time of a moment of the monotonic clock.
-
     Attributes:
         lost: Samples that were published and did not arrive here, by their numbers.
         unreadable: Payloads that were no message of their key.

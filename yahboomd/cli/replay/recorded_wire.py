@@ -24,7 +24,6 @@ class Piece(NamedTuple):
 
     Attributes:
         at_ns: When they came: of the recording's clock, or after their question.
-        data: The bytes.
         whole: Whether they end where a frame or a line of the board does.
     """
 
@@ -37,7 +36,6 @@ class Poll(NamedTuple):
     """A request for the counters.
 
     Attributes:
-        at_ns: When it was written.
         answer: What came until the next one, after so long.
     """
 
@@ -49,7 +47,6 @@ class Connection(msgspec.Struct, kw_only=True):
     """What went over the wire between the opening of a port and its closing.
 
     Attributes:
-        dialect: The board's.
         stream: What the board sent by itself, from the moment at which its counts were asked for.
         begins_ns: That moment.
         ends_ns: The end of it.

@@ -35,10 +35,7 @@ def be_a_port(recorded: list[Connection], header: Header, link: Path, *, as_json
     """Play connections on a pseudo-terminal.
 
     Args:
-        recorded: The connections.
-        header: Of their recording.
         link: The name of the port.
-        as_json: Whether the result is one line of JSON.
 
     Raises:
         ConfigError: The link cannot be made.

@@ -224,11 +224,7 @@ class ReplayedBoard:
 
 
 class _Words:
-    """Finds in the host's bytes what a board of one dialect reacts to.
-
-    Args:
-        dialect: The board's.
-    """
+    """Finds in the host's bytes what a board of one dialect reacts to."""
 
     def __init__(self, dialect: Dialect) -> None:
         roles = {_motion_head(dialect): "motions", dialect.brake: "stops"}

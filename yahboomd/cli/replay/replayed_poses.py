@@ -58,7 +58,6 @@ class Estimated(NamedTuple):
 
     Attributes:
         wall_ns: Its stamp as Unix nanoseconds.
-        estimate: The estimate itself.
     """
 
     wall_ns: int
@@ -102,12 +101,7 @@ _Pending = _Counted | ImuReading | VersionLine
 class PoseReplay:
     """Computes the poses of a recording.
 
-    Args:
-        header: Says how the odometer was made.
-
     Attributes:
-        estimates: All of them.
-        events: Those of the odometry.
         compared: With what the daemon computed.
     """
 
@@ -133,7 +127,6 @@ class PoseReplay:
         """Compute everything.
 
         Args:
-            records: The recording.
             damaged: Records are missing somewhere: poses that differ at an anchor go on from there.
 
         Raises:

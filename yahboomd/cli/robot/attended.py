@@ -35,7 +35,6 @@ def add_robot_options(parser: argparse.ArgumentParser, *, overrides: bool = True
     """``--timeout``, and where the daemon is.
 
     Args:
-        parser: Of a command.
         overrides: Whether ``--set`` changes a key of the configuration.
     """
     parser.add_argument(
@@ -116,10 +115,6 @@ async def _attended(
 
 async def until_signal(work: Awaitable[int], signals: Iterable[int]) -> int:
     """Cancel the work at a signal, or when the output is lost.
-
-    Args:
-        work: What to do; returns the exit status.
-        signals: Those that cancel it.
 
     Returns:
         What it returned; 128 and the number of the signal that ended it.

@@ -22,7 +22,6 @@ class Obedience:
     """Judges the statuses of a daemon while one source commands.
 
     Args:
-        source: The key of the commands.
         before: The status before the first command.
 
     Attributes:

@@ -190,7 +190,6 @@ class Dashboard:
         """The robot's state at ``now_ns``, to be shown.
 
         Args:
-            now_ns: Monotonic nanoseconds of the watching program.
             connected: Whether there is a connection that samples could come over.
         """
         events, status = tuple(self._events), self._status

@@ -68,7 +68,6 @@ class Screen:
     """A screen of its own on a terminal, without a cursor; gone on every way out.
 
     Args:
-        fd: The terminal.
         gone: Called when it takes no more output.
     """
 

@@ -53,7 +53,6 @@ def screen(
     """The screen, and the same without the legend for low terminals.
 
     Args:
-        view: What is known of the daemon.
         command: What is published now, zeros after motion included; None for nothing.
         speeds: What a key stands for, in m/s and rad/s.
         robot: Which robot it commands, and where that is.

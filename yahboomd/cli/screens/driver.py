@@ -21,14 +21,7 @@ REDRAW_S = 0.1
 
 
 class Driver:
-    """The keyboard, the screen and the bus, put together.
-
-    Args:
-        feed: What comes from the daemon, and the way to it.
-        teleop: Makes commands of keys.
-        clock: Times the keys and the screen.
-        source: The key to command on.
-    """
+    """The keyboard, the screen and the bus, put together."""
 
     def __init__(self, feed: Feed, teleop: Teleop, clock: Clock, source: str) -> None:
         self._feed = feed

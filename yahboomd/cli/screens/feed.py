@@ -28,12 +28,6 @@ class Feed:
 
     An asynchronous context manager; leaving it closes the session.
 
-    Args:
-        options: Of a client.
-        clock: Stamps what arrives.
-        source: The key to command on, where it commands.
-        label: Names the commanding program to people.
-
     Attributes:
         dashboard: Makes views of the samples.
         client: The robot; its session opens when a router answers.

@@ -86,7 +86,6 @@ class Keys:
     key (Ctrl-Z, Ctrl-Backslash, Ctrl-S): else it could stop no robot.
 
     Args:
-        fd: The terminal.
         handler: Called on the loop with each key.
         hung_up: Called when the terminal is gone.
     """

@@ -29,10 +29,8 @@ def screen(view: View, *, where: str, width: int, height: int) -> RenderableType
     """The whole screen.
 
     Args:
-        view: What there is to show, with a status.
         where: The robot and where it is, for the title.
-        width: Columns of the terminal.
-        height: Its lines; panels for which there is no room are left out, from below.
+        height: Lines of the terminal; panels for which there is no room are left out, from below.
     """
     side = min(2 * height, width - 80) if width >= MAP_FROM and view.trail else 0
     main = width - side

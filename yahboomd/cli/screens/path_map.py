@@ -31,8 +31,6 @@ def path_map(
     Args:
         trail: Positions (x, y) in metres, the newest last; at least one.
         theta: The heading now, radians.
-        width: Characters in a line.
-        height: Lines.
 
     Returns:
         The lines; column and line of the robot, which is drawn there as an arrow; and how many

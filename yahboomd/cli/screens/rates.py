@@ -8,11 +8,7 @@ from yahboomd.model import NS_PER_S
 
 
 class Counter:
-    """The counts of the latest seconds.
-
-    Args:
-        window_ns: So long counts are kept.
-    """
+    """The counts of the latest seconds."""
 
     def __init__(self, window_ns: int) -> None:
         self._window_ns = window_ns

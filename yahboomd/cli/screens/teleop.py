@@ -67,12 +67,7 @@ MIN_SCALE, MAX_SCALE = 0.05, 10.0
 
 
 class Teleop:
-    """One keyboard that drives.
-
-    Args:
-        linear_m_s: Speed to begin with.
-        angular_rad_s: Turning speed to begin with.
-    """
+    """One keyboard that drives."""
 
     def __init__(self, *, linear_m_s: float, angular_rad_s: float) -> None:
         self._linear_m_s = linear_m_s

@@ -59,7 +59,6 @@ class System(NamedTuple):
         program: The ``yahboomd`` that the service runs.
         packaged: Whether dpkg installed our files.
         live: Whether this is the running system, with systemd as its manager.
-        run: Runs a command.
         dry: Whether to print only what would be done.
     """
 

@@ -68,7 +68,6 @@ class PlannedFile(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         path: Where, with the root in front.
-        text: Its content.
         fate: What becomes of it: written as new or over an older one, as it should be already, or
             a person's own and left alone.
     """
@@ -93,13 +92,7 @@ def data_text(name: str) -> str:
 
 
 def planned_files(root: Path, program: Path, *, packaged: bool) -> list[PlannedFile]:
-    """The files of the service itself.
-
-    Args:
-        root: Replaces ``/``.
-        program: The ``yahboomd`` that the service shall run.
-        packaged: Whether dpkg installed our own files.
-    """
+    """The files of the service itself."""
     if packaged:
         return []
     files = [
@@ -126,7 +119,6 @@ def instance_file(root: Path, name: str, port: str) -> PlannedFile:
     """The configuration of one of several boards.
 
     Args:
-        root: Replaces ``/``.
         name: Of the instance, and the robot's namespace.
         port: Its serial port; best a name below ``/dev/serial/by-path``, which stays with the
             socket.
@@ -150,12 +142,7 @@ def instance_file(root: Path, name: str, port: str) -> PlannedFile:
 
 
 def web_listen_file(root: Path, listen: str) -> PlannedFile:
-    """The addition to the page's unit that lets other machines reach it.
-
-    Args:
-        root: Replaces ``/``.
-        listen: Address and port.
-    """
+    """The addition to the page's unit that lets other machines reach it."""
     text = (
         "# Written by `yahboomd install --web --listen`. The links: sudo yahboomd web --show-link\n"
         "[Service]\n"

@@ -24,8 +24,6 @@ def drivable(
     """Every way to connect the motors with which the board drives as it is commanded.
 
     Args:
-        dialect: The board's.
-        settings: What it stores.
         config: The robot, its motors connected in any way.
         wheels: The wheels that have a motor, each named as its motor is.
 

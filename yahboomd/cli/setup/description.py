@@ -34,7 +34,6 @@ class Given(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         profile: The motors.
-        kinematics: The drive geometry.
         wheel_diameter_mm: Of the driven wheels.
         wheel_separation_mm: From the left wheels to the right ones.
         wheel_base_mm: From the front axle to the rear one.
@@ -52,10 +51,6 @@ class Description(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         board: The keys of ``[board]``.
-        profile: The motors.
-        kinematics: The drive geometry.
-        wheel_diameter_mm: Of the driven wheels.
-        wheel_separation_mm: From the left wheels to the right ones.
         wheel_base_mm: From the front axle to the rear one, where the geometry needs it.
     """
 
@@ -73,8 +68,6 @@ async def ask_motors(
     """The keys of ``[board]``, and the profile that they stand for.
 
     Args:
-        person: Is asked.
-        given: May have the answer.
         dialect: Of the board: it has motors of some profiles.
         stored: What the board stores: one of them may be what it was set up for.
     """
@@ -96,14 +89,7 @@ async def ask_motors(
 async def ask_robot(
     person: Person, given: Given, board: Mapping[str, Any], profile: MotorProfile
 ) -> Description:
-    """How it drives, and its size.
-
-    Args:
-        person: Is asked.
-        given: May have the answers.
-        board: The keys of ``[board]``.
-        profile: The motors.
-    """
+    """How it drives, and its size."""
     kinematics = given.kinematics
     if kinematics is None:
         say_heading("How it drives")
@@ -141,7 +127,6 @@ async def choose(person: Person, question: str, rows: Sequence[tuple[str, str]])
     """Ask for one of several, by its number or its name.
 
     Args:
-        person: Is asked.
         question: A word or two.
         rows: Names, and what they mean.
     """

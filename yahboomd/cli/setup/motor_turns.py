@@ -45,7 +45,6 @@ class Robot(msgspec.Struct, frozen=True, kw_only=True):
     """A robot whose wiring is to be found.
 
     Attributes:
-        description: What it is.
         wheels: The driven wheels, by their number in the picture.
         ways: The ways to connect their motors that the board can drive.
     """
@@ -64,10 +63,6 @@ class ByOutput:
     """Finds the wiring with a board that can give its motors an output.
 
     Args:
-        talk: The conversation with the board.
-        pulses: Turns single motors.
-        person: Says what was seen.
-        robot: What it is.
         may_turn: Called before each motor is turned; raises where none may be.
     """
 
@@ -211,13 +206,7 @@ class ByOutput:
 
 
 class ByHand:
-    """Finds the wiring with a board that has speeds only: the person turns the wheels.
-
-    Args:
-        talk: The conversation with the board.
-        person: Turns the wheels.
-        robot: What it is.
-    """
+    """Finds the wiring with a board that has speeds only: the person turns the wheels."""
 
     def __init__(self, talk: Conversation, person: Person, robot: Robot) -> None:
         self._talk = talk

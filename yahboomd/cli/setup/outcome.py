@@ -15,10 +15,7 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
     """A robot that was set up.
 
     Attributes:
-        port: The port of its board.
         dialect: How the board is spoken to.
-        description: What the robot is.
-        wiring: How its motors are connected.
         imu: The board's inertial sensor; empty for none.
     """
 
@@ -30,12 +27,7 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def result(found: Outcome, path: Path) -> str:
-    """The outcome as one line of JSON.
-
-    Args:
-        found: The robot.
-        path: The file that was written.
-    """
+    """The outcome as one line of JSON."""
     facts = {
         "file": str(path),
         "port": found.port,
@@ -50,12 +42,7 @@ def result(found: Outcome, path: Path) -> str:
 
 
 def next_steps(found: Outcome, path: Path) -> str:
-    """How the motors are connected, and the commands to run next.
-
-    Args:
-        found: The robot.
-        path: The file that was written.
-    """
+    """How the motors are connected, and the commands to run next."""
     lines = [f"\n{path} is written."]
     for motor in found.wiring.motors:
         way = ", mounted the other way round" if motor.sign < 0 else ""

@@ -33,7 +33,6 @@ def wheels_of(kinematics: str, wheels: Sequence[str]) -> tuple[str, ...]:
     """The driven wheels, in the order of their numbers in the picture.
 
     Args:
-        kinematics: The name of the drive geometry.
         wheels: Its wheels; a side of a skid-steer base has two.
     """
     return CORNERS if kinematics == "skid_steer" or len(wheels) == 4 else tuple(wheels)
@@ -43,7 +42,6 @@ def picture(kinematics: str, wheels: Sequence[str]) -> str:
     """The robot from above.
 
     Args:
-        kinematics: The name of the drive geometry.
         wheels: As :func:`wheels_of` gives them.
     """
     if len(wheels) == len(CORNERS):

@@ -29,8 +29,6 @@ def as_toml(description: Description, wiring: Wiring, *, port: str = "") -> str:
     """The configuration of a robot.
 
     Args:
-        description: What it is.
-        wiring: How its motors are connected.
         port: The serial port; empty: yahboomd looks for it.
     """
     lines = [
@@ -66,12 +64,7 @@ def as_toml(description: Description, wiring: Wiring, *, port: str = "") -> str:
 
 
 def as_config(description: Description, wheels: Sequence[str]) -> Config:
-    """The configuration of a robot whose wiring is not known yet.
-
-    Args:
-        description: What it is.
-        wheels: The wheels that have a motor.
-    """
+    """The configuration of a robot whose wiring is not known yet."""
     motors = tuple(
         WiredMotor(wheel=wheel, position=position, sign=1)
         for position, wheel in enumerate(wheels, start=1)
@@ -82,11 +75,6 @@ def as_config(description: Description, wheels: Sequence[str]) -> Config:
 
 def write_robot(path: Path, text: str, *, overwrite: bool) -> None:
     """Write the file, if the configuration in it can be used.
-
-    Args:
-        path: Where.
-        text: What.
-        overwrite: Whether a file that is there is replaced.
 
     Raises:
         ConfigError: It cannot be written, is there already, or cannot be used.

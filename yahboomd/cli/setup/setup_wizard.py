@@ -38,16 +38,7 @@ RESEND_S = 0.1
 
 
 class Wizard:
-    """One robot that is set up.
-
-    Args:
-        person: Answers.
-        given: The answers that are known.
-        config: How the port is opened, and where the emergency stop is kept.
-        port: The port.
-        opener: Opens it.
-        clock: The source of time.
-    """
+    """One robot that is set up."""
 
     def __init__(
         self,

@@ -91,7 +91,6 @@ def describe(parser: argparse.ArgumentParser, line: str = "") -> Command:
 
     Args:
         parser: As argparse has it, each command of it added.
-        line: Its line in the list of commands.
     """
     formatter = parser._get_formatter()  # noqa: SLF001 - argparse has no public way to its parts
 

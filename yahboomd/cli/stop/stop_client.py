@@ -46,10 +46,7 @@ async def engage(
     """Engage the emergency stop of every daemon there, and watch the wheels.
 
     Args:
-        endpoints: Where the daemon is reached.
-        config: Names the namespace, and Zenoh's own file.
         port: Only a daemon on this port is meant; empty for every one.
-        within_s: How long to watch for standing wheels.
 
     Returns:
         What came of it; None where no daemon answers.
@@ -102,8 +99,6 @@ def release(endpoints: tuple[str, ...], config: Config, *, port: str = "") -> st
     """Release the emergency stop; returns the daemon's answer.
 
     Args:
-        endpoints: Where the daemon is reached.
-        config: Names the namespace, and Zenoh's own file.
         port: Only a daemon on this port is meant; empty for every one.
 
     Raises:

@@ -29,8 +29,6 @@ class Wanted(NamedTuple):
     """A choice among daemons. None and empty fields fit all.
 
     Attributes:
-        port: The serial port.
-        namespace: The robot's name.
         listen: Where the daemon listens; one of them is enough.
     """
 
@@ -55,10 +53,8 @@ class LocalDaemon(NamedTuple):
     """A daemon of this machine.
 
     Attributes:
-        socket: Its socket.
         pid: Of the process that listens there; 0 where it is in another PID namespace.
         silent: It did not answer.
-        namespace: The robot's name.
         ports: The serial port, as configured and as opened.
         listen: Where it listens for Zenoh.
     """
@@ -81,7 +77,6 @@ class Outcome(NamedTuple):
     """The result of a stop.
 
     Attributes:
-        robot: Whose.
         words: What was done and seen, for a person.
         stood: The wheels were seen to stand.
         blind: No counts came.

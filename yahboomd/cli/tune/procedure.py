@@ -58,7 +58,6 @@ class Wheel(msgspec.Struct, kw_only=True):
     """The findings on one wheel.
 
     Attributes:
-        name: Of its motor.
         position: Of its motor, 1 to 4.
         turning_output: The output at which it begins to turn, forward and backward; None where the
             board drives no motor without regulation.
@@ -81,8 +80,6 @@ class Result(msgspec.Struct, kw_only=True):
     """The outcome of a tuning.
 
     Attributes:
-        port: The board's.
-        dialect: The board's.
         firmware: Its version, where known.
         volts: The supply of its motors, where known.
         speed_m_s: The step.
@@ -90,7 +87,6 @@ class Result(msgspec.Struct, kw_only=True):
         stored_now: Those that it stores now.
         suggested: Those that are suggested; empty where none are.
         expected: The suggestion with what the models say of it.
-        wheels: Each wheel.
         writes: Values written to the board's flash.
         resets: Restarts of the board that these cost.
         notes: Sentences for the person.
@@ -124,14 +120,7 @@ class Procedure:
     """One tuning.
 
     Args:
-        opener: Opens the port.
-        clock: The source of time.
-        config: Of the robot.
         speed_m_s: Of the steps; lowered where the board or the wheels cannot turn so fast.
-        say: Receives progress.
-
-    Attributes:
-        result: What is known so far.
     """
 
     def __init__(

@@ -83,16 +83,10 @@ class Stand:
     """A known board whose wheels are in the air.
 
     Attributes:
-        dialect: The board's.
         settings: What it stores; None where it stores nothing.
-        motors: The configured motors.
         volts: The supply; None where the board does not report it.
 
     Args:
-        line: The attended line.
-        dialect: The board's.
-        motors: The configured motors.
-        motion: Its commands.
         guard: Stops the wheels if this process dies; None on a simulated line.
     """
 
@@ -188,7 +182,6 @@ class Stand:
         """Raise one motor's output slowly until it has turned; every other one is off.
 
         Args:
-            motor: The motor.
             way: +1 forward, -1 backward.
 
         Returns:
@@ -246,7 +239,6 @@ class Stand:
 
         Args:
             speed_m_s: Of the rims; negative backward.
-            hold_s: How long.
 
         Raises:
             BoardError: A wheel does not follow.

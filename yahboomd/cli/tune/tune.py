@@ -176,9 +176,6 @@ class Tuning:
     """The command's side: questions, files, and words.
 
     Args:
-        args: The options.
-        config: Of the robot.
-        port: The board's.
         place: Of the file with what the board stored.
     """
 

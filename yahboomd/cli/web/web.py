@@ -171,7 +171,6 @@ def state_folder(environ: Mapping[str, str], user_id: int) -> Path:
 
     Args:
         environ: For ``STATE_DIRECTORY`` (the service manager's), ``XDG_STATE_HOME`` and ``HOME``.
-        user_id: Of the process.
     """
     if given := environ.get("STATE_DIRECTORY", "").split(":")[0]:
         return Path(given)

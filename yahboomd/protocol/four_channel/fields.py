@@ -75,7 +75,6 @@ def command(name: str, units: Sequence[int], limit: int) -> bytes:
     hang it with the motors running. So this is the only place that writes numbers for motors.
 
     Args:
-        name: The command.
         units: One integer for each position of the board.
         limit: The largest magnitude that may be sent.
 

@@ -90,9 +90,6 @@ class Framer:
     """Cuts what comes from the board into frames and text lines.
 
     It holds at most :data:`MAX_HELD_BYTES` bytes, and never raises.
-
-    Attributes:
-        counters: What it has seen so far.
     """
 
     def __init__(self) -> None:
@@ -110,11 +107,7 @@ class Framer:
         return len(self._held)
 
     def feed(self, data: bytes) -> list[Frame | TextLine]:
-        """Take a chunk as it came from the port; return what it completes, in order.
-
-        Args:
-            data: Any number of any bytes.
-        """
+        """Take a chunk as it came from the port; return what it completes, in order."""
         counters = self.counters
         same, blank_bytes, found = self._same
         if data == same and not (self._held or self._skipping):

@@ -116,7 +116,6 @@ class Steered(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         rear: The motion of the rear wheels alone.
-        kinematics: The drive geometry.
         wheel_limits: The fastest that each wheel can be commanded to turn, m/s.
     """
 
@@ -174,8 +173,6 @@ def body(car: Car, kinematics: Kinematics, motors: tuple[Motor, ...], *, scale: 
 
     Args:
         car: What the board takes itself for.
-        kinematics: The drive geometry.
-        motors: The configured motors.
         scale: The calibration multiplier of commands.
 
     Raises:

@@ -38,7 +38,6 @@ def frame(function: int, *payload: int) -> bytes:
     """A frame to the board.
 
     Args:
-        function: Its code.
         payload: The bytes, each 0 to 255.
     """
     inside = bytes((len(payload) + 3, function, *payload))
@@ -49,7 +48,6 @@ class Packet(msgspec.Struct, frozen=True, kw_only=True):
     """A frame from the board whose checksum is right.
 
     Attributes:
-        function: Its code.
         payload: The bytes between function and checksum.
         size: Bytes on the wire.
         trailing: Bytes of the same chunk behind it: they arrived later.
@@ -79,11 +77,7 @@ Item: TypeAlias = Packet | Words
 
 
 class PacketFramer:
-    """Finds frames by their first bytes, length and checksum, and lines of text between them.
-
-    Attributes:
-        counters: What it has seen so far.
-    """
+    """Finds frames by their first bytes, length and checksum, and lines of text between them."""
 
     def __init__(self) -> None:
         self.counters = FramerCounters()

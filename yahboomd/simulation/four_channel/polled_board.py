@@ -36,15 +36,7 @@ PROFILES: dict[int, float] = {
 
 
 class PolledBoard:
-    """The polled dialect's board.
-
-    Args:
-        plant: What it drives and senses.
-        emit: Where its bytes go.
-        totals: The counters at the start.
-        baud: Speed of the line.
-        loop_gain: Of the speed loop.
-    """
+    """The polled dialect's board."""
 
     def __init__(
         self, *, plant: Plant, emit: Emit, totals: Counts, baud: int, loop_gain: float

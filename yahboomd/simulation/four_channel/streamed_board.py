@@ -62,15 +62,8 @@ class StreamedBoard:
     """The streamed dialect's board.
 
     Args:
-        plant: What it drives and senses.
-        emit: Where its bytes go.
-        flash: What it has stored.
-        version: The firmware's version.
-        totals: The counters at the start.
-        baud: Speed of the line.
         pace: How fast stream lines follow each other.
         random: Decides how long flash takes, and which commands long lines spoil.
-        loop_gain: Of the speed loop.
         tick_period_ns: How often the totals are renewed; 0 renews them with every line.
         tick_jitter_ns: Each of these periods is up to so much longer, at random.
     """

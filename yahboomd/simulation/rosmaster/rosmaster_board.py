@@ -75,9 +75,6 @@ class RosmasterBoard:
     """The board.
 
     Args:
-        options: The robot.
-        plant: What is driven and sensed.
-        emit: Where its bytes go.
         random: Of the inertial sensor.
 
     Attributes:
