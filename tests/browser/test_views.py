@@ -79,6 +79,19 @@ def test_no_view_has_a_barrier_that_axe_finds_and_none_is_wider_than_the_screen(
     assert violations(page) == []
 
 
+def test_where_less_motion_is_preferred_the_page_moves_nothing_and_says_the_same(
+    bench: PageBench, page: Page
+) -> None:
+    bench.network.held = True
+    page.click("#estop")
+    page.until("document.getAnimations().length === 1")
+    page.prefer("light", reduced_motion=True)
+    page.until("document.getAnimations().length === 0")
+    assert page.text("#estop") == "Stopping\u2026"
+    bench.network.held = False
+    page.says("#estop-text", "acknowledged the emergency stop")
+
+
 @LONG
 def test_the_keyboard_alone_reaches_and_reads_everything(bench: PageBench, page: Page) -> None:
     page.resize(*DESKTOP, phone=False)
