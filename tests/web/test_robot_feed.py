@@ -16,7 +16,7 @@ from yahboomd.client.connecting import client_options
 from yahboomd.clock import SystemClock
 from yahboomd.config import Config
 from yahboomd.model import Twist2d
-from yahboomd.web.robot_feed import RobotFeed, daemon_part, robot_facts
+from yahboomd.web.robot_feed import RobotFeed, daemon_part, limits_of
 
 pytestmark = pytest.mark.realtime
 
@@ -119,13 +119,12 @@ async def test_the_driver_of_the_robot_and_its_state_come_from_the_status(
         assert feed.obstacle() is None
 
 
-def test_limits_and_geometry_are_those_of_the_configuration_in_effect() -> None:
-    facts = robot_facts({"chassis": {"preset": "4wd"}, "limits": {"linear": {"velocity": 0.5}}})
-    assert facts["limits"] == {"vx": 0.5, "vy": 0.0, "wz": 6.0}
-    assert facts["geometry"]["kinematics"] == "skid_steer"
-    assert facts["geometry"]["wheel_separation_m"] == Config().chassis.wheel_separation_m
-    mecanum = robot_facts({"chassis": {"preset": "mecanum", "wheel_base_m": 0.2}})
-    assert mecanum["limits"]["vy"] == 1.0
-    assert mecanum["geometry"]["wheel_base_m"] == 0.2
-    assert len(mecanum["geometry"]["wheels"]) == 4
-    assert robot_facts({"chassis": {"preset": "hovercraft"}}) == {}
+def in_effect(**chassis: object) -> dict[str, Any]:
+    config = Config.model_validate({"chassis": chassis, "limits": {"linear": {"velocity": 0.5}}})
+    return config.resolved().model_dump(mode="json")
+
+
+def test_limits_are_those_of_the_configuration_in_effect() -> None:
+    assert limits_of(in_effect(preset="4wd")) == {"vx": 0.5, "vy": 0.0, "wz": 6.0}
+    assert limits_of(in_effect(preset="mecanum", wheel_base_m=0.2))["vy"] == 0.5
+    assert limits_of({"limits": {"linear": {"velocity": "much"}}}) == {}

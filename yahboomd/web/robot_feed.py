@@ -55,7 +55,7 @@ class RobotFeed:
 
     Attributes:
         known: The latest parts that hold until newer ones come, for a page that connects.
-        robot: The daemon's configuration, as far as pages need it; empty while it is not there.
+        limits: The fastest that the robot drives; empty while the daemon is not there.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class RobotFeed:
         happened: Callable[[EventSample], None],
     ) -> None:
         self.known: dict[str, bytes] = {}
-        self.robot: dict[str, Any] = {}
+        self.limits: dict[str, float] = {}
         self.source = source
         self.name = options.namespace
         self._clock = clock
@@ -218,7 +218,7 @@ class RobotFeed:
 
     def _presence_changed(self, alive: bool) -> None:
         self.known.clear()
-        self.robot = {}
+        self.limits = {}
         self._shown = None
         if self._learning is not None:
             self._learning.cancel()
@@ -230,7 +230,7 @@ class RobotFeed:
     async def _learn(self) -> None:
         answer = await self._ask(keys.CONFIG)
         if answer.success:
-            self.robot = robot_facts(answer.data)
+            self.limits = limits_of(answer.data)
             self._changed()
 
     def _receive_events(self, arrivals: list[Arrival]) -> None:
@@ -239,29 +239,38 @@ class RobotFeed:
                 self._happened(event)
 
 
-def robot_facts(config: dict[str, Any]) -> dict[str, Any]:
-    """The limits and the geometry of the robot, by its configuration in effect."""
-    from yahboomd.config import Config
+class _Limit(msgspec.Struct):
+    velocity: float
 
+
+class _Limits(msgspec.Struct):
+    linear: _Limit
+    angular: _Limit
+
+
+class _Chassis(msgspec.Struct):
+    kinematics: str
+
+
+class _InEffect(msgspec.Struct):
+    """The configuration in effect, as far as pages need it: its own models take 13 MB."""
+
+    limits: _Limits
+    chassis: _Chassis
+
+
+def limits_of(config: dict[str, Any]) -> dict[str, float]:
+    """The fastest that the robot drives, by its configuration in effect; empty where unknown."""
     try:
-        known = Config.model_validate(config)
-    except ValueError:
+        known = msgspec.convert(config, _InEffect)
+    except msgspec.ValidationError:
         # Of another version.
         return {}
-    linear, angular = known.limits.linear.velocity, known.limits.angular.velocity
-    kinematics = known.kinematics_name()
+    linear = known.limits.linear.velocity
     return {
-        "limits": {
-            "vx": linear,
-            "vy": linear if kinematics == "mecanum" else 0.0,
-            "wz": angular,
-        },
-        "geometry": {
-            "kinematics": kinematics,
-            "wheels": list(known.motor_entries()),
-            "wheel_separation_m": known.chassis.wheel_separation_m,
-            "wheel_base_m": known.chassis.wheel_base_m,
-        },
+        "vx": linear,
+        "vy": linear if known.chassis.kinematics == "mecanum" else 0.0,
+        "wz": known.limits.angular.velocity,
     }
 
 

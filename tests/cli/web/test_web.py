@@ -29,6 +29,25 @@ def test_it_prints_its_address_and_ends_in_order() -> None:
     assert "Traceback" not in web.output
 
 
+def test_the_configuration_is_read_in_a_process_that_ends() -> None:
+    """Its models take 13 MB of the 60 that the server may have."""
+    web = Process("web", "--listen", "127.0.0.1:0", "--connect", free_endpoint())
+    try:
+        web.says("The page is at http://127.0.0.1:")
+        loaded = Path(f"/proc/{web.process.pid}/maps").read_text()
+    finally:
+        web.end(signal.SIGTERM)
+    assert "msgspec" in loaded
+    assert "pydantic" not in loaded
+
+
+def test_a_mistake_in_the_configuration_is_named_once() -> None:
+    web = Process("web", "--listen", "127.0.0.1:0", "--set", "zenoh.namespase=bot1")
+    assert web.end_by_itself() == 78
+    assert web.output.count("has a mistake") == 1
+    assert "Traceback" not in web.output
+
+
 def test_beyond_loopback_tokens_are_kept_and_never_printed_into_a_log(tmp_path: Path) -> None:
     environ = {"STATE_DIRECTORY": str(tmp_path)}
     web = Process(*("web", "--listen", "0.0.0.0:0", "--connect", free_endpoint()), environ=environ)

@@ -148,9 +148,8 @@ def run(args: argparse.Namespace) -> int:
 
     place = _place(args.listen or DEFAULT_PLACE)
     check_source(args)
-    loaded = read_config(args)
-    config = loaded.config
-    if loaded.path is not None and loaded.path.parent == SERVICES:
+    options, is_service = _read_in_child(args)
+    if is_service:
         # Commands that pages start use the directory of the robot's service, not of the page's.
         os.environ.pop("STATE_DIRECTORY", None)
     setup = _Setup(
@@ -159,11 +158,40 @@ def run(args: argparse.Namespace) -> int:
         tokens=None if place.is_loopback else _tokens(folder),
         context=_context(args, place, folder),
         folder=folder,
-        options=client_options(daemon_endpoints(args, config), config),
+        options=options,
         source=args.source,
         tools=ToolSettings(robot=robot_arguments(args), recordings=folder / "recordings"),
     )
     return asyncio.run(_serve(setup))
+
+
+def _read_in_child(args: argparse.Namespace) -> tuple[BusOptions, bool]:
+    """Read the configuration in a process that ends: it takes 13 MB, which never come back."""
+    from yahboomd.bus.options import BusOptions
+
+    if len(os.listdir("/proc/self/task")) > 1:
+        # A copy of a process with threads may wait for one of them for ever.
+        return _read(args)
+    reading, writing = os.pipe()
+    child = os.fork()
+    if child == 0:
+        try:
+            os.write(writing, msgspec.json.encode(_read(args)))
+        finally:
+            os._exit(os.EX_OK)
+    os.close(writing)
+    with open(reading, "rb") as pipe:
+        found = pipe.read()
+    os.waitpid(child, 0)
+    # A mistake is found again here, and named.
+    return msgspec.json.decode(found, type=tuple[BusOptions, bool]) if found else _read(args)
+
+
+def _read(args: argparse.Namespace) -> tuple[BusOptions, bool]:
+    """How the daemon is reached, and whether the configuration is that of a service."""
+    loaded = read_config(args)
+    options = client_options(daemon_endpoints(args, loaded.config), loaded.config)
+    return options, loaded.path is not None and loaded.path.parent == SERVICES
 
 
 def state_folder(environ: Mapping[str, str], user_id: int) -> Path:
