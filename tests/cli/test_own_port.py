@@ -8,7 +8,7 @@ import pytest
 from yahboomd.cli.own_port import opener_of, refuse_estop, with_hints
 from yahboomd.clock import SystemClock
 from yahboomd.config import Config
-from yahboomd.daemon.latch_file import LatchFile
+from yahboomd.daemon.estop.latch_file import LatchFile
 from yahboomd.errors import ConfigError, PortBusy, PortLost, PortMissing, Refused
 
 

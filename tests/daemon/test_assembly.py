@@ -10,7 +10,7 @@ import pytest
 from yahboomd.clock import LoopClock, SystemClock
 from yahboomd.config import Config, read
 from yahboomd.daemon import assembly
-from yahboomd.daemon.latch_file import LatchFile
+from yahboomd.daemon.estop.latch_file import LatchFile
 from yahboomd.errors import PortMissing
 from yahboomd.link import port_note
 from yahboomd.link.port_identity import identify

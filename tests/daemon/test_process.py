@@ -1,8 +1,10 @@
-"""Signals that are handled; systemd's messages, on a real datagram socket; descriptors."""
+"""Signals; systemd's messages, on a real datagram socket; descriptors; waiting for the bus."""
 
 from __future__ import annotations
 
 import asyncio
+import itertools
+import logging
 import os
 import resource
 import signal
@@ -12,16 +14,22 @@ from pathlib import Path
 
 import pytest
 
+from yahboomd.clock import LoopClock
 from yahboomd.daemon.process import (
+    BACK_OFF_S,
     ENDING,
     KILLING,
+    PATIENCE_S,
     SUSPENDING,
     WANTED,
     Notifier,
     Signals,
     make_room,
     name_of,
+    open_bus,
 )
+from yahboomd.errors import BusError
+from yahboomd.simulation.virtual_time import on_virtual_time
 
 
 def test_every_signal_is_handled_that_can_be_and_would_end_or_suspend_the_process() -> None:
@@ -187,3 +195,90 @@ def test_a_limit_that_is_higher_already_stays(limits: int) -> None:
     before = soft()
     make_room()
     assert soft() == before
+
+
+class Blocked:
+    """A bus that opens at the attempt that is named, or never."""
+
+    def __init__(self, opens_at: int = 0) -> None:
+        self.tried_s: list[float] = []
+        self._opens_at = opens_at
+
+    async def open(self) -> None:
+        self.tried_s.append(asyncio.get_running_loop().time())
+        if len(self.tried_s) != self._opens_at:
+            raise BusError("The bus cannot listen on tcp/127.0.0.1:7448.", remedy="End the other.")
+
+
+@pytest.fixture
+def notifier(manager: socket.socket) -> Iterator[Notifier]:
+    made = Notifier({"NOTIFY_SOCKET": manager.getsockname()})
+    yield made
+    made.close()
+
+
+def heard(manager: socket.socket) -> list[bytes]:
+    found = []
+    manager.setblocking(False)
+    while True:
+        try:
+            found.append(manager.recv(500))
+        except BlockingIOError:
+            return found
+
+
+async def opened(bus: Blocked, notifier: Notifier, stop: asyncio.Event | None = None) -> bool:
+    return await open_bus(
+        bus.open, notifier=notifier, clock=LoopClock(), stop=stop or asyncio.Event()
+    )
+
+
+@on_virtual_time
+async def test_without_a_service_manager_the_error_is_reported_at_once() -> None:
+    bus = Blocked(opens_at=2)
+    with pytest.raises(BusError):
+        await opened(bus, Notifier({}))
+    assert len(bus.tried_s) == 1
+
+
+@on_virtual_time
+async def test_a_service_tries_again_with_growing_waits_until_the_bus_opens(
+    notifier: Notifier,
+) -> None:
+    bus = Blocked(opens_at=8)
+    assert await opened(bus, notifier)
+    waits = [after - before for before, after in itertools.pairwise(bus.tried_s)]
+    assert waits == pytest.approx([*BACK_OFF_S, BACK_OFF_S[-1], BACK_OFF_S[-1]])
+
+
+def test_what_it_waits_for_is_reported_once_to_the_manager_and_to_the_log(
+    manager: socket.socket, notifier: Notifier, caplog: pytest.LogCaptureFixture
+) -> None:
+    @on_virtual_time
+    async def scene() -> None:
+        assert await opened(Blocked(opens_at=8), notifier)
+
+    with caplog.at_level(logging.INFO, logger="yahboomd"):
+        scene()
+    words = "The bus cannot listen on tcp/127.0.0.1:7448. End the other."
+    assert heard(manager) == [f"STATUS=waiting for the bus: {words}".encode()]
+    assert [record.getMessage() for record in caplog.records] == [f"{words} yahboomd keeps trying."]
+
+
+@on_virtual_time
+async def test_one_start_waits_for_a_minute_and_no_longer(notifier: Notifier) -> None:
+    bus = Blocked()
+    with pytest.raises(BusError, match="cannot listen"):
+        await opened(bus, notifier)
+    waited_s = bus.tried_s[-1] - bus.tried_s[0]
+    assert PATIENCE_S <= waited_s <= PATIENCE_S + BACK_OFF_S[-1]
+
+
+@on_virtual_time
+async def test_a_stop_meanwhile_ends_the_waiting_at_once(notifier: Notifier) -> None:
+    bus, stop = Blocked(), asyncio.Event()
+    loop = asyncio.get_running_loop()
+    loop.call_later(20.0, stop.set)
+    began_s = loop.time()
+    assert not await opened(bus, notifier, stop)
+    assert loop.time() - began_s == pytest.approx(20.0)

@@ -15,7 +15,7 @@ from robot_bench import RobotBench
 
 from yahboomd.bus import keys
 from yahboomd.bus.services import TOO_MANY, Request, Response
-from yahboomd.daemon.latch_file import LatchFile
+from yahboomd.daemon.estop.latch_file import LatchFile
 from yahboomd.daemon.requests import Services
 from yahboomd.messages import cdr
 from yahboomd.messages.native import BatterySample, ServiceReply

@@ -7,7 +7,7 @@ import pytest
 from ros_peers import HERE, built
 
 from yahboomd.config import read
-from yahboomd.daemon.ros2_parameters import parameter_server
+from yahboomd.daemon.ros2_graphs.ros2_parameters import parameter_server
 from yahboomd.messages import ros2
 from yahboomd.messages.native import SetPoseRequest
 from yahboomd.messages.rcl_interfaces import log

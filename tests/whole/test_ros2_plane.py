@@ -13,8 +13,8 @@ from fault_bench import TICK_M, FaultBench
 from ros_oracle import Oracle
 
 from yahboomd.daemon.publisher import Publisher
-from yahboomd.daemon.ros2_plane import topics
-from yahboomd.daemon.ros2_samples import RosPublisher, Spread
+from yahboomd.daemon.ros2_graphs.ros2_plane import topics
+from yahboomd.daemon.ros2_graphs.ros2_samples import RosPublisher, Spread
 from yahboomd.daemon.stamps import WallStamps
 from yahboomd.messages import cdr
 from yahboomd.messages.ros2 import Qos

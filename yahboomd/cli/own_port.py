@@ -11,7 +11,7 @@ from yahboomd.cli.stop.stop_port import pids
 from yahboomd.cli.unresponsive import FROZEN, process_state, true_names
 from yahboomd.clock import Clock
 from yahboomd.config import Config
-from yahboomd.daemon.latch_file import LatchFile, engaged_in
+from yahboomd.daemon.estop.latch_file import LatchFile, engaged_in
 from yahboomd.errors import LinkError, PortBusy, PortLost, Refused, YahboomdError
 from yahboomd.link import diagnosis, discovery
 from yahboomd.link.port import Opener, Port, PortOptions, open_port

@@ -14,10 +14,10 @@ from yahboomd.bus.options import BusOptions
 from yahboomd.clock import Clock, nanoseconds
 from yahboomd.config import Config, runtime_folder
 from yahboomd.daemon.control import Controller
+from yahboomd.daemon.estop.latch import EstopLatch
+from yahboomd.daemon.estop.latch_file import LatchFile
 from yahboomd.daemon.fit import ControlOptions
 from yahboomd.daemon.folder import check_folder
-from yahboomd.daemon.latch import EstopLatch
-from yahboomd.daemon.latch_file import LatchFile
 from yahboomd.daemon.publisher import Outputs
 from yahboomd.daemon.recorded_odometer import RecordedOdometer
 from yahboomd.daemon.supervisor import storing_opener

@@ -1,4 +1,4 @@
-"""Decodes commands and offers them to the arbiter; reports clocks of sources that are off."""
+"""What arrives as samples: commands go to the arbiter, poses are set, odd clocks reported."""
 
 from __future__ import annotations
 
@@ -9,12 +9,16 @@ from typing import Any
 from yahboomd.blackbox.recorder import Recorder
 from yahboomd.bus.subscriptions import Arrival
 from yahboomd.clock import Clock, nanoseconds
+from yahboomd.daemon.requests import Operator
 from yahboomd.drive.arbiter import Arbiter
 from yahboomd.drive.arbitration import Accepted
-from yahboomd.messages.codecs import Refusal, decode_command
+from yahboomd.messages import cdr
+from yahboomd.messages.codecs import Refusal, decode_command, decode_set_pose
+from yahboomd.messages.native import SetPoseRequest
 from yahboomd.messages.ros2 import parse_attachment
+from yahboomd.messages.set_pose import decode_pose
 from yahboomd.messages.status_fields import REFUSALS, ZEROS
-from yahboomd.model import STANDSTILL, Event, Twist2d
+from yahboomd.model import STANDSTILL, Event, Pose2d, Twist2d
 
 
 class CommandIntake:
@@ -184,3 +188,31 @@ class ClockWatch:
                     data={"source": source},
                 )
                 self._tell(event)
+
+
+class PoseIntake:
+    """Sets the pose by samples.
+
+    Args:
+        frame_id: The frame that a ROS 2 message has to name: the odometry's, prefix included.
+    """
+
+    def __init__(self, operator: Operator, frame_id: str) -> None:
+        self._operator = operator
+        self._frame_id = frame_id
+
+    def take(self, arrivals: list[Arrival]) -> None:
+        """Take what arrived together."""
+        for arrival in arrivals:
+            wanted = self._decode(arrival.payload)
+            if isinstance(wanted, str):
+                self._operator.refuse_pose(wanted)
+            else:
+                pose = Pose2d(x=wanted.x, y=wanted.y, theta=wanted.theta)
+                self._operator.set_pose(pose, wanted.covariance)
+
+    def _decode(self, payload: bytes) -> SetPoseRequest | str:
+        if cdr.is_cdr(payload):
+            return decode_pose(payload, self._frame_id)
+        wanted = decode_set_pose(payload)
+        return f"{wanted.reason}: {wanted.detail}" if isinstance(wanted, Refusal) else wanted

@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections import Counter
 
 from yahboomd.clock import Clock, nanoseconds, seconds
+from yahboomd.daemon.estop.latch import EstopLatch
 from yahboomd.daemon.fit import ControlOptions, fit
 from yahboomd.daemon.interruptions import Pauses, Resets
-from yahboomd.daemon.latch import EstopLatch
 from yahboomd.daemon.publisher import Events, Outputs
 from yahboomd.daemon.wheels import Wheels
 from yahboomd.drive import standing

@@ -1,4 +1,4 @@
-"""The daemon's process: its signals, its service manager, its file descriptors.
+"""The daemon's process: its signals, its service manager, its file descriptors, its start.
 
 The default action of almost every signal ends or suspends a process where it is, and the board
 drives on: so the wheels are stopped first. SIGKILL and SIGSTOP cannot be caught, and after a fault
@@ -13,15 +13,18 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import itertools
 import logging
 import os
 import re
 import resource
 import signal
 import socket
-from collections.abc import Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping
 
+from yahboomd.clock import Clock, nanoseconds
 from yahboomd.daemon.logs import flush
+from yahboomd.errors import BusError
 from yahboomd.model import NS_PER_S
 
 log = logging.getLogger(__name__)
@@ -31,6 +34,13 @@ ENDING = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
 SUSPENDING = (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)
 """The signal with which a terminal suspends its programs."""
+
+BACK_OFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)
+"""Waits between attempts; the last one again and again."""
+
+PATIENCE_S = 60.0
+"""The time that one start waits. A process that waits for the start to end (``systemctl start``, an
+installation, the machine's boot) is not held for ever; the service manager starts another one."""
 
 _FAULTS = {"ABRT", "BUS", "FPE", "ILL", "SEGV"}
 _HARMLESS = {"CHLD", "CONT", "URG", "WINCH"}
@@ -232,3 +242,50 @@ def make_room() -> None:
     wanted = WANTED if hard == resource.RLIM_INFINITY else min(WANTED, hard)
     if soft != resource.RLIM_INFINITY and soft < wanted:
         resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+
+
+async def open_bus(
+    open_once: Callable[[], Awaitable[None]],
+    *,
+    notifier: Notifier,
+    clock: Clock,
+    stop: asyncio.Event,
+) -> bool:
+    """Open the bus; under a service manager, try again until it opens.
+
+    Without a manager the first failure is raised: a person sits there and reads it. Under one, a
+    service that ended for it would be started again every second, for ever: another process has the
+    port to listen on, the network has not given out an address yet, a folder is not mounted.
+
+    Args:
+        open_once: Opens it, or raises a BusError.
+        notifier: Reports to the manager in words what is waited for.
+        stop: Set when the daemon is to end.
+
+    Returns:
+        Whether it is open; it is not where ``stop`` was set meanwhile.
+
+    Raises:
+        BusError: It cannot be opened, or could not within :data:`PATIENCE_S`.
+    """
+    until_ns = clock.now_ns() + nanoseconds(PATIENCE_S)
+    said = ""
+    for attempt in itertools.count():
+        try:
+            await open_once()
+        except BusError as error:
+            if not notifier.heard or clock.now_ns() >= until_ns:
+                raise
+            notifier.status(f"waiting for the bus: {error}")
+            if error.message != said:
+                said = error.message
+                log.warning("%s yahboomd keeps trying.", error)
+        else:
+            return True
+        try:
+            async with asyncio.timeout(BACK_OFF_S[min(attempt, len(BACK_OFF_S) - 1)]):
+                await stop.wait()
+        except TimeoutError:
+            continue
+        return False
+    raise AssertionError  # the count has no end

@@ -14,8 +14,8 @@ from yahboomd.bus.bus import Bus
 from yahboomd.bus.services import TOO_MANY, Request, Response
 from yahboomd.clock import Clock
 from yahboomd.daemon.control import Controller
+from yahboomd.daemon.estop.latch import EstopLatch
 from yahboomd.daemon.key_table import OFFERS
-from yahboomd.daemon.latch import EstopLatch
 from yahboomd.drive.arbiter import Arbiter
 from yahboomd.messages.codecs import (
     Encoding,

@@ -16,18 +16,17 @@ from yahboomd.bus.presence import NeighbourChange, TokenChange
 from yahboomd.bus.publishers import BusPublisher
 from yahboomd.clock import Clock, Schedule, SystemClock, nanoseconds
 from yahboomd.config import Config, runtime_folder
-from yahboomd.daemon import assembly, ros2_plane
+from yahboomd.daemon import assembly
 from yahboomd.daemon.black_box import BlackBox
-from yahboomd.daemon.commands import ClockWatch, CommandIntake
+from yahboomd.daemon.commands import ClockWatch, CommandIntake, PoseIntake
 from yahboomd.daemon.control import Controller
+from yahboomd.daemon.estop.local_stop import LocalStop
 from yahboomd.daemon.key_table import OUTPUTS
-from yahboomd.daemon.local_stop import LocalStop
-from yahboomd.daemon.opening import open_bus
-from yahboomd.daemon.pose_intake import PoseIntake
-from yahboomd.daemon.process import Notifier, Signals
+from yahboomd.daemon.process import Notifier, Signals, open_bus
 from yahboomd.daemon.publisher import Publisher
 from yahboomd.daemon.requests import Operator, Services
-from yahboomd.daemon.ros2_samples import RosPublisher
+from yahboomd.daemon.ros2_graphs import ros2_plane
+from yahboomd.daemon.ros2_graphs.ros2_samples import RosPublisher
 from yahboomd.daemon.stamps import WallStamps
 from yahboomd.daemon.status_sample import Status
 from yahboomd.daemon.supervisor import Supervisor

@@ -19,7 +19,7 @@ from zenoh_fixtures import eventually, free_endpoint
 
 from benchmarks.soak.processes import DAEMON_NICE, prefer
 from yahboomd.cli.main import main
-from yahboomd.daemon.latch_file import LatchFile
+from yahboomd.daemon.estop.latch_file import LatchFile
 
 pytestmark = pytest.mark.realtime
 

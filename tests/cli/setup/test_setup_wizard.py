@@ -27,7 +27,7 @@ from yahboomd.cli.setup.description import Given
 from yahboomd.cli.setup.outcome import Outcome
 from yahboomd.cli.setup.robot_file import as_toml, write_robot
 from yahboomd.config import Config, read
-from yahboomd.daemon.latch_file import LatchFile
+from yahboomd.daemon.estop.latch_file import LatchFile
 from yahboomd.errors import BoardSilent, Refused
 from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.motors import FAULTS

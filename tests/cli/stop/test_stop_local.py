@@ -20,7 +20,7 @@ from yahboomd.cli.stop.stop_local import (
     sockets,
     there,
 )
-from yahboomd.daemon.local_stop import LocalStop
+from yahboomd.daemon.estop.local_stop import LocalStop
 
 pytestmark = pytest.mark.realtime
 
@@ -118,7 +118,7 @@ async def test_one_that_is_not_named_is_left_alone(daemon, environ) -> None:
 async def test_wheels_that_do_not_stand_are_not_said_to(
     daemon, environ, monkeypatch: pytest.MonkeyPatch, speed: float | None, words: str
 ) -> None:
-    from yahboomd.daemon import local_stop
+    from yahboomd.daemon.estop import local_stop
 
     monkeypatch.setattr(local_stop, "STAND_WITHIN_S", 0.2)
     await daemon(speed=speed)
@@ -170,7 +170,7 @@ async def test_a_file_that_a_killed_daemon_left_is_no_daemon(environ, tmp_path: 
 async def test_a_refused_user_finds_no_daemon(
     daemon, environ, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from yahboomd.daemon.local_socket import Listening
+    from yahboomd.daemon.estop.local_socket import Listening
 
     monkeypatch.setattr(Listening, "may_use", lambda *_: False)
     refusing = await daemon()

@@ -13,7 +13,7 @@ from yahboomd.bus import keys
 from yahboomd.clock import Clock, nanoseconds
 from yahboomd.daemon.key_table import ROS_TOPICS
 from yahboomd.daemon.publisher import Outlet, Pace
-from yahboomd.daemon.ros2_diagnostics import Diagnostics, levels
+from yahboomd.daemon.ros2_graphs.ros2_diagnostics import Diagnostics, levels
 from yahboomd.messages import cdr, planar
 from yahboomd.messages.native import StatusSample
 from yahboomd.messages.rcl_interfaces import LEVELS, log

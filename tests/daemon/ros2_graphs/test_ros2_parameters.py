@@ -8,7 +8,7 @@ import pytest
 from ros_oracle import Oracle
 
 from yahboomd.config import read
-from yahboomd.daemon.ros2_parameters import parameter_server
+from yahboomd.daemon.ros2_graphs.ros2_parameters import parameter_server
 
 SECRET = "hunter2"
 

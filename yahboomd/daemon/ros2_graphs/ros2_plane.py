@@ -13,10 +13,10 @@ from yahboomd.config import Config
 from yahboomd.config.outputs import StaticTransform
 from yahboomd.daemon.key_table import OFFERS
 from yahboomd.daemon.requests import Services
-from yahboomd.daemon.ros2_parameters import parameter_server
-from yahboomd.daemon.ros2_samples import Placed, RosPublisher, Spread, Topics
-from yahboomd.daemon.ros2_types import TypeWatch
-from yahboomd.daemon.ros2_ways import BridgeWay, NativeWay
+from yahboomd.daemon.ros2_graphs.ros2_parameters import parameter_server
+from yahboomd.daemon.ros2_graphs.ros2_samples import Placed, RosPublisher, Spread, Topics
+from yahboomd.daemon.ros2_graphs.ros2_types import TypeWatch
+from yahboomd.daemon.ros2_graphs.ros2_ways import BridgeWay, NativeWay
 from yahboomd.messages import planar, ros2
 from yahboomd.messages.ros2 import Qos
 from yahboomd.names import is_ros_name

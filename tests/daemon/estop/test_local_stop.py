@@ -12,9 +12,9 @@ from typing import Any
 
 import pytest
 
-from yahboomd.daemon import local_stop
-from yahboomd.daemon.local_socket import Listening
-from yahboomd.daemon.local_stop import MAX_SILENT, MAX_WATCHING, LocalStop
+from yahboomd.daemon.estop import local_stop
+from yahboomd.daemon.estop.local_socket import Listening
+from yahboomd.daemon.estop.local_stop import MAX_SILENT, MAX_WATCHING, LocalStop
 
 pytestmark = pytest.mark.realtime
 

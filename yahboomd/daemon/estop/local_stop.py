@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from yahboomd.bus.blocking import bounded
-from yahboomd.daemon.local_socket import Listening, Peer, listen, peer_of
+from yahboomd.daemon.estop.local_socket import Listening, Peer, listen, peer_of
 from yahboomd.drive.standing import STANDING_M_S
 
 log = logging.getLogger(__name__)

@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from yahboomd.daemon.ros2_diagnostics import (
+from yahboomd.daemon.ros2_graphs.ros2_diagnostics import (
     ERROR,
     OK,
     STALE,

@@ -9,7 +9,7 @@ import zenoh
 from zenoh_fixtures import ZenohApp, eventually
 
 from yahboomd.bus.bus import Bus
-from yahboomd.daemon.ros2_types import TypeWatch
+from yahboomd.daemon.ros2_graphs.ros2_types import TypeWatch
 from yahboomd.messages import ros2
 from yahboomd.messages.ros2 import Node, Qos
 

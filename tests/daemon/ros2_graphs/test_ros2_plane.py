@@ -14,7 +14,7 @@ from real_robot import Client, RealRobot, wait_for
 from ros_oracle import Oracle
 
 from yahboomd.config import read
-from yahboomd.daemon.ros2_plane import topics
+from yahboomd.daemon.ros2_graphs.ros2_plane import topics
 from yahboomd.messages import cdr, ros2
 from yahboomd.messages.set_pose import pose_message
 

@@ -12,7 +12,7 @@ from zenoh_fixtures import ZenohApp, eventually
 from yahboomd.bus.bus import Bus
 from yahboomd.bus.options import BusOptions
 from yahboomd.bus.subscriptions import Arrival
-from yahboomd.daemon.ros2_ways import AttachedOutlet, BridgeWay, NativeWay
+from yahboomd.daemon.ros2_graphs.ros2_ways import AttachedOutlet, BridgeWay, NativeWay
 from yahboomd.messages import cdr, ros2
 from yahboomd.messages.native import ServiceReply
 from yahboomd.messages.ros2 import Qos

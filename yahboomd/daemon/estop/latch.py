@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 from msgspec import structs
 
-from yahboomd.daemon.latch_file import LatchFile
+from yahboomd.daemon.estop.latch_file import LatchFile
 from yahboomd.drive.estop import EmergencyStop, Latched, Release
 
 log = logging.getLogger(__name__)

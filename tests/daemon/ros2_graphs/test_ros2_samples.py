@@ -11,7 +11,7 @@ import pytest
 from ros_oracle import Oracle
 
 from yahboomd.clock import LoopClock
-from yahboomd.daemon.ros2_samples import (
+from yahboomd.daemon.ros2_graphs.ros2_samples import (
     Placed,
     RosPublisher,
     Spread,

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from real_robot import wait_for
 
-from yahboomd.daemon import latch as latch_module
-from yahboomd.daemon.latch import EstopLatch, LatchKeeper
-from yahboomd.daemon.latch_file import LatchFile
+from yahboomd.daemon.estop import latch as latch_module
+from yahboomd.daemon.estop.latch import EstopLatch, LatchKeeper
+from yahboomd.daemon.estop.latch_file import LatchFile
 
 
 class Disk(LatchFile):

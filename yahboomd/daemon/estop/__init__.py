@@ -1,0 +1,1 @@
+"""The emergency stop: engaged and remembered (`latch`), and over a Unix socket (`local_stop`)."""
