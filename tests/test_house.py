@@ -134,6 +134,7 @@ CALLED_BY_OTHERS = {
     "handle_cont": "uvicorn",
     "handle_websocket_upgrade": "uvicorn",
     "on_response_complete": "uvicorn",
+    "send_400_response": "uvicorn",
 }
 """Names that a library calls or reads, and no caller of ours."""
 

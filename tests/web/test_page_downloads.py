@@ -102,6 +102,32 @@ async def test_downloads_that_are_not_read_are_cut_off_and_no_more_than_some_run
         writer.close()
 
 
+async def test_viewers_leave_downloads_to_drivers_and_to_each_other(
+    site: Start, file: Path
+) -> None:
+    served = await site(endpoint=free_endpoint(), tokens=TOKENS)
+    path = "/recordings/run-001/native_0.mcap"
+
+    async def begin(role: str, source: str) -> tuple[bytes, asyncio.StreamWriter]:
+        reader, writer = await asyncio.open_connection(
+            "127.0.0.1", served.port, limit=1000, local_addr=(source, 0)
+        )
+        (cookie,) = served.cookie(role).values()
+        head = f"Host: 127.0.0.1:{served.port}\r\nCookie: {cookie}\r\n\r\n"
+        writer.write(f"GET {path} HTTP/1.1\r\n{head}".encode())
+        return (await reader.readline()).split()[1], writer
+
+    askers = [("viewer", f"127.0.0.{at}") for at in (1, 1, 1, 2, 2, 3)]
+    begun = [await begin(*asker) for asker in [*askers, ("driver", "127.0.0.1")]]
+    assert [status for status, _ in begun] == [
+        *(b"200", b"200", b"503"),
+        *(b"200", b"200"),
+        *(b"503", b"200"),
+    ]
+    for _, writer in begun:
+        writer.transport.abort()
+
+
 async def test_a_download_may_take_longer_than_a_request_has_to_begin(
     site: Start, file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

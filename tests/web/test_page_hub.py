@@ -142,6 +142,22 @@ async def test_one_page_drives_and_another_takes_over_deliberately(
     await second.one("control", page_driver=None)
 
 
+async def test_of_two_pages_that_touch_at_once_the_first_keeps_control(
+    fake_daemon: Any, site: Any
+) -> None:
+    """Neither knows yet that the other one has it."""
+    daemon = await fake_daemon()
+    served = await site(daemon)
+    first, second = await served.page(), await served.page()
+    for page, vx in ((first, 0.2), (second, 0.1)):
+        await page.send(type="control", want=True, if_free=True)
+        await page.drive(vx)
+    await second.one("refused", why="not_yours")
+    await first.press(lambda: daemon.velocities.count((0.2, 0.0)) > 3)
+    assert first.of("control")[-1]["mine"]
+    assert (0.1, 0.0) not in daemon.velocities
+
+
 async def test_a_viewer_watches_and_stops_but_neither_drives_nor_releases(
     fake_daemon: Any, site: Any
 ) -> None:
@@ -180,21 +196,22 @@ async def test_the_driver_releases_and_is_answered_in_the_daemons_words(
     assert not (await page.one("answer", id=3))["ok"]
 
 
-async def test_a_drivers_page_without_control_releases_nothing_while_another_has_it(
+async def test_a_drivers_page_without_control_changes_nothing_while_another_has_it(
     fake_daemon: Any, site: Any
 ) -> None:
     daemon = await fake_daemon()
     served = await site(daemon)
     driver, other = await served.driver(), await served.page()
-    await other.send(type="request", id=1, do="release")
-    answer = await other.one("answer", id=1)
-    assert not answer["ok"]
-    assert "Take control" in answer["text"]
+    for number, what in enumerate(("release", "set_pose", "reset_odometry")):
+        await other.send(type="request", id=number, do=what)
+        answer = await other.one("answer", id=number)
+        assert not answer["ok"]
+        assert "Take control" in answer["text"]
     assert daemon.asked == []
     await driver.send(type="control", want=False)
     await other.one("control", page_driver=None, mine=False)
-    await other.send(type="request", id=2, do="release")
-    assert (await other.one("answer", id=2))["ok"]
+    await other.send(type="request", id=3, do="release")
+    assert (await other.one("answer", id=3))["ok"]
 
 
 @pytest.mark.parametrize(("state", "why"), [("estopped", "estop"), ("fault", "fault")])

@@ -124,6 +124,14 @@ async def test_every_answer_forbids_frames_foreign_scripts_and_referrers(site: A
         _, headers, _ = await served.request(method, path)
         assert {name: headers.get(name) for name in HEADERS} == HEADERS, path
         assert "server" not in headers
+    for nonsense in (
+        b"nonsense\r\n\r\n",
+        b"GET /  HTTP/1.1 x\r\n\r\n",
+        b"\x16\x03\x01\x00\r\n\r\n",
+    ):
+        status, headers, _ = await served.raw(nonsense)
+        assert status == 400
+        assert {name: headers.get(name) for name in HEADERS} == HEADERS, nonsense
     policy = HEADERS["content-security-policy"]
     assert "frame-ancestors 'none'" in policy
     assert "unsafe" not in policy

@@ -25,6 +25,12 @@ STALLED_S = 20.0
 
 AT_ONCE = 8
 
+AT_ONCE_VIEWERS = 4
+"""Of viewers among them: people who drive find room."""
+
+AT_ONCE_VIEWER = 2
+"""Of viewers from one address."""
+
 
 class Downloads:
     """The routes.
@@ -38,7 +44,8 @@ class Downloads:
         self._recordings = tools.recordings
         self._boxes = tools.boxes
         self._role = role
-        self._running = 0
+        self._running = list[str | None]()
+        """The address of each viewer's download; None for a driver's."""
         self.routes = [
             Route("/recordings", self._list, methods=["GET"]),
             Route("/recordings/{name}/{file}", self._recording, methods=["GET"]),
@@ -53,11 +60,14 @@ class Downloads:
         return _json(await asyncio.to_thread(self._recordings.listed))
 
     async def _recording(self, request: Request) -> Response:
-        if self._role(request) is None:
+        role = self._role(request)
+        if role is None:
             return _refused(401)
         name, file = request.path_params["name"], request.path_params["file"]
         path = await asyncio.to_thread(self._recordings.file, name, file)
-        return _refused(404) if path is None else await self._download(path, f"{name}-{file}")
+        if path is None:
+            return _refused(404)
+        return await self._download(path, f"{name}-{file}", _viewer(request, role))
 
     async def _list_boxes(self, request: Request) -> Response:
         return _refused(401) if self._role(request) is None else _json(await self._boxes.listed())
@@ -69,23 +79,30 @@ class Downloads:
         return _refused(404) if found is None else _json(found)
 
     async def _box(self, request: Request) -> Response:
-        if self._role(request) is None:
+        role = self._role(request)
+        if role is None:
             return _refused(401)
         path = await self._boxes.file(request.path_params["name"])
-        return _refused(404) if path is None else await self._download(path, path.name)
+        if path is None:
+            return _refused(404)
+        return await self._download(path, path.name, _viewer(request, role))
 
-    async def _download(self, path: Path, name: str) -> Response:
-        if self._running >= AT_ONCE:
+    async def _download(self, path: Path, name: str, viewer: str | None) -> Response:
+        if self._is_full(viewer):
             return _refused(503)
         try:
             file, size = await asyncio.to_thread(_opened, path)
         except OSError:
             return _refused(404)
-        self._running += 1
-        return _Download(file, size, name, self._ended)
+        self._running.append(viewer)
+        return _Download(file, size, name, lambda: self._running.remove(viewer))
 
-    def _ended(self) -> None:
-        self._running -= 1
+    def _is_full(self, viewer: str | None) -> bool:
+        viewers = [each for each in self._running if each is not None]
+        return len(self._running) >= AT_ONCE or (
+            viewer is not None
+            and (len(viewers) >= AT_ONCE_VIEWERS or viewers.count(viewer) >= AT_ONCE_VIEWER)
+        )
 
 
 class _Download(StreamingResponse):
@@ -128,6 +145,13 @@ class _Download(StreamingResponse):
 def is_download(path: str) -> bool:
     """Whether the answer to a request may take long."""
     return path.startswith(("/recordings/", "/boxes"))
+
+
+def _viewer(request: Request, role: Role) -> str | None:
+    """The address of a viewer; None for a driver."""
+    if role == "driver":
+        return None
+    return request.client.host if request.client else ""
 
 
 def _opened(path: Path) -> tuple[BinaryIO, int]:

@@ -25,9 +25,15 @@ class Drive(msgspec.Struct, frozen=True, tag="drive"):
 
 
 class Control(msgspec.Struct, frozen=True, tag="control"):
-    """The page wants control, or gives it back."""
+    """The page wants control, or gives it back.
+
+    Attributes:
+        want: Whether it wants it.
+        if_free: It came with a touch, and takes no control from another page.
+    """
 
     want: bool
+    if_free: bool = False
 
 
 class Request(msgspec.Struct, frozen=True, tag="request"):

@@ -65,6 +65,7 @@ VIEWER = Refusal(why="viewer", text="This link lets you watch and stop the robot
 CALIBRATES = Refusal(
     why="calibrating", text="A calibration drives the robot. End it to drive from here."
 )
+ANOTHERS = "Another page has control of the robot. Take control first."
 INVALID = Refusal(why="invalid", text="That is no velocity.")
 
 
@@ -182,13 +183,13 @@ class PageHub:
                 refusal = self._drive(page, frame)
                 if refusal is not None:
                     self._refuse(page, refusal)
-            case Control(want=want):
+            case Control(want=want, if_free=if_free):
                 if page.role != "driver":
                     self._refuse(page, VIEWER)
-                elif want:
-                    self._commands.take_control(page.number)
-                else:
+                elif not want:
                     self._commands.give_back(page.number)
+                elif self._commands.driver is None or not if_free:
+                    self._commands.take_control(page.number)
             case Request():
                 if len(page.requests) < MAX_REQUESTS:
                     self._begin(page, self._answer(page, frame))
@@ -275,8 +276,9 @@ class PageHub:
             page.queue(_answered(request.id, ok=False, text=VIEWER.text))
         elif action is None:
             page.queue(_answered(request.id, ok=False, text="This server does not know that."))
-        elif request.do == "release" and self._commands.driver not in {None, page.number}:
-            page.queue(_answered(request.id, ok=False, text=NOT_YOURS.text))
+        elif self._commands.driver not in {None, page.number}:
+            # Who drives relies on the pose and on the stop.
+            page.queue(_answered(request.id, ok=False, text=ANOTHERS))
         else:
             answer = await action(request)
             page.queue(

@@ -29,6 +29,7 @@ from websockets.frames import Frame
 from yahboomd.errors import ConfigError, ListenError
 from yahboomd.web.page_downloads import is_download
 from yahboomd.web.page_frames import MAX_BYTES
+from yahboomd.web.web_application import HEADERS
 
 if TYPE_CHECKING:
     from starlette.types import ASGIApp
@@ -230,6 +231,14 @@ class Connection(H11Protocol):
         """Become a page, which has limits of its own."""
         self._leave()
         super().handle_websocket_upgrade(event)
+
+    def send_400_response(self, msg: str) -> None:
+        """Refuse what is no HTTP, with the headers of every answer."""
+        headers = {"content-type": "text/plain; charset=utf-8", "connection": "close", **HEADERS}
+        answer = h11.Response(status_code=400, reason=b"Bad Request", headers=[*headers.items()])
+        for event in (answer, h11.Data(data=msg.encode()), h11.EndOfMessage()):
+            self.transport.write(self.conn.send(event) or b"")
+        self.transport.close()
 
     def on_response_complete(self) -> None:
         """Wait for the next request from now on."""

@@ -41,7 +41,7 @@ function create(app) {
   });
   const press = (right, up, left = 0) => {
     lost = "";
-    if (!deadman.held && live.newest("control")?.page_driver === null) connection.control(true);
+    if (!deadman.held && live.newest("control")?.page_driver === null) connection.controlIfFree();
     if (deadman.held) deadman.move(velocity(right, up, left));
     else deadman.hold(velocity(right, up, left));
     show();

@@ -86,6 +86,11 @@ export class Connection {
     if (this.isOpen) this.#send({ type: "control", want });
   }
 
+  /** Take control, unless another page has it. */
+  controlIfFree() {
+    if (this.isOpen) this.#send({ type: "control", want: true, if_free: true });
+  }
+
   /** Ask for something to be done; resolves with the answer, `{ ok, text, data }`. */
   request(what, args = {}) {
     return this.#ask({ type: "request", do: what, ...args });
