@@ -39,6 +39,8 @@ ROOMS = {
     "protocol": ("yahboomd/protocol", ["tests/protocol"]),
     "drive": ("yahboomd/drive", ["tests/drive"]),
     "odometry": ("yahboomd/odometry", ["tests/odometry"]),
+    "calibration": ("yahboomd/calibration", ["tests/calibration"]),
+    "tuning": ("yahboomd/tuning", ["tests/tuning"]),
     "messages": ("yahboomd/messages", ["tests/messages"]),
     "counts": ("yahboomd/counts.py", ["tests/test_counts.py"]),
     "model": ("yahboomd/model.py", ["tests/test_model.py"]),

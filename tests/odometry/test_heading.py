@@ -261,3 +261,30 @@ def test_a_hand_that_turns_the_robot_unevenly_changes_no_bias(base: Base) -> Non
         base.step(0.0, rate, truth=rate)
     assert base.off == pytest.approx(0.0, abs=0.05)
     assert "gyro_unfit" not in base.kinds
+
+
+def test_wheels_and_gyro_that_are_read_milliseconds_apart_do_not_differ_in_a_fast_turn(
+    base: Base,
+) -> None:
+    for step in range(250):
+        base.step(5.5 if step % 2 else 4.5, 5.0, truth=5.0)
+    assert base.off == pytest.approx(0.0, abs=1e-3)
+
+
+def test_however_long_wheels_rolled_their_first_slip_is_noticed_in_a_third_of_a_second(
+    base: Base,
+) -> None:
+    base.run(20.0, 1.0, 1.0, truth=1.0)
+    for _ in range(7):
+        base.step(1.0, 0.9, truth=0.9)
+    assert base.heading.error == pytest.approx(0.1 * 7 * CYCLE_NS * 1e-9, abs=5e-3)
+
+
+@pytest.mark.parametrize(("unsteady", "learned"), [(0.004, True), (0.006, False)])
+def test_only_a_rate_as_even_as_the_sensors_noise_is_a_bias(
+    base: Base, unsteady: float, learned: bool
+) -> None:
+    for step in range(200):
+        rate = 0.2 + (unsteady if step % 2 else -unsteady)
+        base.step(0.0, rate, truth=0.0)
+    assert ("gyro_unfit" in base.kinds) is learned

@@ -257,6 +257,15 @@ def test_a_garbled_step_that_was_believed_is_taken_back_with_the_turn_that_it_ma
         one.check_covariance_grew()
 
 
+def test_a_step_is_not_taken_back_where_that_would_be_a_jump(rig):
+    left = right = straight(rig, 6)
+    steps = [(368, 0, 30.0), (2949, 2949, 240.0), (-737, 737, 60.0), (368, 368, 30.0)]
+    for left_ticks, right_ticks, after_ms in steps:
+        left, right = left + left_ticks, right + right_ticks
+        rig.feed(left, right, after_ms=after_ms)
+    rig.check_no_jump()
+
+
 def test_a_wheel_that_truly_stops_and_starts_again_is_where_it_rolled(rig, kit):
     last = straight(rig, 30)
     for n in range(1, 8):
@@ -729,6 +738,27 @@ def test_unless_it_is_configured_a_heading_is_the_wheels(kit):
     for _ in range(10):
         without.feed(0, 0, after_ms=20.0)
     assert estimate.pose_covariance == without.estimates[-1].pose_covariance
+
+
+def test_what_the_steering_corrects_is_no_slip_to_the_gyro(kit):
+    rig = Rig(kit)
+    car = msgspec.structs.replace(
+        kit.differential(), name="ackermann", base_m=0.2, least_radius_m=0.3
+    )
+    rig.odometer = Odometer(car, kit.motors(), fused=True)
+    for number in range(400):
+        rig.feed(0, 0, after_ms=20.0)
+        sample(rig, 0.0, after_ms=15.0, number=number)
+    left = right = 0.0
+    for number in range(200):
+        rig.odometer.steer(1.0, START_NS + round(rig.now_ms * MS))
+        # 0.3 m/s on a circle of a metre, of whose turn the wheels see half.
+        travel, half = 0.3 * 0.02 / kit.tick_m, 0.25 * 0.3 * 0.02 * kit.track_m / kit.tick_m
+        left, right = left + travel - half, right + travel + half
+        rig.feed(round(left), round(right), after_ms=20.0)
+        sample(rig, 0.3, after_ms=15.0, number=number)
+    assert rig.events == []
+    assert rig.estimates[-1].pose.theta == pytest.approx(200 * 0.02 * 0.3, abs=0.02)
 
 
 @pytest.mark.parametrize(("after_ms", "carried_ms"), [(15.0, 10.0), (2.0, -3.0), (90.0, 50.0)])

@@ -50,12 +50,6 @@ def test_before_a_command_and_at_rest_nothing_is_added(steering: Steering) -> No
     assert steering.correct(0.0, 0.0, 0.0, ARRIVES_NS) == (0.0, 0.0)
 
 
-def test_a_base_that_does_not_steer_has_its_wheels() -> None:
-    made = Steering(0.0)
-    made.command(2.0, 0)
-    assert made.correct(0.01, 0.0, 1e-6, ARRIVES_NS) == (0.0, 1e-6)
-
-
 @pytest.mark.parametrize(("other", "counts"), [(2.03, False), (1.97, False), (2.018, True)])
 def test_a_curve_that_differs_by_a_fiftieth_of_a_metre_is_another(
     steering: Steering, other: float, counts: bool

@@ -86,3 +86,56 @@ def test_misfits_before_a_measurement_that_fits_do_not_count():
     renewal.misfit()
     assert renewal.weigh(of(7.3, regular=False))
     assert (renewal.fits, renewal.notice) == (False, "unfit")
+
+
+def changes(*takes, tick_ms=8.0, first=20):
+    """The first result of lines that each bring a change of 20 counts in a tick."""
+    meter, at_ms = TickMeter(), 0.0
+    for number in range(600):
+        took = takes[number % len(takes)]
+        at_ms += took
+        counts = 20 * max(1, round(took / tick_ms)) if number else first
+        found = meter.add(at_ms * MS, counts, MS, MS)
+        if found is not None:
+            return found
+    return None
+
+
+@pytest.mark.parametrize(("off_ms", "regular"), [(0.0, True), (1.3, True), (1.7, False)])
+def test_changes_that_scatter_by_more_than_their_lines_are_of_no_timer(off_ms, regular):
+    found = changes(8.0 - off_ms, 8.0 + off_ms)
+    assert found.period == pytest.approx(8.0 * MS, rel=0.003)
+    assert found.regular is regular
+
+
+@pytest.mark.parametrize(
+    ("tick_ms", "regular"), [(1.0, False), (2.0, True), (8.04, True), (8.1, False), (8.5, False)]
+)
+def test_a_timer_counts_whole_milliseconds_two_at_least(tick_ms, regular):
+    assert changes(tick_ms, tick_ms=tick_ms).regular is regular
+
+
+@pytest.mark.parametrize(("every", "marked"), [(25, True), (49, False)])
+def test_a_fortieth_of_the_lines_has_to_mark_a_tick(every, marked):
+    assert changes(*[8.0] * (every - 1), 16.0).marked is marked
+
+
+def test_a_pace_that_was_taken_for_half_of_what_it_is_is_found_out():
+    assert changes(8.0, first=10).period == pytest.approx(8.0 * MS)
+
+
+def test_a_wheel_that_stands_in_between_shows_no_period():
+    meter, at_ms = TickMeter(), 0.0
+    for _ in range(20):
+        for took in [8.0] * 20 + [150.0]:
+            at_ms += took
+            assert meter.add(at_ms * MS, 20, MS, MS) is None
+
+
+def test_a_measurement_that_fits_forgives_the_misfits_before_it():
+    renewal = TickPeriod(10.0 * MS)
+    renewal.misfit()
+    assert not renewal.weigh(of(10.0))
+    renewal.misfit()
+    assert not renewal.weigh(of(7.3, regular=False))
+    assert renewal.fits

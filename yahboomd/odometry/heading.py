@@ -155,7 +155,7 @@ class Heading:
             limit_rad_s=sensor.gyro_limit_rad_s,
             noise_rad_s=sensor.gyro_noise_rad_s,
         )
-        self._tell_problem()
+        self._report_problem()
 
     def reset(self) -> None:
         """The heading was set: both are right now."""
@@ -181,7 +181,7 @@ class Heading:
         dt_s = step_ns * 1e-9
         slip = self._turn_slip * self._turned(turn)
         seen = self._gyro.turn(stamp_ns)
-        self._tell_problem()
+        self._report_problem()
         angle, self._angle = self._angle, seen.angle if self._gyro.present else None
         gyro = None if angle is None else seen.angle - angle
         if gyro is not None and self._gyro.problem != "silent":
@@ -241,7 +241,7 @@ class Heading:
             self._way = _Window()
             if against and not self._against:
                 self._gyro.refuse("implausible")
-                self._tell_problem()
+                self._report_problem()
             self._against = against
         apart = abs(window.wheels - window.gyro)
         least = max(SLIP_RAD, SLIP_DEVIATIONS * math.sqrt(window.slip))
@@ -269,9 +269,10 @@ class Heading:
         for each in self._filters:
             each.learn(rest.mean, rest.deviation**2, (off * rest.seconds) ** 2)
         self._gyro.refuse("implausible")
-        self._tell_problem()
+        self._report_problem()
 
-    def _tell_problem(self) -> None:
+    def _report_problem(self) -> None:
+        """Count a problem of the gyro; its beginning and its end are events."""
         problem = self._gyro.problem or ("implausible" if self._against else None)
         if problem == self._problem:
             return

@@ -64,11 +64,6 @@ class PolledClock:
         self._sole = True
         self._prompt = 0
 
-    @property
-    def locked(self) -> bool:
-        """Whether jitter is being taken off."""
-        return len(self._turn_rounds) > 8
-
     def guess_ns(self, reading: EncoderReading) -> int:
         """The stamp of a line after a break."""
         return self._stamp(reading)

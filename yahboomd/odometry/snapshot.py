@@ -11,56 +11,23 @@ restored over an odometer that was made with the same arguments.
 
 from __future__ import annotations
 
+import sys
 from collections import deque
 from typing import Any, TypeAlias
 
 import msgspec
 
-from yahboomd import counts, model
-from yahboomd.odometry import (
-    arrivals,
-    covariance,
-    encoders,
-    envelope,
-    factors,
-    gyro,
-    heading,
-    heading_filter,
-    integrator,
-    line_age,
-    polled_clock,
-    steering,
-    streamed_clock,
-    tick_meter,
-    velocity,
-)
 from yahboomd.odometry.odometer import Odometer
 
-_ROOMS = (
-    counts,
-    model,
-    arrivals,
-    covariance,
-    encoders,
-    envelope,
-    factors,
-    gyro,
-    heading,
-    heading_filter,
-    integrator,
-    line_age,
-    polled_clock,
-    steering,
-    streamed_clock,
-    tick_meter,
-    velocity,
-)
 _CLASSES: dict[str, type] = {
     each.__name__: each
-    for room in _ROOMS
+    for name, room in tuple(sys.modules.items())
+    if name in {"yahboomd.counts", "yahboomd.model"} or name.startswith("yahboomd.odometry.")
     for each in vars(room).values()
-    if isinstance(each, type) and each.__module__ == room.__name__
+    if isinstance(each, type) and each.__module__ == name
 }
+"""Those of all files that an odometer imports."""
+
 _PLAIN = (bool, int, float, str, type(None))
 
 Written: TypeAlias = Any

@@ -25,11 +25,11 @@ class Steering:
     """The knowledge of a turn by the steering.
 
     Args:
-        base_m: From the rear axle to the front one; 0 for a base that does not steer.
+        base_m: From the rear axle to the front one.
     """
 
     def __init__(self, base_m: float) -> None:
-        self._variance = (ANGLE_RAD / base_m) ** 2 * ALONG_M if base_m else 0.0
+        self._variance = (ANGLE_RAD / base_m) ** 2 * ALONG_M
         self._per_m: float | None = None
         self._arrived_ns = 0
 
@@ -53,7 +53,7 @@ class Steering:
         Returns:
             The turn to add to theirs, and the variance of the sum.
         """
-        if not self._variance or self._per_m is None or now_ns < self._arrived_ns:
+        if self._per_m is None or now_ns < self._arrived_ns:
             return 0.0, variance
         own = self._variance * abs(travel_m)
         if not own or not variance:
