@@ -325,6 +325,10 @@ async def test_when_the_last_client_leaves_the_wheels_stop_at_once(tmp_path: Pat
         assert bench.heard.commands is not None
         await asyncio.sleep(0.4)
         assert bench.standing
+        lost = "drove and was lost 0.4 s ago: its client left the bus."
+        assert bench.controller.state()[1].endswith(lost)
+        bench.controller.bus_lost()
+        assert bench.controller.state() == ("standing", "No source commands motion.")
 
 
 @on_virtual_time

@@ -118,11 +118,11 @@ def test_an_age_that_grows_is_no_news(manager: socket.socket) -> None:
     notifier = Notifier({"NOTIFY_SOCKET": manager.getsockname()})
     for age in ("0.0", "0.5", "12.0"):
         notifier.status(f"waiting: no port. (since {age} s, for another 3.0 s) cmd fell silent.")
-    notifier.status("standing: cmd_vel fell silent: its last command was given 0.6 s ago.")
+    notifier.status("standing: cmd_vel fell silent after its last command 0.6 s ago.")
     notifier.status("driving: cmd_vel drives.")
     assert [manager.recv(200) for _ in range(3)] == [
         b"STATUS=waiting: no port. cmd fell silent.",
-        b"STATUS=standing: cmd_vel fell silent: its last command was given.",
+        b"STATUS=standing: cmd_vel fell silent after its last command.",
         b"STATUS=driving: cmd_vel drives.",
     ]
     notifier.close()

@@ -25,8 +25,8 @@ def test_a_robot_that_may_drive_has_no_reason_to_stand() -> None:
 @pytest.mark.parametrize(
     ("why", "words"),
     [
-        ("no_command", "No source commands motion"),
-        ("timed_out", "cmd_vel fell silent: its last command was given 1.5 s ago"),
+        ("no_command", "cmd_vel drove and was lost 1.5 s ago: its client left the bus"),
+        ("timed_out", "cmd_vel fell silent after its last command 1.5 s ago"),
         ("revoked", "Held-up commands of cmd_vel"),
         ("zero_command", "cmd_vel commands zero"),
     ],

@@ -393,7 +393,7 @@ class Controller:
 
     def bus_lost(self) -> None:
         """No client is connected any more: its commands are over, at once."""
-        self._arbiter.forget_commands(self._clock.now_ns())
+        self._arbiter.forget_commands(self._clock.now_ns(), clients_left=True)
         if any(self._wheels.command_m_s):
             self.counters["bus_lost"] += 1
         self._limiter.halt()

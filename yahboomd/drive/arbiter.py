@@ -80,6 +80,7 @@ class Arbiter:
         self._free_ns: int | None = None
         self._handover: _Handover | None = None
         self._revoked = False
+        self._left: tuple[str, int] | None = None
         self._timeout_counted = False
         self._waited_since_ns = self._waited_ns = 0
 
@@ -144,6 +145,7 @@ class Arbiter:
             self._hand_over(line, now_ns)
         self._last = line
         self._revoked = False
+        self._left = None
         self._timeout_counted = False
         self.counters["accepted"] += 1
         return Accepted(source=source, age_ns=age.age_ns, took_over=took_over)
@@ -174,11 +176,14 @@ class Arbiter:
         """
         holder, last = self._holder, self._last
         age_ns = None if last is None else last.deadman.age_ns(now_ns)
+        name = None if last is None else last.source.name
+        if self._left is not None:
+            name, age_ns = self._left[0], now_ns - self._left[1]
         twist, ramp, timed_out = STANDSTILL, True, False
         why: Why
         if self._revoked:
             why, ramp = "revoked", False
-        elif last is None or age_ns is None:
+        elif last is None or last.deadman.age_ns(now_ns) is None:
             why = "no_command"
         elif holder is None or (wish := holder.in_effect(now_ns)) is None:
             self._count_timeout()
@@ -194,7 +199,7 @@ class Arbiter:
             timed_out=timed_out,
             ramp=ramp,
             why=why,
-            source=None if last is None else last.source.name,
+            source=name,
             age_ns=age_ns,
         )
 
@@ -231,12 +236,19 @@ class Arbiter:
         found = {name: line.offset.warning(now_ns) for name, line in self._lines.items()}
         return {name: words for name, words in found.items() if words is not None}
 
-    def forget_commands(self, now_ns: int) -> None:
+    def forget_commands(self, now_ns: int, *, clients_left: bool = False) -> None:
         """Discard every command and the source in control, as if there had been no command yet.
 
         For when the bus is lost, or the board was away: what was commanded before is over. That a
         source commanded motion is remembered all the same.
+
+        Args:
+            now_ns: Monotonic nanoseconds.
+            clients_left: Because no client is connected any more: one that drove is named.
         """
+        wish = None if self._holder is None else self._holder.in_effect(now_ns)
+        drove = clients_left and wish is not None and not wish.is_zero
+        self._left = (self._holder.source.name, now_ns) if self._holder and drove else None
         for line in self._lines.values():
             line.drop()
         self._holder = self._last = self._handover = None

@@ -78,8 +78,9 @@ class Decision(msgspec.Struct, frozen=True, kw_only=True):
         timed_out: The last command ran out.
         ramp: Whether the way to ``twist`` may be a ramp; else the wheels stand at once.
         why: In one word, what the wish follows from.
-        source: Whose command is, or was, the last in effect.
-        age_ns: How long ago that one was given.
+        source: Whose command is, or was, the last in effect; with ``no_command`` the one that drove
+            when its client left.
+        age_ns: How long ago that one was given, or left.
     """
 
     twist: Twist2d = STANDSTILL

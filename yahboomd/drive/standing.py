@@ -125,10 +125,12 @@ def _not_commanded(decision: Decision) -> list[Reason]:
     source, driver = source_words(decision.source), source_words(decision.driver)
     age = "" if decision.age_ns is None else f" {_seconds(decision.age_ns)} ago"
     match decision.why:
+        case "no_command" if decision.source is not None:
+            message = f"{source} drove and was lost{age}: its client left the bus."
         case "no_command":
             message = "No source commands motion."
         case "timed_out":
-            message = f"{source} fell silent: its last command was given{age}."
+            message = f"{source} fell silent after its last command{age}."
         case "revoked":
             message = f"Held-up commands of {decision.source or 'a source'} were dropped."
         case "zero_command":
