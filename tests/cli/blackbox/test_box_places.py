@@ -6,11 +6,12 @@ import os
 from pathlib import Path
 
 import pytest
-from made_boxes import HEADER, saved_box
+from made_boxes import HEADER, SECOND_NS, WALL_NS, ring_of, saved_box
 
+from yahboomd.blackbox.records import Decision
 from yahboomd.blackbox.ring_file import RingFile, ring_folder
 from yahboomd.blackbox.saved_boxes import save_box
-from yahboomd.cli.blackbox.box_places import Places, boxes, choose, load, places
+from yahboomd.cli.blackbox.box_places import Found, Places, boxes, choose, load, places
 from yahboomd.errors import ConfigError
 
 
@@ -49,6 +50,22 @@ def test_the_newest_that_is_saved_is_meant_where_none_is_named(tmp_path: Path) -
     file.write_bytes(saved_box())
     assert choose(found, str(file)) == file
     running.close(keep=False)
+
+
+@pytest.mark.parametrize(("seconds_ago", "name"), [(30, "7"), (10, "2")])
+def test_a_stop_that_no_save_shows_yet_is_meant_before_an_older_save(
+    tmp_path: Path, seconds_ago: int, name: str
+) -> None:
+    where = filled(tmp_path)
+    ring = tmp_path / "ring"
+    drives = Decision(state="driving", driver="cmd_vel", why="cmd_vel drives.")
+    silent = Decision(state="stopping", driver="", why="cmd_vel fell silent.")
+    ring.write_bytes(ring_of((40.0, drives), (20.0, silent)))
+    for path in where.saved[0].iterdir():
+        saved_ns = WALL_NS - seconds_ago * SECOND_NS
+        os.utime(path, ns=(saved_ns, saved_ns))
+    found = [*boxes(where), Found(ring, "7", "running", WALL_NS, 1)]
+    assert choose(found, None) == choose(found, name)
 
 
 def test_what_is_not_there_or_not_clear_is_refused_with_a_remedy(tmp_path: Path) -> None:

@@ -71,7 +71,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "box",
         metavar="BOX",
         nargs="?",
-        help="its number or name in the list, or its file (default: the newest that is saved)",
+        help="its number or name in the list, or its file (default: the newest, saved or not)",
     )
     export.add_argument("box", metavar="BOX", help="its number or name in the list, or its file")
     export.add_argument("path", metavar="FILE", type=Path, help="the file to write, such as x.mcap")
@@ -100,12 +100,8 @@ def run(args: argparse.Namespace) -> int:
         case "explain":
             path = choose(found, args.box)
             _explain(load(path), path, as_json=args.json)
-            if args.box is None and (running := [each for each in found if each.kind == "running"]):
-                words = f"`yahboomd blackbox explain {running[-1].name}`"
-                print(
-                    pasteable(f"\nA daemon runs. Its last minute, saved or not: {words}."),
-                    file=sys.stderr,
-                )
+            if args.box is None:
+                _name_others(found, path)
         case "export":
             from yahboomd.cli.blackbox.box_export import export
 
@@ -157,6 +153,20 @@ def _list(found: list[Found], where: Places, *, as_json: bool) -> None:
         print(f"{folder} cannot be read. {REMEDY}")
     if not found:
         print("There is no black box here: nothing was saved, and no daemon of yours runs.")
+
+
+def _name_others(found: list[Found], shown: Path) -> None:
+    """Name the newest box of the other kind: saved, or of a daemon that runs."""
+    running = [each for each in found if each.kind == "running"]
+    saved = [each for each in found if each.kind != "running"]
+    here = any(each.path == shown for each in running)
+    others = saved if here else running
+    if others:
+        words = "The newest that is saved" if here else "A daemon runs. Its last minute"
+        print(
+            pasteable(f"\n{words}: `yahboomd blackbox explain {others[-1].name}`."),
+            file=sys.stderr,
+        )
 
 
 def _explain(box: Box, path: Path, *, as_json: bool) -> None:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from yahboomd.blackbox.box_file import Box, NotABox, read_box
 from yahboomd.blackbox.ring_file import is_live, ring_folder, rings
 from yahboomd.blackbox.saved_boxes import saved_boxes
-from yahboomd.cli.blackbox.box_story import wall_clock_ns
+from yahboomd.cli.blackbox.box_story import last_stop, wall_clock_ns
 from yahboomd.cli.stop.stop_local import folders
 from yahboomd.errors import ConfigError
 
@@ -93,7 +93,7 @@ def boxes(where: Places) -> list[Found]:
 
 
 def choose(found: list[Found], wanted: str | None) -> Path:
-    """The box that a person means: a file, a number, a ring's name; without any the newest one.
+    """The box that a person means: a file, a number, a ring's name; without any the newest stop.
 
     Raises:
         ConfigError: There is none, or several.
@@ -105,8 +105,7 @@ def choose(found: list[Found], wanted: str | None) -> Path:
                 remedy="A daemon saves one when the robot stops for a reason; "
                 "`yahboomd blackbox save` saves one now.",
             )
-        saved = [each for each in found if each.kind != "running"]
-        return (saved or found)[-1].path
+        return _newest_stop(found).path
     path = Path(wanted)
     if path.is_file():
         return path
@@ -123,6 +122,19 @@ def choose(found: list[Found], wanted: str | None) -> Path:
         f"There is no black box {wanted}: no such file, and no such number.",
         remedy="`yahboomd blackbox` lists them.",
     )
+
+
+def _newest_stop(found: list[Found]) -> Found:
+    """The newest that is saved, unless the robot of a daemon that runs has stopped since then."""
+    saved = [each for each in found if each.kind != "running"]
+    newest, at_ns = (saved[-1], saved[-1].written_ns) if saved else (found[-1], 0)
+    for each in found:
+        with contextlib.suppress(ConfigError):
+            box = load(each.path) if each.kind == "running" else None
+            stop = None if box is None else last_stop(box.records)
+            if box is not None and stop and (stop_ns := wall_clock_ns(box, stop.at_ns)) > at_ns:
+                newest, at_ns = each, stop_ns
+    return newest
 
 
 def load(path: Path) -> Box:

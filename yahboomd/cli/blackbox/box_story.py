@@ -108,8 +108,13 @@ def summary(box: Box) -> str:
     return "\n".join(words)
 
 
-def _why(every: list[Record], end_ns: int, end: str) -> str:
-    """Why the robot stands, by the last time that it stopped driving."""
+def last_stop(every: list[Record]) -> Record | None:
+    """The decision by which the robot stopped driving last; None where it drives, or never did."""
+    return _last_stop(every)[0]
+
+
+def _last_stop(every: list[Record]) -> tuple[Record | None, bool]:
+    """The same, and whether it drives at the end."""
     driving, stopped = False, None
     for record in every:
         meaning = record.meaning
@@ -120,6 +125,12 @@ def _why(every: list[Record], end_ns: int, end: str) -> str:
             elif drives:
                 stopped = None
             driving = drives
+    return stopped, driving
+
+
+def _why(every: list[Record], end_ns: int, end: str) -> str:
+    """Why the robot stands, by the last time that it stopped driving."""
+    stopped, driving = _last_stop(every)
     if stopped is None or not isinstance(stopped.meaning, records.Decision):
         if driving:
             return "It drives to the end of the record."
