@@ -13,6 +13,7 @@ from real_robot import wait_for
 from yahboomd.cli.unresponsive import (
     listener,
     may_drive,
+    measured_ports,
     process_state,
     suspended,
     true_names,
@@ -53,15 +54,29 @@ def test_a_program_of_python_is_named_yahboomd_where_it_is_one(tmp_path: Path) -
         (1, ("/x/bin/python", "-m", "yahboomd", "run")),
         (2, ("/x/bin/python3", "/x/bin/yahboomd", "run")),
         (3, ("python3", "yahboomd.log")),
+        (5, ("/x/bin/python", "/x/bin/yahboomd", "tune", "--yes")),
+        (6, ("/x/bin/python", "-m", "yahboomd.link.guard", "9", "00")),
     ):
         (tmp_path / str(pid)).mkdir()
         (tmp_path / str(pid) / "cmdline").write_text("\0".join(words) + "\0")
     text = (
-        "held by python (pid 1), python3.11 (pid 2), python3 (pid 3), python (pid 4), cat (pid 1)"
+        "held by python (pid 1), python3.11 (pid 2), python3 (pid 3), python (pid 4), cat (pid 1), "
+        "yahboomd (pid 5), python (pid 6)"
     )
     assert true_names(text, proc=str(tmp_path)) == (
-        "held by yahboomd (pid 1), yahboomd (pid 2), python3 (pid 3), python (pid 4), cat (pid 1)"
+        "held by yahboomd (pid 1), yahboomd (pid 2), python3 (pid 3), python (pid 4), cat (pid 1), "
+        "yahboomd tune (pid 5), yahboomd's guard (pid 6)"
     )
+
+
+def test_ports_are_found_of_what_turns_wheels_without_a_daemon(tmp_path: Path) -> None:
+    for pid, command in ((1, "run"), (2, "tune"), (3, "probe"), (4, "setup")):
+        (tmp_path / str(pid) / "fd").mkdir(parents=True)
+        (tmp_path / str(pid) / "cmdline").write_text(f"/x/bin/yahboomd\0{command}\0")
+        for fd, path in ((0, "/dev/pts/9"), (7, f"/dev/ttyUSB{pid}"), (8, "/dev/null")):
+            (tmp_path / str(pid) / "fd" / str(fd)).symlink_to(path)
+    (tmp_path / "uptime").write_text("1")
+    assert sorted(measured_ports(proc=str(tmp_path))) == ["/dev/ttyUSB2", "/dev/ttyUSB4"]
 
 
 def test_the_port_on_the_command_line_tells_which_daemon_is_meant(tmp_path: Path) -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 from collections.abc import Mapping
 from pathlib import Path
 
 from yahboomd.cli.stop.stop_local import folders
 from yahboomd.cli.stop.stop_port import pids
-from yahboomd.cli.unresponsive import FROZEN, process_state, true_names
+from yahboomd.cli.unresponsive import FROZEN, is_guard, process_state, true_names
 from yahboomd.clock import Clock
 from yahboomd.config import Config
 from yahboomd.daemon.estop.latch_file import LatchFile, engaged_in
@@ -16,10 +17,17 @@ from yahboomd.errors import LinkError, PortBusy, PortLost, Refused, YahboomdErro
 from yahboomd.link import diagnosis, discovery
 from yahboomd.link.port import Opener, Port, PortOptions, open_port
 from yahboomd.link.port_errors import holders
+from yahboomd.model import NS_PER_S
+
+GUARD_ENDS_WITHIN_NS = 3 * NS_PER_S
+RETRY_S = 0.05
 
 
 def opener_of(port: str, config: Config, clock: Clock) -> Opener:
-    """What opens the port as the configuration says, for this process alone."""
+    """What opens the port as the configuration says, for this process alone.
+
+    It waits for the guard of a `setup` or a `tune` that was killed, which stops the wheels.
+    """
     serial = config.serial
     options = PortOptions(
         path=port,
@@ -30,7 +38,19 @@ def opener_of(port: str, config: Config, clock: Clock) -> Opener:
     )
 
     async def open_it() -> Port:
-        return await open_port(options, clock)
+        end_ns = clock.now_ns() + GUARD_ENDS_WITHIN_NS
+        was_free = False
+        while True:
+            try:
+                return await open_port(options, clock)
+            except PortBusy:
+                found = pids(holders(port))
+                # It may have ended in between; or this user may not see who has the port.
+                waits = all(map(is_guard, found)) if found else not was_free
+                was_free = not found
+                if clock.now_ns() >= end_ns or not waits:
+                    raise
+            await asyncio.sleep(RETRY_S)
 
     return open_it
 
@@ -88,6 +108,7 @@ def _held(error: PortBusy, who: tuple[str, ...]) -> PortBusy:
         if process_state(pid) in FROZEN
         else f"kill {pid}"
         for pid in pids(who)
+        if not is_guard(pid)
     ]
     remedy = " ".join(diagnosis.busy(who))
     if commands:

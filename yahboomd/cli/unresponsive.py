@@ -42,6 +42,22 @@ def measuring(pid: int, *, proc: str = "/proc") -> str:
     return command[0] if command and command[0] in {"setup", "tune"} else ""
 
 
+def is_guard(pid: int, *, proc: str = "/proc") -> bool:
+    """Whether a process only lets motors go where a `setup` or a `tune` was killed."""
+    return "yahboomd.link.guard" in arguments(pid, proc=proc)[:4]
+
+
+def measured_ports(*, proc: str = "/proc") -> list[str]:
+    """The ports that a `setup` or a `tune` of this machine has, as far as this user may see."""
+    running = (int(name) for name in os.listdir(proc) if name.isdigit())
+    return [
+        port
+        for pid in running
+        if measuring(pid, proc=proc)
+        for port in serial_ports(pid, proc=proc)
+    ]
+
+
 def serial_ports(pid: int, *, proc: str = "/proc") -> tuple[str, ...]:
     """The terminals that a process has open beside its standard streams."""
     found: dict[str, str] = {}
@@ -115,8 +131,12 @@ def true_names(text: str, *, proc: str = "/proc") -> str:
     """
 
     def named(found: re.Match[str]) -> str:
-        pid = found["pid"]
-        return f"yahboomd (pid {pid})" if is_yahboomd(int(pid), proc=proc) else found[0]
+        pid = int(found["pid"])
+        if is_guard(pid, proc=proc):
+            return f"yahboomd's guard (pid {pid})"
+        if not is_yahboomd(pid, proc=proc):
+            return found[0]
+        return f"{' '.join(('yahboomd', measuring(pid, proc=proc))).rstrip()} (pid {pid})"
 
     return _PYTHON.sub(named, text)
 
@@ -172,4 +192,4 @@ def unresponsive(name: str, pid: int, state: str, again: str) -> tuple[str, str]
     return f"{name} does not answer{doing}.", remedy
 
 
-_PYTHON = re.compile(r"\bpython[\d.]* \(pid (?P<pid>\d+)\)")
+_PYTHON = re.compile(r"\b(?:python[\d.]*|yahboomd) \(pid (?P<pid>\d+)\)")

@@ -20,6 +20,12 @@ KNOWN_HOLDERS = {
     "the board in again.",
     "ModemManager": "ModemManager tries new serial ports for modems: wait some seconds, or "
     "sudo systemctl disable --now ModemManager.",
+    **dict.fromkeys(
+        ("yahboomd setup", "yahboomd tune"),
+        "It turns wheels: `yahboomd stop` ends it, and sees them stand.",
+    ),
+    "yahboomd's guard": "The guard lets the motors go where a setup or a tune was killed, and ends "
+    "with it, two seconds later at most.",
     "yahboomd": "A yahboomd daemon owns the board: `yahboomd monitor` shows what it does, and "
     "`yahboomd stop` stops its wheels. To use the port itself, end the daemon first.",
 }

@@ -14,7 +14,10 @@ from real_robot import Process, wait_for
 from simulated_board import SimulatedBoard
 
 from yahboomd.cli.main import main
+from yahboomd.cli.own_port import with_hints
+from yahboomd.cli.stop import stop_port
 from yahboomd.cli.tune.saved import read_saved
+from yahboomd.errors import PortBusy
 
 pytestmark = pytest.mark.realtime
 
@@ -61,15 +64,13 @@ def test_killed_among_its_writes_the_wheels_stand_and_undo_restores_the_board(
     tuning.process.kill()
     wait_for(lambda: board.stands, "the wheels stand")
     (path,) = tmp_path.glob("before-tune*.json")
-    assert read_saved(path).settings == {"pid": (0.3, 0.6, 0.0), "deadzone": 1600}
+    found = read_saved(path).settings
+    assert (found["pid"], found["deadzone"]) == ((0.3, 0.6, 0.0), 1600)
     assert not read_saved(path).finished
-
-    def undone() -> Process | None:
-        # The guard lets go of the port a second after the last stop.
-        undoing = tune(board, "--undo")
-        return undoing if undoing.end_by_itself() == 0 else None
-
-    wait_for(undone, "the board is restored").says("dead zone 1600. Values written: 2.")
+    # The guard has the port for a second yet: that is awaited.
+    undoing = tune(board, "--undo")
+    assert undoing.end_by_itself() == 0, undoing.output
+    assert "dead zone 1600. Values written: 2." in undoing.output
     assert not path.exists()
 
 
@@ -86,6 +87,9 @@ def test_stop_in_a_second_terminal_ends_it_and_sees_the_wheels_stand(
         return tuning if tuning.process.poll() is None else None
 
     tuning = wait_for(begun, "it turns a wheel")
+    held = str(with_hints(PortBusy(f"{board.port} is held."), board.port))
+    assert "`yahboomd stop` ends it, and sees them stand." in held
+    assert held.endswith(f"End the other: kill {tuning.process.pid}")
     if suspended:
         tuning.process.send_signal(signal.SIGSTOP)
     stop = Process("stop", "--port", board.port)
@@ -95,6 +99,19 @@ def test_stop_in_a_second_terminal_ends_it_and_sees_the_wheels_stand(
     assert "the wheels stand" in stop.output
     assert tuning.end_by_itself() == 128 + signal.SIGTERM, tuning.output
     assert "Ended by SIGTERM: the wheels were stopped" in tuning.output
+
+
+def test_a_stop_that_names_no_port_ends_it_as_well(simulated_board, tune, monkeypatch, capsys):
+    board = simulated_board()
+    tuning = tune(board, "--yes")
+    wait_for(lambda: turning(board) or tuning.process.poll() is not None, "a wheel turns")
+    # Every other tuning of this machine is left alone by this test.
+    monkeypatch.setattr(stop_port, "measured_ports", lambda: [board.port])
+    (seized,) = stop_port.seize_measured_ports(None)
+    os.close(seized.fd)
+    assert tuning.end_by_itself() == 128 + signal.SIGTERM, tuning.output
+    assert board.stands
+    assert f"(pid {tuning.process.pid}) has {board.port}: it is ended" in capsys.readouterr().err
 
 
 def test_a_dry_run_measures_suggests_and_writes_nothing(simulated_board, tune, tmp_path):

@@ -31,6 +31,7 @@ from yahboomd.cli.stop.stop_port import (
     needs_no_configuration,
     print_report,
     readable_configuration,
+    seize_measured_ports,
     seize_noted,
     seize_noted_ports,
     seize_port,
@@ -179,6 +180,8 @@ def _everywhere(args: argparse.Namespace) -> bool:
     if not first:
         config = config or configuration(args)
         seized, trouble = _try_port(args, config)
+        if local.wanted == type(local.wanted)():
+            seized += seize_measured_ports(config)
     config = config or configuration(args)
     of_the_dead = _seize_noted(local)
     endpoints = daemon_endpoints(args, config)

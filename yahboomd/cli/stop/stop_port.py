@@ -18,6 +18,8 @@ from typing import TYPE_CHECKING, Any
 from yahboomd.cli.shared_options import read_config
 from yahboomd.cli.unresponsive import (
     FROZEN,
+    is_guard,
+    measured_ports,
     measuring,
     process_state,
     true_names,
@@ -195,15 +197,30 @@ def seize_port(
         raise _explained(path, error, asked) from error
 
 
+def seize_measured_ports(config: Config | None) -> list[Seized]:
+    """Seize the port of each `setup` and `tune` of this machine, which ends them."""
+    seized = []
+    for path in measured_ports():
+        try:
+            seized.append(seize_port(argparse.Namespace(port=path), config, patience_s=0.0))
+        except LinkError as error:
+            warn(str(error))
+    return seized
+
+
 def _end_measuring(path: str) -> bool:
-    """End each `setup` or `tune` that holds a port, which stops its wheels; whether there is one.
+    """End each `setup` or `tune` that holds a port, which stops its wheels.
 
     They obey no emergency stop: no daemon runs beside them.
+
+    Returns:
+        Whether the port will be free in a moment: one is ended, or its guard has the port yet.
     """
     from yahboomd.link.port_errors import holders
 
-    ended = False
-    for pid in pids(holders(path)):
+    found = pids(holders(path))
+    ended = any(map(is_guard, found))
+    for pid in found:
         if command := measuring(pid):
             with contextlib.suppress(OSError):
                 os.kill(pid, signal.SIGTERM)
