@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -132,6 +133,14 @@ def test_the_period_of_the_totals_is_set_on_a_board_that_has_one(bench: MakeBenc
     assert tell(desk, "tick-period 0.02 0.005") == "ok"
     assert desk.robot.board.next_ns <= desk.now_ns + 10_000_000
     assert tell(bench(dialect="polled"), "tick-period 0.02").startswith("error ")
+
+
+def test_the_next_writes_of_the_flash_are_cut_short(bench: MakeBench) -> None:
+    desk = bench()
+    assert tell(desk, "cut-writes") == "ok"
+    desk.send(b"$mline:13#", 0.3)
+    assert math.isnan(desk.robot.board.flash.d)
+    assert tell(bench(dialect="polled"), "cut-writes").startswith("error ")
 
 
 @pytest.mark.parametrize(

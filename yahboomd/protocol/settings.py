@@ -5,6 +5,7 @@ yahboomd reads them and corrects for them instead of overwriting them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator
 from typing import TypeAlias
 
@@ -16,7 +17,8 @@ SettingValue: TypeAlias = int | float | str | tuple[float, float, float]
 
 BoardSettings: TypeAlias = dict[str, SettingValue]
 """Values by the field of their row in the dialect's table, and ``version``, the firmware's, which
-cannot be written. One that is missing is not known, or not wanted. Never changed in place."""
+cannot be written. One that is missing is not known, or not wanted; NaN is what a board shows that
+lost it. Never changed in place."""
 
 VERSION = "version"
 
@@ -153,11 +155,18 @@ def writes(
     return tuple(found)
 
 
-def zero_gains(settings: BoardSettings) -> Iterator[str]:
-    """Name gains that are all zero, with which no board of the vendor's turns a wheel."""
+def useless_gains(settings: BoardSettings) -> Iterator[str]:
+    """Name gains that are lost, or all zero, with which no board of the vendor's turns a wheel."""
     gains = settings.get("pid")
-    if isinstance(gains, tuple) and not any(gains):
-        yield (
-            "The gains P, I and D are all stored as 0: no wheel would ever turn. Store the "
-            "vendor's with `yahboomd probe --write --pid 0.8,0.06,0.5`."
-        )
+    if not isinstance(gains, tuple):
+        return
+    if any(map(math.isnan, gains)):
+        found = "The board has lost its gains P, I and D, as by a loss of power within a write"
+    elif not any(gains):
+        found = "The gains P, I and D are all stored as 0"
+    else:
+        return
+    yield (
+        f"{found}: no wheel would ever turn. Store the vendor's with `yahboomd probe --write --pid "
+        "0.8,0.06,0.5`; after a tuning, what was before with `yahboomd tune --undo`."
+    )

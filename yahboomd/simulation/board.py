@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol, TypeAlias
+from typing import Protocol, TypeAlias, runtime_checkable
 
 from yahboomd.model import Counts
 
@@ -76,3 +76,14 @@ class Board(Protocol):
     def hang(self) -> None:
         """Stop executing, for good, with the outputs as they are."""
         ...
+
+
+@runtime_checkable
+class FlashWriter(Protocol):
+    """A board that can lose its supply within a write of its flash.
+
+    Attributes:
+        cut_writes: It does so within so many of the next ones.
+    """
+
+    cut_writes: int

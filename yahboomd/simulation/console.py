@@ -16,6 +16,7 @@ import msgspec
 from yahboomd.clock import nanoseconds
 from yahboomd.errors import ConfigError
 from yahboomd.model import CHANNELS
+from yahboomd.simulation.board import FlashWriter
 from yahboomd.simulation.motors import FAULTS, HEALTHY
 from yahboomd.simulation.robot import SimulatedRobot
 
@@ -25,6 +26,7 @@ Command: TypeAlias = Callable[[SimulatedRobot, Words, int], str]
 HELP = """\
 reset                    reset the board's MCU by software
 brown-out [SECONDS]      take the board's supply away (0.05)
+cut-writes [N]           the supply fails within each of the next N writes of the flash (1)
 hang                     stop the MCU with the motors as they are, until a reset
 mute SECONDS             nothing of what the board says arrives
 babble SECONDS           random bytes arrive instead
@@ -77,6 +79,14 @@ def _reset(robot: SimulatedRobot, _words: Words, now_ns: int) -> str:
 
 def _brown_out(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
     robot.brown_out(now_ns, _seconds(words, 0.05))
+    return ""
+
+
+def _cut_writes(robot: SimulatedRobot, words: Words, _now_ns: int) -> str:
+    board = robot.board if isinstance(robot.board, FlashWriter) else None
+    if board is None:
+        raise ValueError("not known of this board")
+    board.cut_writes = int(words[0]) if words else 1
     return ""
 
 
@@ -211,6 +221,7 @@ def _seconds(words: Words, default: float | None = None) -> float:
 COMMANDS: dict[str, Command] = {
     "reset": _reset,
     "brown-out": _brown_out,
+    "cut-writes": _cut_writes,
     "hang": _hang,
     "mute": _mute,
     "babble": _babble,

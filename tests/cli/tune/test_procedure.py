@@ -59,11 +59,9 @@ async def test_what_the_board_stores_is_saved_before_the_first_write() -> None:
         bench.saved.append(settings)
 
     assert await procedure.store(bench.agree, save)
-    assert (
-        bench.saved
-        == [procedure.result.stored_before]
-        == [{"pid": (0.3, 0.6, 0.0), "deadzone": 1600}]
-    )
+    whole = {"motor_type": 1, "lines": 11, "ratio": 30, "wheel_diameter_mm": 67.0}
+    assert bench.saved == [procedure.result.stored_before | whole]
+    assert procedure.result.stored_before == {"pid": (0.3, 0.6, 0.0), "deadzone": 1600}
     assert len(writes(bench)) == procedure.result.writes == 2
     announced = [line for line in bench.said if line.startswith("writing to the board's flash")]
     assert announced == [

@@ -220,6 +220,17 @@ def test_gains_of_zero_would_turn_no_wheel():
     assert findings(STORED, PROFILES["520"]).wrong == ()
 
 
+def test_what_a_write_without_power_has_left_forbids_motion_and_names_the_ways_back():
+    lost = STORED | {"wheel_diameter_mm": math.nan, "pid": (0.8, math.nan, 0.0)}
+    (unfit,) = findings(lost, PROFILES["520"]).unfit
+    (wrong,) = findings(lost, PROFILES["520"]).wrong
+    assert "stores nan as its wheel diameter" in unfit
+    assert "yahboomd tune --undo" in wrong
+    with pytest.raises(BoardError, match="not all known"):
+        units_per_m_s(lost, radius_m=0.03, ticks_per_revolution=1320.0, scale=1.0)
+    assert len(writes(TABLE, lost, STORED)) == 2
+
+
 def test_a_board_set_up_for_other_known_motors_names_them():
     (advice,) = findings(
         STORED | {"motor_type": 2, "lines": 13, "ratio": 20}, PROFILES["520"]

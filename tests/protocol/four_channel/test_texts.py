@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import math
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -77,6 +79,16 @@ def test_a_line_of_the_settings_gives_its_value(text, name, value):
     assert decode_text(text) == Setting(name=name, value=value, last=name == "pid")
 
 
+def test_a_number_that_the_flash_has_lost_is_none_and_equals_itself():
+    text = "P:0.800\t I:nan\t D:-nan\t "
+    assert decode_text(text) == decode_text(text)
+    p, i, d = decode_text(text).value
+    assert p == 0.8
+    assert math.isnan(i)
+    assert math.isnan(d)
+    assert math.isnan(decode_text("wheel_diameter:nan").value)
+
+
 @pytest.mark.parametrize(
     "text",
     [
@@ -93,7 +105,8 @@ def test_a_line_of_the_settings_gives_its_value(text, name, value):
         "Pulse_Line:11.0",
         "Pulse_Line:99999999999",
         "Other_Line:11",
-        "wheel_diameter:nan",
+        "wheel_diameter:na",
+        "Pulse_Line:nan",
         "P:0.800\t I:0.060\t D:",
         "P:0.800\t I:0.0.6\t D:0.500\t ",
         "Grbl 1.1f ['$' for help]",

@@ -239,6 +239,22 @@ def test_a_changed_gain_resets_the_board_without_an_answer(bench: MakeBench) -> 
     assert [motor.pwm for motor in desk.robot.plant.motors] == [0, 0]
 
 
+def test_power_that_fails_within_a_write_leaves_erased_values(bench: MakeBench) -> None:
+    left = set()
+    for seed in range(30):
+        desk = bench(seed=seed)
+        board_of(desk).cut_writes = 1
+        assert desk.send(b"$mline:13#", 0.3) == BANNER
+        shown = desk.send(b"$read_flash#", 0.1)
+        assert b"D:nan" in shown
+        assert (b"Pulse_Line:13" in shown) != (b"Pulse_Line:-1" in shown)
+        left.add(shown.count(b"-1") + shown.count(b"nan"))
+        assert desk.send(b"$spd:200,0,200,0#", 0.5) == b""
+        assert desk.send(b"$mline:11#", 0.3) == b"Set mline:OK!\r\n"
+        assert board_of(desk).flash.lines == 11
+    assert left == set(range(1, 9))
+
+
 def test_the_same_gains_are_confirmed_without_a_reset(bench: MakeBench) -> None:
     assert bench().send(b"$MPID:0.8,0.06,0.5#") == b"Set MPID:OK!\r\n"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
@@ -159,7 +160,7 @@ def _motor_words(profile: MotorProfile, stored: BoardSettings | None) -> str:
     pairs = [(value, (stored or {}).get(field)) for field, value in wanted.items()]
     known = [
         # A ratio is stored without its decimals.
-        int(value) == int(has)
+        math.floor(value) <= has < math.floor(value) + 1
         for value, has in pairs
         if isinstance(value, int | float) and isinstance(has, int | float)
     ]

@@ -139,6 +139,7 @@ class Procedure:
         self.result = Result(speed_m_s=speed_m_s)
         self._steps: list[list[Step]] = []
         self._dialect: Dialect | None = None
+        self._stored: BoardSettings = {}
         self._count = 0.0
 
     async def examine(self) -> None:
@@ -152,6 +153,7 @@ class Procedure:
         async with Stand.open(self._opener, self._clock, self._config) as stand:
             dialect, settings = stand.dialect, stand.settings or {}
             self._dialect = dialect
+            self._stored = {name: settings[name] for name in settings if name != VERSION}
             result.dialect, result.volts = dialect.name, stand.volts
             result.firmware = str(settings.get(VERSION) or "")
             result.speed_m_s = min(result.speed_m_s, 0.6 * stand.top_m_s)
@@ -312,7 +314,8 @@ class Procedure:
         if not await agree(result.suggested, self._dialect):
             result.notes.append("Nothing was stored.")
             return False
-        save(self._dialect, result.stored_before)
+        # All of it: where power fails within a write, the board may lose the rest too.
+        save(self._dialect, self._stored)
         before = [wheel.before for wheel in result.wheels]
         best = (_rank(before, trial=False), result.stored_before, before)
         for number in range(ROUNDS):

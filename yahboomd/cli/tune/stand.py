@@ -130,10 +130,10 @@ class Stand:
             talk = await Conversation.begin(line)
             dialect = talk.dialect.for_profile(config.profile())
             settings = await talk.read_settings(config.profile().settings)
-            if settings is not None and (
-                unfit := dialect.findings(settings, config.profile()).unfit
-            ):
-                raise BoardError(f"{line.port.name}: {' '.join(unfit)}")
+            if settings is not None:
+                found = dialect.findings(settings, config.profile())
+                if problems := (*found.unfit, *found.wrong):
+                    raise BoardError(f"{line.port.name}: {' '.join(problems)}")
             motors = config.motors()
             motion = dialect.motion(
                 config.kinematics(), motors, settings, scale=config.chassis.command_scale

@@ -198,6 +198,9 @@ class Tuning:
     def say_ended(self, name: str) -> None:
         """Explain an end by a signal."""
         self.say(f"Ended by {name}: the wheels were stopped.")
+        self._say_undo()
+
+    def _say_undo(self) -> None:
         if self._wrote:
             self.say(
                 "The board stores trial values now. `yahboomd tune --undo` stores again what it "
@@ -220,6 +223,7 @@ class Tuning:
                     "The gains are good: what is suggested would settle hardly sooner."
                 )
         except YahboomdError as error:
+            self._say_undo()
             if not args.json:
                 raise
             print(_json(result, error=str(error)))

@@ -1,4 +1,8 @@
-"""``yahboomd tune --undo``: the board stores again what it had before a tuning."""
+"""``yahboomd tune --undo``: the board stores again what it had before a tuning.
+
+That is what a tuning writes, and what else the board has lost: a loss of power within a write may
+take along everything that it stores.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +11,7 @@ from pathlib import Path
 
 import msgspec
 
-from yahboomd.cli.tune.procedure import storing_failed
+from yahboomd.cli.tune.procedure import DEAD_ZONE, GAINS, storing_failed
 from yahboomd.cli.tune.saved import NAME, SavedSettings, read_saved, remove, settings_of
 from yahboomd.cli.tune.tune_text import values
 from yahboomd.clock import Clock
@@ -15,11 +19,12 @@ from yahboomd.errors import Refused
 from yahboomd.link.port import Opener
 from yahboomd.link.storing import Progress, store
 from yahboomd.protocol.dialect import Dialect
+from yahboomd.protocol.registry import DIALECTS
 from yahboomd.protocol.settings import BoardSettings, SettingWrite
 
 
 async def undo(opener: Opener, clock: Clock, place: Path, *, as_json: bool) -> int:
-    """Store what was saved; then the file is removed.
+    """Store what was saved and is tuned, or lost; then the file is removed.
 
     Raises:
         Refused: Nothing is saved, or it is not this board's.
@@ -36,18 +41,29 @@ async def undo(opener: Opener, clock: Clock, place: Path, *, as_json: bool) -> i
             if others
             else "",
         )
-    want = settings_of(saved)
-    outcome = await store(opener, clock, want, _Checked(saved))
+    checked = _Checked(saved)
+    has = (await store(opener, clock, {}, checked)).has
+    table = DIALECTS[saved.dialect].settings
+    lost = [row for row in table if row.field in has and not row.allows(has[row.field])]
+    fields = {GAINS, DEAD_ZONE, *(row.field for row in lost)}
+    want = {name: value for name, value in settings_of(saved).items() if name in fields}
+    outcome = await store(opener, clock, want, checked)
     if not outcome.complete:
         raise storing_failed(outcome.steps[-1].write.text, "")
     remove(place)
     writes = sum(step.attempts for step in outcome.steps)
+    also = [
+        f"{row.label} {row.words(want[row.field])}"
+        for row in lost
+        if row.field in want and row.field not in {GAINS, DEAD_ZONE}
+    ]
+    stores = "; ".join([values(want), *also])
     if as_json:
         print(msgspec.json.encode({"stored_now": want, "writes": writes}).decode())
     elif writes:
-        print(f"The board stores again: {values(want)}. Values written: {writes}.")
+        print(f"The board stores again: {stores}. Values written: {writes}.")
     else:
-        print(f"The board stores this already: {values(want)}. Nothing was written.")
+        print(f"The board stores this already: {stores}. Nothing was written.")
     return os.EX_OK
 
 

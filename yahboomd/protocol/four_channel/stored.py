@@ -15,7 +15,7 @@ from yahboomd.model import Kinematics, Motor
 from yahboomd.protocol.dialect import Findings
 from yahboomd.protocol.per_motor import PerMotor, per_motor
 from yahboomd.protocol.profiles import EDGES_PER_LINE, PROFILES, MotorProfile
-from yahboomd.protocol.settings import BoardSettings, SettingValue, StoredSetting, zero_gains
+from yahboomd.protocol.settings import BoardSettings, SettingValue, StoredSetting, useless_gains
 
 TITLE: Final = "Yahboom 4-channel motor driver"
 
@@ -177,7 +177,7 @@ def findings(settings: BoardSettings, profile: MotorProfile) -> Findings:
     """
     return Findings(
         unfit=tuple(_unfit(settings, profile)),
-        wrong=tuple(zero_gains(settings)),
+        wrong=tuple(useless_gains(settings)),
         advice=tuple(_other_profiles(settings, profile)),
     )
 
@@ -201,7 +201,7 @@ def _unfit(settings: BoardSettings, profile: MotorProfile) -> Iterator[str]:
                     f"The board is set to motor type {row.words(value)}, the profile "
                     f"{profile.name} needs {row.words(needed)}: a wheel would run away. {_REMEDY}"
                 )
-        elif _number(value) <= 0:
+        elif not _number(value) > 0:
             yield (
                 f"The board stores {value:g} as its {row.label}: a wheel would run away. {_REMEDY}"
             )
@@ -246,7 +246,7 @@ def units_per_m_s(
         return UNITS_PER_M_S * scale
     figures = [settings.get(field) for field in ("lines", "ratio", "wheel_diameter_mm")]
     lines, ratio, diameter_mm = [each if isinstance(each, int | float) else 0.0 for each in figures]
-    if min(lines, ratio, diameter_mm) <= 0.0:
+    if not all(figure > 0.0 for figure in (lines, ratio, diameter_mm)):
         message = "The board's encoder lines, gear ratio and wheel diameter are not all known."
         raise BoardError(message, remedy=_REMEDY)
     ticks_per_m = ticks_per_revolution / (2.0 * math.pi * radius_m)

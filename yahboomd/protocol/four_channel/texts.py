@@ -8,6 +8,7 @@ answer can look like another answer.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Mapping
 from typing import Final, TypeAlias
@@ -36,13 +37,22 @@ _ACCEPTED = re.compile(r"(?:Set )?([A-Za-z_]+):OK!")
 # The firmware's own spelling.
 _SPELLING: Final = {"falsh_reset": "flash_reset"}
 
+# As printf writes a decimal number whose flash was erased and not written again. One object, so
+# that an answer equals the one before.
+_NO_NUMBER: Final = math.nan
+
+
+def _stored(text: str) -> float | None:
+    return _NO_NUMBER if text.removeprefix("-") == "nan" else decimal(text)
+
+
 _LABELLED = re.compile(r"([A-Za-z_]+):(\S+)")
 _LABELS: Final[dict[str, tuple[str, Callable[[str], int | float | None]]]] = {
     "Motor_type": ("motor_type", integer),
     "Dead_Zone": ("deadzone", integer),
     "Pulse_Line": ("lines", integer),
     "Pulse_Phase": ("ratio", integer),
-    "wheel_diameter": ("wheel_diameter_mm", decimal),
+    "wheel_diameter": ("wheel_diameter_mm", _stored),
 }
 _PID = re.compile(r"P:(\S+)\s+I:(\S+)\s+D:(\S+)")
 
@@ -86,7 +96,7 @@ def decode_text(text: str) -> Decoded:
 def _setting(line: str) -> Setting | None:
     value: SettingValue | None
     if pid := _PID.fullmatch(line):
-        p, i, d = map(decimal, pid.groups())
+        p, i, d = map(_stored, pid.groups())
         if p is None or i is None or d is None:
             return None
         return Setting(name="pid", value=(p, i, d), last=True)

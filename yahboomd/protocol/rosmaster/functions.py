@@ -22,7 +22,7 @@ from yahboomd.protocol.dialect import (
 from yahboomd.protocol.profiles import MotorProfile
 from yahboomd.protocol.rosmaster.cars import CARS
 from yahboomd.protocol.rosmaster.packets import Item, Words, frame
-from yahboomd.protocol.settings import BoardSettings, SettingValue, StoredSetting, zero_gains
+from yahboomd.protocol.settings import BoardSettings, SettingValue, StoredSetting, useless_gains
 
 # To the board.
 
@@ -244,7 +244,7 @@ def findings(settings: BoardSettings, profile: MotorProfile) -> Findings:
     """The meaning of the stored settings for these motors."""
     return Findings(
         unfit=tuple(_unfit(settings, profile)),
-        wrong=tuple(zero_gains(settings)),
+        wrong=tuple(useless_gains(settings)),
         advice=tuple(_advice(settings, profile)),
     )
 

@@ -40,6 +40,18 @@ class FlashContent(msgspec.Struct, frozen=True, kw_only=True):
 
 LONGEST_DEAD_ZONE = 3600
 
+_ERASED = FlashContent(
+    motor_type=-1,
+    dead_zone=-1,
+    lines=-1,
+    ratio=-1,
+    wheel_diameter_mm=math.nan,
+    p=math.nan,
+    i=math.nan,
+    d=math.nan,
+)
+"""Erased flash holds ones: -1 as a number of 16 bits, and no number as a decimal one."""
+
 _WHOLE = re.compile(rb"\s*([+-]?\d{1,12})")
 _DECIMAL = re.compile(rb"\s*([+-]?(?:\d{1,12}(?:\.\d{0,9})?|\.\d{1,9}))")
 
@@ -101,6 +113,18 @@ SETTINGS = (b"mtype", b"deadzone", b"mline", b"mphase", b"wdiameter", b"MPID")
 """The commands that :func:`changed` knows."""
 
 
+def cut_short(content: FlashContent, written: int) -> FlashContent:
+    """The flash after a loss of power within a write: its page was erased, and filled in part.
+
+    Args:
+        content: What was to be stored.
+        written: So many values of it were written.
+    """
+    lost = msgspec.structs.asdict(_ERASED)
+    names = FlashContent.__struct_fields__[written:]
+    return msgspec.structs.replace(content, **{name: lost[name] for name in names})
+
+
 def report(content: FlashContent, version: str) -> bytes:
     """The answer to ``$read_flash#``: text lines, not frames."""
     lines = (
@@ -135,10 +159,10 @@ def tuning(content: FlashContent, wired_type: int) -> Tuning:
         wired_type: What the motors really are.
     """
     return Tuning(
-        mm_s_per_tick=mm_s_per_tick(content),
-        p=content.p,
-        i=content.i,
-        d=content.d,
+        mm_s_per_tick=_number(mm_s_per_tick(content)),
+        p=_number(content.p),
+        i=_number(content.i),
+        d=_number(content.d),
         dead_zone=content.dead_zone,
         # TT motors without encoder are not regulated.
         frozen=content.motor_type == 4,
@@ -146,6 +170,11 @@ def tuning(content: FlashContent, wired_type: int) -> Tuning:
         inverted=(content.motor_type in _POWER_CROSSED) != (wired_type in _POWER_CROSSED),
         counts_inverted=(content.motor_type in _PHASES_CROSSED) != (wired_type in _PHASES_CROSSED),
     )
+
+
+def _number(value: float) -> float:
+    """Zero for what is no number: the processor's conversion to whole numbers makes it that."""
+    return 0.0 if math.isnan(value) else value
 
 
 _POWER_CROSSED = (2, 3)

@@ -20,6 +20,7 @@ from yahboomd.simulation.four_channel.flash import (
     Refused,
     changed,
     confirmation,
+    cut_short,
     report,
     short,
     tuning,
@@ -41,6 +42,9 @@ CARRY_OUT_NS = 200_000
 STORE_NS = (65_000_000, 116_000_000)
 STORE_GAINS_NS = (250_000_000, 350_000_000)
 ERASE_NS = (600_000_000, 1_000_000_000)
+OFF_NS = 50_000_000
+"""How long the supply is gone where it fails within such an operation."""
+
 DEAF_SHARE = 0.9
 """Share of a flash operation during which received bytes are lost."""
 
@@ -66,6 +70,9 @@ class StreamedBoard:
         random: Decides how long flash takes, and which commands long lines spoil.
         tick_period_ns: How often the totals are renewed; 0 renews them with every line.
         tick_jitter_ns: Each of these periods is up to so much longer, at random.
+
+    Attributes:
+        cut_writes: The supply fails within so many of the next writes of the flash.
     """
 
     def __init__(
@@ -104,6 +111,7 @@ class StreamedBoard:
         self._streams = (False, False, False)
         self._speed_line_ns = 0
         self._long_lines = False
+        self.cut_writes = 0
         self._commands: dict[bytes, Callable[[bytes, int], None]] = {
             b"spd:": self._spd,
             b"pwm:": self._pwm,
@@ -329,9 +337,9 @@ class StreamedBoard:
         if content == self.flash:
             self._answer_raw(confirm, now_ns)
         elif name == b"MPID":
-            self._write(STORE_GAINS_NS, now_ns, then=stored_gains)
+            self._write(STORE_GAINS_NS, content, now_ns, then=stored_gains)
         else:
-            self._write(STORE_NS, now_ns, then=stored)
+            self._write(STORE_NS, content, now_ns, then=stored)
 
     def _flash_reset(self, _args: bytes, now_ns: int) -> None:
         def erased(at_ns: int) -> None:
@@ -342,12 +350,27 @@ class StreamedBoard:
                 then=lambda then_ns: self.reset(then_ns, by_power=False),
             )
 
-        self._write(ERASE_NS, now_ns, then=erased)
+        self._write(ERASE_NS, FlashContent(), now_ns, then=erased)
 
     def _write(
-        self, between_ns: tuple[int, int], now_ns: int, *, then: Callable[[int], None]
+        self,
+        between_ns: tuple[int, int],
+        content: FlashContent,
+        now_ns: int,
+        *,
+        then: Callable[[int], None],
     ) -> None:
         duration_ns = self._random.randint(*between_ns)
+        if self.cut_writes:
+            self.cut_writes -= 1
+            written = self._random.randrange(len(FlashContent.__struct_fields__))
+            duration_ns = duration_ns * (1 + written) // (1 + len(FlashContent.__struct_fields__))
+
+            def lost(at_ns: int) -> None:
+                self.flash = cut_short(content, written)
+                self.reset(at_ns, off_ns=OFF_NS, by_power=True)
+
+            then = lost
         self._listens_ns = now_ns + round(DEAF_SHARE * duration_ns)
         self._occupy(now_ns + duration_ns, then=then)
 
