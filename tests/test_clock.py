@@ -18,6 +18,7 @@ from yahboomd.clock import (
     seconds,
     sleep_until,
 )
+from yahboomd.simulation.virtual_time import on_virtual_time
 
 CLOCKS = [SystemClock, LoopClock]
 
@@ -163,3 +164,24 @@ def test_a_machine_that_was_never_suspended_says_so_to_the_microsecond() -> None
     clock = SystemClock()
     first, second = clock.suspended_ns(), clock.suspended_ns()
     assert abs(second - first) < 50_000_000
+
+
+@on_virtual_time
+async def test_a_schedule_that_rests_keeps_its_grid_and_can_be_woken_to_the_next_beat() -> None:
+    clock = LoopClock()
+    schedule, due = Schedule(clock, 20_000_000), list[int]()
+    start_ns = clock.now_ns()
+
+    def on_beat(due_ns: int) -> None:
+        due.append((due_ns - start_ns) // 1_000_000)
+        if len(due) < 3:
+            schedule.rest(due_ns + 90_000_000)
+
+    beats = asyncio.create_task(schedule.run(on_beat))
+    await sleep_until(clock, start_ns + 145_000_000)
+    schedule.wake()
+    schedule.wake()
+    await sleep_until(clock, start_ns + 310_000_000)
+    beats.cancel()
+    assert due == [20, 120, 160, 180, 200, 220, 240, 260, 280, 300]
+    assert schedule.missed == 0

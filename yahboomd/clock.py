@@ -133,6 +133,7 @@ class Schedule:
         self._alarm = clock.alarm(self._ring)
         self._next_ns = clock.now_ns() + period_ns
         self._on_beat: Callable[[int], None] | None = None
+        self._resting = False
         self.missed = 0
         self.late_ns = 0
 
@@ -162,12 +163,26 @@ class Schedule:
             self.close()
         raise AssertionError
 
+    def rest(self, until_ns: int) -> None:
+        """Leave out the beats before that moment; called in a beat."""
+        beats = max(0, -((self._next_ns - until_ns) // self._period_ns))
+        self._next_ns += beats * self._period_ns
+        self._resting = beats > 0
+
+    def wake(self) -> None:
+        """End a rest: the next beat is the next one of the schedule."""
+        if self._resting:
+            self._resting = False
+            beats = max(0, (self._next_ns - self._clock.now_ns()) // self._period_ns)
+            self._next_ns -= beats * self._period_ns
+            self._alarm.set(self._next_ns)
+
     def close(self) -> None:
         """Release the timer."""
         self._alarm.close()
 
     def _counted(self) -> int:
-        due_ns = self._next_ns
+        due_ns, self._resting = self._next_ns, False
         self.late_ns = self._clock.now_ns() - due_ns
         skipped = max(0, self.late_ns // self._period_ns)
         self.missed += skipped

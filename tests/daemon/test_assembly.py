@@ -66,10 +66,6 @@ def test_the_control_path_gets_limits_policies_and_the_period() -> None:
     assert [motor.position for motor in options.motors] == [1, 3]
 
 
-def test_the_control_period_follows_from_the_rate() -> None:
-    assert assembly.command_period_ns(config("command.rate_hz=100")) == 10_000_000
-
-
 @on_virtual_time
 async def test_a_missing_port_is_found_missing_at_each_attempt() -> None:
     open_it = assembly.opener(config("serial.port=/dev/not-there"), LoopClock())

@@ -14,7 +14,7 @@ from event_check import assert_registered
 from yahboomd.blackbox.recorder import Recorder
 from yahboomd.blackbox.ring import Ring
 from yahboomd.bus.subscriptions import Arrival
-from yahboomd.clock import LoopClock, Schedule
+from yahboomd.clock import LoopClock
 from yahboomd.config import Config, read
 from yahboomd.daemon import assembly
 from yahboomd.daemon.commands import CommandIntake
@@ -142,7 +142,7 @@ class RobotBench:
     async def __aenter__(self) -> Self:
         self.tasks = [
             asyncio.create_task(self.supervisor.run()),
-            asyncio.create_task(self._control()),
+            asyncio.create_task(self.controller.run(lambda _due_ns: None)),
         ]
         return self
 
@@ -152,10 +152,6 @@ class RobotBench:
             await asyncio.gather(task, return_exceptions=True)
         self.controller.close()
         self.latch.settle()
-
-    async def _control(self) -> None:
-        schedule = Schedule(self.clock, assembly.command_period_ns(self.config))
-        await schedule.run(lambda _due_ns: self.controller.beat())
 
     # What a test does.
 

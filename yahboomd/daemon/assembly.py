@@ -11,7 +11,7 @@ from msgspec import structs
 from yahboomd.blackbox.box_file import OdometerSettings
 from yahboomd.blackbox.recorder import Recorder
 from yahboomd.bus.options import BusOptions
-from yahboomd.clock import Clock, nanoseconds
+from yahboomd.clock import Clock
 from yahboomd.config import Config, runtime_folder
 from yahboomd.daemon.control import Controller
 from yahboomd.daemon.estop.latch import EstopLatch
@@ -184,8 +184,3 @@ def session(
         want = config.profile().settings
         open_it = storing_opener(open_it, clock, want, listener.event, tap)
     return Session(open_it, clock, listener, session_options(config), tap)
-
-
-def command_period_ns(config: Config) -> int:
-    """The time from one control step to the next."""
-    return nanoseconds(1.0 / config.command.rate_hz)

@@ -8,8 +8,10 @@ it at once; only command silence and a hand-over may ramp.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
+from typing import NoReturn
 
-from yahboomd.clock import Clock, nanoseconds, seconds
+from yahboomd.clock import Clock, Schedule, nanoseconds, seconds
 from yahboomd.daemon.estop.latch import EstopLatch
 from yahboomd.daemon.fit import ControlOptions, fit
 from yahboomd.daemon.interruptions import Pauses, Resets
@@ -120,25 +122,36 @@ class Controller:
         self._seen_ns = 0
         self._raw_ticks: Counts = (0, 0, 0, 0)
         self._alarm = clock.alarm(self._extra_step)
+        self._period_ns = nanoseconds(options.period_s)
+        self._beats = Schedule(clock, self._period_ns)
         self.volts: float | None = None
         self.imu_sensor: str | None = None
         self._wait("No board yet.")
 
     # The control step.
 
-    def beat(self) -> None:
-        """Step by the clock; at rest, where no source commands, not at each beat."""
-        now_ns = self._clock.now_ns()
-        if now_ns >= self._idle_until_ns:
+    async def run(self, on_beat: Callable[[int], None]) -> NoReturn:
+        """Step by the clock until cancelled; at rest, where no source commands, less often.
+
+        Args:
+            on_beat: Called after each of these steps with the moment at which it was due.
+        """
+
+        def beat(due_ns: int) -> None:
             self.control_step()
-            return
-        self.notice_pause()
-        self._stepped_ns = now_ns
+            self.counters["beats_missed"] = self._beats.missed
+            self._beats.rest(self._idle_until_ns)
+            on_beat(due_ns)
+
+        await self._beats.run(beat)
 
     def control_step(self) -> None:
         """Decide what the wheels do now, and command the board."""
         self.notice_pause()
         now_ns = self._clock.now_ns()
+        if self._idle_until_ns:
+            # Between these steps there was nothing to ramp.
+            self._stepped_ns = max(self._stepped_ns, now_ns - self._period_ns)
         dt_s = seconds(now_ns - self._stepped_ns)
         self._stepped_ns = now_ns
         self._step_pending = False
@@ -163,6 +176,8 @@ class Controller:
         self._alarm.set(due_ns if due_ns is not None and due_ns > now_ns else None)
         idle = due_ns is None and wheels.stopped and not wheels.in_motion
         self._idle_until_ns = now_ns + IDLE_NS if idle else 0
+        if not idle:
+            self._beats.wake()
 
     def notice_pause(self) -> None:
         """Detect whether this process stood still; before anything is used that may have waited."""
@@ -205,6 +220,7 @@ class Controller:
     def close(self) -> None:
         """Release the timer."""
         self._alarm.close()
+        self._beats.close()
 
     def _drive(self, decision: Decision, now_ns: int, dt_s: float) -> None:
         kinematics, limits = self._options.kinematics, self._wheels.fit.wheel_limits
@@ -331,6 +347,7 @@ class Controller:
         self._raw_ticks = reading.ticks
         if any(estimate.motor_speed_m_s):
             self._idle_until_ns = 0
+            self._beats.wake()
         faults = self._wheels.measure(
             estimate.stamp_ns,
             estimate.motor_speed_m_s,

@@ -14,7 +14,7 @@ from yahboomd.bus.bus import Bus
 from yahboomd.bus.options import admitted
 from yahboomd.bus.presence import NeighbourChange, TokenChange
 from yahboomd.bus.publishers import BusPublisher
-from yahboomd.clock import Clock, Schedule, SystemClock, nanoseconds
+from yahboomd.clock import Clock, SystemClock, nanoseconds
 from yahboomd.config import Config, runtime_folder
 from yahboomd.daemon import assembly
 from yahboomd.daemon.black_box import BlackBox
@@ -246,19 +246,16 @@ class Daemon:
             )
 
     async def _control(self, controller: Controller, notifier: Notifier) -> NoReturn:
-        schedule = Schedule(self._clock, assembly.command_period_ns(self._config))
         feed_ns = None if notifier.watchdog_ns is None else notifier.watchdog_ns // 3
         fed_ns = 0
 
-        def beat(beat_ns: int) -> None:
+        def feed(beat_ns: int) -> None:
             nonlocal fed_ns
-            controller.beat()
-            controller.counters["beats_missed"] = schedule.missed
             if feed_ns is not None and beat_ns - fed_ns >= feed_ns:
                 fed_ns = beat_ns
                 notifier.alive()
 
-        await schedule.run(beat)
+        await controller.run(feed)
 
     async def _tell_status(self, status: Status, notifier: Notifier) -> None:
         alarm = self._clock.alarm(self._status_due.set)
