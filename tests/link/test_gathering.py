@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from yahboomd.link.gathering import ALIKE, Gathering
+from yahboomd.link.gathering import ALIKE, UNCHANGED, Gathering
 
 
 class Reader:
@@ -19,11 +19,16 @@ class Reader:
         self.held = b""
         self.wakes = 0
         self.wakeups = 0
+        self.now_ns = self.lines = 0
+        self.last = b""
         self.late: list[int] = []  # bytes of others that came before a line was heard
 
-    def hear(self, size: int, piece: int) -> None:
+    def hear(self, size: int, piece: int, *, count: int | None = None) -> None:
         """A line, and a pause behind it; the pieces come in pauses as well."""
-        line = b"$" + b"0" * (size - 2) + b"#" + b"\r\n"[: self.line_end]
+        self.now_ns += 6_000_000
+        self.lines += 1
+        digits = b"%0*d" % (size - 2, self.lines if count is None else count)
+        line = b"$" + digits + b"#" + b"\r\n"[: self.line_end]
         for at in range(0, len(line), piece):
             self.waiting += line[at : at + piece]
             if len(self.waiting) >= self.gathering.least:
@@ -35,9 +40,11 @@ class Reader:
         while b"#" in data:
             line, _, data = data.partition(b"#")
             self.late.append(len(data.removeprefix(b"\r").removeprefix(b"\n")))
-            self.wakeups += self.gathering.line(len(line.lstrip()) + 1, len(data))
+            line = line.lstrip()
+            self.gathering.line(len(line) + 1, unchanged=line == self.last, now_ns=self.now_ns)
+            self.last = line
         self.held = data.lstrip()
-        self.wakeups += self.gathering.rest(len(self.held))
+        self.wakeups += self.gathering.adjust(len(self.held))
 
 
 @pytest.mark.parametrize("line_end", [0, 2])
@@ -87,3 +94,39 @@ def test_lines_of_all_lengths_are_heard_as_they_come() -> None:
     assert len(reader.late) == 2000
     assert max(reader.late) < 7
     assert reader.wakeups < 10
+
+
+@pytest.mark.parametrize(("apart_ns", "together"), [(5, 4), (6, 3), (10, 2), (15, 2), (16, 1)])
+def test_counts_that_stand_wake_the_reader_so_seldom_that_no_byte_waits_for_20_ms(
+    apart_ns: int, together: int
+) -> None:
+    gathering = Gathering(2)
+    for number in range(UNCHANGED + 1):
+        now_ns = number * apart_ns * 1_000_000
+        gathering.line(22, unchanged=number > 0, now_ns=now_ns)
+        gathering.adjust(0)
+    assert gathering.least == together * 24
+
+
+def test_the_kernel_is_asked_for_no_more_than_it_can() -> None:
+    gathering = Gathering(2)
+    for number in range(UNCHANGED + 1):
+        gathering.line(60, unchanged=number > 0, now_ns=number)
+        gathering.adjust(0)
+    assert gathering.least == 4 * 62
+
+
+@pytest.mark.parametrize("piece", [3, 64])
+def test_of_counts_that_change_after_a_rest_those_of_one_reading_alone_waited(piece: int) -> None:
+    reader = Reader(2)
+    for _ in range(100):
+        reader.hear(22, piece, count=1)
+    assert reader.gathering.least == 3 * 24
+    for number in range(2, 5):
+        reader.hear(22, piece, count=number)
+    assert reader.gathering.least <= 24
+    reader.late.clear()
+    for number in range(5, 80):
+        reader.hear(22, piece, count=number)
+        assert reader.last == b"$%020d" % number
+    assert max(reader.late) == 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 
 import pytest
 from board_bench import BoardPort, LinkBench
@@ -10,7 +11,7 @@ from board_bench import BoardPort, LinkBench
 from yahboomd.clock import LoopClock
 from yahboomd.errors import BoardSilent, PortLost
 from yahboomd.link.conversation import Conversation
-from yahboomd.link.gathering import ALIKE
+from yahboomd.link.gathering import ALIKE, UNCHANGED
 from yahboomd.link.line import KEPT_BYTES, Line
 from yahboomd.link.start_notices import Notice
 from yahboomd.model import Counts
@@ -34,8 +35,13 @@ class Desk:
         self.ticks: list[Counts] = []
         self.said: list[Decoded] = []
         self.line = Line(self, LoopClock())  # type: ignore[arg-type]
-        self.line.on_counts = lambda ticks, *_: self.ticks.append(ticks)
+        self.received_ns: list[int] = []
+        self.line.on_counts = self._count
         self.line.on_said = lambda said, _notice: self.said.append(said)
+
+    def _count(self, ticks: Counts, received_ns: int, *_: object) -> None:
+        self.ticks.append(ticks)
+        self.received_ns.append(received_ns)
 
     def listen(self, on_data: object, on_lost: object) -> None: ...
 
@@ -112,6 +118,45 @@ async def test_lines_that_are_alike_are_waited_for_until_half_a_line_or_the_end(
     assert desk.least == [16, 1, 16, 1]
     desk.take(*[COUNTS] * 20)
     assert desk.least == [16, 1, 16, 1]
+
+
+@on_virtual_time
+async def test_counts_that_stand_are_read_together_and_have_the_moments_of_their_coming() -> None:
+    desk, apart_s = Desk(), 0.006
+    moved = b"$MAll:1,2,3,9#\r\n"
+    async with desk.line.attended():
+        desk.line.understand(DIALECTS["streamed"], spacing_ns=0)
+        desk.line.gather(b"\r\n")
+        for _ in range(UNCHANGED + 1):
+            await asyncio.sleep(apart_s)
+            desk.take(COUNTS)
+        assert desk.least == [len(COUNTS), 3 * len(COUNTS)]
+        for _ in range(100):
+            await asyncio.sleep(3 * apart_s)
+            desk.take(3 * COUNTS)
+        assert desk.least == [len(COUNTS), 3 * len(COUNTS)]
+        # The wheels begin to turn.
+        await asyncio.sleep(3 * apart_s)
+        desk.take(COUNTS + moved + moved.replace(b"9", b"7"))
+        assert desk.ticks[-3:] == [(1, 2, 3, 4), (1, 2, 3, 9), (1, 2, 3, 7)]
+        assert desk.least[2:] == [len(COUNTS)]
+        gaps_ns = {b - a for a, b in itertools.pairwise(desk.received_ns)}
+        assert all(abs(gap_ns - 6_000_000) < 10 for gap_ns in gaps_ns)
+
+
+@on_virtual_time
+async def test_what_waited_for_a_reader_that_was_late_came_at_once() -> None:
+    desk = Desk()
+    async with desk.line.attended():
+        desk.line.understand(DIALECTS["streamed"], spacing_ns=0)
+        desk.line.gather(b"\r\n")
+        for _ in range(UNCHANGED + 1):
+            await asyncio.sleep(0.006)
+            desk.take(COUNTS)
+        await asyncio.sleep(0.1)
+        desk.take(5 * COUNTS)
+        gaps_ns = [b - a for a, b in itertools.pairwise(desk.received_ns)]
+        assert gaps_ns[-4:] == 4 * [len(COUNTS) * desk.byte_ns]
 
 
 @on_virtual_time

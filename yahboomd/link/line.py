@@ -258,6 +258,16 @@ class Line:
 
     def _receive(self, data: bytes) -> None:
         now_ns = self.clock.now_ns()
+        gathering = self._gathering
+        if gathering is not None and len(data) == gathering.least and gathering.lines > 1:
+            size, apart_ns = len(data) // gathering.lines, gathering.apart_ns
+            # The kernel held back the first of them, as it was asked to.
+            for held_ns in range((gathering.lines - 1) * apart_ns, 0, -apart_ns):
+                self._take(data[:size], now_ns - held_ns)
+                data = data[size:]
+        self._take(data, now_ns)
+
+    def _take(self, data: bytes, now_ns: int) -> None:
         self.tap.received(data, now_ns)
         if len(self.heard.start) < KEPT_BYTES:
             self.heard.start = (self.heard.start + data)[:KEPT_BYTES]
@@ -275,16 +285,16 @@ class Line:
                 self._item, self._decoded = item, dialect.decode(item)
             decoded = self._decoded
             if isinstance(decoded, Totals):
+                unchanged = decoded.ticks == self.ticks
                 self._counts(decoded, item, now_ns)
                 # What the counts led to may have ended the line.
-                gathering = self._gathering
-                if gathering is not None and gathering.line(item.size, item.trailing):
-                    self.port.gather(gathering.least)
+                if self._gathering is not None:
+                    self._gathering.line(item.size, unchanged=unchanged, now_ns=now_ns)
             elif isinstance(decoded, Inertial):
                 self._inertial(decoded, item, now_ns)
             else:
                 self._words(decoded)
-        if self._gathering is not None and self._gathering.rest(self._framer.held_bytes):
+        if self._gathering is not None and self._gathering.adjust(self._framer.held_bytes):
             self.port.gather(self._gathering.least)
         self._notice_noise(now_ns)
         # Behind a whole item a framer that holds nothing is as a fresh one.

@@ -39,6 +39,9 @@ BITS_PER_BYTE = 10  # 8N1: a start bit, eight of data, a stop bit
 
 READ_BYTES = 1024
 
+PIECE_BYTES = 64
+"""Where the kernel waits for more bytes than that, a read brings no more at a time."""
+
 MAX_PENDING = 4096
 """Output the kernel would not take, in bytes; beyond that the port counts as stuck."""
 
@@ -144,6 +147,8 @@ class _Serial(serial.Serial):
     def read(self, size: int = 1) -> bytes:
         try:
             data = os.read(self.fileno(), size)
+            if len(data) == PIECE_BYTES:
+                data += self._rest(size)
         except BlockingIOError:
             return b""
         except OSError as error:
@@ -153,6 +158,14 @@ class _Serial(serial.Serial):
             self.on_broken(None)
             raise serial.SerialException("the port hung up")
         return data
+
+    def _rest(self, size: int) -> bytes:
+        rest = b""
+        with contextlib.suppress(BlockingIOError):
+            while len(piece := os.read(self.fileno(), size)) == PIECE_BYTES:
+                rest += piece
+            rest += piece
+        return rest
 
     def write(self, data: bytes) -> int:  # type: ignore[override]
         try:
