@@ -119,3 +119,8 @@ def test_where_nothing_was_reported_there_are_no_times():
 
 def test_the_mean_of_repeats_is_taken_tick_by_tick():
     assert mean([[0.0, 1.0, 2.0], [0.0, 3.0, 4.0]]) == [0.0, 2.0, 3.0]
+
+
+def test_a_rise_is_measured_in_fractions_of_a_tick():
+    ramp = [min(1.0, 0.07 * tick) for tick in range(100)]
+    assert figures(ramp, 1.0, TICK_S).rise_s == pytest.approx(0.8 / 0.07 * TICK_S)

@@ -64,14 +64,11 @@ def saved_boxes(folder: Path) -> list[SavedBox]:
 
 
 def save_box(folder: Path, data: bytes, *, reason: str, wall_ns: int) -> Path:
-    """Write a box, and remove others until there is room for it.
+    """Write a box, and remove others until there is room for it; returns its file.
 
     Args:
         folder: An existing folder.
         reason: In a word.
-
-    Returns:
-        Its file.
 
     Raises:
         OSError: The disk is full, gone or read-only. Nothing is left of it.

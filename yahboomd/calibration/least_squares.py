@@ -169,11 +169,7 @@ def _slope(run: Run, values: Floats, chosen: Sequence[int]) -> Floats:
 
 
 def _inverse(normal: Floats, free: Sequence[str]) -> Floats:
-    """The inverse, of a matrix whose every direction was seen.
-
-    Raises:
-        Unseen: One was not.
-    """
+    """The inverse, of a matrix whose every direction was seen."""
     size = np.sqrt(np.diag(normal))
     if not size.all():
         raise Unseen(free[int(np.argmin(size))])

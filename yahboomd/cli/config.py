@@ -84,11 +84,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Carry out one verb.
-
-    Raises:
-        ConfigError: Naming every mistake.
-    """
+    """Carry out one verb."""
     from yahboomd.config import reference, schema
 
     match args.verb:

@@ -96,13 +96,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Serve until a signal ends it.
-
-    Raises:
-        ConfigError: The configuration or the address cannot be used.
-        ListenError: The address is taken.
-        BusError: A robot can never be reached like this.
-    """
+    """Serve until a signal ends it."""
     from yahboomd.metrics.http_listener import Place
 
     place = Place.of(args.listen)

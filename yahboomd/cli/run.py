@@ -49,12 +49,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run until a signal ends it.
-
-    Raises:
-        ConfigError: The configuration cannot be used.
-        BusError: The Zenoh session cannot be opened.
-    """
+    """Run until a signal ends it."""
     loaded = read_config(args)
     from yahboomd.daemon.logs import configure, flush
     from yahboomd.daemon.process import die_of, make_room

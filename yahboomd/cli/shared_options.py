@@ -86,11 +86,7 @@ def add_source_option(parser: argparse.ArgumentParser, default: str) -> None:
 
 
 def check_source(args: argparse.Namespace) -> None:
-    """Raise if the key of ``--source`` cannot be one.
-
-    Raises:
-        ConfigError: With what is wrong.
-    """
+    """Raise if the key of ``--source`` cannot be one."""
     from yahboomd.names import name_problem
 
     if problem := name_problem(args.source):

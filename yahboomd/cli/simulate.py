@@ -202,11 +202,7 @@ def _add_fields(
 
 
 def run(args: argparse.Namespace) -> int:
-    """Serve until SIGINT, SIGTERM or SIGHUP, which is a closed terminal.
-
-    Raises:
-        ConfigError: An option cannot be used.
-    """
+    """Serve until SIGINT, SIGTERM or SIGHUP, which is a closed terminal."""
     robot = SimulatedRobot(_options(args))
     return asyncio.run(_serve(robot, args))
 

@@ -274,9 +274,6 @@ class Wheels:
             received_ns: When they arrived, where that is known besides the stamp.
             earliest_ns: The board sampled them no earlier, where the stamp is only the likeliest
                 moment between.
-
-        Returns:
-            The troubles that began with it.
         """
         self.measured_m_s = speeds_m_s
         before, self._ticks = self._ticks or ticks, ticks

@@ -75,33 +75,33 @@ class Holds:
         return tuple(sorted(self._holds.values(), key=lambda hold: hold.since_ns))
 
 
+STAND_NS = NS_PER_S
+"""So long the robot stands after a reset while the wheels turned."""
+
+MOST_RESETS = 3
+WITHIN_S = 10
+"""So many resets in that time are a fault."""
+
+
 class ResetWatch:
     """The consequences of a board's resets: a pause after one in motion, a fault after too many.
 
     A board that resets itself under load (a weak battery, a loose plug) would otherwise be driven
     into the next brown-out at once, for ever.
-
-    Args:
-        stand_s: How long to stand after a reset while the wheels turned.
-        most: So many resets within ``within_s`` are a fault.
-        within_s: See there.
     """
 
-    def __init__(self, *, stand_s: float = 1.0, most: int = 3, within_s: float = 10.0) -> None:
-        self._stand_ns = round(stand_s * NS_PER_S)
-        self._within_ns = round(within_s * NS_PER_S)
-        self._within_s = within_s
-        self._resets: deque[int] = deque(maxlen=most)
+    def __init__(self) -> None:
+        self._resets: deque[int] = deque(maxlen=MOST_RESETS)
 
     def reset(self, now_ns: int, *, in_motion: bool) -> Hold | None:
         """The board reset itself. Returns the hold that follows from it, to be put on."""
         self._resets.append(now_ns)
-        if len(self._resets) == self._resets.maxlen and now_ns - self._resets[0] <= self._within_ns:
+        if len(self._resets) == MOST_RESETS and now_ns - self._resets[0] <= WITHIN_S * NS_PER_S:
             return Hold(
                 kind=FAULT,
                 message=(
                     f"The board reset itself {len(self._resets)} times within "
-                    f"{self._within_s:g} s: check the battery, the plugs and the motor currents."
+                    f"{WITHIN_S} s: check the battery, the plugs and the motor currents."
                 ),
                 since_ns=now_ns,
             )
@@ -111,7 +111,7 @@ class ResetWatch:
             kind=BOARD_RESET,
             message="The board reset itself in motion; standing before anything moves again.",
             since_ns=now_ns,
-            until_ns=now_ns + self._stand_ns,
+            until_ns=now_ns + STAND_NS,
         )
 
     def clear(self) -> None:

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
 StopState: TypeAlias = Literal["idle", "stopping", "stopped", "overdue"]
 
+WITHIN_NS = 600_000_000
+"""So long the wheels may take."""
+
 # Two readings at the slowest poll worth running, several at the usual ones.
 SETTLED_NS = 30_000_000
 # Under the board's loop a wheel that obeys has lost far more than this of its speed within 0.6 s.
@@ -32,19 +35,15 @@ ROLLS_OUT = 0.9
 class StopWatch:
     """Follows one stop from the command to the proof.
 
-    Args:
-        within_s: How long the wheels may take.
-
     Attributes:
         state: ``idle`` where no stop is under way; ``stopping``; ``stopped``: measured;
             ``overdue``: not standing in time. Wheels that stand at last are ``stopped``, however
             late.
     """
 
-    def __init__(self, motors: Sequence[str], *, within_s: float = 0.6) -> None:
+    def __init__(self, motors: Sequence[str]) -> None:
         self.state: StopState = "idle"
         self._motors = tuple(motors)
-        self._within_ns = round(within_s * NS_PER_S)
         self._begun_ns = 0
         self._judged_ns: int | None = 0
         self._still_ns: int | None = None
@@ -101,7 +100,7 @@ class StopWatch:
         """
         if self.state not in {"stopping", "overdue"} or self._judged_ns is None:
             return None
-        if now_ns - self._judged_ns < self._within_ns:
+        if now_ns - self._judged_ns < WITHIN_NS:
             return None
         if self._still_ns is not None and now_ns - self._still_ns < 2 * SETTLED_NS:
             # They stand; the reading that proves it is on its way.

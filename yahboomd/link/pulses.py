@@ -172,11 +172,7 @@ class Pulses:
             )
 
     async def _standing(self, position: int, resets: int) -> Counts:
-        """Wait until every wheel stands; the counters then.
-
-        Raises:
-            BoardError: One still turns, the counters do not come, or the board reset itself.
-        """
+        """Wait until every wheel stands; the counters then."""
         line, clock = self._line, self._clock
         line.watch.reset()
         end_ns = clock.now_ns() + nanoseconds(STAND_WITHIN_S)

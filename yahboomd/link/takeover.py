@@ -12,7 +12,7 @@ import msgspec
 from yahboomd.clock import Clock, seconds
 from yahboomd.errors import BoardSilent
 from yahboomd.link.conversation import Conversation
-from yahboomd.link.line import STILL_TICKS_PER_S, Heard, Line
+from yahboomd.link.line import Heard, Line
 from yahboomd.link.port import Port
 from yahboomd.link.stopping import stop_unidentified
 
@@ -36,13 +36,7 @@ class TakeoverReport(msgspec.Struct, frozen=True, kw_only=True):
     heard: Heard
 
 
-async def take_over(
-    port: Port,
-    clock: Clock,
-    *,
-    still_ticks_per_s: float = STILL_TICKS_PER_S,
-    spoken_ns: int | None = None,
-) -> TakeoverReport:
+async def take_over(port: Port, clock: Clock, *, spoken_ns: int | None = None) -> TakeoverReport:
     """Stop, identify, brake, watch, cut, and release the port. Bounded: four seconds at most.
 
     Args:
@@ -53,7 +47,7 @@ async def take_over(
         PortLost: The port went away.
     """
     began_ns = clock.now_ns() if spoken_ns is None else spoken_ns
-    line = Line(port, clock, still_ticks_per_s=still_ticks_per_s)
+    line = Line(port, clock)
     async with line.attended():
         try:
             talk = await Conversation.begin(line, stop_first=spoken_ns is None)

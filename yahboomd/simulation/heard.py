@@ -36,11 +36,7 @@ class HeardWriter:
         self._lines = LinesWriter(path)
 
     def open(self) -> None:
-        """Start an empty file.
-
-        Raises:
-            OSError: It cannot be written.
-        """
+        """Start an empty file."""
         self._lines.open()
 
     def write(self, data: bytes, t_ns: int) -> None:

@@ -27,11 +27,7 @@ class LinesWriter:
         self._unflushed = 0
 
     def open(self) -> None:
-        """Start an empty file.
-
-        Raises:
-            OSError: It cannot be written.
-        """
+        """Start an empty file."""
         self._file = self._path.open("wb")
 
     def write(self, line: msgspec.Struct) -> None:

@@ -86,7 +86,7 @@ def test_the_frames_are_the_vendors():
 def test_the_times_are_those_observed():
     assert STREAMED.spacing_ns == 20_000_000
     assert STREAMED.totals_spacing_ns == 10_000_000
-    assert STREAMED.sample_period_ns == 10_000_000
+    assert STREAMED.sample_period_ns == STREAMED.loop_ns == 10_000_000
     assert not STREAMED.renews_with_each_line
     assert STREAMED.poll_bytes == 0
 

@@ -83,13 +83,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Carry out one verb.
-
-    Raises:
-        ConfigError: There is no such box, or it cannot be read.
-        Refused: It cannot be exported, or the daemon does not save it.
-        NoDaemon: No daemon is there.
-    """
+    """Carry out one verb."""
     if args.verb == "save":
         return _save(args)
     where = _places(args)

@@ -103,11 +103,7 @@ class Answers:
         await self.confirm(name, "Enter when its way is free.")
 
     async def _line(self, question: str) -> str:
-        """Ask, and wait for a line.
-
-        Raises:
-            Refused: The input ended.
-        """
+        """Ask, and wait for a line."""
         print(question, end=" ", file=sys.stderr, flush=True)
         line = await self._lines.line()
         if line is None:

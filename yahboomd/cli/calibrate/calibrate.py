@@ -178,13 +178,7 @@ def _add_dialogue_option(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Carry out one verb.
-
-    Raises:
-        Refused: The result cannot be trusted, or the robot does not obey.
-        NoDaemon: No daemon is there, or it was lost.
-        ConfigError: The configuration has mistakes, or the file cannot be written.
-    """
+    """Carry out one verb."""
     try:
         return _run(args)
     except YahboomdError as error:

@@ -52,9 +52,6 @@ class Dialogue:
     async def lead(self, work: Coroutine[Any, Any, int]) -> int:
         """Do the work for as long as the program is there.
 
-        Returns:
-            What the work returned.
-
         Raises:
             Refused: The input ended, or the program aborted.
         """

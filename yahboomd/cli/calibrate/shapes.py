@@ -173,11 +173,7 @@ class Driver:
             waiting.cancel()
 
     async def _rest(self) -> None:
-        """Gather until the counts have not changed for a while.
-
-        Raises:
-            Refused: They change on: somebody moves the robot.
-        """
+        """Gather until the counts have not changed for a while."""
         await self._next()
         begin_ns = self._stamp_ns
         while self._stamp_ns - self._changed_ns < REST_NS:

@@ -73,11 +73,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Draw.
-
-    Raises:
-        Refused: There is no recording, or the picture cannot be written.
-    """
+    """Draw."""
     # The extras are missed before anything is read.
     import matplotlib as mpl
     import mcap.reader  # noqa: F401

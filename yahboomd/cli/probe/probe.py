@@ -104,15 +104,7 @@ def _numbers(text: str) -> tuple[float, float, float]:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Probe.
-
-    Returns:
-        0 for a board that may be driven, 1 for one that must not.
-
-    Raises:
-        LinkError: The port or the board cannot be used; with what is wrong.
-        ConfigError: The configuration has mistakes, or several ports could be the board's.
-    """
+    """Probe."""
     if args.list:
         return _list(as_json=args.json)
     try:

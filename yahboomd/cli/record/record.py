@@ -110,12 +110,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Record.
-
-    Raises:
-        NoDaemon: No daemon is there.
-        Refused: The folder cannot be written to.
-    """
+    """Record."""
     # The extra is missed before anything is made.
     import mcap.writer  # noqa: F401
 
@@ -175,11 +170,7 @@ async def _record(robot: AsyncRobot, args: argparse.Namespace) -> int:
 
 
 async def _watch(recorder: Recorder, *, attached: bool) -> None:
-    """Have the disk keep what was written, and show how it goes, until the input ends.
-
-    Raises:
-        Refused: Nothing can be written any more.
-    """
+    """Have the disk keep what was written, and show how it goes, until the input ends."""
     ended = asyncio.create_task(input_ended()) if attached else asyncio.Future[None]()
     elapsed = 0.0
     try:

@@ -76,13 +76,7 @@ class Unreadable(YahboomdError):
 
 
 def run(args: argparse.Namespace) -> int:
-    """Play it.
-
-    Raises:
-        Unreadable: The file cannot be read.
-        Unplayable: It is no black box, or there is nothing in it that could be played.
-        ConfigError: The link, or the output, cannot be made.
-    """
+    """Play it."""
     if args.output is not None:
         _check_output(args)
     box = _read(args.file)

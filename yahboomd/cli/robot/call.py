@@ -64,11 +64,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Call it.
-
-    Raises:
-        NoDaemon: No daemon is there.
-    """
+    """Call it."""
 
     async def work(robot: AsyncRobot) -> int:
         return await _call(robot, args.service, args.request)

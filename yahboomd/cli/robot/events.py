@@ -44,11 +44,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print them.
-
-    Raises:
-        NoDaemon: No daemon is there at the start.
-    """
+    """Print them."""
 
     async def work(robot: AsyncRobot) -> int:
         return await _print(robot, follow=args.follow, as_json=args.json)

@@ -62,12 +62,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print it, or change it.
-
-    Raises:
-        NoDaemon: No daemon is there.
-        Refused: There is no pose yet, or the daemon refuses the change.
-    """
+    """Print it, or change it."""
 
     async def work(robot: AsyncRobot) -> int:
         if args.reset:

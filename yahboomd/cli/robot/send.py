@@ -72,12 +72,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Drive.
-
-    Raises:
-        NoDaemon: No daemon is there, or it was lost.
-        Refused: The robot does not obey.
-    """
+    """Drive."""
     if args.vx is None and args.vy is None and args.wz is None:
         print(
             "yahboomd send: error: give a velocity: --vx, --vy or --wz. 0 holds the robot.",

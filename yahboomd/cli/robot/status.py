@@ -49,11 +49,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print it.
-
-    Raises:
-        NoDaemon: No daemon is there.
-    """
+    """Print it."""
 
     async def work(robot: AsyncRobot) -> int:
         return await _print(robot, as_json=args.json)

@@ -78,13 +78,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Drive until a person or a signal ends it.
-
-    Raises:
-        ConfigError: The configuration cannot be used.
-        BusError: The bus can never be reached like this.
-        ModuleNotFoundError: rich is not installed.
-    """
+    """Drive until a person or a signal ends it."""
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         print(
             "yahboomd: drive needs a terminal: its keys are read from one, and it draws on it. "

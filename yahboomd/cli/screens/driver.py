@@ -33,11 +33,7 @@ class Driver:
         self._answer: Part = ("", "")
 
     async def run(self) -> None:
-        """Drive until the person quits, a signal comes or the terminal goes.
-
-        Raises:
-            BusError: The bus can never be reached like this.
-        """
+        """Drive until the person quits, a signal comes or the terminal goes."""
         loop = asyncio.get_running_loop()
         # What would suspend it ends it: a suspended command stops no robot.
         for number in (*deadly(), signal.SIGTSTP):

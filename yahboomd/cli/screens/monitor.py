@@ -80,13 +80,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Watch until a person or a signal ends it.
-
-    Raises:
-        ConfigError: The configuration cannot be used.
-        BusError: The bus can never be reached like this; or no daemon is there to be shown once.
-        ModuleNotFoundError: A screen was wanted, and rich is not installed.
-    """
+    """Watch until a person or a signal ends it."""
     on_screen = (
         not args.once
         and not args.plain

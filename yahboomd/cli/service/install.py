@@ -131,11 +131,7 @@ def system_of(args: argparse.Namespace) -> System:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Install, or print what would be done.
-
-    Returns:
-        0, or 77 without the permission, 78 where the service could not run, 1 where it does not.
-    """
+    """Install, or print what would be done."""
     return install(
         system_of(args), instance=args.instance, port=args.port, web=args.web, listen=args.listen
     )

@@ -37,11 +37,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Uninstall, or print what would be done.
-
-    Returns:
-        0, or 77 without the permission, 78 where dpkg has to do it.
-    """
+    """Uninstall, or print what would be done."""
     return uninstall(system_of(args), instance=args.instance)
 
 

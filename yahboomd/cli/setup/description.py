@@ -173,10 +173,10 @@ async def _custom(person: Person, given: Given, stored: BoardSettings | None) ->
         return value if isinstance(value, int | float) and value > 0 else None
 
     lines = await _figure(
-        person, "Encoder lines of one turn of the motor's own shaft", usual("lines"), 1, 10_000
+        person, "Encoder lines of one turn of the motor's own shaft", usual("lines"), 10_000
     )
     ratio = await _figure(
-        person, "Turns of the motor in one turn of the wheel (30 for 1:30)", usual("ratio"), 1, 1000
+        person, "Turns of the motor in one turn of the wheel (30 for 1:30)", usual("ratio"), 1000
     )
     diameter = await _millimetres(
         person,
@@ -201,17 +201,15 @@ async def _millimetres(
 ) -> float:
     if given is not None:
         return given
-    return await _figure(person, question, blank, 1, most)
+    return await _figure(person, question, blank, most)
 
 
-async def _figure(
-    person: Person, question: str, blank: float | None, least: float, most: float
-) -> float:
+async def _figure(person: Person, question: str, blank: float | None, most: float) -> float:
     default = "" if blank is None else f" (Enter: {blank:g})"
     while True:
         text = await person.line(f"{question}{default}:")
         if not text and blank is not None:
             return blank
-        if (value := read_number(text, lambda number: least <= number <= most)) is not None:
+        if (value := read_number(text, lambda number: 1.0 <= number <= most)) is not None:
             return value
-        say(f"A number from {least:g} to {most:g}, please.")
+        say(f"A number from 1 to {most:g}, please.")

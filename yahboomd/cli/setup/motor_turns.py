@@ -259,11 +259,7 @@ def _say_more() -> None:
 
 
 async def _counting(talk: Conversation) -> Counts:
-    """See the counters come, after a repair too; what they are.
-
-    Raises:
-        BoardSilent: They do not come.
-    """
+    """See the counters come, after a repair too; what they are."""
     # One that was switched off for a repair is silent at first.
     for _ in range(1 + math.ceil(talk.dialect.starts_within_s / COUNTERS_WITHIN_S)):
         counts = await talk.read_counters()
@@ -277,11 +273,7 @@ async def _counting(talk: Conversation) -> Counts:
 
 
 async def _gives_up(person: Person, verdict: Wiring) -> bool:
-    """Print the faults; whether the file is wanted in spite of them.
-
-    Raises:
-        Refused: The person ends it.
-    """
+    """Print the faults; whether the file is wanted in spite of them."""
     say_heading("To be repaired: no configuration makes up for it")
     say_points(fault.words for fault in verdict.faults)
     if verdict.hint:

@@ -88,14 +88,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Set the robot up, by the answers of the person at the terminal.
-
-    Raises:
-        Refused: The emergency stop is engaged, or the person ended it.
-        LinkError: The port or the board cannot be used; with what is wrong.
-        BoardError: The board cannot be driven as it is.
-        ConfigError: A mistake in the configuration; or the file cannot be written.
-    """
+    """Set the robot up, by the answers of the person at the terminal."""
     import asyncio
     import signal
 

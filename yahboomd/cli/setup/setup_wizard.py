@@ -127,11 +127,7 @@ class Wizard:
         )
 
     async def _fit(self, dialect: Dialect, found: Examination, profile: MotorProfile) -> None:
-        """Show what the board stores, and have it store what these motors need, if it is wanted.
-
-        Raises:
-            Refused: No motor may turn with what it stores.
-        """
+        """Show what the board stores, and have it store what these motors need, if it is wanted."""
         report = self._report(found, profile, profile.settings)
         if report.settings:
             if self._given.profile is None:
@@ -192,11 +188,7 @@ class Wizard:
 
 @contextmanager
 def _guarded(port: Port, dialect: Dialect) -> Iterator[Guard | None]:
-    """A process that stops the wheels where this one is killed; none for a simulated port.
-
-    Raises:
-        BoardError: It does not start: no motor may turn.
-    """
+    """A process that stops the wheels where this one is killed; none for a simulated port."""
     if not isinstance(port, SerialPort):
         yield None
         return

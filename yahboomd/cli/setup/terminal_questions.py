@@ -30,11 +30,7 @@ class Terminal:
         self._lines = InputLines()
 
     async def line(self, question: str) -> str:
-        """Ask, and wait for a line.
-
-        Raises:
-            Refused: The input ended.
-        """
+        """Ask, and wait for a line."""
         if sys.stdin is not None and sys.stdin.isatty():
             # What was typed before the question was asked answers another one.
             termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)

@@ -107,15 +107,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Stop, or release the emergency stop.
-
-    Returns:
-        0 where the wheels were seen to stand, 1 where they were stopped and not seen to.
-
-    Raises:
-        LinkError: No daemon answers, and the port cannot be used.
-        BusError: Only a daemon was asked for, and none answers; or it refuses the release.
-    """
+    """Stop, or release the emergency stop."""
     if args.release:
         return _release(args)
     if args.connect:

@@ -99,13 +99,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Tune.
-
-    Raises:
-        Refused: The emergency stop is engaged, or the person does not agree.
-        BoardError: A wheel does not do as it is commanded.
-        LinkError: The port or the board cannot be used.
-    """
+    """Tune."""
     if not args.undo:
         # The extra is missed before a wheel turns.
         import matplotlib  # noqa: F401
@@ -149,25 +143,13 @@ def _check_picture(path: Path) -> None:
 
 def _ended_by_signals(work: Callable[[], Awaitable[int]], tuning: Tuning) -> int:
     """Run it; a signal ends it, and the wheels are brought to rest on the way."""
+    from yahboomd.cli.robot.attended import until_signal
 
     async def attended() -> int:
-        loop, task = asyncio.get_running_loop(), asyncio.current_task()
-        came: list[int] = []
-
-        def end(number: int) -> None:
-            if not came and task is not None:
-                came.append(number)
-                task.cancel()
-
-        for each in ENDINGS:
-            loop.add_signal_handler(each, end, each)
-        try:
-            return await work()
-        except asyncio.CancelledError:
-            if not came:
-                raise
-            tuning.say_ended(signal.Signals(came[0]).name)
-            return 128 + came[0]
+        status = await until_signal(work(), ENDINGS)
+        if status > 128:
+            tuning.say_ended(signal.Signals(status - 128).name)
+        return status
 
     return asyncio.run(attended())
 

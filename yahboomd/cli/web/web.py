@@ -132,13 +132,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Serve until a signal ends it.
-
-    Raises:
-        ConfigError: The configuration, the address, a token or a certificate cannot be used.
-        ListenError: The address is taken.
-        BusError: The robot can never be reached like this.
-    """
+    """Serve until a signal ends it."""
     folder = state_folder(os.environ, os.geteuid())
     if args.make_certificate:
         return _certify(folder, args.host_name)

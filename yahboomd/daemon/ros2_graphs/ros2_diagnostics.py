@@ -28,12 +28,10 @@ class Diagnostics:
     """Makes the entries; it remembers the counters, because only what is new is worth a warning.
 
     Args:
-        name: Stands in front of every entry's name, as a node's does in ROS 2.
         hardware_id: Distinguishes this robot from others: its namespace.
     """
 
-    def __init__(self, *, name: str = "yahboomd", hardware_id: str) -> None:
-        self._name = name
+    def __init__(self, *, hardware_id: str) -> None:
         self._hardware_id = hardware_id
         self._line_trouble: dict[str, int] = {}
         self._put_errors = 0
@@ -57,7 +55,7 @@ class Diagnostics:
     def _entry(self, what: str, level: int, message: str, facts: Group) -> Diagnostic:
         return Diagnostic(
             level=level,
-            name=f"{self._name}: {what}",
+            name=f"yahboomd: {what}",
             message=message,
             hardware_id=self._hardware_id,
             values=list(_values(facts)),

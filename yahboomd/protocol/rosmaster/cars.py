@@ -215,11 +215,7 @@ def _check(
     targets: dict[int, list[float]],
     solved: list[list[float]],
 ) -> None:
-    """Refuse what the board would do otherwise than the geometry means it.
-
-    Raises:
-        BoardError: With the first axis of motion that it gets wrong.
-    """
+    """Refuse what the board would do otherwise than the geometry means it."""
     for axis, name in enumerate(("ahead", "sideways", "round")):
         wanted = [factors[axis] for factors in kinematics.inverse]
         goals = {at: _dot(target, wanted) for at, target in targets.items()}
