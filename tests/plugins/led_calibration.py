@@ -120,7 +120,9 @@ class LedCalibration:
             if again and again[0]["kind"] == "hold":
                 question = self.question()
                 self.hold(question)
-            return bool(condition())
+            # Of a movement that was let go, the robot may still be rolling.
+            begun = [each["type"] for each in self.of_type("question", "progress")]
+            return begun[-1] == "progress" and bool(condition())
 
         wait_for(held, "what is held for")
         return question
