@@ -9,9 +9,9 @@ MINUTES ?= 2
 SEED    ?= 1
 ROOM    ?= drive
 SAMPLE  ?= 120
-# Many tests wait for something, and many drive robots in real time: one process more than cores.
+# Two processes for each core run what waits in real time, and one what computes (tests/plugins/lanes.py).
 # WORKERS=0 runs them one by one.
-WORKERS ?= $(shell expr 1 + $$(getconf _NPROCESSORS_ONLN))
+WORKERS ?= $(shell expr 3 \* $$(getconf _NPROCESSORS_ONLN))
 # The tests start hundreds of Python processes, which need not compile yahboomd each time.
 PYTEST := PYTHONDONTWRITEBYTECODE= $(PY) -m pytest
 PARALLEL := -n $(WORKERS) --dist loadgroup

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-import functools
+import gc
 import importlib
 import os
-import re
 import shutil
 import signal
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
@@ -31,6 +30,8 @@ for _number, _usual in (
         signal.signal(_number, _usual)
 
 
+LOW_PRIORITY = pytest.StashKey[int]()
+
 # How long an example takes says how busy the machine is, not whether the code is right.
 settings.register_profile(
     "explore", deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=False
@@ -43,24 +44,29 @@ settings.load_profile("same examples")
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """One process runs all tests of a file that is marked with ``xdist_group``.
-
-    pytest-xdist 3.8 writes the group into an attribute that pytest 9 does not have any more.
-    """
+    """Tests that wait and tests that compute run side by side."""
     if config.getoption("dist") != "loadgroup":
         return None
-    scheduling = importlib.import_module("xdist.scheduler").LoadScopeScheduling
+    return importlib.import_module("lanes").Lanes(config, log)
 
-    @functools.cache
-    def group_of(path: str) -> str | None:
-        found = re.search(r'xdist_group\("(\w+)"\)', (config.rootpath / path).read_text())
-        return found and found[1]
 
-    class ByGroup(scheduling):  # type: ignore[misc, valid-type]
-        def _split_scope(self, nodeid: str) -> str:
-            return group_of(nodeid.partition("::")[0]) or nodeid
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """A process that runs what only computes lets those go first that have to be in time."""
+    marked = item.get_closest_marker("realtime") or item.get_closest_marker("xdist_group")
+    lanes = getattr(item.config.option, "loadgroup", False)
+    if lanes and not marked and LOW_PRIORITY not in item.config.stash:
+        item.config.stash[LOW_PRIORITY] = os.nice(5)
 
-    return ByGroup(config, log)
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[None]:
+    """Thousands of tests are made, and none of them is garbage."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.enable()
 
 
 __all__ = ["client", "real_robot", "virtual_time_run", "zenoh_router"]

@@ -20,7 +20,9 @@ def calls() -> list[tuple[str, dict[str, ast.expr]]]:
     """Every place that makes an event: where it is, and what it passes."""
     found = []
     for path in SOURCE.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text())):
+        if "Event(" not in (text := path.read_text()):
+            continue
+        for node in ast.walk(ast.parse(text)):
             if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Event":
                 where = f"{path.relative_to(SOURCE)}:{node.lineno}"
                 found.append((where, {str(each.arg): each.value for each in node.keywords}))

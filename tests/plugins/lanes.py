@@ -1,0 +1,108 @@
+"""Which process runs which test, where several processes run them side by side.
+
+Tests that are marked ``realtime`` wait for most of their time, and want a processor when they
+wake; the others use all that they get. So one process in three runs those others, at a low
+priority, while the rest wait. The tests of an ``xdist_group`` have one process.
+"""
+
+from __future__ import annotations
+
+import functools
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from xdist.scheduler import LoadScopeScheduling
+
+if TYPE_CHECKING:
+    from xdist.workermanage import WorkerController
+
+LONG = (
+    "tests/soak",
+    "tests/cli/calibrate",
+    "tests/benchmarks",
+    "tests/cli/tune",
+    "tests/cli/setup",
+    "tests/test_end_to_end",
+)
+"""They come first: all processes wait for a long test that begins last."""
+
+_GROUP = re.compile(r'xdist_group\("(\w+)"\)')
+_ALL_REAL = re.compile(r"^(pytestmark = \[?|    )pytest\.mark\.realtime\b", re.MULTILINE)
+_ONE_REAL = re.compile(
+    r"^@pytest\.mark\.realtime\n(?:[@ )\]].*\n)*(?:async )?def (\w+)", re.MULTILINE
+)
+
+
+@functools.cache
+def _marks(path: Path) -> tuple[str | None, bool, frozenset[str]]:
+    """The group of a file, whether all its tests are in real time, and which of them are."""
+    text = path.read_text()
+    group = _GROUP.search(text)
+    return group and group[1], bool(_ALL_REAL.search(text)), frozenset(_ONE_REAL.findall(text))
+
+
+class Lanes(LoadScopeScheduling):  # type: ignore[misc]
+    """Each process has a test, or a group of them, and the next one."""
+
+    def schedule(self) -> None:
+        """Begin, once all processes have found the same tests."""
+        if self.collection is not None or not self._check_nodes_have_same_collection():
+            return
+        self.collection = next(iter(self.registered_collections.values()))
+        self._index = {nodeid: index for index, nodeid in enumerate(self.collection)}
+        self._waits: set[str] = set()
+        for nodeid in self.collection:
+            scope = self._split_scope(nodeid)
+            self.workqueue.setdefault(scope, {})[nodeid] = False
+            if self._in_real_time(nodeid):
+                self._waits.add(scope)
+        order = sorted(self.workqueue, key=self._rank)
+        self.workqueue = type(self.workqueue)((scope, self.workqueue[scope]) for scope in order)
+        for _ in range(2):
+            for node in self.nodes:
+                self._reschedule(node)
+
+    def mark_test_complete(
+        self, node: WorkerController, item_index: int, duration: float = 0
+    ) -> None:
+        """Note it, and give its process the next one."""
+        nodeid = self.collection[item_index]
+        scope = self._split_scope(nodeid)
+        unit = self.assigned_work[node][scope]
+        unit[nodeid] = True
+        if all(unit.values()):
+            del self.assigned_work[node][scope]
+        self._reschedule(node)
+
+    def _reschedule(self, node: WorkerController) -> None:
+        if node.shutting_down or self._pending_of(self.assigned_work[node]) > 1:
+            return
+        number = int(node.gateway.id.removeprefix("gw"))
+        if number % 3 == 2:
+            # From the end, where those are that only compute.
+            scope = next(
+                (each for each in reversed(self.workqueue) if each not in self._waits), None
+            )
+        else:
+            scope = next(iter(self.workqueue), None)
+        if scope is None:
+            node.shutdown()
+            return
+        self.assigned_work[node][scope] = unit = self.workqueue.pop(scope)
+        node.send_runtest_some([self._index[each] for each, done in unit.items() if not done])
+
+    def _split_scope(self, nodeid: str) -> str:
+        return _marks(self._path(nodeid))[0] or nodeid
+
+    def _path(self, nodeid: str) -> Path:
+        path: Path = self.config.rootpath / nodeid.partition("::")[0]
+        return path
+
+    def _in_real_time(self, nodeid: str) -> bool:
+        _, all_real, some = _marks(self._path(nodeid))
+        return all_real or nodeid.partition("::")[2].partition("[")[0] in some
+
+    def _rank(self, scope: str) -> tuple[bool, bool, bool]:
+        """Those in real time first, and among them groups and those that take long."""
+        return scope not in self._waits, "::" in scope, not scope.startswith(LONG)
