@@ -475,3 +475,51 @@ def test_a_heading_that_becomes_surer_stays_as_correlated_as_it_was():
 def test_without_a_window_nothing_is_known_of_the_twist(kit):
     twist = Covariance(kit.differential(), kit.motors()).twist(Window(0, (0, 0), 0, 0))
     assert np.array_equal(matrix(twist), np.eye(3))
+
+
+def test_where_the_base_is_heading_makes_no_difference_to_how_well_its_pose_is_known(kit):
+    motors = kit.motors((0, 1, 2, 3))
+    # Wheels of different sizes: what they say of forward and of sideways hangs together.
+    uneven = tuple(
+        msgspec.structs.replace(motor, radius_m=motor.radius_m * (1.0 + 0.2 * n))
+        for n, motor in enumerate(motors)
+    )
+    covariance = Covariance(kit.mecanum(), uneven)
+    ahead = matrix(covariance.pose)
+    assert abs(ahead[0, 1]) > 1e-3 * ahead[0, 0]
+    for theta in (0.4, 2.0, -2.6):
+        turn = np.array(
+            [
+                [math.cos(theta), -math.sin(theta), 0.0],
+                [math.sin(theta), math.cos(theta), 0.0],
+                [0.0, 0.0, 1.0],
+            ]
+        )
+        covariance.set_pose(theta)
+        wanted = turn @ ahead @ turn.T
+        # No way is known better than to a tick.
+        for axis in (0, 1):
+            wanted[axis, axis] = max(wanted[axis, axis], ahead[0, 0])
+        assert matrix(covariance.pose) == pytest.approx(wanted, abs=1e-15)
+
+
+def test_a_robot_that_stands_knows_its_heading_less_and_less_by_a_gyro(base):
+    still = base.integrator.integrate((0, 0), (0, 0), STEP_NS)
+    for _ in range(10):
+        base.covariance.propagate((0, 0), still, 0.1)
+    assert base.pose[2, 2] == pytest.approx(base.covariance.given + 0.1)
+
+
+def test_a_pose_that_is_set_unsurely_spreads_as_its_headings_do(kit):
+    chance = np.random.default_rng(1)
+    given = np.array([[0.04, 0.01, 0.05], [0.01, 0.09, -0.06], [0.05, -0.06, 0.5]])
+    covariance = Covariance(kit.differential(), kit.motors(), noise_m=1e-12)
+    covariance.set_pose(0.0, tuple(given.ravel()))
+    for _ in range(100):
+        covariance.propagate((60, 60), Arc(0.02, 0.0, 1.0, 0.0, 0.0))
+    poses = chance.multivariate_normal([0.0, 0.0, 0.0], given, 400_000)
+    x = poses[:, 0] + 2.0 * np.cos(poses[:, 2]) - 2.0
+    y = poses[:, 1] + 2.0 * np.sin(poses[:, 2])
+    found = matrix(covariance.pose)
+    wanted = np.array([[np.mean(x * x), np.mean(x * y)], [np.mean(x * y), np.mean(y * y)]])
+    assert found[:2, :2] == pytest.approx(wanted, rel=0.02, abs=0.01)

@@ -52,19 +52,28 @@ def test_totals_are_the_sum_of_the_steps_wherever_counting_starts(kit, start, ch
     assert encoders.totals == (raw - start, 0)
 
 
-def test_a_wheel_that_is_blocked_or_let_go_is_believed_one_reading_later(encoders):
-    raw = 3_000_000
-    feed(encoders, (raw, raw), 0, 0)
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_wheel_that_is_blocked_or_let_go_is_believed_one_reading_later(encoders, way):
+    def rolled(left, right, sent_ms, elapsed_ms):
+        return feed(encoders, (3_000_000 + way * left, way * right), sent_ms, elapsed_ms)
+
+    rolled(0, 0, 0, 0)
     for n in range(1, 6):
-        raw += 120
-        assert feed(encoders, (raw, raw), 20 * n, 20) == "travel"
-    assert feed(encoders, (raw + 5, raw + 120), 120, 20) == "held"
-    assert feed(encoders, (raw + 5, raw + 240), 140, 40) == "travel"
+        assert rolled(120 * n, 120 * n, 20 * n, 20) == "travel"
+    assert rolled(605, 720, 120, 20) == "held"
+    assert rolled(605, 840, 140, 40) == "travel"
     for n in range(3, 7):
-        assert feed(encoders, (raw + 5, raw + 120 * n), 100 + 20 * n, 20) == "travel"
-    assert feed(encoders, (raw + 105, raw + 840), 240, 20) == "held"
-    assert feed(encoders, (raw + 205, raw + 960), 260, 40) == "travel"
-    assert encoders.totals == (805, 1560)
+        assert rolled(605, 600 + 120 * n, 100 + 20 * n, 20) == "travel"
+    assert rolled(705, 1440, 240, 20) == "held"
+    assert rolled(805, 1560, 260, 40) == "travel"
+    assert encoders.totals == (way * 805, way * 1560)
+
+
+def test_a_reading_that_took_no_time_is_no_witness(encoders):
+    feed(encoders, (1000, 1000), 0, 0)
+    assert feed(encoders, (1120, 1120), 20, 20) == "travel"
+    for _ in range(4):
+        assert feed(encoders, (1500, 1120), 20, 0) == "held"
 
 
 @pytest.mark.parametrize("period_ms", [10, 20])

@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from yahboomd.odometry.envelope import BLOCK, SETTLED_ANYHOW, SETTLED_BLOCKS, Envelope
+from yahboomd.odometry.envelope import BLOCK, BLOCKS_MAX, SETTLED_ANYHOW, SETTLED_BLOCKS, Envelope
 
 PERIOD = 10e6
 MS = 1e6
@@ -76,3 +76,15 @@ def test_points_that_were_numbered_otherwise_before_it_settled_are_dropped():
     truth, tick = fill(envelope, (SETTLED_BLOCKS + 1) * BLOCK, start=10)
     assert envelope.settled
     assert envelope.at(tick) == pytest.approx(truth, abs=1.0)
+
+
+def test_a_crystal_that_warms_up_is_followed_within_a_minute():
+    """However long it ran at another rate before."""
+    envelope, ticks = Envelope(PERIOD), BLOCKS_MAX * BLOCK
+    warm_from = 2 * ticks
+    fill(envelope, warm_from, ppm=100.0)
+    phase = 3.0 * MS + warm_from * PERIOD * 100e-6
+    for n in range(warm_from, warm_from + ticks):
+        envelope.add(n, phase + n * PERIOD + (n - warm_from) * PERIOD * -100e-6)
+    assert BLOCKS_MAX * BLOCK * PERIOD * 1e-9 < 60.0
+    assert envelope.drift / PERIOD * 1e6 == pytest.approx(-100.0, abs=1.0)
