@@ -128,6 +128,7 @@ CALLED_BY_OTHERS = {
     "data_received": "asyncio",
     "connection_lost": "asyncio",
     "modify": "selectors",
+    "tell": "mcap",
     "capture_signals": "uvicorn",
     "handle_ping": "uvicorn",
     "handle_pong": "uvicorn",

@@ -60,7 +60,7 @@ async def test_a_ring_that_was_left_becomes_a_box_and_goes(tmp_path: Path) -> No
     file.ring.write(2, b"$MAll:1,2,3,4#\r\n", 7)
     file.close(keep=True)
     writer = BoxWriter(tmp_path / "boxes", tmp_path, CLOCK)
-    await outcome_of(writer.look)
+    await outcome_of(writer.find_rings)
     assert writer.left == 1
     found = await outcome_of(writer.adopt)
     assert found.path is not None

@@ -225,7 +225,7 @@ async def test_odometry_goes_on_from_a_ros_pose_in_its_frame(tmp_path: Path) -> 
         await bench.ready()
         intake = PoseIntake(bench.operator, "bot1/odom")
         # However often the bridge delivers it.
-        intake.take([pose("bot1/odom")] * 32)
+        intake.accept([pose("bot1/odom")] * 32)
         count = len(bench.heard.estimates)
         await bench.until(lambda: len(bench.heard.estimates) > count + 2)
         estimate = bench.heard.estimates[-1]
@@ -241,7 +241,7 @@ async def test_a_native_sample_sets_the_pose_as_well(tmp_path: Path) -> None:
     async with RobotBench(tmp_path) as bench:
         await bench.ready()
         sample = b'{"x": 3.0, "y": 4.0, "theta": 0.5}'
-        PoseIntake(bench.operator, "odom").take([arrival(sample)])
+        PoseIntake(bench.operator, "odom").accept([arrival(sample)])
         count = len(bench.heard.estimates)
         await bench.until(lambda: len(bench.heard.estimates) > count + 2)
         where = bench.heard.estimates[-1].pose
@@ -254,7 +254,7 @@ async def test_a_pose_in_another_frame_is_refused_counted_and_reported(tmp_path:
         await bench.ready()
         before = bench.heard.estimates[-1].pose
         refused = [pose("map"), pose(""), arrival(b"\0\1\0\0odom"), arrival(b"{}"), arrival(b"")]
-        PoseIntake(bench.operator, "odom").take(refused)
+        PoseIntake(bench.operator, "odom").accept(refused)
         count = len(bench.heard.estimates)
         await bench.until(lambda: len(bench.heard.estimates) > count + 2)
         assert bench.heard.estimates[-1].pose == before

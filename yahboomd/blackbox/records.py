@@ -145,7 +145,7 @@ class Anchor(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Posed(msgspec.Struct, frozen=True, kw_only=True):
-    """The pose of an estimate, a few times a second: what is computed again is compared with it."""
+    """The pose of an estimate, a few times a second: a replay compares its own poses with these."""
 
     stamp_ns: int
     pose: Pose2d

@@ -34,7 +34,7 @@ def is_unread(carrier: zenoh.Sample | zenoh.Query) -> bool:
 
 
 def raises_alarm(carrier: zenoh.Sample | zenoh.Query, harmless: Harmless) -> bool:
-    """Whether it raises an alarm: without a payload too, and where an error keeps it unread."""
+    """Whether a sample raises an alarm; one that is empty, or that an error keeps unread, does."""
     payload = carrier.payload
     if payload is None or is_unread(carrier):
         return True

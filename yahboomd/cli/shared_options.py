@@ -148,7 +148,7 @@ def read_config(args: argparse.Namespace, environ: Mapping[str, str] | None = No
 
 
 def robot_arguments(args: argparse.Namespace) -> tuple[str, ...]:
-    """The shared options of a command again, for another one that is to reach the same robot."""
+    """The shared options as arguments of another command, which is to reach the same robot."""
     arguments = [f"--connect={endpoint}" for endpoint in args.connect or ()]
     arguments += [f"--set={override}" for override in args.overrides]
     for name in ("config", "namespace"):

@@ -101,7 +101,7 @@ class BlackBox:
             )
             return
         self.recorder = Recorder(self._file.ring, clock.now_ns, clock.wall_ns)
-        self._writer.look(self._looked)
+        self._writer.find_rings(self._looked)
 
     @property
     def tap(self) -> Tap:

@@ -67,8 +67,8 @@ class BoxWriter:
         """Whether something is being written."""
         return self._thread is not None
 
-    def look(self, done: Callable[[int | None], None]) -> None:
-        """Look for what earlier daemons left.
+    def find_rings(self, done: Callable[[int | None], None]) -> None:
+        """Count the rings that earlier daemons left, and find the newest saved box.
 
         Args:
             done: Called on the loop with the time of the newest box, Unix nanoseconds.

@@ -169,10 +169,10 @@ class ClockWatch:
     """
 
     def __init__(
-        self, warnings: Callable[[int], Mapping[str, str]], tell: Callable[[Event], None]
+        self, warnings: Callable[[int], Mapping[str, str]], publish: Callable[[Event], None]
     ) -> None:
         self._warnings = warnings
-        self._tell = tell
+        self._publish = publish
         self._seen_ns: dict[str, int] = {}
 
     def report(self, now_ns: int) -> None:
@@ -187,7 +187,7 @@ class ClockWatch:
                     message=f"{source}: {words}",
                     data={"source": source},
                 )
-                self._tell(event)
+                self._publish(event)
 
 
 class PoseIntake:
@@ -201,8 +201,8 @@ class PoseIntake:
         self._operator = operator
         self._frame_id = frame_id
 
-    def take(self, arrivals: list[Arrival]) -> None:
-        """Take what arrived together."""
+    def accept(self, arrivals: list[Arrival]) -> None:
+        """Set or refuse each, in the order of arrival."""
         for arrival in arrivals:
             wanted = self._decode(arrival.payload)
             if isinstance(wanted, str):

@@ -204,8 +204,8 @@ class Services:
             keys.ESTOP_RESET: self._estop_reset,
             keys.ODOMETRY_RESET: self._odometry_reset,
             keys.ODOMETRY_SET_POSE: self._set_pose,
-            keys.CONFIG: self._tell_config,
-            keys.BOARD: self._tell_board,
+            keys.CONFIG: self._answer_config,
+            keys.BOARD: self._answer_board,
         }
         """The handler of each service, by its key; the e-stop first."""
 
@@ -320,12 +320,12 @@ class Services:
         words = self._operator.set_pose(pose, wanted.covariance)
         return ServiceReply(success=True, message=words)
 
-    def _tell_config(self, _request: Request) -> ServiceReply:
+    def _answer_config(self, _request: Request) -> ServiceReply:
         return ServiceReply(
             success=True, message="The configuration in effect.", data=self._config()
         )
 
-    def _tell_board(self, _request: Request) -> ServiceReply:
+    def _answer_board(self, _request: Request) -> ServiceReply:
         data = self._board()
         known = bool(data.get("dialect"))
         words = "What the board answered at connecting." if known else "No board is connected."

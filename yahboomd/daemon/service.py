@@ -173,14 +173,14 @@ class Daemon:
         for source in config.command.sources:
             bus.subscribe(source, intake.handler(source), keep_oversize=True)
         poses = PoseIntake(operator, config.ros2.frame_prefix + config.odometry.frame_id)
-        bus.subscribe(keys.ODOMETRY_SET_POSE, poses.take)
+        bus.subscribe(keys.ODOMETRY_SET_POSE, poses.accept)
         self._ros2 = ros2_plane.start(
             bus,
             config,
             clock,
             services=services,
             commands=lambda source: intake.handler(source, attached=True),
-            poses=poses.take,
+            poses=poses.accept,
         )
         self._announce(bus)
         notifier.ready()
@@ -208,7 +208,7 @@ class Daemon:
             board = tasks.create_task(supervisor.run(), name="supervisor")
             others: list[asyncio.Task[Any]] = [
                 tasks.create_task(self._control(controller, notifier), name="control"),
-                tasks.create_task(self._tell_status(status, notifier), name="status"),
+                tasks.create_task(self._report_status(status, notifier), name="status"),
                 tasks.create_task(self._callback_failed.wait(), name="callback"),
             ]
             asked = tasks.create_task(self._stop.wait(), name="stop")
@@ -257,7 +257,7 @@ class Daemon:
 
         await controller.run(feed)
 
-    async def _tell_status(self, status: Status, notifier: Notifier) -> None:
+    async def _report_status(self, status: Status, notifier: Notifier) -> None:
         alarm = self._clock.alarm(self._status_due.set)
         try:
             while True:

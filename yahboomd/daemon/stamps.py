@@ -32,9 +32,9 @@ class WallStamps:
         steps: How often the wall clock was set by :data:`STEP_S` and more.
     """
 
-    def __init__(self, clock: Clock, tell: Callable[[Event], None]) -> None:
+    def __init__(self, clock: Clock, publish: Callable[[Event], None]) -> None:
         self._clock = clock
-        self._tell = tell
+        self._publish = publish
         self._last_ns = 0
         self._offset_ns: int | None = None
         self._followed_ns = 0
@@ -71,7 +71,7 @@ class WallStamps:
         self._followed_ns, self._suspended_ns = after_ns, suspended_ns
         if stepped:
             self.steps += 1
-            self._tell(_event(step_ns))
+            self._publish(_event(step_ns))
         return offset_ns
 
     def now(self) -> int:

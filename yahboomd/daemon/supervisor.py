@@ -37,7 +37,7 @@ def storing_opener(
     opener: Opener,
     clock: Clock,
     want: BoardSettings,
-    tell: Callable[[Event], None],
+    publish: Callable[[Event], None],
     tap: Tap = NO_TAP,
 ) -> Opener:
     """An opener that sees to the board's settings first.
@@ -46,21 +46,21 @@ def storing_opener(
     the wheels may turn.
 
     Args:
-        tell: Receives an event for every value that was, or could not be, stored.
+        publish: Receives an event for every value that was, or could not be, stored.
     """
 
     async def open_it() -> Port:
         # A board that stores nothing is sent its motors at each connection.
         with contextlib.suppress(BoardStoresNothing):
-            await store(opener, clock, want, _Reported(tell), tap)
+            await store(opener, clock, want, _Reported(publish), tap)
         return await opener()
 
     return open_it
 
 
 class _Reported(Progress):
-    def __init__(self, tell: Callable[[Event], None]) -> None:
-        self._tell = tell
+    def __init__(self, publish: Callable[[Event], None]) -> None:
+        self._publish = publish
 
     def stored(self, step: Step, has: BoardSettings) -> None:  # noqa: ARG002 (the seam's shape)
         what = step.write.text
@@ -71,7 +71,7 @@ class _Reported(Progress):
             said = f", which said {step.answer!r}" if step.answer else ""
             words = f"The board does not store {what}{said}. Try `yahboomd probe --write`."
             event = Event(kind="setting_not_stored", severity="error", message=words)
-        self._tell(event)
+        self._publish(event)
 
 
 log = logging.getLogger(__name__)
@@ -123,7 +123,7 @@ class Supervisor:
                 await session.run()
             except (LinkError, BoardError, ConfigError) as error:
                 self._unavailable(error)
-                self._tell(error, was_connected=session.board is not None)
+                self._log_failure(error, was_connected=session.board is not None)
                 if (task := asyncio.current_task()) is not None and task.cancelling():
                     # A task group that fails while it is cancelled tells of the failure alone.
                     raise asyncio.CancelledError from error
@@ -153,7 +153,7 @@ class Supervisor:
         if session.recognised:
             self.counters["sessions"] += 1
 
-    def _tell(self, error: YahboomdError, *, was_connected: bool) -> None:
+    def _log_failure(self, error: YahboomdError, *, was_connected: bool) -> None:
         words = str(error)
         # A port that was plugged in just now is root's alone until udev has set its group.
         just_there = isinstance(error, PortDenied) and not self._denied

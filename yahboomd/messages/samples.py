@@ -1,4 +1,4 @@
-"""One example of every message, from which ``schemas/`` is generated and other languages test."""
+"""One example of every message: for ``schemas/``, and for tests in other languages."""
 
 from __future__ import annotations
 

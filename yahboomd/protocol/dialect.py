@@ -309,7 +309,7 @@ class Dialect(Protocol):
 
     @property
     def listen_ns(self) -> int:
-        """The time to wait for a board that reports unasked, before any board is asked; or 0."""
+        """How long to wait for a board that reports unasked before asking any; 0: not at all."""
         ...
 
     @property

@@ -55,7 +55,7 @@ class PageTools:
         self._show({"recording": self.recordings.shown()})
 
     async def use(self, page: int, tool: Tool) -> tuple[bool, str]:
-        """Do what a page of a driver asks; whether it was done, and words for people."""
+        """Carry out a driver's request; returns whether it was done, and a sentence for people."""
         match tool:
             case Tool(do="calibrate", args={"verb": verb, "choices": dict(choices)}):
                 words = self.calibration.begin(page, verb, choices)

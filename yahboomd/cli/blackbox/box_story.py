@@ -140,7 +140,7 @@ def _why(every: list[Record], end_ns: int, end: str) -> str:
 
 
 def _said(every: list[Record]) -> list[Line]:
-    """Events, decisions, connections and the kinds of frames that were sent."""
+    """The lines for events, decisions, connections, and each kind of frame that was sent."""
     lines = []
     dialect, sent, decision = "", "", None
     for at_ns, meaning in every:

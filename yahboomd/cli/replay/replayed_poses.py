@@ -102,7 +102,7 @@ class PoseReplay:
     """Computes the poses of a recording.
 
     Attributes:
-        compared: With what the daemon computed.
+        compared: How these poses differ from those of the daemon.
     """
 
     def __init__(self, header: Header) -> None:

@@ -117,7 +117,7 @@ class LatchKeeper:
                 self._hangs = False
                 if error is None:
                     self._done = wish
-                self._tell(by, error)
+                self._log_outcome(by, error)
                 self._state.notify_all()
                 if error is not None:
                     self._await_another(wish)
@@ -125,7 +125,7 @@ class LatchKeeper:
     def _await_another(self, wish: int) -> None:
         self._state.wait_for(lambda: self._wish != wish, RETRY_S)
 
-    def _tell(self, by: str | None, error: Exception | None) -> None:
+    def _log_outcome(self, by: str | None, error: Exception | None) -> None:
         """Count, and log what changed."""
         if error is not None:
             self.failures += 1

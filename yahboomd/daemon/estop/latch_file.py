@@ -139,7 +139,7 @@ def _may_be(one: str, other: str) -> bool:
 
 
 def _simulated(port: str) -> bool:
-    """Whether a port is a pseudo-terminal, perhaps one that is gone, by its name."""
+    """Whether a port's name is that of a pseudo-terminal, which may be gone."""
     real = os.path.realpath(port) if port else "/dev/"
     return real.startswith("/dev/pts/") or not real.startswith("/dev/")
 

@@ -72,7 +72,7 @@ class RosmasterStored(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RosmasterBoard:
-    """The board.
+    """A simulated board of the Rosmaster family.
 
     Args:
         random: Of the inertial sensor.
