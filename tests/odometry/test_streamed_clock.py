@@ -245,12 +245,13 @@ steps = st.one_of(
     gap_ms=st.floats(2.3, 11.0),
     wire=st.floats(0.0, 1.0),
     speed=st.floats(0.0, 0.004),
+    each_line=st.booleans(),
 )
 def test_no_stamp_is_later_than_its_line_whatever_is_held_back_or_lost(
-    plan, tick_ms, gap_ms, wire, speed
+    plan, tick_ms, gap_ms, wire, speed, each_line
 ):
     """``wire``: how far apart held lines arrive, as a share of their distance when sent."""
-    clock = StreamedClock(TICK_NS)
+    clock = StreamedClock(TICK_NS, each_line=each_line)
     sent_ms, free_ms, accepted = 0.0, 0.0, 0
     last_ns = 0
     for kind, count in [("lines", 60), *plan, ("lines", 60)]:
