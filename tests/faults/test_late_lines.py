@@ -56,6 +56,18 @@ class LateBench(FaultBench):
         """By how much a twist is too fast."""
         return abs(estimate.twist.vx) - abs(self.true_at(estimate).vx)
 
+    def beyond_m_s(self, estimate: OdometryEstimate, window_ns: int) -> float:
+        """By how much a twist is slower or faster than anything in the window before its stamp."""
+        times = range(estimate.stamp_ns - window_ns, estimate.stamp_ns + 1, 10_000_000)
+        true = [self.true_at_ns(at_ns).vx for at_ns in times]
+        return max(estimate.twist.vx - max(true), min(true) - estimate.twist.vx)
+
+
+def freeze(for_s: float) -> None:
+    loop = asyncio.get_running_loop()
+    assert isinstance(loop, VirtualTimeLoop)
+    loop.freeze(for_s)
+
 
 @pytest.mark.parametrize("held_s", [0.1, 0.3, 0.6, 0.9, 1.2, 1.9])
 @on_virtual_time
@@ -87,9 +99,7 @@ async def test_after_a_frozen_process_stamps_and_speeds_are_those_of_the_board(
         await bench.ready()
         await bench.drive(2.5, 0.3)
         before = len(bench.heard.estimates)
-        loop = asyncio.get_running_loop()
-        assert isinstance(loop, VirtualTimeLoop)
-        loop.freeze(for_s)
+        freeze(for_s)
         await bench.drive(2.0, 0.3)
         bench.robot.advance(bench.clock.now_ns())
         assert min(bench.room_ns) >= 0
@@ -139,17 +149,13 @@ async def test_what_is_read_bit_by_bit_after_a_freeze_has_the_speed_of_its_time(
         await bench.ready()
         await bench.drive(3.0, 0.3)
         before = len(bench.heard.estimates)
-        loop = asyncio.get_running_loop()
-        assert isinstance(loop, VirtualTimeLoop)
-        loop.freeze(for_s)
+        freeze(for_s)
         await bench.drive(1.0, 0.3)
         bench.robot.advance(bench.clock.now_ns())
         assert min(bench.room_ns) >= 0
         for estimate in bench.heard.estimates[before:-2]:
             # A speed belongs to its window, and lies between the slowest and the fastest in it.
-            times = range(estimate.stamp_ns - 130_000_000, estimate.stamp_ns + 1, 10_000_000)
-            true = [bench.true_at_ns(at_ns).vx for at_ns in times]
-            off = max(estimate.twist.vx - max(true), min(true) - estimate.twist.vx)
+            off = bench.beyond_m_s(estimate, 130_000_000)
             assert off < 0.03 + 3.0 * math.sqrt(estimate.twist_covariance[0])
 
 
@@ -191,9 +197,7 @@ async def test_answers_to_questions_that_queued_have_a_speed_as_sure_as_it_says(
             await bench.drive(0.1, chance.uniform(0.2, 0.5))
         bench.robot.advance(bench.clock.now_ns())
         for estimate in bench.heard.estimates[before:-2]:
-            times = range(estimate.stamp_ns - 400_000_000, estimate.stamp_ns + 1, 10_000_000)
-            true = [bench.true_at_ns(at_ns).vx for at_ns in times]
-            off = max(estimate.twist.vx - max(true), min(true) - estimate.twist.vx)
+            off = bench.beyond_m_s(estimate, 400_000_000)
             assert off < 0.05 + 3.0 * math.sqrt(estimate.twist_covariance[0])
 
 

@@ -51,6 +51,19 @@ _ORDER = re.compile(
 )
 
 
+class Kept:
+    """An outlet that keeps what it is given."""
+
+    has_subscribers = True
+
+    def __init__(self) -> None:
+        self.payloads: list[bytes] = []
+
+    def put(self, payload: bytes) -> bool:
+        self.payloads.append(payload)
+        return True
+
+
 class FaultBench(RobotBench):
     """A robot bench that keeps every port that was opened, and where the robot truly was."""
 

@@ -35,6 +35,16 @@ HERE = {
 PASSWORDS = {"operator": "first", "viewer": "second", "stranger": "third"}
 
 
+def mutual(example: Callable[..., str], authority: Any) -> str:
+    """The example in which both sides show certificates."""
+    return example(
+        "zenoh-mtls.json5",
+        ca_pem=authority.path("ca.pem"),
+        robot_pem=authority.path("robot.pem"),
+        robot_key=authority.path("robot.key"),
+    )
+
+
 @pytest.fixture(params=["users", "certificates"])
 def house(
     request: pytest.FixtureRequest,
@@ -45,13 +55,7 @@ def house(
 ) -> tuple[RealRobot, Callable[[str], dict[str, Any]]]:
     """A guarded robot, and the papers of each name."""
     if request.param == "certificates":
-        text = example(
-            "zenoh-mtls.json5",
-            ca_pem=authority.path("ca.pem"),
-            robot_pem=authority.path("robot.pem"),
-            robot_key=authority.path("robot.key"),
-        )
-        return guarded(text, "tls"), authority.shown_by
+        return guarded(mutual(example, authority), "tls"), authority.shown_by
 
     users = tmp_path / "users"
     users.write_text("".join(f"{name}:{word}\n" for name, word in PASSWORDS.items()))
@@ -155,12 +159,7 @@ def test_the_tools_on_the_robot_are_heard_with_the_daemons_own_file_where_a_rule
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    text = example(
-        "zenoh-mtls.json5",
-        ca_pem=authority.path("ca.pem"),
-        robot_pem=authority.path("robot.pem"),
-        robot_key=authority.path("robot.key"),
-    )
+    text = mutual(example, authority)
     for found, added in HERE.items():
         assert text.count(found) == 1
         text = text.replace(found, found + added)
@@ -199,13 +198,7 @@ def test_a_certificate_of_another_authority_is_none(
     authority: Any,
     tmp_path: Path,
 ) -> None:
-    text = example(
-        "zenoh-mtls.json5",
-        ca_pem=authority.path("ca.pem"),
-        robot_pem=authority.path("robot.pem"),
-        robot_key=authority.path("robot.key"),
-    )
-    robot = guarded(text, "tls")
+    robot = guarded(mutual(example, authority), "tls")
     forger = type(authority)(tmp_path / "forger")
     forger.sign("operator")
     papers = forger.shown_by("operator") | {
@@ -262,12 +255,7 @@ def test_a_flood_without_certificates_keeps_neither_the_connected_nor_this_machi
     authority: Any,
 ) -> None:
     """Zenoh waits a tenth of a second after each handshake that fails, on that port alone."""
-    text = example(
-        "zenoh-mtls.json5",
-        ca_pem=authority.path("ca.pem"),
-        robot_pem=authority.path("robot.pem"),
-        robot_key=authority.path("robot.key"),
-    )
+    text = mutual(example, authority)
     for found, added in HERE.items():
         text = text.replace(found, found + added)
     here = free_endpoint()
@@ -312,17 +300,11 @@ def test_connections_that_wait_by_the_hundred_leave_a_descriptor_for_the_port(
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     if hard != resource.RLIM_INFINITY and hard < 4096:
         pytest.skip("this machine allows too few descriptors")
-    text = example(
-        "zenoh-mtls.json5",
-        ca_pem=authority.path("ca.pem"),
-        robot_pem=authority.path("robot.pem"),
-        robot_key=authority.path("robot.key"),
-    )
     with contextlib.ExitStack() as stack:
         stack.callback(resource.setrlimit, resource.RLIMIT_NOFILE, (soft, hard))
         # What most systems begin a process with.
         resource.setrlimit(resource.RLIMIT_NOFILE, (1024, hard))
-        robot = guarded(text, "tls")
+        robot = guarded(mutual(example, authority), "tls")
         resource.setrlimit(resource.RLIMIT_NOFILE, (4096, hard))
         port = int(robot.endpoint.rpartition(":")[2])
         for _ in range(1_200):

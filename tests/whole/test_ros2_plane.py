@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from fault_bench import TICK_M, FaultBench
+from fault_bench import TICK_M, FaultBench, Kept
 from ros_oracle import Oracle
 
 from yahboomd.daemon.publisher import Publisher
@@ -46,19 +46,6 @@ MOTIONS: list[tuple[str, Twist2d, list[str], list[int]]] = [
     ("mecanum", Twist2d(vy=0.25), FOUR, [-1, 1, 1, -1]),
     ("mecanum", Twist2d(wz=1.0), FOUR, [-1, -1, 1, 1]),
 ]
-
-
-class Kept:
-    """An outlet that keeps what it is given."""
-
-    has_subscribers = True
-
-    def __init__(self) -> None:
-        self.payloads: list[bytes] = []
-
-    def put(self, payload: bytes) -> bool:
-        self.payloads.append(payload)
-        return True
 
 
 class GraphBench(FaultBench):

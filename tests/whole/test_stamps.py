@@ -9,7 +9,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from fault_bench import FaultBench
+from fault_bench import FaultBench, Kept
 
 from yahboomd.daemon.publisher import Publisher
 from yahboomd.daemon.stamps import WallStamps
@@ -22,19 +22,6 @@ LINES = {
     "usb": ImpairmentOptions(jitter_s=0.004),
     "timer": ImpairmentOptions(chunk_s=0.016),
 }
-
-
-class Kept:
-    """An outlet that keeps what it is given."""
-
-    has_subscribers = True
-
-    def __init__(self) -> None:
-        self.payloads: list[bytes] = []
-
-    def put(self, payload: bytes) -> bool:
-        self.payloads.append(payload)
-        return True
 
 
 class Published(FaultBench):
