@@ -15,6 +15,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
 
+from yahboomd.blackbox.box_file import INFLATED_MOST, NotABox
 from yahboomd.model import NS_PER_S
 
 FILES_MOST = 20
@@ -61,6 +62,20 @@ def saved_boxes(folder: Path) -> list[SavedBox]:
                 number = int(match["number"])
                 found.append(SavedBox(number, path, status.st_size, status.st_mtime_ns))
     return sorted(found)
+
+
+def box_bytes(path: Path) -> bytes:
+    """The bytes of a ring or a saved box.
+
+    Raises:
+        OSError: The file cannot be read.
+        NotABox: It is larger than any box.
+    """
+    with path.open("rb") as file:
+        data = file.read(INFLATED_MOST + 1)
+    if len(data) > INFLATED_MOST:
+        raise NotABox("This is no black box of yahboomd: it is larger than any.")
+    return data
 
 
 def save_box(folder: Path, data: bytes, *, reason: str, wall_ns: int) -> Path:

@@ -98,6 +98,16 @@ def test_it_exports_as_mcap(blackbox: Blackbox, tmp_path: Path) -> None:
     assert "there already" in err
 
 
+def test_a_file_larger_than_memory_is_refused(blackbox: Blackbox, tmp_path: Path) -> None:
+    with (tmp_path / "huge").open("wb") as file:
+        file.truncate(1 << 40)
+    for words in (("explain", "huge"), ("export", "huge", "x.mcap")):
+        status, _, err = blackbox(words[0], *(str(tmp_path / word) for word in words[1:]))
+        assert status == 78
+        assert "it is larger than any" in err
+    assert not (tmp_path / "x.mcap").exists()
+
+
 def test_what_is_not_there_is_refused(blackbox: Blackbox, tmp_path: Path) -> None:
     status, _, err = blackbox("explain", "7")
     assert status == 78

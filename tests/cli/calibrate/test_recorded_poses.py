@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -115,3 +116,13 @@ def test_what_is_not_there_is_named_with_what_is(bag: Path, tmp_path: Path) -> N
         tracks([bag], other, topic="/slam", frames=None)
     with pytest.raises(Refused, match="cannot be read"):
         tracks([tmp_path / "none"], Config(), topic="/slam", frames=None)
+
+
+@pytest.mark.parametrize("left", [0, 100, 40_000, 300_000])
+def test_a_damaged_bag_is_refused_in_words(bag: Path, tmp_path: Path, left: int) -> None:
+    shutil.copytree(bag, tmp_path / "run")
+    (file,) = (tmp_path / "run").glob("*.db3")
+    data = file.read_bytes()
+    file.write_bytes(data[:left] + bytes(byte ^ 0x55 for byte in data[left:]))
+    with pytest.raises(Refused, match=r"cannot be read: .*ros2_0\.mcap"):
+        tracks([tmp_path / "run"], Config(), topic="/slam", frames=None)

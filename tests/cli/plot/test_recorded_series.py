@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
+from random import Random
 
 import pytest
 from pose_recording import record
@@ -28,6 +30,23 @@ def test_what_stands_before_a_cut_is_read(tmp_path: Path) -> None:
     recording = read_recording(tmp_path)
     assert len(recording.of(keys.POSE, PoseSample)) > 1000
     assert recording.is_cut
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_what_stands_before_flipped_bits_is_read_or_the_file_is_refused(
+    tmp_path: Path, seed: int
+) -> None:
+    record(tmp_path, 1500)
+    (path,) = tmp_path.glob("native_*.mcap")
+    whole = read_recording(tmp_path).of(keys.POSE, PoseSample)
+    data, random = bytearray(path.read_bytes()), Random(seed)
+    for _ in range(3):
+        data[random.randrange(len(data) - 200)] ^= 1 << random.randrange(8)
+    path.write_bytes(data)
+    found: list[PoseSample] = []
+    with suppress(Refused):
+        found = read_recording(tmp_path).of(keys.POSE, PoseSample)
+    assert found == whole[: len(found)]
 
 
 @pytest.mark.parametrize("what", ["missing", "empty", "other"])

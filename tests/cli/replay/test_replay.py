@@ -118,6 +118,7 @@ def test_a_file_that_was_cut_is_played_as_far_as_it_goes(
         (b"\x1f\x8b\x08broken", 65, "damaged"),
         (b"YBXBOX9\n" + bytes(100), 65, "a later version of yahboomd"),
         (b"\x89MCAP0\r\n" + bytes(100), 65, "is an MCAP file"),
+        (bytes(17 << 20), 65, "it is larger than any"),
     ],
 )
 def test_other_files_are_refused_with_what_they_are(

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from yahboomd.blackbox.box_file import Box, NotABox, read_box
 from yahboomd.blackbox.ring_file import is_live, ring_folder, rings
-from yahboomd.blackbox.saved_boxes import saved_boxes
+from yahboomd.blackbox.saved_boxes import box_bytes, saved_boxes
 from yahboomd.cli.blackbox.box_story import last_stop, wall_clock_ns
 from yahboomd.cli.stop.stop_local import folders
 from yahboomd.errors import ConfigError
@@ -84,7 +84,7 @@ def boxes(where: Places) -> list[Found]:
             name = path.stem.removeprefix("blackbox-")
             kind = "running" if is_live(path) else "left"
             with contextlib.suppress(OSError, NotABox):
-                data = path.read_bytes()
+                data = box_bytes(path)
                 box = read_box(data)
                 # What is written to memory leaves no time with the file.
                 last_ns = box.records[-1].at_ns if box.records else box.header.started_ns
@@ -144,7 +144,7 @@ def load(path: Path) -> Box:
         ConfigError: The file cannot be read, or is no black box.
     """
     try:
-        return read_box(path.read_bytes())
+        return read_box(box_bytes(path))
     except OSError as error:
         raise ConfigError(f"{path} cannot be read: {error.strerror}.", remedy=REMEDY) from error
     except NotABox as error:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from yahboomd.calibration.sensor import Tracks
-from yahboomd.errors import Refused
+from yahboomd.errors import Refused, YahboomdError
 
 if TYPE_CHECKING:
     from yahboomd.config import Config
@@ -39,7 +39,7 @@ def tracks(
     Raises:
         Refused: Nothing that fits is in there; the message says what is.
     """
-    from rosbags.highlevel import AnyReader, AnyReaderError
+    from rosbags.highlevel import AnyReader
 
     wheels: list[tuple[float, float, float]] = []
     poses: list[tuple[float, float, float, float]] = []
@@ -63,8 +63,16 @@ def tracks(
                     elif connection.msgtype in POSES:
                         pose = POSES[connection.msgtype](message)
                         poses.append(_pose(message.header.stamp, pose.position, pose.orientation))
-    except (AnyReaderError, FileNotFoundError, OSError) as error:
-        raise Refused(f"The recording cannot be read: {error}") from error
+    except YahboomdError:
+        raise
+    except Exception as error:
+        # A damaged file raises whatever its parsers meet: KeyError, ZstdError, UnicodeDecodeError.
+        words = f"The recording cannot be read: {error or type(error).__name__}"
+        raise Refused(
+            words,
+            remedy="Of a recording of yahboomd name the folder, or its ros2_0.mcap. `mcap recover` "
+            "repairs a file that was cut off.",
+        ) from error
     if not wheels:
         raise Refused(
             f"The recording has no joint states of {', '.join(sides)}: was it made of this robot, "

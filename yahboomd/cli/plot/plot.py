@@ -88,7 +88,8 @@ def run(args: argparse.Namespace) -> int:
     except (OSError, ValueError) as error:
         raise Refused(f"{output} cannot be written: {error}") from error
     if recording.is_cut:
-        print("The recording was cut off; what is in front of the cut is drawn.", file=sys.stderr)
+        words = "The recording was cut off, or is damaged; what is in front of that is drawn."
+        print(words, file=sys.stderr)
     print(output)
     return 0
 

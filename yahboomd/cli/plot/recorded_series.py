@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
@@ -39,7 +40,7 @@ class Recording:
     Attributes:
         begin_ns: The first stamp; Unix nanoseconds.
         samples: The messages of each key, oldest first.
-        is_cut: Whether a file ended in the middle of a chunk.
+        is_cut: Whether a file is damaged, or ended in the middle of a chunk.
     """
 
     begin_ns: int = 0
@@ -72,7 +73,8 @@ def read_recording(path: Path) -> Recording:
         for topic, data in _messages(file, recording):
             decoder = decoders.get(topic)
             if decoder is not None:
-                recording.samples[topic].append(decoder.decode(data))
+                with suppress(msgspec.DecodeError):
+                    recording.samples[topic].append(decoder.decode(data))
     stamps = [each.stamp_ns for each in recording.of(keys.POSE, PoseSample)]
     stamps += [each.stamp_ns for each in recording.of(keys.STATUS, StatusSample)]
     if not stamps:
@@ -87,15 +89,18 @@ def read_recording(path: Path) -> Recording:
 def _messages(file: Path, recording: Recording) -> Iterator[tuple[str, bytes]]:
     from mcap.exceptions import McapError
     from mcap.reader import NonSeekingReader
+    from zstandard import ZstdError
 
     try:
         with file.open("rb") as stream:
             # From the front: a file that was cut off has no index.
-            for _, channel, message in NonSeekingReader(stream).iter_messages(log_time_order=False):
+            reader = NonSeekingReader(stream, validate_crcs=True)
+            for _, channel, message in reader.iter_messages(log_time_order=False):
                 yield channel.topic, message.data
     except OSError as error:
         raise Refused(f"The recording {file} cannot be read: {error.strerror}.") from error
-    except (McapError, ValueError, EOFError, struct.error) as error:
+    except (McapError, ZstdError, ValueError, EOFError, OverflowError, struct.error) as error:
         if not any(recording.samples.values()):
-            raise Refused(f"{file} is no recording: {error}.") from error
+            words = f"{file} is no recording, or damaged from its beginning"
+            raise Refused(f"{words}: {error or 'it ends too early'}.") from error
         recording.is_cut = True

@@ -106,12 +106,17 @@ def _check_output(args: argparse.Namespace) -> None:
 
 def _read(path: Path) -> Box:
     from yahboomd.blackbox.box_file import NotABox, read_box
+    from yahboomd.blackbox.saved_boxes import box_bytes
 
     try:
-        data = path.read_bytes()
+        with path.open("rb") as file:
+            is_mcap = file.read(len(MCAP)) == MCAP
+        data = b"" if is_mcap else box_bytes(path)
     except OSError as error:
         raise Unreadable(f"{path} cannot be read: {error.strerror}.") from error
-    if data.startswith(MCAP):
+    except NotABox as error:
+        raise Unplayable(f"{path}: {error.message}") from error
+    if is_mcap:
         raise Unplayable(
             f"{path} is an MCAP file, which has not all that a replay needs.",
             remedy="Name the black box itself: `yahboomd blackbox` shows which there are.",
