@@ -87,6 +87,8 @@ class StoredSetting(msgspec.Struct, frozen=True, kw_only=True):
 
     def allows(self, value: SettingValue) -> bool:
         """Whether the board may store this."""
+        if isinstance(value, tuple) != bool(self.parts):
+            return False
         numbers = value if isinstance(value, tuple) else (value,)
         return all(
             isinstance(number, int | float) and self.least <= number <= self.most

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import signal
@@ -12,12 +13,15 @@ from urllib.parse import quote
 import pytest
 from real_robot import Process, wait_for
 from simulated_board import SimulatedBoard
+from tuning_bench import TuningBench
 
 from yahboomd.cli.main import main
 from yahboomd.cli.own_port import with_hints
 from yahboomd.cli.stop import stop_port
 from yahboomd.cli.tune.saved import read_saved
-from yahboomd.errors import PortBusy
+from yahboomd.cli.tune.tune import Tuning
+from yahboomd.errors import PortBusy, Refused
+from yahboomd.simulation.virtual_time import on_virtual_time
 
 pytestmark = pytest.mark.realtime
 
@@ -172,3 +176,22 @@ def test_unless_the_person_says_that_the_wheels_are_in_the_air_none_turns(
 def test_a_picture_that_cannot_be_is_refused_before_a_wheel_turns(tmp_path, capsys, name, words):
     assert main(["tune", "--yes", "--port", "/dev/null", "--output", str(tmp_path / name)]) == 1
     assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("as_json", [False, True])
+@on_virtual_time
+async def test_where_the_picture_is_not_written_the_figures_are_shown(
+    tmp_path, capsys, as_json
+) -> None:
+    bench, picture = TuningBench(), tmp_path / "steps.svg"
+    picture.symlink_to("/dev/full")
+    args = argparse.Namespace(yes=True, dry_run=True, json=as_json, output=picture, speed=0.4)
+    tuning = Tuning(args, bench.config, "/dev/simulated", tmp_path / "saved")
+    try:
+        status = await tuning.tune(bench.procedure())
+        words = json.loads(capsys.readouterr().out)["error"]
+    except Refused as error:
+        status, words = error.exit_code, str(error)
+        assert "suggested       P" in capsys.readouterr().out
+    assert status == 1
+    assert "No space left on device" in words

@@ -136,6 +136,12 @@ def test_the_limits_of_what_is_stored_are_the_boards():
     }
 
 
+@pytest.mark.parametrize("want", [{"pid": 5}, {"deadzone": (1.0, 2.0, 3.0)}])
+def test_what_has_another_shape_must_not_be_stored(want):
+    with pytest.raises(ConfigError, match="The board must not store"):
+        writes(TABLE, STORED, want)
+
+
 def test_negative_gains_must_not_be_stored():
     with pytest.raises(ConfigError, match="gains P, I, D"):
         check_storable(TABLE, BoardSettings(pid=(0.8, -0.06, 0.5)))

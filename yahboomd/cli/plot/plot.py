@@ -86,6 +86,9 @@ def run(args: argparse.Namespace) -> int:
     try:
         draw(recording, title=args.recording.name).savefig(output, dpi=120)
     except (OSError, ValueError) as error:
+        if output.is_file():
+            # Half a picture.
+            output.unlink()
         raise Refused(f"{output} cannot be written: {error}") from error
     if recording.is_cut:
         words = "The recording was cut off, or is damaged; what is in front of that is drawn."

@@ -28,6 +28,9 @@ def save_picture(result: Result, path: Path) -> None:
     try:
         draw(result).savefig(path, dpi=120)
     except (OSError, ValueError) as error:
+        if path.is_file():
+            # Half a picture.
+            path.unlink()
         raise Refused(f"{path} cannot be written: {error}") from error
 
 

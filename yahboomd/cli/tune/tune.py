@@ -215,13 +215,20 @@ class Tuning:
         )
         from yahboomd.cli.tune.step_picture import save_picture
 
-        save_picture(result, picture)
+        lost: Refused | None = None
+        try:
+            save_picture(result, picture)
+        except Refused as error:
+            # The figures are worth more than the picture.
+            lost = error
         if args.json:
-            print(_json(result, picture=str(picture)))
-        else:
-            from yahboomd.cli.tune.tune_text import lines
+            print(_json(result, error=str(lost)) if lost else _json(result, picture=str(picture)))
+            return lost.exit_code if lost else os.EX_OK if stored else 1
+        from yahboomd.cli.tune.tune_text import lines
 
-            print("\n".join(map(readable, [*lines(result), "", str(picture)])))
+        print("\n".join(map(readable, [*lines(result), *([] if lost else ["", str(picture)])])))
+        if lost:
+            raise lost
         return os.EX_OK if stored else 1
 
     async def _yes(self, question: str) -> bool:
