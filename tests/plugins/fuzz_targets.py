@@ -183,7 +183,8 @@ def _in_range(meaning: Decoded) -> None:
         assert meaning.volts >= 0.0
     elif isinstance(meaning, Setting):
         values = meaning.value if isinstance(meaning.value, tuple) else (meaning.value,)
-        assert all(abs(value) < 1e11 for value in values)
+        # A board whose supply went in mid-write shows nan.
+        assert all(math.isnan(value) or abs(value) < 1e11 for value in values)
     elif isinstance(meaning, VersionLine):
         assert len(meaning.version) <= MAX_HELD_BYTES
 
