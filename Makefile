@@ -17,6 +17,8 @@ PYTEST := PYTHONDONTWRITEBYTECODE= $(PY) -m pytest
 PARALLEL := -n $(WORKERS) --dist loadgroup
 # Suites with targets of their own: they need programs of other languages.
 OWN_TARGETS := interop generators clients browser
+# Robots that drive, though on virtual time.
+WHOLE_ROBOTS := faults whole benchmarks cli/setup cli/tune
 REST := $(if $(findstring tests/,$(ARGS)),,$(OWN_TARGETS:%=--ignore=tests/%))
 
 .DEFAULT_GOAL := help
@@ -42,7 +44,7 @@ run: $(VENV)/.run ## start daemon and page: on a simulated board, or on a real o
 ##@ Check a change
 .PHONY: quick test check lint types imports schemas schemas-check
 quick: lint types imports ## in a minute: lint, types, imports, tests of single rooms without processes
-	$(PYTEST) -q -n auto -m "not realtime" --ignore=tests/faults --ignore=tests/whole --ignore=tests/benchmarks $(REST) $(ARGS)
+	$(PYTEST) -q -n auto -m "not realtime" $(WHOLE_ROBOTS:%=--ignore=tests/%) $(REST) $(ARGS)
 
 test: $(VENV)/.dev check ## set up, and pass every check of the daemon (ARGS='tests/drive -x' runs these tests only)
 
