@@ -71,6 +71,8 @@ class CountHistory:
         least: So many are kept, however old they are.
     """
 
+    __slots__ = "_keep_ns _least _readings".split()
+
     def __init__(self, keep_ns: int, least: int = 2) -> None:
         self._keep_ns = keep_ns
         self._least = least

@@ -36,9 +36,19 @@ from yahboomd.blackbox.records import (
 from yahboomd.blackbox.ring import Ring
 from yahboomd.model import EncoderReading
 from yahboomd.odometry import snapshot
+from yahboomd.odometry.odometer import Odometer
 from yahboomd.simulation.options import SimulationOptions
 
-_TAPS = ("update", "armed", "set_pose", "set_sample_period")
+
+class TappedOdometer:
+    """An odometer some of whose methods are replaced by others."""
+
+    def __init__(self, odometer: Odometer, **methods: Callable[..., object]) -> None:
+        self.odometer = odometer
+        vars(self).update(methods)
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self.odometer, name)
 
 
 class WireBench(FaultBench):
@@ -98,16 +108,17 @@ class WireBench(FaultBench):
             self.note(Renewal(period_ns=period_ns, each_line=each_line, age_ns=age_ns))
             set_period(period_ns, each_line=each_line, age_ns=age_ns)
 
-        odometer.update, odometer.armed, odometer.set_pose = updated, was_armed, was_set
-        odometer.set_sample_period = renewed
+        self.controller._odometer = TappedOdometer(  # type: ignore[assignment]
+            odometer,
+            update=updated,
+            armed=was_armed,
+            set_pose=was_set,
+            set_sample_period=renewed,
+        )
 
     def anchor(self, dialect: str) -> None:
         """The state of the odometer, between two reads."""
-        odometer = self.controller._odometer
-        taps = {name: vars(odometer).pop(name) for name in _TAPS}
-        state = snapshot.save(odometer)
-        vars(odometer).update(taps)
-        port = self.port
+        state, port = snapshot.save(self.controller._odometer.odometer), self.port  # type: ignore[attr-defined]
         self.note(Anchor(port=port.name, byte_ns=port.byte_ns, dialect=dialect, state=state))
 
     def note(self, meaning: Meaning) -> None:

@@ -40,6 +40,8 @@ RUSH_MOST_NS = 500_000_000
 class Arrivals:
     """A smoothed clock of lines."""
 
+    __slots__ = "_mean _gap _edge _rough _broken _since _lines".split()
+
     def __init__(self) -> None:
         self._mean: float | None = None
         self._gap: float | None = None

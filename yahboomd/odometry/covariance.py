@@ -80,6 +80,11 @@ class Covariance:
         given: Variance of the heading with which the pose was set, the counters' tick included.
     """
 
+    __slots__ = (
+        "_factors _per_tick _tick _floor _sideways _turn_per_metre _heading _ww _w2 _wt _tt "
+        "given _mean _bent _bent_conjugate _volume"
+    ).split()
+
     def __init__(
         self, kinematics: Kinematics, motors: tuple[Motor, ...], *, noise_m: float = NOISE_M
     ) -> None:

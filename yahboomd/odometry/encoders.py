@@ -90,6 +90,11 @@ class Encoders:
         speed_max_m_s: A rim speed that no wheel of this robot reaches.
     """
 
+    __slots__ = (
+        "_channels _ns_per_tick _ticks_per_m _zero _still _paces _pace _turned _last _suspect "
+        "_notice _unbroken totals"
+    ).split()
+
     def __init__(self, motors: tuple[Motor, ...], *, speed_max_m_s: float) -> None:
         self._channels = tuple((motor.position - 1, motor.encoder_sign) for motor in motors)
         self._ns_per_tick = tuple(motor.metres_per_tick / speed_max_m_s * 1e9 for motor in motors)

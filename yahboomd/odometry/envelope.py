@@ -38,6 +38,8 @@ class Envelope:
         period: The nominal period, in the unit of the arrival times.
     """
 
+    __slots__ = "_period drift _drift_known settled _offset _blocks _count _low".split()
+
     def __init__(self, period: float) -> None:
         self._period = period
         self.drift = 0.0

@@ -55,6 +55,10 @@ class Gyro:
         present: Whether it ever sent a sample.
     """
 
+    __slots__ = (
+        "_angle _noise _stamp_ns _rates _same _latest _good_since_ns problem present"
+    ).split()
+
     def __init__(self) -> None:
         self._angle = 0.0
         self._noise = 0.0

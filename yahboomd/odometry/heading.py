@@ -65,6 +65,12 @@ class Heading:
         events: What happened since they were taken.
     """
 
+    __slots__ = (
+        "_turn_slip _tick_variance _play _known_scale _scale _gyro _believing _doubting _angle"
+        " _wheels _anchor _rate _window _way _rest _noise_rad_s _slipping _against _problem "
+        "events _counters"
+    ).split()
+
     def __init__(
         self,
         geometry: str,
@@ -286,12 +292,16 @@ class Heading:
 class _Window:
     """The turns of the latest second."""
 
+    __slots__ = "wheels gyro slip seconds".split()
+
     def __init__(self) -> None:
         self.wheels = self.gyro = self.slip = self.seconds = 0.0
 
 
 class _Rest:
     """The rates of the gyro while the wheels stand."""
+
+    __slots__ = "seconds _rates".split()
 
     def __init__(self) -> None:
         self.seconds = 0.0

@@ -54,6 +54,8 @@ class HeadingFilter:
         slipped: Whether wheels and gyro disagreed at the latest step.
     """
 
+    __slots__ = "_state _covariance _pull _apart doubt slipped".split()
+
     def __init__(self) -> None:
         self._state = [0.0] * 4
         self._covariance = [[0.0] * 4 for _ in range(4)]

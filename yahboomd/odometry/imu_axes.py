@@ -40,6 +40,8 @@ class Mounting:
         gyro_factor: The true turn, for each turn that the gyro shows.
     """
 
+    __slots__ = "_axes _gyro_axes".split()
+
     def __init__(self, axes: str, gyro_axes: str, *, gyro_factor: float = 1.0) -> None:
         self._axes = _places(axes, 1.0)
         self._gyro_axes = _places(gyro_axes, gyro_factor)

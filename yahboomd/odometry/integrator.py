@@ -93,6 +93,10 @@ class Integrator:
         corrected: Whether varying curvature is corrected for; off only to compare.
     """
 
+    __slots__ = (
+        "_factors _corrected _zero _x _y _theta _theta_start _corrected_by _totals_start _before"
+    ).split()
+
     def __init__(
         self, kinematics: Kinematics, motors: tuple[Motor, ...], *, corrected: bool = True
     ) -> None:

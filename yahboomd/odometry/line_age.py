@@ -44,6 +44,10 @@ class LineAge:
         moment: When the latest line left, in the time of the arrivals.
     """
 
+    __slots__ = (
+        "_line_ns _tick_ns _first _ages _paces _changes _errors _seen age_ns step_ns moment"
+    ).split()
+
     def __init__(self, line_ns: int, tick_ns: int) -> None:
         self._line_ns = line_ns
         self._tick_ns = tick_ns

@@ -83,6 +83,12 @@ class Odometer:
         ConfigError: The motors do not fit the geometry.
     """
 
+    __slots__ = (
+        "_speed_max_m_s _motors _encoders _integrator _velocity _covariance _fused _steering "
+        "_clock _renewal _radians _stamp_ns _heard_ns _asked _armed _doubt _speeds estimate "
+        "counters _heading"
+    ).split()
+
     def __init__(
         self,
         kinematics: Kinematics,

@@ -55,6 +55,8 @@ class PolledClock:
         after_ns: The last stamp that was given out, by another clock; 0 for none.
     """
 
+    __slots__ = "_turn_rounds _stamp_ns _requested_ns _sole _prompt".split()
+
     rough_ns = 0
 
     def __init__(self, after_ns: int = 0) -> None:

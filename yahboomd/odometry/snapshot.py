@@ -64,7 +64,10 @@ def restore(odometer: Odometer, state: bytes) -> None:
 
 
 def _attributes(thing: object) -> dict[str, Written]:
-    return {name: _written(value) for name, value in vars(thing).items()}
+    # All have slots. Where objects have a dict, Python 3.11 and 3.12 make it when it is looked at,
+    # and reach attributes more slowly from then on: the daemon took a tenth more of its CPU.
+    names = next(each.__slots__ for each in type(thing).__mro__ if each.__name__ in _CLASSES)  # type: ignore[attr-defined]
+    return {name: _written(getattr(thing, name)) for name in names if hasattr(thing, name)}
 
 
 def _written(value: object) -> Written:
@@ -91,9 +94,8 @@ def _written(value: object) -> Written:
 
 def _fill(thing: object, written: dict[str, Written]) -> None:
     """Give an object its attributes; those that are objects stay the same ones."""
-    attributes = vars(thing)
     for name, value in written.items():
-        attributes[name] = _value(attributes.get(name), value)
+        setattr(thing, name, _value(getattr(thing, name, None), value))
 
 
 def _value(present: Any, written: Written) -> Any:  # noqa: ANN401 - any attribute

@@ -28,6 +28,8 @@ class Steering:
         base_m: From the rear axle to the front one.
     """
 
+    __slots__ = "_variance _per_m _arrived_ns".split()
+
     def __init__(self, base_m: float) -> None:
         self._variance = (ANGLE_RAD / base_m) ** 2 * ALONG_M
         self._per_m: float | None = None

@@ -55,6 +55,12 @@ class StreamedClock:
         renewal: How often the totals are renewed, as far as known.
     """
 
+    __slots__ = (
+        "renewal _each_line _age _lines _envelope _arrivals _meter _base_ns _stamp_ns _time "
+        "_tick _pace _run_start _quiet _left_out _late_since _late_least _late_count _adrift "
+        "_broke"
+    ).split()
+
     def __init__(
         self, period_ns: int, after_ns: int = 0, *, each_line: bool = False, age_ns: int = 0
     ) -> None:

@@ -63,6 +63,10 @@ class TickMeter:
             between; forgotten slowly.
     """
 
+    __slots__ = (
+        "spacing _changed _quiet _pace _warm _lines _marks _points _single _number _sums _origin"
+    ).split()
+
     def __init__(self) -> None:
         self.spacing = 0.0
         self._changed: float | None = None
@@ -165,6 +169,8 @@ class TickPeriod:
         doubt: By which share of the period the latest measurement disagrees with it.
         notice: What was found out since it was taken.
     """
+
+    __slots__ = "period fits doubt notice _candidate _agreed _misfits".split()
 
     def __init__(self, period: float) -> None:
         self.period = period

@@ -65,6 +65,10 @@ class Velocity:
             counts over another time than whole ticks are those of one tick more or less.
     """
 
+    __slots__ = (
+        "_factors _metres _zero _history _time_ns _kept _began rough_ns doubt tick_ns"
+    ).split()
+
     def __init__(self, kinematics: Kinematics, motors: tuple[Motor, ...]) -> None:
         self._factors = motor_factors(kinematics, motors)
         self._metres = tuple(motor.metres_per_tick for motor in motors)

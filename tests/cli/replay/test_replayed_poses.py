@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from replay_captures import FOLDER, HEADINGS, golden
-from wire_records import WireBench, header_of
+from wire_records import TappedOdometer, WireBench, header_of
 
 from yahboomd.blackbox.box_file import Box, read_box
 from yahboomd.blackbox.records import Anchor, Armed, Reading, Received, Record
@@ -95,9 +95,11 @@ def test_the_odometer_is_called_in_the_order_in_which_the_daemon_called_it() -> 
     replay = PoseReplay(captured("streamed").header)
     replay.run([Record(0, Anchor(port="p", byte_ns=10, dialect="streamed", state=b""))])
     calls: list[object] = []
-    odometer = replay._odometer
-    odometer.update = lambda reading: calls.append(reading) or Update()
-    odometer.armed = lambda: calls.append("armed")
+    replay._odometer = TappedOdometer(
+        replay._odometer,
+        update=lambda reading: calls.append(reading) or Update(),
+        armed=lambda: calls.append("armed"),
+    )
     # One read brings counts, the banner of a reset, at which the daemon arms, and counts again.
     before, banner, after = b"$MAll:9,9,9,9#\r\n", b"Motor_Version:1.7.3\r\n", b"$MAll:0,0,0,0#"
     came = before + banner + after
