@@ -725,8 +725,10 @@ def test_what_the_gyro_sees_beside_standing_wheels_is_in_a_fused_pose_alone(kit,
     turned_by_hand(rig)
     theta = rig.feed(0, 0, after_ms=20.0).estimate.pose.theta
     assert theta == pytest.approx(1.0 if fused else 0.0, abs=0.06)
-    # The sensor's own account has it in any case.
-    assert sample(rig, 0.0, after_ms=5.0).theta == pytest.approx(1.0, abs=0.06)
+    # The sensor's own account has it in any case, and knows how surely.
+    seen = sample(rig, 0.0, after_ms=5.0)
+    assert seen.theta == pytest.approx(1.0, abs=0.06)
+    assert seen.theta_variance > rig.odometer._covariance.given
 
 
 def test_unless_it_is_configured_a_heading_is_the_wheels(kit):

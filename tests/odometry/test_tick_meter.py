@@ -115,9 +115,12 @@ def test_a_timer_counts_whole_milliseconds_two_at_least(tick_ms, regular):
     assert changes(tick_ms, tick_ms=tick_ms).regular is regular
 
 
-@pytest.mark.parametrize(("every", "marked"), [(25, True), (49, False)])
+@pytest.mark.parametrize(("every", "marked"), [(25, True), (40, True), (49, False)])
 def test_a_fortieth_of_the_lines_has_to_mark_a_tick(every, marked):
-    assert changes(*[8.0] * (every - 1), 16.0).marked is marked
+    # Just forty changes fill the time of a measurement.
+    tick_ms = 9.9 if every == 40 else 8.0
+    found = changes(*[tick_ms] * (every - 1), 2.0 * tick_ms, tick_ms=tick_ms)
+    assert found.marked is marked
 
 
 def test_a_pace_that_was_taken_for_half_of_what_it_is_is_found_out():
@@ -132,10 +135,13 @@ def test_a_wheel_that_stands_in_between_shows_no_period():
             assert meter.add(at_ms * MS, 20, MS, MS) is None
 
 
-def test_a_measurement_that_fits_forgives_the_misfits_before_it():
+@pytest.mark.parametrize("first_ms", [10.0, 5.0])
+def test_measurements_that_fit_or_agree_forgive_the_misfits_before_them(first_ms):
     renewal = TickPeriod(10.0 * MS)
     renewal.misfit()
-    assert not renewal.weigh(of(10.0))
+    renewal.weigh(of(first_ms))
+    renewal.weigh(of(first_ms))
+    assert renewal.period == first_ms * MS
     renewal.misfit()
     assert not renewal.weigh(of(7.3, regular=False))
     assert renewal.fits

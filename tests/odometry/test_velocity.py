@@ -129,3 +129,17 @@ def test_one_unseen_tick_more_or_less_is_a_quarter_of_the_speed_at_most(velocity
 def test_a_speed_is_as_uncertain_as_the_period_that_it_is_taken_with(velocity):
     velocity.doubt = 0.5
     assert velocity.measure((40, 40), 20 * MS).rough_ns == 10 * MS
+
+
+@pytest.mark.parametrize(
+    ("ways", "twist"),
+    [((1, 1, 1, 1), (1, 0, 0)), ((-1, 1, -1, 1), (0, 1, 0)), ((-1, -1, 1, 1), (0, 0, 5))],
+)
+def test_a_twist_is_what_the_wheels_make_of_it_in_every_direction(kit, ways, twist):
+    velocity = Velocity(kit.mecanum(), kit.motors((0, 1, 2, 3)))
+    velocity.interrupt((0, 0, 0, 0))
+    for n in range(1, 6):
+        window = velocity.measure(tuple(60 * n * way for way in ways), 20 * MS)
+    found = velocity.twist(window)
+    rim_m_s = 60 * kit.tick_m / 0.020
+    assert (found.vx, found.vy, found.wz) == pytest.approx([rim_m_s * each for each in twist])

@@ -9,6 +9,7 @@ from yahboomd.drive.kinematics import KINEMATICS
 from yahboomd.errors import BoardError
 from yahboomd.model import Motor
 from yahboomd.protocol.rosmaster.cars import CARS, body
+from yahboomd.simulation.rosmaster.car_types import CAR_TYPES
 
 MECANUM = KINEMATICS["mecanum"](separation_m=0.17, base_m=0.16)
 FOUR = KINEMATICS["skid_steer"](separation_m=0.3)
@@ -141,3 +142,12 @@ def test_what_the_board_would_turn_otherwise_is_refused(number, kinematics, moto
 def test_no_speed_that_is_no_number_is_sent(bad):
     with pytest.raises(ValueError, match="command is"):
         body(CARS[1], TWO, PAIR, scale=1.0).units((0.1, bad))
+
+
+@pytest.mark.parametrize("number", CAR_TYPES)
+def test_a_car_is_the_one_that_the_simulated_firmware_has(number: int) -> None:
+    car, simulated = CARS[number], CAR_TYPES[number]
+    assert car.turn_mm == simulated.circle_mm
+    assert car.turn_counts == simulated.circle_counts
+    assert car.fastest_mm_s == simulated.clamp_mm_s
+    assert (car.wheelbase_mm or 0.0) == simulated.axles_mm

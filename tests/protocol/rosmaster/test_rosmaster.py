@@ -47,7 +47,9 @@ def test_outputs_are_shares_above_the_boards_own_dead_zone():
 
 def test_it_listens_for_longer_than_two_reports_of_a_kind():
     assert ROSMASTER.listen_ns > 2 * 41_000_000
-    assert ROSMASTER.spacing_ns >= 5_000_000
+    board = ROSMASTER
+    spacings = (board.spacing_ns, board.totals_spacing_ns, board.question_spacing_ns)
+    assert {*spacings, board.answer_spacing_ns} == {5_000_000}
     assert ROSMASTER.poll is None
 
 
