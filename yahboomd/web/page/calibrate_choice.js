@@ -34,6 +34,12 @@ const METHODS = [
     words: "How the inertial sensor is mounted, for boards that have one. You turn the robot by hand; it takes two minutes, and writes nothing.",
     fields: [{ name: "turns", label: "Turns to the left", value: 5, min: 1, max: 50, step: 1 }],
   },
+  {
+    title: "Sensor",
+    words: "Against the poses of SLAM or motion capture, without a tape. Their recording is on a computer and not on a phone, so this is done in a terminal there, with the files of a recording that you make here:",
+    command: "yahboomd calibrate poses run-001 SENSOR_BAG --frames map laser",
+    fields: [],
+  },
 ];
 const FLAGS = [
   { name: "by-hand", label: "I push the robot myself" },
@@ -49,6 +55,7 @@ export class Choice {
   constructor(onStart) {
     this.methods = METHODS.map((method) => el("button", { type: "button", onclick: () => this.#choose(method) }, method.title));
     this.words = el("p");
+    this.command = el("code", {});
     this.fields = el("div", { class: "fields" });
     this.start = el("button", { type: "submit", class: "primary" }, "Begin");
     this.element = el(
@@ -57,6 +64,7 @@ export class Choice {
       el("h2", {}, "Find the true size of the robot"),
       el("div", { class: "tools", role: "group", "aria-label": "Method" }, ...this.methods),
       this.words,
+      this.command,
       this.fields,
       this.start,
     );
@@ -67,6 +75,9 @@ export class Choice {
     this.#method = method;
     METHODS.forEach((each, at) => this.methods[at].setAttribute("aria-pressed", each === method));
     this.words.textContent = method.words;
+    this.command.textContent = method.command ?? "";
+    this.command.hidden = !method.command;
+    this.start.hidden = Boolean(method.command);
     this.#inputs = new Map();
     this.#flags = new Map();
     const field = ({ name, label, value, ...bounds }) => {
