@@ -92,7 +92,9 @@ def _environment(work: Path, stage: Path, python: tuple[int, int]) -> str:
         if path.suffix == ".py" and path.read_bytes().startswith(b"#!"):
             path.write_bytes(b"#" + path.read_bytes()[2:])
     if shutil.which("strip"):
-        _run("strip", "--strip-unneeded", *map(str, sorted(site.rglob("*.so"))))
+        # Libraries that a wheel brings along were patched, and cannot be loaded once stripped.
+        ours = [each for each in site.rglob("*.so") if not each.parent.name.endswith(".libs")]
+        _run("strip", "--strip-unneeded", *map(str, sorted(ours)))
     programs = stage / HOME / "bin"
     programs.mkdir()
     (programs / "python3").symlink_to(f"/usr/bin/python{_dotted(python)}")

@@ -63,6 +63,9 @@ def test_an_extra_is_installed_into_the_environment_that_runs_and_from_its_own_s
     assert program.install_command("web") == ".venv/bin/python -m pip install '.[web]'"
     monkeypatch.setattr(program, "__file__", str(own.with_name("yahboomd") / "program.py"))
     assert program.install_command("web").endswith("install 'yahboomd[web]'")
+    # A service's folder: its words are read elsewhere.
+    monkeypatch.chdir("/")
+    assert program.install_command("web").startswith(f"{source}/.venv/bin/python -m")
 
 
 @pytest.mark.parametrize(

@@ -138,12 +138,19 @@ def test_the_page_that_a_unit_names_is_in_the_package(unit: str) -> None:
 
 
 @pytest.mark.parametrize("beside", [METRICS, WEB])
-def test_what_runs_beside_the_daemon_has_none_of_its_rights_and_does_not_start_with_it(
+def test_what_runs_beside_the_daemon_has_no_more_rights_than_named_and_does_not_start_with_it(
     beside: str,
 ) -> None:
     unit_keys = keys(beside)
     assert unit_keys["DynamicUser"] == ["yes"]
-    assert not {"SupplementaryGroups", "DeviceAllow", "RuntimeDirectory"} & set(unit_keys)
+    assert not {"DeviceAllow", "RuntimeDirectory"} & set(unit_keys)
+    if beside == WEB:
+        # It writes the calibration file, and reads the black boxes.
+        assert unit_keys["SupplementaryGroups"] == ["yahboomd"]
+        assert unit_keys["ReadWritePaths"] == ["-/var/lib/yahboomd"]
+        assert unit_keys["ReadOnlyPaths"] == ["-/var/lib/yahboomd/blackbox"]
+    else:
+        assert not {"SupplementaryGroups", "ReadWritePaths"} & set(unit_keys)
     assert unit_keys["IPAddressDeny"] == ["any"]
     assert unit_keys["IPAddressAllow"] == ["localhost"]
     for unit in UNITS:

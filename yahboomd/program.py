@@ -93,7 +93,9 @@ def install_command(extra: str) -> str:
     package = "yahboomd"
     if (source / "pyproject.toml").is_file():
         package = "." if source == here else str(source)
-    shown = python.relative_to(here) if python.is_relative_to(here) else python
+    # A service's folder is the root.
+    is_below = python.is_relative_to(here) and here != Path("/")
+    shown = python.relative_to(here) if is_below else python
     return shlex.join([str(shown), "-m", "pip", "install", f"{package}[{extra}]"])
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import signal
 import time
@@ -355,6 +356,62 @@ def test_the_page_is_off_until_installed_and_its_tokens_are_in_no_journal(bench)
     finally:
         machine.run("systemctl", "disable", "--now", unit)
     bench.drive()
+
+
+TOOLS = """
+import asyncio, http.client, json
+from websockets.asyncio.client import connect
+def boxes():
+    link = http.client.HTTPConnection("127.0.0.1", 8480)
+    link.request("GET", "/boxes")
+    return json.loads(link.getresponse().read())
+async def main():
+    async with connect("ws://127.0.0.1:8480/ws", origin="http://127.0.0.1:8480") as socket:
+        async def until(wanted):
+            async for frame in socket:
+                for part in json.loads(frame):
+                    if (found := wanted(part)) is not None:
+                        return found
+        async def use(number, what, args):
+            tool = {"type": "tool", "id": number, "do": what, "args": args}
+            await socket.send(json.dumps(tool))
+            return await until(lambda part: part["text"] if part.get("id") == number else None)
+        await until(lambda part: part if part["type"] == "status" else None)
+        undone = await use(1, "undo_calibration", {})
+        await use(2, "calibrate", {"verb": "tape", "choices": {"by-hand": True}})
+        asked = await until(
+            lambda part: (part["question"] or {}).get("text") or part["refused"] or None
+            if part["type"] == "calibration" else None
+        )
+    print(json.dumps({"boxes": boxes(), "undone": undone, "asked": asked}))
+asyncio.run(main())
+"""
+
+
+def test_the_page_writes_the_calibration_and_reads_the_black_boxes(bench) -> None:
+    machine = bench.machine
+    unit, state = "yahboomd-web.service", "/var/lib/yahboomd"
+    machine.run("yahboomd", "blackbox", "save", check=False)
+    machine.run("sh", "-c", f"echo > {state}/calibration.toml")
+    machine.run("rm", "-rf", f"/etc/systemd/system/{unit}.d")
+    machine.run("yahboomd", "install", "--web")
+    try:
+        wait_until(
+            lambda: machine.run(PYTHON, "-c", ENTER, "none", check=False).startswith("200"),
+            "a page",
+        )
+        found = json.loads(machine.run(PYTHON, "-c", TOOLS))
+        assert found["boxes"]["problem"] == ""
+        assert found["boxes"]["boxes"]
+        # It may write there: what was to be undone is gone, and a calibration may begin.
+        assert "calibration.toml" not in machine.run("ls", state)
+        assert "Done" in found["asked"], found
+        # Boxes are for its reading alone: even root writes none where it runs.
+        pid = machine.show(unit, "MainPID")
+        inside = f"nsenter --mount --target={pid} touch {state}/blackbox/x 2>&1"
+        assert "Read-only" in machine.run("sh", "-c", inside, check=False)
+    finally:
+        machine.run("systemctl", "disable", "--now", unit)
 
 
 def test_the_black_box_of_a_killed_daemon_is_saved_for_its_group_and_explained(bench) -> None:

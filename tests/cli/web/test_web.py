@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import signal
 import socket
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,14 @@ def test_it_prints_its_address_and_ends_in_order() -> None:
         status = web.end(signal.SIGTERM)
     assert status == 0
     assert "Traceback" not in web.output
+
+
+def test_the_extra_has_what_the_commands_behind_the_page_need() -> None:
+    project = tomllib.loads((Path(__file__).parents[3] / "pyproject.toml").read_text())
+    extras = project["project"]["optional-dependencies"]
+    # The poses of another sensor are fitted in the terminal alone.
+    needed = {*extras["record"], *extras["calibrate"]} - {"rosbags>=0.11"}
+    assert needed <= set(extras["web"])
 
 
 def test_the_configuration_is_read_in_a_process_that_ends() -> None:

@@ -121,7 +121,9 @@ def _write(path: Path, saved: SavedSettings) -> None:
     beside = path.with_name(f".{path.name}.new")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        fd = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
+        # Root follows no link that another user of this folder made.
+        beside.unlink(missing_ok=True)
+        fd = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
         try:
             os.write(fd, msgspec.json.format(msgspec.json.encode(saved), indent=2) + b"\n")
             os.fsync(fd)
