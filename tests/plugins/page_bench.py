@@ -105,7 +105,7 @@ class PageBench:
     def ready(self, page: Page) -> Page:
         """Wait until a page may drive."""
         page.until("document.querySelector('.pad:not(.barred)') !== null")
-        page.until("parseFloat(document.querySelector('.limit output').innerText) > 0")
+        page.says(".limit output", "m/s")
         return page
 
     def close(self) -> None:

@@ -88,7 +88,7 @@ function create(app) {
     if (!isShown) return;
     const most = limits();
     const parts = [`${fixed(most.vx * share(), 2)} m/s`, `${fixed(most.wz * share(), 1)} rad/s`];
-    write(limitText, live.newest("hello") ? parts.join(", ") : `${slider.value} %`);
+    write(limitText, live.newest("hello")?.limits ? parts.join(", ") : `${slider.value} %`);
     slideRow.hidden = !sideways();
     const why = deadman.held ? "" : obstacle(connection, live);
     joystick.element.classList.toggle("barred", Boolean(why));

@@ -2,6 +2,7 @@
 
 import { write } from "./dom.js";
 
+const OFF = "Switch the motors' supply off.";
 const AGAIN_MS = 500;
 const GIVE_UP_MS = 1500; // Of one request: the next ones are under way by then.
 
@@ -108,8 +109,10 @@ export class Estop {
 
   #words(engaged, mine) {
     if (this.#wanted && this.#attempts === 1) return "Asking the robot to stop\u2026";
-    if (this.#wanted)
-      return `Not acknowledged yet, attempt ${this.#attempts}. Switch the motors' supply off. ${this.#answer}`.trim();
+    if (this.#wanted) {
+      const off = this.#answer.includes(OFF) ? "" : OFF;
+      return [`Not acknowledged yet, attempt ${this.#attempts}.`, off, this.#answer].filter(Boolean).join(" ");
+    }
     if (!engaged) return this.#answer;
     const who = mine ? "" : " Only the page that has control can release it.";
     return (this.#answer || "The emergency stop is engaged.") + who;

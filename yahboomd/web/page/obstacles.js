@@ -16,10 +16,12 @@ export function obstacle(connection, live) {
     return `The network is too slow to drive: ${Math.round(delay)} ms there and back, ${lapse} ms at most.`;
   if (hello.role !== "driver") return "This link may watch and stop the robot, not drive it.";
   const daemon = live.newest("daemon");
-  if (daemon && !daemon.alive) return daemon.text || "yahboomd does not run.";
+  // The header has the daemon's own words.
+  if (daemon && !daemon.alive) return "No yahboomd answers. The page comes back by itself.";
   const status = live.sample("status");
   if (status?.state === "estopped") return "The emergency stop is engaged. Release it to drive.";
-  if (status?.state === "fault" || status?.state === "waiting") return status.why;
+  if (status?.state === "fault") return "The robot has a fault: it stands above. Clear it to drive.";
+  if (status?.state === "waiting") return "The robot waits. Why, and what to do, stands above.";
   const control = live.newest("control");
   return control?.mine || control?.page_driver === null ? "" : "Another page has control of the robot.";
 }
