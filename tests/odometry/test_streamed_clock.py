@@ -313,3 +313,15 @@ def test_the_period_of_a_good_board_is_never_doubted(kit, timer_ms, loss):
         clock = Heard(lines).clock
         renewal = clock.renewal
         assert (renewal.fits, renewal.period, renewal.notice) == (True, TICK_NS, None)
+
+
+def test_counts_that_come_before_their_tick_can_have_come_are_of_no_tick(kit):
+    clock, counted = StreamedClock(TICK_NS), 0
+    for reading, _ in kit.stream(steady, seconds=8.0, seed=6):
+        if clock.observe(reading, ticks=reading.ticks[0] - counted).step_ns:
+            counted, last_ns = reading.ticks[0], reading.sent_ns
+    assert clock.locked
+    assert clock.observe(line(last_ns + 4 * MS), ticks=30).step_ns == 0
+    assert clock.observe(line(last_ns + 10 * MS), ticks=30).step_ns == pytest.approx(
+        TICK_NS, rel=1e-6
+    )

@@ -145,3 +145,10 @@ def test_measurements_that_fit_or_agree_forgive_the_misfits_before_them(first_ms
     renewal.misfit()
     assert not renewal.weigh(of(7.3, regular=False))
     assert renewal.fits
+
+
+def test_changes_are_as_far_apart_as_the_lines_between_them():
+    meter = TickMeter()
+    for n in range(40):
+        meter.add(2.5 * n * MS, 0 if n % 4 else 20, 2.5 * MS, 2.5 * MS)
+    assert meter.spacing == 10.0 * MS
