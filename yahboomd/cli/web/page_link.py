@@ -46,11 +46,13 @@ def own_names() -> set[str]:
 
 
 def qr_lines(text: str) -> str:
-    """A QR code for a terminal, in half blocks: light on dark, and dark on light, a phone reads."""
+    """A QR code for a terminal, in half blocks of white on black, whatever its own colours are."""
     import io
 
     import segno
 
     out = io.StringIO()
     segno.make(text, error="l").terminal(out, compact=True)
-    return out.getvalue()
+    # On a light terminal its own colours would give a negative, which not every camera reads.
+    lines = out.getvalue().splitlines()
+    return "\n".join(f"\x1b[38;5;231;48;5;16m{line}\x1b[0m" for line in lines)
