@@ -167,3 +167,10 @@ def test_before_anything_turned_it_has_no_noise() -> None:
     sampled = Sampled()
     sampled.show(0.0)
     assert sampled.gyro.turn(sampled.now_ns).noise == pytest.approx(0.0, abs=1e-7)
+
+
+def test_a_gyro_is_silent_once_three_samples_stayed_away(sampled: Sampled) -> None:
+    sampled.gyro.turn(sampled.now_ns + 3 * GAP_NS)
+    assert sampled.gyro.believed
+    sampled.gyro.turn(sampled.now_ns + 4 * GAP_NS)
+    assert sampled.gyro.problem == "silent"

@@ -288,3 +288,12 @@ def test_only_a_rate_as_even_as_the_sensors_noise_is_a_bias(
         rate = 0.2 + (unsteady if step % 2 else -unsteady)
         base.step(0.0, rate, truth=0.0)
     assert ("gyro_unfit" in base.kinds) is learned
+
+
+def test_a_tick_that_comes_and_goes_is_no_turn_that_slips() -> None:
+    base = Base("skid_steer")
+    before = base.heading.variance
+    for step in range(200):
+        base.heading.fuse(TICK if step % 2 else -TICK, 0.0, step * CYCLE_NS, CYCLE_NS)
+    # The play is taken up at most once.
+    assert base.heading.variance - before <= TURN_SLIP["skid_steer"] * TICK
