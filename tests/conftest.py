@@ -9,6 +9,7 @@ import os
 import shutil
 import signal
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -80,9 +81,10 @@ def runtime_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         patch.setenv("RUNTIME_DIRECTORY", str(runtime))
         patch.setenv("STATE_DIRECTORY", str(tmp_path_factory.mktemp("state")))
         yield
-    # The rings of daemons that were killed.
-    if (rings := ring_folder(runtime, os.getuid())) != runtime:
-        shutil.rmtree(rings, ignore_errors=True)
+    # The rings of daemons that were killed, and the folders of all.
+    for folder, _, _ in os.walk(tmp_path_factory.getbasetemp()):
+        if (rings := ring_folder(Path(folder), os.getuid())) != Path(folder):
+            shutil.rmtree(rings, ignore_errors=True)
 
 
 @pytest.fixture
