@@ -54,7 +54,7 @@ class Process:
     ) -> None:
         self.lines: list[str] = []
         first = ["nice", "-n", str(nice)] if nice else []
-        self._process = subprocess.Popen(
+        self.process = subprocess.Popen(
             [*first, program, *arguments],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -66,19 +66,19 @@ class Process:
         self._reader.start()
 
     def _read(self) -> None:
-        assert self._process.stdout is not None
-        for line in self._process.stdout:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
             self.lines.append(line.rstrip("\n"))
 
     @property
     def pid(self) -> int:
         """Its process id."""
-        return self._process.pid
+        return self.process.pid
 
     @property
     def alive(self) -> bool:
         """Whether it runs."""
-        return self._process.poll() is None
+        return self.process.poll() is None
 
     def says(self, words: str) -> str:
         """Wait until it has printed a line with these words; the line."""
@@ -95,18 +95,23 @@ class Process:
 
         return wait_for(found, words)
 
-    def end(self) -> None:
-        """Terminate it, and wait until it has ended."""
+    def end(self) -> int:
+        """Terminate it, and wait until it has ended; its status."""
         if self.alive:
-            self._process.send_signal(signal.SIGTERM)
+            self.process.send_signal(signal.SIGTERM)
+        return self.end_by_itself()
+
+    def end_by_itself(self) -> int:
+        """Wait until it ends, and make it where it does not; its status."""
         try:
-            self._process.wait(30.0)
+            status = self.process.wait(PATIENCE_S)
         except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+            self.process.kill()
+            status = self.process.wait()
         self._reader.join()
-        if self._process.stdout is not None:
-            self._process.stdout.close()
+        if self.process.stdout is not None:
+            self.process.stdout.close()
+        return status
 
     def __enter__(self) -> Self:
         return self

@@ -6,12 +6,8 @@ Whatever is started here is ended by its handle.
 from __future__ import annotations
 
 import json
-import os
 import signal
 import socket
-import subprocess
-import sys
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -22,6 +18,7 @@ import zenoh
 from event_check import assert_registered
 from zenoh_fixtures import free_endpoint
 
+from benchmarks import rig
 from benchmarks.soak.processes import BOARD_NICE, DAEMON_NICE, prefer
 from yahboomd.simulation.truth import TruthSample, read_truth
 
@@ -51,52 +48,21 @@ def wait_for(condition: Callable[[], Any], what: str, patience_s: float = PATIEN
     return result
 
 
-class Process:
+class Process(rig.Process):
     """A command of ours; its output is kept."""
 
     def __init__(self, *arguments: str, environ: dict[str, str] | None = None) -> None:
-        self.lines: list[str] = []
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "yahboomd", *arguments],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            env={**os.environ, "PYTHONUNBUFFERED": "1", **(environ or {})},
-        )
-        self._reader = threading.Thread(target=self._read, daemon=True)
-        self._reader.start()
-
-    def _read(self) -> None:
-        assert self.process.stdout is not None
-        for line in self.process.stdout:
-            self.lines.append(line.rstrip("\n"))
+        super().__init__("-m", "yahboomd", *arguments, environ=environ)
 
     @property
     def output(self) -> str:
         return "\n".join(self.lines)
 
-    def says(self, words: str) -> None:
-        """Wait until it has printed something."""
-        wait_for(lambda: words in self.output or self.process.poll() is not None, words)
-        assert words in self.output, self.output
-
     def end(self, number: int = signal.SIGTERM) -> int:
         """Ask it to end; returns its status."""
-        if self.process.poll() is None:
+        if self.alive:
             self.process.send_signal(number)
         return self.end_by_itself()
-
-    def end_by_itself(self) -> int:
-        """Wait until it ends; returns its status."""
-        try:
-            status = self.process.wait(PATIENCE_S)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            status = self.process.wait()
-        self._reader.join()
-        if self.process.stdout is not None:
-            self.process.stdout.close()
-        return status
 
 
 class RealRobot:
