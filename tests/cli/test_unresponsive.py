@@ -76,7 +76,10 @@ def test_ports_are_found_of_what_turns_wheels_without_a_daemon(tmp_path: Path) -
         for fd, path in ((0, "/dev/pts/9"), (7, f"/dev/ttyUSB{pid}"), (8, "/dev/null")):
             (tmp_path / str(pid) / "fd" / str(fd)).symlink_to(path)
     (tmp_path / "uptime").write_text("1")
-    assert sorted(measured_ports(proc=str(tmp_path))) == ["/dev/ttyUSB2", "/dev/ttyUSB4"]
+    assert sorted(measured_ports("", proc=str(tmp_path))) == ["/dev/ttyUSB2", "/dev/ttyUSB4"]
+    (tmp_path / "2" / "environ").write_text("A=b\0RUNTIME_DIRECTORY=/run/x:/run/y\0")
+    assert measured_ports("/run/x", proc=str(tmp_path)) == ["/dev/ttyUSB2"]
+    assert measured_ports("", proc=str(tmp_path)) == ["/dev/ttyUSB4"]
 
 
 def test_the_port_on_the_command_line_tells_which_daemon_is_meant(tmp_path: Path) -> None:

@@ -47,15 +47,33 @@ def is_guard(pid: int, *, proc: str = "/proc") -> bool:
     return "yahboomd.link.guard" in arguments(pid, proc=proc)[:4]
 
 
-def measured_ports(*, proc: str = "/proc") -> list[str]:
-    """The ports that a `setup` or a `tune` of this machine has, as far as this user may see."""
+def measured_ports(runtime: str, *, proc: str = "/proc") -> list[str]:
+    """The ports that a `setup` or a `tune` of this machine has, as far as this user may see.
+
+    Args:
+        runtime: ``RUNTIME_DIRECTORY``: those with another one belong to other daemons.
+        proc: Where the kernel lists processes.
+    """
     running = (int(name) for name in os.listdir(proc) if name.isdigit())
     return [
         port
         for pid in running
-        if measuring(pid, proc=proc)
+        if measuring(pid, proc=proc) and runtime_directory(pid, proc=proc) == runtime
         for port in serial_ports(pid, proc=proc)
     ]
+
+
+def runtime_directory(pid: int, *, proc: str = "/proc") -> str:
+    """The folder that the environment of a process names; empty where it names none."""
+    try:
+        with open(f"{proc}/{pid}/environ", "rb") as file:
+            for each in os.fsdecode(file.read()).split("\0"):
+                name, _, value = each.partition("=")
+                if name == "RUNTIME_DIRECTORY":
+                    return value.split(":")[0]
+    except OSError:
+        pass
+    return ""
 
 
 def serial_ports(pid: int, *, proc: str = "/proc") -> tuple[str, ...]:
@@ -109,14 +127,7 @@ def reaching(pid: int, *, proc: str = "/proc") -> str:
     ports = serial_ports(pid, proc=proc)
     if not ports:
         return ""
-    folder = ""
-    try:
-        with open(f"{proc}/{pid}/environ", "rb") as file:
-            for each in os.fsdecode(file.read()).split("\0"):
-                name, _, value = each.partition("=")
-                folder = value.split(":")[0] if name == "RUNTIME_DIRECTORY" else folder
-    except OSError:
-        pass
+    folder = runtime_directory(pid, proc=proc)
     where = f"RUNTIME_DIRECTORY={shlex.quote(folder)} " if folder else ""
     return (
         f"yahboomd (pid {pid}) holds {ports[0]} and is reached by: "

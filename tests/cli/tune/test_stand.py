@@ -102,10 +102,23 @@ async def test_a_wheel_that_turns_against_its_command_is_cut_at_once(fault) -> N
 @on_virtual_time
 async def test_a_wheel_that_never_counts_is_cut() -> None:
     bench = TuningBench(dialect="polled")
-    motor(bench, "left").faults = FAULTS["stalled"]
+    for name in ("left", "right"):
+        motor(bench, name).faults = FAULTS["stalled"]
     with pytest.raises(BoardError, match=r"left .* did not turn within"):
         async with opened(bench) as stand:
             await stand.step(0.3, 1.5)
+    await standing(bench)
+
+
+@pytest.mark.parametrize("fault", ["motor-dead", "encoder-dead", "unplugged"])
+@on_virtual_time
+async def test_a_wheel_that_stands_while_another_one_turns_is_cut(fault) -> None:
+    bench = TuningBench()
+    motor(bench, "left").faults = FAULTS[fault]
+    with pytest.raises(BoardError, match=r"left .* stood while another wheel turned"):
+        async with opened(bench) as stand:
+            # Long before the step ends.
+            await asyncio.wait_for(stand.step(0.4, 1.5), 1.2)
     await standing(bench)
 
 

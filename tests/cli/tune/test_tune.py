@@ -110,7 +110,7 @@ def test_a_stop_that_names_no_port_ends_it_as_well(simulated_board, tune, monkey
     tuning = tune(board, "--yes")
     wait_for(lambda: turning(board) or tuning.process.poll() is not None, "a wheel turns")
     # Every other tuning of this machine is left alone by this test.
-    monkeypatch.setattr(stop_port, "measured_ports", lambda: [board.port])
+    monkeypatch.setattr(stop_port, "measured_ports", lambda _folder: [board.port])
     (seized,) = stop_port.seize_measured_ports(None)
     os.close(seized.fd)
     assert tuning.end_by_itself() == 128 + signal.SIGTERM, tuning.output

@@ -200,7 +200,7 @@ def seize_port(
 def seize_measured_ports(config: Config | None) -> list[Seized]:
     """Seize the port of each `setup` and `tune` of this machine, which ends them."""
     seized = []
-    for path in measured_ports():
+    for path in measured_ports(os.environ.get("RUNTIME_DIRECTORY", "").split(":")[0]):
         try:
             seized.append(seize_port(argparse.Namespace(port=path), config, patience_s=0.0))
         except LinkError as error:

@@ -54,6 +54,9 @@ SLACK_S = 0.05
 MOVES_WITHIN_S = 1.2
 """Where no ramp has shown before that the wheel turns and counts."""
 
+STANDS_COUNTS = 2
+STANDS_WHILE_S = 0.3
+"""A wheel stands where another one has gone as far as at the commanded speed in this time."""
 
 RAMP_UNITS_PER_S = 800.0
 RAMP_TURNS = 0.15
@@ -365,6 +368,9 @@ class Stand:
         """
         counted = self._counts_since(first)
         waited_s = seconds(self._clock.now_ns() - self._began_ns)
+        farthest_m = max(
+            abs(counted[each.position - 1]) * each.metres_per_tick for each in self.motors
+        )
         for motor, wanted in zip(self.motors, expected, strict=True):
             counts = counted[motor.position - 1] * motor.encoder_sign
             along_m = math.copysign(counts * motor.metres_per_tick, counts * wanted)
@@ -379,6 +385,11 @@ class Stand:
                     f"{name} ran at {along_m / waited_s:.2f} m/s where {abs(wanted):.2f} was "
                     "commanded; the motors were cut. Look at its encoder's cable and at the stored "
                     "settings."
+                )
+            if abs(counts) <= STANDS_COUNTS and farthest_m > STANDS_WHILE_S * abs(wanted):
+                return (
+                    f"{name} stood while another wheel turned; the motors were cut. Its encoder or "
+                    "its motor is not connected, or it is held."
                 )
             if counts == 0 and waited_s > MOVES_WITHIN_S and not self.dialect.most_output:
                 return (

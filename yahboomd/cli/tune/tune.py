@@ -47,10 +47,11 @@ examples:
 
 exit status:
   0    better gains are stored, or there are none; with --dry-run: measured
-  1    a wheel does not do as it should, the emergency stop is engaged, or no gains were better
+  1    refused: the emergency stop is engaged, no gains were better, or an answer denied it
   69   no port, a held one, or no board
   77   no permission
-  78   a mistake in the configuration
+  78   a mistake in the configuration, or a wheel does not do as it should
+  130  Ctrl-C; other signals end with 128 and their number. The wheels were stopped
 """
 
 ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
