@@ -16,7 +16,8 @@ from typing import Any
 import pytest
 from real_robot import Client, RealRobot, wait_for
 
-pytestmark = pytest.mark.realtime
+# Each occupies every core: one after the other.
+pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("floods")]
 
 FLOOD = Path(__file__).parents[1] / "plugins" / "zenoh_flood_process.py"
 REFUSED = '{"engaged": false}'
