@@ -165,13 +165,14 @@ def test_of_a_backlog_an_answer_is_the_newest_questions_where_it_is_as_fast(late
     assert instant.unsure_ns == (late_us * 1_000 if unsure else 0)
 
 
-def test_two_prompt_answers_after_a_backlog_may_be_chance():
+@pytest.mark.parametrize("usual_us", [400, 15_000])
+def test_two_prompt_answers_after_a_backlog_may_be_chance(usual_us):
     clock = PolledClock()
     for n in range(20):
         asked_ns = START_NS + 20 * n * MS
-        clock.observe(answer(asked_ns + 400_000, asked_ns, earliest_ns=asked_ns))
+        clock.observe(answer(asked_ns + usual_us * 1_000, asked_ns, earliest_ns=asked_ns))
     unsure = []
-    for took_us in (30_000, 400, 400, 400):
+    for took_us in (30_000 + usual_us, usual_us, usual_us, usual_us):
         asked_ns += 40 * MS
         before_ns = asked_ns - 40 * MS
         instant = clock.observe(answer(asked_ns + took_us * 1_000, asked_ns, before_ns))
