@@ -29,6 +29,9 @@ from benchmarks.soak.schedule import (
     Turn,
     segments,
 )
+from yahboomd.blackbox.box_file import read_box
+from yahboomd.blackbox.saved_boxes import BYTES_MOST, FILES_MOST, box_bytes, saved_boxes
+from yahboomd.errors import YahboomdError
 
 RSS_GROWTH_MB = 30.0
 
@@ -70,6 +73,8 @@ def main(arguments: list[str]) -> int:
             drive(course, args.minutes * 60.0, kinds, [args.dialect] if args.dialect else DIALECTS)
     finally:
         facts = finish(course)
+        facts["boxes"], unreadable = black_boxes(folder / "state" / "blackbox")
+        ledger.failures += unreadable
         if not args.keep and not ledger.failures:
             shutil.rmtree(folder, ignore_errors=True)
         else:
@@ -198,6 +203,22 @@ def finish(course: Course) -> dict[str, Any]:
             words = ", ".join(f"{each.seconds * 1e3:.0f} ms" for each in late)
             ledger.too_late.append(f"{kind}: over its budget, and no stall explains it: {words}")
     return facts
+
+
+def black_boxes(folder: Path) -> tuple[int, list[str]]:
+    """How many black boxes were saved, and what is wrong: none may be cut, nor all too large."""
+    found = saved_boxes(folder)
+    wrong = []
+    for box in found:
+        try:
+            damaged = read_box(box_bytes(box.path)).damaged
+        except YahboomdError as error:
+            wrong.append(f"{box.path.name}: {error}")
+        else:
+            wrong += [f"{box.path.name} is damaged"] if damaged else []
+    if len(found) > FILES_MOST or sum(box.size for box in found) > BYTES_MOST:
+        wrong.append(f"the black boxes take {sum(box.size for box in found)} bytes")
+    return len(found), wrong
 
 
 def rounded(mb: float | None) -> float:

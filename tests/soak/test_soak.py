@@ -15,6 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from made_boxes import saved_box
+
+from benchmarks.soak.__main__ import black_boxes
+from yahboomd.blackbox.saved_boxes import save_box
 
 pytestmark = pytest.mark.realtime
 
@@ -63,6 +67,15 @@ def test_through_faults_it_stops_comes_back_and_knows_where_it_is(
     assert found["tracebacks"] == 0
     assert found["rss_end_mb"] < found["rss_start_mb"] + 30.0
     assert "faults injected" in output
+
+
+def test_black_boxes_are_counted_and_damaged_ones_named(tmp_path: Path) -> None:
+    for data in (saved_box(), saved_box()[:400], b"none"):
+        save_box(tmp_path, data, reason="estop", wall_ns=1)
+    count, wrong = black_boxes(tmp_path)
+    assert count == 3
+    assert [words[:7] for words in wrong] == ["000002_", "000003_"]
+    assert black_boxes(tmp_path / "nowhere") == (0, [])
 
 
 def test_ended_early_it_tells_what_it_knows_and_leaves_nothing_running(tmp_path: Path) -> None:
