@@ -249,7 +249,7 @@ class Controller:
     def _stand(self, now_ns: int, *, at_once: bool) -> None:
         self._limiter.halt()
         if (fault := self._wheels.stand(now_ns, at_once=at_once)) is not None:
-            self._tell(fault)
+            self._report(fault)
 
     def _trouble(self, fault: Fault, now_ns: int) -> None:
         """React to a wheel that does not obey."""
@@ -261,12 +261,12 @@ class Controller:
             )
             self._holds.add(hold)
             if hold.kind == FAULT:
-                self._tell(fault)
+                self._report(fault)
             self._outputs.changed()
         elif self._wheels.noisy:
             self.counters["noisy_doubts"] += 1
         else:
-            self._tell(fault)
+            self._report(fault)
 
     def _doubtful(self, fault: Fault, now_ns: int) -> Hold | None:
         """The hold for what the line may have done; ``None`` where the wheel is to blame."""
@@ -289,7 +289,7 @@ class Controller:
             until_ns=now_ns + nanoseconds(DOUBTFUL_S),
         )
 
-    def _tell(self, fault: Fault) -> None:
+    def _report(self, fault: Fault) -> None:
         self.counters[fault.kind] += 1
         self.event(fault.event())
 
