@@ -19,7 +19,7 @@ from fault_bench import DIALECTS, FaultBench, assert_no_jump
 
 from yahboomd.link.port import READ_BYTES
 from yahboomd.model import EncoderReading, OdometryEstimate
-from yahboomd.odometry.odometer import Update
+from yahboomd.odometry.odometer import Odometer, Update
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.truth import TruthSample
 from yahboomd.simulation.virtual_time import VirtualTimeLoop, on_virtual_time
@@ -35,15 +35,18 @@ class LateBench(FaultBench):
         options = {"initial_ticks": FAR, **simulation}
         super().__init__(folder, [], SimulationOptions(**options))  # type: ignore[arg-type]
         self.room_ns: list[int] = []
-        update = self.controller._odometer.update
+        room_ns = self.room_ns
 
-        def kept(reading: EncoderReading) -> Update:
-            result = update(reading)
-            if result.estimate is not None:
-                self.room_ns.append(reading.received_ns - result.estimate.stamp_ns)
-            return result
+        class Keeping(Odometer):
+            __slots__ = ()
 
-        self.controller._odometer.update = kept  # type: ignore[method-assign]
+            def update(self, reading: EncoderReading) -> Update:
+                result = super().update(reading)
+                if result.estimate is not None:
+                    room_ns.append(reading.received_ns - result.estimate.stamp_ns)
+                return result
+
+        self.controller._odometer.__class__ = Keeping
 
     def true_at(self, estimate: OdometryEstimate) -> TruthSample:
         return self.true_at_ns(estimate.stamp_ns)
