@@ -27,10 +27,13 @@ async def test_what_it_complains_of_is_kept_without_the_programs_name() -> None:
     assert last_words.startswith("The configuration has a mistake:\n/none")
 
 
-async def test_a_command_that_takes_too_long_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_command_that_takes_too_long_is_ended_and_says_so(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(child_command, "END_S", 0.2)
-    with pytest.raises(TimeoutError):
-        await output_of(["simulate"], within_s=2.0)
+    status, printed, last_words = await output_of(["simulate"], within_s=2.0)
+    assert (status, printed) == (os.EX_TEMPFAIL, "")
+    assert last_words == "It took longer than 2 s, and was ended."
 
 
 async def test_a_child_that_does_not_end_is_killed_with_its_group(

@@ -78,7 +78,9 @@ async def test_an_emergency_stop_is_explained_downloaded_and_another_box_saved_o
     site: Callable[..., Awaitable[Site]], real_robot: Callable[..., RealRobot], tmp_path: Path
 ) -> None:
     folder = tmp_path / "boxes"
-    robot = real_robot(run=("--set", f"blackbox.folder={folder}"))
+    # A ring that another test left behind would be saved first, and ours a minute later.
+    environ = {"RUNTIME_DIRECTORY": str(tmp_path / "run")}
+    robot = real_robot(run=("--set", f"blackbox.folder={folder}"), environ=environ)
     await asyncio.to_thread(robot.daemon.says, "Connected to")
     served = await site(endpoint=robot.endpoint, tokens=TOKENS)
     await eventually(lambda: served.hub.robot.obstacle() is None)

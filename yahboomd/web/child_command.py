@@ -105,8 +105,7 @@ class Child:
 async def output_of(arguments: Sequence[str], within_s: float = 30.0) -> tuple[int, str, str]:
     """Run a command to its end; its exit status, what it printed, and its last words.
 
-    Raises:
-        TimeoutError: It takes too long; it was killed.
+    One that takes too long is ended, and says so.
     """
     child = await Child.start(arguments)
     stdout = child._process.stdout  # noqa: SLF001
@@ -114,6 +113,8 @@ async def output_of(arguments: Sequence[str], within_s: float = 30.0) -> tuple[i
     try:
         async with asyncio.timeout(within_s):
             printed = await stdout.read()
+    except TimeoutError:
+        return os.EX_TEMPFAIL, "", f"It took longer than {within_s:g} s, and was ended."
     finally:
         status = await child.end()
     return status, printed.decode(errors="replace"), child.last_words

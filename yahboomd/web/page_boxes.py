@@ -119,8 +119,6 @@ class PageBoxes:
                 # Where boxes are is in the configuration; a daemon is not asked.
                 config = [each for each in self._robot if each.startswith(("--config=", "--set="))]
                 return await output_of(["blackbox", *arguments, *config])
-        except TimeoutError:
-            return 1, "", "It took too long."
         finally:
             self._waiting -= 1
 
