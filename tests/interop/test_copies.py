@@ -8,7 +8,7 @@ import json
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
-from real_robot import Client
+from real_robot import Client, wait_for
 
 pytestmark = pytest.mark.realtime
 
@@ -107,9 +107,10 @@ def test_32_copies_of_each_request_over_zenoh_act_as_once(robot, bridge, applica
 
     pose = json.dumps({"x": 1.0, "y": 2.0, "theta": 0.5}).encode()
     assert all(copies("yahboomd/odometry/set_pose", pose))
-    assert watcher.ask("yahboomd/pose")["x"] == 1.0
+    # The next reading has the new pose.
+    wait_for(lambda: watcher.ask("yahboomd/pose")["x"] == 1.0, "the pose that was set")
     assert all(copies("yahboomd/odometry/reset"))
-    assert watcher.ask("yahboomd/pose")["x"] == 0.0
+    wait_for(lambda: watcher.ask("yahboomd/pose")["x"] == 0.0, "the pose of the start")
     assert all(copies("yahboomd/estop", b"{}"))
     watcher.in_state("estopped")
     assert all(copies("yahboomd/estop/reset"))

@@ -117,8 +117,14 @@ def test_every_topic_reaches_the_subscriptions_of_usual_programs(
 def test_events_are_lines_of_the_log_and_a_late_node_gets_them(
     ros_bridge, start_ros_node, robot, eventually
 ):
-    robot(ros_bridge.endpoint)
-    press(start_ros_node(), eventually, True)
+    driven, node = robot(ros_bridge.endpoint), start_ros_node()
+
+    def engaged():
+        # DDS may lose what is published before the reader knows its writer as well.
+        press(node, eventually, True, times=3)
+        return "Emergency stop engaged" in driven.daemon.output
+
+    eventually(engaged, "the emergency stop")
     for _ in range(2):
         line = start_ros_node("log").message("/rosout", lambda m: m["function"] == "estop", "it")
         assert (line["name"], line["level"]) == ("yahboomd", 30)
