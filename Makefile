@@ -9,10 +9,9 @@ MINUTES ?= 2
 SEED    ?= 1
 ROOM    ?= drive
 SAMPLE  ?= 120
-# A process for each core runs what waits in real time, and half as many what computes (tests/plugins/lanes.py).
-# With two for each core robots are late: eleven of 7,900 tests failed for it.
+# Half of them begin with what waits in real time, and half with what computes (tests/plugins/lanes.py).
 # WORKERS=0 runs them one by one.
-WORKERS ?= $(shell expr 3 \* $$(getconf _NPROCESSORS_ONLN) / 2)
+WORKERS ?= $(shell getconf _NPROCESSORS_ONLN)
 # The tests start hundreds of Python processes, which need not compile yahboomd each time.
 PYTEST := PYTHONDONTWRITEBYTECODE= $(PY) -m pytest
 PARALLEL := -n $(WORKERS) --dist loadgroup

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import gc
 import importlib
 import os
@@ -31,7 +32,7 @@ for _number, _usual in (
         signal.signal(_number, _usual)
 
 
-LOW_PRIORITY = pytest.StashKey[int]()
+NICE = os.nice(0)
 
 # How long an example takes says how busy the machine is, not whether the code is right.
 settings.register_profile(
@@ -56,8 +57,10 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     """A process that runs what only computes lets those go first that have to be in time."""
     marked = item.get_closest_marker("realtime") or item.get_closest_marker("xdist_group")
     lanes = getattr(item.config.option, "loadgroup", False)
-    if lanes and not marked and LOW_PRIORITY not in item.config.stash:
-        item.config.stash[LOW_PRIORITY] = os.nice(5)
+    if lanes:
+        # Without the right to it a process stays where it is.
+        with contextlib.suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, 0, NICE if marked else NICE + 5)
 
 
 @pytest.hookimpl(wrapper=True)

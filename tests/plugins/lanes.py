@@ -1,8 +1,9 @@
 """Which process runs which test, where several processes run them side by side.
 
 Tests that are marked ``realtime`` wait for most of their time, and want a processor when they
-wake; the others use all that they get. So one process in three runs those others, at a low
-priority, while the rest wait. The tests of an ``xdist_group`` have one process.
+wake; the others use all that they get. So every other process begins with those others, at a low
+priority, and the rest with the longest of the ones that wait: two robots beside each other on two
+cores are late now and then. The tests of an ``xdist_group`` have one process.
 """
 
 from __future__ import annotations
@@ -79,11 +80,9 @@ class Lanes(LoadScopeScheduling):  # type: ignore[misc]
         if node.shutting_down or self._pending_of(self.assigned_work[node]) > 1:
             return
         number = int(node.gateway.id.removeprefix("gw"))
-        if number % 3 == 2:
-            # From the end, where those are that only compute.
-            scope = next(
-                (each for each in reversed(self.workqueue) if each not in self._waits), None
-            )
+        if number % 2:
+            # From the end, where those are that only compute, and before them the short ones.
+            scope = next(reversed(self.workqueue), None)
         else:
             scope = next(iter(self.workqueue), None)
         if scope is None:
