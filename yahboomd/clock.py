@@ -38,11 +38,9 @@ class Alarm(Protocol):
 
     def set(self, deadline_ns: int | None) -> None:
         """Call back at ``deadline_ns`` (at once when that has passed); ``None``: not at all."""
-        ...
 
     def close(self) -> None:
         """Release the alarm's resources."""
-        ...
 
 
 class Clock(Protocol):
@@ -50,19 +48,15 @@ class Clock(Protocol):
 
     def now_ns(self) -> int:
         """Monotonic nanoseconds."""
-        ...
 
     def wall_ns(self) -> int:
         """Unix nanoseconds, for outgoing samples."""
-        ...
 
     def suspended_ns(self) -> int:
         """Nanoseconds that the machine was suspended since its boot, which monotonic time omits."""
-        ...
 
     def alarm(self, callback: Callable[[], None]) -> Alarm:
         """An alarm on the running loop that calls ``callback``."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -51,7 +51,6 @@ class Declared(Protocol):
 
     def attach(self, session: zenoh.Session) -> None:
         """Declare it in this session too."""
-        ...
 
 
 Declaration = TypeVar("Declaration", bound=Declared)

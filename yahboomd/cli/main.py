@@ -79,11 +79,9 @@ class Command(Protocol):
 
     def add_options(self, parser: argparse.ArgumentParser) -> None:
         """Declare its options."""
-        ...
 
     def run(self, args: argparse.Namespace) -> int:
         """Do it; returns the exit status."""
-        ...
 
 
 class _OneLineEach(argparse.RawDescriptionHelpFormatter):

@@ -43,23 +43,18 @@ class Outputs(Protocol):
 
     def estimate(self, estimate: OdometryEstimate, command_m_s: tuple[float, ...]) -> None:
         """A new reading, and the rim speeds that were commanded."""
-        ...
 
     def imu(self, estimate: ImuEstimate) -> None:
         """A sample of the inertial sensor."""
-        ...
 
     def battery(self, volts: float) -> None:
         """The voltage of the motors' supply."""
-        ...
 
     def event(self, event: Event) -> None:
         """Something happened."""
-        ...
 
     def changed(self) -> None:
         """Note that state, driver or reason may have changed."""
-        ...
 
 
 class Events:
@@ -98,11 +93,9 @@ class Outlet(Protocol):
     @property
     def has_subscribers(self) -> bool:
         """Whether any client would receive them."""
-        ...
 
     def put(self, payload: bytes) -> bool:
         """Send one."""
-        ...
 
 
 OpenOutlet = Callable[[str], Outlet]

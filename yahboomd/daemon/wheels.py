@@ -44,33 +44,26 @@ class Board(Protocol):
 
     def drive(self, units: Units) -> None:
         """Send these speeds until others replace them."""
-        ...
 
     def brake(self) -> None:
         """Command zero before everything that waits."""
-        ...
 
     def cut(self) -> None:
         """Release the motors before everything that waits."""
-        ...
 
     def release(self) -> None:
         """Send the release of the motors until a speed replaces it."""
-        ...
 
     @property
     def noisy(self) -> bool:
         """Whether commands may not arrive as they were sent."""
-        ...
 
     @property
     def damages(self) -> int:
         """The chunks that the line damaged lately, counted."""
-        ...
 
     def rearm(self) -> None:
         """Send it again what it loses at a reset."""
-        ...
 
 
 class Wheels:

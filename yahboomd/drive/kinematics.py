@@ -35,7 +35,6 @@ class Builder(Protocol):
         sideways: float = 1.0,
     ) -> Kinematics:
         """Return the geometry for these distances, angle of the front wheels, and slip."""
-        ...
 
 
 def differential(

@@ -28,39 +28,30 @@ class Listener(Protocol):
 
     def connected(self, board: ConnectedBoard, identity: Identity) -> None:
         """The board is known and armed; counts follow."""
-        ...
 
     def armed(self) -> None:
         """The board was asked to stream its counts; until then a reset may go unnoticed."""
-        ...
 
     def reading(self, reading: EncoderReading) -> None:
         """Units arrived."""
-        ...
 
     def imu(self, reading: ImuReading) -> None:
         """The inertial sensor was read."""
-        ...
 
     def sent(self, units: Units | None) -> None:
         """Note the speeds that were just written to the port; ``None``: the motors were let go."""
-        ...
 
     def battery(self, volts: float) -> None:
         """The voltage of the motors' supply."""
-        ...
 
     def board_reset(self, version: str) -> None:
         """The board restarted by itself: its motors are free, its counters at zero."""
-        ...
 
     def event(self, event: Event) -> None:
         """Something a person may have to know."""
-        ...
 
     def leaving(self) -> None:
         """The session ends, and stops the wheels by itself: no command reaches them any more."""
-        ...
 
 
 class ConnectedBoard:

@@ -74,47 +74,37 @@ class Port(Protocol):
     @property
     def name(self) -> str:
         """Its name in messages."""
-        ...
 
     @property
     def byte_ns(self) -> int:
         """Nanoseconds that a byte takes on the wire."""
-        ...
 
     @property
     def queued(self) -> int:
         """Bytes written here and not on the wire yet, as far as the system knows."""
-        ...
 
     def listen(
         self, on_data: Callable[[bytes], None], on_lost: Callable[[Exception | None], None]
     ) -> None:
         """Set who receives bytes and the loss of the port."""
-        ...
 
     def write(self, data: bytes) -> None:
         """Send; never blocks and never raises: a lost port is reported to ``on_lost``."""
-        ...
 
     def gather(self, least: int) -> None:
         """Deliver bytes once so many are there, where the port can wait for them."""
-        ...
 
     def read_now(self) -> None:
         """Deliver what is there now, however little."""
-        ...
 
     def discard(self) -> None:
         """Drop what is not on the wire, where the driver can: it may cut a frame in half."""
-        ...
 
     async def drain(self, timeout_s: float) -> bool:
         """Wait until everything is on the wire; whether it is."""
-        ...
 
     def close(self) -> None:
         """Let go at once; what is not on the wire is discarded."""
-        ...
 
 
 Opener = Callable[[], Awaitable[Port]]

@@ -18,35 +18,27 @@ class Tap(Protocol):
     @property
     def due(self) -> bool:
         """Whether :meth:`settled` is to be called."""
-        ...
 
     def opened(self, port: str, byte_ns: int) -> None:
         """A port was opened, which takes so long for a byte."""
-        ...
 
     def received(self, data: bytes, now_ns: int) -> None:
         """Bytes came in one read, at this moment; nothing was made of them yet."""
-        ...
 
     def settled(self) -> None:
         """Everything that came was made use of, and no part of a frame is left."""
-        ...
 
     def noted(self, reading: EncoderReading) -> None:
         """A reading follows of which its bytes do not show all: it was asked for, or has a flag."""
-        ...
 
     def written(self, data: bytes) -> None:
         """Bytes were written."""
-        ...
 
     def identified(self, dialect: str, settings: dict[str, Any] | None) -> None:
         """The board is known and its counts are used from here on."""
-        ...
 
     def closed(self) -> None:
         """The port was closed."""
-        ...
 
 
 class NoTap:

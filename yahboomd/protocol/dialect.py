@@ -31,12 +31,10 @@ class Item(Protocol):
     @property
     def size(self) -> int:
         """Bytes on the wire."""
-        ...
 
     @property
     def trailing(self) -> int:
         """Bytes of the same chunk behind it: they arrived later."""
-        ...
 
 
 class FramerCounters(msgspec.Struct, kw_only=True):
@@ -78,11 +76,9 @@ class Framer(Protocol):
     @property
     def held_bytes(self) -> int:
         """Bytes of what is not whole yet."""
-        ...
 
     def feed(self, data: bytes) -> Sequence[Item]:
         """Take a chunk as it came from the port; return what it completes, in order."""
-        ...
 
 
 class Totals(msgspec.Struct, frozen=True, kw_only=True):
@@ -236,7 +232,6 @@ class Motion(Protocol):
     @property
     def wheel_limits(self) -> tuple[float, ...]:
         """The fastest that each wheel of the geometry can be commanded to turn, m/s."""
-        ...
 
     def units(self, speeds: Sequence[float]) -> Units:
         """The motion that turns the wheels of the geometry so fast, in the board's units.
@@ -248,7 +243,6 @@ class Motion(Protocol):
             ValueError: A speed is not a finite number. Nothing that the bus can send leads here; a
                 mistake in the program must end in a stop, not in a number that the board misreads.
         """
-        ...
 
 
 class Findings(msgspec.Struct, frozen=True, kw_only=True):
@@ -271,18 +265,15 @@ class Dialect(Protocol):
     @property
     def name(self) -> str:
         """The row of the registry, and the word in the configuration."""
-        ...
 
     @property
     def title(self) -> str:
         """The name under which the board is sold."""
-        ...
 
     # Bytes and what they mean.
 
     def framer(self) -> Framer:
         """A new framer, for one connection."""
-        ...
 
     @property
     def resync(self) -> bytes:
@@ -290,32 +281,26 @@ class Dialect(Protocol):
 
         The next command may follow at once.
         """
-        ...
 
     @property
     def line_end(self) -> bytes:
         """The start of what follows a frame that is whole without it; empty where nothing does."""
-        ...
 
     def decode(self, item: Any) -> Decoded:  # noqa: ANN401 - whatever its framer finds
         """Interpret an item of this dialect's framer; never raises."""
-        ...
 
     def recognises(self, item: Any) -> bool:  # noqa: ANN401 - whatever its framer finds
         """Whether only a board of this dialect sends such an item."""
-        ...
 
     # Who is there?
 
     @property
     def listen_ns(self) -> int:
         """How long to wait for a board that reports unasked before asking any; 0: not at all."""
-        ...
 
     @property
     def starts_within_s(self) -> float:
         """The silence after it was switched on or reset; 0 for a moment."""
-        ...
 
     def silence(self, volts: float | None) -> str:
         """The reason why a board that reports unasked only answers, and the remedy.
@@ -323,7 +308,6 @@ class Dialect(Protocol):
         Args:
             volts: The supply of its motors, where it answered with that.
         """
-        ...
 
     @property
     def probe(self) -> bytes | None:
@@ -331,73 +315,60 @@ class Dialect(Protocol):
 
         None where listening is enough.
         """
-        ...
 
     # What the line bears.
 
     @property
     def spacing_ns(self) -> int:
         """The least gap from frame to frame behind a command that gets no answer."""
-        ...
 
     @property
     def totals_spacing_ns(self) -> int:
         """The same gap, enough while the board sends its totals alone, or nothing."""
-        ...
 
     @property
     def question_spacing_ns(self) -> int:
         """The gap from a question to a motion, where no answer came before."""
-        ...
 
     @property
     def answer_spacing_ns(self) -> int:
         """The gap from the end of an answer to the next frame."""
-        ...
 
     @property
     def baudrate(self) -> int:
         """The only bits per second that it supports."""
-        ...
 
     # Stopping.
 
     @property
     def brake(self) -> bytes:
         """Speed zero: the board brakes, and may hold. No proof against a runaway wheel."""
-        ...
 
     @property
     def cut(self) -> bytes | None:
         """Power off, whatever the speed loop does: the wheels coast. None where there is none."""
-        ...
 
     # The counters.
 
     @property
     def sample_period_ns(self) -> int | None:
         """The period at which the board renews its counters; None for one that is asked."""
-        ...
 
     @property
     def renews_with_each_line(self) -> bool:
         """The counters are new with each line, which comes by itself every ``sample_period_ns``."""
-        ...
 
     @property
     def age_ns(self) -> int:
         """How old they may be when such a line leaves; 0 where they are read for it."""
-        ...
 
     @property
     def poll(self) -> bytes | None:
         """Asks for the counters once; None where they come by themselves."""
-        ...
 
     @property
     def poll_bytes(self) -> int:
         """Bytes on the wire of a poll, its answer and a command; 0 where nothing is asked."""
-        ...
 
     @property
     def arm(self) -> tuple[bytes, ...]:
@@ -405,40 +376,33 @@ class Dialect(Protocol):
 
         Each frame as often as it is to be sent.
         """
-        ...
 
     @property
     def disarm(self) -> tuple[bytes, ...]:
         """Undoes ``arm``."""
-        ...
 
     # The supply, and what is stored.
 
     @property
     def battery(self) -> bytes | None:
         """Asks for the voltage; None where the board does not report it, or reports it unasked."""
-        ...
 
     @property
     def read_settings(self) -> tuple[bytes, ...]:
         """Ask for the stored settings, one question after another; none where none are stored."""
-        ...
 
     @property
     def settings(self) -> tuple[StoredSetting, ...]:
         """The table of the stored settings, in the order in which they are written."""
-        ...
 
     def findings(self, settings: BoardSettings, profile: MotorProfile) -> Findings:
         """The meaning of the stored settings for these motors."""
-        ...
 
     # Motion.
 
     @property
     def fastest_m_s(self) -> float:
         """The fastest rim speed that any of its boards takes."""
-        ...
 
     def motion(
         self,
@@ -457,7 +421,6 @@ class Dialect(Protocol):
         Raises:
             BoardError: The stored settings leave unknown how fast it would turn them.
         """
-        ...
 
     def speeds(self, units: Units) -> bytes:
         """Command a motion.
@@ -465,17 +428,14 @@ class Dialect(Protocol):
         Args:
             units: As :class:`Motion` gives them; clamped to what the board takes.
         """
-        ...
 
     @property
     def loop_ns(self) -> int:
         """The period of the board's speed loops; 0 where nothing is known of them."""
-        ...
 
     @property
     def most_output(self) -> int:
         """The largest of :meth:`outputs`; 0 where motors cannot be driven without regulation."""
-        ...
 
     def outputs(self, outputs: Units) -> bytes:
         """Drive the motors without regulation: they turn though no encoder works.
@@ -483,8 +443,6 @@ class Dialect(Protocol):
         Args:
             outputs: One for each position, in the unit of the stored dead zone; clamped.
         """
-        ...
 
     def for_profile(self, profile: MotorProfile) -> Dialect:
         """The same dialect, for boards that must be sent the motor type at each start."""
-        ...

@@ -32,29 +32,23 @@ class Board(Protocol):
     @property
     def next_ns(self) -> int:
         """The time of the next thing that happens inside."""
-        ...
 
     @property
     def speaks_ns(self) -> int:
         """The next moment at which it may send, :data:`NEVER` while it waits for a command."""
-        ...
 
     @property
     def totals(self) -> Counts:
         """The counters, as the latest interrupt left them."""
-        ...
 
     def receive(self, byte: int, now_ns: int) -> None:
         """One byte has arrived completely; the caller has stepped to ``now_ns``."""
-        ...
 
     def run_due(self, now_ns: int) -> None:
         """Do everything that is due up to ``now_ns``."""
-        ...
 
     def start(self, now_ns: int) -> None:
         """Start as a board that was powered long ago: running, silent, counters kept."""
-        ...
 
     def reset(self, now_ns: int, *, off_ns: int = 0, by_power: bool) -> None:
         """Lose all but the flash, let the motors go, and start again after ``off_ns``.
@@ -63,7 +57,6 @@ class Board(Protocol):
             off_ns: How long it stays without power.
             by_power: Whether power failed, rather than a reset by software.
         """
-        ...
 
     def set_tick_period(self, now_ns: int, period_ns: int, jitter_ns: int = 0) -> None:
         """Renew the totals every ``period_ns`` from now on, or with every line where that is 0.
@@ -71,11 +64,9 @@ class Board(Protocol):
         Raises:
             ValueError: This board has no such period.
         """
-        ...
 
     def hang(self) -> None:
         """Stop executing, for good, with the outputs as they are."""
-        ...
 
 
 @runtime_checkable

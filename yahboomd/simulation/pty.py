@@ -45,24 +45,19 @@ class Device(Protocol):
 
     def start(self, now_ns: int) -> None:
         """Begin at this moment."""
-        ...
 
     @property
     def next_ns(self) -> int:
         """The next moment at which :meth:`advance` is worth calling."""
-        ...
 
     def advance(self, now_ns: int) -> list[bytes]:
         """Do what is due, and return what has arrived at the host, in its chunks."""
-        ...
 
     def host_wrote(self, data: bytes, now_ns: int) -> None:
         """The host has written ``data``."""
-        ...
 
     def host_backlog_ns(self, now_ns: int) -> int:
         """How long what the host has written will still be on its way."""
-        ...
 
 
 class PtyPort:

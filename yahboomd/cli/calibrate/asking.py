@@ -39,11 +39,9 @@ class Person(Protocol):
 
     async def confirm(self, name: str, words: str) -> None:
         """Have them do something, and wait until they say that it is done."""
-        ...
 
     async def start(self, name: str, words: str, bounds: Bounds) -> None:
         """Announce a movement, and wait until they let it begin."""
-        ...
 
     async def number(
         self,
@@ -63,19 +61,15 @@ class Person(Protocol):
             wrong: What to say of others.
             blank: The meaning of an empty answer; None: it is returned as None.
         """
-        ...
 
     def say(self, words: str) -> None:
         """Show a sentence."""
-        ...
 
     def progress(self, part: int, parts: int, done: float) -> None:
         """Show how far a movement is: ``done``, from 0 to 1, of this part of it."""
-        ...
 
     def result(self, table: str, facts: dict[str, Any]) -> None:
         """Show what was found."""
-        ...
 
 
 class Answers:

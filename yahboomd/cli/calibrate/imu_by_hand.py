@@ -28,7 +28,6 @@ class Asks(Protocol):
 
     async def confirm(self, name: str, words: str) -> None:
         """Wait until they say that it is done."""
-        ...
 
 
 class _Gathered:

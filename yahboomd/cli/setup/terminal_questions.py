@@ -20,7 +20,6 @@ class Person(Protocol):
 
     async def line(self, question: str) -> str:
         """Ask, and wait for a line."""
-        ...
 
 
 class Terminal:

@@ -107,7 +107,6 @@ class OpenTopic(Protocol):
 
     def __call__(self, topic: str, ros_type: str, qos: Qos) -> Spread:
         """Open a topic; returns its outlets."""
-        ...
 
 
 class RosPublisher:

@@ -91,11 +91,9 @@ class TakesAttachments(Protocol):
     @property
     def has_subscribers(self) -> bool:
         """Whether any client would receive what is published."""
-        ...
 
     def put(self, payload: bytes, attachment: bytes | None = None) -> bool:
         """Send one."""
-        ...
 
 
 class AttachedOutlet:
