@@ -21,7 +21,8 @@ from yahboomd.simulation.motors import FAULTS, HEALTHY
 from yahboomd.simulation.robot import SimulatedRobot
 
 Words: TypeAlias = list[str]
-Command: TypeAlias = Callable[[SimulatedRobot, Words, int], str]
+Command: TypeAlias = Callable[[SimulatedRobot, Words, int], str | None]
+"""Carries out one command, given the words behind it and the time; returns facts, if any."""
 
 HELP = """\
 reset                    reset the board's MCU by software
@@ -64,7 +65,7 @@ def execute(robot: SimulatedRobot, line: str, now_ns: int) -> str:
     if command is None:
         return f"error unknown command {name!r}; try help"
     try:
-        return f"ok {command(robot, words, now_ns)}".rstrip()
+        return f"ok {command(robot, words, now_ns) or ''}".rstrip()
     except KeyError as unknown:
         names = ", ".join(wire.name for wire in robot.plant.wiring)
         return f"error no motor {unknown}; there are {names}, or all"
@@ -72,37 +73,11 @@ def execute(robot: SimulatedRobot, line: str, now_ns: int) -> str:
         return f"error {name} cannot be used like this ({mistake}); try help"
 
 
-def _reset(robot: SimulatedRobot, _words: Words, now_ns: int) -> str:
-    robot.reset(now_ns)
-    return ""
-
-
-def _brown_out(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
-    robot.brown_out(now_ns, _seconds(words, 0.05))
-    return ""
-
-
-def _cut_writes(robot: SimulatedRobot, words: Words, _now_ns: int) -> str:
+def _cut_writes(robot: SimulatedRobot, words: Words, _now_ns: int) -> None:
     board = robot.board if isinstance(robot.board, FlashWriter) else None
     if board is None:
         raise ValueError("not known of this board")
     board.cut_writes = int(words[0]) if words else 1
-    return ""
-
-
-def _hang(robot: SimulatedRobot, _words: Words, now_ns: int) -> str:
-    robot.hang(now_ns)
-    return ""
-
-
-def _mute(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
-    robot.mute(now_ns, _seconds(words))
-    return ""
-
-
-def _babble(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
-    robot.babble(now_ns, _seconds(words))
-    return ""
 
 
 def _stall(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
@@ -111,92 +86,38 @@ def _stall(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
     return f"until {now_ns + nanoseconds(for_s)}"
 
 
-def _hold(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
-    robot.hold(now_ns, _seconds(words))
-    return ""
-
-
-def _unanswered(robot: SimulatedRobot, words: Words, _now_ns: int) -> str:
+def _unanswered(robot: SimulatedRobot, words: Words, _now_ns: int) -> None:
     start, share = words[0].encode(), float(words[1])
     if not 0.0 <= share <= 1.0:
         raise ValueError(f"{share} is no share")
     robot.impairments.unanswered[start] = share
-    return ""
 
 
-def _unplug(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
-    robot.unplug(now_ns, _seconds(words) if words else None)
-    return ""
-
-
-def _replug(robot: SimulatedRobot, _words: Words, now_ns: int) -> str:
-    robot.replug(now_ns)
-    return ""
-
-
-def _loss(robot: SimulatedRobot, words: Words, _now_ns: int) -> str:
-    robot.impairments.change(loss=float(words[0]))
-    return ""
-
-
-def _corruption(robot: SimulatedRobot, words: Words, _now_ns: int) -> str:
-    robot.impairments.change(corruption=float(words[0]))
-    return ""
-
-
-def _delay(robot: SimulatedRobot, words: Words, _now_ns: int) -> str:
+def _delay(robot: SimulatedRobot, words: Words, _now_ns: int) -> None:
     delay_s = _seconds(words)
     robot.impairments.change(delay_s=delay_s, jitter_s=_seconds(words[1:], 0.0))
-    return ""
-
-
-def _chunk(robot: SimulatedRobot, words: Words, _now_ns: int) -> str:
-    robot.impairments.change(chunk_s=_seconds(words))
-    return ""
-
-
-def _clear(robot: SimulatedRobot, _words: Words, _now_ns: int) -> str:
-    robot.impairments.clear()
-    return ""
-
-
-def _tick_period(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
-    robot.set_tick_period(now_ns, _seconds(words), _seconds(words[1:], 0.0))
-    return ""
 
 
 def _fault(name: str) -> Command:
-    def command(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
-        robot.add_faults(words[0], FAULTS[name], now_ns=now_ns)
-        return ""
-
-    return command
+    return lambda robot, words, now_ns: robot.add_faults(words[0], FAULTS[name], now_ns=now_ns)
 
 
-def _crossed(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
+def _crossed(robot: SimulatedRobot, words: Words, now_ns: int) -> None:
     one, other = int(words[0]), int(words[1])
     if not (1 <= one <= CHANNELS and 1 <= other <= CHANNELS):
         raise ValueError(f"positions go from 1 to {CHANNELS}")
     robot.cross_encoders(one, other, now_ns=now_ns)
-    return ""
 
 
-def _turning(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
+def _turning(robot: SimulatedRobot, words: Words, now_ns: int) -> None:
     faults = FAULTS["turning"]
     if len(words) > 1:
         faults = msgspec.structs.replace(faults, turning_m_s=float(words[1]))
     robot.add_faults(words[0], faults, now_ns=now_ns)
-    return ""
 
 
-def _repair(robot: SimulatedRobot, words: Words, now_ns: int) -> str:
-    robot.set_faults(words[0], HEALTHY, now_ns=now_ns)
-    return ""
-
-
-def _battery(robot: SimulatedRobot, words: Words, _now_ns: int) -> str:
+def _battery(robot: SimulatedRobot, words: Words, _now_ns: int) -> None:
     robot.plant.battery_volts = _seconds(words)
-    return ""
 
 
 def _pose(robot: SimulatedRobot, _words: Words, now_ns: int) -> str:
@@ -219,25 +140,27 @@ def _seconds(words: Words, default: float | None = None) -> float:
 
 
 COMMANDS: dict[str, Command] = {
-    "reset": _reset,
-    "brown-out": _brown_out,
+    "reset": lambda robot, _, now_ns: robot.reset(now_ns),
+    "brown-out": lambda robot, words, now_ns: robot.brown_out(now_ns, _seconds(words, 0.05)),
     "cut-writes": _cut_writes,
-    "hang": _hang,
-    "mute": _mute,
-    "babble": _babble,
+    "hang": lambda robot, _, now_ns: robot.hang(now_ns),
+    "mute": lambda robot, words, now_ns: robot.mute(now_ns, _seconds(words)),
+    "babble": lambda robot, words, now_ns: robot.babble(now_ns, _seconds(words)),
     "stall": _stall,
-    "hold": _hold,
+    "hold": lambda robot, words, now_ns: robot.hold(now_ns, _seconds(words)),
     "unanswered": _unanswered,
-    "unplug": _unplug,
-    "replug": _replug,
-    "loss": _loss,
-    "corruption": _corruption,
+    "unplug": lambda robot, words, now_ns: robot.unplug(now_ns, _seconds(words) if words else None),
+    "replug": lambda robot, _, now_ns: robot.replug(now_ns),
+    "loss": lambda robot, words, _: robot.impairments.change(loss=float(words[0])),
+    "corruption": lambda robot, words, _: robot.impairments.change(corruption=float(words[0])),
     "delay": _delay,
-    "chunk": _chunk,
-    "clear": _clear,
-    "tick-period": _tick_period,
+    "chunk": lambda robot, words, _: robot.impairments.change(chunk_s=_seconds(words)),
+    "clear": lambda robot, _, __: robot.impairments.clear(),
+    "tick-period": lambda robot, words, now_ns: robot.set_tick_period(
+        now_ns, _seconds(words), _seconds(words[1:], 0.0)
+    ),
     "turning": _turning,
-    "repair": _repair,
+    "repair": lambda robot, words, now_ns: robot.set_faults(words[0], HEALTHY, now_ns=now_ns),
     "crossed": _crossed,
     "battery": _battery,
     "pose": _pose,
