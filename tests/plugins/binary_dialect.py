@@ -33,6 +33,7 @@ from yahboomd.model import ImuSensor, Kinematics, Motor
 from yahboomd.protocol.dialect import (
     Battery,
     Decoded,
+    Dialect,
     Findings,
     FramerCounters,
     Inertial,
@@ -141,16 +142,14 @@ def _track(value: SettingValue) -> str:
     return str(round(value))
 
 
-class Binary(msgspec.Struct, frozen=True, kw_only=True):
-    """The dialect as data; see :class:`~yahboomd.protocol.dialect.Dialect` for the meanings."""
+class Binary(Dialect, frozen=True, kw_only=True):
+    """The dialect as data."""
 
     name: str = "binary"
     title: str = "board of frames with a checksum"
     # As many bytes as half a frame may still wait for.
     resync: bytes = bytes(LONGEST_PAYLOAD + 5)
-    line_end: bytes = b""
     listen_ns: int = 90_000_000
-    starts_within_s: float = 0.0
     probe: bytes | None = frame(0x20)
     spacing_ns: int = 5_000_000
     totals_spacing_ns: int = 5_000_000
@@ -158,17 +157,10 @@ class Binary(msgspec.Struct, frozen=True, kw_only=True):
     answer_spacing_ns: int = 5_000_000
     baudrate: int = 115_200
     fastest_m_s: float = 1.0
-    loop_ns: int = 0
-    most_output: int = 0
     brake: bytes = frame(0x10, bytes(6))
     cut: bytes | None = frame(0x11)
     sample_period_ns: int | None = 40_000_000
     renews_with_each_line: bool = True
-    age_ns: int = 0
-    poll: bytes | None = None
-    poll_bytes: int = 0
-    arm: tuple[bytes, ...] = ()
-    disarm: tuple[bytes, ...] = ()
     battery: bytes | None = frame(0x30)
     read_settings: tuple[bytes, ...] = (frame(0x20),)
     settings: tuple[StoredSetting, ...] = (
@@ -248,12 +240,6 @@ class Binary(msgspec.Struct, frozen=True, kw_only=True):
 
     def speeds(self, units: Units) -> bytes:
         return frame(0x10, struct.pack("<3h", *(max(-32768, min(32767, each)) for each in units)))
-
-    def outputs(self, outputs: Units) -> bytes:
-        return b""
-
-    def for_profile(self, profile: MotorProfile) -> Binary:
-        return self
 
 
 BINARY = Binary()

@@ -3,14 +3,15 @@
 A dialect is a pure value: it writes and reads bytes, it does no I/O and keeps no state. It owns
 everything that is particular to its board; the rest of the house knows this file alone.
 
-A board that speaks otherwise is a folder with something that fulfils :class:`Dialect`, and a row in
+A board that speaks otherwise is a folder with a :class:`Dialect`, and a row in
 :mod:`yahboomd.protocol.registry`.
 """
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Any, Protocol, TypeAlias
+from typing import Any, Protocol, Self, TypeAlias
 
 import msgspec
 
@@ -259,151 +260,132 @@ class Findings(msgspec.Struct, frozen=True, kw_only=True):
     advice: tuple[str, ...] = ()
 
 
-class Dialect(Protocol):
-    """The interface of a dialect: data, encoders, and a decoder."""
+class Dialect(msgspec.Struct, frozen=True, kw_only=True):
+    """A dialect: data, encoders, and a decoder. A board states what it has beyond the defaults."""
 
-    @property
-    def name(self) -> str:
-        """The row of the registry, and the word in the configuration."""
+    name: str
+    """The row of the registry, and the word in the configuration."""
 
-    @property
-    def title(self) -> str:
-        """The name under which the board is sold."""
+    title: str
+    """The name under which the board is sold."""
 
     # Bytes and what they mean.
 
+    resync: bytes
+    """Brings the *board's* parser back to the start of a frame from any state.
+
+    The next command may follow at once.
+    """
+
+    line_end: bytes = b""
+    """The start of what follows a frame that is whole without it; empty where nothing does."""
+
+    @abstractmethod
     def framer(self) -> Framer:
         """A new framer, for one connection."""
 
-    @property
-    def resync(self) -> bytes:
-        """Brings the *board's* parser back to the start of a frame from any state.
-
-        The next command may follow at once.
-        """
-
-    @property
-    def line_end(self) -> bytes:
-        """The start of what follows a frame that is whole without it; empty where nothing does."""
-
+    @abstractmethod
     def decode(self, item: Any) -> Decoded:  # noqa: ANN401 - whatever its framer finds
         """Interpret an item of this dialect's framer; never raises."""
 
+    @abstractmethod
     def recognises(self, item: Any) -> bool:  # noqa: ANN401 - whatever its framer finds
         """Whether only a board of this dialect sends such an item."""
 
     # Who is there?
 
-    @property
-    def listen_ns(self) -> int:
-        """How long to wait for a board that reports unasked before asking any; 0: not at all."""
+    listen_ns: int = 0
+    """How long to wait for a board that reports unasked before asking any; 0: not at all."""
 
-    @property
-    def starts_within_s(self) -> float:
-        """The silence after it was switched on or reset; 0 for a moment."""
+    starts_within_s: float = 0.0
+    """The silence after it was switched on or reset; 0 for a moment."""
 
-    def silence(self, volts: float | None) -> str:
+    probe: bytes | None = None
+    """A question that only a board of this dialect answers with sense, and that harms none.
+
+    None where listening is enough.
+    """
+
+    def silence(self, volts: float | None) -> str:  # noqa: ARG002
         """The reason why a board that reports unasked only answers, and the remedy.
 
         Args:
             volts: The supply of its motors, where it answered with that.
         """
-
-    @property
-    def probe(self) -> bytes | None:
-        """A question that only a board of this dialect answers with sense, and that harms none.
-
-        None where listening is enough.
-        """
+        return ""
 
     # What the line bears.
 
-    @property
-    def spacing_ns(self) -> int:
-        """The least gap from frame to frame behind a command that gets no answer."""
+    spacing_ns: int
+    """The least gap from frame to frame behind a command that gets no answer."""
 
-    @property
-    def totals_spacing_ns(self) -> int:
-        """The same gap, enough while the board sends its totals alone, or nothing."""
+    totals_spacing_ns: int
+    """The same gap, enough while the board sends its totals alone, or nothing."""
 
-    @property
-    def question_spacing_ns(self) -> int:
-        """The gap from a question to a motion, where no answer came before."""
+    question_spacing_ns: int
+    """The gap from a question to a motion, where no answer came before."""
 
-    @property
-    def answer_spacing_ns(self) -> int:
-        """The gap from the end of an answer to the next frame."""
+    answer_spacing_ns: int
+    """The gap from the end of an answer to the next frame."""
 
-    @property
-    def baudrate(self) -> int:
-        """The only bits per second that it supports."""
+    baudrate: int
+    """The only bits per second that it supports."""
 
     # Stopping.
 
-    @property
-    def brake(self) -> bytes:
-        """Speed zero: the board brakes, and may hold. No proof against a runaway wheel."""
+    brake: bytes
+    """Speed zero: the board brakes, and may hold. No proof against a runaway wheel."""
 
-    @property
-    def cut(self) -> bytes | None:
-        """Power off, whatever the speed loop does: the wheels coast. None where there is none."""
+    cut: bytes | None = None
+    """Power off, whatever the speed loop does: the wheels coast. None where there is none."""
 
     # The counters.
 
-    @property
-    def sample_period_ns(self) -> int | None:
-        """The period at which the board renews its counters; None for one that is asked."""
+    sample_period_ns: int | None = None
+    """The period at which the board renews its counters; None for one that is asked."""
 
-    @property
-    def renews_with_each_line(self) -> bool:
-        """The counters are new with each line, which comes by itself every ``sample_period_ns``."""
+    renews_with_each_line: bool = False
+    """The counters are new with each line, which comes by itself every ``sample_period_ns``."""
 
-    @property
-    def age_ns(self) -> int:
-        """How old they may be when such a line leaves; 0 where they are read for it."""
+    age_ns: int = 0
+    """How old they may be when such a line leaves; 0 where they are read for it."""
 
-    @property
-    def poll(self) -> bytes | None:
-        """Asks for the counters once; None where they come by themselves."""
+    poll: bytes | None = None
+    """Asks for the counters once; None where they come by themselves."""
 
-    @property
-    def poll_bytes(self) -> int:
-        """Bytes on the wire of a poll, its answer and a command; 0 where nothing is asked."""
+    poll_bytes: int = 0
+    """Bytes on the wire of a poll, its answer and a command; 0 where nothing is asked."""
 
-    @property
-    def arm(self) -> tuple[bytes, ...]:
-        """Makes the board hand out its counters; lost with its reset. May be nothing.
+    arm: tuple[bytes, ...] = ()
+    """Makes the board hand out its counters; lost with its reset. May be nothing.
 
-        Each frame as often as it is to be sent.
-        """
+    Each frame as often as it is to be sent.
+    """
 
-    @property
-    def disarm(self) -> tuple[bytes, ...]:
-        """Undoes ``arm``."""
+    disarm: tuple[bytes, ...] = ()
+    """Undoes ``arm``."""
 
     # The supply, and what is stored.
 
-    @property
-    def battery(self) -> bytes | None:
-        """Asks for the voltage; None where the board does not report it, or reports it unasked."""
+    battery: bytes | None = None
+    """Asks for the voltage; None where the board does not report it, or reports it unasked."""
 
-    @property
-    def read_settings(self) -> tuple[bytes, ...]:
-        """Ask for the stored settings, one question after another; none where none are stored."""
+    read_settings: tuple[bytes, ...] = ()
+    """Ask for the stored settings, one question after another; none where none are stored."""
 
-    @property
-    def settings(self) -> tuple[StoredSetting, ...]:
-        """The table of the stored settings, in the order in which they are written."""
+    settings: tuple[StoredSetting, ...] = ()
+    """The table of the stored settings, in the order in which they are written."""
 
-    def findings(self, settings: BoardSettings, profile: MotorProfile) -> Findings:
+    def findings(self, settings: BoardSettings, profile: MotorProfile) -> Findings:  # noqa: ARG002
         """The meaning of the stored settings for these motors."""
+        return Findings()
 
     # Motion.
 
-    @property
-    def fastest_m_s(self) -> float:
-        """The fastest rim speed that any of its boards takes."""
+    fastest_m_s: float
+    """The fastest rim speed that any of its boards takes."""
 
+    @abstractmethod
     def motion(
         self,
         kinematics: Kinematics,
@@ -422,6 +404,7 @@ class Dialect(Protocol):
             BoardError: The stored settings leave unknown how fast it would turn them.
         """
 
+    @abstractmethod
     def speeds(self, units: Units) -> bytes:
         """Command a motion.
 
@@ -429,20 +412,20 @@ class Dialect(Protocol):
             units: As :class:`Motion` gives them; clamped to what the board takes.
         """
 
-    @property
-    def loop_ns(self) -> int:
-        """The period of the board's speed loops; 0 where nothing is known of them."""
+    loop_ns: int = 0
+    """The period of the board's speed loops; 0 where nothing is known of them."""
 
-    @property
-    def most_output(self) -> int:
-        """The largest of :meth:`outputs`; 0 where motors cannot be driven without regulation."""
+    most_output: int = 0
+    """The largest of :meth:`outputs`; 0 where motors cannot be driven without regulation."""
 
-    def outputs(self, outputs: Units) -> bytes:
+    def outputs(self, outputs: Units) -> bytes:  # noqa: ARG002
         """Drive the motors without regulation: they turn though no encoder works.
 
         Args:
             outputs: One for each position, in the unit of the stored dead zone; clamped.
         """
+        return b""
 
-    def for_profile(self, profile: MotorProfile) -> Dialect:
+    def for_profile(self, profile: MotorProfile) -> Self:  # noqa: ARG002
         """The same dialect, for boards that must be sent the motor type at each start."""
+        return self

@@ -9,13 +9,12 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Final
 
-import msgspec
-
 from yahboomd.model import Kinematics, Motor
 from yahboomd.protocol.dialect import (
     Battery,
     Decoded,
     Deltas,
+    Dialect,
     Findings,
     Speeds,
     Units,
@@ -71,8 +70,8 @@ _FRAMES: Final[Meanings] = {
 }
 
 
-class Streamed(msgspec.Struct, frozen=True, kw_only=True):
-    """The dialect as data; see :class:`~yahboomd.protocol.dialect.Dialect` for the meanings."""
+class Streamed(Dialect, frozen=True, kw_only=True):
+    """The board as it is sold."""
 
     name: str = "streamed"
     title: str = TITLE
@@ -87,18 +86,12 @@ class Streamed(msgspec.Struct, frozen=True, kw_only=True):
     loop_ns: int = 10_000_000
     most_output: int = MAX_PWM
     line_end: bytes = b"\r\n"
-    listen_ns: int = 0
-    starts_within_s: float = 0.0
     sample_period_ns: int | None = 10_000_000
-    renews_with_each_line: bool = False
-    age_ns: int = 0
     brake: bytes = _BRAKE
     # The speed loop is incremental: with target 0 and a dead encoder it keeps its last output, so
     # only this one stops every wheel.
     cut: bytes | None = _CUT
     probe: bytes | None = b"$read_flash#"
-    poll: bytes | None = None
-    poll_bytes: int = 0
     arm: tuple[bytes, ...] = (b"$upload:1,0,0#",)
     disarm: tuple[bytes, ...] = (_STREAMS_OFF,)
     battery: bytes | None = b"$read_vol#"
@@ -125,10 +118,6 @@ class Streamed(msgspec.Struct, frozen=True, kw_only=True):
         """Any line or frame that has a meaning: other boards send neither."""
         return not isinstance(self.decode(item), Unrecognised)
 
-    def silence(self, volts: float | None) -> str:  # noqa: ARG002 (the seam's shape)
-        """Nothing: it reports because it is asked to."""
-        return ""
-
     def findings(self, settings: BoardSettings, profile: MotorProfile) -> Findings:
         """The meaning of the stored settings for these motors."""
         return findings(settings, profile)
@@ -143,7 +132,3 @@ class Streamed(msgspec.Struct, frozen=True, kw_only=True):
     ) -> PerMotor:
         """A speed for each motor, as the board's settings make it count."""
         return motion(kinematics, motors, settings, scale=scale, max_command=MAX_SPEED)
-
-    def for_profile(self, profile: MotorProfile) -> Streamed:  # noqa: ARG002 (the seam's shape)
-        """Return the dialect itself: the motor type is in the board's flash."""
-        return self

@@ -10,11 +10,9 @@ from __future__ import annotations
 import operator
 from typing import Final
 
-import msgspec
-
 from yahboomd.errors import BoardError
 from yahboomd.model import Kinematics, Motor
-from yahboomd.protocol.dialect import Decoded, Findings, Units, Unrecognised, VersionLine
+from yahboomd.protocol.dialect import Decoded, Dialect, Findings, Units, Unrecognised, VersionLine
 from yahboomd.protocol.profiles import MotorProfile
 from yahboomd.protocol.rosmaster.cars import CARS, Body, Steered, body, steered
 from yahboomd.protocol.rosmaster.functions import (
@@ -42,14 +40,13 @@ REPORT_NS: Final = 41_000_000
 """The cycle of its reports; each of the four kinds comes once."""
 
 
-class Rosmaster(msgspec.Struct, frozen=True, kw_only=True):
-    """The dialect as data; see :class:`~yahboomd.protocol.dialect.Dialect` for the meanings."""
+class Rosmaster(Dialect, frozen=True, kw_only=True):
+    """The board of the cars."""
 
     name: str = "rosmaster"
     title: str = "Yahboom Rosmaster expansion board"
     baudrate: int = 115_200
     resync: bytes = RESYNC
-    line_end: bytes = b""
     listen_ns: int = 100_000_000
     starts_within_s: float = 12.0
     probe: bytes | None = request(VERSION)
@@ -65,10 +62,7 @@ class Rosmaster(msgspec.Struct, frozen=True, kw_only=True):
     renews_with_each_line: bool = True
     # It reads its encoders every 10 ms, by another clock than its reports.
     age_ns: int = 10_000_000
-    poll: bytes | None = None
-    poll_bytes: int = 0
     arm: tuple[bytes, ...] = (frame(AUTO_REPORT, 1, IN_MEMORY),)
-    disarm: tuple[bytes, ...] = ()
     battery: bytes | None = request(AUTO_REPORT)
     read_settings: tuple[bytes, ...] = READ_SETTINGS
     settings: tuple[StoredSetting, ...] = TABLE
@@ -144,7 +138,3 @@ class Rosmaster(msgspec.Struct, frozen=True, kw_only=True):
     def outputs(self, outputs: Units) -> bytes:
         """Open loop, as shares of 100 of what lies above the board's own dead zone."""
         return open_loop(tuple(map(operator.index, outputs)))
-
-    def for_profile(self, profile: MotorProfile) -> Rosmaster:  # noqa: ARG002 (the seam's shape)
-        """Itself: the car type lives in the board's flash."""
-        return self
