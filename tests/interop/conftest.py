@@ -104,15 +104,15 @@ def spoken() -> dict[str, Spoken]:
         ),
         "/battery_state": Spoken(
             ros2.BATTERY_STATE,
-            cdr.battery_state("odom", location="deck", serial_number="7")(stamp_ns, 12.25, 0.75),
+            cdr.battery_state("odom")(stamp_ns, 12.25, 0.75),
             {
                 "header": header,
                 "voltage": 12.25,
                 "percentage": 0.75,
                 "present": True,
                 "cell_voltage": [],
-                "location": "deck",
-                "serial_number": "7",
+                "location": "",
+                "serial_number": "",
             },
         ),
         "/diagnostics": Spoken(

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, TypeAlias
 
 HEADER_LE = b"\x00\x01\x00\x00"
 """Representation CDR_LE, and two bytes of options, zero."""
@@ -25,7 +25,6 @@ _F32_MAX = 3.4028234663852886e38
 _ORDERS = {b"\x00\x00": ">", b"\x00\x01": "<"}
 _TWISTS = {order: struct.Struct(f"{order}6d") for order in "<>"}
 _STAMPS = {order: struct.Struct(f"{order}iII") for order in "<>"}
-_NAN = math.nan
 
 
 class Velocity(NamedTuple):
@@ -48,54 +47,24 @@ class Diagnostic(NamedTuple):
     values: Sequence[tuple[str, str]]
 
 
-class OdometryEncoder(Protocol):
-    """Encodes a pose (position, quaternion: 7 numbers), a twist (6), and 36 covariances of each."""
+Numbers: TypeAlias = Sequence[float]
 
-    def __call__(  # noqa: D102
-        self,
-        stamp_ns: int,
-        pose: Sequence[float],
-        pose_covariance: Sequence[float],
-        twist: Sequence[float],
-        twist_covariance: Sequence[float],
-    ) -> bytes: ...
+OdometryEncoder: TypeAlias = Callable[[int, Numbers, Numbers, Numbers, Numbers], bytes]
+"""Encodes a stamp (Unix ns, as in all of these), a pose (position, quaternion: 7 numbers), its 36
+covariances, a twist (6), and its 36."""
 
+TransformsEncoder: TypeAlias = Callable[[int, Sequence[Numbers]], bytes]
+"""Encodes one transform (translation, quaternion: 7 numbers) for each pair of frames."""
 
-class TransformsEncoder(Protocol):
-    """Encodes one transform (translation, quaternion: 7 numbers) for each pair of frames."""
+JointEncoder: TypeAlias = Callable[[int, Numbers, Numbers], bytes]
+"""Encodes one angle and one angular speed for each joint."""
 
-    def __call__(self, stamp_ns: int, transforms: Sequence[Sequence[float]]) -> bytes: ...  # noqa: D102
+ImuEncoder: TypeAlias = Callable[[int, Numbers, Numbers, Numbers], bytes]
+"""Encodes an orientation (4 numbers), a rate of turn and an acceleration (3 each), each with its 9
+covariances behind it."""
 
-
-class JointEncoder(Protocol):
-    """Encodes one angle and one angular speed for each joint."""
-
-    def __call__(  # noqa: D102
-        self, stamp_ns: int, position_rad: Sequence[float], velocity_rad_s: Sequence[float]
-    ) -> bytes: ...
-
-
-class ImuEncoder(Protocol):
-    """Encodes an orientation (4 numbers), a rate of turn and an acceleration (3 each).
-
-    Behind each are its 9 covariances.
-    """
-
-    def __call__(  # noqa: D102
-        self,
-        stamp_ns: int,
-        orientation: Sequence[float],
-        turn_rad_s: Sequence[float],
-        acceleration_m_s2: Sequence[float],
-    ) -> bytes: ...
-
-
-class BatteryEncoder(Protocol):
-    """Encodes a voltage and, where it is known, the charge from 0 to 1."""
-
-    def __call__(  # noqa: D102
-        self, stamp_ns: int, volts: float, percentage: float = ..., *, present: bool = ...
-    ) -> bytes: ...
+BatteryEncoder: TypeAlias = Callable[[int, float, float], bytes]
+"""Encodes a voltage, and the charge from 0 to 1; NaN where that is not known."""
 
 
 class Layout:
@@ -191,21 +160,10 @@ def odometry(frame_id: str, child_frame_id: str) -> OdometryEncoder:
     constants = (len(frame) + 1, frame, len(child) + 1, child)
 
     def encode(
-        stamp_ns: int,
-        pose: Sequence[float],
-        pose_covariance: Sequence[float],
-        twist: Sequence[float],
-        twist_covariance: Sequence[float],
+        stamp_ns: int, pose: Numbers, pose_36: Numbers, twist: Numbers, twist_36: Numbers
     ) -> bytes:
-        return pack(
-            HEADER_LE,
-            *stamp(stamp_ns),
-            *constants,
-            *pose,
-            *pose_covariance,
-            *twist,
-            *twist_covariance,
-        )
+        measured = (*pose, *pose_36, *twist, *twist_36)
+        return pack(HEADER_LE, *stamp(stamp_ns), *constants, *measured)
 
     return encode
 
@@ -223,7 +181,7 @@ def transforms(frames: Sequence[tuple[str, str]]) -> TransformsEncoder:
         names.append((len(one) + 1, one, len(two) + 1, two))
     pack = layout.packer()
 
-    def encode(stamp_ns: int, transforms: Sequence[Sequence[float]]) -> bytes:
+    def encode(stamp_ns: int, transforms: Sequence[Numbers]) -> bytes:
         time = stamp(stamp_ns)
         values: list[int | bytes | float] = []
         for constants, transform in zip(names, transforms, strict=True):
@@ -245,19 +203,9 @@ def joint_state(frame_id: str, names: Sequence[str]) -> JointEncoder:
     layout.add("I", 4).add("d", 8, count).add("I", 4).add("d", 8, count).add("I", 4)
     pack = layout.packer()
 
-    def encode(
-        stamp_ns: int, position_rad: Sequence[float], velocity_rad_s: Sequence[float]
-    ) -> bytes:
-        return pack(
-            HEADER_LE,
-            *stamp(stamp_ns),
-            *constants,
-            count,
-            *position_rad,
-            count,
-            *velocity_rad_s,
-            0,
-        )
+    def encode(stamp_ns: int, position_rad: Numbers, velocity_rad_s: Numbers) -> bytes:
+        measured = (count, *position_rad, count, *velocity_rad_s, 0)
+        return pack(HEADER_LE, *stamp(stamp_ns), *constants, *measured)
 
     return encode
 
@@ -267,39 +215,28 @@ def imu(frame_id: str) -> ImuEncoder:
     frame = frame_id.encode()
     pack = Layout().add("I", 4, 2).text(frame).add("d", 8, 37).packer()
 
-    def encode(
-        stamp_ns: int,
-        orientation: Sequence[float],
-        turn_rad_s: Sequence[float],
-        acceleration_m_s2: Sequence[float],
-    ) -> bytes:
-        measured = (*orientation, *turn_rad_s, *acceleration_m_s2)
+    def encode(stamp_ns: int, orientation: Numbers, turn: Numbers, acceleration: Numbers) -> bytes:
+        measured = (*orientation, *turn, *acceleration)
         return pack(HEADER_LE, *stamp(stamp_ns), len(frame) + 1, frame, *measured)
 
     return encode
 
 
-def battery_state(frame_id: str, *, location: str = "", serial_number: str = "") -> BatteryEncoder:
-    """An encoder of sensor_msgs/msg/BatteryState with a measured voltage.
+def battery_state(frame_id: str) -> BatteryEncoder:
+    """An encoder of sensor_msgs/msg/BatteryState of a battery that is there.
 
     All other fields are NaN or "unknown", as the message prescribes for unmeasured ones.
     """
-    frame, place, serial = frame_id.encode(), location.encode(), serial_number.encode()
-    pack = (
-        (Layout().add("I", 4, 2).text(frame).add("f", 4, 7).add("B", 1, 3).add("?", 1))
-        .add("I", 4, 2)
-        .text(place)
-        .text(serial)
-        .packer()
-    )
+    frame = frame_id.encode()
+    layout = Layout().add("I", 4, 2).text(frame).add("f", 4, 7).add("B", 1, 3).add("?", 1)
+    pack = layout.add("I", 4, 2).text(b"").text(b"").packer()
 
-    def encode(
-        stamp_ns: int, volts: float, percentage: float = _NAN, *, present: bool = True
-    ) -> bytes:
-        unknown = (_NAN, _NAN, _NAN, _NAN, _NAN)  # temperature to design capacity
-        measured = (_float32(volts), *unknown, _float32(percentage))
-        tail = (0, 0, 0, present, 0, 0, len(place) + 1, place, len(serial) + 1, serial)
-        return pack(HEADER_LE, *stamp(stamp_ns), len(frame) + 1, frame, *measured, *tail)
+    def encode(stamp_ns: int, volts: float, charge: float) -> bytes:
+        unknown = (math.nan,) * 5  # temperature to design capacity
+        measured = (_float32(volts), *unknown, _float32(charge))
+        cells_and_names = (0, 0, 1, b"", 1, b"")
+        status = (0, 0, 0, True, *cells_and_names)
+        return pack(HEADER_LE, *stamp(stamp_ns), len(frame) + 1, frame, *measured, *status)
 
     return encode
 

@@ -317,7 +317,7 @@ def _samples() -> dict[str, CdrSample]:
                 "location": "",
                 "serial_number": "",
             },
-            cdr.battery_state("base_link")(STAMP_NS, 11.75),
+            cdr.battery_state("base_link")(STAMP_NS, 11.75, math.nan),
         ),
         "DiagnosticArray": CdrSample(
             ros2.DIAGNOSTIC_ARRAY,
