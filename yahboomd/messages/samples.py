@@ -34,6 +34,7 @@ from yahboomd.model import (
     OdometryEstimate,
     Pose2d,
     Twist2d,
+    Vector3,
 )
 
 STAMP_NS = 1_700_000_000_123_456_789
@@ -201,11 +202,29 @@ def _velocity(vx: float, vy: float, wz: float) -> dict[str, Any]:
     return {"linear": _xyz(vx, vy, 0.0), "angular": _xyz(0.0, 0.0, wz)}
 
 
-_FORCE = [0.02**2, 0.0, 0.0, 0.0, 0.02**2, 0.0, 0.0, 0.0, 0.02**2]
+def _inertial(
+    theta: float, theta_covariance: list[float], gyro_rad_s: Vector3, about_z: float
+) -> dict[str, Any]:
+    return {
+        "header": _header("imu_link"),
+        "orientation": _rotation(theta),
+        "orientation_covariance": theta_covariance,
+        "angular_velocity": _xyz(*gyro_rad_s),
+        "angular_velocity_covariance": [1e-6, 0.0, 0.0, 0.0, 1e-6, 0.0, 0.0, 0.0, about_z],
+        "linear_acceleration": _xyz(*_IMU.acceleration_m_s2),
+        "linear_acceleration_covariance": [0.02**2, *[0.0] * 3, 0.02**2, *[0.0] * 3, 0.02**2],
+    }
+
+
+_UNMEASURED = ("temperature", "current", "charge", "capacity", "design_capacity", "percentage")
 
 
 def _samples() -> dict[str, CdrSample]:
     pose, twist, wheels = _POSE, _TWIST, _WHEELS
+    place = {
+        "pose": {"position": _xyz(pose.x, pose.y, 0.0), "orientation": _rotation(pose.theta)},
+        "covariance": list(planar.covariance(pose.covariance)),
+    }
     command = _velocity(0.5, 0.0, -0.25)
     numbers = (0.5, 0.0, 0.0, 0.0, 0.0, -0.25)
     done = "The pose was set."
@@ -224,13 +243,7 @@ def _samples() -> dict[str, CdrSample]:
             {
                 "header": _header("odom"),
                 "child_frame_id": "base_link",
-                "pose": {
-                    "pose": {
-                        "position": _xyz(pose.x, pose.y, 0.0),
-                        "orientation": _rotation(pose.theta),
-                    },
-                    "covariance": list(planar.covariance(pose.covariance)),
-                },
+                "pose": place,
                 "twist": {
                     "twist": _velocity(twist.vx, twist.vy, twist.wz),
                     "covariance": list(planar.covariance(twist.covariance)),
@@ -269,32 +282,15 @@ def _samples() -> dict[str, CdrSample]:
         ),
         "Imu": CdrSample(
             ros2.IMU,
-            {
-                "header": _header("imu_link"),
-                "orientation": _rotation(_IMU.theta),
-                "orientation_covariance": [1e6, 0.0, 0.0, 0.0, 1e6, 0.0, 0.0, 0.0, 4e-4],
-                "angular_velocity": _xyz(0.0, 0.0, -0.28125),
-                "angular_velocity_covariance": [
-                    *(1e-6, 0.0, 0.0),
-                    *(0.0, 1e-6, 0.0),
-                    *(0.0, 0.0, 1e-6 + 1e-8),
-                ],
-                "linear_acceleration": _xyz(*_IMU.acceleration_m_s2),
-                "linear_acceleration_covariance": _FORCE,
-            },
+            _inertial(
+                *(_IMU.theta, [1e6, 0.0, 0.0, 0.0, 1e6, 0.0, 0.0, 0.0, 4e-4]),
+                *((0.0, 0.0, -0.28125), 1e-6 + 1e-8),
+            ),
             planar.imu("imu_link")(STAMP_NS, _IMU_ESTIMATE),
         ),
         "Imu_raw": CdrSample(
             ros2.IMU,
-            {
-                "header": _header("imu_link"),
-                "orientation": _rotation(0.0),
-                "orientation_covariance": [-1.0, *[0.0] * 8],
-                "angular_velocity": _xyz(*_IMU.gyro_rad_s),
-                "angular_velocity_covariance": [1e-6, 0.0, 0.0, 0.0, 1e-6, 0.0, 0.0, 0.0, 1e-6],
-                "linear_acceleration": _xyz(*_IMU.acceleration_m_s2),
-                "linear_acceleration_covariance": _FORCE,
-            },
+            _inertial(0.0, [-1.0, *[0.0] * 8], _IMU.gyro_rad_s, 1e-6),
             planar.imu_raw("imu_link")(STAMP_NS, _IMU_ESTIMATE),
         ),
         "BatteryState": CdrSample(
@@ -302,12 +298,7 @@ def _samples() -> dict[str, CdrSample]:
             {
                 "header": _header("base_link"),
                 "voltage": 11.75,
-                "temperature": math.nan,
-                "current": math.nan,
-                "charge": math.nan,
-                "capacity": math.nan,
-                "design_capacity": math.nan,
-                "percentage": math.nan,
+                **dict.fromkeys(_UNMEASURED, math.nan),
                 "power_supply_status": 0,
                 "power_supply_health": 0,
                 "power_supply_technology": 0,
@@ -333,13 +324,7 @@ def _samples() -> dict[str, CdrSample]:
             ros2.POSE,
             {
                 "header": _header("odom"),
-                "pose": {
-                    "pose": {
-                        "position": _xyz(pose.x, pose.y, 0.0),
-                        "orientation": _rotation(pose.theta),
-                    },
-                    "covariance": list(planar.covariance(pose.covariance)),
-                },
+                "pose": place,
             },
             pose_message(
                 STAMP_NS,

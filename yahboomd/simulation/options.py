@@ -169,47 +169,39 @@ class SimulationOptions(msgspec.Struct, frozen=True, kw_only=True):
         return self.lines * self.ratio * 4.0
 
 
+_POSITIVE = (
+    *("lines", "ratio", "wheel_radius_m", "wheel_separation_m", "wheel_base_m", "sideways"),
+    *("max_speed_m_s", "time_constant_s", "rated_volts", "loop_gain", "baud"),
+)
+
+
 def check(options: SimulationOptions) -> None:
     """Refuse a robot that cannot be.
 
     Raises:
         ConfigError: Naming everything that is impossible.
     """
-    mistakes = [f"{name} must be positive, not {value}" for name, value in _impossible(options)]
+    mistakes = [
+        f"{name} must be positive, not {value}"
+        for name in _POSITIVE
+        if not 0.0 < (value := getattr(options, name)) < math.inf
+    ]
     mistakes += _wiring_mistakes(options)
     line = options.impairments
     for name, share in (("loss", line.loss), ("corruption", line.corruption)):
         if not 0.0 <= share <= 1.0:
             mistakes.append(f"{name} is a share from 0 to 1, not {share}")
-    for name, seconds in (
-        ("delay_s", line.delay_s),
-        ("jitter_s", line.jitter_s),
-        ("chunk_s", line.chunk_s),
-        ("tick_period_s", options.tick_period_s),
-        ("tick_jitter_s", options.tick_jitter_s),
-        ("start_up_s", options.start_up_s),
+    for of, names in (
+        (line, ("delay_s", "jitter_s", "chunk_s")),
+        (options, ("tick_period_s", "tick_jitter_s", "start_up_s")),
     ):
-        if not (math.isfinite(seconds) and seconds >= 0.0):
-            mistakes.append(f"{name} cannot be {seconds}")
+        mistakes += [
+            f"{name} cannot be {seconds}"
+            for name in names
+            if not 0.0 <= (seconds := getattr(of, name)) < math.inf
+        ]
     if mistakes:
         raise ConfigError(f"This robot cannot be simulated: {'; '.join(mistakes)}.")
-
-
-def _impossible(options: SimulationOptions) -> list[tuple[str, float]]:
-    numbers: tuple[tuple[str, float], ...] = (
-        ("lines", options.lines),
-        ("ratio", options.ratio),
-        ("wheel_radius_m", options.wheel_radius_m),
-        ("wheel_separation_m", options.wheel_separation_m),
-        ("wheel_base_m", options.wheel_base_m),
-        ("sideways", options.sideways),
-        ("max_speed_m_s", options.max_speed_m_s),
-        ("time_constant_s", options.time_constant_s),
-        ("rated_volts", options.rated_volts),
-        ("loop_gain", options.loop_gain),
-        ("baud", options.baud),
-    )
-    return [(name, value) for name, value in numbers if not (math.isfinite(value) and value > 0.0)]
 
 
 def _wiring_mistakes(options: SimulationOptions) -> list[str]:
