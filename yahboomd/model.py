@@ -261,8 +261,6 @@ class Event(msgspec.Struct, frozen=True, kw_only=True):
     """Something that happened once, published for people and programs.
 
     Attributes:
-        kind: What happened.
-        severity: How bad it is.
         message: One sentence: what happened, what yahboomd does, what can be done.
         wheel: The motor concerned, by name.
         data: Numbers and words that belong to it.

@@ -107,7 +107,6 @@ class Neighbour(msgspec.Struct, frozen=True, kw_only=True):
     """A session at the other end of a connection.
 
     Attributes:
-        zid: Its Zenoh id.
         kind: ``router``, ``peer`` or ``client``.
         address: Its end of the connection, such as ``tcp/127.0.0.1:7447``; empty when unknown.
     """

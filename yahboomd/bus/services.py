@@ -101,9 +101,6 @@ class Pending(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         query: The query; None where it was too large to be kept.
-        arrived_ns: When it arrived here; monotonic nanoseconds.
-        oversize: It carries more bytes than the service takes.
-        harmless: It raises no alarm.
         large: It holds one of the places of large queries, until it is answered.
     """
 

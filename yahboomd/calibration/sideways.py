@@ -27,7 +27,6 @@ class SidewaysRun:
         left: Travel to the left, metres.
         turn: Counter-clockwise turn, radians.
         measured: Metres between start and end.
-        std: The standard deviation of that.
     """
 
     ahead: Floats

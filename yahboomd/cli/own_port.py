@@ -58,9 +58,6 @@ def opener_of(port: str, config: Config, clock: Clock) -> Opener:
 def refuse_estop(port: str, config: Config, environ: Mapping[str, str]) -> None:
     """Refuse to turn wheels while an emergency stop is engaged that may be this board's.
 
-    Args:
-        config: May name the file of the emergency stop.
-
     Raises:
         Refused: One is engaged, or it cannot be seen whether one is.
     """

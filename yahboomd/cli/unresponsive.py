@@ -52,7 +52,6 @@ def measured_ports(runtime: str, *, proc: str = "/proc") -> list[str]:
 
     Args:
         runtime: ``RUNTIME_DIRECTORY``: those with another one belong to other daemons.
-        proc: Where the kernel lists processes.
     """
     running = (int(name) for name in os.listdir(proc) if name.isdigit())
     return [

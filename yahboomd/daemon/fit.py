@@ -21,7 +21,6 @@ class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         motors: The motors, in the order of the geometry's wheels.
-        profile: The motors' kind.
         command_scale: Multiplier on command units.
         linear: Limits of vx and vy.
         angular: Limits of wz.
@@ -31,7 +30,6 @@ class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
         min_speed_m_s: Commands below it prove nothing about counts that stay away.
         period_s: From one control step to the next.
         blind_s: Without counts for so long it stands: unseen wheels are not driven.
-        mounting: How the inertial sensor is mounted.
         release: The command of a terminal that releases this robot's e-stop.
     """
 

@@ -28,12 +28,7 @@ from yahboomd.messages.ros2 import Qos
 
 
 class Output(msgspec.Struct, frozen=True, kw_only=True):
-    """A key on which yahboomd publishes a native message.
-
-    Attributes:
-        message: What it carries.
-        when: When it is published.
-    """
+    """A key on which yahboomd publishes a native message."""
 
     message: type[msgspec.Struct]
     when: str
@@ -45,7 +40,6 @@ class Input(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         messages: What it takes, in JSON or MessagePack.
         ros_types: What it takes in CDR.
-        does: What a sample does.
     """
 
     messages: tuple[type[msgspec.Struct], ...]
@@ -59,7 +53,6 @@ class Offer(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         request: What the query carries; None where it needs no payload.
         ros_type: The ROS 2 service that it is; empty where it is none.
-        does: What it does.
         wildcards: Whether a query by a key expression with wildcards is answered.
     """
 
@@ -70,13 +63,7 @@ class Offer(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RosTopic(msgspec.Struct, frozen=True, kw_only=True):
-    """A topic that yahboomd publishes for ROS 2, in CDR.
-
-    Attributes:
-        ros_type: Its type.
-        when: When it is published.
-        qos: As ROS 2 sees it.
-    """
+    """A topic that yahboomd publishes for ROS 2, in CDR."""
 
     ros_type: str
     when: str

@@ -57,7 +57,6 @@ class Operator:
         """Engage the emergency stop. Returns what was done.
 
         Args:
-            by: Who or what asked for it.
             times: How often it was asked for since the last call.
             unread: How often by something so long that it was not read.
         """

@@ -48,7 +48,6 @@ def hints(
     Args:
         path: The port that was to be used; empty where none was found.
         heard: What came from the port, if it was open.
-        sysfs: Where the kernel lists USB devices.
     """
     if isinstance(error, PortMissing):
         return _missing(str(error), path, found, sysfs)

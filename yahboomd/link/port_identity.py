@@ -36,7 +36,6 @@ def identify(status: os.stat_result, *, sysfs: str = SYSFS) -> Device:
 
     Args:
         status: As from ``os.fstat`` or ``os.stat``.
-        sysfs: Where the kernel shows its devices.
     """
     node = f"{status.st_dev}:{status.st_ino}"
     if is_pseudo(status.st_rdev):

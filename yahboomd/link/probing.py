@@ -115,9 +115,6 @@ def compare(before: Counts | None, after: Counts | None, *, banner: bool) -> Reo
 async def reopen(opener: Opener, clock: Clock, before: Examination) -> Reopening:
     """Open the port once more, after it was closed, and look at the counters.
 
-    Args:
-        before: What was found before it was closed.
-
     Raises:
         LinkError: The port cannot be had, or went away.
     """

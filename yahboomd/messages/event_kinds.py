@@ -179,8 +179,6 @@ class KindInfo(msgspec.Struct, frozen=True):
     """One kind of event.
 
     Attributes:
-        severities: The severities that it is published with.
-        when: When it is published.
         message: Its message: :class:`EventSample` where it has no ``data``.
         wheel: Whether it may name a motor.
     """

@@ -136,7 +136,6 @@ def bridge_token(
     """The token that announces a topic or a service to every bridge.
 
     Args:
-        kind: Our role on this key.
         key: The plain key, with namespaces, such as ``bot1/odom``.
         qos: Becomes that of the DDS writer or reader; services have none.
         distro: Decides whether there is a type hash.
@@ -197,7 +196,6 @@ def endpoint_token(
     """The token that puts a publisher, a subscriber or a service into the graph.
 
     Args:
-        kind: The endpoint's role.
         entity: Its number, from 1 on, different from all others of the session.
         topic: Fully qualified, without slashes at its ends.
         qos: As the endpoint announces it.

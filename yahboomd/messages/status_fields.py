@@ -22,10 +22,7 @@ class StatusField(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         name: Its key in the group.
-        group: Where it is.
-        kind: Counter, gauge or text.
         unit: ``s``, ``ns``, ``V``, ``mm``, ``rad/s``, ``bytes``; empty for a plain number, a text.
-        meaning: Its meaning, in one phrase.
         absent: When it is missing; empty if it is present from the first status on.
         per: The keys of a map, such as ``source``; empty for a single value.
     """

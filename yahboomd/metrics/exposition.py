@@ -34,7 +34,6 @@ class Family:
     Args:
         name: Without the suffix of its kind, with its unit at the end.
         kind: Counter, gauge, or an info, whose labels carry the information.
-        meaning: One phrase.
         unit: A base unit in the plural, such as ``seconds``; empty for a plain number.
     """
 

@@ -52,8 +52,6 @@ class RobotFacts(msgspec.Struct, frozen=True, kw_only=True):
         name: Its namespace, or ``yahboomd``.
         status: The newest status; None unless its daemon is alive.
         status_age_s: Seconds since the newest status arrived; None before the first.
-        twist: The newest twist.
-        wheels: The newest wheels.
         events: Events since this process began to listen, by kind and severity.
         unreadable: Statuses, answers and events that could not be decoded.
     """

@@ -46,8 +46,6 @@ class FramerCounters(msgspec.Struct, kw_only=True):
 
     Attributes:
         bytes: All that came in.
-        frames: Frames handed out.
-        lines: Text lines handed out.
         blank_bytes: Line ends behind frames, and empty lines.
         discarded_bytes: Bytes that belonged to nothing whole.
         broken_frames: Frames without their end, or with a checksum that is not theirs.
@@ -93,21 +91,13 @@ class Totals(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Deltas(msgspec.Struct, frozen=True, kw_only=True):
-    """The counts of the latest 10 ms. They repeat and skip: never integrate them.
-
-    Attributes:
-        ticks: Positions 1 to 4.
-    """
+    """The counts of the latest 10 ms. They repeat and skip: never integrate them."""
 
     ticks: Counts
 
 
 class Speeds(msgspec.Struct, frozen=True, kw_only=True):
-    """The rim speeds that the board itself believes.
-
-    Attributes:
-        mm_s: Millimetres per second, positions 1 to 4.
-    """
+    """The rim speeds that the board itself believes."""
 
     mm_s: FourFloats
 
@@ -119,14 +109,7 @@ class Battery(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Inertial(msgspec.Struct, frozen=True, kw_only=True):
-    """A sample of the board's inertial sensor, along the sensor's own axes.
-
-    Attributes:
-        sensor: What it was measured with.
-        gyro_rad_s: Rate of turn about x, y and z.
-        acceleration_m_s2: Specific force along x, y and z.
-        magnetic_t: The magnetic field in tesla; None where there is no magnetometer.
-    """
+    """A sample of the board's inertial sensor, along the sensor's own axes."""
 
     sensor: ImuSensor
     gyro_rad_s: Vector3
@@ -140,7 +123,6 @@ class Reply(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         command: The command's name as it is sent, or ``""`` for a refusal that names none.
         ok: Whether it was accepted. A value that the board accepts may still be nonsense.
-        text: The answer, word for word.
         settings_follow: The stored settings come next, the firmware's version among them.
     """
 
@@ -183,30 +165,19 @@ class CommandLost(msgspec.Struct, frozen=True, kw_only=True):
     """The board did not carry out a command: it does not know it, or it has lost it.
 
     It says the same for both, and does not say which command; sending again tells.
-
-    Attributes:
-        text: The complaint, word for word.
     """
 
     text: str
 
 
 class Unused(msgspec.Struct, frozen=True, kw_only=True):
-    """Something whole that yahboomd knows and makes no use of.
-
-    Attributes:
-        text: What it says, to show.
-    """
+    """Something whole that yahboomd knows and makes no use of."""
 
     text: str
 
 
 class Unrecognised(msgspec.Struct, frozen=True, kw_only=True):
-    """Something whole that means nothing in this dialect: corrupted, or new to us.
-
-    Attributes:
-        text: The line or the frame, to show.
-    """
+    """Something whole that means nothing in this dialect: corrupted, or new to us."""
 
     text: str
 

@@ -19,7 +19,6 @@ class PerMotor(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         units_per_m_s: For each motor, command units for 1 m/s at the rim.
-        wheel_limits: The fastest that the command range lets each wheel turn, m/s.
     """
 
     motors: tuple[Motor, ...]
@@ -31,12 +30,6 @@ class PerMotor(msgspec.Struct, frozen=True, kw_only=True):
 
         Rounded to the nearest unit. The board's range is not this function's: wheels are
         desaturated before, and the dialect clamps.
-
-        Args:
-            speeds: Rim speed of each *wheel*, m/s.
-
-        Raises:
-            ValueError: A command is not a finite number.
         """
         commands = [0] * CHANNELS
         for motor, units in zip(self.motors, self.units_per_m_s, strict=True):

@@ -22,9 +22,6 @@ class Board(Protocol):
 
     Moments only grow. Nothing happens in between calls: what was due is done, at its own exact
     time, by the next :meth:`step`.
-
-    Attributes:
-        emit: Where its bytes go.
     """
 
     emit: Emit

@@ -60,11 +60,7 @@ def shares(
 
 
 class Chassis:
-    """The pose of the base, moved by the rims.
-
-    Args:
-        parts: The share of each motor.
-    """
+    """The pose of the base, moved by the rims."""
 
     def __init__(self, parts: tuple[Share, ...]) -> None:
         self._parts = parts

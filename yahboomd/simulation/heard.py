@@ -26,11 +26,7 @@ class Heard(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class HeardWriter:
-    """Writes the bytes of the host to a file; :meth:`write` is what a port's ``on_heard`` takes.
-
-    Args:
-        path: The file, replaced at :meth:`open`.
-    """
+    """Writes the bytes of the host to a file; :meth:`write` is what a port's ``on_heard`` takes."""
 
     def __init__(self, path: Path) -> None:
         self._lines = LinesWriter(path)

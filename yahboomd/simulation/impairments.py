@@ -20,9 +20,6 @@ class Impairments:
         stalled_until_ns: Until then the adapter takes no output of the host.
         held_until_ns: Until then the adapter keeps what the board says, and then delivers it all.
         unanswered: Answers of the board that begin so are lost, each with its probability.
-
-    Args:
-        random: Decides what happens to which byte.
     """
 
     def __init__(self, settings: ImpairmentOptions, random: Random) -> None:

@@ -106,9 +106,7 @@ class ImuSample(NamedTuple):
     """The sensor's output, along its own axes, before the board rounds it to its units.
 
     Attributes:
-        gyro_rad_s: Rate of turn.
         acceleration_m_s2: Specific force: at rest, gravity upward.
-        magnetic_t: The magnetic field.
     """
 
     gyro_rad_s: Vector3
@@ -118,9 +116,6 @@ class ImuSample(NamedTuple):
 
 class Imu:
     """A sensor in the middle between the wheels.
-
-    Args:
-        random: Draws what this one is like, and its noise.
 
     Attributes:
         forced_gyro_rad_s: What the gyro shows instead of its measurement, along its own axes;

@@ -26,8 +26,6 @@ class MotorLaw(msgspec.Struct, frozen=True, kw_only=True):
         dead_zone: Output at and below which it does not turn, in PWM units.
         time_constant_s: Lag while it is driven.
         ticks_per_metre: Counts per metre of rim travel.
-        command_sign: -1 where a positive output turns the wheel backward.
-        encoder_sign: -1 where the counts fall while the wheel rolls forward.
     """
 
     max_speed_m_s: float

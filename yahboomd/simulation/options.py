@@ -102,7 +102,6 @@ class SimulationOptions(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         dialect: Which board it is: a row of :data:`yahboomd.simulation.boards.BOARDS`.
-        drive: The geometry.
         wiring: The motors; None takes the usual ones of the drive.
         motor_type: What the motors are (1: 520), whatever the board was set to.
         lines: Encoder lines per turn of the motor.

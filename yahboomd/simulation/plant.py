@@ -18,11 +18,7 @@ SAG_V = 0.15
 
 
 class Plant:
-    """Motors by their position on the board, the chassis under them, and the battery.
-
-    Args:
-        random: Decides where between two counts each encoder starts.
-    """
+    """Motors by their position on the board, the chassis under them, and the battery."""
 
     def __init__(self, options: SimulationOptions, random: Random) -> None:
         self.wiring: tuple[Wiring, ...] = options.motors

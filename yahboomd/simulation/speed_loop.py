@@ -30,9 +30,6 @@ class Tuning(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         mm_s_per_tick: Rim speed that one count in 10 ms stands for; 0 where the settings hold a
             zero, and the board measures nothing.
-        p: Proportional gain.
-        i: Integral gain.
-        d: Differential gain.
         dead_zone: PWM units added to the loop's output.
         frozen: The loop does not run, outputs stay.
         inverted: Outputs go out with the other sign, as for motors of another type.

@@ -23,8 +23,6 @@ class TruthSample(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         t_ns: Monotonic nanoseconds.
-        x: Metres.
-        y: Metres.
         theta: Radians, not wrapped.
         vx: m/s, in the base frame.
         vy: m/s, in the base frame.
@@ -52,11 +50,7 @@ class TruthSample(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class TruthWriter(LinesWriter):
-    """Writes samples to a file; :meth:`write` is what a robot's ``on_truth`` takes.
-
-    Args:
-        path: The file, replaced at :meth:`open`.
-    """
+    """Writes samples to a file; :meth:`write` is what a robot's ``on_truth`` takes."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, flush_every=FLUSH_SAMPLES)

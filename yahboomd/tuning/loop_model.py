@@ -63,8 +63,6 @@ class Step(msgspec.Struct, frozen=True, kw_only=True):
     """A measured step from rest.
 
     Attributes:
-        gains: Those of the loop.
-        target: The commanded speed.
         travel: By tick since the command, in units of speed times seconds.
         apart: Ticks from one reading of the counts to the next; between them travel was drawn as
             straight lines.

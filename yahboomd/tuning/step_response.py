@@ -76,7 +76,6 @@ def read_times(arrivals_s: Sequence[float], travel: Sequence[float], tick_s: flo
 
     Args:
         arrivals_s: When reports left; rising.
-        travel: What they say.
         tick_s: The period at which the board reads.
     """
     half = len(arrivals_s) // 2

@@ -43,7 +43,6 @@ class Suggestion(msgspec.Struct, frozen=True, kw_only=True):
     """Gains, and what the models say of them.
 
     Attributes:
-        gains: P, I, D.
         lambda_s: The time constant of the closed loop that they are made for.
         overshoot: The largest on any of the fitted motors, as a share of the step.
         settling_s: The longest; None where one does not settle.

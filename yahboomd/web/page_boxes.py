@@ -27,11 +27,7 @@ BUSY = "Too many people ask at once. Try again."
 
 
 class PageBoxes:
-    """The boxes of this machine.
-
-    Args:
-        robot: Options of every command that talks to the daemon: where it is.
-    """
+    """The boxes of this machine."""
 
     def __init__(self, clock: Clock, robot: Sequence[str]) -> None:
         self._clock = clock

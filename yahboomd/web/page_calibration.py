@@ -54,12 +54,7 @@ NOT_YOURS = "Another page leads the calibration."
 
 
 class PageCalibration:
-    """The calibration that a page leads, and what pages see of it.
-
-    Args:
-        robot: Options of every command that talks to the daemon: where it is.
-        changed: Called when there is something new to show.
-    """
+    """The calibration that a page leads, and what pages see of it."""
 
     def __init__(
         self, clock: Clock, robot: Sequence[str], source: str, changed: Callable[[], None]

@@ -52,7 +52,6 @@ class PageCommands:
     """The commands of all pages.
 
     Args:
-        put: Publishes a velocity.
         obstacle: The reason why no page can drive now, if there is one.
         changed: Called when another page has control, or none.
         lapsed: Called with the page that fell silent in mid-motion.

@@ -36,7 +36,6 @@ class Downloads:
     """The routes.
 
     Args:
-        tools: Have the recordings and the boxes.
         role: Of the person who asks; None for people without a session.
     """
 

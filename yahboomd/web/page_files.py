@@ -27,7 +27,6 @@ class PageFile(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         compressed: The content with gzip; empty where that is not smaller.
-        kind: Its media type.
         etag: Changes with the content.
     """
 

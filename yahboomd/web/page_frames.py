@@ -28,7 +28,6 @@ class Control(msgspec.Struct, frozen=True, tag="control"):
     """The page wants control, or gives it back.
 
     Attributes:
-        want: Whether it wants it.
         if_free: It came with a touch, and takes no control from another page.
     """
 

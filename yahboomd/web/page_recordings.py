@@ -41,13 +41,7 @@ GONE = "That recording does not exist any more."
 
 
 class PageRecordings:
-    """The recorder that pages start and stop, and its folder.
-
-    Args:
-        robot: Options of every command that talks to the daemon: where it is.
-        folder: Of all recordings.
-        changed: Called when there is something new to show.
-    """
+    """The recorder that pages start and stop, and its folder."""
 
     def __init__(
         self, clock: Clock, robot: Sequence[str], folder: Path, changed: Callable[[], None]

@@ -26,11 +26,7 @@ class ToolSettings(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PageTools:
-    """The tools of all pages.
-
-    Args:
-        show: Shows parts to every page.
-    """
+    """The tools of all pages."""
 
     def __init__(
         self,

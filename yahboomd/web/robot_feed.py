@@ -51,7 +51,6 @@ class RobotFeed:
 
     Args:
         changed: Called when the daemon comes, goes, or has said what robot it is.
-        happened: Called with each event.
 
     Attributes:
         known: The latest parts that hold until newer ones come, for a page that connects.

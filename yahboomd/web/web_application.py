@@ -177,11 +177,7 @@ class WebApplication:
 
 
 class Guard:
-    """Refuses what is not from our own page, and adds the headers of every answer.
-
-    Args:
-        origin: Recognises requests of the page's own.
-    """
+    """Refuses what is not from our own page, and adds the headers of every answer."""
 
     def __init__(self, application: ASGIApp, origin: RequestOrigin) -> None:
         self._application = application

@@ -30,7 +30,6 @@ class Line(NamedTuple):
     """A line of the story.
 
     Attributes:
-        at_ns: When; monotonic nanoseconds.
         what: In a word: ``event``, ``state``, ``command``, ``board``, ``sent``, ``daemon``.
     """
 

@@ -15,13 +15,7 @@ from yahboomd.errors import Refused
 
 @dataclass(frozen=True, kw_only=True)
 class Bounds:
-    """The most that the robot moves before the next question.
-
-    Attributes:
-        distance_m: How far it goes, by its counts.
-        turn_rad: How far it turns.
-        time_s: How long it lasts at most, whatever the counts say.
-    """
+    """The most that the robot moves before the next question."""
 
     distance_m: float
     turn_rad: float

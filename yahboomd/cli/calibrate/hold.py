@@ -21,7 +21,6 @@ class Hold:
 
     Args:
         clock: Of ``CLOCK_MONOTONIC``, which all processes of a machine share.
-        stop: Stops the robot at once.
     """
 
     def __init__(self, clock: Clock, stop: Callable[[], None]) -> None:

@@ -61,9 +61,6 @@ async def turn_by_hand(
 ) -> Mounted:
     """Have the robot turned, and judge what its sensor shows.
 
-    Args:
-        stream: Opens the samples, from now on.
-
     Raises:
         Refused: No samples come, or what they show cannot be trusted.
     """

@@ -32,8 +32,6 @@ def tracks(
 
     Args:
         bags: Folders of ROS 2's bags (``yahboomd record`` makes one), or files of ROS 1's.
-        config: The robot: names of joints, nominal sizes.
-        topic: Where the sensor's poses are.
         frames: Parent and child of the transform, where ``topic`` carries transforms.
 
     Raises:

@@ -36,7 +36,6 @@ def conclude(
 
     Args:
         path: The calibration file; None where there is no state directory.
-        sideways: The way of a mecanum base to the side.
 
     Raises:
         Refused: The result cannot be trusted; nothing was written.

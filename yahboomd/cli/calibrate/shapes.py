@@ -111,7 +111,6 @@ class Driver:
     """Drives legs and gathers counts.
 
     Args:
-        source: The key that it commands on.
         hold: The button that lets the robot move; None: it moves without one.
     """
 

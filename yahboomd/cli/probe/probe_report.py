@@ -22,7 +22,6 @@ class SettingRow(msgspec.Struct, frozen=True, kw_only=True):
     """One stored value beside the wanted one, in the board's units.
 
     Attributes:
-        name: What it is, in words.
         have: What the board stores; None where it did not answer.
         want: What it should store; None leaves the value alone.
         differs: Whether `probe --write` would store it.
@@ -40,8 +39,6 @@ class StoredValue(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         outcome: ``stored`` (and read back), ``refused`` by the board, or ``failed``.
-        answer: The answer of the board; empty where none came.
-        attempts: How often it was sent.
         took_s: Until it was read back.
     """
 
@@ -59,8 +56,6 @@ class Report(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
         port: The port that was probed; empty where none was found.
         device: The device behind it, where the port is a link.
         dialect: How the board is spoken to; None where none answered.
-        firmware: Its version, where known.
-        volts: The supply of its motors.
         standing: Whether the wheels were seen to stand.
         reopen: Whether the counters survive closing and opening the port; None: not tried.
         profile: The motors that the configuration names.

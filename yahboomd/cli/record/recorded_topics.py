@@ -34,7 +34,6 @@ class Recorded(msgspec.Struct, frozen=True):
     """A key of the bus and what its messages are.
 
     Attributes:
-        key: To subscribe to.
         topic: Its name in ROS 2, without a slash in front.
         message: The native message's name; empty where there is none.
         ros_type: The type of what comes in CDR; empty where there is none.
@@ -82,11 +81,7 @@ def _ros_channel(topic: str, ros_type: str, qos: Qos) -> Channel:
 
 
 def recorded(config: Config) -> list[Recorded]:
-    """Every key that a daemon with this configuration publishes and listens to.
-
-    Args:
-        config: The daemon's, for names of topics and the ways into ROS 2.
-    """
+    """Every key that a daemon with this configuration publishes and listens to."""
     found = [Recorded(key, key, message=output.message.__name__) for key, output in OUTPUTS.items()]
     for source in config.command.sources:
         stamped = source in config.ros2.stamped_commands

@@ -34,9 +34,6 @@ ANSWERED_NS = 200_000_000
 def be_a_port(recorded: list[Connection], header: Header, link: Path, *, as_json: bool) -> int:
     """Play connections on a pseudo-terminal.
 
-    Args:
-        link: The name of the port.
-
     Raises:
         ConfigError: The link cannot be made.
     """

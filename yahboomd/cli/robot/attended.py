@@ -60,10 +60,8 @@ def attend(
 
     Args:
         args: Parsed by a parser with :func:`add_robot_options`.
-        work: What to do; returns the exit status.
         source: The key to command on, where it is not the default.
         signals: These end it too, besides SIGINT, SIGTERM and SIGHUP.
-        quiet: Whether to log nothing about connections.
 
     Returns:
         What ``work`` returned; 128 and the number of the signal that ended it.

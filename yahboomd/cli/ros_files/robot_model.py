@@ -35,8 +35,6 @@ class Wheel(NamedTuple):
         joint: The joint, which turns where a motor drives it.
         x: Forward.
         y: To the left.
-        radius_m: To the rim.
-        width_m: Of the tyre.
         driven: Whether a motor drives it: the wheels that steer a car have none.
     """
 

@@ -85,7 +85,6 @@ class View(msgspec.Struct, frozen=True, kw_only=True):
         late: Pose, twist and wheels are old.
         poses_per_s: By the numbers that they carry: all of them, whether they arrive here or not.
         full_scale_m_s: The fastest that any wheel was, or was commanded to be, lately.
-        volts: Of the battery, where known.
         readings_per_s: Of the board's counters, as the daemon counts them.
         commands_per_s: Commands that the daemon received from any source.
         link: Troubles of the line.
@@ -93,7 +92,6 @@ class View(msgspec.Struct, frozen=True, kw_only=True):
         events: The newest last.
         event_age_s: Since the newest event came.
         trail: Where it has been, (x, y) in metres, the newest last.
-        unreadable: Samples that could not be read.
     """
 
     phase: Phase

@@ -84,10 +84,6 @@ class Keys:
 
     Ctrl-C stays a signal. What would suspend the process, kill it or hold its output back becomes a
     key (Ctrl-Z, Ctrl-Backslash, Ctrl-S): else it could stop no robot.
-
-    Args:
-        handler: Called on the loop with each key.
-        hung_up: Called when the terminal is gone.
     """
 
     def __init__(

@@ -167,11 +167,7 @@ def instance_name_is_good(name: str) -> bool:
 
 
 def unreachable(paths: Iterable[Path]) -> Path | None:
-    """The first path that the service's user could not read; ``None`` where all are in reach.
-
-    Args:
-        paths: Absolute paths of the program and of what it needs.
-    """
+    """The first path that the service's user could not read; ``None`` where all are in reach."""
     for path in paths:
         # Both the way that is written down and the one that links lead to.
         for way in (path, path.resolve()):

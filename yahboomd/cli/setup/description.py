@@ -31,14 +31,7 @@ LONGEST_MM = 5000.0
 
 
 class Given(msgspec.Struct, frozen=True, kw_only=True):
-    """The answers that options of the command gave, which are not asked for.
-
-    Attributes:
-        profile: The motors.
-        wheel_diameter_mm: Of the driven wheels.
-        wheel_separation_mm: From the left wheels to the right ones.
-        wheel_base_mm: From the front axle to the rear one.
-    """
+    """The answers that options of the command gave, which are not asked for."""
 
     profile: str | None = None
     kinematics: str | None = None
@@ -128,7 +121,6 @@ async def choose(person: Person, question: str, rows: Sequence[tuple[str, str]])
     """Ask for one of several, by its number or its name.
 
     Args:
-        question: A word or two.
         rows: Names, and what they mean.
     """
     width = max(len(name) for name, _ in rows)

@@ -22,9 +22,6 @@ class Argument(msgspec.Struct, frozen=True, kw_only=True):
         values: The names of its values, such as ``("FILE",)``.
         kind: What a value is, for completion.
         choices: The words that it takes, where they are known.
-        help: What it does, in one paragraph.
-        required: Whether the command needs it.
-        repeats: Whether it may be given several times.
         excludes: Options that cannot be given beside it.
     """
 
@@ -51,10 +48,7 @@ class Command(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         words: What is typed: ``("yahboomd", "config", "check")``.
         line: Its line in the list of commands.
-        description: What it does.
         epilog: Examples, exit statuses, what else is to be known.
-        groups: Its arguments.
-        commands: The commands below it.
     """
 
     words: tuple[str, ...]
@@ -87,11 +81,7 @@ class Command(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def describe(parser: argparse.ArgumentParser, line: str = "") -> Command:
-    """Read a parser.
-
-    Args:
-        parser: As argparse has it, each command of it added.
-    """
+    """Read a parser."""
     formatter = parser._get_formatter()  # noqa: SLF001 - argparse has no public way to its parts
 
     def words_of(action: argparse.Action) -> str:

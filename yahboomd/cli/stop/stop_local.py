@@ -95,8 +95,6 @@ class LocalStops:
         silent: Those that did not answer: frozen, hung, or busy for too long.
         others: Those that are not meant, and were left alone.
         unknown: Those that did not answer and may be meant or not; left alone, too.
-        answering: Those that answer.
-        wanted: Which are meant.
     """
 
     def __init__(self) -> None:

@@ -80,8 +80,6 @@ class Result(msgspec.Struct, kw_only=True):
     """The outcome of a tuning.
 
     Attributes:
-        firmware: Its version, where known.
-        volts: The supply of its motors, where known.
         speed_m_s: The step.
         stored_before: Gains and dead zone that the board stored.
         stored_now: Those that it stores now.
@@ -89,7 +87,6 @@ class Result(msgspec.Struct, kw_only=True):
         expected: The suggestion with what the models say of it.
         writes: Values written to the board's flash.
         resets: Restarts of the board that these cost.
-        notes: Sentences for the person.
         traces: Before and after: for each wheel its speeds by tick, in m/s; for pictures.
     """
 

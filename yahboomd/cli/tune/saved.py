@@ -29,7 +29,6 @@ class SavedSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     Attributes:
         made: The date and time, UTC.
         port: Of the board, as it was named or found.
-        settings: What it stored.
         finished: The tuning came to its end.
     """
 

@@ -36,15 +36,9 @@ class Topics(msgspec.Struct, frozen=True, kw_only=True):
     """The names under which samples are published. An empty topic is not published.
 
     Attributes:
-        odom: Topic of nav_msgs/Odometry.
         transform: Whether the transform from ``frame_id`` to ``child_frame_id`` goes to ``tf``.
-        joint_states: Topic of sensor_msgs/JointState.
         imu: Topic below which sensor_msgs/Imu goes, as ``data_raw`` and ``data``.
-        imu_frame_id: Its frame.
-        battery_state: Topic of sensor_msgs/BatteryState.
-        diagnostics: Topic of diagnostic_msgs/DiagnosticArray.
         frame_id: Frame of the pose, with its prefix like all frames here.
-        child_frame_id: Frame of the base.
         static: Frames for ``tf_static``, which is not published without any.
         joints: The joint of each motor, in the order of the estimates.
         radii_m: The radius of each motor's wheel.
@@ -72,7 +66,6 @@ class Spread:
     """One sample to several outlets.
 
     Args:
-        outlets: Where it goes.
         forgetful: Those of them that may lose what is latched when a program restarts.
     """
 

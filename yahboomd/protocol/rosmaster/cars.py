@@ -91,18 +91,13 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         rows: For vx (mm/s), vy (mm/s) and wz (mrad/s) the factors of each wheel's rim speed (m/s).
-        wheel_limits: The fastest that each wheel can be commanded to turn, m/s.
     """
 
     rows: tuple[tuple[float, ...], ...]
     wheel_limits: tuple[float, ...]
 
     def units(self, speeds: Sequence[float]) -> Units:
-        """The velocity of the body, in mm/s and mrad/s, that turns the wheels so.
-
-        Raises:
-            ValueError: A speed is not a finite number.
-        """
+        """The velocity of the body, in mm/s and mrad/s, that turns the wheels so."""
         if not all(map(math.isfinite, speeds)):
             raise ValueError(f"The command is {speeds}.")
         return tuple(
@@ -116,7 +111,6 @@ class Steered(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         rear: The motion of the rear wheels alone.
-        wheel_limits: The fastest that each wheel can be commanded to turn, m/s.
     """
 
     rear: Body
@@ -127,9 +121,6 @@ class Steered(msgspec.Struct, frozen=True, kw_only=True):
         """The speed in mm/s, and the angle with which the front wheels roll along the curve.
 
         With the turn in mrad/s the board would compute the angle itself, and cut its decimals.
-
-        Raises:
-            ValueError: A speed is not a finite number.
         """
         ahead_mm_s = self.rear.units(speeds)[0]
         ahead, _, turn = (_dot(row, speeds) for row in self.kinematics.forward)

@@ -23,9 +23,6 @@ class FlashContent(msgspec.Struct, frozen=True, kw_only=True):
         lines: Encoder lines per turn of the motor.
         ratio: Gear ratio, whole.
         wheel_diameter_mm: What the board takes the wheels for.
-        p: Proportional gain of the speed loop.
-        i: Integral gain.
-        d: Differential gain.
     """
 
     motor_type: int = 1
@@ -76,11 +73,7 @@ def short(value: int) -> int:
 
 
 class Refused(msgspec.Struct, frozen=True):
-    """A setting that the firmware does not take.
-
-    Attributes:
-        answer: What it says.
-    """
+    """A setting that the firmware does not take."""
 
     answer: bytes
 

@@ -57,9 +57,6 @@ class RosmasterStored(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         car_type: As :data:`CAR_TYPES` has it.
         auto_report: 1 where it reports by itself.
-        p: Proportional gain of the speed loops.
-        i: Integral gain.
-        d: Differential gain.
         imu: ``mpu9250``, ``icm20948``, or empty.
     """
 
@@ -73,9 +70,6 @@ class RosmasterStored(msgspec.Struct, frozen=True, kw_only=True):
 
 class RosmasterBoard:
     """A simulated board of the Rosmaster family.
-
-    Args:
-        random: Of the inertial sensor.
 
     Attributes:
         steering_deg: The angle of the front wheels of a car that steers, + left.
