@@ -180,8 +180,7 @@ class PageHub:
     def _handle(self, page: PageSession, frame: PageFrame) -> None:
         match frame:
             case Drive():
-                refusal = self._drive(page, frame)
-                if refusal is not None:
+                if (refusal := self._drive(page, frame)) is not None:
                     self._refuse(page, refusal)
             case Control(want=want, if_free=if_free):
                 if page.role != "driver":
@@ -190,19 +189,14 @@ class PageHub:
                     self._commands.give_back(page.number)
                 elif self._commands.driver is None or not if_free:
                     self._commands.take_control(page.number)
+            case Request() | Tool() if len(page.requests) >= MAX_REQUESTS:
+                page.queue(_answered(frame.id, ok=False, text="One thing after the other."))
             case Request():
-                if len(page.requests) < MAX_REQUESTS:
-                    self._begin(page, self._answer(page, frame))
-                else:
-                    page.queue(_answered(frame.id, ok=False, text="One thing after the other."))
+                self._begin(page, self._answer(page, frame))
             case Tool():
-                if len(page.requests) < MAX_REQUESTS:
-                    self._begin(page, self._use(page, frame))
-                else:
-                    page.queue(_answered(frame.id, ok=False, text="One thing after the other."))
+                self._begin(page, self._use(page, frame))
             case Hold():
-                refusal = self._hold(page, frame)
-                if refusal is not None:
+                if (refusal := self._hold(page, frame)) is not None:
                     self._refuse(page, refusal, "hold")
             case LetGo():
                 self.tools.calibration.let_go(page.number)

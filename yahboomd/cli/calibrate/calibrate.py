@@ -43,6 +43,7 @@ exit status:
 """
 
 _positive = number("a number above 0", lambda value: math.isfinite(value) and value > 0.0)
+_count = number("a whole number from 1 to 50", lambda n: n in range(1, 51))
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -63,61 +64,20 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="squares in both directions and a straight: the ratio of the wheels too",
         description="Squares in both directions, then a straight. Fitted jointly over all counts.",
     )
-    tape.add_argument(
-        "--turns",
-        metavar="N",
-        type=number("a whole number from 1 to 50", lambda n: n in range(1, 51)),
-        default=5,
-        help="turns in place each way (default: %(default)s)",
-    )
-    tape.add_argument(
-        "--sideways",
-        metavar="M",
-        type=_positive,
-        default=1.0,
-        help="of a mecanum base: way to the left, then to the right (default: %(default)s)",
-    )
-    squares.add_argument(
-        "--side",
-        metavar="M",
-        type=_positive,
-        default=2.0,
-        help="of a square (default: %(default)s)",
-    )
-    squares.add_argument(
-        "--count",
-        metavar="N",
-        type=number("a whole number from 1 to 50", lambda n: n in range(1, 51)),
-        default=5,
-        help="squares each way (default: %(default)s)",
-    )
-    for each, default in ((tape, 2.0), (squares, 5.0)):
-        each.add_argument(
-            "--straight",
-            metavar="M",
-            type=_positive,
-            default=default,
-            help="length of the straight run, metres (default: %(default)s)",
-        )
-        each.add_argument(
-            "--speed", metavar="M_PER_S", type=_positive, default=0.2, help="(default: %(default)s)"
-        )
-        each.add_argument(
-            "--turn-speed",
-            metavar="RAD_PER_S",
-            type=_positive,
-            default=0.8,
-            help="(default: %(default)s)",
-        )
+    _add_size(tape, "turns", "N", 5, "turns in place each way")
+    _add_size(tape, "sideways", "M", 1.0, "of a mecanum base: way to the left, then to the right")
+    _add_size(squares, "side", "M", 2.0, "of a square")
+    _add_size(squares, "count", "N", 5, "squares each way")
+    for each, metres in ((tape, 2.0), (squares, 5.0)):
+        _add_size(each, "straight", "M", metres, "length of the straight run, metres")
+        _add_size(each, "speed", "M_PER_S", 0.2)
+        _add_size(each, "turn-speed", "RAD_PER_S", 0.8)
         each.add_argument(
             "--by-hand",
             action="store_true",
             help="drive nothing: you push the robot, or drive it from elsewhere",
         )
-        each.add_argument("--dry-run", action="store_true", help="print the result, write nothing")
-        each.add_argument(
-            "--json", action="store_true", help="print the result as one line of JSON"
-        )
+        _add_result_options(each)
         add_source_option(each, "cmd_vel")
         _add_dialogue_option(each)
         each.add_argument(
@@ -142,8 +102,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         nargs=2,
         help="of the transform, where the topic carries transforms, such as map laser",
     )
-    poses.add_argument("--dry-run", action="store_true", help="print the result, write nothing")
-    poses.add_argument("--json", action="store_true", help="print the result as one line of JSON")
+    _add_result_options(poses)
     add_config_options(poses)
     imu = verbs.add_parser(
         "imu",
@@ -151,13 +110,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         description="You turn the robot by hand. Prints the section [imu] of the configuration; "
         "drives nothing and writes nothing.",
     )
-    imu.add_argument(
-        "--turns",
-        metavar="N",
-        type=number("a whole number from 1 to 50", lambda n: n in range(1, 51)),
-        default=5,
-        help="to the left (default: %(default)s)",
-    )
+    _add_size(imu, "turns", "N", 5, "to the left")
     _add_dialogue_option(imu)
     add_robot_options(imu)
     undo = verbs.add_parser(
@@ -166,6 +119,23 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         description="Take the newest calibration back; the one before it counts again.",
     )
     add_config_options(undo)
+
+
+def _add_size(
+    parser: argparse.ArgumentParser, name: str, metavar: str, default: float, words: str = ""
+) -> None:
+    parser.add_argument(
+        f"--{name}",
+        metavar=metavar,
+        type=_count if metavar == "N" else _positive,
+        default=default,
+        help=f"{words} (default: %(default)s)".lstrip(),
+    )
+
+
+def _add_result_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--dry-run", action="store_true", help="print the result, write nothing")
+    parser.add_argument("--json", action="store_true", help="print the result as one line of JSON")
 
 
 def _add_dialogue_option(parser: argparse.ArgumentParser) -> None:
