@@ -80,7 +80,7 @@ def test_without_a_link_it_names_the_systems_own_port(start: object) -> None:
         (["--plugs", "1,x"], "not '1,x'"),
         (["--plugs", "1,1"], "two motors share a position"),
         (["--do", "explode"], "unknown command 'explode'"),
-        (["--truth", "/nowhere/truth"], "cannot be written: No such file"),
+        (["--truth", "/nowhere/truth"], "cannot be written to /nowhere/truth: No such file"),
         (["--heard", "/nowhere/heard"], "The bytes of the host cannot be written"),
     ],
 )

@@ -18,8 +18,8 @@ def test_every_byte_is_read_back_while_the_file_is_still_open(
     tmp_path: Path, writer: HeardWriter
 ) -> None:
     data = bytes(range(256))
-    writer.write(data, 5)
-    writer.write(b"$spd:0,0,0,0#", 7)
+    writer.note(data, 5)
+    writer.note(b"$spd:0,0,0,0#", 7)
     first, second = read_heard(tmp_path / "heard")
     assert first.data.encode("latin-1") == data
     assert second == Heard(t_ns=7, data="$spd:0,0,0,0#")
@@ -27,7 +27,7 @@ def test_every_byte_is_read_back_while_the_file_is_still_open(
 
 
 def test_half_a_line_is_left_out(tmp_path: Path, writer: HeardWriter) -> None:
-    writer.write(b"a", 1)
+    writer.note(b"a", 1)
     with (tmp_path / "heard").open("ab") as file:
         file.write(b'{"t_ns": 2')
     assert read_heard(tmp_path / "heard") == [Heard(t_ns=1, data="a")]
@@ -36,6 +36,6 @@ def test_half_a_line_is_left_out(tmp_path: Path, writer: HeardWriter) -> None:
 
 def test_nothing_is_written_after_the_close(tmp_path: Path, writer: HeardWriter) -> None:
     writer.close()
-    writer.write(b"a", 1)
+    writer.note(b"a", 1)
     writer.close()
     assert read_heard(tmp_path / "heard") == []

@@ -229,7 +229,10 @@ async def test_control_and_truth_come_with_it_and_go_with_it(tmp_path: Path) -> 
     ("kwargs", "words"),
     [
         ({"at_start": ["explode"]}, "at the start: unknown command 'explode'"),
-        ({"truth": Path("/nowhere/truth")}, "ground truth /nowhere/truth .*: No such file"),
+        (
+            {"truth": Path("/nowhere/truth")},
+            "ground truth cannot be written to /nowhere/truth: No such file",
+        ),
         ({"control": Path("/nowhere/control")}, "control socket .*: No such file"),
     ],
 )

@@ -40,7 +40,11 @@ _SPELLED = {"p": "proportional_gain", "i": "integral_gain", "d": "derivative_gai
 _FIELDS: Mapping[tuple[str, str], StatusField] = {
     (field.group, field.name): field for field in FIELDS
 }
-_M_S = "meters_per_second"
+# The longest first: the name of a metric ends in its unit.
+_BASE_UNITS = sorted(
+    {"meters_per_second", *(unit for _, unit, _ in _UNITS.values() if unit)}, key=len, reverse=True
+)
+PREFIX = "yahboomd_"
 
 Item = TypeVar("Item")
 
@@ -70,7 +74,7 @@ def metric_name(field: StatusField) -> str:
     ending, unit, _ = _UNITS[field.unit]
     stem = _SPELLED.get(field.name, field.name.removesuffix(ending).rstrip("_"))
     group = "source" if field.group == "sources" else field.group
-    return "_".join(part for part in ("yahboomd", group, stem, unit) if part)
+    return PREFIX + "_".join(part for part in (group, stem, unit) if part)
 
 
 def add_robot(exposition: Exposition, robot: RobotFacts) -> None:
@@ -92,80 +96,55 @@ class _RobotMetrics:
 
     def add(self) -> None:
         robot, status = self._robot, self._robot.status
-        self._gauge("yahboomd_up", "1 while the daemon answers, else 0", int(status is not None))
+        self._gauge("up", "1 while the daemon answers, else 0", int(status is not None))
         if robot.status_age_s is not None:
             self._gauge(
-                "yahboomd_status_age_seconds",
-                "for how long no new status has come",
-                robot.status_age_s,
-                unit="seconds",
+                "status_age_seconds", "for how long no new status has come", robot.status_age_s
             )
         for (kind, severity), count in robot.events.items():
-            self._set(
-                "counter",
-                "yahboomd_events",
-                "events that were received",
-                count,
-                labels={"kind": kind, "severity": severity},
-            )
+            labels = {"kind": kind, "severity": severity}
+            self._set("counter", "events", "events that were received", count, labels)
         if status is not None:
             self._status(status)
             self._motion(status)
         self._gauge(
-            "yahboomd_unknown_status_fields",
+            "unknown_status_fields",
             "numbers of the status that are left out: this version does not know them",
             self._unknown,
         )
-        self._set(
-            "counter",
-            "yahboomd_unreadable_samples",
-            "statuses, answers and events that could not be read",
-            robot.unreadable,
-        )
+        words = "statuses, answers and events that could not be read"
+        self._set("counter", "unreadable_samples", words, robot.unreadable, {})
 
     def _status(self, status: StatusSample) -> None:
         self._gauge(
-            "yahboomd_status_timestamp_seconds",
+            "status_timestamp_seconds",
             "when the status was made, by the robot's clock, Unix time",
             status.stamp_ns / NS_PER_S,
-            unit="seconds",
         )
         for state in get_args(State):
-            self._gauge(
-                "yahboomd_state",
-                "1 for the state that the robot is in, 0 for the others",
-                int(state == status.state),
-                labels={"state": state},
-            )
+            words = "1 for the state that the robot is in, 0 for the others"
+            self._gauge("state", words, int(state == status.state), state=state)
         self._gauge(
-            "yahboomd_state_timestamp_seconds",
+            "state_timestamp_seconds",
             "since when it is in this state, by the robot's clock, Unix time",
             status.since_ns / NS_PER_S,
-            unit="seconds",
         )
-        self._gauge(
-            "yahboomd_estop_engaged",
-            "1 while the emergency stop is engaged",
-            int(status.state == "estopped"),
-        )
+        stopped = int(status.state == "estopped")
+        self._gauge("estop_engaged", "1 while the emergency stop is engaged", stopped)
         accounts = status.command.get("sources")
         sources = dict(accounts) if isinstance(accounts, Mapping) else {}
         if status.driver is not None:
             sources.setdefault(status.driver, {})
         for source, account in _some(sources.items()):
-            self._gauge(
-                "yahboomd_source_in_control",
-                "1 for the source of commands that has control",
-                int(source == status.driver),
-                labels={"source": source},
-            )
+            words = "1 for the source of commands that has control"
+            self._gauge("source_in_control", words, int(source == status.driver), source=source)
             if isinstance(account, Mapping):
                 self._group("sources", account, {"source": source})
         for group in ("board", "link", "command", "bus"):
             self._group(group, getattr(status, group), {})
         board = {name: str(text) for name, text in status.board.items() if _is_text("board", name)}
         if board:
-            self._set("info", "yahboomd_board", "the board", 1, labels=board)
+            self._set("info", "board", "the board", 1, board)
 
     def _group(self, group: str, values: Mapping[str, object], labels: Mapping[str, str]) -> None:
         """Every number of a group of the status."""
@@ -184,64 +163,39 @@ class _RobotMetrics:
     def _field(self, field: StatusField, value: object, labels: Mapping[str, str]) -> None:
         if not isinstance(value, int | float) or field.kind == "text":
             return
-        _, unit, factor = _UNITS[field.unit]
-        self._set(
-            field.kind, metric_name(field), field.meaning, value * factor, unit=unit, labels=labels
-        )
+        _, _, factor = _UNITS[field.unit]
+        name = metric_name(field).removeprefix(PREFIX)
+        self._set(field.kind, name, field.meaning, value * factor, labels)
 
     def _motion(self, status: StatusSample) -> None:
         twist, wheels = self._robot.twist, self._robot.wheels
         if twist is not None and status.stamp_ns - twist.stamp_ns < FRESH_NS:
             for axis, value in (("x", twist.vx), ("y", twist.vy)):
                 self._gauge(
-                    "yahboomd_twist_linear_meters_per_second",
+                    "twist_linear_meters_per_second",
                     "measured velocity of the base: x forward, y to the left",
                     value,
-                    unit=_M_S,
-                    labels={"axis": axis},
+                    axis=axis,
                 )
-            self._gauge(
-                "yahboomd_twist_angular_radians_per_second",
-                "measured turning of the base, counter-clockwise",
-                twist.wz,
-                unit="radians_per_second",
-                labels={"axis": "z"},
-            )
+            words = "measured turning of the base, counter-clockwise"
+            self._gauge("twist_angular_radians_per_second", words, twist.wz, axis="z")
         if wheels is not None and status.stamp_ns - wheels.stamp_ns < FRESH_NS:
             for name, meaning, speeds in (
-                ("yahboomd_wheel_speed_meters_per_second", "measured", wheels.speed_m_s),
-                ("yahboomd_wheel_command_meters_per_second", "commanded", wheels.command_m_s),
+                ("wheel_speed_meters_per_second", "measured", wheels.speed_m_s),
+                ("wheel_command_meters_per_second", "commanded", wheels.command_m_s),
             ):
                 for wheel, speed in _some(zip(wheels.names, speeds, strict=False)):
-                    self._gauge(
-                        name, f"{meaning} speed of the rim", speed, unit=_M_S,
-                        labels={"wheel": wheel},
-                    )  # fmt: skip
+                    self._gauge(name, f"{meaning} speed of the rim", speed, wheel=wheel)
 
-    def _gauge(
-        self,
-        name: str,
-        meaning: str,
-        value: float,
-        *,
-        unit: str = "",
-        labels: Mapping[str, str] | None = None,
-    ) -> None:
-        self._set("gauge", name, meaning, value, unit=unit, labels=labels)
+    def _gauge(self, name: str, meaning: str, value: float, **labels: str) -> None:
+        self._set("gauge", name, meaning, value, labels)
 
     def _set(
-        self,
-        kind: Kind,
-        name: str,
-        meaning: str,
-        value: float,
-        *,
-        unit: str = "",
-        labels: Mapping[str, str] | None = None,
+        self, kind: Kind, name: str, meaning: str, value: float, labels: Mapping[str, str]
     ) -> None:
-        self._exposition.family(name, kind, meaning, unit).set(
-            value, {"robot": self._robot.name, **(labels or {})}
-        )
+        unit = next((unit for unit in _BASE_UNITS if name.endswith(f"_{unit}")), "")
+        family = self._exposition.family(f"{PREFIX}{name}", kind, meaning, unit)
+        family.set(value, {"robot": self._robot.name, **labels})
 
 
 def _is_text(group: str, name: str) -> bool:

@@ -25,23 +25,12 @@ class Heard(msgspec.Struct, frozen=True, kw_only=True):
     data: str
 
 
-class HeardWriter:
-    """Writes the bytes of the host to a file; :meth:`write` is what a port's ``on_heard`` takes."""
+class HeardWriter(LinesWriter):
+    """Writes the bytes of the host to a file; :meth:`note` is what a port's ``on_heard`` takes."""
 
-    def __init__(self, path: Path) -> None:
-        self._lines = LinesWriter(path)
-
-    def open(self) -> None:
-        """Start an empty file."""
-        self._lines.open()
-
-    def write(self, data: bytes, t_ns: int) -> None:
+    def note(self, data: bytes, t_ns: int) -> None:
         """Append bytes; nothing after :meth:`close`."""
-        self._lines.write(Heard(t_ns=t_ns, data=data.decode("latin-1")))
-
-    def close(self) -> None:
-        """Close; safe to call twice."""
-        self._lines.close()
+        self.write(Heard(t_ns=t_ns, data=data.decode("latin-1")))
 
 
 def read_heard(path: Path) -> list[Heard]:

@@ -19,15 +19,18 @@ import termios
 import tty
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from yahboomd.clock import Alarm, SystemClock
 from yahboomd.errors import ConfigError
 from yahboomd.simulation.console import execute, serve_control
 from yahboomd.simulation.heard import HeardWriter
+from yahboomd.simulation.lines import LinesWriter
 from yahboomd.simulation.port_link import claim, point, unpoint
 from yahboomd.simulation.robot import SimulatedRobot
 from yahboomd.simulation.truth import TruthWriter
+
+Writer = TypeVar("Writer", bound=LinesWriter)
 
 READ_BYTES = 4096
 BACKLOG_NS = 40_000_000
@@ -294,9 +297,13 @@ async def serve(
         if link is not None:
             stack.enter_context(claim(link))
         if truth is not None:
-            stack.callback(_follow(robot, truth).close)
+            followed = _opened(TruthWriter(truth), truth, "The ground truth")
+            stack.callback(followed.close)
+            robot.on_truth = followed.write
         if heard is not None:
-            stack.callback(_listen(port, heard).close)
+            listened = _opened(HeardWriter(heard), heard, "The bytes of the host")
+            stack.callback(listened.close)
+            port.on_heard = listened.note
         port.open()
         stack.callback(port.close)
         for line in at_start:
@@ -311,25 +318,9 @@ async def serve(
         await port.ended
 
 
-def _follow(robot: SimulatedRobot, path: Path) -> TruthWriter:
-    writer = TruthWriter(path)
+def _opened(writer: Writer, path: Path, what: str) -> Writer:
     try:
         writer.open()
     except OSError as why:
-        raise ConfigError(
-            f"The ground truth {path} cannot be written: {why.strerror or why}."
-        ) from why
-    robot.on_truth = writer.write
-    return writer
-
-
-def _listen(port: PtyPort, path: Path) -> HeardWriter:
-    writer = HeardWriter(path)
-    try:
-        writer.open()
-    except OSError as why:
-        raise ConfigError(
-            f"The bytes of the host cannot be written to {path}: {why.strerror or why}."
-        ) from why
-    port.on_heard = writer.write
+        raise ConfigError(f"{what} cannot be written to {path}: {why.strerror or why}.") from why
     return writer

@@ -38,6 +38,8 @@ class SimulatedRobot:
         plant: Motors and chassis, the truth.
         board: The firmware.
         impairments: The state of the line.
+        plugged: Whether the USB plug is in; the board runs on its battery either way.
+        started: Whether its time has begun.
         on_truth: Takes a sample every 10 ms.
         on_plug: Called when the USB plug comes out (False) or goes in (True).
 
@@ -61,22 +63,12 @@ class SimulatedRobot:
         self._order = itertools.count()
         self._truth_ns = NEVER
         self._now_ns = 0
-        self._plugged = True
-        self._started = False
-
-    @property
-    def plugged(self) -> bool:
-        """Whether the USB plug is in; the board runs on its battery either way."""
-        return self._plugged
-
-    @property
-    def started(self) -> bool:
-        """Whether its time has begun."""
-        return self._started
+        self.plugged = True
+        self.started = False
 
     def start(self, now_ns: int) -> None:
         """Begin at ``now_ns``, with a board that has been on for a while."""
-        self._started = True
+        self.started = True
         self._now_ns = now_ns
         self._truth_ns = now_ns
         self.plant.start(now_ns)
@@ -86,7 +78,7 @@ class SimulatedRobot:
 
     def host_wrote(self, data: bytes, now_ns: int) -> None:
         """The host has written ``data``; the wire carries it from now on."""
-        if not self._plugged:
+        if not self.plugged:
             return
         self._run(now_ns)
         taken_ns = max(now_ns, self.impairments.stalled_until_ns)
@@ -169,8 +161,8 @@ class SimulatedRobot:
         self._run(now_ns)
         if duration_s is not None:
             self.after(now_ns + nanoseconds(duration_s), self.replug)
-        if self._plugged:
-            self._plugged = False
+        if self.plugged:
+            self.plugged = False
             self._to_board.clear()
             self._to_host.clear()
             self._late.clear()
@@ -180,8 +172,8 @@ class SimulatedRobot:
     def replug(self, now_ns: int) -> None:
         """Put the USB plug back in."""
         self._run(now_ns)
-        if not self._plugged:
-            self._plugged = True
+        if not self.plugged:
+            self.plugged = True
             if self.on_plug is not None:
                 self.on_plug(True)
 
@@ -243,12 +235,12 @@ class SimulatedRobot:
     def _emit(self, data: bytes, now_ns: int) -> None:
         line = self.impairments
         silent = now_ns < line.muted_until_ns or now_ns < line.babbles_until_ns
-        if self._plugged and not silent and not line.swallows(data):
+        if self.plugged and not silent and not line.swallows(data):
             self._to_host.send(data, now_ns)
 
     def _run(self, now_ns: int) -> None:
         """Do everything that is due up to ``now_ns``, in order."""
-        assert self._started, "a robot needs a start time"
+        assert self.started, "a robot needs a start time"
         while True:
             action_ns = self._actions[0][0] if self._actions else NEVER
             stop_ns = min(action_ns, self._truth_ns)
@@ -299,7 +291,7 @@ class SimulatedRobot:
 
     def _babble(self, now_ns: int) -> None:
         ahead_ns = min(now_ns + BABBLE_AHEAD_NS, self.impairments.babbles_until_ns)
-        if self._plugged and ahead_ns > now_ns:
+        if self.plugged and ahead_ns > now_ns:
             missing_ns = ahead_ns - max(now_ns, self._to_host.idle_ns)
             size = max(0, missing_ns) * self.options.baud // 10_000_000_000
             self._to_host.send(self.impairments.babble(size), now_ns)

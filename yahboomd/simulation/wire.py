@@ -14,23 +14,22 @@ def transfer_ns(size: int, baud: int) -> int:
 
 
 class Wire:
-    """Bytes on their way, on given time."""
+    """Bytes on their way, on given time.
+
+    Attributes:
+        idle_ns: The arrival of the last byte sent so far.
+    """
 
     def __init__(self, baud: int) -> None:
         self._baud = baud
         # Runs of bytes without a gap: when the first one starts, and what is still to arrive.
         self._runs: deque[tuple[int, bytes, int]] = deque()
-        self._idle_ns = 0
+        self.idle_ns = 0
 
     @property
     def empty(self) -> bool:
         """Whether nothing is on its way."""
         return not self._runs
-
-    @property
-    def idle_ns(self) -> int:
-        """The arrival of the last byte sent so far."""
-        return self._idle_ns
 
     @property
     def first_ns(self) -> int:
@@ -42,9 +41,9 @@ class Wire:
         """Put bytes on the line, behind those that are on it already."""
         if not data:
             return
-        start_ns = max(now_ns, self._idle_ns)
+        start_ns = max(now_ns, self.idle_ns)
         self._runs.append((start_ns, data, 0))
-        self._idle_ns = start_ns + transfer_ns(len(data), self._baud)
+        self.idle_ns = start_ns + transfer_ns(len(data), self._baud)
 
     def take(self, now_ns: int) -> bytes:
         """The bytes that have arrived by ``now_ns`` and were not taken before."""
@@ -88,12 +87,12 @@ class Wire:
             if arrived > taken:
                 kept.append((start_ns, data[:arrived], taken))
         self._runs = kept
-        self._idle_ns = min(self._idle_ns, now_ns)
+        self.idle_ns = min(self.idle_ns, now_ns)
 
     def clear(self) -> None:
         """Lose everything that is on its way."""
         self._runs.clear()
-        self._idle_ns = 0
+        self.idle_ns = 0
 
     def _arrived(self, start_ns: int, now_ns: int, size: int) -> int:
         """Count the bytes of a run that have arrived: the most n with n byte times elapsed."""

@@ -73,6 +73,7 @@ class StreamedBoard:
 
     Attributes:
         cut_writes: The supply fails within so many of the next writes of the flash.
+        streams: Those that are on: totals, deltas, speeds.
     """
 
     def __init__(
@@ -108,7 +109,7 @@ class StreamedBoard:
         self._then: Callable[[int], None] | None = None
         self._idle = True
         self._listens_ns = 0
-        self._streams = (False, False, False)
+        self.streams = (False, False, False)
         self._speed_line_ns = 0
         self._long_lines = False
         self.cut_writes = 0
@@ -140,11 +141,6 @@ class StreamedBoard:
         """The counters, as they were last renewed."""
         return self._control.totals
 
-    @property
-    def streams(self) -> tuple[bool, bool, bool]:
-        """The streams that are on: totals, deltas, speeds."""
-        return self._streams
-
     def start(self, now_ns: int) -> None:
         """Start as a board that was powered long ago."""
         self._tick_ns = now_ns + TICK_NS
@@ -161,7 +157,7 @@ class StreamedBoard:
         self._plant.advance(now_ns)
         self._control.restart()
         self._mailbox.reset()
-        self._streams = (False, False, False)
+        self.streams = (False, False, False)
         self._long_lines = False
         self._tuning = tuning(self.flash, self._plant.motor_type)
         awake_ns = now_ns + off_ns + BOOT_NS
@@ -249,7 +245,7 @@ class StreamedBoard:
         self._say(data, now_ns, then=self._done)
 
     def _stream(self, now_ns: int) -> None:
-        totals, deltas, speeds = self._streams
+        totals, deltas, speeds = self.streams
         if speeds and now_ns >= self._speed_line_ns:
             self._speed_line_ns = max(self._speed_line_ns + SPEED_LINE_NS, now_ns)
             numbers = ",".join(f"{v:.2f}" for v in self._control.speeds_mm_s(self._tuning))
@@ -313,7 +309,7 @@ class StreamedBoard:
 
     def _upload(self, args: bytes, now_ns: int) -> None:
         a, b, c = (whole(part) != 0 for part in (args.split(b",") + [b""] * 3)[:3])
-        self._streams = (a, b, c)
+        self.streams = (a, b, c)
         self._speed_line_ns = now_ns
         self._long_lines = self._long_lines and a
         self._occupy(now_ns + CARRY_OUT_NS, then=self._done)
