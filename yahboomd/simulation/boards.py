@@ -10,11 +10,12 @@ import msgspec
 
 from yahboomd.errors import ConfigError
 from yahboomd.simulation.board import Board, Emit
-from yahboomd.simulation.four_channel import polled_board, streamed_board
 from yahboomd.simulation.four_channel.flash import FlashContent
+from yahboomd.simulation.four_channel.polled_board import PolledBoard
+from yahboomd.simulation.four_channel.streamed_board import StreamedBoard
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.plant import Plant
-from yahboomd.simulation.rosmaster import rosmaster_board
+from yahboomd.simulation.rosmaster.rosmaster_board import RosmasterBoard, RosmasterStored
 
 
 class BoardKind(msgspec.Struct, frozen=True, kw_only=True):
@@ -37,9 +38,9 @@ class BoardKind(msgspec.Struct, frozen=True, kw_only=True):
 
 
 BOARDS: Final[dict[str, BoardKind]] = {
-    "streamed": BoardKind(make=streamed_board.make, flash=FlashContent),
-    "polled": BoardKind(make=polled_board.make),
-    "rosmaster": BoardKind(make=rosmaster_board.make, flash=rosmaster_board.RosmasterStored),
+    "streamed": BoardKind(make=StreamedBoard, flash=FlashContent),
+    "polled": BoardKind(make=PolledBoard),
+    "rosmaster": BoardKind(make=RosmasterBoard, flash=RosmasterStored),
 }
 """Every board, by the word that the configuration has for its dialect."""
 

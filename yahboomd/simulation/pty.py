@@ -281,9 +281,6 @@ async def serve(
 
     Args:
         robot: The robot; its time starts now.
-        link: A symbolic link to the device.
-        truth: Where to write the ground truth.
-        heard: Where to write the bytes of the host.
         control: A unix socket that takes control commands.
         at_start: Control commands to carry out first.
         ready: Called once the port can be opened.

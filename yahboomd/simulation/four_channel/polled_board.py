@@ -39,12 +39,16 @@ class PolledBoard:
     """The polled dialect's board."""
 
     def __init__(
-        self, *, plant: Plant, emit: Emit, totals: Counts, baud: int, loop_gain: float
+        self,
+        options: SimulationOptions,
+        plant: Plant,
+        emit: Emit,
+        random: Random,  # noqa: ARG002 (what every board is made of)
     ) -> None:
         self.emit = emit
         self._plant = plant
-        self._control = MotorControl(plant, totals, loop_gain)
-        self._baud = baud
+        self._control = MotorControl(plant, options.initial_ticks, options.loop_gain)
+        self._baud = options.baud
         self._motor_type = 0
         self._tuning = _tuning(0, plant.motor_type)
         self._collected: bytearray | None = None
@@ -157,22 +161,6 @@ class PolledBoard:
         self._control.regulate(
             tuple(max(-SPEED_MAX, min(SPEED_MAX, whole(part))) for part in parts)
         )
-
-
-def make(
-    options: SimulationOptions,
-    plant: Plant,
-    emit: Emit,
-    random: Random,  # noqa: ARG001 (what every board is made of)
-) -> PolledBoard:
-    """The board of a robot."""
-    return PolledBoard(
-        plant=plant,
-        emit=emit,
-        totals=options.initial_ticks,
-        baud=options.baud,
-        loop_gain=options.loop_gain,
-    )
 
 
 def _tuning(motor_type: int, true_type: int) -> Tuning:

@@ -65,44 +65,27 @@ FIRMWARE = "1.7.3"
 class StreamedBoard:
     """The streamed dialect's board.
 
-    Args:
-        pace: How fast stream lines follow each other.
-        random: Decides how long flash takes, and which commands long lines spoil.
-        tick_period_ns: How often the totals are renewed; 0 renews them with every line.
-        tick_jitter_ns: Each of these periods is up to so much longer, at random.
-
     Attributes:
         cut_writes: The supply fails within so many of the next writes of the flash.
         streams: Those that are on: totals, deltas, speeds.
     """
 
     def __init__(
-        self,
-        *,
-        plant: Plant,
-        emit: Emit,
-        flash: FlashContent,
-        version: str,
-        totals: Counts,
-        baud: int,
-        pace: StreamPace,
-        random: Random,
-        loop_gain: float,
-        tick_period_ns: int = TICK_NS,
-        tick_jitter_ns: int = 0,
+        self, options: SimulationOptions, plant: Plant, emit: Emit, random: Random
     ) -> None:
         self.emit = emit
-        self.flash = flash
-        self.version = version
+        flash = options.flash
+        self.flash = flash if isinstance(flash, FlashContent) else FlashContent()
+        self.version = options.firmware or FIRMWARE
         self._plant = plant
-        self._control = MotorControl(plant, totals, loop_gain)
+        self._control = MotorControl(plant, options.initial_ticks, options.loop_gain)
         self._mailbox = Mailbox()
-        self._baud = baud
-        self._pace: StreamPace = pace
+        self._baud = options.baud
+        self._pace: StreamPace = options.stream_pace
         self._random = random
         self._tuning = tuning(self.flash, self._plant.motor_type)
-        self._tick_period_ns = tick_period_ns
-        self._tick_jitter_ns = tick_jitter_ns
+        self._tick_period_ns = nanoseconds(options.tick_period_s)
+        self._tick_jitter_ns = nanoseconds(options.tick_jitter_s)
         self._tick_ns = NEVER
         self._renew_ns = NEVER
         self._main_ns = NEVER
@@ -369,24 +352,6 @@ class StreamedBoard:
             then = lost
         self._listens_ns = now_ns + round(DEAF_SHARE * duration_ns)
         self._occupy(now_ns + duration_ns, then=then)
-
-
-def make(options: SimulationOptions, plant: Plant, emit: Emit, random: Random) -> StreamedBoard:
-    """The board of a robot."""
-    flash = options.flash
-    return StreamedBoard(
-        plant=plant,
-        emit=emit,
-        flash=flash if isinstance(flash, FlashContent) else FlashContent(),
-        version=options.firmware or FIRMWARE,
-        totals=options.initial_ticks,
-        baud=options.baud,
-        pace=options.stream_pace,
-        random=random,
-        loop_gain=options.loop_gain,
-        tick_period_ns=nanoseconds(options.tick_period_s),
-        tick_jitter_ns=nanoseconds(options.tick_jitter_s),
-    )
 
 
 def line_period_ns(size: int, baud: int, pace: StreamPace) -> int:

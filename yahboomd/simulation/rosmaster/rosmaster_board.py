@@ -356,8 +356,3 @@ def _open_loop(value: int) -> int:
 def _short(value: float) -> int:
     """Convert a number to 16 bits, as the board does."""
     return (int(value) + 0x8000) % 0x1_0000 - 0x8000
-
-
-def make(options: SimulationOptions, plant: Plant, emit: Emit, random: Random) -> RosmasterBoard:
-    """Make the board of a robot."""
-    return RosmasterBoard(options, plant, emit, random)
