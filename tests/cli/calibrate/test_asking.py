@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from yahboomd.cli.calibrate.asking import Answers
+from yahboomd.cli.calibrate.asking import Answers, Number
 from yahboomd.errors import Refused
 
 
@@ -30,7 +30,7 @@ async def test_a_number_is_asked_for_until_a_possible_one_comes(typed, capsys) -
     typed(b"far\n-3\n1,987\n")
     asked = Answers()
     length = await asked.number(
-        "length", "How far?", unit="m", good=lambda value: value > 0, wrong="Metres above 0."
+        Number("length", "How far?", "m", lambda value: value > 0, "Metres above 0.")
     )
     assert length == 1.987
     out, err = capsys.readouterr()
@@ -42,13 +42,13 @@ async def test_a_number_is_asked_for_until_a_possible_one_comes(typed, capsys) -
 async def test_an_empty_line_means_what_the_question_says(typed) -> None:
     typed(b"\n\n")
     asked = Answers()
-    assert await asked.number("n", "?", unit="m", good=bool, wrong="", blank=0.0) == 0.0
-    assert await asked.number("n", "?", unit="m", good=bool, wrong="") is None
+    assert await asked.number(Number("n", "?", "m", bool, "", blank=0.0)) == 0.0
+    assert await asked.number(Number("n", "?", "m", bool, "")) is None
 
 
 async def test_an_input_that_ends_ends_the_questions(typed) -> None:
     typed(b"12")
     asked = Answers()
-    assert await asked.number("n", "?", unit="m", good=bool, wrong="") == 12.0
+    assert await asked.number(Number("n", "?", "m", bool, "")) == 12.0
     with pytest.raises(Refused, match="nothing was written"):
         await asked.confirm("done", "?")

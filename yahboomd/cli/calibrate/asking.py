@@ -22,6 +22,29 @@ class Bounds:
     time_s: float
 
 
+@dataclass(frozen=True)
+class Number:
+    """A question for a number.
+
+    Attributes:
+        name: Of the question, for programs.
+        good: Which numbers are possible.
+        wrong: What to say of others.
+        blank: The meaning of an empty answer; None: it is returned as None.
+    """
+
+    name: str
+    words: str
+    unit: str
+    good: Callable[[float], bool]
+    wrong: str
+    blank: float | None = None
+
+    def read(self, text: str) -> float | None:
+        """The number that a person wrote; None where it is not a possible one."""
+        return read_number(text, self.good)
+
+
 class Person(Protocol):
     """The person beside the robot, through whatever they see and press.
 
@@ -37,24 +60,8 @@ class Person(Protocol):
     async def start(self, name: str, words: str, bounds: Bounds) -> None:
         """Announce a movement, and wait until they let it begin."""
 
-    async def number(
-        self,
-        name: str,
-        question: str,
-        *,
-        unit: str,
-        good: Callable[[float], bool],
-        wrong: str,
-        blank: float | None = None,
-    ) -> float | None:
-        """Ask until a number comes that is ``good``.
-
-        Args:
-            name: Of the question, for programs.
-            good: Which numbers are possible.
-            wrong: What to say of others.
-            blank: The meaning of an empty answer; None: it is returned as None.
-        """
+    async def number(self, question: Number) -> float | None:
+        """Ask until a number comes that is possible, or nothing; see :class:`Number`."""
 
     def say(self, words: str) -> None:
         """Show a sentence."""
@@ -91,33 +98,18 @@ class Answers:
         await self.confirm(name, "Enter when its way is free.")
 
     async def _line(self, question: str) -> str:
-        """Ask, and wait for a line."""
-        print(question, end=" ", file=sys.stderr, flush=True)
-        line = await self._lines.line()
+        line = await self._lines.ask(question)
         if line is None:
-            print(file=sys.stderr)
             raise input_ended()
         return line
 
-    async def number(
-        self,
-        name: str,
-        question: str,
-        *,
-        unit: str,
-        good: Callable[[float], bool],
-        wrong: str,
-        blank: float | None = None,
-    ) -> float | None:
-        """Ask until a number comes that is ``good``; see :class:`Person`."""
-        del name, unit
-        while True:
-            text = await self._line(question)
-            if not text:
-                return blank
-            if (value := read_number(text, good)) is not None:
+    async def number(self, question: Number) -> float | None:
+        """Ask until a number comes that is possible, or nothing."""
+        while text := await self._line(question.words):
+            if (value := question.read(text)) is not None:
                 return value
-            print(wrong, file=sys.stderr)
+            print(question.wrong, file=sys.stderr)
+        return question.blank
 
     def say(self, words: str) -> None:
         """Print it."""

@@ -10,17 +10,18 @@ from __future__ import annotations
 import asyncio
 import json
 import math
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from yahboomd.cli.calibrate.asking import input_ended, read_number
+from yahboomd.cli.calibrate.asking import input_ended
 from yahboomd.cli.robot.input_lines import InputLines
 from yahboomd.clock import SystemClock
 from yahboomd.errors import Refused, YahboomdError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Coroutine
+    from collections.abc import Coroutine
 
-    from yahboomd.cli.calibrate.asking import Bounds
+    from yahboomd.cli.calibrate.asking import Bounds, Number
     from yahboomd.cli.calibrate.hold import Hold
 
 PROGRESS_NS = 200_000_000
@@ -123,25 +124,15 @@ class Dialogue:
         finally:
             asked.cancel()
 
-    async def number(
-        self,
-        name: str,
-        question: str,
-        *,
-        unit: str,
-        good: Callable[[float], bool],
-        wrong: str,
-        blank: float | None = None,
-    ) -> float | None:
-        """Ask until a number comes that is ``good``; see :class:`~.asking.Person`."""
-        more: dict[str, str] = {}
-        while True:
-            text = (await self._ask("number", name, question, unit=unit, **more)).strip()
-            if not text:
-                return blank
-            if (value := read_number(text, good)) is not None:
+    async def number(self, question: Number) -> float | None:
+        """Ask until a number comes that is possible, or nothing."""
+        ask = partial(self._ask, "number", question.name, question.words, unit=question.unit)
+        text = (await ask()).strip()
+        while text:
+            if (value := question.read(text)) is not None:
                 return value
-            more = {"wrong": wrong}
+            text = (await ask(wrong=question.wrong)).strip()
+        return question.blank
 
     def say(self, words: str) -> None:
         """Write it."""

@@ -7,6 +7,7 @@ import math
 from functools import partial
 from typing import TYPE_CHECKING
 
+from yahboomd.cli.calibrate.asking import Number
 from yahboomd.cli.calibrate.shapes import Driver, Leg, LetGo, sideways, square, straight, turns
 from yahboomd.errors import ConfigError, Refused
 
@@ -23,6 +24,23 @@ TAPE_STD_M = 0.002
 
 ANGLE_STD_RAD = math.radians(0.5)
 """The exactness with which a person sees an angle against a mark."""
+
+BEYOND = Number(
+    *("beyond", "How many degrees beyond its mark did it turn? (negative: short of it)", "deg"),
+    good=lambda value: abs(value) < 3600.0,
+    wrong="A number of degrees, such as 12.5 or -8.",
+    blank=0.0,
+)
+HEADING = Number(
+    *("heading", "How many degrees to the left does it point? (empty: not measured)", "deg"),
+    good=lambda value: abs(value) <= 360.0,
+    wrong="A number of degrees, or nothing.",
+)
+LENGTH = Number(
+    *("length", "How far did it truly go, in m?", "m"),
+    good=lambda value: 0.0 < value < 1000.0,
+    wrong="A number of metres, such as 1.987.",
+)
 
 
 async def calibrate(
@@ -126,14 +144,7 @@ class _Wizard:
                 turns(whole, args.turn_speed),
                 f"Turn {args.turns:g} times {way}: mark which way the robot points.",
             )
-            beyond = await self._person.number(
-                "beyond",
-                "How many degrees beyond its mark did it turn? (negative: short of it)",
-                unit="deg",
-                good=lambda value: abs(value) < 3600.0,
-                wrong="A number of degrees, such as 12.5 or -8.",
-                blank=0.0,
-            )
+            beyond = await self._person.number(BEYOND)
             assert beyond is not None
             measured = whole + math.copysign(1.0, whole) * math.radians(beyond)
             runs.append(self._run("turn", (measured,), (ANGLE_STD_RAD,)))
@@ -172,13 +183,7 @@ class _Wizard:
 
     async def _end(self, x: float, y: float) -> Run:
         """A run that ended there, as seen from its start, metres; asks for the heading."""
-        degrees = await self._person.number(
-            "heading",
-            "How many degrees to the left does it point? (empty: not measured)",
-            unit="deg",
-            good=lambda value: abs(value) <= 360.0,
-            wrong="A number of degrees, or nothing.",
-        )
+        degrees = await self._person.number(HEADING)
         measured: tuple[float, ...] = (x, y)
         std: tuple[float, ...] = (TAPE_STD_M, TAPE_STD_M)
         if degrees is not None:
@@ -195,12 +200,14 @@ class _Wizard:
         length = await self._length()
         if bend:
             left_mm = await self._person.number(
-                "left",
-                "How far to the left of its line did it end, in mm? (negative: to the right; "
-                "empty: not measured)",
-                unit="mm",
-                good=lambda value: abs(value) < 1000.0 * length,
-                wrong="A number of millimetres, or nothing.",
+                Number(
+                    "left",
+                    "How far to the left of its line did it end, in mm? (negative: to the right; "
+                    "empty: not measured)",
+                    unit="mm",
+                    good=lambda value: abs(value) < 1000.0 * length,
+                    wrong="A number of millimetres, or nothing.",
+                )
             )
             if left_mm is not None:
                 left = left_mm / 1000.0
@@ -208,25 +215,21 @@ class _Wizard:
         return self._run("straight", (length,), (TAPE_STD_M,))
 
     async def _length(self) -> float:
-        length = await self._person.number(
-            "length",
-            "How far did it truly go, in m?",
-            unit="m",
-            good=lambda value: 0.0 < value < 1000.0,
-            wrong="A number of metres, such as 1.987.",
-        )
+        length = await self._person.number(LENGTH)
         if length is None:
             raise Refused("Without a length there is nothing to calibrate by: nothing was written.")
         return length
 
     async def _metres(self, name: str, question: str) -> float:
         value = await self._person.number(
-            name,
-            f"{question} (negative: the other way)",
-            unit="mm",
-            good=lambda each: abs(each) < 100_000.0,
-            wrong="A number of millimetres, such as 35 or -12.",
-            blank=0.0,
+            Number(
+                name,
+                f"{question} (negative: the other way)",
+                unit="mm",
+                good=lambda each: abs(each) < 100_000.0,
+                wrong="A number of millimetres, such as 35 or -12.",
+                blank=0.0,
+            )
         )
         assert value is not None
         return value / 1000.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import sys
+import termios
 
 
 class InputLines:
@@ -32,6 +33,20 @@ class InputLines:
             return None
         line, _, self._rest = self._rest.partition(b"\n")
         return line.decode(errors="replace").strip()
+
+    async def ask(self, question: str, *, fresh: bool = False) -> str | None:
+        """Ask on standard error, since standard output is for results; the line that comes.
+
+        Args:
+            fresh: Discard what was typed on a terminal before: it answers another question.
+        """
+        if fresh and sys.stdin is not None and sys.stdin.isatty():
+            termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
+        print(question, end=" ", file=sys.stderr, flush=True)
+        line = await self.line()
+        if line is None:
+            print(file=sys.stderr)
+        return line
 
 
 async def input_ended() -> None:

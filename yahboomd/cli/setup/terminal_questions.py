@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-import termios
 import textwrap
 from collections.abc import Iterable
 from typing import Protocol
@@ -30,13 +29,8 @@ class Terminal:
 
     async def line(self, question: str) -> str:
         """Ask, and wait for a line."""
-        if sys.stdin is not None and sys.stdin.isatty():
-            # What was typed before the question was asked answers another one.
-            termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
-        print(question, end=" ", file=sys.stderr, flush=True)
-        line = await self._lines.line()
+        line = await self._lines.ask(question, fresh=True)
         if line is None:
-            print(file=sys.stderr)
             raise input_ended()
         return line
 

@@ -9,7 +9,6 @@ import datetime
 import os
 import signal
 import sys
-import termios
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -234,13 +233,8 @@ class Tuning:
 
     async def _yes(self, question: str) -> bool:
         """Ask; without an answer it is no, and what was typed before counts for none."""
-        if sys.stdin is not None and sys.stdin.isatty():
-            termios.tcflush(sys.stdin, termios.TCIFLUSH)
-        print(question, end=" ", file=sys.stderr, flush=True)
-        answer = await self._lines.line()
-        if answer is None:
-            print(file=sys.stderr)
-        return (answer or "").strip().lower() in {"y", "yes"}
+        answer = await self._lines.ask(question, fresh=True)
+        return (answer or "").lower() in {"y", "yes"}
 
     async def _agree(self, wanted: BoardSettings, dialect: Dialect) -> bool:
         """Announce what is about to be written, and ask."""
