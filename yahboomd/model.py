@@ -198,7 +198,6 @@ class ImuReading(msgspec.Struct, frozen=True, kw_only=True):
     """One sample of a board's inertial sensor, along the sensor's own axes.
 
     Attributes:
-        sensor: What it was measured with.
         sent_ns: When its first byte left the board, as far as the wire shows; monotonic.
         gyro_rad_s: Rate of turn about x, y and z.
         acceleration_m_s2: Specific force along x, y and z: at rest, gravity upward.

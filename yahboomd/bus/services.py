@@ -44,7 +44,6 @@ class Request(msgspec.Struct, frozen=True, kw_only=True):
         selector: The key that was asked for; differs from the service's where it has wildcards.
         payload: Its bytes; empty for none.
         encoding: What the asker says that they are; empty for none.
-        attachment: The asker's attachment.
         arrived_ns: When it arrived here; monotonic nanoseconds.
         oversize: Payload and attachment have more bytes than the service takes: both are empty.
             Only an alarm's service sees such a request.

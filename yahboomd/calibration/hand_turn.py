@@ -26,9 +26,7 @@ class Mounted(msgspec.Struct, frozen=True, kw_only=True):
     """What a turn by hand shows.
 
     Attributes:
-        axes: For ``imu.axes``.
         gyro_axes: For ``imu.gyro_axes``; empty where the gyro's are the same.
-        gyro_scale: For ``imu.gyro_scale``.
         turns: How often the gyro saw the robot turn, whatever the direction.
         doubts: Why this cannot be trusted, a sentence each.
     """

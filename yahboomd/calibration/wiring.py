@@ -44,11 +44,7 @@ class Turn(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class HandTurn(msgspec.Struct, frozen=True, kw_only=True):
-    """One wheel that a person turned forward by hand.
-
-    Attributes:
-        counts: What each counter changed by.
-    """
+    """One wheel that a person turned forward by hand."""
 
     wheel: str
     counts: Counts

@@ -62,7 +62,6 @@ class Fit(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         motion: How the board turns the wheels; None where it must not move.
-        wheel_limits: The fastest that each wheel can be commanded to turn, m/s.
         wrong: Why its wheels must not turn, a sentence each with the remedy; empty where they may.
     """
 

@@ -32,8 +32,6 @@ class Fault(msgspec.Struct, frozen=True, kw_only=True):
         message: One sentence for a person, with what to check.
         action: ``cut``: let the motors go at once, whatever the configuration says; ``policy``: as
             ``faults.stall`` says; ``report``: report, and go on.
-        commanded_m_s: Rim speed that was commanded.
-        measured_m_s: Rim speed that was measured.
         certain: It lasted so long that commands which were lost or altered do not explain it.
     """
 

@@ -41,7 +41,6 @@ class Identity(msgspec.Struct, frozen=True, kw_only=True):
     """The dialect and settings of a board.
 
     Attributes:
-        dialect: How it is spoken to.
         settings: What it keeps in flash; ``None`` where it cannot be asked.
     """
 

@@ -31,7 +31,6 @@ class Examination(msgspec.Struct, frozen=True, kw_only=True):
         volts: The supply of its motors; None where it does not report it.
         ticks: Its counters; None where they did not come.
         standing: Whether the wheels were seen to stand; None if no counts came.
-        heard: What came from the port.
     """
 
     dialect: Dialect | None

@@ -34,7 +34,6 @@ class Step(msgspec.Struct, frozen=True, kw_only=True):
         write: What was sent.
         outcome: Read back as wanted; refused in words; or neither.
         answer: The board's answer; empty where none came.
-        attempts: How often it was sent.
         took_s: From the first attempt until it was read back.
     """
 
@@ -49,8 +48,6 @@ class Storing(msgspec.Struct, frozen=True, kw_only=True):
     """The outcome of storing.
 
     Attributes:
-        had: What the board stored before.
-        has: What it stores now.
         steps: The values, in the order in which they were sent; the first that is not stored is
             the last that was tried.
     """

@@ -25,7 +25,6 @@ class TakeoverReport(msgspec.Struct, frozen=True, kw_only=True):
         stood: The counters showed standstill; None if no counts came.
         cut: The motors did not obey the brake, and were let go in full motion.
         within_s: From the first stop frame until standstill was seen, or it was given up.
-        heard: What came from the port.
     """
 
     port: str

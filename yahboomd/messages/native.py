@@ -298,7 +298,6 @@ def pose_sample(
 
     Args:
         stamp_ns: The estimate's stamp as Unix time (the estimate's own is monotonic).
-        seq: Number of the reading.
     """
     pose = estimate.pose
     return PoseSample(

@@ -46,7 +46,6 @@ class Place(msgspec.Struct, frozen=True, kw_only=True):
     """An address to listen on.
 
     Attributes:
-        host: An address of this machine.
         port: 0 for any free one.
     """
 
@@ -77,9 +76,6 @@ class MetricsListener:
     Args:
         render: Makes the page, in OpenMetrics or in the older format.
         names: Host names, besides ``localhost`` and addresses, by which scrapers may ask.
-
-    Attributes:
-        outcomes: Connections by outcome.
     """
 
     def __init__(

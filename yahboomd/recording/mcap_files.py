@@ -46,8 +46,6 @@ class Part:
 
     Attributes:
         first_ns: When its first message was recorded; Unix nanoseconds.
-        last_ns: When its last one was.
-        counts: Messages by channel.
     """
 
     path: Path

@@ -29,7 +29,6 @@ class PageSession:
 
     Args:
         number: Names it to other pages.
-        clock: Measures how much it sends.
         joined: The latest beat then.
     """
 

@@ -64,7 +64,6 @@ class WebApplication:
     Args:
         origin: Recognises requests of the page's own.
         tokens: Of the people who may enter; None where everybody who reaches it may drive.
-        clock: Measures how often an address tries.
         secure: Whether cookies may only travel over TLS.
         port: Where it is served; cookies of two servers on one machine have different names.
     """

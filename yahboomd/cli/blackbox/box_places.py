@@ -40,8 +40,6 @@ class Places(NamedTuple):
     """Where there may be boxes.
 
     Attributes:
-        saved: Folders of saved boxes.
-        rings: Folders of rings.
         denied: Of these, those that this user may not read.
     """
 

@@ -45,7 +45,6 @@ class Story(NamedTuple):
         end_ns: When it was saved, or ended; monotonic nanoseconds.
         end: What that moment is: ``the save`` or ``the end``.
         why: Why the robot stopped last.
-        lines: What happened, the oldest first.
     """
 
     end_ns: int
@@ -245,21 +244,11 @@ def _silences(every: list[Record], end_ns: int) -> list[Line]:
     """Times in which an open port brought nothing."""
     lines = []
     last_ns: int | None = None
-    for at_ns, meaning in every:
-        if isinstance(meaning, records.Received):
-            if last_ns is not None and at_ns - last_ns > SILENT_NS:
-                lines.append(_silence(last_ns, at_ns))
-            last_ns = at_ns
-        elif isinstance(meaning, records.Closed | records.Opened):
-            if last_ns is not None and at_ns - last_ns > SILENT_NS:
-                lines.append(_silence(last_ns, at_ns))
-            last_ns = None
-    if last_ns is not None and end_ns - last_ns > SILENT_NS:
-        lines.append(_silence(last_ns, end_ns))
+    for at_ns, meaning in [*every, Record(end_ns, records.Closed())]:
+        if not isinstance(meaning, records.Received | records.Closed | records.Opened):
+            continue
+        if last_ns is not None and at_ns - last_ns > SILENT_NS:
+            silent_s = (at_ns - last_ns) / NS_PER_S
+            lines.append(Line(last_ns, "board", f"The board sent nothing for {silent_s:.2f} s."))
+        last_ns = at_ns if isinstance(meaning, records.Received) else None
     return lines
-
-
-def _silence(from_ns: int, to_ns: int) -> Line:
-    return Line(
-        from_ns, "board", f"The board sent nothing for {(to_ns - from_ns) / NS_PER_S:.2f} s."
-    )

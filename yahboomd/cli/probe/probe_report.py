@@ -58,10 +58,8 @@ class Report(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
         dialect: How the board is spoken to; None where none answered.
         standing: Whether the wheels were seen to stand.
         reopen: Whether the counters survive closing and opening the port; None: not tried.
-        profile: The motors that the configuration names.
         settings: The stored values; empty where the board stores none.
         problems: Why the board must not be driven like this; each with its remedy.
-        advice: What else is worth knowing.
         stored: What `--write` did, value by value.
     """
 

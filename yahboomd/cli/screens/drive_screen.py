@@ -55,8 +55,6 @@ def screen(
     Args:
         command: What is published now, zeros after motion included; None for nothing.
         speeds: What a key stands for, in m/s and rad/s.
-        robot: Which robot it commands, and where that is.
-        key: The bus key of the commands.
         heard: Whether a daemon listens on it.
         why: Why nothing is known of the daemon yet, or any more.
         answer: What the last request brought, with its style.

@@ -56,10 +56,8 @@ class System(NamedTuple):
 
     Attributes:
         root: Replaces ``/``.
-        program: The ``yahboomd`` that the service runs.
         packaged: Whether dpkg installed our files.
         live: Whether this is the running system, with systemd as its manager.
-        dry: Whether to print only what would be done.
     """
 
     root: Path

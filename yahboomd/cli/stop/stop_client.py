@@ -26,9 +26,7 @@ class BusStop(msgspec.Struct, frozen=True, kw_only=True):
     """The daemons' answers to a stop.
 
     Attributes:
-        stood: Its wheels were seen to stand.
         words: Its answer and what was seen, for a person.
-        daemons: How many answered.
     """
 
     stood: bool
