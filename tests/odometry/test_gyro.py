@@ -7,7 +7,15 @@ from collections.abc import Callable, Iterable
 
 import pytest
 
-from yahboomd.odometry.gyro import FROZEN_SAMPLES, PROBATION_NS, SILENT_NS, Gyro
+from yahboomd.odometry.gyro import (
+    CORNER,
+    FROZEN_SAMPLES,
+    PROBATION_NS,
+    SATURATED_SHARE,
+    SILENT_NS,
+    Gyro,
+    Turn,
+)
 
 MS = 1_000_000
 GAP_NS = 40 * MS
@@ -78,6 +86,15 @@ def test_noise_is_handed_out_once_and_is_larger_where_the_rate_bends(sampled: Sa
     assert sampled.gyro.turn(sampled.now_ns).noise == 0.0
     sampled.show(1.0)
     assert sampled.gyro.turn(sampled.now_ns).noise > 100.0 * flat
+    sampled.show(5.0)
+    # By 5 - 2 * 1 + 0.
+    assert sampled.gyro.turn(sampled.now_ns).noise == pytest.approx(
+        (0.04 * CORNER * 3.0) ** 2, rel=1e-3
+    )
+    sampled.show(7.0)
+    assert sampled.gyro.turn(sampled.now_ns).noise == pytest.approx(
+        (0.04 * CORNER * 2.0) ** 2, rel=1e-3
+    )
 
 
 def test_without_samples_it_is_silent_until_it_has_behaved_for_a_second(sampled: Sampled) -> None:
@@ -99,7 +116,7 @@ def test_a_gap_between_two_samples_is_noticed_by_itself(sampled: Sampled) -> Non
     assert sampled.gyro.problem == "silent"
 
 
-@pytest.mark.parametrize("rate", [7.95, -7.95, 9.0])
+@pytest.mark.parametrize("rate", [SATURATED_SHARE * 8.0, -7.95, 9.0])
 def test_at_its_limit_it_is_saturated(sampled: Sampled, rate: float) -> None:
     sampled.show(rate)
     assert (sampled.gyro.believed, sampled.gyro.problem) == (False, "saturated")
@@ -123,14 +140,14 @@ def test_one_that_shows_the_very_same_again_and_again_is_stuck(sampled: Sampled)
         sampled.show(0.5, frozen=True)
     assert sampled.gyro.believed
     sampled.show(0.5, frozen=True)
-    sampled.show(0.5, frozen=True)
     assert (sampled.gyro.believed, sampled.gyro.problem) == (False, "implausible")
 
 
 def test_a_rate_that_is_no_number_is_implausible(sampled: Sampled) -> None:
     sampled.show(math.nan)
     assert sampled.gyro.problem == "implausible"
-    assert math.isfinite(sampled.gyro.turn(sampled.now_ns).angle)
+    turn = sampled.gyro.turn(sampled.now_ns + 20 * MS)
+    assert (turn.angle, turn.rate_rad_s) == (0.0, 0.0)
 
 
 def test_samples_out_of_order_change_nothing(sampled: Sampled) -> None:
@@ -142,7 +159,7 @@ def test_samples_out_of_order_change_nothing(sampled: Sampled) -> None:
 
 def test_before_its_first_sample_there_is_no_gyro_and_nothing_is_wrong() -> None:
     gyro = Gyro()
-    gyro.turn(10**12)
+    assert gyro.turn(10**12) == Turn(angle=0.0, rate_rad_s=0.0, noise=0.0, held=0.0)
     assert (gyro.present, gyro.believed, gyro.problem) == (False, False, None)
 
 
@@ -174,3 +191,18 @@ def test_a_gyro_is_silent_once_three_samples_stayed_away(sampled: Sampled) -> No
     assert sampled.gyro.believed
     sampled.gyro.turn(sampled.now_ns + 4 * GAP_NS)
     assert sampled.gyro.problem == "silent"
+
+
+@pytest.mark.parametrize(("later_ns", "rate"), [(0, 1.0), (1, 2.0)])
+def test_a_sample_of_the_same_moment_is_none(sampled: Sampled, later_ns: int, rate: float) -> None:
+    sampled.show(1.0)
+    sampled.now_ns += later_ns - GAP_NS
+    sampled.show(2.0)
+    assert sampled.gyro.turn(sampled.now_ns).rate_rad_s == rate
+
+
+def test_samples_as_far_apart_as_is_no_silence_are_integrated(sampled: Sampled) -> None:
+    sampled.now_ns += SILENT_NS - GAP_NS
+    sampled.show(1.0)
+    assert sampled.gyro.believed
+    assert sampled.gyro.turn(sampled.now_ns).angle == pytest.approx(0.075)

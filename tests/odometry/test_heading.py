@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from random import Random
 
+import msgspec
 import pytest
 
 from yahboomd.messages.event_kinds import KINDS
-from yahboomd.model import ImuReading, ImuSensor
+from yahboomd.model import Event, ImuReading, ImuSensor
 from yahboomd.odometry.heading import TURN_SLIP, Heading
 
 CYCLE_NS = 41_000_000
@@ -28,15 +29,23 @@ class Base:
     """A base whose wheels count in ticks, with a gyro that is read between their readings."""
 
     def __init__(
-        self, geometry: str = "differential", *, seed: int = 1, bias: float = 0.02
+        self,
+        geometry: str = "differential",
+        *,
+        seed: int = 1,
+        bias: float = 0.02,
+        scale: float | None = None,
     ) -> None:
         self.counters = dict.fromkeys(COUNTERS, 0)
-        self.heading = Heading(geometry, self.counters, tick_variance=TICK * TICK / 3.0)
+        self.heading = Heading(
+            geometry, self.counters, tick_variance=TICK * TICK / 3.0, scale=scale
+        )
         self.random = Random(seed)
         self.bias = bias
         self.now_ns = 0
         self.truth = self.fused = self.counted = self.shown = 0.0
         self.kinds: list[str] = []
+        self.events: list[Event] = []
         self.jumps: list[float] = []
 
     def step(self, wheels: float, gyro: float | None, *, truth: float | None = None) -> None:
@@ -62,6 +71,7 @@ class Base:
         self.jumps.append(abs(added))
         self.truth += (wheels if truth is None else truth) * dt_s
         self.kinds += [event.kind for event in self.heading.events]
+        self.events += self.heading.events
         for event in self.heading.events:
             assert event.severity in KINDS[event.kind].severities
         self.heading.events.clear()
@@ -113,6 +123,10 @@ def test_a_slip_is_said_once_and_counted_and_the_variance_shows_it(base: Base) -
     base.run(2.1, 0.0, 0.0, truth=0.0)
     base.run(2.1, 1.0, 0.0, truth=0.0)
     assert base.kinds == ["wheels_slip"] * 2
+    for event in base.events:
+        assert event.data is not None
+        assert event.data == {name: round(value, 4) for name, value in event.data.items()}
+        assert event.data["over_s"] == 1.025
 
 
 def test_a_skid_steer_base_that_turns_as_it_does_is_not_said_to_slip() -> None:
@@ -191,6 +205,8 @@ def test_the_rate_is_weighted_by_certainty(base: Base) -> None:
     sure, unsure = (base.heading.rate(1.0, variance) for variance in (1e-9, 1.0))
     assert sure[0] == pytest.approx(1.0, abs=0.01)
     assert unsure == (pytest.approx(0.5, abs=0.01), pytest.approx(gyro_variance, rel=1.0))
+    gyro = base.heading.rate(0.0, 1e9)
+    assert base.heading.rate(1.0, gyro[1]) == pytest.approx(((1.0 + gyro[0]) / 2, gyro[1] / 2))
     for variance in (1e-9, 1e-5, 1.0):
         assert base.heading.rate(1.0, variance)[1] < variance
     base.run(1.0, 0.5, None, truth=0.5)
@@ -207,8 +223,9 @@ def test_after_a_reset_both_agree() -> None:
 
 
 def test_what_neither_saw_makes_it_less_sure(base: Base) -> None:
-    before = base.heading.variance
+    before, bias_variance = base.heading.variance, base.heading.bias_variance
     base.heading.lose(0.25)
+    assert base.heading.bias_variance == bias_variance
     assert base.heading.variance == pytest.approx(before + 0.25)
 
 
@@ -297,3 +314,106 @@ def test_a_tick_that_comes_and_goes_is_no_turn_that_slips() -> None:
         base.heading.fuse(TICK if step % 2 else -TICK, 0.0, step * CYCLE_NS, CYCLE_NS)
     # The play is taken up at most once.
     assert base.heading.variance - before <= TURN_SLIP["skid_steer"] * TICK
+
+
+def test_of_a_bias_that_is_steady_the_noise_of_its_samples_is_the_variance(base: Base) -> None:
+    base.bias += 0.1
+    while "gyro_unfit" not in base.kinds:
+        base.step(0.0, 0.0, truth=0.0)
+    assert base.heading.bias_variance == pytest.approx(1e-3**2, rel=0.5)
+
+
+def test_a_bias_that_was_learned_is_no_slip() -> None:
+    base = Base(bias=0.06)
+    base.run(20.0, 0.0, 0.0, truth=0.0)
+    assert base.kinds == []
+
+
+def test_turns_with_a_rest_between_are_not_added_up_against_the_gyro(base: Base) -> None:
+    for _ in range(4):
+        base.run(1.0, 0.2, -0.2, truth=0.2)
+        base.run(2.1, 0.0, 0.0, truth=0.0)
+    assert "gyro_unfit" not in base.kinds
+
+
+def test_a_slip_of_half_a_hundredth_is_noticed_in_time(base: Base) -> None:
+    base.run(20.0, 1.0, 1.0, truth=1.0)
+    base.run(20.0, 1.0, 0.995, truth=0.995)
+    assert base.off == pytest.approx(0.0, abs=0.02)
+
+
+def test_a_scale_makes_a_turn_unsure_by_its_share_of_it() -> None:
+    base = Base("skid_steer", scale=0.1)
+    base.run(20.0, 0.0, 0.0, truth=0.0)
+    base.run(5.0, 1.0, 0.8, truth=0.8)
+    assert base.heading.variance == pytest.approx((0.1 * 4.0) ** 2, rel=0.05)
+
+
+def test_what_turns_beyond_the_play_of_the_ticks_may_slip() -> None:
+    heading = Heading("skid_steer", {}, tick_variance=TICK * TICK / 3.0)
+    play = 1.5 * math.sqrt(2.0) * TICK
+    heading.fuse(20.0 * TICK, 0.0, CYCLE_NS, CYCLE_NS)
+    slipped = TURN_SLIP["skid_steer"] * (20.0 * TICK - play)
+    assert heading.variance == pytest.approx(slipped)
+    heading.fuse(-20.0 * TICK, 0.0, 2 * CYCLE_NS, CYCLE_NS)
+    assert heading.variance == pytest.approx(
+        slipped + TURN_SLIP["skid_steer"] * (20.0 * TICK - 2.0 * play)
+    )
+
+
+def test_a_sample_is_as_old_as_its_sensor_delays_it() -> None:
+    turned = []
+    for delay_ns in (0, 8_000_000):
+        heading = Heading("skid_steer", dict.fromkeys(COUNTERS, 0), tick_variance=1e-6)
+        for number in range(1, 50):
+            rate = math.sin(0.3 * number)
+            heading.accept(
+                ImuReading(
+                    sensor=msgspec.structs.replace(SENSOR, delay_ns=delay_ns),
+                    sent_ns=number * CYCLE_NS + delay_ns,
+                    gyro_rad_s=(0.0, 0.0, rate),
+                    acceleration_m_s2=(0.0, 0.0, 9.8),
+                )
+            )
+            heading.fuse(0.0, 0.0, number * CYCLE_NS, CYCLE_NS)
+        turned.append(heading.error)
+    assert turned[0] == turned[1] != 0.0
+
+
+def test_a_slip_shows_after_a_second_and_a_bias_after_three() -> None:
+    """To the step: here eight are a second."""
+    heading = Heading("differential", dict.fromkeys(COUNTERS, 0), tick_variance=1e-6)
+    step_ns, began = 125_000_000, {}
+    for number in range(1, 60):
+        rate = 0.0 if number < 24 else 0.4
+        heading.accept(
+            ImuReading(
+                sensor=SENSOR,
+                sent_ns=number * step_ns,
+                gyro_rad_s=(0.0, 0.0, rate),
+                acceleration_m_s2=(0.0, 0.0, 9.8 + 0.001 * number),
+            )
+        )
+        # The wheels move once: what stands begins again.
+        heading.fuse(1e-3 if number == 24 else 0.0, 0.0, number * step_ns, step_ns)
+        for event in heading.events:
+            began.setdefault(event.kind, number)
+        heading.events.clear()
+    assert began == {"wheels_slip": 33, "gyro_unfit": 48, "gyro_fit": 57}
+
+
+def test_a_slip_is_published_to_the_tenth_of_a_milliradian() -> None:
+    heading = Heading("differential", dict.fromkeys(COUNTERS, 0), tick_variance=1e-6)
+    step_ns = 123_456_789
+    for number in range(1, 29):
+        heading.accept(
+            ImuReading(
+                sensor=SENSOR,
+                sent_ns=number * step_ns,
+                gyro_rad_s=(0.0, 0.0, 0.0),
+                acceleration_m_s2=(0.0, 0.0, 9.8),
+            )
+        )
+        heading.fuse(0.0323456 if number >= 20 else 0.0, 0.0, number * step_ns, step_ns)
+    (slip,) = heading.events
+    assert slip.data == {"wheels_rad": 0.2911, "gyro_rad": 0.0, "over_s": 1.111}

@@ -173,6 +173,10 @@ def test_the_oscillator_of_the_board_is_measured(kit):
     heard = Heard(kit.stream(steady, seconds=25.0, ppm=200.0, seed=3))
     assert heard.clock.locked
     assert heard.clock._envelope.drift / TICK_NS == pytest.approx(200e-6, abs=20e-6)
+    # The time that can have passed is of its ticks, too.
+    ticks = heard.clock.elapsed_at_most_ns(line(START_NS + 30_000 * MS)) / (TICK_NS * 1.0002)
+    assert ticks > 490
+    assert ticks == pytest.approx(round(ticks), abs=0.02)
 
 
 def test_a_backlog_after_a_stall_of_the_host_is_put_back_in_its_ticks(kit):
@@ -325,3 +329,61 @@ def test_counts_that_come_before_their_tick_can_have_come_are_of_no_tick(kit):
     assert clock.observe(line(last_ns + 10 * MS), ticks=30).step_ns == pytest.approx(
         TICK_NS, rel=1e-6
     )
+
+
+def test_a_guess_is_half_a_tick_before_the_line_or_half_the_age_of_its_totals():
+    for clock, before_ms in (
+        (StreamedClock(TICK_NS), 5),
+        (StreamedClock(40 * MS, each_line=True), 0),
+        (StreamedClock(40 * MS, each_line=True, age_ns=8 * MS), 4),
+    ):
+        assert clock.guess_ns(line(START_NS)) == START_NS - before_ms * MS
+
+
+def test_a_timer_is_unseen_until_the_lines_have_shown_it():
+    assert StreamedClock(TICK_NS, age_ns=8 * MS).unseen_ns == 0.0
+    assert StreamedClock(41 * MS, each_line=True).unseen_ns == 0.0
+    clock = StreamedClock(41 * MS, each_line=True, age_ns=10 * MS)
+    counted, unseen = 0, []
+    for number in range(60):
+        counts = 41 * number // 10 * 20
+        instant = clock.observe(line(START_NS + number * 41 * MS), ticks=counts - counted)
+        counted = counts if instant.step_ns else counted
+        unseen.append(clock.unseen_ns)
+    assert (unseen[0], unseen[-1]) == (10 * MS, 0.0)
+
+
+def test_wheels_stand_where_a_line_without_a_change_is_later_than_a_tick_and_a_half():
+    clock = StreamedClock(40 * MS, each_line=True)
+    clock.observe(line(START_NS))
+    assert clock.observe(line(START_NS + 40 * MS), ticks=9).step_ns == 40 * MS
+    assert clock.observe(line(START_NS + 80 * MS)).step_ns == 0
+    assert clock.observe(line(START_NS + 120 * MS)).step_ns == 80 * MS
+
+
+def test_of_a_board_without_a_tick_any_time_may_have_passed_until_the_line_left():
+    clock = StreamedClock(40 * MS, each_line=True)
+    clock.observe(line(START_NS))
+    for after_ms, most_ms in ((10, 40), (100, 103)):
+        assert clock.elapsed_at_most_ns(line(START_NS + after_ms * MS)) == most_ms * MS
+
+
+@pytest.mark.parametrize(("before_ms", "sent_ms"), [(0.0, 5.0), (0.0, 1e-6), (7.0, 7.0)])
+def test_stamps_go_on_by_a_nanosecond_where_there_is_room_for_no_more(before_ms, sent_ms):
+    before_ns, sent_ns = START_NS + round(before_ms * MS), START_NS + round(sent_ms * MS)
+    instant = StreamedClock(TICK_NS, before_ns).restart(line(sent_ns))
+    assert instant.stamp_ns == min(before_ns + 1, sent_ns)
+    assert instant.step_ns == 1
+
+
+def test_a_break_that_took_no_time_is_a_step_of_a_nanosecond():
+    clock = StreamedClock(TICK_NS, START_NS + 900 * MS)
+    clock.restart(line(START_NS))
+    assert clock.restart(line(START_NS + 100 * MS)).step_ns == 1
+
+
+def test_where_no_ticks_were_counted_a_gap_took_as_long_as_its_stamps_are_apart():
+    clock = StreamedClock(TICK_NS)
+    first = clock.observe(line(START_NS))
+    instant = clock.resume(line(START_NS + 34 * MS), ticks=90)
+    assert instant.step_ns == instant.stamp_ns - first.stamp_ns == 34 * MS

@@ -63,7 +63,7 @@ class Gyro:
         self._angle = 0.0
         self._noise = 0.0
         self._stamp_ns = 0
-        self._rates = (0.0, 0.0, 0.0)
+        self._rates = (0.0, 0.0)  # of the latest sample and the one before
         self._same = 0
         self._latest: tuple[Vector3, Vector3] | None = None
         self._good_since_ns: int | None = None
@@ -94,9 +94,9 @@ class Gyro:
             return
         self._same = self._same + 1 if shown == self._latest else 0
         self._latest = shown
-        before, last, _ = self._rates
+        before, last = self._rates
         finite = math.isfinite(rate_rad_s)
-        self._rates = (rate_rad_s if finite else 0.0, before, last)
+        self._rates = (rate_rad_s if finite else 0.0, before)
         problem: Problem | None = None
         if not finite or self._same >= FROZEN_SAMPLES:
             problem = "implausible"
@@ -140,7 +140,7 @@ class Gyro:
         if self.present and self.problem is None and ahead_ns > SILENT_NS:
             self.refuse("silent")
         ahead_s = min(ahead_ns, SILENT_NS) * 1e-9
-        rate, before, _ = self._rates
+        rate, before = self._rates
         noise, self._noise = self._noise, 0.0
         return Turn(
             angle=self._angle + rate * ahead_s,

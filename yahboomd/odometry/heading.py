@@ -92,7 +92,6 @@ class Heading:
         self._rate: tuple[float, float] | None = None
         self._window, self._way = _Window(), _Window()
         self._rest = _Rest()
-        self._noise_rad_s = 0.0
         self._slipping = self._against = False
         self._problem: Problem | None = None
         self.events: list[Event] = []
@@ -187,12 +186,12 @@ class Heading:
         dt_s = step_ns * 1e-9
         slip = self._turn_slip * self._turned(turn)
         seen = self._gyro.turn(stamp_ns)
-        self._report_problem()
         angle, self._angle = self._angle, seen.angle if self._gyro.present else None
         gyro = None if angle is None else seen.angle - angle
         if gyro is not None and self._gyro.problem != "silent":
             self._compare(turn, gyro - self.bias_rad_s * dt_s, rolled + slip, dt_s)
             self._notice_bias(turn, gyro, dt_s)
+        self._report_problem()
         if gyro is None or not self._gyro.believed or self._against:
             self._rate = None
             for each in self._filters:
@@ -242,13 +241,9 @@ class Heading:
             way = self._way = _Window()
         way.wheels += window.wheels
         way.gyro += window.gyro
-        if abs(way.wheels) > AGAINST_RAD and abs(way.gyro) > AGAINST_RAD:
-            against = (way.wheels > 0.0) != (way.gyro > 0.0)
+        if min(abs(way.wheels), abs(way.gyro)) > AGAINST_RAD:
+            self._against = way.wheels * way.gyro < 0.0
             self._way = _Window()
-            if against and not self._against:
-                self._gyro.refuse("implausible")
-                self._report_problem()
-            self._against = against
         apart = abs(window.wheels - window.gyro)
         least = max(SLIP_RAD, SLIP_DEVIATIONS * math.sqrt(window.slip))
         slipping = apart > least and self._gyro.believed and not self._against
@@ -275,7 +270,6 @@ class Heading:
         for each in self._filters:
             each.learn(rest.mean, rest.deviation**2, (off * rest.seconds) ** 2)
         self._gyro.refuse("implausible")
-        self._report_problem()
 
     def _report_problem(self) -> None:
         """Count a problem of the gyro; its beginning and its end are events."""

@@ -90,7 +90,7 @@ class StreamedClock:
     @property
     def locked(self) -> bool:
         """Whether stamps follow the board's ticks rather than the arrival of lines."""
-        return self._envelope.settled and self._pace > 0.0
+        return self._envelope.settled and bool(self._pace)
 
     @property
     def unseen_ns(self) -> float:
@@ -183,9 +183,9 @@ class StreamedClock:
         if self._base_ns is None:
             return self.restart(reading)
         sent_ns = reading.sent_ns
-        left = self._arrivals.add(float(sent_ns - self._base_ns))
+        arrival = float(sent_ns - self._base_ns)
+        left = self._arrivals.add(arrival)
         if self._arrivals.steady and not self._each_line:
-            arrival = float(sent_ns - self._base_ns)
             moved = abs(ticks - self._left_out)
             measured = self._meter.add(arrival, moved, self._arrivals.gap, self._arrivals.spread)
             if measured is not None and self.renewal.weigh(measured):
@@ -235,7 +235,7 @@ class StreamedClock:
                 passed = max(passed, 1, math.ceil(least_ns / period))
         if passed <= 0 or not self._room(sent_ns, least_ns):
             return none
-        before, running, unsure = self._time, self._pace > 0.0, 0.0
+        before, running, unsure = self._time, bool(self._pace), 0.0
         least = max(0.5 * passed * period, least_ns)
         if ticks >= FAST_TICKS * passed and self.renewal.fits:
             timed = self._run(arrival, left, ticks / passed, passed, period)
