@@ -123,7 +123,7 @@ def test_every_package_says_what_is_inside() -> None:
 CALLED_BY_OTHERS = {
     "_action_max_length": "argparse",
     "_fields_": "ctypes",
-    "model_config": "pydantic",
+    "__pydantic_config__": "pydantic",
     "connection_made": "asyncio",
     "data_received": "asyncio",
     "connection_lost": "asyncio",

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import FrozenInstanceError
+
 import pytest
 from pydantic import ValidationError
 
@@ -24,7 +26,7 @@ def test_the_defaults_are_the_articles_robot():
 def test_a_battery_is_described_by_a_rising_curve():
     assert Board().battery_curve == ()
     curve = ((9.6, 0.0), (11.1, 0.4), (12.6, 1.0))
-    assert Board(battery_curve=[list(point) for point in curve]).battery_curve == curve
+    assert Board.of({"battery_curve": [list(point) for point in curve]}).battery_curve == curve
 
 
 @pytest.mark.parametrize(
@@ -42,25 +44,25 @@ def test_a_battery_is_described_by_a_rising_curve():
 )
 def test_what_is_no_curve_of_a_battery_is_refused(curve, why):
     with pytest.raises(ValidationError, match=why):
-        Board(battery_curve=curve)
+        Board.of({"battery_curve": curve})
 
 
 @pytest.mark.parametrize("profile", [*PROFILES, "custom"])
 def test_every_profile_of_the_protocol_can_be_chosen(profile):
-    assert Board(profile=profile).profile == profile
+    assert Board.of({"profile": profile}).profile == profile
 
 
 @pytest.mark.parametrize("dialect", ["auto", *DIALECTS])
 def test_every_dialect_of_the_registry_can_be_chosen(dialect):
-    assert Serial(dialect=dialect).dialect == dialect
+    assert Serial.of({"dialect": dialect}).dialect == dialect
 
 
 def test_a_dialect_that_is_registered_at_run_time_can_be_named_and_then_not_any_more(monkeypatch):
     monkeypatch.setitem(DIALECTS, "later", DIALECTS["polled"])
-    assert Serial(dialect="later").dialect == "later"
+    assert Serial.of({"dialect": "later"}).dialect == "later"
     monkeypatch.delitem(DIALECTS, "later")
     with pytest.raises(ValidationError):
-        Serial(dialect="later")
+        Serial.of({"dialect": "later"})
 
 
 @pytest.mark.parametrize("preset", PRESETS)
@@ -73,7 +75,7 @@ def test_a_preset_gives_every_wheel_motors_of_its_own(preset):
 
 def test_every_preset_of_the_table_is_a_word_of_the_configuration():
     for preset in PRESETS:
-        assert Chassis(preset=preset).preset == preset
+        assert Chassis.of({"preset": preset}).preset == preset
 
 
 @pytest.mark.parametrize(
@@ -95,7 +97,7 @@ def test_every_preset_of_the_table_is_a_word_of_the_configuration():
 )
 def test_impossible_geometry_is_refused(values):
     with pytest.raises(ValidationError):
-        Chassis.model_validate(values)
+        Chassis.of(values)
 
 
 @pytest.mark.parametrize(
@@ -112,15 +114,15 @@ def test_impossible_geometry_is_refused(values):
 )
 def test_a_motor_that_the_board_has_not_is_refused(values):
     with pytest.raises(ValidationError):
-        MotorEntry.model_validate(values)
+        MotorEntry.of(values)
 
 
 def test_whole_numbers_will_do_where_numbers_are_expected():
-    assert Chassis.model_validate({"wheel_separation_m": 1}).wheel_separation_m == 1.0
+    assert Chassis.of({"wheel_separation_m": 1}).wheel_separation_m == 1.0
 
 
 def test_a_configuration_does_not_change():
-    with pytest.raises(ValidationError, match="frozen"):
+    with pytest.raises(FrozenInstanceError):
         Board().profile = "310"  # type: ignore[misc]
 
 
@@ -139,7 +141,7 @@ def test_a_configuration_does_not_change():
     ],
 )
 def test_a_motor_mounted_the_other_way_round_stands_beside_a_preset(chassis):
-    motors = preset_motors(Chassis.model_validate(chassis))
+    motors = preset_motors(Chassis.of(chassis))
     assert motors["left"] == PRESETS["4wd"][1]["left"]
     assert [(entry.position, entry.name) for entry in motors["right"]] == [
         (3, "front_right"),
@@ -150,5 +152,5 @@ def test_a_motor_mounted_the_other_way_round_stands_beside_a_preset(chassis):
 
 def test_a_motor_beside_a_preset_may_have_a_name_of_its_own():
     motors = {"right": [{"position": 4, "name": "back_right"}]}
-    chassis = Chassis.model_validate({"preset": "4wd", "motors": motors})
+    chassis = Chassis.of({"preset": "4wd", "motors": motors})
     assert preset_motors(chassis)["right"][1].name == "back_right"

@@ -13,7 +13,7 @@ from yahboomd.protocol.profiles import PROFILES
 
 
 def config(**sections) -> Config:
-    return Config.model_validate(sections)
+    return Config.of(sections)
 
 
 def test_the_default_motors_are_those_of_the_520_kit():

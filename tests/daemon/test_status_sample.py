@@ -31,7 +31,7 @@ class Bus:
         return {"puts": 3, "put_errors": 0}
 
 
-OFF = Config.model_validate({"blackbox": {"enabled": False}})
+OFF = Config.of({"blackbox": {"enabled": False}})
 
 
 def status(bench: RobotBench) -> Status:

@@ -7,7 +7,7 @@ import pytest
 from ros_peers import HERE, built
 
 from yahboomd.config import read
-from yahboomd.daemon.ros2_graphs.ros2_parameters import parameter_server
+from yahboomd.daemon.ros2_graphs.ros2_parameters import parameter_meanings, parameter_server
 from yahboomd.messages import ros2
 from yahboomd.messages.native import SetPoseRequest
 from yahboomd.messages.rcl_interfaces import log
@@ -37,7 +37,8 @@ def ask(request):
 
 
 def test_ros_asks_for_parameters_and_reads_every_answer(ask):
-    services = parameter_server(read(None, environ={}).config).services
+    config = read(None, environ={}).config
+    services = parameter_server(config, parameter_meanings(config)).services
     names = ["command.timeout_s", "zenoh.listen", "serial.dtr", "no.such"]
     wanted = {
         "list_parameters": {"prefixes": ["command"], "depth": 1},

@@ -286,7 +286,7 @@ def _loads(path: Path, environ: dict[str, str], overrides: list[str]) -> None:
         assert all(char.isprintable() or char == "\n" for char in words)
         return
     assert isinstance(found, Config)
-    finite = found.model_dump(mode="python")
+    finite = found.as_data()
     assert all(math.isfinite(number) for number in _numbers(finite))
     # What the daemon makes of it at the start.
     motors = found.motors()

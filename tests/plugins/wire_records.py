@@ -197,7 +197,7 @@ def header_of(bench: WireBench) -> Header:
         pid=1,
         started_ns=bench.records[0].at_ns,
         started_wall_ns=1_700_000_000_000_000_000,
-        config=config.model_dump(mode="json", exclude_none=True),
+        config=config.as_data(),
         profile=config.board.profile,
         odometer=OdometerSettings(
             kinematics=config.kinematics(),

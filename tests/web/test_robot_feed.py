@@ -120,8 +120,8 @@ async def test_the_driver_of_the_robot_and_its_state_come_from_the_status(
 
 
 def in_effect(**chassis: object) -> dict[str, Any]:
-    config = Config.model_validate({"chassis": chassis, "limits": {"linear": {"velocity": 0.5}}})
-    return config.resolved().model_dump(mode="json")
+    config = Config.of({"chassis": chassis, "limits": {"linear": {"velocity": 0.5}}})
+    return config.resolved().as_data()
 
 
 def test_limits_are_those_of_the_configuration_in_effect() -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
+from dataclasses import asdict
 
 from yahboomd.cli.ros_files.node_parameters import PARAMETERS
 from yahboomd.cli.ros_files.robot_model import urdf
@@ -96,7 +98,7 @@ def run(args: argparse.Namespace) -> int:
         case "show":
             loaded = read_config(args)
             if args.json:
-                print(loaded.config.resolved().model_dump_json(indent=2))
+                print(json.dumps(asdict(loaded.config.resolved()), indent=2, ensure_ascii=False))
                 return 0
             origins = loaded.origins if args.origin else None
             print(reference.as_toml(loaded.config, origins=origins), end="")

@@ -8,10 +8,15 @@ import logging
 import os
 import re
 import sys
+from typing import TYPE_CHECKING
 
+from yahboomd.cli.child_reader import read_in_child
 from yahboomd.cli.shared_options import add_config_options, add_port_option, read_config
 from yahboomd.cli.unresponsive import FROZEN, is_yahboomd, process_state
 from yahboomd.errors import BusError
+
+if TYPE_CHECKING:
+    from yahboomd.config import Config
 
 DESCRIPTION = """\
 Own the board's serial port, drive its wheels from velocity commands on the Zenoh bus, and publish
@@ -50,19 +55,25 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run until a signal ends it."""
-    loaded = read_config(args)
+    from yahboomd.config import Config
+
+    wait = read_in_child(
+        lambda: _read(args), tuple[Config, tuple[str, ...], dict[str, tuple[str, str]]]
+    )
+    # Imported while the child reads.
     from yahboomd.daemon.logs import configure, flush
     from yahboomd.daemon.process import die_of, make_room
     from yahboomd.daemon.service import Daemon
 
     make_room()
-    configure(loaded.config.log.level, os.environ, sys.stderr)
+    config, warnings, meanings = wait()
+    configure(config.log.level, os.environ, sys.stderr)
     log = logging.getLogger("yahboomd")
-    for warning in loaded.warnings:
+    for warning in warnings:
         log.warning("%s", warning)
 
     async def main() -> int:
-        daemon = Daemon(loaded.config, environ=os.environ)
+        daemon = Daemon(config, environ=os.environ, meanings=meanings)
         status = os.EX_OK
         try:
             await daemon.run()
@@ -94,6 +105,17 @@ def run(args: argparse.Namespace) -> int:
         raise _explained(error) from error
     finally:
         flush()
+
+
+def _read(args: argparse.Namespace) -> tuple[Config, tuple[str, ...], dict[str, tuple[str, str]]]:
+    """The configuration, its warnings, and the meanings of ROS 2's parameters where it has them."""
+    loaded = read_config(args)
+    meanings = {}
+    if loaded.config.ros2.rmw_zenoh:
+        from yahboomd.daemon.ros2_graphs.ros2_parameters import parameter_meanings
+
+        meanings = parameter_meanings(loaded.config)
+    return loaded.config, loaded.warnings, meanings
 
 
 def _explained(error: BusError) -> BusError:

@@ -13,17 +13,15 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, TypeAlias
 
-from pydantic import Field, ValidationError
-
 from yahboomd.config.models import CALIBRATION, Config
-from yahboomd.config.values import Section, inline
+from yahboomd.config.values import Bounds, Section, inline
 from yahboomd.errors import ConfigError
 
 PREVIOUS = "calibration.previous.toml"
 
 LARGEST_BYTES = 100_000
 
-Multiplier: TypeAlias = Annotated[float, Field(ge=0.1, le=10.0)]
+Multiplier: TypeAlias = Annotated[float, Bounds({"ge": 0.1, "le": 10.0})]
 
 
 class Geometry(Section):
@@ -82,10 +80,12 @@ def read_calibration(path: Path) -> Calibration:
     Raises:
         ConfigError: It cannot be used; the message says why.
     """
+    from pydantic import ValidationError
+
     try:
         with path.open("rb") as file:
             raw = file.read(LARGEST_BYTES)
-        return Calibration.model_validate(tomllib.loads(raw.decode()))
+        return Calibration.of(tomllib.loads(raw.decode()))
     except OSError as error:
         raise ConfigError(f"{path} cannot be read: {error.strerror}.") from error
     except ValidationError as error:
@@ -101,7 +101,7 @@ def difference(calibration: Calibration, config: Config) -> str:
     then, now = calibration.geometry, geometry_of(config)
     changed = [
         f"chassis.{name} was {inline(getattr(then, name))} and is {inline(getattr(now, name))}"
-        for name in Geometry.model_fields
+        for name in vars(then)
         if getattr(then, name) not in (getattr(now, name), None)
     ]
     return "; ".join(changed)
@@ -117,7 +117,7 @@ def write_calibration(path: Path, calibration: Calibration) -> None:
         "# Written by `yahboomd calibrate`, and read over config.toml. `yahboomd calibrate undo`",
         "# takes it back; removing this file does too.",
     ]
-    for key, value in calibration.model_dump(mode="json", exclude_none=True).items():
+    for key, value in calibration.as_data().items():
         if isinstance(value, dict):
             lines += ["", f"[{key}]", *(f"{name} = {inline(each)}" for name, each in value.items())]
         else:

@@ -6,16 +6,16 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-from pydantic import ValidationError
-from pydantic_core import ErrorDetails
+from typing import TYPE_CHECKING, Any
 
 from yahboomd.config.layers import NOWHERE, Layers, Origin, plain
 from yahboomd.config.models import Config, calibration_path
 from yahboomd.config.rules import Finding, findings
 from yahboomd.config.values import Place, dotted
 from yahboomd.errors import ConfigError
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
 
 STANDARD_PATH = Path("/etc/yahboomd/config.toml")
 """Read when no file is named, where it exists."""
@@ -72,7 +72,7 @@ def read(
     """
     if path is None and _is_there(standard_path):
         path = standard_path
-    layers = Layers(Config().model_dump(mode="json", exclude_none=True))
+    layers = Layers(Config().as_data())
     if path is not None:
         layers.read_file(path)
     layers.read_environment(environ)
@@ -119,7 +119,7 @@ def _calibrate(layers: Layers, config: Config, path: Path) -> str:
             "remove it with `yahboomd calibrate undo`."
         )
     words = f"{path} ({calibration.method}, {calibration.made})"
-    for key, value in calibration.chassis.model_dump(exclude_none=True).items():
+    for key, value in calibration.chassis.as_data().items():
         layers.take(("chassis", key), value, words)
     return ""
 
@@ -140,8 +140,10 @@ def _lines(mistakes: Sequence[tuple[Origin, str]]) -> list[str]:
 
 
 def _validated(data: dict[str, Any]) -> tuple[Config, list[ErrorDetails]]:
+    from pydantic import ValidationError
+
     try:
-        return Config.model_validate(data), []
+        return Config.of(data), []
     except ValidationError as invalid:
         return Config(), invalid.errors(include_url=False)
 

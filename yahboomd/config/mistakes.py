@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import difflib
-
-from pydantic_core import ErrorDetails
+from typing import TYPE_CHECKING
 
 from yahboomd.config import schema
 from yahboomd.config.layers import toml_value
 from yahboomd.config.schema import ANY
 from yahboomd.config.values import Place, dotted, inline
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
 
 _NO_QUOTES = " (a number takes no quotes)"
 _HINTS = {
@@ -28,7 +30,7 @@ def place_of(error: ErrorDetails) -> Place:
 def words_for(error: ErrorDetails) -> str:
     """Say what was expected at the place of an error, and what is there."""
     place, value = place_of(error), error["input"]
-    if error["type"] == "extra_forbidden":
+    if error["type"] == "unexpected_keyword_argument":
         return _unknown(place)
     if error["type"] == "text":
         return f"{error['msg']}, got {shown(value)}"

@@ -11,7 +11,7 @@ from yahboomd.config.loading import Loaded
 from yahboomd.config.models import Config
 from yahboomd.config.rules import RULES
 from yahboomd.config.schema import Node
-from yahboomd.config.values import Place, dotted, inline
+from yahboomd.config.values import Place, dotted, inline, without_none
 from yahboomd.model import Motor
 
 WIDTH = 96
@@ -66,7 +66,7 @@ for each mistake.
 def markdown() -> str:
     """The page ``docs/configuration.md``."""
     lines = [INTRODUCTION]
-    for name in Config.model_fields:
+    for name in vars(Config()):
         section = schema.node_at((name,))
         lines += [f"## `[{name}]`", "", section["description"], "", *_rows(section)]
         seen: list[Node] = []
@@ -94,9 +94,9 @@ def as_toml(
         origins: Where keys were written: each value is followed by its own.
         header: Comment at the top, without the ``#``.
     """
-    values = config.model_dump(mode="json", exclude_none=True)
+    values = config.as_data()
     lines = [*_comment(header), *([""] if header else [])]
-    for name in Config.model_fields:
+    for name in vars(Config()):
         lines += _comment(schema.node_at((name,))["description"])
         lines += [f"[{name}]", *_section(name, values[name], origins), ""]
     return "\n".join(lines).rstrip() + "\n"
@@ -138,16 +138,10 @@ def _rows(table: Node) -> Iterator[str]:
         elif node["default"] is None:
             default = "absent"
         else:
-            default = f"`{inline(_without_none(node['default']))}`"
+            default = f"`{inline(without_none(node['default']))}`"
         cells = (f"`{key}`", schema.takes(node), default, node["description"])
         yield f"| {' | '.join(_cell(cell) for cell in cells)} |"
     yield ""
-
-
-def _without_none(value: object) -> object:
-    if isinstance(value, dict):
-        return {key: _without_none(item) for key, item in value.items() if item is not None}
-    return [_without_none(item) for item in value] if isinstance(value, list) else value
 
 
 def _cell(text: str) -> str:

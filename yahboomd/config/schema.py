@@ -7,8 +7,6 @@ from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any, TypeAlias
 
-from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
-
 from yahboomd.config.models import Config
 from yahboomd.config.values import Place, inline, number
 
@@ -32,16 +30,18 @@ _BOUNDS = {
 }
 
 
-class _InOrder(GenerateJsonSchema):
-    """Leaves the keys of defaults in the order of the models."""
-
-    def sort(self, value: JsonSchemaValue, parent_key: str | None = None) -> JsonSchemaValue:  # noqa: ARG002
-        return value
-
-
 @cache
 def _whole() -> Node:
-    return Config.model_json_schema(schema_generator=_InOrder)
+    from pydantic import TypeAdapter
+    from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
+
+    class InOrder(GenerateJsonSchema):
+        """Leaves the keys of defaults in the order of the sections."""
+
+        def sort(self, value: JsonSchemaValue, parent_key: str | None = None) -> JsonSchemaValue:  # noqa: ARG002
+            return value
+
+    return TypeAdapter(Config).json_schema(schema_generator=InOrder)
 
 
 def as_json() -> str:

@@ -1,29 +1,138 @@
 """The types of values in the configuration, and how a key is written in messages.
 
-Each type states what it takes; the reference page and ``config.toml`` repeat these words.
+Each type states what it takes; the reference page and ``config.toml`` repeat these words. Types are
+checked by pydantic, which is imported where values are read: a running daemon has no use for it.
 """
 
 from __future__ import annotations
 
+import inspect
 import json
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Annotated, Any, TypeAlias
+from dataclasses import MISSING, dataclass, field
+from functools import cache
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    ClassVar,
+    Generic,
+    Self,
+    TypeAlias,
+    TypeVar,
+    dataclass_transform,
+)
 
-from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler
-from pydantic_core import CoreSchema, PydanticCustomError, PydanticKnownError, core_schema
+import msgspec
 
 from yahboomd.names import PROTOCOLS, endpoint_problem, is_ros_name, name_problem
+
+if TYPE_CHECKING:
+    from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, TypeAdapter
+    from pydantic_core import CoreSchema
+
+T = TypeVar("T")
 
 Place: TypeAlias = tuple[str | int, ...]
 """The keys, and indices into lists, that lead to a value."""
 
 
-class Section(BaseModel):
+def key(*, default: Any = MISSING, description: str, **bounds: Any) -> Any:  # noqa: ANN401
+    """A key of a section.
+
+    Args:
+        default: Its value where it is not given; without one it must be.
+        description: Its meaning.
+        bounds: The values that it takes, as the arguments of pydantic's ``Field``.
+    """
+    about = {"description": description, **bounds}
+    if not isinstance(default, dict):
+        return field(default=default, metadata=about)
+    shown = {"default": msgspec.to_builtins(default)}
+    return field(default_factory=default.copy, metadata={**about, "json_schema_extra": shown})
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(key,))
+class Section:
     """A table of the configuration: no unknown keys, no guessed types, no NaN, no changes."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+    __pydantic_config__: ClassVar[Mapping[str, object]] = {
+        "extra": "forbid",
+        "strict": True,
+        "allow_inf_nan": False,
+    }
+
+    def __init_subclass__(cls) -> None:
+        dataclass(frozen=True, kw_only=True)(cls)
+
+    @classmethod
+    def of(cls, data: object) -> Self:
+        """The section with these values, checked.
+
+        Raises:
+            ValidationError: pydantic's; it has every mistake.
+        """
+        return cls._checker().validate_python(data)
+
+    def as_data(self) -> dict[str, Any]:
+        """The values, as in a file: a key that is absent is left out."""
+        data: dict[str, Any] = without_none(msgspec.to_builtins(self))
+        return data
+
+    @classmethod
+    @cache
+    def _checker(cls) -> TypeAdapter[Self]:
+        from pydantic import TypeAdapter
+
+        return TypeAdapter(cls)
+
+    @classmethod
+    def __get_pydantic_core_schema__(
+        cls, source: object, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        schema = handler(source)
+        # A file has tables; only their values are strict.
+        handler.resolve_ref_schema(schema)["strict"] = False  # type: ignore[index]
+        return schema
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        node = handler(schema)
+        handler.resolve_ref_schema(node)["description"] = inspect.getdoc(cls)
+        return node
+
+
+def without_none(value: Any) -> Any:  # noqa: ANN401
+    """Tables and lists as a file has them: what is None is left out."""
+    if isinstance(value, dict):
+        return {key: without_none(item) for key, item in value.items() if item is not None}
+    return [without_none(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+@dataclass(frozen=True, eq=False)
+class Bounds:
+    """Bounds of a value within a key.
+
+    Attributes:
+        core: Added to the schema by which pydantic checks.
+        shown: Added to the JSON Schema.
+    """
+
+    core: Mapping[str, Any]
+    shown: Mapping[str, Any] = field(default_factory=dict)
+
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return {**handler(source), **self.core}
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {**handler(schema), **self.shown}
 
 
 @dataclass(frozen=True)
@@ -41,6 +150,8 @@ class Choice:
     def __get_pydantic_core_schema__(
         self, source: object, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
+        from pydantic_core import core_schema
+
         # The type comes first: True equals 1.
         return core_schema.no_info_after_validator_function(self._check, handler(source))
 
@@ -55,39 +166,62 @@ class Choice:
 
     def _check(self, given: str | int) -> str | int:
         if given not in self._known:
+            from pydantic_core import PydanticKnownError
+
             raise PydanticKnownError("literal_error", {"expected": str(self._known)})
         return given
 
 
 @dataclass(frozen=True)
-class Checked:
-    """Text that passes a check.
+class Checked(Generic[T]):
+    """A value that passes a check.
 
     Attributes:
-        takes: What is accepted, as a noun.
+        takes: What is accepted, as a noun; empty where the type says it.
         problem: Why a text is refused; None where it is accepted.
     """
 
     takes: str
-    problem: Callable[[str], str | None]
+    problem: Callable[[T], str | None]
 
     def __get_pydantic_core_schema__(
         self, source: object, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
+        from pydantic_core import core_schema
+
         return core_schema.no_info_after_validator_function(self._check, handler(source))
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
-        return {**handler(schema), "$comment": self.takes}
+        return handler(schema) | ({"$comment": self.takes} if self.takes else {})
 
-    def _check(self, text: str) -> str:
-        if problem := self.problem(text):
+    def _check(self, given: T) -> T:
+        if problem := self.problem(given):
+            from pydantic_core import PydanticCustomError
+
             raise PydanticCustomError("text", "{problem}", {"problem": problem})
-        return text
+        return given
 
 
-def _like(pattern: str, takes: str) -> Checked:
+@dataclass(frozen=True)
+class Over:
+    """A table whose missing entries are those of a default."""
+
+    default: Section
+
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_before_validator_function(self._fill, handler(source))
+
+    def _fill(self, given: object) -> object:
+        return {**self.default.as_data(), **given} if isinstance(given, Mapping) else given
+
+
+def _like(pattern: str, takes: str) -> Checked[str]:
     found = re.compile(pattern).fullmatch
     return Checked(takes, lambda text: None if found(text) else f"expected {takes}")
 
@@ -143,7 +277,7 @@ MotorName: TypeAlias = Annotated[
     str, _like(r"[A-Za-z][A-Za-z0-9_]*", 'a name such as "front_left", of letters, digits and _')
 ]
 AbsolutePath: TypeAlias = Annotated[str, _like(r"(?s)(/[^\0]*)?", 'an absolute path, or ""')]
-Positive: TypeAlias = Annotated[float, Field(gt=0.0)]
+Positive: TypeAlias = Annotated[float, Bounds({"gt": 0.0})]
 Sign: TypeAlias = Annotated[int, Choice((1, -1))]
 
 

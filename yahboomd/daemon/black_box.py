@@ -264,7 +264,7 @@ def header(config: Config, clock: Clock) -> Header:
         pid=os.getpid(),
         started_ns=clock.now_ns(),
         started_wall_ns=clock.wall_ns(),
-        config=config.resolved().model_dump(mode="json", exclude_none=True),
+        config=config.resolved().as_data(),
         profile=config.profile().name,
         odometer=odometer_settings(config),
         imu=ImuSettings(

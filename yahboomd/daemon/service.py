@@ -45,6 +45,7 @@ class Daemon:
 
     Args:
         opener: Opens the port; made from the configuration unless given.
+        meanings: The meaning of each parameter of ROS 2, and what it takes.
     """
 
     def __init__(
@@ -54,8 +55,10 @@ class Daemon:
         environ: Mapping[str, str],
         clock: Clock | None = None,
         opener: Opener | None = None,
+        meanings: Mapping[str, tuple[str, str]] | None = None,
     ) -> None:
         self._config = config
+        self._meanings = meanings or {}
         self._environ = environ
         self._clock = clock or SystemClock()
         self._opener = opener or assembly.opener(config, self._clock, environ)
@@ -162,7 +165,7 @@ class Daemon:
         services = Services(
             operator,
             encoding=config.zenoh.encoding,
-            config=lambda: config.model_dump(mode="json", exclude_none=True),
+            config=config.as_data,
             board=status.board,
             newest=self._publisher.newest,
             save_box=box.save_now,
@@ -179,6 +182,7 @@ class Daemon:
             config,
             clock,
             services=services,
+            meanings=self._meanings,
             commands=lambda source: intake.handler(source, attached=True),
             poses=poses.accept,
         )

@@ -107,7 +107,7 @@ async def test_one_on_its_back_is_found_and_what_is_printed_makes_it_right(
     show_mounted(found, config, Answers())
     out, err = capsys.readouterr()
     assert "wrong" in err
-    given = Config.model_validate({"imu": {"axes": found.axes, "gyro_axes": found.gyro_axes}})
+    given = Config.of({"imu": {"axes": found.axes, "gyro_axes": found.gyro_axes}})
     again = await Bench(given, axes="x -y -z", turns=3.0).run()
     show_mounted(again, given, Answers())
     assert "right" in capsys.readouterr().err

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -22,13 +23,8 @@ def config(preset: str):
 @pytest.mark.parametrize("preset", ["2wd", "4wd", "mecanum"])
 def test_a_side_is_the_mean_of_its_motors_without_any_calibration(preset: str) -> None:
     made = config(preset)
-    calibrated = made.model_copy(
-        update={
-            "chassis": made.chassis.model_copy(
-                update={"wheel_radius_multiplier": {made.kinematics().wheels[0]: 1.2}}
-            )
-        }
-    )
+    multipliers = {made.kinematics().wheels[0]: 1.2}
+    calibrated = replace(made, chassis=replace(made.chassis, wheel_radius_multiplier=multipliers))
     motors = calibrated.motors()
     wheels = calibrated.kinematics().wheels
     per_turn = made.ticks_per_revolution()

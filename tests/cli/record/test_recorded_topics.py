@@ -65,6 +65,6 @@ def test_bytes_that_are_no_message_have_no_channel(payload: bytes) -> None:
 
 
 def test_the_facts_are_what_makes_poses_of_counts_and_no_credentials() -> None:
-    facts = facts_of(Config().model_dump(mode="json"))
+    facts = facts_of(Config().as_data())
     assert json.loads(facts["chassis"])["wheel_separation_m"] == 0.15
     assert not {"zenoh", "estop", "log"} & set(facts)

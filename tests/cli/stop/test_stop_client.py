@@ -138,7 +138,7 @@ async def test_a_release_is_passed_on_and_so_is_its_refusal(robot) -> None:
 
 async def test_another_robots_daemon_is_left_alone(robot) -> None:
     daemon = robot([0.0])
-    other = Config.model_validate({"zenoh": {"namespace": "bot2"}})
+    other = Config.of({"zenoh": {"namespace": "bot2"}})
     assert await engage((robot.endpoint,), other) is None
     assert daemon.engaged == 0
     with pytest.raises(BusError, match="No daemon answers"):

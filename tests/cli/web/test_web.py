@@ -39,7 +39,7 @@ def test_the_extra_has_what_the_commands_behind_the_page_need() -> None:
 
 
 def test_the_configuration_is_read_in_a_process_that_ends() -> None:
-    """Its models take 13 MB of the 60 that the server may have."""
+    """pydantic takes 10 MB of the 60 that the server may have."""
     web = Process("web", "--listen", "127.0.0.1:0", "--connect", free_endpoint())
     try:
         web.says("The page is at http://127.0.0.1:")

@@ -166,7 +166,7 @@ def _facts(
     fit: Fit, calibration: Calibration, wrong: list[str], written: Path | None
 ) -> dict[str, Any]:
     return {
-        **calibration.model_dump(mode="json", exclude_none=True),
+        **calibration.as_data(),
         "std": dict(zip(fit.std._fields, fit.std, strict=True)),
         "chi_squared": fit.chi_squared,
         "errors": fit.errors,

@@ -113,12 +113,10 @@ async def config_of(robot: AsyncRobot, loaded: Loaded) -> Config:
     Raises:
         ConfigError: It is another robot's.
     """
-    import msgspec
-
     from yahboomd.config import Config
     from yahboomd.config.calibration_file import geometry_of
 
-    config = Config.model_validate_json(msgspec.json.encode(await robot.config()))
+    config = Config.of(await robot.config())
     if geometry_of(config) != geometry_of(loaded.config):
         raise ConfigError(
             "The daemon runs with another robot's configuration than "

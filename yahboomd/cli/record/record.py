@@ -128,7 +128,7 @@ async def _record(robot: AsyncRobot, args: argparse.Namespace) -> int:
 
     clock = SystemClock()
     data = await robot.config()
-    config = Config.model_validate_json(msgspec.json.encode(data))
+    config = Config.of(data)
     folder = args.folder or Path(f"robot-{datetime.datetime.now().astimezone():%Y-%m-%d-%H%M%S}")
     try:
         folder.mkdir(parents=True)

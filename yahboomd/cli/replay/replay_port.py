@@ -9,8 +9,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import msgspec
-
 from yahboomd import program
 from yahboomd.blackbox.box_file import Header
 from yahboomd.blackbox.records import Received, Record, Written
@@ -52,7 +50,7 @@ def be_a_port(recorded: list[Connection], header: Header, link: Path, *, as_json
 
 def as_configured_says(header: Header, dialect: Dialect, question: bytes) -> bytes:
     """The answer of a board that stores what the recorded configuration says."""
-    config = Config.model_validate_json(msgspec.json.encode(header.config))
+    config = Config.of(header.config)
     robot = SimulatedRobot(as_configured(config, SimulationOptions(dialect=dialect.name)))
     robot.start(0)
     robot.host_wrote(question, 0)

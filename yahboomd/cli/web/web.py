@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 
+from yahboomd.cli.child_reader import read_in_child
 from yahboomd.cli.shared_options import (
     add_bus_options,
     add_config_options,
@@ -138,11 +139,12 @@ def run(args: argparse.Namespace) -> int:
         return _certify(folder, args.host_name)
     if args.new_tokens or args.show_link:
         return _links(args, folder)
+    from yahboomd.bus.options import BusOptions
     from yahboomd.web.page_tools import ToolSettings
 
     place = _place(args.listen or DEFAULT_PLACE)
     check_source(args)
-    options, is_service = _read_in_child(args)
+    options, is_service = read_in_child(lambda: _read(args), tuple[BusOptions, bool])()
     if is_service:
         # Commands that pages start use the directory of the robot's service, not of the page's.
         os.environ.pop("STATE_DIRECTORY", None)
@@ -157,28 +159,6 @@ def run(args: argparse.Namespace) -> int:
         tools=ToolSettings(robot=robot_arguments(args), recordings=folder / "recordings"),
     )
     return asyncio.run(_serve(setup))
-
-
-def _read_in_child(args: argparse.Namespace) -> tuple[BusOptions, bool]:
-    """Read the configuration in a process that ends: it takes 13 MB, which never come back."""
-    from yahboomd.bus.options import BusOptions
-
-    if len(os.listdir("/proc/self/task")) > 1:
-        # A copy of a process with threads may wait for one of them for ever.
-        return _read(args)
-    reading, writing = os.pipe()
-    child = os.fork()
-    if child == 0:
-        try:
-            os.write(writing, msgspec.json.encode(_read(args)))
-        finally:
-            os._exit(os.EX_OK)
-    os.close(writing)
-    with open(reading, "rb") as pipe:
-        found = pipe.read()
-    os.waitpid(child, 0)
-    # A mistake is found again here, and named.
-    return msgspec.json.decode(found, type=tuple[BusOptions, bool]) if found else _read(args)
 
 
 def _read(args: argparse.Namespace) -> tuple[BusOptions, bool]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from yahboomd.config import Config, schema
 from yahboomd.config.values import Place
@@ -19,18 +19,22 @@ HIDDEN: frozenset[Place] = frozenset({("zenoh", "config")})
 ENDPOINTS: frozenset[Place] = frozenset({("zenoh", "listen"), ("zenoh", "connect")})
 
 
-def parameter_server(config: Config) -> ParameterServer:
-    """Answers for a configuration."""
-    places = dict(_parameters(config.model_dump(mode="json", exclude_none=True), ()))
-    names = {_name(place): place for place in places}
+def parameter_server(config: Config, meanings: Mapping[str, tuple[str, str]]) -> ParameterServer:
+    """Answers for a configuration.
 
-    # All of it now: the schema takes longer to make than the wheels may wait.
-    meanings = {
-        name: (_meaning(place), schema.takes(schema.node_at(place)))
-        for name, place in names.items()
-    }
-    values = {name: places[place] for name, place in names.items()}
+    Args:
+        meanings: Those of :func:`parameter_meanings`.
+    """
+    values = {_name(place): value for place, value in _parameters(config.as_data(), ())}
     return ParameterServer(values, meanings, REFUSAL)
+
+
+def parameter_meanings(config: Config) -> dict[str, tuple[str, str]]:
+    """The meaning of each parameter, and what it takes. Slow, and it loads pydantic."""
+    return {
+        _name(place): (_meaning(place), schema.takes(schema.node_at(place)))
+        for place, _ in _parameters(config.as_data(), ())
+    }
 
 
 def _name(place: Place) -> str:

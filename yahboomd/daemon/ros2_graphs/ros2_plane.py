@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from socket import gethostname
 
 from yahboomd.bus import keys
@@ -43,6 +43,7 @@ def start(
     clock: Clock,
     *,
     services: Services,
+    meanings: Mapping[str, tuple[str, str]],
     commands: Callable[[str], Handler],
     poses: Handler,
 ) -> RosPublisher:
@@ -50,6 +51,7 @@ def start(
 
     Args:
         bus: An open session, on which the services and the plain command keys are there already.
+        meanings: The meaning of each parameter, and what it takes.
         commands: What to hand a source's commands to that arrive natively.
         poses: Takes messages that set the pose and arrive natively.
 
@@ -83,7 +85,7 @@ def start(
         if native is not None:
             _serve(bus, native, services, key)
     if native is not None:
-        native.parameters(parameter_server(config))
+        native.parameters(parameter_server(config, meanings))
     types = TypeWatch(bus)
     for source in filter(is_ros_name, config.command.sources):
         stamped = source in config.ros2.stamped_commands

@@ -1,0 +1,91 @@
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+from real_robot import free_endpoint
+
+START = """
+import os, sys, threading
+from pathlib import Path
+from yahboomd.cli.child_reader import read_in_child
+from yahboomd.config import Config
+from yahboomd.errors import ConfigError
+"""
+
+
+def run(script: str) -> str:
+    """What a process of its own prints: this one has threads."""
+    done = subprocess.run(
+        [sys.executable, "-c", START + script],
+        check=False,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    return done.stdout + done.stderr
+
+
+def test_the_values_come_from_another_process_with_their_types() -> None:
+    said = run(
+        "given = Config.of({'chassis': {'preset': '4wd'}, 'zenoh': {'listen': ['tcp/[::1]:7']}})\n"
+        "wait = read_in_child(lambda: (given, Path('/x'), os.getpid()), tuple[Config, Path, int])\n"
+        "config, path, pid = wait()\n"
+        "print(config == given, config.zenoh.listen, repr(path), pid != os.getpid())\n"
+    )
+    assert said == "True ('tcp/[::1]:7',) PosixPath('/x') True\n"
+
+
+def test_this_process_goes_on_while_the_other_reads() -> None:
+    said = run(
+        "reading, writing = os.pipe()\n"
+        "wait = read_in_child(lambda: os.read(reading, 9), bytes)\n"
+        "os.write(writing, b'meanwhile')\n"
+        "print(wait())\n"
+    )
+    assert said == "b'meanwhile'\n"
+
+
+def test_a_mistake_is_raised_here_in_its_words() -> None:
+    said = run(
+        "def read(): raise ConfigError('The port is no port.', remedy='Write another \u2026.')\n"
+        "try: read_in_child(read, int)()\n"
+        "except ConfigError as error: print(error.exit_code, error)\n"
+    )
+    assert said == f"{os.EX_CONFIG} The port is no port. Write another \u2026.\n"
+
+
+def test_a_bug_shows_its_traceback_and_the_process_does_not_start_without_configuration() -> None:
+    said = run("read_in_child(lambda: 1 / 0, int)()")
+    assert "ZeroDivisionError" in said
+    assert f"The process that reads the configuration ended with {os.EX_SOFTWARE}." in said
+
+
+def test_a_reader_that_is_killed_is_not_taken_for_an_empty_configuration() -> None:
+    assert "ended with -9." in run("read_in_child(lambda: os.kill(os.getpid(), 9), int)()")
+
+
+def test_a_process_with_threads_reads_itself() -> None:
+    said = run(
+        "ended = threading.Event()\n"
+        "threading.Thread(target=ended.wait).start()\n"
+        "print(read_in_child(os.getpid, int)() == os.getpid())\n"
+        "ended.set()\n"
+    )
+    assert said == "True\n"
+
+
+def test_mistakes_in_a_configuration_that_is_a_pipe_are_named() -> None:
+    command = [sys.executable, "-m", "yahboomd", "run", "--config", "/dev/stdin"]
+    listen = f"zenoh.listen={free_endpoint()}"
+    done = subprocess.run(
+        [*command, "--set", listen],
+        check=False,
+        input="[board]\nlinse = 3\n",
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == os.EX_CONFIG
+    assert '/dev/stdin:2: board.linse: unknown key; did you mean "lines"?' in done.stderr

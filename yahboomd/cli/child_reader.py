@@ -1,0 +1,59 @@
+"""Reads the configuration in a process that ends: pydantic takes 10 MB, which never come back."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from typing import TypeVar
+
+import msgspec
+
+from yahboomd.errors import ConfigError, YahboomdError
+
+T = TypeVar("T")
+
+
+def read_in_child(read: Callable[[], T], kind: type[T]) -> Callable[[], T]:
+    """Begin to read in a copy of this process, which goes on meanwhile.
+
+    Args:
+        read: Returns the values that are needed of the configuration, or raises a ConfigError.
+        kind: The type of these values.
+
+    Returns:
+        Waits for the values and returns them, or raises the ConfigError.
+    """
+    if len(os.listdir("/proc/self/task")) > 1:
+        # A copy of a process with threads may wait for one of them for ever.
+        return read
+    reading, writing = os.pipe()
+    child = os.fork()
+    if child == 0:
+        status = os.EX_SOFTWARE
+        try:
+            with open(writing, "wb") as pipe:
+                try:
+                    pipe.write(msgspec.msgpack.encode(read(), enc_hook=str))
+                    status = os.EX_OK
+                except ConfigError as error:
+                    pipe.write(str(error).encode())
+                    status = os.EX_CONFIG
+        except Exception:  # noqa: BLE001 - the same as at the end of a process
+            sys.excepthook(*sys.exc_info())
+        finally:
+            os._exit(status)
+    os.close(writing)
+
+    def wait() -> T:
+        with open(reading, "rb") as pipe:
+            answer = pipe.read()
+        status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        if status == os.EX_CONFIG:
+            raise ConfigError(answer.decode())
+        if status != os.EX_OK:
+            # It is not read again here: a file that is a pipe is empty by now.
+            raise YahboomdError(f"The process that reads the configuration ended with {status}.")
+        return msgspec.msgpack.decode(answer, type=kind, dec_hook=lambda path, text: path(text))
+
+    return wait
