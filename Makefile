@@ -9,9 +9,9 @@ MINUTES ?= 2
 SEED    ?= 1
 ROOM    ?= drive
 SAMPLE  ?= 120
-# Half of them begin with what waits in real time, and half with what computes (tests/plugins/lanes.py).
-# WORKERS=0 runs them one by one.
-WORKERS ?= $(shell getconf _NPROCESSORS_ONLN)
+# A third of them computes, the others wait in real time (tests/plugins/lanes.py). WORKERS=0 runs
+# all in one.
+WORKERS ?= $(shell echo $$(($$(getconf _NPROCESSORS_ONLN) + 1)))
 # The tests start hundreds of Python processes, which need not compile yahboomd each time.
 PYTEST := PYTHONDONTWRITEBYTECODE= $(PY) -m pytest
 PARALLEL := -n $(WORKERS) --dist loadgroup

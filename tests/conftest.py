@@ -60,7 +60,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     if lanes:
         # Without the right to it a process stays where it is.
         with contextlib.suppress(OSError):
-            os.setpriority(os.PRIO_PROCESS, 0, NICE if marked else NICE + 5)
+            os.setpriority(os.PRIO_PROCESS, 0, NICE if marked else NICE + 10)
 
 
 @pytest.hookimpl(wrapper=True)

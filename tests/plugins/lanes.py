@@ -1,9 +1,9 @@
 """Which process runs which test, where several processes run them side by side.
 
 Tests that are marked ``realtime`` wait for most of their time, and want a processor when they
-wake; the others use all that they get. So every other process begins with those others, at a low
-priority, and the rest with the longest of the ones that wait: two robots beside each other on two
-cores are late now and then. The tests of an ``xdist_group`` have one process.
+wake; the others use all that they get. So one process of three computes, at a low priority, and
+the others wait. What floods or measures is late beside its like: the first process has it all, one
+after the other. The tests of an ``xdist_group`` have one process.
 """
 
 from __future__ import annotations
@@ -18,15 +18,23 @@ from xdist.scheduler import LoadScopeScheduling
 if TYPE_CHECKING:
     from xdist.workermanage import WorkerController
 
-LONG = (
+HEAVY = (
     "tests/soak",
-    "tests/cli/calibrate",
     "tests/benchmarks",
+    "tests/faults/test_estop_flood",
+    "tests/faults/test_flood",
+)
+"""They are long, and keep the machine busy: one after the other, from the start."""
+
+LONG = (
+    "tests/whole/test_page",
+    "tests/cli/calibrate",
     "tests/cli/tune",
     "tests/cli/setup",
     "tests/test_end_to_end",
+    "tests/faults/test_link_real",
 )
-"""They come first: all processes wait for a long test that begins last."""
+"""They come early: all processes wait for a long test that begins last."""
 
 _GROUP = re.compile(r'xdist_group\("(\w+)"\)')
 _ALL_REAL = re.compile(r"^(pytestmark = \[?|    )pytest\.mark\.realtime\b", re.MULTILINE)
@@ -53,11 +61,14 @@ class Lanes(LoadScopeScheduling):  # type: ignore[misc]
         self.collection = next(iter(self.registered_collections.values()))
         self._index = {nodeid: index for index, nodeid in enumerate(self.collection)}
         self._waits: set[str] = set()
+        self._heavy: set[str] = set()
         for nodeid in self.collection:
             scope = self._split_scope(nodeid)
             self.workqueue.setdefault(scope, {})[nodeid] = False
             if self._in_real_time(nodeid):
                 self._waits.add(scope)
+                if nodeid.startswith(HEAVY):
+                    self._heavy.add(scope)
         order = sorted(self.workqueue, key=self._rank)
         self.workqueue = type(self.workqueue)((scope, self.workqueue[scope]) for scope in order)
         for _ in range(2):
@@ -79,17 +90,21 @@ class Lanes(LoadScopeScheduling):  # type: ignore[misc]
     def _reschedule(self, node: WorkerController) -> None:
         if node.shutting_down or self._pending_of(self.assigned_work[node]) > 1:
             return
-        number = int(node.gateway.id.removeprefix("gw"))
-        if number % 2:
-            # From the end, where those are that only compute, and before them the short ones.
-            scope = next(reversed(self.workqueue), None)
-        else:
-            scope = next(iter(self.workqueue), None)
+        scope = self._next_scope(int(node.gateway.id.removeprefix("gw")))
         if scope is None:
             node.shutdown()
             return
         self.assigned_work[node][scope] = unit = self.workqueue.pop(scope)
         node.send_runtest_some([self._index[each] for each, done in unit.items() if not done])
+
+    def _next_scope(self, number: int) -> str | None:
+        """The next one for a process: the first takes what comes, and every third computes."""
+        if number % 3 == 1:
+            last = next(reversed(self.workqueue), None)
+            return None if last in self._waits else last
+        return next(
+            (each for each in self.workqueue if not number or each not in self._heavy), None
+        )
 
     def _split_scope(self, nodeid: str) -> str:
         return _marks(self._path(nodeid))[0] or nodeid
@@ -102,6 +117,11 @@ class Lanes(LoadScopeScheduling):  # type: ignore[misc]
         _, all_real, some = _marks(self._path(nodeid))
         return all_real or nodeid.partition("::")[2].partition("[")[0] in some
 
-    def _rank(self, scope: str) -> tuple[bool, bool, bool]:
-        """Those in real time first, and among them groups and those that take long."""
-        return scope not in self._waits, "::" in scope, not scope.startswith(LONG)
+    def _rank(self, scope: str) -> tuple[bool, bool, bool, bool]:
+        """Real time first, and in it what is heavy, groups and what takes long."""
+        return (
+            scope not in self._waits,
+            scope not in self._heavy,
+            "::" in scope,
+            not scope.startswith(LONG),
+        )
