@@ -42,9 +42,12 @@ run: $(VENV)/.run ## start daemon and page: on a simulated board, or on a real o
 	@exec $(PY) tools/make_run.py $(if $(PORT),--port $(PORT)) $(ARGS)
 
 ##@ Check a change
-.PHONY: quick test check lint types imports schemas schemas-check
-quick: lint types imports ## in a minute: lint, types, imports, tests of single rooms without processes
-	$(PYTEST) -q -n auto -m "not realtime" $(WHOLE_ROBOTS:%=--ignore=tests/%) $(REST) $(ARGS)
+.PHONY: quick single-rooms test check lint types imports schemas schemas-check
+quick: $(VENV)/.dev ## in a minute: lint, types, imports, tests of single rooms without processes
+	@$(MAKE) --no-print-directory -j lint types imports single-rooms
+
+single-rooms: $(VENV)/.dev
+	$(PYTEST) -q -n auto --hypothesis-profile=few -m "not realtime" $(WHOLE_ROBOTS:%=--ignore=tests/%) $(REST) $(ARGS)
 
 test: $(VENV)/.dev check ## set up, and pass every check of the daemon (ARGS='tests/drive -x' runs these tests only)
 

@@ -41,6 +41,8 @@ settings.register_profile(
 # The same examples every time: a change that fails is at fault itself. New ones are tried by
 # `pytest --hypothesis-profile=explore`.
 settings.register_profile("same examples", settings.get_profile("explore"), derandomize=True)
+# The short loop of `make quick`.
+settings.register_profile("few", settings.get_profile("same examples"), max_examples=20)
 settings.load_profile("same examples")
 
 

@@ -11,6 +11,8 @@ from zenoh_fixtures import eventually
 from yahboomd.web import child_command
 from yahboomd.web.child_command import Child, output_of
 
+pytestmark = pytest.mark.realtime
+
 
 async def test_a_command_runs_to_its_end_without_a_shell() -> None:
     status, printed, last_words = await output_of(["--version"])

@@ -17,7 +17,7 @@ from yahboomd.blackbox.box_file import read_box
 from yahboomd.web import page_boxes
 from yahboomd.web.page_boxes import BUSY, PageBoxes
 
-pytestmark = pytest.mark.xdist_group("web_tools")
+pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("web_tools")]
 
 
 NAME = "000007_20261122T173530Z_estop"
@@ -73,7 +73,6 @@ async def test_no_more_than_some_wait_for_their_turn(
     assert sorted(words for _, _, words in answers) == ["", BUSY, BUSY]
 
 
-@pytest.mark.realtime
 async def test_an_emergency_stop_is_explained_downloaded_and_another_box_saved_on_demand(
     site: Callable[..., Awaitable[Site]], real_robot: Callable[..., RealRobot], tmp_path: Path
 ) -> None:
