@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from yahboomd.bus.subscriptions import Arrival
 from yahboomd.client.streams import Samples, read_sample
-from yahboomd.messages import samples
+from yahboomd.messages import cdr_samples, samples
 from yahboomd.messages.codecs import encode
 from yahboomd.messages.native import MESSAGES, PoseSample, StatusSample
 
@@ -34,7 +34,7 @@ def test_another_message_is_not_taken_for_the_one_that_is_expected() -> None:
 
 
 def test_cdr_is_nothing_that_a_native_key_carries() -> None:
-    assert read_sample(samples.CDR["Odometry"].payload, PoseSample) is None
+    assert read_sample(cdr_samples.CDR["Odometry"].payload, PoseSample) is None
 
 
 @given(st.binary())

@@ -9,7 +9,7 @@ import pytest
 from yahboomd.bus import keys
 from yahboomd.daemon.key_table import INPUTS, OFFERS, OUTPUTS, ROS_TOPICS
 from yahboomd.daemon.requests import Services
-from yahboomd.messages import samples
+from yahboomd.messages import cdr_samples
 from yahboomd.messages.event_kinds import EVENTS
 from yahboomd.messages.native import MESSAGES, ServiceReply
 from yahboomd.messages.rcl_interfaces import ParameterServer
@@ -46,7 +46,7 @@ def test_every_type_of_ros_2_is_known_and_has_a_sample():
     }
     parameters = ParameterServer({}, {}, "").services.values()
     assert types | {ros_type for ros_type, _ in parameters} == TYPE_HASHES.keys()
-    sampled = {sample.ros_type.partition("_Re")[0] for sample in samples.CDR.values()}
+    sampled = {sample.ros_type.partition("_Re")[0] for sample in cdr_samples.CDR.values()}
     assert types == sampled
 
 

@@ -9,9 +9,9 @@ from ros_peers import HERE, built
 from yahboomd.config import read
 from yahboomd.daemon.ros2_graphs.ros2_parameters import parameter_meanings, parameter_server
 from yahboomd.messages import ros2
+from yahboomd.messages.cdr_samples import CDR
 from yahboomd.messages.native import SetPoseRequest
 from yahboomd.messages.rcl_interfaces import log
-from yahboomd.messages.samples import CDR
 from yahboomd.messages.set_pose import decode_pose
 
 DISTROS = ("jazzy", "kilted")

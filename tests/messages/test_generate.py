@@ -11,7 +11,7 @@ import msgspec
 import pytest
 from jsonschema import Draft202012Validator
 
-from yahboomd.messages import generate, samples
+from yahboomd.messages import cdr_samples, generate, samples
 from yahboomd.messages.native import MESSAGES
 
 SCHEMAS = Path(__file__).parents[2] / "schemas"
@@ -98,7 +98,7 @@ def test_decoded_values_of_cdr_samples_are_those_of_the_bytes(oracle):
             return [named(item) for item in value]
         return "NaN" if isinstance(value, float) and math.isnan(value) else value
 
-    for name in samples.CDR:
+    for name in cdr_samples.CDR:
         described = json.loads(files[f"samples/cdr/{name}.json"])
         decoded = oracle.decode(described["type"], files[f"samples/cdr/{name}.bin"])
         assert named(decoded) == described["values"], name
@@ -128,4 +128,4 @@ def test_check_of_a_folder_that_is_not_there_lists_everything(tmp_path, capsys):
 def test_the_readme_names_every_message_and_type():
     readme = generate.generated()["README.md"].decode()
     assert all(f"[`{name}`]({name}.json)" in readme for name in MESSAGES)
-    assert all(f"`{sample.ros_type}`" in readme for sample in samples.CDR.values())
+    assert all(f"`{sample.ros_type}`" in readme for sample in cdr_samples.CDR.values())

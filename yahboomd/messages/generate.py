@@ -16,7 +16,7 @@ from typing import Any
 
 import msgspec
 
-from yahboomd.messages import codecs, event_samples, samples
+from yahboomd.messages import cdr_samples, codecs, event_samples, samples
 from yahboomd.messages.event_kinds import EVENTS, KINDS
 from yahboomd.messages.native import MESSAGES
 
@@ -149,7 +149,7 @@ def generated() -> dict[str, bytes]:
             files[f"{folder}{name}.json"] = _pretty(schema(name))
             files[f"samples/json/{folder}{name}.json"] = codecs.encode(message, "json")
             files[f"samples/msgpack/{folder}{name}.bin"] = codecs.encode(message, "msgpack")
-    for name, sample in samples.CDR.items():
+    for name, sample in cdr_samples.CDR.items():
         files[f"samples/cdr/{name}.bin"] = sample.payload
         files[f"samples/cdr/{name}.json"] = _pretty(
             {"type": sample.ros_type, "values": _without_nan(sample.values)}
@@ -235,7 +235,7 @@ def _readme() -> str:
         ),
         types="\n".join(
             f"| `{name}` | `{sample.ros_type}` | {len(sample.payload)} |"
-            for name, sample in samples.CDR.items()
+            for name, sample in cdr_samples.CDR.items()
         ),
     )
 

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import ipaddress
 import socket
 import struct
+import sys
 from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+
+from yahboomd.metrics.http_listener import Place
+from yahboomd.web.entry_tokens import Tokens, keep
 
 SIOCGIFADDR = 0x8915
 """Of linux/sockios.h: the address of an interface."""
@@ -56,3 +64,52 @@ def qr_lines(text: str) -> str:
     # On a light terminal its own colours would give a negative, which not every camera reads.
     lines = out.getvalue().splitlines()
     return "\n".join(f"\x1b[38;5;231;48;5;16m{line}\x1b[0m" for line in lines)
+
+
+class Served(msgspec.Struct, frozen=True):
+    """How the page was served last, for --show-link."""
+
+    listen: str
+    tls: bool
+
+
+SERVED = "web-served.json"
+
+
+def last_served(folder: Path) -> Served | None:
+    """How the page was served last; None where that is not known."""
+    try:
+        return msgspec.json.decode((folder / SERVED).read_bytes(), type=Served)
+    except (OSError, ValueError):
+        return None
+
+
+def print_links(place: Place, tokens: Tokens, *, tls: bool) -> None:
+    """Print the links for people who drive and who watch, and a QR code on a terminal."""
+    hosts = reachable_hosts(place.host)
+    for host in hosts:
+        print(f"to drive:           {link(host, place.port, tls=tls, token=tokens.driver)}")
+    for host in hosts:
+        print(f"to watch and stop:  {link(host, place.port, tls=tls, token=tokens.viewer)}")
+    if sys.stdout.isatty():
+        print(f"\nto drive, for the camera of a phone that reaches {hosts[0]}:")
+        print(qr_lines(link(hosts[0], place.port, tls=tls, token=tokens.driver)))
+
+
+def announce(place: Place, tokens: Tokens, folder: Path, *, tls: bool) -> None:
+    """Show the links on a terminal, and only how to see them in a log."""
+    with contextlib.suppress(OSError):
+        keep(folder, SERVED, msgspec.json.encode(Served(listen=str(place), tls=tls)))
+    if sys.stdout.isatty():
+        print_links(place, tokens, tls=tls)
+    else:
+        print(
+            f"The page is at port {place.port} of this machine. Its links have tokens and are not "
+            "logged; to see them, as this user or as root: yahboomd web --show-link"
+        )
+    if not tls:
+        print(
+            "Without TLS everybody on that network can read along, the token too: "
+            "yahboomd web --make-certificate",
+            flush=True,
+        )

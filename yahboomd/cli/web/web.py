@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import contextlib
 import logging
 import os
 import signal
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -82,16 +80,6 @@ class _Setup(NamedTuple):
     source: str
     folder: Path
     tools: ToolSettings
-
-
-class _Served(msgspec.Struct, frozen=True):
-    """How the page was served last, for --show-link."""
-
-    listen: str
-    tls: bool
-
-
-SERVED = "web-served.json"
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -230,44 +218,25 @@ def _certify(folder: Path, names: list[str]) -> int:
 
 
 def _links(args: argparse.Namespace, folder: Path) -> int:
+    from yahboomd.cli.web.page_link import last_served, print_links
     from yahboomd.web.entry_tokens import make_tokens
 
     tokens = make_tokens(folder) if args.new_tokens else _tokens(folder)
     if args.new_tokens:
         print("New tokens are made: start `yahboomd web` again, where it runs.")
-    served = _last_served(folder)
+    served = last_served(folder)
     if args.listen is None and served is None:
         raise ConfigError(
             f"It is not known where the page is served: nothing in {folder} says so.",
             remedy="Start `yahboomd web --listen 0.0.0.0:8480` first, or add --listen here.",
         )
     place = _place(args.listen or (served.listen if served else ""))
-    _print_links(place, tokens, tls=_context(args, place, folder) is not None)
+    print_links(place, tokens, tls=_context(args, place, folder) is not None)
     return os.EX_OK
 
 
-def _last_served(folder: Path) -> _Served | None:
-    try:
-        return msgspec.json.decode((folder / SERVED).read_bytes(), type=_Served)
-    except (OSError, ValueError):
-        return None
-
-
-def _print_links(place: Place, tokens: Tokens, *, tls: bool) -> None:
-    from yahboomd.cli.web.page_link import link, qr_lines, reachable_hosts
-
-    hosts = reachable_hosts(place.host)
-    for host in hosts:
-        print(f"to drive:           {link(host, place.port, tls=tls, token=tokens.driver)}")
-    for host in hosts:
-        print(f"to watch and stop:  {link(host, place.port, tls=tls, token=tokens.viewer)}")
-    if sys.stdout.isatty():
-        print(f"\nto drive, for the camera of a phone that reaches {hosts[0]}:")
-        print(qr_lines(link(hosts[0], place.port, tls=tls, token=tokens.driver)))
-
-
 async def _serve(setup: _Setup) -> int:
-    from yahboomd.cli.web.page_link import link, own_names
+    from yahboomd.cli.web.page_link import announce, link, own_names
     from yahboomd.clock import SystemClock
     from yahboomd.web.page_files import page_files
     from yahboomd.web.page_hub import PageHub
@@ -301,29 +270,8 @@ async def _serve(setup: _Setup) -> int:
     if setup.tokens is None:
         print(f"The page is at {link(place.host, port, tls=tls)}", flush=True)
     else:
-        _announce(place, setup.tokens, setup.folder, tls=tls)
+        announce(place, setup.tokens, setup.folder, tls=tls)
     return await _until_ended(server, hub, listener, ", ".join(setup.options.connect))
-
-
-def _announce(place: Place, tokens: Tokens, folder: Path, *, tls: bool) -> None:
-    """Show the links on a terminal, and only how to see them in a log."""
-    from yahboomd.web.entry_tokens import keep
-
-    with contextlib.suppress(OSError):
-        keep(folder, SERVED, msgspec.json.encode(_Served(listen=str(place), tls=tls)))
-    if sys.stdout.isatty():
-        _print_links(place, tokens, tls=tls)
-    else:
-        print(
-            f"The page is at port {place.port} of this machine. Its links have tokens and are not "
-            "logged; to see them, as this user or as root: yahboomd web --show-link"
-        )
-    if not tls:
-        print(
-            "Without TLS everybody on that network can read along, the token too: "
-            "yahboomd web --make-certificate",
-            flush=True,
-        )
 
 
 def _end(server: WebServer, hub: PageHub) -> None:

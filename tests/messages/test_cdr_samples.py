@@ -1,0 +1,16 @@
+"""The golden samples of ROS 2's messages are what they claim to be."""
+
+from __future__ import annotations
+
+import pytest
+
+from yahboomd.messages.cdr_samples import CDR
+
+
+@pytest.mark.parametrize("name", CDR)
+def test_every_sample_equals_rosbags(oracle, name):
+    sample = CDR[name]
+    little_endian = "big_endian" not in name
+    assert sample.payload == oracle.encode(
+        sample.ros_type, sample.values, little_endian=little_endian
+    )
