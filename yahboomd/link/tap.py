@@ -5,6 +5,7 @@ The black box of the daemon is one. A tap must not raise, block or wait.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Protocol
 
 from yahboomd.link.port import Port
@@ -61,15 +62,39 @@ class TappedPort:
         self._tap = tap
         self.name = port.name
         self.byte_ns = port.byte_ns
-        self.listen, self.gather, self.read_now = port.listen, port.gather, port.read_now
-        self.discard, self.drain, self.close = port.discard, port.drain, port.close
 
     @property
     def queued(self) -> int:
         """See :class:`~yahboomd.link.port.Port`."""
         return self._port.queued
 
+    def listen(
+        self, on_data: Callable[[bytes], None], on_lost: Callable[[Exception | None], None]
+    ) -> None:
+        """See :class:`~yahboomd.link.port.Port`."""
+        self._port.listen(on_data, on_lost)
+
     def write(self, data: bytes) -> None:
         """See :class:`~yahboomd.link.port.Port`."""
         self._port.write(data)
         self._tap.written(data)
+
+    def gather(self, least: int) -> None:
+        """See :class:`~yahboomd.link.port.Port`."""
+        self._port.gather(least)
+
+    def read_now(self) -> None:
+        """See :class:`~yahboomd.link.port.Port`."""
+        self._port.read_now()
+
+    def discard(self) -> None:
+        """See :class:`~yahboomd.link.port.Port`."""
+        self._port.discard()
+
+    async def drain(self, timeout_s: float) -> bool:
+        """See :class:`~yahboomd.link.port.Port`."""
+        return await self._port.drain(timeout_s)
+
+    def close(self) -> None:
+        """See :class:`~yahboomd.link.port.Port`."""
+        self._port.close()

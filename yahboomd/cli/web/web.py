@@ -11,8 +11,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-import msgspec
-
 from yahboomd.cli.child_reader import read_in_child
 from yahboomd.cli.shared_options import (
     add_bus_options,
