@@ -10,8 +10,9 @@ import msgspec
 from board_bench import LinkBench
 
 from yahboomd.cli.simulated_robot import as_configured
-from yahboomd.cli.tune.procedure import Procedure, Result
+from yahboomd.cli.tune.procedure import Procedure
 from yahboomd.cli.tune.stand import TICK_S, Stand
+from yahboomd.cli.tune.tuning_result import Result
 from yahboomd.config import Config, read
 from yahboomd.protocol.dialect import Dialect
 from yahboomd.protocol.settings import BoardSettings
@@ -111,7 +112,7 @@ class TuningBench:
         """All of it."""
         procedure = self.procedure()
         await procedure.examine()
-        if procedure.worth_writing:
+        if procedure.result.worth_writing:
             await procedure.store(self.agree, self.save)
         return procedure.result
 

@@ -92,7 +92,7 @@ async def test_a_board_that_is_tuned_is_left_alone() -> None:
     await bench.tune()
     again = bench.procedure()
     await again.examine()
-    assert not again.worth_writing
+    assert not again.result.worth_writing
 
 
 @on_virtual_time

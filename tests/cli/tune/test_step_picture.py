@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.cli.tune.procedure import Result, Wheel
 from yahboomd.cli.tune.step_picture import draw, save_picture, summary
+from yahboomd.cli.tune.tuning_result import Result, Wheel
 from yahboomd.errors import Refused
 from yahboomd.tuning.step_response import StepFigures
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from yahboomd.cli.tune.procedure import Result, Wheel
 from yahboomd.cli.tune.tune_text import lines, values
+from yahboomd.cli.tune.tuning_result import Result, Wheel
 from yahboomd.tuning.step_response import StepFigures
 
 SOON = StepFigures(rise_s=0.05, overshoot=0.012, settling_s=0.08, steady_error=-0.001)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable
 
 import msgspec
 
 from yahboomd.cli.tune.stand import TICK_S, Stand, Traces
+from yahboomd.cli.tune.tuning_result import DEAD_ZONE, GAINS, Result, Wheel, rank_of, tuned_of
 from yahboomd.clock import Clock
 from yahboomd.config import Config
 from yahboomd.link import storing
@@ -17,10 +17,7 @@ from yahboomd.protocol.settings import VERSION, BoardSettings, SettingWrite
 from yahboomd.tuning import dead_zone, loop_model, step_response
 from yahboomd.tuning.loop_model import Gains, LoopModel, Step
 from yahboomd.tuning.step_response import StepFigures
-from yahboomd.tuning.suggestion import Suggestion, suggest
-
-GAINS, DEAD_ZONE = "pid", "deadzone"
-"""The fields of stored settings that are tuned."""
+from yahboomd.tuning.suggestion import suggest
 
 HOLD_S = 1.5
 REPEATS = 2
@@ -31,10 +28,6 @@ SPARE_STEPS = 8
 
 ROUNDS = 3
 """The most sets of gains that are tried."""
-
-OVERSHOOT = 0.05
-BETTER = 0.9
-"""Gains that settle within this share of the time before are worth a write."""
 
 SLOWER = 1.5
 UNSEEN = 0.6
@@ -52,58 +45,6 @@ FOLLOWS = 0.3
 DEAD_ZONE_OFF_SHARE = 0.012
 GAP_LEFT = 0.05
 FASTEST_M_S = 1.5
-
-
-class Wheel(msgspec.Struct, kw_only=True):
-    """The findings on one wheel.
-
-    Attributes:
-        position: Of its motor, 1 to 4.
-        turning_output: The output at which it begins to turn, forward and backward; None where the
-            board drives no motor without regulation.
-        before: The figures of its step with the gains that the board stored.
-        after: With those that it stores now; None where none were stored.
-        model: The motor as the loop sees it; None where no model explains the steps.
-        unexplained: The share of the steps that the model leaves.
-    """
-
-    name: str
-    position: int
-    turning_output: tuple[int, int] | None = None
-    before: StepFigures | None = None
-    after: StepFigures | None = None
-    model: LoopModel | None = None
-    unexplained: float | None = None
-
-
-class Result(msgspec.Struct, kw_only=True):
-    """The outcome of a tuning.
-
-    Attributes:
-        speed_m_s: The step.
-        stored_before: Gains and dead zone that the board stored.
-        stored_now: Those that it stores now.
-        suggested: Those that are suggested; empty where none are.
-        expected: The suggestion with what the models say of it.
-        writes: Values written to the board's flash.
-        resets: Restarts of the board that these cost.
-        traces: Before and after: for each wheel its speeds by tick, in m/s; for pictures.
-    """
-
-    port: str = ""
-    dialect: str = ""
-    firmware: str = ""
-    volts: float | None = None
-    speed_m_s: float = 0.0
-    stored_before: BoardSettings = msgspec.field(default_factory=dict)
-    stored_now: BoardSettings = msgspec.field(default_factory=dict)
-    suggested: BoardSettings = msgspec.field(default_factory=dict)
-    expected: Suggestion | None = None
-    wheels: list[Wheel] = msgspec.field(default_factory=list)
-    writes: int = 0
-    resets: int = 0
-    notes: list[str] = msgspec.field(default_factory=list)
-    traces: dict[str, list[list[float]]] = msgspec.field(default_factory=dict)
 
 
 Agree = Callable[[BoardSettings, Dialect], Awaitable[bool]]
@@ -154,7 +95,7 @@ class Procedure:
             result.dialect, result.volts = dialect.name, stand.volts
             result.firmware = str(settings.get(VERSION) or "")
             result.speed_m_s = min(result.speed_m_s, 0.6 * stand.top_m_s)
-            result.stored_before = result.stored_now = _tuned_of(settings)
+            result.stored_before = result.stored_now = tuned_of(settings)
             result.wheels = [
                 Wheel(name=motor.name, position=motor.position) for motor in stand.motors
             ]
@@ -281,18 +222,6 @@ class Procedure:
             for steps in self._steps
         )
 
-    @property
-    def worth_writing(self) -> bool:
-        """Whether the suggestion would be an improvement."""
-        result = self.result
-        if not result.suggested:
-            return False
-        overshoot, settling_s = _worst([wheel.before for wheel in result.wheels])
-        expected = result.expected
-        if overshoot > OVERSHOOT or settling_s is None or expected is None:
-            return True
-        return expected.settling_s is not None and expected.settling_s < BETTER * settling_s
-
     # What is stored.
 
     async def store(self, agree: Agree, save: Save) -> bool:
@@ -314,14 +243,14 @@ class Procedure:
         # All of it: where power fails within a write, the board may lose the rest too.
         save(self._dialect, self._stored)
         before = [wheel.before for wheel in result.wheels]
-        best = (_rank(before, trial=False), result.stored_before, before)
+        best = (rank_of(before, trial=False), result.stored_before, before)
         for number in range(ROUNDS):
             await self._write(result.suggested)
             async with Stand.open(self._opener, self._clock, self._config) as stand:
                 after: list[StepFigures | None] = [*await self._measure(stand, "after")]
-            rank = _rank(after, trial=result.expected is None)
+            rank = rank_of(after, trial=result.expected is None)
             best = min(best, (rank, result.stored_now, after), key=lambda each: each[0])
-            if result.expected is not None and best[2] is after and _is_good(after):
+            if result.expected is not None and best[2] is after and not rank[0]:
                 break
             if number < ROUNDS - 1:
                 self._suggest(result.expected.lambda_s * SLOWER if result.expected else 0.0)
@@ -342,7 +271,7 @@ class Procedure:
         outcome = await storing.store(self._opener, self._clock, want, _Said(self._say))
         result.writes += sum(step.attempts for step in outcome.steps)
         result.resets += sum(step.write.resets for step in outcome.steps)
-        result.stored_now = _tuned_of(outcome.has)
+        result.stored_now = tuned_of(outcome.has)
         if not outcome.complete:
             step = outcome.steps[-1]
             answer = f" ({step.answer!r})" if step.answer else ""
@@ -381,30 +310,3 @@ def storing_failed(what: str, answer: str) -> Exception:
 
 def _with_gap(model: LoopModel, most: float) -> LoopModel:
     return msgspec.structs.replace(model, gap=min(model.gap, most))
-
-
-def _worst(found: Sequence[StepFigures | None]) -> tuple[float, float | None]:
-    """The largest overshoot and the longest settling; None where one does not settle."""
-    known = [each for each in found if each is not None]
-    settled = [each.settling_s for each in known]
-    longest = None if None in settled else max(each for each in settled if each is not None)
-    return max(each.overshoot for each in known), longest
-
-
-def _is_good(found: Sequence[StepFigures | None]) -> bool:
-    overshoot, settling_s = _worst(found)
-    return overshoot <= OVERSHOOT and settling_s is not None
-
-
-def _rank(found: Sequence[StepFigures | None], *, trial: bool) -> tuple[bool, bool, float]:
-    """Less is better: the time to settle, after whether it overshoots too far or never settles.
-
-    Trial gains are there to show the motors: suggested ones come before them.
-    """
-    overshoot, settling_s = _worst(found)
-    bad = overshoot > OVERSHOOT or settling_s is None
-    return bad, trial, math.inf if settling_s is None else settling_s
-
-
-def _tuned_of(settings: BoardSettings) -> BoardSettings:
-    return {field: settings[field] for field in (GAINS, DEAD_ZONE) if field in settings}

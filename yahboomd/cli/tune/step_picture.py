@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from yahboomd.cli.tune.procedure import Result, Wheel
 from yahboomd.cli.tune.stand import TICK_S
+from yahboomd.cli.tune.tuning_result import Result, Wheel
 from yahboomd.errors import Refused
 from yahboomd.tuning.step_response import BAND, StepFigures
 

@@ -25,7 +25,8 @@ from yahboomd.errors import LinkError, Refused, YahboomdError
 from yahboomd.program import readable
 
 if TYPE_CHECKING:
-    from yahboomd.cli.tune.procedure import Procedure, Result
+    from yahboomd.cli.tune.procedure import Procedure
+    from yahboomd.cli.tune.tuning_result import Result
     from yahboomd.config import Config
     from yahboomd.protocol.dialect import Dialect
     from yahboomd.protocol.settings import BoardSettings
@@ -197,10 +198,10 @@ class Tuning:
         stored = True
         try:
             await procedure.examine()
-            if procedure.worth_writing and not args.dry_run:
+            if result.worth_writing and not args.dry_run:
                 stored = await procedure.store(self._agree, self._save)
                 self._finish()
-            elif result.suggested and not procedure.worth_writing:
+            elif result.suggested and not result.worth_writing:
                 result.notes.append(
                     "The gains are good: what is suggested would settle hardly sooner."
                 )

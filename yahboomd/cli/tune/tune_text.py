@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 
-from yahboomd.cli.tune.procedure import DEAD_ZONE, GAINS, Result
+from yahboomd.cli.tune.tuning_result import DEAD_ZONE, GAINS, Result
 from yahboomd.protocol.settings import BoardSettings
 from yahboomd.tuning.step_response import StepFigures
 

@@ -11,9 +11,10 @@ from pathlib import Path
 
 import msgspec
 
-from yahboomd.cli.tune.procedure import DEAD_ZONE, GAINS, storing_failed
+from yahboomd.cli.tune.procedure import storing_failed
 from yahboomd.cli.tune.saved import NAME, SavedSettings, read_saved, remove, settings_of
 from yahboomd.cli.tune.tune_text import values
+from yahboomd.cli.tune.tuning_result import DEAD_ZONE, GAINS
 from yahboomd.clock import Clock
 from yahboomd.errors import Refused
 from yahboomd.link.port import Opener
