@@ -129,16 +129,6 @@ async def test_every_native_key_carries_its_one_type_and_encoding_with_its_qos(
         assert reply.ok.congestion_control == zenoh.CongestionControl.BLOCK
 
 
-async def test_the_log_says_where_it_listens_and_for_whom(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    caplog.set_level("INFO", logger="yahboomd")
-    running = Running(tmp_path)
-    await running.listen()
-    await running.end()
-    assert f"Listening on {running.endpoint}, for this machine alone." in caplog.text
-
-
 async def test_pose_stamps_and_numbers_rise(running: Running) -> None:
     await running.state("standing")
     await eventually(lambda: len(running.samples.get("pose", [])) > 30)
@@ -207,15 +197,6 @@ async def test_the_services_do_what_they_say(running: Running) -> None:
     assert config["data"]["zenoh"]["namespace"] == "bot1"
     board = await running.ask("yahboomd/board")
     assert board["data"]["version"] == "1.7.3"
-
-
-async def test_a_second_daemon_in_the_namespace_is_an_event(running: Running) -> None:
-    await running.state("standing")
-    token = running.session.liveliness().declare_token("bot1/yahboomd/alive/abc")
-    await eventually(
-        lambda: any(each["kind"] == "second_daemon" for each in running.decoded("events"))
-    )
-    token.undeclare()
 
 
 async def test_the_alive_token_is_there_while_it_runs(running: Running) -> None:

@@ -11,13 +11,12 @@ from typing import Any, NoReturn
 
 from yahboomd.bus import keys
 from yahboomd.bus.bus import Bus
-from yahboomd.bus.options import admitted
-from yahboomd.bus.presence import NeighbourChange, TokenChange
 from yahboomd.bus.publishers import BusPublisher
 from yahboomd.clock import Clock, SystemClock, nanoseconds
 from yahboomd.config import Config, runtime_folder
 from yahboomd.daemon import assembly
 from yahboomd.daemon.black_box import BlackBox
+from yahboomd.daemon.bus_presence import BusPresence
 from yahboomd.daemon.commands import ClockWatch, CommandIntake, PoseIntake
 from yahboomd.daemon.control import Controller
 from yahboomd.daemon.estop.local_stop import LocalStop
@@ -65,7 +64,6 @@ class Daemon:
         self._stop = asyncio.Event()
         self._signals = Signals(self.stop)
         self._status_due = asyncio.Event()
-        self._others: set[str] = set()
         self._ros2: RosPublisher | None = None
         self._callback_failed = asyncio.Event()
         self.left_clean = True
@@ -186,7 +184,9 @@ class Daemon:
             commands=lambda source: intake.handler(source, attached=True),
             poses=poses.accept,
         )
-        self._announce(bus)
+        BusPresence(
+            bus, report=controller.event, bus_lost=controller.bus_lost, changed=self.changed
+        ).announce()
         notifier.ready()
         gc.freeze()
         fault: BaseException | None = None
@@ -337,52 +337,3 @@ class Daemon:
             key,
             encoding=encoding_name(output.message, self._config.zenoh.encoding),
         )
-
-    def _announce(self, bus: Bus) -> None:
-        own = keys.holder_key(keys.ALIVE, bus.zid)
-        self._admitted = admitted(bus.options)
-        bus.token(keys.ALIVE)
-        bus.token(own)
-        bus.watch_tokens(f"{keys.ALIVE}/*", lambda changes: self._holders(bus, changes))
-        bus.watch_neighbours(lambda changes: self._neighbours(bus, changes))
-        for endpoint in bus.options.listening:
-            if endpoint in bus.options.exposed:
-                log.warning("Listening on %s: %s.", endpoint, admitted(bus.options, endpoint))
-            else:
-                log.info("Listening on %s, for this machine alone.", endpoint)
-
-    def _holders(self, bus: Bus, changes: list[TokenChange]) -> None:
-        for change in changes:
-            zid = keys.holder_of(bus.key(keys.ALIVE), change.key)
-            if zid is None or zid == bus.zid:
-                continue
-            if not change.present:
-                self._others.discard(zid)
-            elif zid not in self._others:
-                self._others.add(zid)
-                words = (
-                    f"Another yahboomd ({zid}) uses the same namespace: what reaches both moves "
-                    "both, and an emergency stop may reach one alone. Give each robot its own "
-                    "namespace, such as --set zenoh.namespace=bot2."
-                )
-                self._controller.event(
-                    Event(kind="second_daemon", severity="warning", message=words)
-                )
-
-    def _neighbours(self, bus: Bus, changes: list[NeighbourChange]) -> None:
-        for change in changes:
-            neighbour = change.neighbour
-            if neighbour.kind != "router":
-                continue
-            where = neighbour.address or neighbour.zid
-            if change.present:
-                words = f"Joined the router at {where}: {self._admitted}."
-                event = Event(kind="router_joined", severity="warning", message=words)
-            else:
-                words = f"The router at {where} is gone; it is joined again when it comes back."
-                event = Event(kind="router_lost", severity="info", message=words)
-            self._controller.event(event)
-        if not bus.neighbours:
-            # No client is left that could command, or take a command back.
-            self._controller.bus_lost()
-        self.changed()
