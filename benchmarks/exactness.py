@@ -325,9 +325,9 @@ def bench(*, short: bool, images: File) -> Section:
     section = Section(
         name="exactness",
         title="Exactness of the pose",
-        about="How far the published pose is from the truth, compared with the formulas of "
-        "linorobot2, `diff_drive_controller`, `mecanum_drive_controller` and an article's bridge "
-        "on the same counts. Slip and wrong wheel sizes are not in it.",
+        about="The error of the published pose against the truth, beside the errors of the "
+        "formulas of linorobot2, `diff_drive_controller`, `mecanum_drive_controller` and an "
+        "article's bridge on the same counts. It includes neither slip nor wrong wheel sizes.",
         how=method(__doc__)
         + f" Wheel radius {RADIUS_M} m. The formulas are those of their sources: linorobot2 uses "
         "the heading before the step in single precision, mecanum_drive_controller the heading "

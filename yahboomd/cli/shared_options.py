@@ -45,7 +45,7 @@ seconds = number("a number of seconds from 0 to 3600", lambda value: 0.0 <= valu
 
 
 def add_config_options(parser: argparse.ArgumentParser, *, overrides: bool = True) -> None:
-    """``--config FILE`` and ``--set SECTION.KEY=VALUE``.
+    """Add ``--config FILE`` and ``--set SECTION.KEY=VALUE``.
 
     Args:
         overrides: Whether to add ``--set``; a command may use the word for something else.
@@ -63,7 +63,7 @@ def add_config_options(parser: argparse.ArgumentParser, *, overrides: bool = Tru
 
 
 def add_set_option(parser: argparse.ArgumentParser) -> None:
-    """``--set SECTION.KEY=VALUE``, which may be repeated."""
+    """Add ``--set SECTION.KEY=VALUE``, which may be repeated."""
     parser.add_argument(
         "--set",
         metavar="SECTION.KEY=VALUE",
@@ -75,7 +75,7 @@ def add_set_option(parser: argparse.ArgumentParser) -> None:
 
 
 def add_source_option(parser: argparse.ArgumentParser, default: str) -> None:
-    """``--source KEY``, for commands that drive."""
+    """Add ``--source KEY``, for commands that drive."""
     parser.add_argument(
         "--source",
         metavar="KEY",
@@ -94,7 +94,7 @@ def check_source(args: argparse.Namespace) -> None:
 
 
 def add_port_option(parser: argparse.ArgumentParser) -> None:
-    """``--port PATH``, short for ``--set serial.port=PATH``."""
+    """Add ``--port PATH``, short for ``--set serial.port=PATH``."""
     parser.add_argument(
         "--port",
         metavar="PATH",
@@ -103,7 +103,7 @@ def add_port_option(parser: argparse.ArgumentParser) -> None:
 
 
 def add_bus_options(parser: argparse.ArgumentParser) -> None:
-    """``--namespace NAME`` and ``--connect ENDPOINT``, for commands that talk to a daemon."""
+    """Add ``--namespace NAME`` and ``--connect ENDPOINT``, for commands that use a daemon."""
     parser.add_argument(
         "--namespace",
         metavar="NAME",
@@ -113,7 +113,7 @@ def add_bus_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_connect_option(parser: argparse.ArgumentParser) -> None:
-    """``--connect ENDPOINT``, which may be repeated."""
+    """Add ``--connect ENDPOINT``, which may be repeated."""
     parser.add_argument(
         "--connect",
         metavar="ENDPOINT",

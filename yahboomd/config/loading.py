@@ -57,7 +57,7 @@ def read(
     overrides: Sequence[str] = (),
     standard_path: Path = STANDARD_PATH,
 ) -> Loaded:
-    """Read the configuration, and say where its values come from.
+    """Read the configuration, with the origin of each value.
 
     Precedence: ``overrides``, environment (``YAHBOOMD_SECTION__KEY``), calibration, file, default.
 

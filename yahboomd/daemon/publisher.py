@@ -95,7 +95,7 @@ class Outlet(Protocol):
         """Whether any client would receive them."""
 
     def put(self, payload: bytes) -> bool:
-        """Send one."""
+        """Publish one sample."""
 
 
 OpenOutlet = Callable[[str], Outlet]

@@ -79,7 +79,7 @@ class PageBoxes:
         return Path(box["path"])
 
     async def save(self) -> tuple[bool, str]:
-        """Have the daemon save its box now; whether it was done, and words for people."""
+        """Have the daemon save its box. Returns whether it was done, and a sentence for people."""
         self._listed_ns = None
         status, printed, words = await output_of(["blackbox", "save", *self._robot])
         return status == 0, (printed or words).strip()

@@ -195,7 +195,7 @@ class PageCalibration:
             await asyncio.wait([task])
 
     async def undo(self) -> tuple[bool, str]:
-        """Take the newest calibration back; whether it was done, and words for people."""
+        """Undo the newest calibration. Returns whether it was done, and a sentence for people."""
         if self._task is not None:
             return False, RUNNING
         command = ["calibrate", "undo", *_config_only(self._robot)]

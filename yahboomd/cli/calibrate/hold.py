@@ -1,4 +1,4 @@
-"""The button that a robot moves by: it counts for 0.3 s, and has to be held on."""
+"""The button that lets a robot move: a press counts for 0.3 s, so it has to be held."""
 
 from __future__ import annotations
 

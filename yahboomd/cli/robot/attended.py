@@ -32,7 +32,7 @@ WAIT_S = 5.0
 
 
 def add_robot_options(parser: argparse.ArgumentParser, *, overrides: bool = True) -> None:
-    """``--timeout``, and where the daemon is.
+    """Add ``--timeout``, and the options that name the daemon.
 
     Args:
         overrides: Whether ``--set`` changes a key of the configuration.

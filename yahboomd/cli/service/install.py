@@ -101,7 +101,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_system_options(parser: argparse.ArgumentParser) -> None:
-    """``--dry-run`` and ``--root DIR``."""
+    """Add ``--dry-run`` and ``--root DIR``."""
     parser.add_argument(
         "--dry-run", action="store_true", help="print what would be done, and do nothing"
     )
