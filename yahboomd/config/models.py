@@ -21,7 +21,7 @@ from yahboomd.config.hardware import (
 )
 from yahboomd.config.outputs import BlackBox, Log, Odometry, Ros2, Zenoh
 from yahboomd.config.values import Section, key
-from yahboomd.drive.arbitration import Source
+from yahboomd.drive import arbitration
 from yahboomd.drive.kinematics import KINEMATICS, STEERING_MAX_RAD
 from yahboomd.model import Kinematics, Motor
 from yahboomd.protocol.profiles import EDGES_PER_LINE, PROFILES, MotorProfile
@@ -144,10 +144,12 @@ class Config(Section):
             for wheel, entries in self.motor_entries().items()
         }
 
-    def sources(self) -> tuple[Source, ...]:
+    def sources(self) -> tuple[arbitration.Source, ...]:
         """The sources of commands for the arbiter."""
         return tuple(
-            Source(name=name, priority=source.priority, timeout_s=self.source_timeout_s(name))
+            arbitration.Source(
+                name=name, priority=source.priority, timeout_s=self.source_timeout_s(name)
+            )
             for name, source in self.command.sources.items()
         )
 

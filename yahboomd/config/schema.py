@@ -7,6 +7,8 @@ from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any, TypeAlias
 
+import msgspec
+
 from yahboomd.config.models import Config
 from yahboomd.config.values import Place, inline, number
 
@@ -40,6 +42,10 @@ def _whole() -> Node:
 
         def sort(self, value: JsonSchemaValue, parent_key: str | None = None) -> JsonSchemaValue:  # noqa: ARG002
             return value
+
+        def encode_default(self, dft: object) -> object:
+            # Older pydantic fails at the default of a section.
+            return msgspec.to_builtins(dft)
 
     return TypeAdapter(Config).json_schema(schema_generator=InOrder)
 
