@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import random
 
+import pytest
+
 from yahboomd.odometry.arrivals import BREAK_NS, Arrivals
 
 MS = 1e6
@@ -80,3 +82,44 @@ def test_lines_that_stay_faster_for_half_a_second_are_the_new_rate_of_the_board(
     )
     assert 500 * MS <= steady_after <= 560 * MS
     assert 2.9 * MS < arrivals.gap < 3.1 * MS
+
+
+def test_the_spread_is_a_gap_and_twice_the_delay_that_all_lines_have():
+    arrivals = Arrivals()
+    for n in range(500):
+        arrivals.add((n * 2.46 * MS // (16 * MS) + 1) * 16 * MS)
+    later = 500 * 2.46 * MS + 2 * BREAK_NS
+    # After a break that delay is taken off.
+    delay = later - arrivals.add(later)
+    assert delay > 5 * MS
+    assert arrivals.spread == pytest.approx(arrivals.gap + 2.0 * delay)
+
+
+def steady_after(*came_ms, gap_ms=5.0):
+    """The first of these arrivals, after a break, at which lines are steady."""
+    arrivals = Arrivals()
+    for n in range(100):
+        arrivals.add(n * gap_ms * MS)
+    began = 99 * gap_ms * MS + 2 * BREAK_NS
+    arrivals.add(began)
+    for at_ms in came_ms:
+        assert arrivals.add(began + at_ms * MS) <= began + at_ms * MS
+        if arrivals.steady:
+            return at_ms
+    return None
+
+
+def test_lines_are_steady_again_after_25_milliseconds_of_them():
+    assert steady_after(*range(5, 60, 5)) == 25
+
+
+@pytest.mark.parametrize(("first_ms", "steady_ms"), [((), 28), ((0,), 56), ((-10,), 18)])
+def test_every_line_of_these_counts_from_the_one_that_came_first(first_ms, steady_ms):
+    """Seven in 28 ms are steady, and eight came too fast for the 5 ms at which they are sent."""
+    since_ms = min(first_ms, default=0)
+    came_ms = range(since_ms + 4, since_ms + 80, 4)
+    assert steady_after(*first_ms, *came_ms) == steady_ms
+
+
+def test_a_backlog_takes_half_a_second_at_most():
+    assert steady_after(*(2.5 * n for n in range(1, 400))) == 525.0

@@ -344,3 +344,105 @@ def test_no_counts_whatever_make_the_totals_jump(kit, readings):
         if outcome != "held":
             accepted_ms = now_ms
         last = encoders.totals
+
+
+@pytest.mark.parametrize(("left", "right"), [(-50, 20), (20, -50), (50, 20)])
+def test_what_was_travelled_is_the_farthest_of_all_wheels_either_way(encoders, left, right):
+    assert encoders.least_ns((0, 0)) == 0.0
+    feed(encoders, (1000, 1000), 0, 0)
+    verdict = encoders.judge((1000 + left, 1000 + right, 0, 0), 10 * MS, 10 * MS)
+    assert (verdict.outcome, verdict.strayed, verdict.farthest) == ("travel", False, 50)
+    assert verdict.least_ns == encoders.least_ns((50, 0))
+
+
+def test_a_tick_is_travel_though_no_time_passed(encoders):
+    feed(encoders, (1000, 1000), 0, 0)
+    assert feed(encoders, (1001, 1000), 0, 0) == "travel"
+
+
+def test_a_reading_repeats_the_last_one_unless_that_has_to_settle_something(encoders):
+    feed(encoders, (1000, 1000), 0, 0)
+    assert encoders.repeats((1000, 1000, 0, 0))
+    assert not encoders.repeats((1000, 1001, 0, 0))
+    encoders.announce("gap")
+    assert not encoders.repeats((1000, 1000, 0, 0))
+
+
+@pytest.mark.parametrize(
+    ("steps", "outcome"),
+    [
+        ((10, 10, 40, 48), "held"),
+        ((10, 40, 10, 48), "held"),
+        ((40, 40, 10, 90), "travel"),
+        ((10, 40, 40, 90), "travel"),
+        ((10, 10, 10, 44), "travel"),
+        ((10, 10, 10, 48), "held"),
+    ],
+)
+def test_a_wheel_is_heading_where_the_middle_one_of_its_last_three_steps_led(
+    encoders, steps, outcome
+):
+    """By 4.5 mm in 10 ms and its pace of 8 ms: at 10 counts in 10 ms 46 are travel."""
+    raw = 3_000_000
+    feed(encoders, (raw, raw), 0, 0)
+    for n, step in enumerate((steps[0], *steps), 1):
+        raw += step
+        got = feed(encoders, (raw, raw), 10 * n, 10)
+        assert got == (outcome if n == 5 else "travel")
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "reset"),
+    [
+        ((1500, 1500), (499, 499), True),
+        ((1500, 1500), (500, 500), False),
+        ((1500, 1500), (750, 0), False),
+        ((1500, 600), (400, 100), True),
+        ((1500, 300), (10, 200), False),
+        ((1500, 400), (10, 200), True),
+        # One that had hardly counted may be anywhere.
+        ((1500, 100), (10, 100), True),
+        ((1500, 180), (10, 180), True),
+        ((1600, 200), (10, 200), True),
+    ],
+)
+def test_a_reset_takes_all_counters_to_less_than_half(encoders, before, now, reset):
+    feed(encoders, before, 0, 0)
+    outcomes = [feed(encoders, now, ms, ms) for ms in (50, 65, 75)]
+    assert outcomes == ["held", "held", "reset_unseen" if reset else "held"]
+
+
+def test_all_counters_of_a_reset_count_from_zero(kit):
+    encoders = Encoders(kit.motors((0, 1, 2, 3)), speed_max_m_s=2.0)
+    encoders.accept(encoders.judge((5000, 5000, 5000, 5000), 0, 0))
+    encoders.announce("reset")
+    encoders.judge((5, 6, 7, 8), 10 * MS, 10 * MS)
+    encoders.accept(encoders.judge((5, 6, 7, 8), 20 * MS, 20 * MS))
+    assert encoders.totals == (5, 6, 7, 8)
+
+
+@pytest.mark.parametrize(("apart", "outcome"), [(377, "reset"), (378, "held")])
+def test_readings_agree_that_the_wheels_can_have_rolled_between_in_20_milliseconds_more(
+    encoders, apart, outcome
+):
+    feed(encoders, (50_000, 50_000), 0, 0)
+    encoders.announce("reset")
+    assert feed(encoders, (100, 100), 500, 500) == "held"
+    assert feed(encoders, (100 + apart, 100), 510, 510) == outcome
+
+
+@pytest.mark.parametrize(("counted", "outcome"), [(125, "reset"), (126, "held")])
+def test_what_a_reset_counts_leaves_a_tick_of_grace_to_the_next_step(kit, counted, outcome):
+    left, right = kit.motors()
+    fine = msgspec.structs.replace(right, ticks_per_revolution=right.ticks_per_revolution * 100)
+    encoders = Encoders((left, fine), speed_max_m_s=2.0)
+    feed(encoders, (50_000, 50_000), 0, 0)
+    encoders.announce("reset")
+    assert feed(encoders, (counted, 0), 10, 10) == "held"
+    assert feed(encoders, (counted, 0), 10, 10) == outcome
+
+
+def test_five_readings_over_a_fifth_of_a_second_are_elsewhere(encoders):
+    feed(encoders, (5000, 5000), 0, 0)
+    outcomes = [feed(encoders, (900_000, 900_000), ms, ms) for ms in (160, 170, 180, 190, 200)]
+    assert outcomes == ["held"] * 4 + ["rebased"]

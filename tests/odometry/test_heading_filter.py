@@ -81,9 +81,12 @@ def test_a_slip_that_was_not_expected_is_noticed_and_taken_over() -> None:
 def test_without_a_gyro_nothing_moves_and_both_grow_equally_unsure() -> None:
     made = at_rest(0.02, 10.0, Random(6))
     error, variance = made.error, made.variance(0.0)
+    fuse(made, 0.2, 0.0)
+    assert made.slipped
+    error, variance = made.error, made.variance(0.0)
     for _ in range(100):
         made.roll(1e-4, DT_S)
-    assert made.error == error
+    assert (made.error, made.slipped) == (error, False)
     assert made.variance(0.0) == pytest.approx(variance + 1e-2)
     # It is back: the turn meanwhile was the wheels', and is no slip.
     fuse(made, 0.0, 0.02 * DT_S)
@@ -129,13 +132,14 @@ def test_the_covariance_is_that_of_the_equations_in_matrices() -> None:
     x, p = np.zeros(4), np.diag([0.0, 0.0, BIAS_RAD_S**2, LATE_S**2])
     transition = np.eye(4)
     transition[1, 2] = DT_S
-    apart, random = 0.0, Random(10)
+    apart, random, pull = 0.0, Random(10), np.zeros(4)
     for _ in range(200):
         wheels, gyro = random.gauss(0.0, 0.02), random.gauss(0.0, 0.02)
         slip, rate = 0.04 * abs(wheels), gyro / DT_S
         h = np.array([1.0, -1.0, 0.0, rate])
         fuse(made, wheels, gyro, slip=slip, rate=rate)
         x = transition @ x
+        pull = transition @ pull + gyro * np.array([0.0, 1.0, 0.0, 0.0])
         p = transition @ p @ transition.T + np.diag([slip, NOISE, 1e-8 * DT_S, 0.0])
         apart += wheels - gyro
         innovation, expected = apart - h @ x, h @ p @ h + UNSURE
@@ -144,11 +148,14 @@ def test_the_covariance_is_that_of_the_equations_in_matrices() -> None:
             expected = innovation**2
         gain = p @ h / expected
         x = x + gain * innovation
+        pull = pull - gain * (h @ pull)
         rest = np.eye(4) - np.outer(gain, h)
         p = rest @ p @ rest.T + np.outer(gain, gain) * (expected - h @ p @ h)
     assert (made.error, made.bias) == pytest.approx((x[0], x[2]), rel=1e-6, abs=1e-9)
     assert made.variance(0.0) == pytest.approx(p[0, 0], rel=1e-6)
     assert made.bias_variance == pytest.approx(p[2, 2], rel=1e-6)
+    scaled = made.variance(0.5) - made.variance(0.0)
+    assert scaled == pytest.approx((0.5 * pull[0]) ** 2, rel=1e-6)
 
 
 def test_samples_that_are_late_are_no_slip() -> None:
@@ -174,3 +181,29 @@ def test_a_bias_that_is_not_measured_wanders() -> None:
         made.roll(0.0, DT_S)
     # 0.1 mrad/s in the root of a second, for 100 s.
     assert made.bias_variance - before == pytest.approx(1e-4**2 * 100.0)
+
+
+def test_before_the_first_step_nothing_is_doubted() -> None:
+    made = HeadingFilter()
+    assert (made.error, made.bias, made.doubt, made.slipped) == (0.0, 0.0, 0.0, False)
+
+
+def test_a_doubt_is_minus_the_logarithm_of_a_likelihood() -> None:
+    made = HeadingFilter()
+    fuse(made, 0.01, 0.0, slip=1e-4)
+    expected = 1e-4 + NOISE + (BIAS_RAD_S * DT_S) ** 2 + UNSURE
+    assert made.doubt == pytest.approx(0.5 * (0.01**2 / expected + math.log(expected)))
+
+
+def test_a_bias_that_was_set_is_of_no_scale_and_of_no_heading() -> None:
+    made = at_rest(0.0, 2.0, Random(12))
+    for _ in range(20):
+        fuse(made, 0.05, 0.04, slip=0.04 * 0.05, rate=1.0)
+    error, scaled = made.error, made.variance(0.01) - made.variance(0.0)
+    made.learn(0.05, 1e-4, 0.0)
+    assert (made.bias, made.bias_variance, made.error) == (0.05, 1e-4, error)
+    for _ in range(20):
+        fuse(made, 0.05, 0.04 + 0.05 * DT_S, slip=0.04 * 0.05)
+    assert made.error == pytest.approx(error + 20 * 0.01, abs=5e-3)
+    grown = math.sqrt(made.variance(0.01) - made.variance(0.0)) - math.sqrt(scaled)
+    assert grown == pytest.approx(0.01 * 20 * (0.04 + 0.05 * DT_S), rel=0.05)

@@ -72,3 +72,58 @@ def test_what_was_learned_is_forgotten_on_demand():
     assert age.age_ns is not None
     age.forget()
     assert (age.age_ns, age.step_ns, age.moment) == (None, None, None)
+
+
+def test_an_age_is_known_with_the_24th_fast_line_and_a_step_with_the_next():
+    found = observed(3, steady, lines=30)
+    ages = [age_ns is not None for age_ns, *_ in found]
+    steps = [step_ns is not None for _, step_ns, *_ in found]
+    # The first line only begins.
+    assert ages.index(True) == ENOUGH
+    assert steps.index(True) == ENOUGH + 1
+
+
+@pytest.mark.parametrize(("counts", "fast"), [(12, True), (11, False)])
+def test_a_line_of_twelve_counts_is_fast(counts, fast):
+    age = LineAge(LINE_NS, TICK_NS)
+    for number in range(60):
+        # By its timer every tenth line has five ticks and not four.
+        age.add(float(number * LINE_NS), counts if number % 10 else counts * 5 // 4)
+    assert (age.age_ns is not None) is fast
+
+
+def test_where_lines_were_lost_each_has_to_be_fast():
+    age = LineAge(LINE_NS, TICK_NS)
+    for number in range(60):
+        # Twelve ticks of two counts, or thirteen.
+        ticks = 123 * number // 10 - 123 * (number - 1) // 10
+        age.add(float(3 * number * LINE_NS), 2 * ticks)
+    assert age.age_ns is None
+
+
+def test_lines_that_are_never_two_fast_ones_in_a_row_say_nothing():
+    age = LineAge(LINE_NS, TICK_NS)
+    for number in range(100):
+        age.add(float(number * LINE_NS), 80 if number % 2 else 2)
+    assert age.age_ns is None
+
+
+def test_a_line_that_is_slow_in_between_says_nothing():
+    age = LineAge(LINE_NS, TICK_NS)
+    for number in range(150):
+        moved = 3 if number % 7 == 0 else 80 if number % 10 else 100
+        age.add(float(number * LINE_NS), moved)
+    assert age.age_ns == number * LINE_NS % TICK_NS
+
+
+def test_an_age_that_changed_is_found_again_in_ten_seconds():
+    age = LineAge(LINE_NS, TICK_NS)
+    before_ns = 0
+    for number in range(340):
+        left_ns = number * LINE_NS
+        # The board's timer goes on half a tick later.
+        shift_ns = 5 * MS if number > 100 else 0
+        sampled_ns = (left_ns - shift_ns) // TICK_NS * TICK_NS + shift_ns
+        age.add(float(left_ns), round((sampled_ns - before_ns) * 2000e-9))
+        before_ns = sampled_ns
+    assert age.age_ns == left_ns - sampled_ns

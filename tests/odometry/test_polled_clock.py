@@ -178,3 +178,62 @@ def test_two_prompt_answers_after_a_backlog_may_be_chance(usual_us):
         instant = clock.observe(answer(asked_ns + took_us * 1_000, asked_ns, before_ns))
         unsure.append(instant.unsure_ns > 0)
     assert unsure == [True, True, True, False]
+
+
+def test_time_that_travel_takes_is_a_bound_that_may_just_be_met():
+    clock = PolledClock()
+    first = clock.observe(answer(START_NS))
+    assert first == (START_NS, 0, 0)
+    assert clock.observe(answer(START_NS + 20 * MS), least_ns=20.5 * MS).step_ns == 0
+    assert clock.observe(answer(START_NS + 20 * MS), least_ns=20.0 * MS).step_ns == 20 * MS
+    assert clock.observe(answer(START_NS + 20 * MS + 1)).step_ns == 1
+
+
+def test_a_request_heard_late_is_stamped_as_late_as_travel_needs_and_no_later():
+    clock = PolledClock()
+    for n in range(20):
+        asked_ns = START_NS + 20 * n * MS
+        clock.observe(answer(asked_ns + 400_000, asked_ns, asked_ns))
+    asked_ns += 20 * MS
+    late = clock.observe(answer(asked_ns + 9 * MS, asked_ns, asked_ns), least_ns=25.0 * MS)
+    assert late.step_ns == 25 * MS
+
+
+def test_the_first_answer_of_a_backlog_may_be_to_any_question():
+    clock = PolledClock()
+    first = clock.observe(answer(START_NS, START_NS - 5 * MS, START_NS - 100 * MS))
+    assert (first.stamp_ns, first.unsure_ns) == (START_NS, 100 * MS)
+    alone = PolledClock().observe(answer(START_NS, START_NS - 100 * MS, START_NS - 100 * MS))
+    assert alone.unsure_ns == 0
+
+
+def test_a_break_takes_the_pairing_of_a_backlog_back():
+    clock = PolledClock()
+    for n in range(20):
+        asked_ns = START_NS + 20 * n * MS
+        clock.observe(answer(asked_ns + 400_000, asked_ns, asked_ns))
+    unsure = []
+    for n in range(7):
+        asked_ns += 40 * MS
+        reading = answer(asked_ns + 400_000, asked_ns, asked_ns - 40 * MS)
+        instant = clock.restart(reading) if n == 4 else clock.observe(reading)
+        unsure.append(instant.unsure_ns > 0)
+    assert unsure == [True, True, False, False, True, True, False]
+
+
+@pytest.mark.parametrize(
+    ("late_us", "unsure_us"),
+    [(-1000, 0), (-1001, 38_999), (2000, 0), (2001, 2001), (20_000, 20_000), (20_001, 60_001)],
+)
+def test_prompt_is_from_a_millisecond_before_the_usual_time_to_the_worst_latency(
+    late_us, unsure_us
+):
+    clock = PolledClock()
+    for n in range(20):
+        asked_ns = START_NS + 20 * n * MS
+        clock.observe(answer(asked_ns + 15 * MS, asked_ns, asked_ns))
+    for _ in range(3):
+        asked_ns += 40 * MS
+        sent_ns = asked_ns + 15 * MS + late_us * 1000
+        instant = clock.observe(answer(sent_ns, asked_ns, asked_ns - 40 * MS))
+    assert instant.unsure_ns == unsure_us * 1000

@@ -88,14 +88,15 @@ def test_misfits_before_a_measurement_that_fits_do_not_count():
     assert (renewal.fits, renewal.notice) == (False, "unfit")
 
 
-def changes(*takes, tick_ms=8.0, first=20):
+def changes(*takes, tick_ms=8.0, first=20, counts_per_tick=(20,), spread_ms=1.0):
     """The first result of lines that each bring a change of 20 counts in a tick."""
     meter, at_ms = TickMeter(), 0.0
     for number in range(600):
         took = takes[number % len(takes)]
         at_ms += took
-        counts = 20 * max(1, round(took / tick_ms)) if number else first
-        found = meter.add(at_ms * MS, counts, MS, MS)
+        a_tick = counts_per_tick[number % len(counts_per_tick)]
+        counts = a_tick * max(1, round(took / tick_ms)) if number else first
+        found = meter.add(at_ms * MS, counts, MS, spread_ms * MS)
         if found is not None:
             return found
     return None
@@ -152,3 +153,73 @@ def test_changes_are_as_far_apart_as_the_lines_between_them():
     for n in range(40):
         meter.add(2.5 * n * MS, 0 if n % 4 else 20, 2.5 * MS, 2.5 * MS)
     assert meter.spacing == 10.0 * MS
+
+
+@pytest.mark.parametrize(("tick_ms", "ticks"), [(8.0, 50), (20.0, 24)])
+def test_a_measurement_takes_24_ticks_and_400_milliseconds_after_eight_changes(tick_ms, ticks):
+    meter = TickMeter()
+    found = [n for n in range(200) if meter.add(n * tick_ms * MS, 20, MS, MS) is not None]
+    assert found[:3] == [8 + ticks, 8 + 2 * ticks, 8 + 3 * ticks]
+
+
+@pytest.mark.parametrize(("tick_ms", "marked"), [(10.3, True), (8.0, False)])
+def test_a_line_that_repeats_the_totals_marks_a_tick_among_forty(tick_ms, marked):
+    meter, found = TickMeter(), None
+    for n in range(100):
+        found = found or meter.add(n * tick_ms * MS, 20, MS, MS)
+        if n == 20:
+            meter.add((n + 0.5) * tick_ms * MS, 0, MS, MS)
+    assert found.marked is marked
+
+
+def test_three_counts_a_tick_are_fast():
+    assert changes(8.0, first=3, counts_per_tick=(3,)).period == pytest.approx(8.0 * MS)
+    assert changes(8.0, first=2, counts_per_tick=(2,)) is None
+
+
+@pytest.mark.parametrize(("ticks", "known"), [(4, True), (5, False)])
+def test_up_to_four_ticks_are_distinguished_from_a_change_of_speed(ticks, known):
+    found = changes(*[8.0] * 20, ticks * 8.0)
+    assert (found is not None) is known
+
+
+def test_a_speed_that_changes_by_a_third_from_tick_to_tick_is_no_other_tick():
+    found = changes(8.0, counts_per_tick=(20, 28))
+    assert (found.period, found.regular) == (pytest.approx(8.0 * MS), True)
+
+
+@pytest.mark.parametrize(
+    ("tick_ms", "scatter_ms", "regular"),
+    [(8.15, 0.5, False), (8.1, 6.0, False), (8.05, 6.0, True), (40.22, 0.0, False)],
+)
+def test_how_far_from_a_whole_millisecond_a_period_may_be(tick_ms, scatter_ms, regular):
+    """As far as its scatter explains, and a fifth of a millisecond at most."""
+    takes = (tick_ms - scatter_ms, tick_ms + scatter_ms)
+    assert changes(*takes, tick_ms=tick_ms, spread_ms=10.0).regular is regular
+
+
+def test_a_doubt_is_the_share_by_which_a_measurement_is_off_by_more_than_three_percent():
+    renewal = TickPeriod(10.0 * MS)
+    assert renewal.doubt == 0.0
+    for tick_ms, doubt in ((5.0, 0.5), (10.3, 0.0), (10.4, 0.04), (9.7, 0.0), (12.0, 0.2)):
+        renewal.weigh(of(tick_ms, regular=False))
+        assert renewal.doubt == pytest.approx(doubt)
+    renewal.weigh(of(5.0))
+    assert renewal.weigh(of(5.0))
+    assert renewal.doubt == 0.0
+
+
+def test_three_misfits_in_a_row_are_no_tick_and_four_measurements_are_one_again():
+    renewal = TickPeriod(10.0 * MS)
+    assert [renewal.weigh(of(7.3, regular=False)) for _ in range(3)] == [False, False, True]
+    assert (renewal.fits, renewal.notice) == (False, "unfit")
+    assert [renewal.weigh(of(10.0)) for _ in range(4)] == [False, False, False, True]
+    assert (renewal.fits, renewal.notice, renewal.period) == (True, "period", 10.0 * MS)
+
+
+def test_measurements_with_a_misfit_between_them_are_not_in_a_row():
+    renewal = TickPeriod(10.0 * MS)
+    renewal.weigh(of(5.0))
+    renewal.weigh(of(7.3, regular=False))
+    assert not renewal.weigh(of(5.0))
+    assert renewal.weigh(of(5.0))

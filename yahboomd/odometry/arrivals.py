@@ -64,7 +64,7 @@ class Arrivals:
     @property
     def spread(self) -> float:
         """The longest delay of a line after its tick: the gap between lines, and their delays."""
-        return (self._gap or 0.0) - 2.0 * self._edge
+        return self.gap - 2.0 * self._edge
 
     def add(self, arrival: float) -> float:
         """Accept a line, and return when it left; never later than it came."""

@@ -43,6 +43,9 @@ ELSEWHERE_NS = 200_000_000
 """The time that these readings must span. A garbled line that was taken for travel is taken back by
 later lines once there was time for the way back; lines in a burst must not settle it before."""
 
+ORIGIN: Counts = (0, 0, 0, 0)
+"""The counters of a board that was just reset."""
+
 UNMISTAKABLE_TICKS = 64
 """Counters that come back unchanged to the tick, at least so far from zero, were not reset."""
 
@@ -273,7 +276,7 @@ class Encoders:
 
         A reset takes all counters back, and not the one that lost a digit on its way alone.
         """
-        from_zero = self.since((0, 0, 0, 0), ticks)
+        from_zero = self.since(ORIGIN, ticks)
         if 2 * max(map(abs, from_zero)) >= max(map(abs, deltas)):
             return False
         before = [abs(now - delta) for now, delta in zip(from_zero, deltas, strict=True)]
@@ -297,7 +300,7 @@ class Encoders:
         if agreed < AGREE_ANNOUNCED:
             return held
         travel = self.since(last, ticks)
-        from_zero = self.since((0, 0, 0, 0), ticks)
+        from_zero = self.since(ORIGIN, ticks)
         near_zero = self.least_ns(from_zero) <= elapsed_ns
         # What is counted here shares its one tick of grace with the step that follows.
         room_ns = elapsed_ns - max(self._ns_per_tick)

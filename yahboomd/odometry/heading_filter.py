@@ -43,6 +43,7 @@ GATE = 25.0
 """The wheels slip where the square of the innovation is so many times its variance."""
 
 E, C, B, T = range(4)
+ZERO = (0.0, 0.0, 0.0, 0.0)
 
 
 class HeadingFilter:
@@ -57,11 +58,11 @@ class HeadingFilter:
     __slots__ = "_state _covariance _pull _apart doubt slipped".split()
 
     def __init__(self) -> None:
-        self._state = [0.0] * 4
-        self._covariance = [[0.0] * 4 for _ in range(4)]
+        self._state = list(ZERO)
+        self._covariance = [list(ZERO) for _ in ZERO]
         self._covariance[B][B] = BIAS_RAD_S**2
         self._covariance[T][T] = LATE_S**2
-        self._pull = [0.0] * 4
+        self._pull = list(ZERO)
         self._apart = 0.0
         self.doubt = 0.0
         self.slipped = False
@@ -92,7 +93,7 @@ class HeadingFilter:
     def reset(self) -> None:
         """Both headings are right now; what was learned of the gyro stays."""
         self._state[E] = self._state[C] = self._apart = 0.0
-        self._pull = [0.0] * 4
+        self._pull = list(ZERO)
         for one in (E, C):
             for other in range(4):
                 self._covariance[one][other] = self._covariance[other][one] = 0.0

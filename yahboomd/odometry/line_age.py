@@ -51,8 +51,7 @@ class LineAge:
     def __init__(self, line_ns: int, tick_ns: int) -> None:
         self._line_ns = line_ns
         self._tick_ns = tick_ns
-        grain_ns = math.gcd(line_ns, tick_ns, STEP_NS)
-        self._first = tuple(range(0, tick_ns, max(grain_ns, STEP_NS)))
+        self._first = tuple(range(0, tick_ns, STEP_NS))
         self.forget()
 
     def forget(self) -> None:
@@ -84,7 +83,7 @@ class LineAge:
         steps = [self._step(index, lines, moved if fast else 0) for index in range(len(self._ages))]
         self._seen += fast
         best, second = sorted(range(len(steps)), key=self._errors.__getitem__)[:2]
-        if self._seen < ENOUGH or self._errors[second] < CLEARLY * self._errors[best]:
+        if self._seen < ENOUGH or self._errors[second] <= CLEARLY * self._errors[best]:
             self.age_ns = self.step_ns = None
             return
         self.age_ns = self._ages[best]
@@ -97,7 +96,7 @@ class LineAge:
         step_ns = lines * self._line_ns - after + before
         self._ages[index] = after
         self._paces[index] = now = moved / step_ns
-        change = (now - pace) / now if now and pace else math.nan
+        change = pace / now if now and pace else math.nan
         if not math.isnan(bend := change - self._changes[index]):
             self._errors[index] += WEIGHT * (bend * bend - self._errors[index])
         self._changes[index] = change
