@@ -116,10 +116,6 @@ def _cdr(ros_type: str, part: str = "") -> Json:
     }
 
 
-def _cdr_name(ros_type: str) -> str:
-    return ros_type.rpartition("/")[2]
-
-
 class _Document:
     """Collects channels, operations and messages."""
 
@@ -145,7 +141,7 @@ class _Document:
         return [message.__name__ for message in messages]
 
     def cdr(self, *ros_types: str, part: str = "") -> list[str]:
-        names = [f"{_cdr_name(ros_type)}{part}" for ros_type in ros_types]
+        names = [f"{ros_type.rpartition('/')[2]}{part}" for ros_type in ros_types]
         for name, ros_type in zip(names, ros_types, strict=True):
             self.messages.setdefault(name, _cdr(ros_type, part))
         return names

@@ -24,7 +24,7 @@ STEERING_MAX_RAD = math.pi / 4.0
 
 
 class Builder(Protocol):
-    """A function of the registry: it builds a geometry."""
+    """A function of the registry: builds a geometry, and passes over what it does not depend on."""
 
     def __call__(
         self,
@@ -37,13 +37,7 @@ class Builder(Protocol):
         """Return the geometry for these distances, angle of the front wheels, and slip."""
 
 
-def differential(
-    *,
-    separation_m: float,
-    base_m: float | None = None,
-    steering_max_rad: float = STEERING_MAX_RAD,
-    sideways: float = 1.0,
-) -> Kinematics:
+def differential(*, separation_m: float, **_: float | None) -> Kinematics:
     """Two driven sides on one axle.
 
     ``v_left = vx - wz b/2``, ``v_right = vx + wz b/2`` with b the distance of the wheels; the
@@ -55,17 +49,10 @@ def differential(
     Raises:
         ConfigError: ``separation_m`` is not a positive number.
     """
-    del base_m, steering_max_rad, sideways
     return _two_sides("differential", separation_m)
 
 
-def skid_steer(
-    *,
-    separation_m: float,
-    base_m: float | None = None,
-    steering_max_rad: float = STEERING_MAX_RAD,
-    sideways: float = 1.0,
-) -> Kinematics:
+def skid_steer(*, separation_m: float, **_: float | None) -> Kinematics:
     """Two sides of several wheels each, which slip sideways in a turn.
 
     The same maps as :func:`differential`, with the *effective* separation: published bases turn as
@@ -73,21 +60,15 @@ def skid_steer(
 
     Args:
         separation_m: The effective distance of the sides.
-        base_m: Front to rear; it is contained in the effective separation.
 
     Raises:
         ConfigError: ``separation_m`` is not a positive number.
     """
-    del base_m, steering_max_rad, sideways
     return _two_sides("skid_steer", separation_m)
 
 
 def mecanum(
-    *,
-    separation_m: float,
-    base_m: float | None = None,
-    steering_max_rad: float = STEERING_MAX_RAD,
-    sideways: float = 1.0,
+    *, separation_m: float, base_m: float | None = None, sideways: float = 1.0, **_: float | None
 ) -> Kinematics:
     """Four wheels with rollers at 45 degrees, which can also move sideways.
 
@@ -108,7 +89,6 @@ def mecanum(
     Raises:
         ConfigError: A distance is missing, or not a positive number.
     """
-    del steering_max_rad
     _positive("wheel_separation_m", separation_m)
     _positive("sideways_multiplier", sideways)
     if base_m is None:
@@ -138,7 +118,7 @@ def ackermann(
     separation_m: float,
     base_m: float | None = None,
     steering_max_rad: float = STEERING_MAX_RAD,
-    sideways: float = 1.0,
+    **_: float | None,
 ) -> Kinematics:
     """A car: two driven rear wheels, and front wheels that steer.
 
@@ -154,7 +134,6 @@ def ackermann(
     Raises:
         ConfigError: A distance is missing, or not a positive number, or the angle is none.
     """
-    del sideways
     if base_m is None:
         raise ConfigError(
             "A car that steers needs the distance of its axles.",

@@ -125,26 +125,20 @@ class Imu:
     def __init__(self, options: ImuOptions, random: Random) -> None:
         self.options = options
         self._random = random
-        self._gyro = [
-            _Channel(
-                options.gyro_zero_rad_s[axis],
-                options.gyro_drift_rad_s_k[axis],
-                options.gyro_scale,
-                options.gyro_density * math.sqrt(options.bandwidth_hz),
-                random,
-            )
-            for axis in range(3)
-        ]
-        self._acceleration = [
-            _Channel(
-                options.acceleration_zero_m_s2[axis],
-                options.acceleration_drift_m_s2_k[axis],
-                options.acceleration_scale,
-                options.acceleration_density * math.sqrt(options.bandwidth_hz),
-                random,
-            )
-            for axis in range(3)
-        ]
+        root_hz = math.sqrt(options.bandwidth_hz)
+
+        def channels(zero: Vector3, drift: Vector3, scale: float, noise: float) -> list[_Channel]:
+            pairs = zip(zero, drift, strict=True)
+            return [_Channel(*pair, scale, noise, random) for pair in pairs]
+
+        self._gyro = channels(
+            *(options.gyro_zero_rad_s, options.gyro_drift_rad_s_k),
+            *(options.gyro_scale, options.gyro_density * root_hz),
+        )
+        self._acceleration = channels(
+            *(options.acceleration_zero_m_s2, options.acceleration_drift_m_s2_k),
+            *(options.acceleration_scale, options.acceleration_density * root_hz),
+        )
         self._places = _places(options.axes)
         self._before: tuple[int, Twist2d] | None = None
         self.forced_gyro_rad_s: Vector3 | None = None

@@ -28,7 +28,7 @@ STEERS_DEG: Final = 45
 """The largest angle that the board takes."""
 
 
-class Car(msgspec.Struct, frozen=True, kw_only=True):
+class Car(msgspec.Struct, frozen=True):
     """A car type.
 
     Attributes:
@@ -65,23 +65,13 @@ def _rear_wheels(track_mm: float) -> dict[int, Row]:
     return {2: (1.0, 0.0, -track_mm / 2.0), 4: (1.0, 0.0, track_mm / 2.0)}
 
 
-CARS: Final[dict[int, Car]] = {
-    number: Car(
-        name=name,
-        turn_mm=turn_mm,
-        turn_counts=turn_counts,
-        motors=motors,
-        fastest_mm_s=fastest_mm_s,
-        wheelbase_mm=wheelbase_mm,
-    )
-    for number, name, turn_mm, turn_counts, motors, fastest_mm_s, wheelbase_mm in (
-        (1, "X3", 204.203, 1320, _mecanum(164.555), 1000, None),
-        (2, "X3 Plus", 251.327, 2464, _mecanum(214.1), 700, None),
-        (4, "X1", 215.2, 1320, _four_wheels(164.555), 1000, None),
-        (5, "R2", 215.2, 836, _rear_wheels(191.1), 2000, 235.37),
-        (6, "Sunrise", 204.203, 1040, _mecanum(143.68), 1000, None),
-        (10, "M1", 251.327, 2464, _mecanum(189.5), 700, None),
-    )
+CARS: Final = {
+    1: Car("X3", 204.203, 1320, _mecanum(164.555), 1000),
+    2: Car("X3 Plus", 251.327, 2464, _mecanum(214.1), 700),
+    4: Car("X1", 215.2, 1320, _four_wheels(164.555), 1000),
+    5: Car("R2", 215.2, 836, _rear_wheels(191.1), 2000, wheelbase_mm=235.37),
+    6: Car("Sunrise", 204.203, 1040, _mecanum(143.68), 1000),
+    10: Car("M1", 251.327, 2464, _mecanum(189.5), 700),
 }
 """The car types by number, as the firmware has them; the wheels of X3 and Sunrise are alike."""
 
