@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import threading
 from pathlib import Path
 
 from msgspec import structs
@@ -35,6 +36,24 @@ async def test_a_box_is_written_whole_and_named_by_its_first_reason(tmp_path: Pa
     assert found.path.name.endswith("_estop.blackbox")
     assert read_box(found.path.read_bytes()).header == SAVED
     assert (writer.saved, writer.failures, writer.busy) == (1, 0, False)
+
+
+async def test_its_thread_goes_behind_a_preferred_daemon_and_is_not_starved() -> None:
+    """It holds the interpreter now and then, which the loop waits for."""
+    writer, seen = BoxWriter(None, Path(), CLOCK), list[int]()
+    own = os.getpriority(os.PRIO_PROCESS, 0)
+    done = asyncio.Event()
+
+    def job() -> int:
+        return os.getpriority(os.PRIO_PROCESS, threading.get_native_id())
+
+    def ended(nice: int) -> None:
+        seen.append(nice)
+        done.set()
+
+    writer._start(job, ended)
+    await done.wait()
+    assert seen == [max(0, own)]
 
 
 async def test_without_a_state_directory_it_says_so(tmp_path: Path) -> None:

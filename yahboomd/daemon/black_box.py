@@ -2,8 +2,8 @@
 
 The ring is in memory that outlives the process. It is saved a second after something that stops the
 robot for a reason, so that it shows how the robot came to rest: copied on the loop, compressed and
-written by a thread of low priority. A disk that is full, slow or gone is counted, and reported
-once. A ring that was left behind is saved by the next daemon of the same user.
+written by a thread. A disk that is full, slow or gone is counted, and reported once. A ring that
+was left behind is saved by the next daemon of the same user.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Writes black boxes in a thread of low priority: a disk that hangs holds up nothing."""
+"""Writes black boxes in a thread: a disk that hangs holds up nothing."""
 
 from __future__ import annotations
 
@@ -27,7 +27,10 @@ END_S = 0.7
 """The end of the daemon waits so long for a box that is being written, once the wheels stand. The
 watchdog of the service, which is not fed meanwhile, would end it after 2 s."""
 
-LEAST_PRIORITY = 19
+USUAL_NICE = 0
+"""The thread goes behind the loop of a daemon of higher priority, and no further: it holds the
+interpreter now and then, which the loop waits for. At a niceness of 19 beside programs that kept
+the machine busy, it did not run for seconds."""
 
 
 class Outcome(NamedTuple):
@@ -136,7 +139,8 @@ class BoxWriter:
         def work() -> None:
             # What drives the robot goes first.
             with contextlib.suppress(OSError):
-                os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), LEAST_PRIORITY)
+                nice = max(USUAL_NICE, os.getpriority(os.PRIO_PROCESS, 0))
+                os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), nice)
             result = job()
             # The loop may be closed by now.
             with contextlib.suppress(RuntimeError):
