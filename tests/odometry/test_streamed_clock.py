@@ -387,3 +387,115 @@ def test_where_no_ticks_were_counted_a_gap_took_as_long_as_its_stamps_are_apart(
     first = clock.observe(line(START_NS))
     instant = clock.resume(line(START_NS + 34 * MS), ticks=90)
     assert instant.step_ns == instant.stamp_ns - first.stamp_ns == 34 * MS
+
+
+def test_a_stamp_that_has_to_catch_up_is_half_the_ticks_after_the_last_one():
+    clock = StreamedClock(TICK_NS, START_NS + 20 * MS)
+    clock.observe(line(START_NS))
+    for after_ms in (10, 20):
+        assert clock.observe(line(START_NS + after_ms * MS)).step_ns == 0
+    # Three ticks have passed, of which the other clock's last stamp leaves one.
+    assert clock.observe(line(START_NS + 30 * MS)).stamp_ns == START_NS + 30 * MS
+
+
+@pytest.mark.parametrize(("ticks", "stamp_ms"), [(8, 25), (9, 30)])
+def test_a_run_begins_with_three_counts_a_tick(ticks, stamp_ms):
+    """Then it is known that the line shows a tick that is new, and not half a tick old."""
+    clock = StreamedClock(TICK_NS)
+    clock.observe(line(START_NS))
+    instant = clock.observe(line(START_NS + 30 * MS), ticks=ticks)
+    assert instant.stamp_ns == START_NS + stamp_ms * MS
+
+
+def running(lines):
+    """A clock, and the last of so many lines that came 10 ms apart with 30 counts each."""
+    clock = StreamedClock(TICK_NS)
+    clock.observe(line(START_NS))
+    for number in range(1, lines):
+        clock.observe(line(START_NS + number * TICK_NS), ticks=30)
+    return clock, START_NS + (lines - 1) * TICK_NS
+
+
+def test_time_that_counts_do_not_explain_makes_the_step_unsure():
+    clock, last_ns = running(6)
+    instant = clock.observe(line(last_ns + 35 * MS), ticks=30)
+    assert instant.step_ns == pytest.approx(25 * MS, abs=100)
+    assert instant.unsure_ns == instant.step_ns - TICK_NS
+
+
+def test_ticks_pass_no_faster_than_lines_come():
+    clock, last_ns = running(6)
+    steps = [clock.observe(line(last_ns + n * TICK_NS), ticks=60).step_ns for n in range(1, 9)]
+    # The first line may have been late.
+    assert steps == [2 * TICK_NS] + [TICK_NS] * 7
+
+
+def test_wheels_stopped_when_the_latest_line_of_a_change_would_have_come():
+    clock, last_ns = running(20)
+    steps = [clock.observe(line(last_ns + n * TICK_NS)).step_ns for n in range(1, 7)]
+    assert steps == [0, 0, 0, 3 * TICK_NS, 2 * TICK_NS, TICK_NS]
+
+
+def test_one_line_without_a_change_is_no_stop_however_late():
+    clock, last_ns = running(20)
+    assert clock.observe(line(last_ns + 38 * MS)).step_ns == 0
+
+
+@pytest.mark.parametrize(("pause_ms", "restarts"), [(65, True), (62, True), (58, False)])
+def test_lines_that_stay_late_by_more_than_two_ticks_after_a_pause_were_not_held_back(
+    pause_ms, restarts
+):
+    clock, last_ns = running(100)
+    assert clock.locked
+    behind_ms = pause_ms - 30
+    at_ns = last_ns + pause_ms * MS
+    instants = [clock.observe(line(at_ns), ticks=90)]
+    instants += [clock.observe(line(at_ns + n * TICK_NS), ticks=30) for n in range(1, 6)]
+    assert clock.locked is not restarts
+    assert instants[0].step_ns == 3 * TICK_NS
+    unsure = [instant.unsure_ns for instant in instants if instant.unsure_ns]
+    assert unsure == ([pytest.approx(behind_ms * MS, abs=100)] if restarts else [])
+
+
+def test_a_tick_of_eighty_milliseconds_is_not_counted_as_one_of_ten(kit):
+    heard = Heard(kit.stream(steady, seconds=1.5, gap_ms=10.87, tick_ms=80.0, seed=1), after_s=0.2)
+    assert heard.steps_ns == pytest.approx(heard.truth_ns, abs=60 * MS)
+
+
+@pytest.mark.parametrize(("after_ms", "new"), [(11, False), (13, True)])
+def test_of_a_board_without_a_tick_a_line_brings_new_counts_after_a_third_of_a_gap(after_ms, new):
+    clock = StreamedClock(40 * MS, each_line=True)
+    clock.observe(line(START_NS))
+    for n in range(1, 6):
+        clock.observe(line(START_NS + n * 40 * MS), ticks=9)
+    instant = clock.observe(line(START_NS + (200 + after_ms) * MS), ticks=3)
+    assert (instant.step_ns > 0) is new
+
+
+def test_counts_whose_age_is_known_are_stamped_when_they_were_read():
+    clock, counted = StreamedClock(41 * MS, each_line=True, age_ns=10 * MS), 0
+    for number in range(60):
+        ticks = 41 * number // 10
+        instant = clock.observe(line(START_NS + number * 41 * MS), ticks=20 * (ticks - counted))
+        counted = ticks if instant.step_ns else counted
+    assert instant.stamp_ns == pytest.approx(START_NS + ticks * TICK_NS, abs=1.1 * MS)
+
+
+def test_a_line_of_the_moment_of_the_last_stamp_is_passed_over():
+    clock = StreamedClock(TICK_NS, START_NS + 10 * MS)
+    clock.observe(line(START_NS))
+    assert clock.observe(line(START_NS + 10 * MS)).step_ns == 0
+    assert clock.observe(line(START_NS + 10 * MS + 1)).step_ns > 0
+
+
+def test_after_a_break_a_step_ends_with_the_first_steady_line_that_has_room_for_it():
+    clock = StreamedClock(TICK_NS)
+    for n in range(6):
+        last = clock.observe(line(START_NS + n * TICK_NS), ticks=2)
+    at_ns = START_NS + 150 * MS
+    assert clock.restart(line(at_ns)).stamp_ns == last.stamp_ns
+    instants = [clock.observe(line(at_ns + n * TICK_NS), ticks=2) for n in (1, 2)]
+    instants += [clock.observe(line(at_ns + 30 * MS), ticks=2, least_ns=500.0 * MS)]
+    assert [instant.step_ns for instant in instants] == [0, 0, 0]
+    end = clock.observe(line(at_ns + 40 * MS), ticks=2)
+    assert end.step_ns == end.unsure_ns == end.stamp_ns - last.stamp_ns > 100 * MS
