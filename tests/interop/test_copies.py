@@ -10,6 +10,8 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from real_robot import Client, wait_for
 
+from yahboomd.bus.services import TOO_MANY
+
 pytestmark = pytest.mark.realtime
 
 LIVES = 3
@@ -103,7 +105,11 @@ def test_32_copies_of_each_request_over_zenoh_act_as_once(robot, bridge, applica
 
     def copies(key, payload=None):
         with ThreadPoolExecutor(32) as pool:
-            return [each["success"] for each in pool.map(asker.ask, [key] * 32, [payload] * 32)]
+            answers = list(pool.map(asker.ask, [key] * 32, [payload] * 32))
+        # No more than some wait for the control loop: on a busy machine the last are refused.
+        taken = [each["success"] for each in answers if TOO_MANY not in each["message"]]
+        assert len(taken) > 8
+        return taken
 
     pose = json.dumps({"x": 1.0, "y": 2.0, "theta": 0.5}).encode()
     assert all(copies("yahboomd/odometry/set_pose", pose))
@@ -118,5 +124,5 @@ def test_32_copies_of_each_request_over_zenoh_act_as_once(robot, bridge, applica
     assert len(kinds(watcher, "estop_released")) == 1
     # One that comes between the copies of a release is not released by them.
     assert asker.ask("yahboomd/estop")["success"]
-    assert copies("yahboomd/estop/reset") == [False] * 32
+    assert not any(copies("yahboomd/estop/reset"))
     watcher.in_state("estopped")
