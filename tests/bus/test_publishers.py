@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 import zenoh
-from zenoh_fixtures import eventually
+from zenoh_fixtures import eventually, late_subscriber
 
 from yahboomd.bus import keys
 
@@ -48,9 +48,9 @@ async def test_a_cached_sample_reaches_who_comes_later(bus, zenoh_app):
     assert publisher.has_subscribers
     for payload in (b"old", b"static frames"):
         assert publisher.put(payload)
-    late = zenoh_app("client", bus.options.listen[0]).late_subscriber("bot1/tf_static")
-    sample = await eventually(late.try_recv)
-    assert sample.payload.to_bytes() == b"static frames"
+    app = zenoh_app("client", bus.options.listen[0])
+    with late_subscriber(app.session, "bot1/tf_static") as heard:
+        assert (await eventually(lambda: heard))[0].payload.to_bytes() == b"static frames"
 
 
 async def test_put_after_the_end_is_counted_and_not_raised(bus):

@@ -8,7 +8,7 @@ from contextlib import suppress
 
 import pytest
 import zenoh
-from zenoh_fixtures import eventually, free_endpoint
+from zenoh_fixtures import eventually, free_endpoint, late_subscriber
 
 from yahboomd.bus import keys
 from yahboomd.bus.bus import Bus
@@ -118,8 +118,8 @@ async def test_what_was_put_before_a_router_came_reaches_who_looks_later(zenoh_r
         zenoh_router.start()
         await eventually(lambda: bus.neighbours)
         app = zenoh_app("client", zenoh_router.endpoint)
-        late = app.late_subscriber("tf_static")
-        assert (await eventually(late.try_recv)).payload == b"static frames"
+        with late_subscriber(app.session, "tf_static") as heard:
+            assert (await eventually(lambda: heard))[0].payload == b"static frames"
 
 
 async def test_what_was_ended_before_a_router_came_stays_ended(zenoh_router, zenoh_app):

@@ -12,6 +12,7 @@ import socket
 import subprocess
 import sys
 from collections import deque
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -85,6 +86,20 @@ class ZenohRouter:
             process.communicate()
 
 
+@contextmanager
+def late_subscriber(
+    session: zenoh.Session, key: str, newest: int | None = None
+) -> Iterator[list[zenoh.Sample]]:
+    """What is given to one who comes late, as a bridge and a node subscribe to a latched topic."""
+    history = zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=newest)
+    heard: list[zenoh.Sample] = []
+    subscriber = zenoh.ext.declare_advanced_subscriber(session, key, heard.append, history=history)
+    try:
+        yield heard
+    finally:
+        subscriber.undeclare()
+
+
 class ZenohApp:
     """An application: a session that is nothing of yahboomd's."""
 
@@ -96,12 +111,6 @@ class ZenohApp:
         samples: list[zenoh.Sample] = []
         self.session.declare_subscriber(key, Callback(samples.append, indirect=False))
         return samples
-
-    def late_subscriber(self, key: str) -> zenoh.ext.AdvancedSubscriber[Any]:
-        """A subscriber that asks for what was published before it came."""
-        return zenoh.ext.declare_advanced_subscriber(
-            self.session, key, history=zenoh.ext.HistoryConfig(detect_late_publishers=True)
-        )
 
     async def ask(self, selector: str, **arguments: Any) -> list[zenoh.Reply]:
         """All replies to a query, off the loop."""

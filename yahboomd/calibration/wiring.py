@@ -63,22 +63,22 @@ class WiredMotor(msgspec.Struct, frozen=True, kw_only=True):
     sign: int
 
 
-class WiringFault(msgspec.Struct, frozen=True, kw_only=True):
+class WiringFault(msgspec.Struct, frozen=True):
     """A fault that no configuration makes up for.
 
     Attributes:
         kind: Its name, for programs.
         position: The plug of the motor; None where it is not known.
+        words: What is wrong, and the plug to change.
         arrives: Where the counts of this motor arrive instead, for ``encoder_crossed``; the plug
             where it belongs, for ``motor_misplaced``.
-        words: What is wrong, and the plug to change.
     """
 
     kind: Kind
     position: int | None
     wheel: str
-    arrives: int | None = None
     words: str
+    arrives: int | None = None
 
 
 class Wiring(msgspec.Struct, frozen=True, kw_only=True):
@@ -159,9 +159,7 @@ def judge_by_hand(turns: Sequence[HandTurn], ticks_per_revolution: float) -> Wir
                 f"{plain(turn.wheel).capitalize()}: no counter moved while this wheel was turned. "
                 "Look at the plug of its encoder, at both ends."
             )
-            faults.append(
-                WiringFault(kind="encoder_dead", position=None, wheel=turn.wheel, words=words)
-            )
+            faults.append(WiringFault("encoder_dead", None, turn.wheel, words))
             continue
         sign = 1 if turn.counts[channel - 1] > 0 else -1
         motors.append(WiredMotor(wheel=turn.wheel, position=channel, sign=sign))
@@ -208,36 +206,25 @@ def _doubts(
         for other in positions[number + 1 :]:
             wheel = moved[one].wheel
             if wheel == moved[other].wheel:
-                yield (
-                    (one, other),
-                    f"M{one} and M{other} both turned {plain(wheel)}, as you saw it.",
-                )
+                words = f"M{one} and M{other} both turned {plain(wheel)}, as you saw it."
+                yield (one, other), words
             elif seen_at[one] is not None and seen_at[one] == seen_at[other]:
-                yield (
-                    (one, other),
-                    f"M{one} and M{other} moved the same counter, that of M{seen_at[one]}.",
-                )
+                words = f"M{one} and M{other} moved the same counter, that of M{seen_at[one]}."
+                yield (one, other), words
     for turn in still:
         if _strongest(turn.counts, least) is not None:
-            yield (
-                (turn.position,),
-                f"M{turn.position} moved a counter, and you saw no wheel turn.",
-            )
+            yield (turn.position,), f"M{turn.position} moved a counter, and you saw no wheel turn."
 
 
 def _encoder_faults(turn: Turn, seen_at: Mapping[int, int | None]) -> Iterator[WiringFault]:
     position, wheel, name = turn.position, turn.wheel, plain(turn.wheel)
     channel = seen_at[position]
     if channel is None:
-        yield WiringFault(
-            kind="encoder_dead",
-            position=position,
-            wheel=wheel,
-            words=(
-                f"M{position} ({name}): the wheel turns and is not counted. Look at the plug of "
-                "its encoder, at the board and at the motor; else the encoder is broken."
-            ),
+        words = (
+            f"M{position} ({name}): the wheel turns and is not counted. Look at the plug of its "
+            "encoder, at the board and at the motor; else the encoder is broken."
         )
+        yield WiringFault("encoder_dead", position, wheel, words)
         return
     if channel != position:
         also = seen_at.get(channel) == position
@@ -250,23 +237,13 @@ def _encoder_faults(turn: Turn, seen_at: Mapping[int, int | None]) -> Iterator[W
         )
         # Of a pair, one sentence is enough.
         if not also or position < channel:
-            yield WiringFault(
-                kind="encoder_crossed",
-                position=position,
-                wheel=wheel,
-                arrives=channel,
-                words=words,
-            )
+            yield WiringFault("encoder_crossed", position, wheel, words, channel)
     if turn.counts[channel - 1] < 0:
-        yield WiringFault(
-            kind="encoder_swapped",
-            position=position,
-            wheel=wheel,
-            words=(
-                f"M{position} ({name}): its encoder counts against the motor. Exchange the two "
-                f"signal wires of its encoder, A and B, at the plug of M{position}."
-            ),
+        words = (
+            f"M{position} ({name}): its encoder counts against the motor. Exchange the two signal "
+            f"wires of its encoder, A and B, at the plug of M{position}."
         )
+        yield WiringFault("encoder_swapped", position, wheel, words)
 
 
 def _dead_motors(
@@ -277,15 +254,11 @@ def _dead_motors(
     for wheel in missing:
         position = plugs.get(wheel) or only
         where = f"M{position} ({plain(wheel)})" if position else plain(wheel).capitalize()
-        yield WiringFault(
-            kind="motor_dead",
-            position=position,
-            wheel=wheel,
-            words=(
-                f"{where}: the motor did not turn. Look at its plug, at the board and at the "
-                "motor, and whether the wheel is blocked; else motor or driver are broken."
-            ),
+        words = (
+            f"{where}: the motor did not turn. Look at its plug, at the board and at the motor, "
+            "and whether the wheel is blocked; else motor or driver are broken."
         )
+        yield WiringFault("motor_dead", position, wheel, words)
 
 
 _ALL_SWAPPED = (

@@ -9,7 +9,6 @@ from random import Random
 import pytest
 from pose_recording import record
 
-from yahboomd.bus import keys
 from yahboomd.cli.plot.recorded_series import read_recording
 from yahboomd.errors import Refused
 from yahboomd.messages.native import PoseSample
@@ -19,7 +18,7 @@ def test_all_parts_of_a_folder_are_read_in_their_order(tmp_path: Path) -> None:
     record(tmp_path, 9000, split=20_000)
     assert len(list(tmp_path.glob("native_*.mcap"))) > 10, "names sort by number, not by letter"
     recording = read_recording(tmp_path)
-    poses = recording.of(keys.POSE, PoseSample)
+    poses = recording.of(PoseSample)
     assert [pose.seq for pose in poses] == list(range(9000))
     assert recording.time_s(poses[50].stamp_ns) == pytest.approx(1.0)
     assert not recording.is_cut
@@ -28,7 +27,7 @@ def test_all_parts_of_a_folder_are_read_in_their_order(tmp_path: Path) -> None:
 def test_what_stands_before_a_cut_is_read(tmp_path: Path) -> None:
     record(tmp_path, 3000, ended=False)
     recording = read_recording(tmp_path)
-    assert len(recording.of(keys.POSE, PoseSample)) > 1000
+    assert len(recording.of(PoseSample)) > 1000
     assert recording.is_cut
 
 
@@ -38,14 +37,14 @@ def test_what_stands_before_flipped_bits_is_read_or_the_file_is_refused(
 ) -> None:
     record(tmp_path, 1500)
     (path,) = tmp_path.glob("native_*.mcap")
-    whole = read_recording(tmp_path).of(keys.POSE, PoseSample)
+    whole = read_recording(tmp_path).of(PoseSample)
     data, random = bytearray(path.read_bytes()), Random(seed)
     for _ in range(3):
         data[random.randrange(len(data) - 200)] ^= 1 << random.randrange(8)
     path.write_bytes(data)
     found: list[PoseSample] = []
     with suppress(Refused):
-        found = read_recording(tmp_path).of(keys.POSE, PoseSample)
+        found = read_recording(tmp_path).of(PoseSample)
     assert found == whole[: len(found)]
 
 

@@ -133,9 +133,9 @@ def arrival(payload: bytes, dropped: int = 0) -> Arrival:
 def test_a_gap_in_the_numbers_is_counted_as_lost_and_a_new_daemon_is_not(tmp_path: Path) -> None:
     native, ros = McapFiles(tmp_path, "native"), McapFiles(tmp_path, "ros2", is_bag=True)
     recorder = Recorder(native, ros, lambda at_ns: at_ns + 1)
-    take = recorder.handler(Recorded("yahboomd/pose", "yahboomd/pose", message="PoseSample"))
-    take([arrival(b'{"seq": %d}' % number) for number in (5, 6, 9, 1, 2)])
-    take([arrival(b"no message")])
+    topic = Recorded("yahboomd/pose", "yahboomd/pose", message="PoseSample")
+    recorder.take(topic, [arrival(b'{"seq": %d}' % number) for number in (5, 6, 9, 1, 2)])
+    recorder.take(topic, [arrival(b"no message")])
     facts = recorder.end()
     assert (facts["messages"], facts["lost"], facts["unreadable"]) == (5, 2, 1)
 

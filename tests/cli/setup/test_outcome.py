@@ -9,9 +9,7 @@ from simulated_person import outcome
 from yahboomd.calibration.wiring import WiringFault
 from yahboomd.cli.setup.outcome import next_steps, result
 
-FAULT = WiringFault(
-    kind="encoder_crossed", position=1, wheel="left", arrives=2, words="Exchange them."
-)
+FAULT = WiringFault("encoder_crossed", 1, "left", "Exchange them.", arrives=2)
 
 
 def test_programs_get_one_line() -> None:

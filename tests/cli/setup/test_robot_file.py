@@ -47,7 +47,7 @@ def test_without_a_named_port_it_is_looked_for(tmp_path: Path) -> None:
 
 
 def test_what_has_to_be_repaired_stands_at_its_head() -> None:
-    fault = WiringFault(kind="encoder_dead", position=1, wheel="left", words="M1 is not counted.")
+    fault = WiringFault("encoder_dead", 1, "left", "M1 is not counted.")
     found = outcome()
     wiring = Wiring(motors=found.wiring.motors, faults=(fault,))
     text = as_toml(found.description, wiring)

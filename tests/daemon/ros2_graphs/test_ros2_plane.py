@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 import zenoh
-import zenoh.ext
 from real_robot import Client, RealRobot, wait_for
 from ros_oracle import Oracle
+from zenoh_fixtures import late_subscriber
 
 from yahboomd.config import read
 from yahboomd.daemon.ros2_graphs.ros2_plane import topics
@@ -138,18 +138,11 @@ def test_a_late_subscriber_gets_the_static_frames(
     app = client("client", robot.endpoint)
     app.in_state("standing")
     for key in ("tf_static", native_key("tf_static", ros2.TF_MESSAGE)):
-        heard: list[bytes] = []
-        subscriber = zenoh.ext.declare_advanced_subscriber(
-            app.session,
-            key,
-            lambda sample, heard=heard: heard.append(sample.payload.to_bytes()),
-            history=zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1),
-        )
-        wait_for(lambda heard=heard: heard, key)
-        (laser,) = oracle.decode(ros2.TF_MESSAGE, heard[0])["transforms"]
+        with late_subscriber(app.session, key, newest=1) as heard:
+            wait_for(lambda heard=heard: heard, key)
+        (laser,) = oracle.decode(ros2.TF_MESSAGE, heard[0].payload.to_bytes())["transforms"]
         assert (laser["header"]["frame_id"], laser["child_frame_id"]) == ("base_link", "laser")
         assert laser["transform"]["translation"] == {"x": 0.0, "y": 0.0, "z": 0.1}
-        subscriber.undeclare()
     # A subscriber that knows nothing of caches waits a second at most.
     plain: list[zenoh.Sample] = []
     app.session.declare_subscriber("tf_static", plain.append)
@@ -257,19 +250,12 @@ def test_events_are_on_the_graphs_one_log_and_a_late_node_gets_them(
     app.session.put(native_key("bot1/yahboomd/estop", ros2.BOOL), cdr.boolean(True))
     app.in_state("estopped")
     for key in ("bot1/rosout", native_key("rosout", ros2.LOG)):
-        heard: list[bytes] = []
-        subscriber = zenoh.ext.declare_advanced_subscriber(
-            app.session,
-            key,
-            lambda sample, heard=heard: heard.append(sample.payload.to_bytes()),
-            history=zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1000),
-        )
-        wait_for(lambda heard=heard: heard, key)
-        lines = [oracle.decode(ros2.LOG, payload) for payload in heard]
+        with late_subscriber(app.session, key, newest=1000) as heard:
+            wait_for(lambda heard=heard: heard, key)
+        lines = [oracle.decode(ros2.LOG, sample.payload.to_bytes()) for sample in heard]
         (line,) = [line for line in lines if line["function"] == "estop"]
         assert (line["level"], line["name"]) == (30, "yahboomd")
         assert line["msg"].startswith("Emergency stop engaged by a sample")
-        subscriber.undeclare()
 
 
 def test_the_node_answers_for_its_parameters(

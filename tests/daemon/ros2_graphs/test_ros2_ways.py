@@ -6,8 +6,7 @@ from collections.abc import Callable
 
 import pytest
 import zenoh
-import zenoh.ext
-from zenoh_fixtures import ZenohApp, eventually
+from zenoh_fixtures import ZenohApp, eventually, late_subscriber
 
 from yahboomd.bus.bus import Bus
 from yahboomd.bus.options import BusOptions
@@ -78,17 +77,9 @@ async def test_who_comes_late_is_given_what_is_latched(bus: Bus, app: ZenohApp) 
     outlet = BridgeWay(bus, "jazzy").publisher("tf_static", ros2.TF_MESSAGE, LATCHED)
     outlet.put(b"old frames")
     outlet.put(b"frames")
-    heard: list[bytes] = []
-    # As the bridge subscribes to a latched topic.
-    subscriber = zenoh.ext.declare_advanced_subscriber(
-        app.session,
-        "bot1/tf_static",
-        lambda sample: heard.append(sample.payload.to_bytes()),
-        history=zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1),
-    )
-    await eventually(lambda: heard)
-    assert heard == [b"frames"]
-    subscriber.undeclare()
+    with late_subscriber(app.session, "bot1/tf_static", newest=1) as heard:
+        await eventually(lambda: heard)
+        assert [sample.payload.to_bytes() for sample in heard] == [b"frames"]
 
 
 async def test_a_namespace_that_is_no_name_in_ros_is_not_announced(
@@ -166,17 +157,10 @@ async def test_who_comes_late_is_given_what_is_latched_with_its_attachment(
 ) -> None:
     outlet = way.publisher("tf_static", ros2.TF_MESSAGE, Qos(latched=True, depth=1))
     outlet.put(b"frames")
-    heard: list[tuple[bytes, bytes]] = []
-    subscriber = zenoh.ext.declare_advanced_subscriber(
-        app.session,
-        key("tf_static", ros2.TF_MESSAGE),
-        lambda s: heard.append((s.payload.to_bytes(), s.attachment.to_bytes())),
-        history=zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1),
-    )
-    ((payload, attached),) = await eventually(lambda: heard)
-    assert payload == b"frames"
-    assert ros2.parse_attachment(attached) is not None
-    subscriber.undeclare()
+    with late_subscriber(app.session, key("tf_static", ros2.TF_MESSAGE), newest=1) as heard:
+        (sample,) = await eventually(lambda: heard)
+        assert sample.payload.to_bytes() == b"frames"
+        assert ros2.parse_attachment(sample.attachment.to_bytes()) is not None
 
 
 async def test_both_kinds_of_commands_are_heard_and_one_is_announced(

@@ -10,7 +10,6 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from yahboomd.bus import keys
 from yahboomd.errors import Refused
 from yahboomd.messages.native import (
     BatterySample,
@@ -123,7 +122,7 @@ def _thinned(samples: list[Any]) -> list[Any]:
 def _path(axes: Any, recording: Recording) -> None:  # noqa: ANN401
     from matplotlib.patches import Ellipse
 
-    poses = _thinned(recording.of(keys.POSE, PoseSample))
+    poses = _thinned(recording.of(PoseSample))
     axes.set(title="path", xlabel="x, m", ylabel="y, m", aspect="equal")
     axes.grid(alpha=0.3)
     if not poses:
@@ -160,7 +159,7 @@ def ellipse(covariance: tuple[float, ...]) -> tuple[float, float, float]:
 
 
 def _speeds(axes: Any, recording: Recording) -> None:  # noqa: ANN401
-    wheels = _thinned(recording.of(keys.WHEELS, WheelsSample))
+    wheels = _thinned(recording.of(WheelsSample))
     axes.set(title="wheels", ylabel="m/s")
     axes.grid(alpha=0.3)
     times = [recording.time_s(each.stamp_ns) for each in wheels]
@@ -174,7 +173,7 @@ def _speeds(axes: Any, recording: Recording) -> None:  # noqa: ANN401
 
 
 def _battery(axes: Any, recording: Recording) -> None:  # noqa: ANN401
-    battery = recording.of(keys.BATTERY, BatterySample)
+    battery = recording.of(BatterySample)
     axes.set(title="battery", ylabel="V")
     axes.grid(alpha=0.3)
     times = [recording.time_s(each.stamp_ns) for each in battery]
@@ -183,7 +182,7 @@ def _battery(axes: Any, recording: Recording) -> None:  # noqa: ANN401
 
 def _link(axes: Any, recording: Recording) -> None:  # noqa: ANN401
     """Readings a second, and by how much each counter of trouble has grown."""
-    statuses = recording.of(keys.STATUS, StatusSample)
+    statuses = recording.of(StatusSample)
     axes.set(title="link", ylabel="readings a second")
     axes.grid(alpha=0.3)
     times, rates = [], []
@@ -212,8 +211,8 @@ def _count(status: StatusSample, name: str) -> int:
 
 def _timeline(axes: Any, recording: Recording) -> None:  # noqa: ANN401
     """The robot's actions at each time, and every event with its words."""
-    statuses = recording.of(keys.STATUS, StatusSample)
-    events = recording.of(keys.EVENTS, EventSample)
+    statuses = recording.of(StatusSample)
+    events = recording.of(EventSample)
     axes.set(title="what happened", xlabel="time, s", yticks=[])
     for name in ("left", "right", "top"):
         axes.spines[name].set_visible(False)

@@ -39,19 +39,17 @@ class Recording:
 
     Attributes:
         begin_ns: The first stamp; Unix nanoseconds.
-        samples: The messages of each key, oldest first.
+        samples: The messages, in the order of the files.
         is_cut: Whether a file is damaged, or ended in the middle of a chunk.
     """
 
     begin_ns: int = 0
-    samples: dict[str, list[msgspec.Struct]] = field(
-        default_factory=lambda: {key: [] for key in MESSAGES}
-    )
+    samples: list[msgspec.Struct] = field(default_factory=list)
     is_cut: bool = False
 
-    def of(self, key: str, message: type[Sample]) -> list[Sample]:
-        """The messages of one key."""
-        return [each for each in self.samples[key] if isinstance(each, message)]
+    def of(self, message: type[Sample]) -> list[Sample]:
+        """The messages of one kind, oldest first."""
+        return [each for each in self.samples if isinstance(each, message)]
 
     def time_s(self, stamp_ns: int) -> float:
         """The time since the first sample."""
@@ -74,9 +72,9 @@ def read_recording(path: Path) -> Recording:
             decoder = decoders.get(topic)
             if decoder is not None:
                 with suppress(msgspec.DecodeError):
-                    recording.samples[topic].append(decoder.decode(data))
-    stamps = [each.stamp_ns for each in recording.of(keys.POSE, PoseSample)]
-    stamps += [each.stamp_ns for each in recording.of(keys.STATUS, StatusSample)]
+                    recording.samples.append(decoder.decode(data))
+    stamps = [each.stamp_ns for each in recording.of(PoseSample)]
+    stamps += [each.stamp_ns for each in recording.of(StatusSample)]
     if not stamps:
         raise Refused(
             f"{path} has neither poses nor statuses of yahboomd. Name a folder that "
@@ -100,7 +98,7 @@ def _messages(file: Path, recording: Recording) -> Iterator[tuple[str, bytes]]:
     except OSError as error:
         raise Refused(f"The recording {file} cannot be read: {error.strerror}.") from error
     except (McapError, ZstdError, ValueError, EOFError, OverflowError, struct.error) as error:
-        if not any(recording.samples.values()):
+        if not recording.samples:
             words = f"{file} is no recording, or damaged from its beginning"
             raise Refused(f"{words}: {error or 'it ends too early'}.") from error
         recording.is_cut = True

@@ -11,6 +11,7 @@ import os
 import re
 import signal
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -150,7 +151,7 @@ async def _record(robot: AsyncRobot, args: argparse.Namespace) -> int:
     for each in recorded(config):
         robot.bus.subscribe(
             each.key,
-            recorder.handler(each),
+            partial(recorder.take, each),
             depth=DEPTH,
             max_bytes=1_000_000,
             gather_s=GATHER_S,
@@ -213,14 +214,10 @@ class Recorder:
         self._wall_ns = wall_ns
         self._sequences: dict[str, int] = {}
 
-    def handler(self, topic: Recorded) -> Callable[[list[Arrival]], None]:
-        """The receiver of a topic's samples."""
-
-        def take(arrivals: list[Arrival]) -> None:
-            for arrival in arrivals:
-                self._take(topic, arrival)
-
-        return take
+    def take(self, topic: Recorded, arrivals: list[Arrival]) -> None:
+        """Write what arrived on a topic."""
+        for arrival in arrivals:
+            self._take(topic, arrival)
 
     def _take(self, topic: Recorded, arrival: Arrival) -> None:
         if self.problem:

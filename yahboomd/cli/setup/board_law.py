@@ -85,13 +85,7 @@ def as_drivable(verdict: Wiring, ways: Sequence[tuple[WiredMotor, ...]]) -> Wiri
         else:
             continue
         faults.append(
-            WiringFault(
-                kind="motor_misplaced",
-                position=now.position,
-                wheel=motor.wheel,
-                arrives=motor.position,
-                words=words,
-            )
+            WiringFault("motor_misplaced", now.position, motor.wheel, words, motor.position)
         )
     if not faults:
         return verdict
