@@ -523,3 +523,24 @@ def test_a_pose_that_is_set_unsurely_spreads_as_its_headings_do(kit):
     found = matrix(covariance.pose)
     wanted = np.array([[np.mean(x * x), np.mean(x * y)], [np.mean(x * y), np.mean(y * y)]])
     assert found[:2, :2] == pytest.approx(wanted, rel=0.02, abs=0.01)
+
+
+def test_the_noise_of_a_step_is_turned_into_the_frame_with_all_its_correlations(kit):
+    """Written out with numpy: the Jacobian over (forward, left, turn) of the arc's end."""
+    kinematics, motors = kit.mecanum(), kit.motors((0, 1, 2, 3))
+    covariance = Covariance(kinematics, motors, noise_m=0.01)
+    deltas, arc = (400, -100, 50, 220), Arc(0.03, -0.02, 0.8, 0.6, 0.3)
+    before = matrix(covariance.pose)
+    covariance.propagate(deltas, arc)
+    forward = np.array(kinematics.forward)
+    noise = sum(
+        0.01 * abs(delta) * kit.tick_m * np.outer(forward[:, wheel], forward[:, wheel])
+        for wheel, delta in enumerate(deltas)
+    )
+    dx, dy, cos, sin, turn = arc
+    arm = -0.5 * dy - turn * dx / 12.0, 0.5 * dx - turn * dy / 12.0
+    jacobian = np.array([[cos, -sin, arm[0]], [sin, cos, arm[1]], [0.0, 0.0, 1.0]])
+    gained = matrix(covariance.pose) - before
+    expected = jacobian @ noise @ jacobian.T
+    assert gained == pytest.approx(expected, rel=1e-3, abs=1e-3 * float(np.max(expected)))
+    assert covariance.gained == pytest.approx(expected[2, 2])

@@ -56,3 +56,20 @@ def test_where_nothing_is_lost_it_is_said_and_no_warning(outcome):
     event = event_of(outcome, 0.0)
     assert (event.kind, event.severity) == ("odometry_bridged", "info")
     assert "unknown" not in event.message
+
+
+def test_an_event_has_microseconds_and_micrometres():
+    event = discontinuity.event(
+        "rebased",
+        gap_s=1.23456789,
+        lost_m=0.123456789,
+        counted_m=2.3456789012,
+        unsure_m=0.0123456789,
+    )
+    assert event.data == {
+        "cause": "rebased",
+        "gap_s": 1.234568,
+        "unknown_m": 0.123457,
+        "counted_m": 2.345679,
+        "unsure_m": 0.012346,
+    }

@@ -19,7 +19,9 @@ def fill(envelope, count, *, ppm=0.0, delay=lambda chance: 0.0, start=0, phase=3
 
 def test_a_clock_without_delays_is_found_at_once():
     envelope = Envelope(PERIOD)
-    truth, tick = fill(envelope, SETTLED_BLOCKS * BLOCK)
+    fill(envelope, SETTLED_BLOCKS * BLOCK - 1)
+    assert not envelope.settled
+    truth, tick = fill(envelope, 1, start=SETTLED_BLOCKS * BLOCK - 1)
     assert envelope.settled
     assert envelope.at(tick) == pytest.approx(truth, abs=1.0)
 

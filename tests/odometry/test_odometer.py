@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from yahboomd.counts import HALF, WRAP
 from yahboomd.errors import ConfigError
 from yahboomd.model import EncoderReading, ImuReading, ImuSensor, Pose2d
+from yahboomd.odometry.discontinuity import RESET_SPEED_M_S
 from yahboomd.odometry.odometer import Odometer
 
 MS = 1_000_000
@@ -735,7 +736,7 @@ def test_unless_it_is_configured_a_heading_is_the_wheels(kit):
     rig = Rig(kit)
     turned_by_hand(rig)
     estimate = rig.feed(0, 0, after_ms=20.0).estimate
-    assert estimate.pose.theta == 0.0
+    assert (estimate.pose.theta, estimate.twist.wz) == (0.0, 0.0)
     without = Rig(kit)
     for _ in range(10):
         without.feed(0, 0, after_ms=20.0)
@@ -782,3 +783,57 @@ def test_between_the_counters_a_sample_carries_the_heading_by_its_rate(kit, afte
 def test_the_tick_of_a_board_is_known_where_it_streams(kit):
     assert Rig(kit).odometer.tick_period_ns is None
     assert Rig(kit, sample_period_ns=10 * MS).odometer.tick_period_ns == 10 * MS
+
+
+def test_a_car_without_a_gyro_turns_as_it_is_steered(kit):
+    rig = Rig(kit)
+    car = msgspec.structs.replace(
+        kit.differential(), name="ackermann", base_m=0.2, least_radius_m=0.3
+    )
+    rig.odometer = Odometer(car, kit.motors())
+    for number in range(1, 101):
+        rig.odometer.steer(1.0, START_NS + round(rig.now_ms * MS))
+        # Straight on, by the wheels.
+        travel = round(number * 0.3 * 0.02 / kit.tick_m)
+        rig.feed(travel, travel, after_ms=20.0)
+    # Wheels are surer, as long as they roll as they count.
+    assert rig.estimates[-1].pose.theta > 0.03
+
+
+@pytest.mark.parametrize(("after_ms", "held"), [(300.0, 0), (300.001, 1)])
+def test_three_tenths_of_a_second_are_no_gap_yet(kit, after_ms, held):
+    rig = Rig(kit)
+    rig.feed(1000, 1000)
+    rig.feed(1010, 1010)
+    rig.feed(1310, 1310, after_ms=after_ms)
+    assert rig.odometer.counters["odometry_held"] == held
+
+
+def test_in_150_milliseconds_the_order_of_going_and_turning_is_still_known(kit):
+    variances = []
+    for after_ms in (80.0, 150.0, 150.001):
+        rig = Rig(kit)
+        rig.feed(1000, 1000)
+        estimate = rig.feed(1020, 1120, after_ms=after_ms).estimate
+        variances.append(estimate.pose_covariance[:2])
+    assert variances[0] == variances[1] != variances[2]
+
+
+def test_a_robot_that_has_not_moved_loses_little_to_a_reset(kit):
+    rig = Rig(kit)
+    rig.feed(5000, 5000)
+    rig.feed(10, 10, after_ms=100.0, after_reset=True)
+    rig.feed(12, 12)
+    (event,) = rig.events
+    assert event.data["unknown_m"] == pytest.approx(RESET_SPEED_M_S * event.data["gap_s"], abs=1e-5)
+
+
+def test_a_bias_is_no_turn_since_the_counters_were_read(kit):
+    rig = Rig(kit)
+    for number in range(400):
+        rig.feed(0, 0, after_ms=20.0)
+        sample(rig, 0.05, after_ms=15.0, number=number)
+    assert rig.odometer.gyro_bias_rad_s == pytest.approx(0.05, abs=1e-3)
+    at_rest = sample(rig, 0.05, after_ms=15.0).theta
+    assert sample(rig, 0.85, after_ms=15.0).theta - at_rest == pytest.approx(0.8 * 0.01, abs=1e-4)
+    assert at_rest == pytest.approx(0.0, abs=1e-4)

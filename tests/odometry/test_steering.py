@@ -57,3 +57,7 @@ def test_a_curve_that_differs_by_a_fiftieth_of_a_metre_is_another(
     steering.command(other, 1000 * MS)
     extra, _ = steering.correct(0.01, 0.0, 1e-6, 1299 * MS)
     assert (extra > 0.0) is counts
+
+
+def test_a_car_that_does_not_roll_is_not_turned_by_its_steering(steering: Steering) -> None:
+    assert steering.correct(0.0, 0.01, 1e-4, ARRIVES_NS) == (0.0, 1e-4)
