@@ -14,6 +14,7 @@ from yahboomd.model import (
     NS_PER_S,
     STANDSTILL,
     EncoderReading,
+    ImuSensor,
     Kinematics,
     Motor,
     Pose2d,
@@ -61,3 +62,16 @@ def test_what_is_left_out_is_usual() -> None:
 
 def test_the_board_has_four_channels() -> None:
     assert CHANNELS == 4
+
+
+def test_a_sensor_is_true_to_a_hundredth_and_no_base_steers_unless_it_is_given() -> None:
+    sensor = ImuSensor(
+        name="any",
+        gyro_limit_rad_s=8.0,
+        gyro_noise_rad_s=1e-3,
+        acceleration_limit_m_s2=20.0,
+        acceleration_noise_m_s2=0.01,
+    )
+    assert (sensor.gyro_scale, sensor.delay_ns) == (0.01, 0)
+    base = Kinematics(name="any", wheels=(), inverse=(), forward=())
+    assert (base.base_m, base.least_radius_m) == (0.0, 0.0)

@@ -207,3 +207,12 @@ def test_a_bias_that_was_set_is_of_no_scale_and_of_no_heading() -> None:
     assert made.error == pytest.approx(error + 20 * 0.01, abs=5e-3)
     grown = math.sqrt(made.variance(0.01) - made.variance(0.0)) - math.sqrt(scaled)
     assert grown == pytest.approx(0.01 * 20 * (0.04 + 0.05 * DT_S), rel=0.05)
+
+
+def test_of_a_bias_that_was_set_surely_no_slip_learns_another() -> None:
+    made = at_rest(0.02, 0.4, Random(13))
+    for _ in range(20):
+        fuse(made, 0.05, 0.04, slip=0.04 * 0.05)
+    made.learn(0.05, 1e-14, 0.0)
+    fuse(made, 0.3, 0.1, slip=0.04)
+    assert made.bias == pytest.approx(0.05, abs=1e-6)

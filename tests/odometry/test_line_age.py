@@ -127,3 +127,10 @@ def test_an_age_that_changed_is_found_again_in_ten_seconds():
         age.add(float(left_ns), round((sampled_ns - before_ns) * 2000e-9))
         before_ns = sampled_ns
     assert age.age_ns == left_ns - sampled_ns
+
+
+def test_a_line_moves_the_moment_of_the_next_ones_by_a_tenth_of_its_delay():
+    age = LineAge(LINE_NS, TICK_NS)
+    for arrival_ms in (0, 41, 87):
+        age.add(float(arrival_ms * MS), 80)
+    assert age.moment == 82.5 * MS

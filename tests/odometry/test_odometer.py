@@ -837,3 +837,36 @@ def test_a_bias_is_no_turn_since_the_counters_were_read(kit):
     at_rest = sample(rig, 0.05, after_ms=15.0).theta
     assert sample(rig, 0.85, after_ms=15.0).theta - at_rest == pytest.approx(0.8 * 0.01, abs=1e-4)
     assert at_rest == pytest.approx(0.0, abs=1e-4)
+
+
+def test_a_stream_that_was_armed_again_and_heard_in_between_shows_that_it_ran_on(rig):
+    last = straight(rig, start=2_000)
+    rig.odometer.armed()
+    rig.feed(last + 30, last + 30)
+    rig.odometer.armed()
+    rig.feed(last + 900, last + 910, after_ms=3000.0, after_gap=True, unbroken=True)
+    rig.feed(last + 930, last + 940)
+    assert rig.causes == ["gap_kept"]
+
+
+def test_no_wheel_rolls_faster_than_two_metres_a_second_unless_it_is_configured(kit):
+    rig = Rig(kit)
+    rig.odometer = Odometer(kit.differential(), kit.motors())
+    rig.feed(5000, 5000)
+    rig.feed(500_000, 0, after_ms=500.0, after_gap=True)
+    rig.feed(500_000, 0)
+    (event,) = rig.events
+    assert event.data["unknown_m"] == pytest.approx(2.0 * event.data["gap_s"])
+
+
+def test_each_gap_makes_the_heading_of_the_sensor_as_unsure_as_the_one_before(kit):
+    rig = Rig(kit)
+    turned_by_hand(rig, seconds=0.0)
+    gained = []
+    for number in range(1, 4):
+        before = sample(rig, 0.0, after_ms=15.0).theta_variance
+        rig.feed(50_000 * number, 0, after_ms=500.0, after_gap=True)
+        rig.feed(50_000 * number, 0, after_ms=20.0)
+        gained.append(sample(rig, 0.0, after_ms=15.0).theta_variance - before)
+    assert rig.odometer.counters["odometry_gaps"] == 3
+    assert gained[2] == pytest.approx(gained[0], rel=0.2)
