@@ -15,7 +15,8 @@ import math
 from collections import deque
 from itertools import combinations, islice
 from statistics import median
-from typing import NamedTuple
+
+import msgspec
 
 from yahboomd.model import NS_PER_S
 
@@ -49,7 +50,7 @@ def slowest(*speeds: float) -> float:
     return max(min(speeds), min(0.0, max(speeds)))
 
 
-class Reading(NamedTuple):
+class Reading(msgspec.Struct, frozen=True):
     """Counts of all motors.
 
     Attributes:
@@ -131,7 +132,8 @@ class CountHistory:
                 if span_ns > longest_ns and reading is not chosen:
                     break
                 chosen = reading
-                if span_ns >= shortest_ns and _counted(now, reading, enough_ticks):
+                enough = span_ns >= shortest_ns and enough_ticks < math.inf
+                if enough and _counted(now, reading, enough_ticks):
                     break
         span_ns = now.latest_ns - chosen.earliest_ns
         if span_ns <= 0:

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from yahboomd.drive.faults import Fault
+from yahboomd.drive.motor_watch import MotorWatch
 from yahboomd.drive.wheels_check import WheelsCheck
 
 MS = 1_000_000
@@ -170,3 +171,40 @@ def test_a_wheel_is_cut_only_for_a_speed_that_is_proven(late_ms: int, cut: bool)
         if fault.kind != "no_counts"
     ]
     assert found == (["runaway_fast"] if cut else [])
+
+
+@given(st.data())
+def test_a_check_that_rests_finds_what_one_that_never_rests_does(data: st.DataObject) -> None:
+    """The motors stand for long, may flicker by a count, and then do something."""
+    resting, awake = (
+        WheelsCheck(["left", "right"], metres_per_tick=[METRES_PER_TICK] * 2) for _ in range(2)
+    )
+    found: list[list[object]] = [[], []]
+    counts = data.draw(st.lists(st.sampled_from([0, 0, 0, 0, 0, 1, -1]), max_size=30))
+    counts += [0] * 60 + data.draw(st.lists(st.integers(-40, 40), min_size=1, max_size=40))
+    commands = data.draw(st.dictionaries(st.integers(0, 120), st.sampled_from([None, 0.0, 0.2])))
+    with pytest.MonkeyPatch.context() as patch:
+        for n, count in enumerate(counts):
+            for check, kept, rests in zip((resting, awake), found, (20, 10**9), strict=True):
+                patch.setattr("yahboomd.drive.wheels_check.RESTING", rests)
+                if n == 0 or n in commands:
+                    speed = commands.get(n, 0.0)
+                    check.command(n * 20 * MS, None if speed is None else [speed, speed])
+                speed_m_s = count * METRES_PER_TICK / 0.02
+                kept.extend(check.measure(n * 20 * MS, [speed_m_s, 0.0], [count, 0]))
+    assert found[0] == found[1]
+
+
+def test_a_check_of_wheels_that_stand_rests(monkeypatch: pytest.MonkeyPatch) -> None:
+    check = WheelsCheck(["left", "right"], metres_per_tick=[METRES_PER_TICK] * 2)
+    check.command(0, [0.0, 0.0])
+    for n in range(40):
+        check.measure(n * 20 * MS, [0.0, 0.0], [0, 0])
+    monkeypatch.setattr(MotorWatch, "measure", None)
+    assert check.measure(800 * MS, [0.0, 0.0], [0, 0]) == ()
+    # The same command again is none; another one is.
+    check.command(810 * MS, [0.0, 0.0])
+    assert check.measure(820 * MS, [0.0, 0.0], [0, 0]) == ()
+    check.command(830 * MS, [0.1, 0.1])
+    with pytest.raises(TypeError):
+        check.measure(840 * MS, [0.0, 0.0], [0, 0])

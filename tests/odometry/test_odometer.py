@@ -870,3 +870,59 @@ def test_each_gap_makes_the_heading_of_the_sensor_as_unsure_as_the_one_before(ki
         gained.append(sample(rig, 0.0, after_ms=15.0).theta_variance - before)
     assert rig.odometer.counters["odometry_gaps"] == 3
     assert gained[2] == pytest.approx(gained[0], rel=0.2)
+
+
+# At rest
+
+
+@pytest.mark.parametrize("sample_period_ns", [None, 10 * MS])
+@given(st.integers(0, 1000))
+@settings(max_examples=15)
+def test_wheels_that_stand_on_for_long_leave_no_trace_in_what_follows(kit, sample_period_ns, seed):
+    """Readings that are spared the whole way change nothing but how sure it is that they stand."""
+    kept, spared = (Rig(kit, sample_period_ns=sample_period_ns) for _ in range(2))
+    chance = random.Random(seed)
+    left = right = 0
+    with pytest.MonkeyPatch.context() as patch:
+        for stretch in range(5):
+            moves = stretch % 2
+            speed = chance.randint(-12, 12)
+            for _ in range(chance.randint(40, 120)):
+                left += moves * (speed + chance.randint(0, 2))
+                right += moves * (speed + chance.randint(0, 2))
+                after_ms = chance.uniform(9.0, 11.0)
+                if chance.random() < 0.01:
+                    after_ms += chance.choice((100.0, 400.0))
+                if chance.random() < 0.01:
+                    for rig in (kept, spared):
+                        rig.odometer.set_pose(Pose2d(x=1.0, y=2.0, theta=0.5))
+                patch.setattr("yahboomd.odometry.odometer.RESTS", 10**9)
+                one = kept.feed(left, right, after_ms=after_ms)
+                patch.undo()
+                other = spared.feed(left, right, after_ms=after_ms)
+                assert one.events == other.events
+                assert (one.estimate is None) == (other.estimate is None)
+                if one.estimate is not None:
+                    same = msgspec.structs.replace(
+                        other.estimate, twist_covariance=one.estimate.twist_covariance
+                    )
+                    assert same == one.estimate
+                    if any(one.estimate.motor_speed_m_s):
+                        assert other.estimate == one.estimate
+                    else:
+                        for n in (0, 8):
+                            whole = one.estimate.twist_covariance[n]
+                            assert 0.2 <= other.estimate.twist_covariance[n] / whole <= 5.0
+    assert kept.odometer.counters == spared.odometer.counters
+
+
+def test_a_reading_of_wheels_that_stand_on_goes_the_short_way(kit, monkeypatch):
+    rig = Rig(kit)
+    for _ in range(60):
+        rig.feed(0, 0)
+    monkeypatch.setattr(Odometer, "_travel", None)
+    assert rig.feed(0, 0).estimate is not None
+    assert rig.estimates[-1].stamp_ns == START_NS + 610 * MS
+    # Of what is not known the whole way tells: a long step, and a board that is another one.
+    with pytest.raises(TypeError):
+        rig.feed(0, 0, after_ms=200.0)

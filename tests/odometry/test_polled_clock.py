@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from yahboomd.model import EncoderReading
-from yahboomd.odometry.polled_clock import PolledClock
+from yahboomd.odometry.polled_clock import Instant, PolledClock
 
 MS = 1_000_000
 START_NS = 1_000_000_000_000
@@ -183,7 +183,7 @@ def test_two_prompt_answers_after_a_backlog_may_be_chance(usual_us):
 def test_time_that_travel_takes_is_a_bound_that_may_just_be_met():
     clock = PolledClock()
     first = clock.observe(answer(START_NS))
-    assert first == (START_NS, 0, 0)
+    assert first == Instant(START_NS, 0)
     assert clock.observe(answer(START_NS + 20 * MS), least_ns=20.5 * MS).step_ns == 0
     assert clock.observe(answer(START_NS + 20 * MS), least_ns=20.0 * MS).step_ns == 20 * MS
     assert clock.observe(answer(START_NS + 20 * MS + 1)).step_ns == 1

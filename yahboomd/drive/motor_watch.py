@@ -173,6 +173,11 @@ class MotorWatch:
         )
         return faults
 
+    @property
+    def rests(self) -> bool:
+        """Whether another reading without a count shows nothing new."""
+        return self._rests or self._commanded is None
+
     def _lately(self) -> tuple[float, float]:
         """The smallest and the largest command that a reading of now may still show."""
         low = high = self._commanded or 0.0
@@ -264,14 +269,14 @@ class MotorWatch:
         times = TURNING_ROUND if self._rolled * steady < 0.0 else 1
         proven = self._silent_ns >= times * NO_COUNTS_NS and self._silent_m >= times * NO_COUNTS_M
         times = TURNING_ROUND if self._rolled * self._owed_signed_m < 0.0 else 1
-        crawled = any(
-            (
+        crawled = False
+        for least_ns, least_m in CRAWL_NO_COUNTS:
+            one_way = (
                 self._owed_one_way_ns >= times * least_ns
                 and abs(self._owed_signed_m) >= times * least_m
             )
-            or (self._owed_ns >= least_ns and self.owed_m >= TO_AND_FRO * least_m)
-            for least_ns, least_m in CRAWL_NO_COUNTS
-        )
+            to_and_fro = self._owed_ns >= least_ns and self.owed_m >= TO_AND_FRO * least_m
+            crawled = crawled or one_way or to_and_fro
         if not proven and not crawled:
             return None
         if abs(self._owed_ticks) >= COUNTS_OF_MOTION > abs(self._owed_ticks_before):

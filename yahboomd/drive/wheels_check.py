@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 
     from yahboomd.drive.faults import Fault
 
+RESTING = 20
+"""After so many readings without a count no earlier one has a say any more."""
+
 # From here on the loop's output no longer is the one of a wheel that follows.
 OWED_M = 0.005
 
@@ -62,8 +65,10 @@ class WheelsCheck:
             )
             for motor, name in enumerate(motors)
         ]
-        self._let_go = True
+        self._commanded: Sequence[float] | None = None
         self._measured_ns: int | None = None
+        self._stood = 0
+        self._resting = False
 
     def command(self, now_ns: int, speeds_m_s: Sequence[float] | None) -> None:
         """Record what was sent to the board.
@@ -72,9 +77,12 @@ class WheelsCheck:
             speeds_m_s: Rim speed of each motor, as limited; ``None`` where the motors were let go:
                 wheels without power may turn as they like.
         """
-        if self._let_go and speeds_m_s is not None:
+        if speeds_m_s == self._commanded:
+            return
+        if self._commanded is None:
             self._begun_ns = self._history.latest_ns
-        self._let_go = speeds_m_s is None
+        self._commanded = speeds_m_s
+        self._stood = 0
         for index, watch in enumerate(self._watches):
             watch.command(now_ns, None if speeds_m_s is None else speeds_m_s[index])
 
@@ -117,6 +125,12 @@ class WheelsCheck:
             self._measured_ns = before
             return ()
         self._see(received_ns or stamp_ns, ticks, earliest_ns)
+        if held_up or any(ticks) or any(measured_m_s):
+            self._stood = 0
+        elif self._resting and self._stood >= RESTING:
+            return ()
+        else:
+            self._stood += 1
         proven_m_s = measured_m_s if earliest_ns is None else self._proven_m_s()
         faults = [
             fault
@@ -127,6 +141,7 @@ class WheelsCheck:
                 before, stamp_ns, speed, count, slowest(speed, proven), held_up=held_up
             )
         ]
+        self._resting = all(watch.rests for watch in self._watches)
         silent = [fault for fault in faults if fault.kind == "no_counts"]
         if len(silent) == len(self._watches) > 1:
             faults = [fault for fault in faults if fault.kind != "no_counts"]
@@ -136,10 +151,12 @@ class WheelsCheck:
     def reset(self) -> None:
         """Discard what was seen: after a stop for a fault, after the board was away."""
         self._measured_ns = None
+        self._stood = 0
         self._history.clear()
 
     def _see(self, received_ns: int, ticks: Sequence[int], earliest_ns: int | None) -> None:
-        self._totals = tuple(map(sum, zip(self._totals, ticks, strict=True)))
+        if any(ticks):
+            self._totals = tuple(map(sum, zip(self._totals, ticks, strict=True)))
         self._history.add(received_ns, self._totals, earliest_ns)
 
     def _proven_m_s(self) -> tuple[float, ...]:

@@ -126,6 +126,10 @@ class Integrator:
         """Discard the step before: what follows does not continue it."""
         self._before = None
 
+    def stand(self, step_ns: int) -> None:
+        """Take in a step without a count."""
+        self._before = (0.0, 0.0, 0.0, step_ns)
+
     def state(self) -> State:
         """A snapshot, with which :meth:`go_back` takes back what follows."""
         return self._x, self._y, self._theta, self._corrected_by, self._before

@@ -35,7 +35,7 @@ from yahboomd.odometry.integrator import Doubt, Integrator, arc_between
 from yahboomd.odometry.polled_clock import Instant, PolledClock
 from yahboomd.odometry.steering import Steering
 from yahboomd.odometry.streamed_clock import StreamedClock
-from yahboomd.odometry.velocity import Velocity, Window
+from yahboomd.odometry.velocity import LONGEST_NS, Velocity, Window
 
 UNSEEN_NS = 150_000_000
 """In a longer step a base may go and turn in an unknown order."""
@@ -48,6 +48,10 @@ less than this, as after a break, make no speed."""
 
 CARRIED_NS = 50_000_000
 """The heading is carried on by the gyro from counters that were read so long ago at most."""
+
+RESTS = 25
+"""After so many readings without a count, each with an estimate, all windows show standing wheels:
+the next such reading shows no more than that they stand on."""
 
 SILENCE_NS = 300_000_000
 """A longer pause between readings counts as a gap: the board may have been reset."""
@@ -85,8 +89,8 @@ class Odometer:
 
     __slots__ = (
         "_speed_max_m_s _motors _encoders _integrator _velocity _covariance _fused _steering "
-        "_clock _renewal _radians _stamp_ns _heard_ns _asked _armed _doubt _speeds estimate "
-        "counters _heading"
+        "_clock _renewal _radians _stamp_ns _heard_ns _asked _armed _unmoved _doubt _speeds "
+        "estimate counters _heading"
     ).split()
 
     def __init__(
@@ -114,6 +118,7 @@ class Odometer:
         self._heard_ns = 0
         self._asked = False
         self._armed = 0
+        self._unmoved = 0
         self._doubt: Doubt | None = None
         self._speeds: tuple[float, ...] = (0.0,) * len(motors)
         self.estimate: OdometryEstimate | None = None
@@ -177,6 +182,7 @@ class Odometer:
             return
         self._renewal = (period_ns, each_line, age_ns)
         self._asked = False
+        self._unmoved = 0
         self._velocity.rough_ns = 0
         if period_ns is None:
             self._clock = PolledClock(self._stamp_ns)
@@ -212,6 +218,7 @@ class Odometer:
     def accept(self, reading: ImuReading) -> ImuEstimate:
         """Take in a sample of the inertial sensor, along the axes of the base."""
         heading, covariance = self._heading, self._covariance
+        self._unmoved = 0
         if not heading.present:
             # The wheels came so far alone.
             heading.lose(covariance.gained)
@@ -243,6 +250,7 @@ class Odometer:
         clock = self._clock
         if isinstance(clock, StreamedClock) and (notice := clock.renewal.notice) is not None:
             clock.renewal.notice = None
+            self._unmoved = 0
             self.counters["board_clock_changes"] += 1
             period_ns = round(clock.renewal.period)
             self._velocity.rough_ns = 0 if clock.renewal.fits else period_ns
@@ -271,10 +279,19 @@ class Odometer:
             # What a board that streams says most of the time: nothing is to be judged.
             self._armed = 0
             instant = clock.observe(reading)
-            if instant.step_ns:
-                return self._travel(encoders.unmoved(), instant)
-            counters["odometry_repeated"] += 1
-            return NOTHING
+            if not instant.step_ns:
+                counters["odometry_repeated"] += 1
+                return NOTHING
+            usual = instant.step_ns <= LONGEST_NS and not instant.unsure_ns
+            if usual and self._unmoved >= RESTS:
+                return self._stand_on(instant)
+            update = self._travel(encoders.unmoved(), instant)
+            # Steering and gyro have news of wheels that stand as well.
+            alone = self._steering is None and not self._heading.present
+            counts = usual and alone and update.estimate is not None
+            self._unmoved = self._unmoved + 1 if counts else 0
+            return update
+        self._unmoved = 0
         if encoders.notice == "none":
             elapsed_ns = clock.elapsed_at_most_ns(reading)
         else:
@@ -299,6 +316,16 @@ class Odometer:
         else:
             instant = clock.restart(reading)
         return self._discontinuity(verdict, instant)
+
+    def _stand_on(self, instant: Instant) -> Update:
+        """Go on where the wheels have stood for long: all but the time is as it was."""
+        assert self.estimate is not None
+        self._stamp_ns = instant.stamp_ns
+        self._integrator.stand(instant.step_ns)
+        self._velocity.stand(self._encoders.totals, instant.step_ns)
+        self.counters["odometry_estimates"] += 1
+        self.estimate = msgspec.structs.replace(self.estimate, stamp_ns=instant.stamp_ns)
+        return Update(estimate=self.estimate)
 
     def _travel(self, verdict: Verdict, instant: Instant) -> Update:
         encoders = self._encoders

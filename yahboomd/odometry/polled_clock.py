@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import NamedTuple
+
+import msgspec
 
 from yahboomd.model import EncoderReading
 
@@ -28,7 +29,7 @@ PAIRED_NS = 2_000_000
 board works on a backlog, and sampled at any time since the newest question."""
 
 
-class Instant(NamedTuple):
+class Instant(msgspec.Struct, frozen=True):
     """The time of one reading.
 
     Attributes:

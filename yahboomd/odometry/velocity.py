@@ -15,7 +15,8 @@ speed is as uncertain as its length.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+
+import msgspec
 
 from yahboomd.counts import CountHistory
 from yahboomd.model import Kinematics, Motor, Twist2d
@@ -38,7 +39,7 @@ STILL_DEVIATIONS = 6
 """In a time that is known roughly, wheels stood only where the counters stay for longer."""
 
 
-class Window(NamedTuple):
+class Window(msgspec.Struct, frozen=True):
     """The stretch of time that speeds were taken over.
 
     Attributes:
@@ -97,6 +98,12 @@ class Velocity:
         """The latest reading was wrong: no speed is taken from it any more."""
         if self._kept:
             self._history.drop_latest()
+
+    def stand(self, totals: tuple[int, ...], step_ns: int) -> None:
+        """Take in totals that stayed, in a step whose length is known."""
+        self._time_ns += step_ns
+        self._history.add(self._time_ns, totals)
+        self._kept = True
 
     def measure(self, totals: tuple[int, ...], step_ns: int, unsure_ns: int = 0) -> Window:
         """Take in the totals after a step on the board's clock.

@@ -18,6 +18,7 @@ INT32_MIN: Final = -(2**31)
 INT32_MAX: Final = 2**31 - 1
 
 _INTEGER = re.compile(r"-?[0-9]{1,10}")
+_FOUR_INTEGERS = re.compile(",".join([f"({_INTEGER.pattern})"] * CHANNELS))
 _DECIMAL = re.compile(r"-?[0-9]{1,10}(?:\.[0-9]{1,6})?")
 _SPEED = re.compile(r"-?[0-9]{1,10}\.[0-9]{2}")
 _VOLTS = re.compile(r"([0-9]{1,3}\.[0-9]{1,2})V")
@@ -38,11 +39,11 @@ def decimal(text: str) -> float | None:
 
 def four_integers(args: str) -> Counts | None:
     """Exactly four integers of 32 bits between commas, or None."""
-    parts = args.split(",", CHANNELS)
-    if len(parts) != CHANNELS:
+    match = _FOUR_INTEGERS.fullmatch(args)
+    if match is None:
         return None
-    a, b, c, d = map(integer, parts)
-    if a is None or b is None or c is None or d is None:
+    a, b, c, d = map(int, match.groups())
+    if min(a, b, c, d) < INT32_MIN or max(a, b, c, d) > INT32_MAX:
         return None
     return a, b, c, d
 
