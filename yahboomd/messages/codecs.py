@@ -113,6 +113,11 @@ def encode(message: msgspec.Struct, encoding: NativeEncoding) -> bytes:
     return _ENCODERS[encoding](message)
 
 
+def encoder(encoding: NativeEncoding) -> Callable[[msgspec.Struct], bytes]:
+    """The same as a function of the message alone, for those that encode many."""
+    return _ENCODERS[encoding]
+
+
 def encode_reply(reply: ServiceReply, encoding: Encoding) -> bytes:
     """The bytes of a service's answer; in CDR that of a Trigger or SetBool, without the data."""
     if encoding == "cdr":
