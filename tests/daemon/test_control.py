@@ -11,7 +11,7 @@ import pytest
 from real_robot import wait_for
 from robot_bench import RobotBench, steps_of
 
-from yahboomd.model import Pose2d
+from yahboomd.model import EncoderReading, Pose2d
 from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.motors import MotorFaults
 from yahboomd.simulation.options import SimulationOptions
@@ -390,3 +390,36 @@ async def test_a_car_beyond_its_limits_is_slower_on_the_same_curve(tmp_path: Pat
         assert (left + right) / 2.0 == pytest.approx(0.2, abs=0.02)
         assert (right - left) / 0.15 == pytest.approx(0.5, abs=0.08)
         assert bench.controller.status_values()["limited"] >= 60
+
+
+@on_virtual_time
+async def test_of_readings_that_came_together_the_last_speaks_for_all(tmp_path: Path) -> None:
+    async with robot(tmp_path) as bench:
+        await bench.ready()
+        await asyncio.sleep(1.0)
+        controller, heard = bench.controller, bench.heard.estimates
+        ticks, now_ns = controller._raw_ticks, bench.clock.now_ns()
+
+        def hear(after_ms: int, moved: int = 0, *, followed: bool) -> int:
+            """Returns how many estimates went out."""
+            before, sent_ns = len(heard), now_ns + after_ms * 1_000_000
+            a, *others = ticks
+            controller.reading(
+                EncoderReading(
+                    ticks=(a + moved, *others),  # type: ignore[arg-type]
+                    received_ns=sent_ns,
+                    sent_ns=sent_ns,
+                    followed=followed,
+                )
+            )
+            return len(heard) - before
+
+        # The first has a new tick of the board's, and goes out with the last.
+        assert hear(20, followed=True) == 0
+        assert hear(21, followed=True) == 0
+        assert hear(22, followed=False) == 1
+        assert hear(23, followed=False) == 0
+        # Wheels that turn wait for no other reading.
+        assert hear(42, followed=True) == 0
+        assert hear(53, 20, followed=True) == 1
+        assert hear(54, 20, followed=False) == 0

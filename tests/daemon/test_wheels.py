@@ -220,3 +220,29 @@ def test_wheels_without_a_board_are_accused_of_nothing(board: Recorded) -> None:
     faults = [wheels.measure(ms * MS, (0.0, 0.0), (0, 0)) for ms in range(10, 600, 10)]
     assert not any(faults)
     assert wheels.measured_m_s == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("every_ms", [5, 6, 14, 20])
+def test_however_often_a_board_streams_a_wheel_that_runs_away_is_found_as_soon(
+    board: Recorded, every_ms: int
+) -> None:
+    wheels = make(board)
+    wheels.turn((0.0, 0.0))
+    wheels.sent((0, 0, 0, 0), 0)
+    standing(wheels, 0, 1000)
+    # 0.8 m/s, which is 5 counts a millisecond.
+    for ms in range(1000, 1200, every_ms):
+        ticks = 5 * (ms - 1000)
+        if faults := wheels.measure(ms * MS, (0.8, 0.0), (ticks, 0), ms * MS):
+            break
+    assert [fault.kind for fault in faults] == ["runaway_fast"]
+    assert ms <= 1150
+
+
+def test_counts_between_two_judgements_are_judged_with_the_second(board: Recorded) -> None:
+    wheels = make(board)
+    seen: list[object] = []
+    wheels._check.measure = lambda _ns, _speeds, ticks, **_: seen.append(ticks) or ()  # type: ignore[assignment, func-returns-value, misc]
+    for n in range(1, 8):
+        wheels.measure((1000 + n * 6) * MS, (0.2, 0.2), (n * n, -n))
+    assert seen == [(0, 0), (15, -3), (33, -3)]

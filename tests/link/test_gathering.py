@@ -130,3 +130,21 @@ def test_of_counts_that_change_after_a_rest_those_of_one_reading_alone_waited(pi
         reader.hear(22, piece, count=number)
         assert reader.last == b"$%020d" % number
     assert max(reader.late) == 0
+
+
+@pytest.mark.parametrize(("asked_ms", "fetched"), [(10, True), (20, True), (21, False)])
+def test_the_answers_of_a_board_that_is_asked_often_and_stands_are_fetched(
+    asked_ms: int, *, fetched: bool
+) -> None:
+    gathering = Gathering(0, asked_ms * 1_000_000)
+    for number in range(UNCHANGED + 1):
+        assert not gathering.fetched
+        gathering.line(30, unchanged=number > 0, now_ns=number * asked_ms * 1_000_000)
+        gathering.adjust(0)
+    assert gathering.fetched is fetched
+    assert gathering.lines == 1
+    assert gathering.least == (255 if fetched else 30)
+    # One that differs, and a command to turn, end it.
+    gathering.stir()
+    gathering.adjust(0)
+    assert (gathering.fetched, gathering.least) == (False, 30)

@@ -14,7 +14,7 @@ from yahboomd.link.conversation import Conversation
 from yahboomd.link.gathering import ALIKE, UNCHANGED
 from yahboomd.link.line import KEPT_BYTES, Line
 from yahboomd.link.start_notices import Notice
-from yahboomd.model import Counts
+from yahboomd.model import Counts, EncoderReading
 from yahboomd.protocol.dialect import Battery, Decoded, Unrecognised
 from yahboomd.protocol.profiles import PROFILES
 from yahboomd.protocol.registry import DIALECTS
@@ -39,9 +39,9 @@ class Desk:
         self.line.on_counts = self._count
         self.line.on_said = lambda said, _notice: self.said.append(said)
 
-    def _count(self, ticks: Counts, received_ns: int, *_: object) -> None:
-        self.ticks.append(ticks)
-        self.received_ns.append(received_ns)
+    def _count(self, reading: EncoderReading) -> None:
+        self.ticks.append(reading.ticks)
+        self.received_ns.append(reading.received_ns)
 
     def listen(self, on_data: object, on_lost: object) -> None: ...
 
@@ -167,7 +167,7 @@ async def test_what_is_wrong_in_a_handler_ends_the_line_with_it() -> None:
     async def talk() -> None:
         async with line.attended():
             talk = await Conversation.begin(line)
-            line.on_counts = lambda *_: 1 / 0  # type: ignore[assignment, return-value]
+            line.on_counts = lambda _: 1 / 0  # type: ignore[assignment, return-value]
             await talk.read_counters()
             await asyncio.sleep(60.0)
 
@@ -300,3 +300,43 @@ async def test_what_babble_said_is_kept_in_part_and_counted_whole() -> None:
             await Conversation.begin(line)
         assert len(line.heard.start) == KEPT_BYTES
         assert line.heard.counters.bytes > 5000
+
+
+@on_virtual_time
+async def test_an_answer_that_is_fetched_came_as_soon_as_those_before() -> None:
+    desk, answer = Desk(), b"$data:1,2,3,4#"
+    async with desk.line.attended():
+        desk.line.understand(DIALECTS["polled"], spacing_ns=0)
+        desk.line.gather(b"", 20_000_000)
+        clock = desk.line.clock
+        for number in range(UNCHANGED + 30):
+            desk.line.writer.poll(b"$read#", 20_000_000)
+            asked_ns = clock.now_ns() + 6 * desk.byte_ns
+            fetched = desk.least[-1:] == [255]
+            await asyncio.sleep(0.02 if fetched else 0.004)
+            desk.take(answer)
+            assert abs(desk.received_ns[-1] - asked_ns - 3_479_170) < 10
+            await asyncio.sleep(0.0 if fetched else 0.016)
+            assert fetched is (number > UNCHANGED)
+        assert desk.line.writer.counters["polls_unanswered"] == 0
+        # Before the wheels turn every answer wakes the reader again.
+        desk.line.stir()
+        assert desk.least == [len(answer), 255, len(answer)]
+        desk.line.stir()
+        assert desk.least == [len(answer), 255, len(answer)]
+
+
+@on_virtual_time
+async def test_of_counts_that_were_read_together_all_but_the_last_are_followed() -> None:
+    desk = Desk()
+    followed: list[bool] = []
+    desk.line.on_counts = lambda reading: followed.append(reading.followed)
+    async with desk.line.attended():
+        desk.line.understand(DIALECTS["streamed"], spacing_ns=0)
+        desk.line.gather(b"\r\n")
+        for _ in range(UNCHANGED + 1):
+            await asyncio.sleep(0.006)
+            desk.take(COUNTS)
+        assert not any(followed)
+        desk.take(3 * COUNTS, COUNTS)
+        assert followed[-4:] == [True, True, False, False]

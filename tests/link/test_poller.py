@@ -57,7 +57,8 @@ class Scene:
 
     def hear(self) -> None:
         now_ns = LoopClock().now_ns()
-        self.poller.reading((1, 2, 3, 4), received_ns=now_ns, sent_ns=now_ns - 1)
+        reading = EncoderReading(ticks=(1, 2, 3, 4), received_ns=now_ns, sent_ns=now_ns - 1)
+        self.poller.reading(reading)
 
     async def end(self) -> None:
         self.task.cancel()

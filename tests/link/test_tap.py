@@ -93,7 +93,7 @@ async def test_the_moment_of_a_read_is_that_of_its_counts() -> None:
     moments: list[int] = []
     async with line.attended():
         line.understand(DIALECTS["streamed"], spacing_ns=0)
-        line.on_counts = lambda _ticks, received_ns, *_: moments.append(received_ns)
+        line.on_counts = lambda reading: moments.append(reading.received_ns)
         line._receive(b"$MAll:1,2,3,4#\r\n")
     (read,) = [each for each in notes.seen if each[:2] == ("received", b"$MAll:1,2,3,4#\r\n")]
     # The line end came behind the counts.

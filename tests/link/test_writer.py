@@ -420,3 +420,33 @@ async def test_a_port_that_is_slow_is_reported_once_with_its_rate(port: Any, clo
     assert writer.status_values()["port_slow"] >= 2
     task.cancel()
     await asyncio.gather(task, return_exceptions=True)
+
+
+async def test_an_answer_to_a_poll_wakes_no_writer_that_has_nothing_to_ask(
+    writer: Any, port: Any, clock: Any
+) -> None:
+    writer.velocity(b"$a#")
+    await advance(clock, 50)
+    writer.poll(b"$read#", 20 * MS)
+    alarm_ns = writer._alarm.deadline_ns
+    assert alarm_ns is not None
+    assert alarm_ns >= clock.now_ns() + 40 * MS
+    # A second poll waits for the answer, or until it is overdue.
+    await advance(clock, 10)
+    writer.poll(b"$read#", 20 * MS)
+    assert writer._alarm.deadline_ns < clock.now_ns() + 15 * MS
+    await advance(clock, 15)
+    assert port.frames == [b"$a#", b"$read#", b"$read#"]
+    assert writer.counters["polls_unanswered"] == 1
+
+
+async def test_an_answer_that_comes_too_late_is_counted(writer: Any, port: Any, clock: Any) -> None:
+    writer.poll(b"$read#", 20 * MS)
+    await advance(clock, 30)
+    writer.receive(COUNTS)
+    assert writer.counters["polls_unanswered"] == 1
+    writer.poll(b"$read#", 20 * MS)
+    await advance(clock, 30)
+    # It came in time, and was read later.
+    writer.receive(COUNTS, clock.now_ns() - 25 * MS)
+    assert writer.counters["polls_unanswered"] == 1

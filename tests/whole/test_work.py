@@ -15,7 +15,7 @@ from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 ROOMS = tuple(f"yahboomd.{room}." for room in ("link", "protocol", "odometry", "drive", "daemon"))
-CALLS_A_READING = {"polled": 160, "streamed": 85}
+CALLS_A_READING = {"polled": 115, "streamed": 70}
 
 
 class Calls:

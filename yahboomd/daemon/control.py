@@ -37,7 +37,15 @@ from yahboomd.drive.limiter import Limiter
 from yahboomd.errors import YahboomdError
 from yahboomd.link.connected_board import ConnectedBoard
 from yahboomd.link.handshake import Identity
-from yahboomd.model import Counts, EncoderReading, Event, ImuReading, Matrix3, Pose2d
+from yahboomd.model import (
+    Counts,
+    EncoderReading,
+    Event,
+    ImuReading,
+    Matrix3,
+    OdometryEstimate,
+    Pose2d,
+)
 from yahboomd.names import source_words
 from yahboomd.odometry.odometer import Odometer
 from yahboomd.protocol.dialect import Units
@@ -121,6 +129,7 @@ class Controller:
         self._was_connected = False
         self._seen_ns = 0
         self._raw_ticks: Counts = (0, 0, 0, 0)
+        self._waiting: OdometryEstimate | None = None
         self._alarm = clock.alarm(self._extra_step)
         self._period_ns = nanoseconds(options.period_s)
         self._beats = Schedule(clock, self._period_ns)
@@ -340,12 +349,16 @@ class Controller:
             self.event(event)
             paused = self._pauses.just_ended(reading.received_ns)
             self._resets.interrupted(event, reading.ticks, self._raw_ticks, paused=paused)
-        estimate = update.estimate
+        estimate, self._waiting = update.estimate or self._waiting, None
         if estimate is None:
+            return
+        if reading.followed and not any(estimate.motor_speed_m_s):
+            # The last of those that were read together speaks for all.
+            self._waiting = estimate
             return
         now_ns = self._seen_ns = self._clock.now_ns()
         self._raw_ticks = reading.ticks
-        if any(estimate.motor_speed_m_s):
+        if self._idle_until_ns and any(estimate.motor_speed_m_s):
             self._idle_until_ns = 0
             self._beats.wake()
         faults = self._wheels.measure(

@@ -36,6 +36,10 @@ again within so long."""
 STOP_HELD_UP_NS = 600_000_000
 """A stop that was held up has its time from then on."""
 
+JUDGED_NS = 15_000_000
+"""Wheels are judged no more often, by what they counted since: a board that streams reports more
+often than a wheel can show anything new."""
+
 AtRest = Literal["hold", "release"]
 
 
@@ -100,6 +104,8 @@ class Wheels:
         self._stop_due_ns: int | None = None
         self._held_up_ns = 0
         self._ticks: tuple[int, ...] | None = None
+        self._still = (0,) * len(motors)
+        self._judged_ns = 0
         self._waited_ns = 0
         self.fit: Fit = no_board(kinematics)
         self.zeros = (0.0,) * len(motors)
@@ -269,19 +275,26 @@ class Wheels:
                 moment between.
         """
         self.measured_m_s = speeds_m_s
-        before, self._ticks = self._ticks or ticks, ticks
-        deltas = tuple(b - a for a, b in zip(before, ticks, strict=True))
+        before = self._ticks or ticks
         if self._board is None:
             # The session that closed the board stops its wheels; they obey no command of ours.
+            self._ticks = ticks
             return ()
         if (received_ns or stamp_ns) < self._waited_ns:
             self.restart_check()
+            self._ticks = ticks
             return ()
         asked_ns = stamp_ns if earliest_ns is None else earliest_ns
         # Where answers are lost one seems late as well; there a speed is repeated every 25 ms.
         if received_ns is not None and received_ns - asked_ns > LATE_NS and not self.noisy:
             self._held_up_ns = received_ns + SAID_AGAIN_NS
         self._stop_watch.measure(stamp_ns, speeds_m_s)
+        if 0 < stamp_ns - self._judged_ns < JUDGED_NS:
+            return ()
+        self._judged_ns, self._ticks = stamp_ns, ticks
+        deltas = self._still
+        if ticks != before:
+            deltas = tuple([b - a for a, b in zip(before, ticks, strict=True)])
         return self._check.measure(
             stamp_ns,
             speeds_m_s,

@@ -155,7 +155,9 @@ class ConnectedBoard:
         if lane in {Lane.VELOCITY, Lane.STOP}:
             units = self._velocity_units if lane is Lane.VELOCITY else self._stop_units
             self._turning = units is not None and any(units)
-            self._drove = self._drove or self._turning
+            if self._turning:
+                self._drove = True
+                self._line.stir()
             self._listener.sent(units)
 
     def _said(self, decoded: Decoded, notice: Notice) -> None:

@@ -8,7 +8,8 @@ board, which sends 260 lines a second in 700 pieces, this saves a fifth of the d
 Laws: counts that change wait for nothing but their own line. So whole lines are waited for only
 while one is as long as the other; with the first that differs, every byte is heard as it comes.
 And no byte waits for more than 20 ms while lines come: where the counts have not changed for some
-time, several lines wake the reader once, until one of them differs.
+time, several lines wake the reader once, until one of them differs. The answers of a board that is
+asked often enough wake it not at all then: it reads each before it asks again.
 """
 
 from __future__ import annotations
@@ -31,27 +32,35 @@ LONGEST: Final = 64
 MOST: Final = 255
 """The kernel waits for no more bytes."""
 
+FETCHED_NS: Final = 20_000_000
+"""A board that is asked no more seldom has its answers fetched."""
+
 
 class Gathering:
     """Finds the number of bytes from the lines that come.
 
     Args:
         line_end: Bytes behind a frame that belong to it.
+        asked_ns: From question to question; None for a board that is not asked.
 
     Attributes:
         least: Bytes to wait for.
+        fetched: No line wakes the reader, which looks by itself before it asks again.
         lines: The lines that they are; 1 as well where fewer bytes than a line are waited for.
         apart_ns: From one line to the next, on the average; only where there are several.
     """
 
-    def __init__(self, line_end: int) -> None:
+    def __init__(self, line_end: int, asked_ns: int | None = None) -> None:
         self._line_end = line_end
+        self._asked = asked_ns is not None
+        self._fetches = asked_ns is not None and asked_ns <= FETCHED_NS
         self._size = 0
         self._alike = 0
         self._unchanged = 0
         self._since_ns = 0
         self.least = self.lines = 1
         self.apart_ns = LATER_NS + 1
+        self.fetched = False
 
     def line(self, size: int, *, unchanged: bool, now_ns: int) -> None:
         """A line of counts came.
@@ -69,6 +78,10 @@ class Gathering:
             self.apart_ns = max(1, (now_ns - self._since_ns) // UNCHANGED)
             self._since_ns = now_ns
 
+    def stir(self) -> None:
+        """The wheels are to turn: the next line is not waited for with others."""
+        self._unchanged = 0
+
     def adjust(self, held: int) -> bool:
         """After a read, when its lines are made use of.
 
@@ -79,15 +92,18 @@ class Gathering:
             Whether :attr:`least` has changed, and the port must be set to it.
         """
         self.lines = 1
+        self.fetched = False
         if held > self._line_end or self._alike < ALIKE or self._size > LONGEST:
-            return self._wait_for(1)
-        # From here to the same place in the next line, be it before its line end or behind.
-        whole = self._size + self._line_end
-        if self._unchanged >= UNCHANGED:
-            self.lines = min(1 + LATER_NS // self.apart_ns, MOST // whole)
-        return self._wait_for(whole * self.lines)
-
-    def _wait_for(self, least: int) -> bool:
+            least = 1
+        else:
+            # From here to the same place in the next line, be it before its line end or behind.
+            least = whole = self._size + self._line_end
+            if self._unchanged >= UNCHANGED:
+                if self._fetches:
+                    self.fetched, least = True, MOST
+                elif not self._asked:
+                    self.lines = min(1 + LATER_NS // self.apart_ns, MOST // whole)
+                    least = whole * self.lines
         if self.least == least:
             return False
         self.least, self._alike = least, 0 if least == 1 else self._alike

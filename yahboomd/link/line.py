@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections import Counter, deque
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 
 import msgspec
 
@@ -31,7 +31,7 @@ from yahboomd.link.stopping import (
 from yahboomd.link.tap import NO_TAP, Tap, TappedPort
 from yahboomd.link.vital_tasks import VitalTasks, undisturbed
 from yahboomd.link.writer import Spacing, Writer
-from yahboomd.model import Counts, ImuReading
+from yahboomd.model import Counts, EncoderReading, ImuReading
 from yahboomd.protocol.dialect import (
     Decoded,
     Dialect,
@@ -77,11 +77,6 @@ class Heard(msgspec.Struct, kw_only=True):
     resets: int = 0
 
 
-OnCounts = Callable[[Counts, int, int, int | None, int | None], None]
-"""Takes counts at their arrival: ticks, then when they were received, sent, and asked for, at the
-latest and at the earliest."""
-
-
 class Line:
     """A port and what is at its other end, known by its dialect sooner or later.
 
@@ -104,7 +99,7 @@ class Line:
         report: How the wheels were brought to rest, at the end or before.
         heard: What came from the port.
         counters: What went wrong, by name.
-        on_counts: Takes counts.
+        on_counts: Takes counts at their arrival.
         on_imu: Takes samples of the inertial sensor.
         on_said: Takes everything else, and what it says of a start of the board.
         on_leaving: Called when the wheels are being stopped by the line itself.
@@ -126,6 +121,8 @@ class Line:
         self._framers = {name: dialect.framer() for name, dialect in DIALECTS.items()}
         self._framer = next(iter(self._framers.values()))
         self._gathering: Gathering | None = None
+        self._answer_ns = 0
+        self._followed = False
         self._damage = 0
         self._item: Item | None = None
         self._decoded: Decoded = Unrecognised(text="")
@@ -153,7 +150,7 @@ class Line:
         self.report: StopReport | None = None
         self.heard = Heard(counters=self._framer.counters)
         self.counters: Counter[str] = Counter()
-        self.on_counts: OnCounts = lambda *_: None
+        self.on_counts: Callable[[EncoderReading], None] = lambda _: None
         self.on_imu: Callable[[ImuReading], None] = lambda _: None
         self.on_said: Callable[[Decoded, Notice], None] = lambda *_: None
         self.on_leaving: Callable[[], None] = lambda: None
@@ -205,9 +202,21 @@ class Line:
         )
         self.tasks.start(self.writer.run(), "link-writer")
 
-    def gather(self, line_end: bytes) -> None:
-        """Wait for whole lines of counts from now on, which end so."""
-        self._gathering = Gathering(len(line_end))
+    def gather(self, line_end: bytes, asked_ns: int | None = None) -> None:
+        """Wait for whole lines of counts from now on, which end so.
+
+        Args:
+            asked_ns: How often the board is asked for them; None where it sends them by itself.
+        """
+        self._gathering = Gathering(len(line_end), asked_ns)
+
+    def stir(self) -> None:
+        """The wheels are to turn: every line of counts is heard at once."""
+        gathering = self._gathering
+        if gathering is not None and (gathering.fetched or gathering.lines > 1):
+            gathering.stir()
+            if gathering.adjust(self._framer.held_bytes):
+                self.port.gather(gathering.least)
 
     async def ask(self, frame: bytes, answered: Answers, timeout_s: float) -> bool:
         """Send one frame and wait for its answer; whether it came."""
@@ -259,15 +268,31 @@ class Line:
     def _receive(self, data: bytes) -> None:
         now_ns = self.clock.now_ns()
         gathering = self._gathering
-        if gathering is not None and len(data) == gathering.least and gathering.lines > 1:
+        if gathering is not None and gathering.fetched:
+            # It waited for this read; answers take as long as they did before.
+            now_ns = min(now_ns, self.writer.poll_heard_ns + self._answer_ns)
+        elif gathering is not None and len(data) == gathering.least and gathering.lines > 1:
             size, apart_ns = len(data) // gathering.lines, gathering.apart_ns
+            self._followed = True
             # The kernel held back the first of them, as it was asked to.
             for held_ns in range((gathering.lines - 1) * apart_ns, 0, -apart_ns):
                 self._take(data[:size], now_ns - held_ns)
                 data = data[size:]
-        self._take(data, now_ns)
+            self._followed = False
+        items = self._take(data, now_ns)
+        if self.dialect is None:
+            return
+        held = self._framer.held_bytes
+        # What the counts led to may have ended the line.
+        if (gathering := self._gathering) is not None and gathering.adjust(held):
+            self.port.gather(gathering.least)
+        self._notice_noise(now_ns)
+        # Behind a whole item a framer that holds nothing is as a fresh one.
+        if self.tap.due and items and not held:
+            self.tap.settled()
 
-    def _take(self, data: bytes, now_ns: int) -> None:
+    def _take(self, data: bytes, now_ns: int) -> Sequence[Item]:
+        """Cut and use what came; returns what was cut, where the dialect is known."""
         self.tap.received(data, now_ns)
         if len(self.heard.start) < KEPT_BYTES:
             self.heard.start = (self.heard.start + data)[:KEPT_BYTES]
@@ -278,7 +303,7 @@ class Line:
                 if items := framer.feed(data):
                     self.unread += [(name, item) for item in items]
                     self.news.set()
-            return
+            return ()
         items = self._framer.feed(data)
         for item in items:
             if item is not self._item:
@@ -294,12 +319,7 @@ class Line:
                 self._inertial(decoded, item, now_ns)
             else:
                 self._words(decoded)
-        if self._gathering is not None and self._gathering.adjust(self._framer.held_bytes):
-            self.port.gather(self._gathering.least)
-        self._notice_noise(now_ns)
-        # Behind a whole item a framer that holds nothing is as a fresh one.
-        if self.tap.due and items and not self._framer.held_bytes:
-            self.tap.settled()
+        return items
 
     def _counts(self, totals: Totals, item: Item, now_ns: int) -> None:
         byte_ns = self.port.byte_ns
@@ -311,15 +331,25 @@ class Line:
         if writer.poll_heard_ns and not self._leaving:
             # An answer cannot have left before the question was all there.
             requested_ns = min(writer.poll_heard_ns, received_ns)
+            self._answer_ns = now_ns - requested_ns
             sent_ns = max(sent_ns, requested_ns)
             asked_ns = writer.answered_poll_ns()
             earliest_ns = requested_ns if asked_ns is None else min(asked_ns, requested_ns)
         # Now that it is known which question this answers, the next one may go: the board is at
         # work while the counts are made use of here.
-        writer.receive(totals)
+        writer.receive(totals, received_ns)
         self.ticks, self.streaming = totals.ticks, True
         self.watch.add(totals.ticks, received_ns)
-        self.on_counts(totals.ticks, received_ns, sent_ns, requested_ns, earliest_ns)
+        self.on_counts(
+            EncoderReading(
+                ticks=totals.ticks,
+                received_ns=received_ns,
+                sent_ns=sent_ns,
+                requested_ns=requested_ns,
+                earliest_ns=earliest_ns,
+                followed=self._followed,
+            )
+        )
 
     def _inertial(self, sample: Inertial, item: Item, now_ns: int) -> None:
         self.counters["imu_readings"] += 1
@@ -360,9 +390,11 @@ class Line:
     def _notice_noise(self, now_ns: int) -> None:
         seen = self._framer.counters
         framed = seen.broken_frames + seen.discarded_bytes + seen.overlong + seen.bad_bytes
-        damage, self._damage = self._damage, framed + self.counters["unrecognised"]
+        damage, self._damage = self._damage, framed + self.counters.get("unrecognised", 0)
         if damage != self._damage:
             self._damaged_ns.append(now_ns)
+        elif not self._was_noisy:
+            return
         if (noisy := self.noisy) != self._was_noisy:
             self._was_noisy = noisy
             resend_ns = min(self._resend_ns, NOISY_RESEND_NS) if noisy else self._resend_ns

@@ -24,7 +24,7 @@ import msgspec
 from yahboomd.protocol.dialect import Decoded
 
 
-class Lane(enum.Enum):
+class Lane(enum.StrEnum):
     """The origin of a frame."""
 
     STOP = "stop"
@@ -129,6 +129,16 @@ class Outbox:
     def stopping(self) -> bool:
         """Whether a stop waits."""
         return bool(self._stops)
+
+    @property
+    def questions(self) -> bool:
+        """Whether a poll or a request waits."""
+        return self._poll is not None or bool(self._requests)
+
+    def waits(self, until_ns: int) -> bool:
+        """Whether a frame is due up to that moment, once every question is answered."""
+        due_ns = self.due_ns(asking=False)
+        return due_ns is not None and due_ns <= until_ns
 
     def due_ns(self, *, asking: bool) -> int | None:
         """The time at which the next frame is due; 0 for at once, ``None`` where nothing waits.

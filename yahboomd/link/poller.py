@@ -11,12 +11,14 @@ from collections import Counter
 from collections.abc import Callable
 from typing import NoReturn
 
+import msgspec
+
 from yahboomd.clock import PAUSE_NS, Clock, Schedule, seconds
 from yahboomd.errors import BoardSilent
 from yahboomd.link.port import Port
 from yahboomd.link.tap import NO_TAP, Tap
 from yahboomd.link.writer import Writer
-from yahboomd.model import Counts, EncoderReading
+from yahboomd.model import EncoderReading
 from yahboomd.protocol.dialect import Dialect
 
 REARM_AFTER_S = 0.25
@@ -83,30 +85,22 @@ class Poller:
         self._heard_ns = self._clock.now_ns()
         self.arm()
 
-    def reading(
-        self,
-        ticks: Counts,
-        received_ns: int,
-        sent_ns: int,
-        requested_ns: int | None = None,
-        earliest_ns: int | None = None,
-    ) -> None:
+    def reading(self, reading: EncoderReading) -> None:
         """Counts arrived."""
-        self._heard_ns = received_ns
+        self._heard_ns = reading.received_ns
         self.counters["readings"] += 1
-        reading = EncoderReading(
-            ticks=ticks,
-            received_ns=received_ns,
-            sent_ns=sent_ns,
-            requested_ns=requested_ns,
-            earliest_ns=earliest_ns,
-            after_reset=self._after_reset,
-            after_gap=self._after_gap,
-            unbroken=self.unbroken,
-        )
-        if requested_ns is not None or self._after_gap or self._after_reset or self.unbroken:
-            self._tap.noted(reading)
+        noted = reading.requested_ns is not None
+        if self._after_gap or self._after_reset or self.unbroken:
+            noted = True
+            reading = msgspec.structs.replace(
+                reading,
+                after_reset=self._after_reset,
+                after_gap=self._after_gap,
+                unbroken=self.unbroken,
+            )
             self._after_reset = self._after_gap = self.unbroken = False
+        if noted:
+            self._tap.noted(reading)
         self._on_reading(reading)
 
     async def run(self) -> NoReturn:

@@ -23,7 +23,7 @@ import fcntl
 import os
 import termios
 from collections.abc import Awaitable, Callable
-from typing import Protocol, cast
+from typing import Protocol
 
 import msgspec
 import serial
@@ -136,7 +136,7 @@ class _Serial(serial.Serial):
 
     def read(self, size: int = 1) -> bytes:
         try:
-            data = os.read(self.fileno(), size)
+            data = os.read(self.fd, size)  # type: ignore[arg-type]
             if len(data) == PIECE_BYTES:
                 data += self._rest(size)
         except BlockingIOError:
@@ -188,6 +188,7 @@ class SerialPort(asyncio.Protocol):
         self._on_data: Callable[[bytes], None] = lambda _data: None
         self._on_lost: Callable[[Exception | None], None] = lambda _error: None
         self._lost = False
+        self._spilled = False
         self._fd: int = device.fileno()
         self.name = path
         self.byte_ns = byte_time_ns(device.baudrate)
@@ -224,9 +225,11 @@ class SerialPort(asyncio.Protocol):
     @property
     def pending(self) -> int:
         """Bytes that the kernel did not take yet."""
-        if self._transport is None or self._lost:
+        if not self._spilled or self._transport is None or self._lost:
             return 0
-        return cast(int, self._transport.get_write_buffer_size())
+        size: int = self._transport.get_write_buffer_size()
+        self._spilled = size > 0
+        return size
 
     @property
     def queued(self) -> int:
@@ -255,6 +258,7 @@ class SerialPort(asyncio.Protocol):
             if taken == len(data):
                 return
             data = data[taken:]
+            self._spilled = True
         elif pending > MAX_PENDING:
             self._broken(OSError(errno.ETIMEDOUT, "the port takes no output"))
             return

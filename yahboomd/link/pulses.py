@@ -94,7 +94,7 @@ class Pulses:
         self._on_pulse = on_pulse
         self._first = 0
         self._news = asyncio.Event()
-        line.on_counts = lambda *_: self._news.set()
+        line.on_counts = lambda _: self._news.set()
         # A brake would start the board's speed loop: the line leaves by letting the motors go.
         line.let_go = True
 

@@ -136,11 +136,12 @@ class Session:
         await handshake.await_reports(line, dialect)
         settings = await handshake.read_settings(line, dialect, options.profile.settings)
         identity = Identity(dialect=dialect, settings=settings)
+        period_ns = nanoseconds(1.0 / options.poll_rate_hz)
         poller = Poller(
             line.writer,
             self._clock,
             dialect,
-            period_ns=nanoseconds(1.0 / options.poll_rate_hz),
+            period_ns=period_ns,
             on_reading=listener.reading,
             on_armed=listener.armed,
             port=line.port,
@@ -151,7 +152,7 @@ class Session:
         board = ConnectedBoard(line, identity, listener, poller)
         if not dialect.listen_ns:
             # Between the counts of a board that reports unasked come other reports, just as urgent.
-            line.gather(dialect.line_end)
+            line.gather(dialect.line_end, None if dialect.poll is None else period_ns)
         poller.arm()
         self._tap.identified(dialect.name, settings)
         listener.connected(board, identity)

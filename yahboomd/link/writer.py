@@ -166,16 +166,22 @@ class Writer:
                 self._flight = None
                 self._flight_until_ns = None
 
-    def receive(self, decoded: Decoded) -> None:
-        """Note what came from the board: it may be what a frame waits for."""
+    def receive(self, decoded: Decoded, received_ns: int | None = None) -> None:
+        """Note what came from the board: it may be what a frame waits for.
+
+        Args:
+            received_ns: When it came, where that is not now.
+        """
         if isinstance(decoded, Totals):
             if self._polled_until_ns is not None:
-                overdue = self._clock.now_ns() >= self._polled_until_ns
+                now_ns = self._clock.now_ns()
+                overdue = (received_ns or now_ns) >= self._polled_until_ns
                 self._polled_until_ns = None
                 if overdue:
+                    self.counters["polls_unanswered"] += 1
                     # This process may not have run: what the counts lead to goes first.
                     self._wake.set()
-                else:
+                elif self._outbox.waits(max(now_ns, self._hold_ns)):
                     self._pump()
             if self._flight is None:
                 return
@@ -325,7 +331,9 @@ class Writer:
         if next_ns is not None:
             held = asking and not self._outbox.stopping
             next_ns = max(next_ns, self._free_ns, self._hold_ns if held else 0)
-        for until_ns in (self._flight_until_ns, self._polled_until_ns):
+        # An answer to a poll is waited for only by another question; the next poll looks by itself.
+        polled_ns = self._polled_until_ns if self._outbox.questions else None
+        for until_ns in (self._flight_until_ns, polled_ns):
             if until_ns is not None and (next_ns is None or until_ns < next_ns):
                 next_ns = until_ns
         return next_ns

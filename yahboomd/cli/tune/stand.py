@@ -23,7 +23,7 @@ from yahboomd.link.conversation import Conversation
 from yahboomd.link.guard import Guard
 from yahboomd.link.line import Line
 from yahboomd.link.port import Opener, SerialPort
-from yahboomd.model import CHANNELS, NS_PER_S, Counts, Motor
+from yahboomd.model import CHANNELS, NS_PER_S, Counts, EncoderReading, Motor
 from yahboomd.protocol.dialect import Dialect, Motion
 from yahboomd.protocol.settings import BoardSettings
 from yahboomd.tuning import step_response
@@ -353,9 +353,9 @@ class Stand:
                 beat_ns = now_ns + BEAT_NS
             await sleep_until(self._clock, min(end_ns, now_ns + LOOK_NS))
 
-    def _on_counts(self, ticks: Counts, _received_ns: int, sent_ns: int, *_: int | None) -> None:
+    def _on_counts(self, reading: EncoderReading) -> None:
         self._heard_ns = self._clock.now_ns()
-        self._samples.append((sent_ns, ticks))
+        self._samples.append((reading.sent_ns, reading.ticks))
         if self._expected is not None and not self._problem:
             self._problem = self._wrong(self._expected, self._first)
             if self._problem:
