@@ -11,7 +11,8 @@ from board_bench import LinkBench
 
 from yahboomd.cli.simulated_robot import as_configured
 from yahboomd.cli.tune.procedure import Procedure
-from yahboomd.cli.tune.stand import TICK_S, Stand
+from yahboomd.cli.tune.stand import Stand
+from yahboomd.cli.tune.traces import TICK_S
 from yahboomd.cli.tune.tuning_result import Result
 from yahboomd.config import Config, read
 from yahboomd.protocol.dialect import Dialect

@@ -6,7 +6,8 @@ from collections.abc import Awaitable, Callable
 
 import msgspec
 
-from yahboomd.cli.tune.stand import TICK_S, Stand, Traces
+from yahboomd.cli.tune.stand import Stand
+from yahboomd.cli.tune.traces import TICK_S, Traces
 from yahboomd.cli.tune.tuning_result import DEAD_ZONE, GAINS, Result, Wheel, rank_of, tuned_of
 from yahboomd.clock import Clock
 from yahboomd.config import Config

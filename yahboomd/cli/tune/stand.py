@@ -10,11 +10,9 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import AsyncIterator
-from itertools import pairwise
 from typing import Self
 
-import msgspec
-
+from yahboomd.cli.tune.traces import Traces, traces_of
 from yahboomd.clock import Clock, nanoseconds, seconds, sleep_until
 from yahboomd.config import Config
 from yahboomd.counts import unwrapped
@@ -26,10 +24,6 @@ from yahboomd.link.port import Opener, SerialPort
 from yahboomd.model import CHANNELS, NS_PER_S, Counts, EncoderReading, Motor
 from yahboomd.protocol.dialect import Dialect, Motion
 from yahboomd.protocol.settings import BoardSettings
-from yahboomd.tuning import step_response
-
-TICK_S = 0.01
-"""Grid of the traces."""
 
 LOOK_NS = 10_000_000
 BEAT_NS = 200_000_000
@@ -38,9 +32,6 @@ POLL_TIMEOUT_NS = 100_000_000
 
 SILENT_NS = 800_000_000
 STAND_WITHIN_S = 3.0
-HELD_UP_NS = 70_000_000
-"""Longer than between any two readings of a line that nothing holds up."""
-
 STILL_TICKS_PER_S = 20.0
 """A count more or less in the window of a standstill; what rolls out would count as motion."""
 
@@ -66,20 +57,6 @@ TOUCHED_COUNTS = 12
 """Another wheel that turns so far with a single driven one touches the ground, or is coupled."""
 
 Ramp = list[tuple[int, int]]
-
-
-class Traces(msgspec.Struct, frozen=True, kw_only=True):
-    """One step of all wheels.
-
-    Attributes:
-        speed_m_s: The commanded speed; negative backward.
-        travel_m: Travel of each motor on the grid of :data:`TICK_S`, positive along the command.
-        whole: No readings were held up on the way.
-    """
-
-    speed_m_s: float
-    travel_m: tuple[list[float], ...]
-    whole: bool
 
 
 class Stand:
@@ -255,55 +232,15 @@ class Stand:
             # The last reading has to be later than the last tick of the grid.
             await self._look(nanoseconds(hold_s + 2.0 * self.ticks_apart_s))
             samples = self._samples.copy()
-        way = 1 if speed_m_s > 0.0 else -1
-        times_s, counts = self._times(samples, start_ns)
-        times_ns = [start_ns, *(at_ns for at_ns, _ in samples if at_ns > start_ns)]
-        longest_ns = max(after - before for before, after in pairwise(times_ns))
-        return Traces(
+        return traces_of(
+            self.dialect,
+            self.motors,
+            [(at_ns - start_ns, counts) for at_ns, counts in samples],
+            first,
+            apart_s=self.ticks_apart_s,
             speed_m_s=speed_m_s,
-            whole=longest_ns < HELD_UP_NS,
-            travel_m=tuple(
-                step_response.on_grid(
-                    times_s,
-                    [
-                        unwrapped(each[motor.position - 1] - first[motor.position - 1])
-                        * (motor.encoder_sign * way * motor.metres_per_tick)
-                        for each in counts
-                    ],
-                    tick_s=TICK_S,
-                    ticks=round(hold_s / TICK_S),
-                )
-                for motor in self.motors
-            ),
+            hold_s=hold_s,
         )
-
-    def _times(
-        self, samples: list[tuple[int, Counts]], start_ns: int
-    ) -> tuple[list[float], list[Counts]]:
-        """When counts were taken, since the command, and those counts."""
-        new = [
-            (at_ns, ticks)
-            for index, (at_ns, ticks) in enumerate(samples)
-            if at_ns > start_ns and (index == 0 or ticks != samples[index - 1][1])
-        ]
-        dialect = self.dialect
-        arrivals_s = [seconds(at_ns - start_ns) for at_ns, _ in new]
-        if dialect.sample_period_ns is not None and not dialect.renews_with_each_line:
-            times_s = step_response.tick_times(arrivals_s, self.ticks_apart_s)
-        elif dialect.age_ns:
-            driven = [
-                sum(
-                    unwrapped(each[motor.position - 1] - new[0][1][motor.position - 1])
-                    * motor.encoder_sign
-                    for motor in self.motors
-                )
-                for _, each in new
-            ]
-            times_s = step_response.read_times(arrivals_s, driven, seconds(dialect.age_ns))
-        else:
-            times_s = arrivals_s
-        kept = [(at_s, ticks) for at_s, (_, ticks) in zip(times_s, new, strict=True) if at_s > 0.0]
-        return [at_s for at_s, _ in kept], [ticks for _, ticks in kept]
 
     # Watching.
 

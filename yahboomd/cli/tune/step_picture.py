@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from yahboomd.cli.tune.stand import TICK_S
+from yahboomd.cli.tune.traces import TICK_S
 from yahboomd.cli.tune.tuning_result import Result, Wheel
 from yahboomd.errors import Refused
 from yahboomd.tuning.step_response import BAND, StepFigures
