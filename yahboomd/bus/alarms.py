@@ -63,12 +63,13 @@ class Alarm:
         inbox: Inbox,
     ) -> None:
         self.key = key
-        self._raised = raised
         self._harmless = harmless
         self._asks_nothing = asks_nothing
         # An entry says whether its payload went unread. Where a lane is full its entries are
         # merged: one that is left raises the alarm for all, and their number is kept.
-        self._alarms: Lane[bool] = inbox.lane(self._deliver_alarms, urgent=True)
+        self._alarms: Lane[bool] = inbox.lane(
+            lambda batch, merged: raised(len(batch) + merged, sum(batch)), urgent=True
+        )
         self._ignored = _counting(inbox, ignored)
         self._idle = _counting(inbox, idle)
 
@@ -89,9 +90,6 @@ class Alarm:
                 ignored.offer(None)
 
         session.declare_subscriber(self.key, Callback(arrived, indirect=False))
-
-    def _deliver_alarms(self, batch: list[bool], merged: int) -> None:
-        self._raised(len(batch) + merged, sum(batch))
 
 
 def _counting(inbox: Inbox, count: Callable[[int], None]) -> Lane[None]:

@@ -123,7 +123,7 @@ def judge(
     least = MOVED_TURNS * ticks_per_revolution
     seen_at = {position: _channel(turn, least) for position, turn in moved.items()}
     doubts = dict(_doubts(moved, still, seen_at, least))
-    by_wheel = sorted(moved.values(), key=lambda turn: _place(wheels, turn.wheel))
+    by_wheel = sorted(moved.values(), key=lambda turn: (*wheels, turn.wheel).index(turn.wheel))
     faults = [fault for turn in by_wheel for fault in _encoder_faults(turn, seen_at)]
     faults += _dead_motors(missing, [turn.position for turn in still], plugs or {})
     swapped = [fault for fault in faults if fault.kind == "encoder_swapped"]
@@ -173,10 +173,6 @@ def judge_by_hand(turns: Sequence[HandTurn], ticks_per_revolution: float) -> Wir
     return Wiring(
         motors=tuple(motors), faults=tuple(faults), missing=tuple(missing), doubts=tuple(doubts)
     )
-
-
-def _place(wheels: Sequence[str], wheel: str) -> int:
-    return wheels.index(wheel) if wheel in wheels else len(wheels)
 
 
 def _strongest(counts: Counts, least: float) -> int | None:

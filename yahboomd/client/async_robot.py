@@ -262,7 +262,8 @@ class AsyncRobot(NewestSamples):
         try:
             async with asyncio.timeout(within_s):
                 async for sample in stream:
-                    stands = bool(sample.speed_m_s) and _fastest_m_s(sample) < STANDING_M_S
+                    speeds = [abs(speed) for speed in sample.speed_m_s]
+                    stands = bool(speeds) and max(speeds) < STANDING_M_S
                     slow = slow + 1 if stands else 0
                     if slow >= STANDING_SAMPLES:
                         return True
@@ -445,7 +446,3 @@ class AsyncRobot(NewestSamples):
             Refused: No board is connected.
         """
         return (await self.call(keys.BOARD)).data
-
-
-def _fastest_m_s(wheels: WheelsSample) -> float:
-    return max(map(abs, wheels.speed_m_s))

@@ -69,8 +69,8 @@ def reasons(
             Reason(
                 kind="estop",
                 message=(
-                    f"Emergency stop, engaged by {latched.by} {_ago(now_ns, latched.since_ns)}: "
-                    f"{latched.reason}. {again}"
+                    f"Emergency stop, engaged by {latched.by} "
+                    f"{_seconds(now_ns - latched.since_ns)} ago: {latched.reason}. {again}"
                 ),
             )
         )
@@ -169,10 +169,6 @@ def _impossible(
     ]
     message = f"{driver} commands motion that {' and '.join(zeros)}.velocity = 0 forbids."
     return [Reason(kind="limit_zero", message=message)]
-
-
-def _ago(now_ns: int, since_ns: int) -> str:
-    return f"{_seconds(now_ns - since_ns)} ago"
 
 
 def _seconds(duration_ns: int) -> str:

@@ -122,7 +122,7 @@ def without_driver(sysfs: Path = Path("/sys/bus/usb/devices")) -> str:
         except (OSError, ValueError):
             continue
         if ids in CH340_IDS and not any(folder.glob("*/tty*")):
-            drivers = sorted({_driver(link) for link in folder.glob("*:*/driver")})
+            drivers = sorted({link.resolve().name for link in folder.glob("*:*/driver")})
             if any("usbfs" in each for each in drivers):
                 return (
                     "A CH340 is on USB, but another program took it from the kernel, most likely "
@@ -134,10 +134,6 @@ def without_driver(sysfs: Path = Path("/sys/bus/usb/devices")) -> str:
                 "to build it."
             )
     return ""
-
-
-def _driver(link: Path) -> str:
-    return os.path.basename(os.path.realpath(link))
 
 
 def _by_path(device: str) -> str | None:

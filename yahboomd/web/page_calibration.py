@@ -198,8 +198,9 @@ class PageCalibration:
         """Undo the newest calibration. Returns whether it was done, and a sentence for people."""
         if self._task is not None:
             return False, RUNNING
-        command = ["calibrate", "undo", *_config_only(self._robot)]
-        status, printed, last_words = await output_of(command)
+        # It asks no daemon.
+        config = [it for it in self._robot if not it.startswith(("--connect=", "--namespace="))]
+        status, printed, last_words = await output_of(["calibrate", "undo", *config])
         return status == 0, (printed or last_words).strip()
 
     def _not_led_by(self, page: int) -> str:
@@ -233,8 +234,3 @@ def chosen(verb: object, choices: Mapping[str, Any]) -> list[str] | None:
         else:
             return None
     return arguments
-
-
-def _config_only(robot: Sequence[str]) -> list[str]:
-    """The options of a command that talks to no daemon."""
-    return [each for each in robot if not each.startswith(("--connect=", "--namespace="))]

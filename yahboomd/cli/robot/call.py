@@ -48,7 +48,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "service",
         metavar="SERVICE",
-        type=_service,
+        type=lambda text: text.removeprefix("yahboomd/"),
         choices=tuple(SERVICES),
         help="one of those below; its whole key, such as yahboomd/config, will do",
     )
@@ -70,10 +70,6 @@ def run(args: argparse.Namespace) -> int:
         return await _call(robot, args.service, args.request)
 
     return attend(args, work)
-
-
-def _service(text: str) -> str:
-    return text.removeprefix("yahboomd/")
 
 
 def _request(text: str) -> bytes:

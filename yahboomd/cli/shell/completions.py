@@ -132,7 +132,7 @@ def bash(top: Command) -> str:
     commands: list[str] = []
     values: dict[str, list[str]] = {}
     for command in top.walk():
-        at = _below(command)
+        at = "".join(f" {word}" for word in command.words[1:])
         if at:
             known.append(shlex.quote(at))
         options = " ".join(flag for option in command.options for flag in option.flags)
@@ -257,10 +257,6 @@ PLACES: Mapping[str, str] = {
     "fish": "fish/vendor_completions.d/yahboomd.fish",
 }
 """The file in which each shell looks for it, below a folder ``share``."""
-
-
-def _below(command: Command) -> str:
-    return "".join(f" {word}" for word in command.words[1:])
 
 
 def _short(text: str) -> str:

@@ -16,7 +16,7 @@ from yahboomd.link.port import Opener
 from yahboomd.protocol.dialect import Dialect
 from yahboomd.protocol.settings import VERSION, BoardSettings, SettingWrite
 from yahboomd.tuning import dead_zone, loop_model, step_response
-from yahboomd.tuning.loop_model import Gains, LoopModel, Step
+from yahboomd.tuning.loop_model import Gains, Step
 from yahboomd.tuning.step_response import StepFigures
 from yahboomd.tuning.suggestion import suggest
 
@@ -190,7 +190,8 @@ class Procedure:
             measured = dead_zone.made_up_for(turning, dialect.most_output)
             if abs(measured - stored) > DEAD_ZONE_OFF_SHARE * dialect.most_output:
                 wanted[DEAD_ZONE] = measured
-                models = [_with_gap(model, GAP_LEFT * target) for model in models]
+                most = GAP_LEFT * target
+                models = [msgspec.structs.replace(it, gap=min(it.gap, most)) for it in models]
         unexplained = max(wheel.unexplained or 0.0 for wheel in result.wheels)
         if unexplained > TRUSTED or not self._follows:
             result.expected = None
@@ -307,7 +308,3 @@ def storing_failed(what: str, answer: str) -> Exception:
         f"The board does not store {what}{answer}.",
         remedy="`yahboomd tune --undo` stores again what it had.",
     )
-
-
-def _with_gap(model: LoopModel, most: float) -> LoopModel:
-    return msgspec.structs.replace(model, gap=min(model.gap, most))

@@ -45,10 +45,11 @@ class Diagnostics:
             type_warnings: By source: a node publishes another type than that of its topic.
         """
         commands = _commands(sample, type_warnings or {})
+        facts = {name: fact for name, fact in sample.command.items() if name != "clock_warnings"}
         return [
-            self._entry("base", *_base(sample), _base_facts(sample)),
+            self._entry("base", _LEVELS[sample.state], sample.why, _base_facts(sample)),
             self._entry("board", *self._board(sample), {**sample.board, **sample.link}),
-            self._entry("commands", *commands, _command_facts(sample)),
+            self._entry("commands", *commands, facts),
             self._entry("bus", *self._bus(sample), sample.bus),
         ]
 
@@ -90,10 +91,6 @@ def levels(entries: list[Diagnostic]) -> tuple[int, ...]:
     return tuple(entry.level for entry in entries)
 
 
-def _base(sample: StatusSample) -> tuple[int, str]:
-    return _LEVELS[sample.state], sample.why
-
-
 def _base_facts(sample: StatusSample) -> dict[str, Any]:
     return {
         "state": sample.state,
@@ -109,10 +106,6 @@ def _commands(sample: StatusSample, type_warnings: Mapping[str, str]) -> tuple[i
         return WARN, " ".join(f"{source}: {words}" for source, words in warnings)
     accepted = _count(sample.command, "accepted")
     return OK, f"{accepted} commands were obeyed so far."
-
-
-def _command_facts(sample: StatusSample) -> dict[str, Any]:
-    return {name: fact for name, fact in sample.command.items() if name != "clock_warnings"}
 
 
 def _values(facts: Group, group: str = "") -> Iterator[tuple[str, str]]:
