@@ -31,3 +31,13 @@ def test_a_board_makes_up_for_less_than_the_least_of_its_wheels(turning):
     found = made_up_for(turning, 3600)
     assert 0 <= found <= max(0, min(turning))
     assert found == 0 or min(turning) - found == pytest.approx(MARGIN_SHARE * 3600, abs=0.5)
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_as_few_counts_as_are_a_motion_are_one(way):
+    ramp = [(100, 0), (200, way * (MOVED_COUNTS - 1)), (300, way * MOVED_COUNTS)]
+    assert turning_output(ramp) == 200
+
+
+def test_a_wheel_that_turns_from_the_first_output_on_began_there():
+    assert turning_output([(100, 9), (200, 20), (300, 40)]) == 100

@@ -113,3 +113,14 @@ def test_what_is_no_step_of_a_motor_leaves_much_unexplained():
     noise = Step(gains=Gains(0.8, 0.06, 0.5), target=400.0, travel=travel)
     assert fit([noise], tick_s=TICK_S, fastest=1500.0)[1] > 0.06
     assert math.isfinite(fit([noise], tick_s=TICK_S, fastest=1500.0)[0].gain)
+
+
+def test_the_first_ticks_are_those_of_the_law_by_hand():
+    """A motor without lag or gap, which follows the output at once."""
+    motor = LoopModel(gain=1.0, lag_s=1e-6, gap=0.0, fastest=1000.0)
+    travel = run(motor, Gains(0.1, 0.2, 0.05), 100.0, tick_s=TICK_S, ticks=3)
+    assert travel == pytest.approx([0.0, 0.35, 0.7275, 1.242875], rel=1e-3)
+
+
+def test_an_output_within_the_gap_moves_nothing():
+    assert run(MOTOR, Gains(0.01, 0.0, 0.0), 400.0, tick_s=TICK_S, ticks=5) == [0.0] * 6

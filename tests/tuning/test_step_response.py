@@ -10,7 +10,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.tuning.step_response import figures, mean, on_grid, read_times, speeds, tick_times
+from yahboomd.tuning.step_response import (
+    BAND,
+    figures,
+    mean,
+    on_grid,
+    read_times,
+    speeds,
+    tick_times,
+)
 
 TICK_S = 0.01
 
@@ -124,3 +132,64 @@ def test_the_mean_of_repeats_is_taken_tick_by_tick():
 def test_a_rise_is_measured_in_fractions_of_a_tick():
     ramp = [min(1.0, 0.07 * tick) for tick in range(100)]
     assert figures(ramp, 1.0, TICK_S).rise_s == pytest.approx(0.8 / 0.07 * TICK_S)
+
+
+def test_speeds_are_slopes_over_four_ticks_and_shorter_ones_at_the_ends():
+    assert speeds([0.0, 1.0, 4.0, 9.0, 16.0, 25.0], 1.0) == pytest.approx(
+        [2.0, 3.0, 4.0, 6.0, 7.0, 8.0]
+    )
+
+
+def test_travel_between_readings_lies_on_straight_lines_and_ends_with_the_last():
+    grid = on_grid([0.02, 0.04, 0.05], [1.0, 5.0, 6.0], tick_s=0.01, ticks=7)
+    assert grid == pytest.approx([0.0, 0.5, 1.0, 3.0, 5.0, 6.0, 6.0, 6.0])
+
+
+def test_of_two_readings_of_one_moment_the_later_one_counts():
+    grid = on_grid([0.02, 0.02, 0.04], [1.0, 3.0, 5.0], tick_s=0.01, ticks=4)
+    assert grid == pytest.approx([0.0, 0.5, 3.0, 4.0, 5.0])
+
+
+@pytest.mark.parametrize(
+    ("outside", "settled"), [(0, 0.0), (1, 0.01), (87, 0.87), (88, None), (90, None)]
+)
+def test_a_speed_has_settled_that_was_in_the_band_for_half_of_the_end(outside, settled):
+    """The end is a quarter: here 25 ticks, of which it has to have been there for more than 12."""
+    found = figures([0.5] * outside + [1.0] * (100 - outside), 1.0, TICK_S)
+    assert found.settling_s == (None if settled is None else pytest.approx(settled))
+
+
+def test_what_just_reaches_a_level_has_crossed_it():
+    assert figures([0.0, 0.1, 0.5, 0.9, 0.9], 1.0, TICK_S).rise_s == pytest.approx(2 * TICK_S)
+    assert figures([1.0, 1.0, 1.0], 1.0, TICK_S).rise_s == 0.0
+    assert figures([0.05, 0.55, 1.05], 1.0, TICK_S).rise_s == pytest.approx(1.6 * TICK_S)
+
+
+def test_the_end_of_a_short_step_is_its_last_tick():
+    assert figures([0.0, 0.5, 0.8], 1.0, TICK_S).steady_error == pytest.approx(-0.2)
+    assert BAND == 0.05
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.003, 0.0071])
+def test_ticks_are_found_to_a_tenth_of_one_where_lines_are_hardly_late(phase):
+    arrivals = [phase + tick * TICK_S + 0.0004 * (tick % 3) for tick in range(60)]
+    found = tick_times(arrivals, TICK_S)
+    assert all(0.0 <= at - tick <= TICK_S for at, tick in zip(arrivals, found, strict=True))
+    assert [round((at - found[0]) / TICK_S) for at in found] == list(range(60))
+
+
+@pytest.mark.parametrize("late", [1, 2])
+def test_lines_that_came_in_one_tick_are_of_those_before_it_from_the_first_on(late):
+    arrivals = [tick * TICK_S + 0.004 for tick in range(40)]
+    arrivals[0] = arrivals[late] - 0.0002 * late
+    for tick in range(1, late):
+        arrivals[tick] = arrivals[late] - 0.0002 * (late - tick)
+    found = tick_times(arrivals, TICK_S)
+    assert [round((at - found[-1]) / TICK_S) for at in found] == list(range(-39, 1))
+
+
+def test_a_last_line_that_came_with_the_one_before_it_is_of_the_tick_after():
+    arrivals = [tick * TICK_S + 0.004 for tick in range(40)]
+    arrivals[38] = arrivals[39] - 0.0002
+    found = tick_times(arrivals, TICK_S)
+    assert [round((at - found[0]) / TICK_S) for at in found] == list(range(40))

@@ -23,8 +23,8 @@ def turning_output(ramp: Sequence[tuple[int, int]]) -> int | None:
     """
     if not ramp or abs(ramp[-1][1]) < MOVED_COUNTS:
         return None
-    first = ramp[-1][1] // abs(ramp[-1][1])
-    still = [output for output, counts in ramp if counts * first < MOVED_COUNTS]
+    forward = ramp[-1][1] > 0
+    still = [output for output, counts in ramp if (counts if forward else -counts) < MOVED_COUNTS]
     return still[-1] if still else ramp[0][0]
 
 

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import msgspec
+import numpy as np
 
 BAND = 0.05
 """Share of the step within which the speed counts as settled."""
@@ -78,25 +79,26 @@ def read_times(arrivals_s: Sequence[float], travel: Sequence[float], tick_s: flo
         arrivals_s: When reports left; rising.
         tick_s: The period at which the board reads.
     """
+    if not arrivals_s:
+        return []
     half = len(arrivals_s) // 2
+    places = _centred(travel[half:])
 
     def ticks(phase: float) -> list[float]:
         return [phase + math.floor((at - phase) / tick_s) * tick_s for at in arrivals_s]
 
     def roughness(phase: float) -> float:
-        times, places = ticks(phase)[half:], travel[half:]
-        count = len(times)
-        time, place = sum(times) / count, sum(places) / count
-        spread = sum((at - time) ** 2 for at in times)
-        slope = sum((at - time) * (x - place) for at, x in zip(times, places, strict=True))
-        slope /= spread or 1.0
-        return sum(
-            (x - place - slope * (at - time)) ** 2 for at, x in zip(times, places, strict=True)
-        )
+        times = _centred(ticks(phase)[half:])
+        spread = sum(at * at for at in times)
+        slope = sum(at * x for at, x in zip(times, places, strict=True)) / (spread or 1.0)
+        return sum((x - slope * at) ** 2 for at, x in zip(times, places, strict=True))
 
-    if not arrivals_s:
-        return []
     return ticks(min((tick_s * part / 40.0 for part in range(40)), key=roughness))
+
+
+def _centred(values: Sequence[float]) -> list[float]:
+    mean = sum(values) / len(values)
+    return [value - mean for value in values]
 
 
 def on_grid(
@@ -108,16 +110,8 @@ def on_grid(
         times_s: When counts were taken, since the command; rising.
         travel: At those times, since the command.
     """
-    grid = []
-    points = [(0.0, 0.0), *zip(times_s, travel, strict=True)]
-    pairs = pairwise([*points, (float("inf"), points[-1][1])])
-    (t0, x0), (t1, x1) = next(pairs)
-    for tick in range(ticks + 1):
-        at = tick * tick_s
-        while at > t1:
-            (t0, x0), (t1, x1) = next(pairs)
-        share = (at - t0) / (t1 - t0) if t0 < t1 < float("inf") else float(t1 <= at)
-        grid.append(x0 + (x1 - x0) * share)
+    at = np.arange(ticks + 1) * tick_s
+    grid: list[float] = np.interp(at, [0.0, *times_s], [0.0, *travel]).tolist()
     return grid
 
 

@@ -151,3 +151,38 @@ def test_a_car_is_the_one_that_the_simulated_firmware_has(number: int) -> None:
     assert car.turn_counts == simulated.circle_counts
     assert car.fastest_mm_s == simulated.clamp_mm_s
     assert (car.wheelbase_mm or 0.0) == simulated.axles_mm
+
+
+def test_the_law_of_each_geometry_is_the_firmwares_motor_by_motor():
+    assert CARS[1].motors == {
+        1: (1.0, -1.0, -164.555),
+        2: (1.0, 1.0, -164.555),
+        3: (1.0, 1.0, 164.555),
+        4: (1.0, -1.0, 164.555),
+    }
+    assert CARS[4].motors == {
+        1: (1.0, 0.0, -164.555),
+        2: (1.0, 0.0, -164.555),
+        3: (1.0, 0.0, 164.555),
+        4: (1.0, 0.0, 164.555),
+    }
+    assert CARS[5].motors == {2: (1.0, 0.0, -95.55), 4: (1.0, 0.0, 95.55)}
+
+
+def test_each_car_has_the_wheels_and_the_speed_of_the_firmware():
+    assert [(car.turn_mm, car.turn_counts, car.fastest_mm_s) for car in CARS.values()] == [
+        (204.203, 1320, 1000),
+        (251.327, 2464, 700),
+        (215.2, 1320, 1000),
+        (215.2, 836, 2000),
+        (204.203, 1040, 1000),
+        (251.327, 2464, 700),
+    ]
+    assert [CARS[number].motors[3][2] for number in (1, 2, 4, 6, 10)] == [
+        164.555,
+        214.1,
+        164.555,
+        143.68,
+        189.5,
+    ]
+    assert [car.wheelbase_mm for car in CARS.values()] == [None, None, None, 235.37, None, None]
