@@ -17,10 +17,10 @@ from yahboomd.messages.status_fields import FIELDS, REFUSALS, GroupName, StatusF
 _EVENTS = """\
 # Events
 
-yahboomd publishes an `EventSample` on `yahboomd/events` ([bus.md](bus.md)) when something happens
-once. `kind` says what happened, `message` explains it to people. At most five events of one kind go
-out in a second; `events_suppressed` in the [status](status.md) counts the others. A later version
-may add kinds: ignore those that you do not know.
+yahboomd publishes an `EventSample` on `yahboomd/events` ([bus.md](bus.md)) for each event, such as
+a fault or a reset of the board. `kind` names the event, `message` explains it to people. At most
+five events of one kind go out in a second; `events_suppressed` in the [status](status.md) counts
+the others. A later version may add kinds: ignore those that you do not know.
 
 `make schemas` generates this page from `yahboomd/messages/event_kinds.py`.
 
