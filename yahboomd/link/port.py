@@ -151,11 +151,12 @@ class _Serial(serial.Serial):
 
     def _rest(self, size: int) -> bytes:
         rest = b""
-        with contextlib.suppress(BlockingIOError):
-            while len(piece := os.read(self.fileno(), size)) == PIECE_BYTES:
+        try:
+            while len(piece := os.read(self.fd, size)) == PIECE_BYTES:  # type: ignore[arg-type]
                 rest += piece
-            rest += piece
-        return rest
+        except BlockingIOError:
+            return rest
+        return rest + piece
 
     def write(self, data: bytes) -> int:  # type: ignore[override]
         try:

@@ -38,28 +38,27 @@ RUSH_MOST_NS = 500_000_000
 
 
 class Arrivals:
-    """A smoothed clock of lines."""
+    """A smoothed clock of lines.
 
-    __slots__ = "_mean _gap _edge _rough _broken _since _lines".split()
+    Attributes:
+        gap: The time from line to line, on the average; 0 before there are two.
+        steady: Whether lines come as fast as they are sent, and not from a backlog.
+    """
+
+    __slots__ = "_mean gap _paired _edge _rough _broken steady _since _lines".split()
 
     def __init__(self) -> None:
         self._mean: float | None = None
-        self._gap: float | None = None
+        self.gap = 0.0
+        self._paired = False
         self._edge = 0.0
         self._rough = 0.0  # how far from whole gaps lines come, on the average
         self._broken = 0.0  # arrival of the first line after a break
-        self._since: float | None = None  # since when lines are counted to see how fast they come
+        self.steady = True
+        self._since = (
+            0.0  # where they are not steady: since when lines are counted to see how fast they come
+        )
         self._lines = 0
-
-    @property
-    def steady(self) -> bool:
-        """Whether lines come as fast as they are sent, and not from a backlog."""
-        return self._since is None
-
-    @property
-    def gap(self) -> float:
-        """The time from line to line, on the average."""
-        return self._gap or 0.0
 
     @property
     def spread(self) -> float:
@@ -71,32 +70,33 @@ class Arrivals:
         if self._mean is None:
             self._mean = arrival
             return arrival
-        if self._gap is None:
-            self._gap = max(0.0, min(arrival - self._mean, BREAK_NS))
-        if self._since is not None:
-            return self._settle(arrival, self._since)
-        expected = self._mean + self._gap
+        if not self._paired:
+            self._paired = True
+            self.gap = max(0.0, min(arrival - self._mean, BREAK_NS))
+        if not self.steady:
+            return self._settle(arrival)
+        expected = self._mean + self.gap
         off = arrival - expected
         if abs(off) > BREAK_NS:
             self._broken = self._since = arrival
+            self.steady = False
             self._lines = 0
             return arrival + self._edge
-        if self._gap:
-            lost = self._gap * math.floor(off / self._gap + 0.5)
-            if lost > 0.0 and self._rough < CLEAN * self._gap:
+        if self.gap:
+            lost = self.gap * math.floor(off / self.gap + 0.5)
+            if lost > 0.0 and self._rough < CLEAN * self.gap:
                 # Lines come like clockwork and this one by whole lines too late: some were lost.
                 expected += lost
                 off -= lost
                 lost = 0.0
             self._rough += ALPHA * (abs(off - lost) - self._rough)
         self._mean = expected + ALPHA * off
-        self._gap = max(0.0, self._gap + BETA * off)
+        self.gap = max(0.0, self.gap + BETA * off)
         self._edge = max(min(arrival - self._mean, self._edge * FADE), -EDGE_MAX_NS)
         return min(arrival, self._mean + self._edge)
 
-    def _settle(self, arrival: float, since: float) -> float:
-        assert self._gap is not None
-        took = arrival - since
+    def _settle(self, arrival: float) -> float:
+        took = arrival - self._since
         if took < 0.0:
             # The next read of a backlog: bytes that came behind were taken off its arrival.
             self._since, self._lines = arrival, 0
@@ -104,9 +104,9 @@ class Arrivals:
             self._lines += 1
             if took >= SETTLE_NS:
                 if arrival - self._broken > RUSH_MOST_NS:
-                    self._gap = took / self._lines
-                if self._lines * self._gap <= RUSH * took:
-                    self._since, self._mean = None, arrival
+                    self.gap = took / self._lines
+                if self._lines * self.gap <= RUSH * took:
+                    self.steady, self._mean = True, arrival
                 else:
                     self._since, self._lines = arrival, 0
         return arrival + self._edge
