@@ -8,10 +8,10 @@ than commanded, or not at all, ends the measurement with its motors cut.
 from __future__ import annotations
 
 import contextlib
-import math
 from collections.abc import AsyncIterator
 from typing import Self
 
+from yahboomd.cli.tune import wheel_faults
 from yahboomd.cli.tune.traces import Traces, traces_of
 from yahboomd.clock import Clock, nanoseconds, seconds, sleep_until
 from yahboomd.config import Config
@@ -37,24 +37,9 @@ STILL_TICKS_PER_S = 20.0
 
 CUTS = 3
 
-AGAINST_M = 0.02
-TOO_FAST = 1.7
-TOO_FAST_M_S = 0.15
-SLACK_S = 0.05
-
-MOVES_WITHIN_S = 1.2
-"""Where no ramp has shown before that the wheel turns and counts."""
-
-STANDS_COUNTS = 2
-STANDS_WHILE_S = 0.3
-"""A wheel stands where another one has gone as far as at the commanded speed in this time."""
-
 RAMP_UNITS_PER_S = 800.0
 RAMP_TURNS = 0.15
 """A ramp ends when the wheel has turned so far."""
-
-TOUCHED_COUNTS = 12
-"""Another wheel that turns so far with a single driven one touches the ground, or is coupled."""
 
 Ramp = list[tuple[int, int]]
 
@@ -186,8 +171,8 @@ class Stand:
                 counts = self._counts_since(first)
                 own = counts[position - 1] * motor.encoder_sign * way
                 found.append((output, own))
-                self._check_alone(motor, counts)
-                if own < -TOUCHED_COUNTS:
+                wheel_faults.check_alone(motor, self.motors, counts)
+                if own < -wheel_faults.TOUCHED_COUNTS:
                     raise BoardError(
                         f"{motor.name} (M{position}) counts {'down' if way > 0 else 'up'} while it "
                         f"is driven {'forward' if way > 0 else 'backward'}: with regulation it "
@@ -204,15 +189,6 @@ class Stand:
                         "wheel is free.",
                     )
         return found
-
-    def _check_alone(self, motor: Motor, counts: Counts) -> None:
-        for other in self.motors:
-            if other is not motor and abs(counts[other.position - 1]) > TOUCHED_COUNTS:
-                raise BoardError(
-                    f"{other.name} (M{other.position}) turned while {motor.name} alone was driven: "
-                    "they touch the ground, are coupled, or the plugs of encoders are swapped.",
-                    remedy="Put the robot on a stand so that every wheel turns freely.",
-                )
 
     async def step(self, speed_m_s: float, hold_s: float) -> Traces:
         """Turn every wheel by one step from rest, and stop it again.
@@ -299,41 +275,10 @@ class Stand:
                 self._cut()
 
     def _wrong(self, expected: tuple[float, ...], first: Counts) -> str:
-        """What a wheel does that it should not, by its travel since the command; or nothing.
-
-        Late readings make a wheel look slower here, never faster.
-        """
         counted = self._counts_since(first)
         waited_s = seconds(self._clock.now_ns() - self._began_ns)
-        farthest_m = max(
-            abs(counted[each.position - 1]) * each.metres_per_tick for each in self.motors
-        )
-        for motor, wanted in zip(self.motors, expected, strict=True):
-            counts = counted[motor.position - 1] * motor.encoder_sign
-            along_m = math.copysign(counts * motor.metres_per_tick, counts * wanted)
-            name = f"{motor.name} (M{motor.position})"
-            if along_m < -AGAINST_M:
-                return (
-                    f"{name} turned against its command; the motors were cut. Its signs, or the "
-                    "wires of its encoder, are wrong."
-                )
-            if along_m > (TOO_FAST * abs(wanted) + TOO_FAST_M_S) * (waited_s + SLACK_S):
-                return (
-                    f"{name} ran at {along_m / waited_s:.2f} m/s where {abs(wanted):.2f} was "
-                    "commanded; the motors were cut. Look at its encoder's cable and at the stored "
-                    "settings."
-                )
-            if abs(counts) <= STANDS_COUNTS and farthest_m > STANDS_WHILE_S * abs(wanted):
-                return (
-                    f"{name} stood while another wheel turned; the motors were cut. Its encoder or "
-                    "its motor is not connected, or it is held."
-                )
-            if counts == 0 and waited_s > MOVES_WITHIN_S and not self.dialect.most_output:
-                return (
-                    f"{name} did not turn within {MOVES_WITHIN_S:g} s; the motors were cut. Its "
-                    "encoder or its motor is not connected, or the stored gains are far too small."
-                )
-        return ""
+        ramped = bool(self.dialect.most_output)
+        return wheel_faults.found(self.motors, expected, counted, waited_s, ramped=ramped)
 
     def _counts_since(self, first: Counts) -> Counts:
         ticks = self._line.ticks
