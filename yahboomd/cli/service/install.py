@@ -285,10 +285,11 @@ def _start(system: System, unit: str, files: list[PlannedFile]) -> int:
         "systemctl", "restart" if changed else "start", unit
     )
     name = unit.removesuffix(".service")
+    config = f"/etc/yahboomd/{name.partition('@')[2] or 'config'}.toml"
     print(
         f"\nLook at it:     systemctl status {name}\n"
         f"                journalctl -u {name} -f\n"
-        f"Configure it:   /etc/yahboomd/{_config_name(unit)}, then sudo systemctl restart {name}\n"
+        f"Configure it:   {config}, then sudo systemctl restart {name}\n"
         f"Stop it:        sudo systemctl stop {name}"
     )
     if not (ready and started):
@@ -310,11 +311,6 @@ def _start_web(system: System, files: list[PlannedFile], listen: str | None) -> 
         else "\nThe page:       sudo yahboomd web --show-link   prints its link and QR code"
     )
     return os.EX_OK
-
-
-def _config_name(unit: str) -> str:
-    instance = unit.removesuffix(".service").partition("@")[2]
-    return f"{instance or 'config'}.toml"
 
 
 def _run(command: Sequence[str]) -> int:

@@ -54,10 +54,6 @@ def _whole(value: SettingValue) -> str:
     return str(round(_number(value)))
 
 
-def _milli(value: SettingValue) -> str:
-    return f"{_number(value):.3f}"
-
-
 def _gains(value: SettingValue) -> str:
     assert isinstance(value, tuple)
     return ",".join(f"{gain:.3f}" for gain in value)
@@ -66,10 +62,6 @@ def _gains(value: SettingValue) -> str:
 def _number(value: SettingValue) -> float:
     assert isinstance(value, int | float)
     return value
-
-
-def _type_shown(value: SettingValue) -> str:
-    return f"{value:g} ({MOTOR_TYPES.get(round(_number(value)), 'unknown')})"
 
 
 def _ratio_shown(value: SettingValue) -> str:
@@ -96,7 +88,7 @@ TABLE: Final = (
         limits="1 to 4",
         wire=_whole,
         frame=_frame("mtype"),
-        shown=_type_shown,
+        shown=lambda value: f"{value:g} ({MOTOR_TYPES.get(round(_number(value)), 'unknown')})",
         steers=True,
         timeout_s=_STORE_S,
     ),
@@ -144,7 +136,7 @@ TABLE: Final = (
         least=1.0,
         most=10_000.0,
         limits="1 or more",
-        wire=_milli,
+        wire=lambda value: f"{_number(value):.3f}",
         frame=_frame("wdiameter"),
         steers=True,
         timeout_s=_STORE_S,

@@ -158,16 +158,12 @@ def _gains(_motor: int, p: int, i: int, d: int) -> Decoded:
     return Setting(name="pid", value=(p / 1000.0, i / 1000.0, d / 1000.0), last=True)
 
 
-def _unused(*numbers: int) -> Decoded:
-    return Unused(text=" ".join(map(str, numbers)))
-
-
 _MEANINGS: Final[dict[int, tuple[struct.Struct, Callable[..., Decoded]]]] = {
     # The velocity is the board's own guess by 10 ms: the counts say it better.
     SPEED: (struct.Struct("<3hB"), lambda _vx, _vy, _wz, tenths: Battery(volts=tenths / 10.0)),
     RAW_MPU9250: (struct.Struct("<9h"), _mpu9250),
     RAW_ICM20948: (struct.Struct("<9h"), _icm20948),
-    ATTITUDE: (struct.Struct("<3h"), _unused),
+    ATTITUDE: (struct.Struct("<3h"), lambda *angles: Unused(text=" ".join(map(str, angles)))),
     ENCODERS: (struct.Struct("<4i"), lambda *ticks: Totals(ticks=ticks)),
     MOTOR_PID: (struct.Struct("<B3H"), _gains),
     CAR_TYPE: (
