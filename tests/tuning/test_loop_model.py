@@ -7,10 +7,11 @@ import math
 from itertools import pairwise
 from random import Random
 
+import numpy as np
 import pytest
 
 from yahboomd.simulation.speed_loop import SpeedLoop, Tuning
-from yahboomd.tuning.loop_model import Gains, LoopModel, Step, fit, run
+from yahboomd.tuning.loop_model import Gains, LoopModel, Step, _shifted, fit, run
 from yahboomd.tuning.suggestion import suggest
 
 TICK_S = 0.01
@@ -124,3 +125,15 @@ def test_the_first_ticks_are_those_of_the_law_by_hand():
 
 def test_an_output_within_the_gap_moves_nothing():
     assert run(MOTOR, Gains(0.01, 0.0, 0.0), 400.0, tick_s=TICK_S, ticks=5) == [0.0] * 6
+
+
+@pytest.mark.parametrize(
+    ("late", "explained"),
+    [(-1.5, False), (-0.5, True), (0.0, True), (0.4, True), (1.3, True), (2.5, True), (3.5, False)],
+)
+def test_a_command_acts_up_to_two_and_a_half_ticks_late(late, explained):
+    ticks = np.arange(60.0)
+    expected, seen = (1.0 / (1.0 + np.exp((30.0 + by - ticks) / 3.0)) for by in (0.0, late))
+    a_tick = float(np.linalg.norm(np.gradient(expected)))
+    left = float(np.linalg.norm(_shifted(seen, expected)))
+    assert left < 0.05 * a_tick if explained else left > 0.7 * a_tick
