@@ -54,6 +54,20 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     return importlib.import_module("lanes").Lanes(config, log)
 
 
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """A process that computes is a session of its own, which weighs less than that of the others.
+
+    The kernel shares a processor among sessions, whatever their processes' priorities are, and its
+    own threads, which pass the bytes of a pty on, are beside them.
+    """
+    lanes = getattr(session.config.option, "loadgroup", False)
+    number = os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")
+    if lanes and importlib.import_module("lanes").computes(int(number)):
+        with contextlib.suppress(OSError):
+            os.setsid()
+            Path("/proc/self/autogroup").write_text("5", encoding="ascii")
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """A process that runs what only computes lets those go first that have to be in time."""

@@ -51,6 +51,11 @@ def _marks(path: Path) -> tuple[str | None, bool, frozenset[str]]:
     return group and group[1], bool(_ALL_REAL.search(text)), frozenset(_ONE_REAL.findall(text))
 
 
+def computes(number: int) -> bool:
+    """Whether a process never waits: one of three."""
+    return number % 3 == 1
+
+
 class Lanes(LoadScopeScheduling):  # type: ignore[misc]
     """Each process has a test, or a group of them, and the next one."""
 
@@ -99,7 +104,7 @@ class Lanes(LoadScopeScheduling):  # type: ignore[misc]
 
     def _next_scope(self, number: int) -> str | None:
         """The next one for a process: the first takes what comes, and every third computes."""
-        if number % 3 == 1:
+        if computes(number):
             last = next(reversed(self.workqueue), None)
             return None if last in self._waits else last
         return next(
