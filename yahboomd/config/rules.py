@@ -21,7 +21,6 @@ from yahboomd.protocol.registry import DIALECTS
 BITS_PER_BYTE = 10
 """8N1: a start bit, eight of data, a stop bit."""
 
-
 FIXED_TOPICS = {
     "tf": "the transforms",
     "tf_static": "the transforms",
@@ -295,17 +294,16 @@ def names(config: Config) -> Iterator[Finding]:
     keys = ("odom_topic", "joint_states_topic", "imu_topic", "battery_state_topic")
     for key in (*keys, "diagnostics_topic"):
         place: Place = ("ros2", key)
-        first = topics.setdefault(getattr(ros2, key), place)
+        topic: str = getattr(ros2, key)
+        first = topics.setdefault(topic, place)
         if first != place:
-            yield Finding(place, f'"{getattr(ros2, key)}" is {dotted(first)} as well', (first,))
-        if contents := FIXED_TOPICS.get(getattr(ros2, key)):
-            yield Finding(place, f'"{getattr(ros2, key)}" carries {contents}')
-        if getattr(ros2, key).split("/")[0] == "yahboomd":
-            words = f'"{getattr(ros2, key)}": below "yahboomd/" are native samples and services'
-            yield Finding(place, words)
+            yield Finding(place, f'"{topic}" is {dotted(first)} as well', (first,))
+        if contents := FIXED_TOPICS.get(topic):
+            yield Finding(place, f'"{topic}" carries {contents}')
+        if topic.partition("/")[0] == "yahboomd":
+            yield Finding(place, f'"{topic}": below "yahboomd/" are native samples and services')
     for source in config.command.sources:
-        taken = source in topics or source in FIXED_TOPICS
-        if ros2.bridge and taken:
+        if ros2.bridge and (source in topics or source in FIXED_TOPICS):
             words = "a topic that yahboomd itself publishes; choose another key"
             place = ("command", "sources", source)
             yield Finding(place, words, (topics.get(source, place),))
@@ -314,10 +312,9 @@ def names(config: Config) -> Iterator[Finding]:
 def ros(config: Config) -> Iterator[Finding]:
     """Names in a ROS 2 graph are valid there, and every frame has one parent."""
     ros2 = config.ros2
-    namespace: Place = ("zenoh", "namespace")
     if ros2.rmw_zenoh and config.zenoh.namespace and not is_ros_name(config.zenoh.namespace):
         words = "expected a name of ROS 2, of letters, digits and _, because of ros2.rmw_zenoh"
-        yield Finding(namespace, words, (("ros2", "rmw_zenoh"),))
+        yield Finding(("zenoh", "namespace"), words, (("ros2", "rmw_zenoh"),))
     for index, source in enumerate(ros2.stamped_commands):
         if source not in config.command.sources:
             words = f"no source of commands; there are {', '.join(config.command.sources)}"

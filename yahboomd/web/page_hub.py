@@ -274,10 +274,8 @@ class PageHub:
             # Who drives relies on the pose and on the stop.
             page.queue(_answered(request.id, ok=False, text=ANOTHERS))
         else:
-            answer = await action(request)
-            page.queue(
-                _answered(request.id, ok=answer.success, text=answer.message, data=answer.data)
-            )
+            found = await action(request)
+            page.queue(_answered(request.id, ok=found.success, text=found.message, data=found.data))
 
     def _refuse(self, page: PageSession, refusal: Refusal, what: str = "drive") -> None:
         now_ns = self._clock.now_ns()
@@ -296,8 +294,7 @@ class PageHub:
         parts |= self.robot.fresh()
         if (self._commands.driver, self.robot.driver) != self._driver:
             self._show_control()
-        for page in self._pages.values():
-            page.show(parts)
+        self._show(parts)
 
     def _hello(self, page: PageSession) -> bytes:
         return part(
