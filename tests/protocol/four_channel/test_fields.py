@@ -101,3 +101,10 @@ def test_other_than_four_numbers_cannot_be_written(units):
 def test_what_is_no_integer_cannot_be_written(unit):
     with pytest.raises(TypeError, match="integer"):
         command("spd", (0, unit, 0, 0), 1000)
+
+
+def test_the_largest_and_the_least_number_of_32_bits_are_numbers_and_no_others():
+    for value in (INT32_MIN, INT32_MAX):
+        assert integer(str(value)) == value
+    for value in (INT32_MIN - 1, INT32_MAX + 1):
+        assert integer(str(value)) is None

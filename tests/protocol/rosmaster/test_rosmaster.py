@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from yahboomd.drive.kinematics import KINEMATICS
 from yahboomd.errors import BoardError
 from yahboomd.model import Motor
-from yahboomd.protocol.profiles import PROFILES
+from yahboomd.protocol.profiles import NO_ENCODER_TYPE, PROFILES
+from yahboomd.protocol.rosmaster.functions import ICM20948, MPU9250
 from yahboomd.protocol.rosmaster.packets import PacketFramer, Words, frame
 from yahboomd.protocol.rosmaster.rosmaster import Rosmaster
 
@@ -163,3 +164,23 @@ def test_a_unit_that_is_no_whole_number_is_refused():
 
 def test_it_is_the_same_for_every_profile():
     assert ROSMASTER.for_profile(PROFILES["310"]) is ROSMASTER
+
+
+def test_the_first_words_to_the_board_are_those_of_its_firmware():
+    assert ROSMASTER.baudrate == 115_200
+    assert ROSMASTER.arm == (bytes.fromhex("ff fc 05 01 01 00 07"),)
+    assert ROSMASTER.listen_ns == 100_000_000
+    assert ROSMASTER.fastest_m_s == 2.0
+    assert NO_ENCODER_TYPE == 4
+
+
+def test_the_sensors_limits_and_noise_are_those_of_their_data_sheets():
+    assert (ICM20948.gyro_limit_rad_s, ICM20948.acceleration_limit_m_s2) == (32.767, 32.767)
+    assert MPU9250.gyro_limit_rad_s == pytest.approx(8.73, abs=0.01)
+    assert MPU9250.acceleration_limit_m_s2 == pytest.approx(19.6, abs=0.01)
+    for sensor, gyro, scale, acceleration, delay_ms in (
+        (MPU9250, 0.8e-3, 0.017, 0.013, 18),
+        (ICM20948, 1.9e-3, 0.009, 0.016, 10),
+    ):
+        assert (sensor.gyro_noise_rad_s, sensor.gyro_scale) == (gyro, scale)
+        assert (sensor.acceleration_noise_m_s2, sensor.delay_ns) == (acceleration, delay_ms * 10**6)
