@@ -123,3 +123,8 @@ def test_every_line_of_these_counts_from_the_one_that_came_first(first_ms, stead
 
 def test_a_backlog_takes_half_a_second_at_most():
     assert steady_after(*(2.5 * n for n in range(1, 400))) == 525.0
+
+
+def test_before_any_line_came_nothing_is_held_back():
+    arrivals = Arrivals()
+    assert (arrivals.steady, arrivals.gap, arrivals.spread) == (True, 0.0, 0.0)
