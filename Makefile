@@ -47,7 +47,7 @@ quick: $(VENV)/.dev ## in a minute: lint, types, imports, tests of single rooms 
 	@$(MAKE) --no-print-directory -j lint types imports single-rooms
 
 single-rooms: $(VENV)/.dev
-	$(PYTEST) -q -n auto --hypothesis-profile=few -m "not realtime" $(WHOLE_ROBOTS:%=--ignore=tests/%) $(REST) $(ARGS)
+	$(PYTEST) -q -n $(WORKERS) --hypothesis-profile=few -m "not realtime" $(WHOLE_ROBOTS:%=--ignore=tests/%) $(REST) $(ARGS)
 
 test: $(VENV)/.dev check ## set up, and pass every check of the daemon (ARGS='tests/drive -x' runs these tests only)
 
