@@ -219,11 +219,14 @@ def test_an_end_while_the_port_takes_no_output_says_whether_the_wheels_stood(
     with driver(robot.endpoint):
         driven(robot)
         robot.do(f"stall {stall_s}")
+        over_s = time.monotonic() + stall_s
         status = robot.daemon.end()
     # A pseudo-terminal tells nothing of what it holds back: what counts is what the counters show.
     assert status in {0, os.EX_TEMPFAIL}
     if status == os.EX_TEMPFAIL:
         assert "did not see the wheels stand" in robot.daemon.output
+        # Until then a stop can no more be obeyed than the daemon's was.
+        wait_for(lambda: time.monotonic() > over_s, "the port takes output again")
         stop = Process("stop", "--direct", "--port", str(robot.port))
         assert stop.end_by_itself() == 0, stop.output
     robot.settled_truth()

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from yahboomd.client import AsyncRobot, Samples
     from yahboomd.config import Config
 
-SAMPLE_WITHIN_S = 3.0
+SAMPLE_WITHIN_S = 8.0
 """Wheels are published many times a second; a daemon without any for so long does not run."""
 
 REST_NS = NS_PER_S // 2
