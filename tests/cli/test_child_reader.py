@@ -66,6 +66,15 @@ def test_a_reader_that_is_killed_is_not_taken_for_an_empty_configuration() -> No
     assert "ended with -9." in run("read_in_child(lambda: os.kill(os.getpid(), 9), int)()")
 
 
+def test_a_process_that_was_started_to_ignore_its_children_reads_as_well() -> None:
+    said = run(
+        "import signal\n"
+        "signal.signal(signal.SIGCHLD, signal.SIG_IGN)\n"
+        "print(read_in_child(lambda: 7, int)())\n"
+    )
+    assert said == "7\n"
+
+
 def test_a_process_with_threads_reads_itself() -> None:
     said = run(
         "ended = threading.Event()\n"

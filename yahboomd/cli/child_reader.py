@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from collections.abc import Callable
 from typing import TypeVar
@@ -27,6 +28,8 @@ def read_in_child(read: Callable[[], T], kind: type[T]) -> Callable[[], T]:
     if len(os.listdir("/proc/self/task")) > 1:
         # A copy of a process with threads may wait for one of them for ever.
         return read
+    # The program that started this one may have it forget how its children end.
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     reading, writing = os.pipe()
     child = os.fork()
     if child == 0:
