@@ -58,6 +58,23 @@ async def test_a_held_port_names_its_holder(simulated_board) -> None:
     assert f"kill {board.owner.pid}" in str(with_hints(held.value, board.port))
 
 
+@pytest.mark.realtime
+async def test_a_program_that_ends_while_it_is_looked_at_is_no_reason_to_give_up(
+    simulated_board, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    board = simulated_board()
+    board.drive()
+    name = f"python (pid {board.owner.pid})"
+
+    def ending(_port: str) -> tuple[str, ...]:
+        board.kill_owner()
+        return (name,)
+
+    monkeypatch.setattr("yahboomd.cli.own_port.holders", ending)
+    port = await opener_of(board.port, Config(), SystemClock())()
+    port.close()
+
+
 def test_a_board_that_is_gone_may_still_turn_a_wheel_and_the_error_says_how_to_stop_it() -> None:
     error = with_hints(PortLost("/dev/ttyUSB0: the port went away."), "/dev/ttyUSB0")
     assert isinstance(error, PortLost)

@@ -39,17 +39,18 @@ def opener_of(port: str, config: Config, clock: Clock) -> Opener:
 
     async def open_it() -> Port:
         end_ns = clock.now_ns() + GUARD_ENDS_WITHIN_NS
-        was_free = False
+        before: set[int] = set()
         while True:
             try:
                 return await open_port(options, clock)
             except PortBusy:
                 found = pids(holders(port))
-                # It may have ended in between; or this user may not see who has the port.
-                waits = all(map(is_guard, found)) if found else not was_free
-                was_free = not found
-                if clock.now_ns() >= end_ns or not waits:
+                # A guard that ends at this moment is none any more, or is not there (0), as is one
+                # that this user may not see: another program has the port at the next look, too.
+                others = {pid for pid in found if not is_guard(pid)} if found else {0}
+                if clock.now_ns() >= end_ns or others & before:
                     raise
+                before = others
             await asyncio.sleep(RETRY_S)
 
     return open_it
