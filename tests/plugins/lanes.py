@@ -1,9 +1,10 @@
 """Which process runs which test, where several processes run them side by side.
 
 Tests that are marked ``realtime`` wait for most of their time, and want a processor when they
-wake; the others use all that they get. So one process of three computes, at a low priority, and
-the others wait. What floods or measures is late beside its like: the first process has it all, one
-after the other. The tests of an ``xdist_group`` have one process.
+wake; the others use all that they get. So one process of two or three computes, at a low priority,
+and waits when nothing is left to compute; the others wait. What floods or measures is late beside
+its like: the first process has it all, one after the other. With a process for each core it has no
+robots beside it. The tests of an ``xdist_group`` have one process.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ def _marks(path: Path) -> tuple[str | None, bool, frozenset[str]]:
 
 
 def computes(number: int) -> bool:
-    """Whether a process never waits: one of three."""
+    """Whether a process computes first: one of two or three."""
     return number % 3 == 1
 
 
@@ -103,10 +104,9 @@ class Lanes(LoadScopeScheduling):  # type: ignore[misc]
         node.send_runtest_some([self._index[each] for each, done in unit.items() if not done])
 
     def _next_scope(self, number: int) -> str | None:
-        """The next one for a process: the first takes what comes, and every third computes."""
+        """The next one for a process: the first takes what comes, and what computes is last."""
         if computes(number):
-            last = next(reversed(self.workqueue), None)
-            return None if last in self._waits else last
+            return next(reversed(self.workqueue), None)
         return next(
             (each for each in self.workqueue if not number or each not in self._heavy), None
         )
