@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from yahboomd.drive.faults import Fault
 
 RESTING = 20
-"""After so many readings without a count no earlier one has a say any more."""
+"""After so many readings without a count, earlier ones no longer matter."""
 
 # From here on the loop's output no longer is the one of a wheel that follows.
 OWED_M = 0.005

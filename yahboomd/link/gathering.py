@@ -33,7 +33,7 @@ MOST: Final = 255
 """The kernel waits for no more bytes."""
 
 FETCHED_NS: Final = 20_000_000
-"""A board that is asked no more seldom has its answers fetched."""
+"""The answers of a board that is asked at least this often are fetched."""
 
 
 class Gathering:
