@@ -20,6 +20,7 @@ CHUNKS = st.lists(st.text(min_size=1, max_size=8), min_size=1, max_size=4).map("
 def test_names_that_zenoh_or_a_reader_would_trip_over_are_refused():
     for name in ("/bot1", "bot1/", "a//b", "bot*", "a/**", "b$t", "who?", "a#b", "a b", "@bot", ""):
         assert name_problem(name), name
+    assert name_problem("bot\udcff") == "it is not UTF-8"
     assert name_problem("/bot1") == name_problem("bot1/") == "it may not begin or end with '/'"
 
 
@@ -69,6 +70,7 @@ def test_endpoints_that_zenoh_takes_are_taken(endpoint):
         "unixsock-stream/",
         "unixsock-stream/relative.sock",
         "tcp/127.0.0.1:7448\n",
+        "tcp/robot\udcff:7448",
     ],
 )
 def test_endpoints_that_zenoh_cannot_use_are_refused(endpoint):

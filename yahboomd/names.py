@@ -17,10 +17,21 @@ _ADDRESS = re.compile(r"(?P<host>\[[0-9A-Fa-f:.%a-z]+\]|[^:\[\]/]+):(?P<port>[0-
 # Zenoh's rules for a key without wildcards: chunks that are not empty, none of `*`, `$`, `?`, `#`.
 # `@` opens a chunk that wildcards do not reach; a robot must not be hidden by accident.
 _CHUNK = re.compile(r"[^*$?#/@\s\x00-\x1f][^*$?#/\s\x00-\x1f]*\Z")
+_SURROGATE = re.compile("[\ud800-\udfff]")
+
+NOT_UTF8 = "it is not UTF-8"
+"""Said of text with bytes that are no character."""
+
+
+def is_utf8(text: str) -> bool:
+    """Whether text can be sent: bytes of the command line that are no UTF-8 become surrogates."""
+    return not _SURROGATE.search(text)
 
 
 def name_problem(name: str) -> str | None:
     """The reason why ``name`` cannot be a namespace or a key below it; None when it can."""
+    if not is_utf8(name):
+        return NOT_UTF8
     if name.startswith("/") or name.endswith("/"):
         return "it may not begin or end with '/'"
     for chunk in name.split("/"):
@@ -36,6 +47,8 @@ def endpoint_problem(endpoint: str) -> str | None:
 
     Zenoh reports no wrong endpoint to connect to: it retries it for ever.
     """
+    if not is_utf8(endpoint):
+        return NOT_UTF8
     parts = _ENDPOINT.fullmatch(endpoint)
     if parts is None:
         return "it is not of the form protocol/address, such as tcp/127.0.0.1:7447"

@@ -236,6 +236,43 @@ def test_a_full_disk_is_a_sentence(full_disk):
     assert done.stderr == "yahboomd: the output cannot be written: No space left on device.\n"
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["run", "--port", "/tmp/\udcff"],
+        ["web", "--namespace", "\udcff"],
+        ["config", "show", "--set", "serial.port=/tmp/\udcff"],
+        ["probe", "--json", "--port", "/tmp/\udcff"],
+        ["setup", "--port", "/tmp/\udcff"],
+        ["tune", "--port", "/tmp/\udcff"],
+        ["stop", "--release", "--port", "/tmp/\udcff"],
+        ["send", "--vx", "0.1", "--for", "1", "--source", "\udcff"],
+    ],
+)
+def test_an_argument_that_is_not_utf8_is_a_sentence(yahboomd, arguments):
+    done = yahboomd(*arguments)
+    assert done.returncode == os.EX_CONFIG
+    assert "it is not UTF-8" in done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("command", ["run", "config"])
+def test_a_variable_that_is_not_utf8_is_a_sentence(yahboomd, command):
+    done = yahboomd(command, *["check"] * (command == "config"), YAHBOOMD_SERIAL__PORT="/\udcff")
+    assert done.returncode == os.EX_CONFIG
+    assert done.stderr.splitlines()[1:] == [
+        "YAHBOOMD_SERIAL__PORT: serial.port: it is not UTF-8, got /?"
+    ]
+
+
+def test_a_file_whose_name_is_not_utf8_is_read_and_shown(yahboomd, tmp_path):
+    file = tmp_path / "\udcff.toml"
+    file.touch()
+    done = yahboomd("config", "check", "--config", str(file), PYTHONIOENCODING="utf-8:strict")
+    assert done.returncode == os.EX_OK, done.stderr
+    assert "\\udcff.toml" in done.stdout
+
+
 def test_a_closed_output_is_no_error():
     command = f"{sys.executable} -m yahboomd completions bash >&-"
     done = subprocess.run(["sh", "-c", command], stderr=subprocess.PIPE, timeout=60, check=False)

@@ -134,6 +134,16 @@ def test_an_override_without_section_key_and_value_is_a_mistake(layers, override
     assert layers.data == {}
 
 
+def test_a_value_that_is_not_utf8_is_a_mistake_at_its_key(layers):
+    layers.read_environment({"YAHBOOMD_SERIAL__PORT": "/dev/\udcff"})
+    layers.read_overrides(['serial.port="/tmp/\udcfe"'])
+    assert words(layers) == [
+        "serial.port: it is not UTF-8, got /dev/?",
+        'serial.port: it is not UTF-8, got "/tmp/?"',
+    ]
+    assert layers.data == {}
+
+
 def test_an_override_takes_the_place_of_what_is_no_table(layers, tmp_path):
     path = tmp_path / "config.toml"
     path.write_text("limits = 3\n")

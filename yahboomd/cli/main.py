@@ -12,6 +12,7 @@ import contextlib
 import errno
 import importlib
 import importlib.util
+import io
 import os
 import signal
 import sys
@@ -105,6 +106,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     if argv is not None:
         return _run(list(argv))
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # As standard error does: a file's name may have bytes that are no character.
+        sys.stdout.reconfigure(errors="backslashreplace")
     try:
         status = _run(sys.argv[1:])
     except Exception:

@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from yahboomd.config.positions import key_lines
-from yahboomd.config.values import Place
+from yahboomd.config.values import Place, dotted
+from yahboomd.names import NOT_UTF8, is_utf8
 
 PREFIX = "YAHBOOMD_"
 """The names of our environment variables start with it."""
@@ -157,6 +158,9 @@ class Layers:
             self._set(tuple(part.strip(" \t\"'") for part in parts), found["value"], origin)
 
     def _set(self, place: tuple[str, ...], text: str, origin: Origin) -> None:
+        if not is_utf8(text):
+            self.mistakes.append((origin, f"{dotted(place)}: {NOT_UTF8}, got {plain(text)}"))
+            return
         self._put(place, toml_value(text), origin, text)
 
     def _put(self, place: tuple[str, ...], value: object, origin: Origin, text: str) -> None:

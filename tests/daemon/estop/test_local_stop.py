@@ -218,6 +218,17 @@ async def test_a_daemon_without_the_socket_goes_on_and_says_so(
     robot.local.close()
 
 
+async def test_a_folder_whose_name_is_not_utf8_is_one_that_the_status_can_name(
+    tmp_path: Path,
+) -> None:
+    folder = tmp_path / "\udcff"
+    folder.mkdir()
+    robot = Robot(folder)
+    await robot.local.open()
+    assert robot.local.status_values()["local_socket"] == f"{tmp_path}/?/stop.sock"
+    robot.local.close()
+
+
 async def test_the_file_is_gone_once_it_is_closed(robot: Robot) -> None:
     assert robot.local.status_values()["local_socket"] == str(robot.path)
     robot.local.close()

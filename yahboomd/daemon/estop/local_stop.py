@@ -21,6 +21,7 @@ from typing import Any
 from yahboomd.bus.blocking import bounded
 from yahboomd.daemon.estop.local_socket import Listening, Peer, listen, peer_of
 from yahboomd.drive.standing import STANDING_M_S
+from yahboomd.program import readable
 
 log = logging.getLogger(__name__)
 
@@ -145,7 +146,7 @@ class LocalStop:
 
     def status_values(self) -> dict[str, Any]:
         """For the status: where the socket is, and what became of connections."""
-        path = "" if self._listening is None else str(self._listening.path)
+        path = "" if self._listening is None else readable(str(self._listening.path))
         names = ("stops", "refused", "dropped")
         return {"local_socket": path} | {f"local_{name}": self._counters[name] for name in names}
 
