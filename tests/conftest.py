@@ -92,18 +92,36 @@ def pytest_collection() -> Iterator[None]:
 __all__ = ["client", "real_robot", "virtual_time_run", "zenoh_router"]
 
 
+def _remove_rings(runtime: Path) -> None:
+    """A ring outlives the folder that it belongs to, of an earlier run with the same name too."""
+    if (rings := ring_folder(runtime, os.getuid())) != runtime:
+        shutil.rmtree(rings, ignore_errors=True)
+
+
 @pytest.fixture(scope="session", autouse=True)
 def runtime_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Daemons and stops of these tests find only each other, whatever else this machine runs."""
     runtime = tmp_path_factory.mktemp("run")
+    _remove_rings(runtime)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("RUNTIME_DIRECTORY", str(runtime))
         patch.setenv("STATE_DIRECTORY", str(tmp_path_factory.mktemp("state")))
         yield
     # The rings of daemons that were killed, and the folders of all.
     for folder, _, _ in os.walk(tmp_path_factory.getbasetemp()):
-        if (rings := ring_folder(Path(folder), os.getuid())) != Path(folder):
-            shutil.rmtree(rings, ignore_errors=True)
+        _remove_rings(Path(folder))
+
+
+@pytest.fixture(autouse=True)
+def no_ring_is_there(request: pytest.FixtureRequest) -> Iterator[None]:
+    """A test begins without rings in its own folders, and leaves none."""
+    if "tmp_path" not in request.fixturenames:
+        yield
+        return
+    own: Path = request.getfixturevalue("tmp_path")
+    _remove_rings(own / "run")
+    yield
+    _remove_rings(own / "run")
 
 
 @pytest.fixture
