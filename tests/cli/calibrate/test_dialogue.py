@@ -221,6 +221,23 @@ def test_holds_that_waited_while_the_command_was_frozen_do_not_move_the_robot_af
     assert robot.settled_truth().travel_m == pytest.approx(stopped.travel_m, abs=2e-3)
 
 
+def test_a_command_that_was_frozen_in_mid_run_does_the_run_once_more(
+    robot: RealRobot, lead: Callable[..., LedCalibration]
+) -> None:
+    led = lead("tape", *QUICK)
+    led.answer(led.question())
+    wait_for(lambda: moves(robot), "it drives")
+    led.process.send_signal(signal.SIGSTOP)
+    stopped = robot.settled_truth()
+    wait_for(lambda: robot.truth()[-1].t_ns > stopped.t_ns + 2_500_000_000, "it was long")
+    led.process.send_signal(signal.SIGCONT)
+    asked = led.question()
+    assert asked["text"].startswith("The daemon was lost for a moment, or this machine was too")
+    assert robot.settled_truth().travel_m == pytest.approx(stopped.travel_m, abs=2e-3)
+    led.answer(asked)
+    assert led.question()["name"] == "length"
+
+
 def test_a_robot_that_is_not_there_is_refused_in_the_dialogue_too(
     lead: Callable[..., LedCalibration],
 ) -> None:

@@ -21,8 +21,9 @@ if TYPE_CHECKING:
     from yahboomd.client import AsyncRobot, Samples
     from yahboomd.config import Config
 
-SAMPLE_WITHIN_S = 8.0
-"""Wheels are published many times a second; a daemon without any for so long does not run."""
+DAEMON_WITHIN_S = 8.0
+"""A daemon that publishes no wheels and answers nothing for so long does not run; one that is only
+busy is waited for, since a person has put the robot onto its mark."""
 
 REST_NS = NS_PER_S // 2
 """Counts that have not changed for so long do not change by rolling on."""
@@ -103,8 +104,12 @@ class Leg:
         return (right_m - left_m) / separation_m * (1.0 if self.wz > 0.0 else -1.0)
 
 
-class LetGo(Exception):
-    """The person let go of the button in mid-run; the robot was stopped."""
+class Interrupted(Exception):
+    """The robot was stopped in mid-run by no fault of its own; says by what."""
+
+
+LET_GO = "The button was let go, or the connection was too slow"
+LOST = "The daemon was lost for a moment, or this machine was too busy to command it"
 
 
 class Driver:
@@ -136,7 +141,7 @@ class Driver:
 
     async def _next(self) -> Sides:
         try:
-            async with asyncio.timeout(SAMPLE_WITHIN_S):
+            async with asyncio.timeout(DAEMON_WITHIN_S):
                 sample = await anext(self._samples)
         except (TimeoutError, StopAsyncIteration):
             raise NoDaemon(
@@ -187,11 +192,11 @@ class Driver:
             progress: Is called with the part of it that was driven, from 0 to 1.
 
         Raises:
-            LetGo: The person let go of the button.
+            Interrupted: The person let go of the button, or the command ended by itself.
             Refused: The robot does not obey, or does not get on.
             NoDaemon: It was lost.
         """
-        before = await self._robot.get(StatusSample)
+        before = await self._robot.get(StatusSample, timeout_s=DAEMON_WITHIN_S)
         if before is None:
             raise Refused("The daemon has published no status yet: nothing was driven.")
         obedience = Obedience(self._source, before)
@@ -255,24 +260,23 @@ class _Command:
         """Command on.
 
         Raises:
-            LetGo: The person let go.
+            Interrupted: The person let go, or the command ended by itself.
             Refused: The leg's time is over.
         """
-        if self._hold is None:
-            over = self._robot.commanded is None
-        else:
-            if (held_s := self._hold.left_s()) <= 0.0:
-                raise LetGo
-            left_s = seconds(self._ends_ns - SystemClock().now_ns())
-            over = left_s <= 0.0
-            if not over:
-                leg = self._leg
-                self._robot.drive(leg.vx, leg.wz, vy=leg.vy, for_s=min(held_s, left_s))
-        if over:
+        held_s = None if self._hold is None else self._hold.left_s()
+        if held_s is not None and held_s <= 0.0:
+            raise Interrupted(LET_GO)
+        left_s = seconds(self._ends_ns - SystemClock().now_ns())
+        if left_s <= 0.0:
             raise Refused(
                 f"After {self._leg.limit_s:.0f} s the robot was not where its counts should "
                 "be, and was stopped: do all wheels turn, and the right way round?"
             )
+        if held_s is not None:
+            leg = self._leg
+            self._robot.drive(leg.vx, leg.wz, vy=leg.vy, for_s=min(held_s, left_s))
+        elif self._robot.commanded is None:
+            raise Interrupted(LOST)
 
 
 def straight(metres: float, speed: float) -> list[Leg]:

@@ -7,8 +7,18 @@ import math
 from functools import partial
 from typing import TYPE_CHECKING
 
+from yahboomd.bus import keys
 from yahboomd.cli.calibrate.asking import Number
-from yahboomd.cli.calibrate.shapes import Driver, Leg, LetGo, sideways, square, straight, turns
+from yahboomd.cli.calibrate.shapes import (
+    DAEMON_WITHIN_S,
+    Driver,
+    Interrupted,
+    Leg,
+    sideways,
+    square,
+    straight,
+    turns,
+)
 from yahboomd.errors import ConfigError, Refused
 
 if TYPE_CHECKING:
@@ -116,7 +126,8 @@ async def config_of(robot: AsyncRobot, loaded: Loaded) -> Config:
     from yahboomd.config import Config
     from yahboomd.config.calibration_file import geometry_of
 
-    config = Config.of(await robot.config())
+    answer = await robot.call(keys.CONFIG, timeout_s=DAEMON_WITHIN_S)
+    config = Config.of(answer.data)
     if geometry_of(config) != geometry_of(loaded.config):
         raise ConfigError(
             "The daemon runs with another robot's configuration than "
@@ -247,10 +258,10 @@ class _Wizard:
             try:
                 for part, leg in enumerate(legs, start=1):
                     await driver.drive(leg, partial(person.progress, part, len(legs)))
-            except LetGo:
+            except Interrupted as why:
                 words = (
-                    "The button was let go, or the connection was too slow: the robot stopped, and "
-                    "this run does not count. Put it back on its mark; it is done once more."
+                    f"{why}: the robot stopped, and this run does not count. Put it back on its "
+                    "mark; it is done once more."
                 )
             else:
                 return
