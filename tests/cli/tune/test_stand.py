@@ -8,7 +8,7 @@ import pytest
 from tuning_bench import TuningBench
 
 from yahboomd.cli.tune.stand import Stand
-from yahboomd.errors import BoardError
+from yahboomd.errors import BoardError, BoardSilent
 from yahboomd.simulation.motors import FAULTS, HEALTHY
 from yahboomd.simulation.virtual_time import on_virtual_time
 
@@ -135,6 +135,26 @@ async def test_a_reset_of_the_board_ends_it() -> None:
     bench.link.robot.board.reset(bench.link.clock.now_ns(), by_power=True)
     with pytest.raises(BoardError, match="reset itself"):
         await task
+    await standing(bench)
+
+
+@pytest.mark.parametrize("while_driven", [True, False])
+@on_virtual_time
+async def test_a_board_that_says_nothing_more_shows_no_wheel_that_turns(while_driven) -> None:
+    bench = TuningBench()
+    motors = bench.link.robot.plant.motors
+
+    async def mute() -> None:
+        for driven in (True,) if while_driven else (True, False):
+            while any(each.pwm for each in motors) != driven:
+                await asyncio.sleep(0.005)
+        bench.link.robot.mute(bench.link.clock.now_ns(), 60.0)
+
+    muting = asyncio.ensure_future(mute())
+    with pytest.raises(BoardSilent, match="no counts come: whether the wheels stand is not known"):
+        async with opened(bench) as stand:
+            await stand.ramp(stand.motors[0], 1)
+    await muting
     await standing(bench)
 
 

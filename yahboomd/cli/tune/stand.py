@@ -258,7 +258,7 @@ class Stand:
                     remedy="Its supply is too weak: feed the motors from a battery, and charge it.",
                 )
             if now_ns - self._heard_ns > SILENT_NS:
-                raise BoardSilent(f"{self._line.port.name}: the counters stopped.")
+                raise self._silent()
             if now_ns >= end_ns:
                 return
             if now_ns >= beat_ns:
@@ -286,6 +286,13 @@ class Stand:
         a, b, c, d = (unwrapped(new - old) for new, old in zip(ticks, first, strict=True))
         return a, b, c, d
 
+    def _silent(self) -> BoardSilent:
+        return BoardSilent(
+            f"{self._line.port.name}: the motors were cut, and no counts come: whether the wheels "
+            "stand is not known.",
+            remedy="Look at the wheels, then at the board's supply and cable; try `yahboomd probe`.",
+        )
+
     def _cut(self) -> None:
         self._expected = None
         self._line.writer.quiet()
@@ -300,6 +307,8 @@ class Stand:
         while (speed := line.watch.speed) is None or speed > STILL_TICKS_PER_S:
             now_ns = clock.now_ns()
             if now_ns >= end_ns:
+                if now_ns - self._heard_ns > SILENT_NS:
+                    raise self._silent()
                 raise BoardError(
                     f"{line.port.name}: the motors are cut, and a wheel still turns.",
                     remedy="Switch the supply of the motors off.",
