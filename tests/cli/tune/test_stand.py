@@ -158,6 +158,22 @@ async def test_a_board_that_says_nothing_more_shows_no_wheel_that_turns(while_dr
     await standing(bench)
 
 
+@pytest.mark.parametrize("dialect", ["streamed", "polled"])
+@pytest.mark.parametrize("damage", ["loss", "corruption"])
+@on_virtual_time
+async def test_a_line_that_damages_bytes_is_blamed_not_a_wheel(dialect, damage) -> None:
+    bench = TuningBench(dialect=dialect)
+
+    async def work() -> None:
+        async with opened(bench) as stand:
+            bench.link.robot.impairments.change(**{damage: 0.05})
+            while True:
+                await stand.step(0.4, 1.0)
+
+    with pytest.raises(BoardError, match=r"^/dev/simulated: the line .* Check the USB cable"):
+        await work()
+
+
 @on_virtual_time
 async def test_cancelled_in_a_step_the_wheels_stand() -> None:
     bench = TuningBench()

@@ -87,7 +87,7 @@ class Stand:
         """Stop the wheels, find out what board is there, and have it send its counters.
 
         Raises:
-            BoardError: Its stored settings forbid motion.
+            BoardError: Its stored settings forbid motion, or the line damages what it carries.
             LinkError: The port cannot be had, or no board answers.
         """
         line = Line(await opener(), clock)
@@ -108,25 +108,30 @@ class Stand:
                 stop = dialect.resync + (dialect.cut or dialect.brake)
                 guard = Guard.start(line.port.fileno(), stop)
             try:
-                stand = cls(line, dialect, motors, motion, guard)
-                stand.settings = settings
-                stand.volts = await talk.read_battery()
-                # A brake would start the board's speed loop again.
-                line.let_go = dialect.cut is not None
-                for frame in dialect.arm:
-                    line.writer.queue(frame)
-                if await talk.read_counters() is None:
-                    raise BoardSilent(f"{line.port.name}: the board sends no counters.")
-                if dialect.poll is not None:
-                    line.tasks.start(stand._poll(dialect.poll), "poll")
-                await stand._stand()
-                yield stand
-                await stand._stand()
+                async with _line_blamed(line, dialect):
+                    stand = cls(line, dialect, motors, motion, guard)
+                    stand.settings = settings
+                    stand.volts = await talk.read_battery()
+                    # A brake would start the board's speed loop again.
+                    line.let_go = dialect.cut is not None
+                    for frame in dialect.arm:
+                        line.writer.queue(frame)
+                    if await talk.read_counters() is None:
+                        raise BoardSilent(
+                            f"{line.port.name}: the board sends no counters.",
+                            remedy="Is the cable long or noisy? Try `yahboomd probe`.",
+                        )
+                    if dialect.poll is not None:
+                        line.tasks.start(stand._poll(dialect.poll), "poll")
+                    await stand._stand()
+                    yield stand
+                    await stand._stand()
             finally:
                 line.writer.quiet()
                 if guard is not None:
                     # It must not hold the port open; the line stops the wheels itself.
-                    await line.rest(dialect)
+                    if line.report is None:
+                        await line.rest(dialect)
                     guard.close()
 
     @property
@@ -290,7 +295,7 @@ class Stand:
         return BoardSilent(
             f"{self._line.port.name}: the motors were cut, and no counts come: whether the wheels "
             "stand is not known.",
-            remedy="Look at the wheels, then at the board's supply and cable; try `yahboomd probe`.",
+            remedy="Look at the wheels, then at the supply and the cable. Try `yahboomd probe`.",
         )
 
     def _cut(self) -> None:
@@ -324,3 +329,25 @@ class Stand:
         while True:
             self._line.writer.poll(frame, POLL_TIMEOUT_NS)
             await sleep_until(self._clock, self._clock.now_ns() + POLL_NS)
+
+
+@contextlib.asynccontextmanager
+async def _line_blamed(line: Line, dialect: Dialect) -> AsyncIterator[None]:
+    """Blame a line that damages what it carries, whatever was seen over it.
+
+    Raises:
+        BoardError: The line is to blame.
+    """
+    try:
+        yield
+    except (BoardError, BoardSilent) as error:
+        # Meanwhile the line shows what it damages.
+        await line.rest(dialect)
+        if not line.noisy:
+            raise
+        raise BoardError(
+            f"{line.port.name}: the line to the board loses or alters bytes, so nothing is known "
+            "of the wheels; the motors were cut. Check the USB cable, its shield and its distance "
+            f"from the motors' wires, then tune again. If it goes on: {error.message}",
+            remedy=error.remedy,
+        ) from error

@@ -50,7 +50,8 @@ exit status:
   1    refused: the emergency stop is engaged, no gains were better, or an answer denied it
   69   no port, a held one, or no board
   77   no permission
-  78   a mistake in the configuration, or a wheel does not do as it should
+  78   a mistake in the configuration, a wheel that does not do as it should, or a line to the
+       board that loses or alters bytes
   130  Ctrl-C; other signals end with 128 and their number. The wheels were stopped
 """
 
