@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 from pathlib import Path
 
 import msgspec
@@ -10,7 +11,15 @@ import pytest
 from tuning_bench import configured
 
 from yahboomd.cli.tune import saved
-from yahboomd.cli.tune.saved import SavedSettings, finish, read_saved, remove, save, saved_path
+from yahboomd.cli.tune.saved import (
+    SavedSettings,
+    check_place,
+    finish,
+    read_saved,
+    remove,
+    save,
+    saved_path,
+)
 from yahboomd.errors import ConfigError, Refused
 
 FIRST = SavedSettings(
@@ -75,6 +84,25 @@ def test_a_file_that_was_cut_short_beside_it_is_no_harm(tmp_path):
 def test_where_the_disk_does_not_take_it_the_board_is_left_alone():
     with pytest.raises(Refused, match="The board is left as it is"):
         save(Path("/proc/nowhere/board.json"), FIRST)
+
+
+def test_a_check_leaves_no_file(tmp_path):
+    path = tmp_path / "state" / "board.json"
+    check_place(path, "/dev/ttyUSB0")
+    assert list(path.parent.iterdir()) == []
+    save(path, FIRST)
+    check_place(path, "/dev/ttyUSB0")
+    assert read_saved(path) == FIRST
+
+
+def test_a_check_finds_a_full_disk(tmp_path):
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, limits[1]))
+    try:
+        with pytest.raises(Refused, match=r"board\.json cannot be written: File too large\."):
+            check_place(tmp_path / "board.json", "/dev/ttyUSB0")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
 
 
 def test_a_file_of_something_else_is_named(tmp_path):

@@ -195,3 +195,23 @@ async def test_where_the_picture_is_not_written_the_figures_are_shown(
         assert "suggested       P" in capsys.readouterr().out
     assert status == 1
     assert "No space left on device" in words
+
+
+@pytest.mark.parametrize("dry_run", [False, True])
+@on_virtual_time
+async def test_a_folder_that_takes_no_file_is_refused_before_a_wheel_turns(
+    tmp_path, dry_run
+) -> None:
+    bench = TuningBench()
+    (tmp_path / "file").touch()
+    args = argparse.Namespace(
+        yes=True, dry_run=dry_run, json=False, output=tmp_path / "steps.svg", speed=0.4
+    )
+    tuning = Tuning(args, bench.config, "/dev/simulated", tmp_path / "file" / "saved")
+    if dry_run:
+        assert await tuning.tune(bench.procedure()) == 0
+    else:
+        with pytest.raises(Refused, match=r"file/saved cannot be (read|written)"):
+            await tuning.tune(bench.procedure())
+    driven = {frame for frame in bench.link.frames if frame.startswith((b"$pwm:", b"$spd:"))}
+    assert bool(driven - {b"$pwm:0,0,0,0#", b"$spd:0,0,0,0#"}) == dry_run

@@ -81,8 +81,12 @@ class Procedure:
         self._stored: BoardSettings = {}
         self._count = 0.0
 
-    async def examine(self) -> None:
+    async def examine(self, ready: Callable[[], None] = lambda: None) -> None:
         """Check each wheel, find its dead zone, and measure the steps of the stored gains.
+
+        Args:
+            ready: Called before a wheel turns, where the board stores gains; raises where what it
+                stores now could not be kept.
 
         Raises:
             BoardError: A wheel touches the ground, or does not do as it is commanded.
@@ -100,6 +104,8 @@ class Procedure:
             result.wheels = [
                 Wheel(name=motor.name, position=motor.position) for motor in stand.motors
             ]
+            if dialect.settings:
+                ready()
             if dialect.most_output:
                 await self._ramps(stand)
             else:

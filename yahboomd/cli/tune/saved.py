@@ -95,6 +95,16 @@ def save(path: Path, found: SavedSettings) -> SavedSettings:
     return found
 
 
+def check_place(path: Path, port: str) -> None:
+    """Check that :func:`save` will work there, by writing a file beside it that does not stay.
+
+    Raises:
+        Refused: It will not.
+    """
+    read_saved(path)
+    _write(path, SavedSettings(made="", port=port, dialect="", settings={}), stays=False)
+
+
 def finish(path: Path, saved: SavedSettings) -> None:
     """Note that the tuning came to its end: the next one saves what the board has then.
 
@@ -116,7 +126,7 @@ def settings_of(saved: SavedSettings) -> BoardSettings:
     return values
 
 
-def _write(path: Path, saved: SavedSettings) -> None:
+def _write(path: Path, saved: SavedSettings, *, stays: bool = True) -> None:
     beside = path.with_name(f".{path.name}.new")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -128,8 +138,11 @@ def _write(path: Path, saved: SavedSettings) -> None:
             os.fsync(fd)
         finally:
             os.close(fd)
-        os.replace(beside, path)
-        _sync(path.parent)
+        if stays:
+            os.replace(beside, path)
+            _sync(path.parent)
+        else:
+            beside.unlink()
     except OSError as error:
         raise Refused(
             f"{path} cannot be written: {error.strerror}. The board is left as it is.",

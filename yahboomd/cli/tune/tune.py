@@ -198,7 +198,7 @@ class Tuning:
             raise Refused("The wheels have to be in the air: nothing was turned.")
         stored = True
         try:
-            await procedure.examine()
+            await procedure.examine(self._check_place)
             if result.worth_writing and not args.dry_run:
                 stored = await procedure.store(self._agree, self._save)
                 self._finish()
@@ -253,6 +253,12 @@ class Tuning:
         if self._args.yes:
             return True
         return await self._yes("Store it? [y/N]")
+
+    def _check_place(self) -> None:
+        from yahboomd.cli.tune.saved import check_place
+
+        if not self._args.dry_run:
+            check_place(self._place, self._port)
 
     def _save(self, dialect: Dialect, settings: BoardSettings) -> None:
         from yahboomd.cli.tune.saved import SavedSettings, save
