@@ -112,3 +112,14 @@ def test_the_command_that_releases_reaches_the_daemon_that_was_stopped(
 
 def test_where_a_daemon_has_its_standard_address_is_as_configured() -> None:
     assert Config().zenoh.listen == (program.STANDARD_LISTEN,)
+
+
+def test_in_a_folder_that_was_removed_the_whole_path_is_named(
+    own: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gone = own.parents[2] / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    assert program.pasteable("`yahboomd stop`") == f"`{own} stop`"
+    assert program.install_command("web").startswith(f"{own.with_name('python')} -m pip")

@@ -13,13 +13,15 @@
 ├── ``BusError``         the Zenoh session: exit 69 (EX_UNAVAILABLE)
 │   ├── ``NoDaemon``         no daemon answers there
 │   └── ``Refused``          the daemon answered, and does not do it: exit 1
-└── ``ListenError``      another listener of ours: exit 69 (EX_UNAVAILABLE)
+├── ``ListenError``      another listener of ours: exit 69 (EX_UNAVAILABLE)
+└── ``LimitError``       too few files, or too little memory: exit 71 (EX_OSERR)
 
 Bad bytes, from the wire or from the bus, are no exceptions: they are counted.
 """
 
 from __future__ import annotations
 
+import errno
 import os
 from typing import ClassVar
 
@@ -107,3 +109,26 @@ class ListenError(YahboomdError):
     """An address for scrapers cannot be listened on."""
 
     exit_code = os.EX_UNAVAILABLE
+
+
+class LimitError(YahboomdError):
+    """The system gives this process too few files, or too little memory."""
+
+    exit_code = os.EX_OSERR
+
+
+_SHORTAGES = (errno.EMFILE, errno.ENFILE, errno.ENOMEM)
+
+
+def shortage(error: BaseException) -> LimitError | None:
+    """The limit that an error of the system is due to; None for any other error."""
+    words = "no memory is left" if isinstance(error, MemoryError) else ""
+    if isinstance(error, OSError) and error.errno in _SHORTAGES:
+        words = str(error.strerror)
+    if not words:
+        return None
+    return LimitError(
+        f"The system gives this process too little: {words}.",
+        remedy="`ulimit -a` shows the limits of this shell; a service has its own (LimitNOFILE=, "
+        "MemoryMax=).",
+    )

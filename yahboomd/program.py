@@ -74,8 +74,19 @@ def name() -> str:
             if found.samefile(own):
                 return "yahboomd"
             break
-    here = Path.cwd()
-    return str(own.relative_to(here) if own.is_relative_to(here) else own)
+    return str(_from_here(own))
+
+
+def _from_here(path: Path) -> Path:
+    """The path from the current folder, where it leads to it."""
+    try:
+        here = Path.cwd()
+    except OSError:
+        # The folder was removed while the program runs.
+        return path
+    # A service's folder is the root.
+    is_below = path.is_relative_to(here) and here != Path("/")
+    return path.relative_to(here) if is_below else path
 
 
 def pasteable(text: str) -> str:
@@ -88,15 +99,11 @@ def pasteable(text: str) -> str:
 def install_command(extra: str) -> str:
     """The command that adds an extra to the environment that runs this program."""
     python = Path(sys.executable)
-    here = Path.cwd()
     source = Path(__file__).parent.parent
     package = "yahboomd"
     if (source / "pyproject.toml").is_file():
-        package = "." if source == here else str(source)
-    # A service's folder is the root.
-    is_below = python.is_relative_to(here) and here != Path("/")
-    shown = python.relative_to(here) if is_below else python
-    return shlex.join([str(shown), "-m", "pip", "install", f"{package}[{extra}]"])
+        package = "." if _from_here(source) == Path() else str(source)
+    return shlex.join([str(_from_here(python)), "-m", "pip", "install", f"{package}[{extra}]"])
 
 
 def release_command(namespace: str, listen: Sequence[str]) -> str:

@@ -1,10 +1,13 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
+from contextlib import suppress
+from pathlib import Path
 
-from real_robot import free_endpoint
+from real_robot import free_endpoint, wait_for
 
 START = """
 import os, sys, threading
@@ -98,3 +101,58 @@ def test_mistakes_in_a_configuration_that_is_a_pipe_are_named() -> None:
     )
     assert done.returncode == os.EX_CONFIG
     assert '/dev/stdin:2: board.linse: unknown key; did you mean "lines"?' in done.stderr
+
+
+def test_where_no_other_process_can_be_started_this_one_reads_itself() -> None:
+    said = run(
+        "import resource\n"
+        "resource.setrlimit(resource.RLIMIT_NOFILE, (4, 4))\n"
+        "print(read_in_child(os.getpid, int)() == os.getpid())\n"
+    )
+    assert said == "True\n"
+
+
+def test_a_limit_of_the_system_is_a_sentence_and_a_status_of_its_own() -> None:
+    for error in ("OSError(24, os.strerror(24))", "MemoryError()"):
+        said = run(
+            f"def read(): raise {error}\n"
+            "try: read_in_child(read, int)()\n"
+            "except Exception as error: print(error.exit_code, error)\n"
+        )
+        assert said.startswith(f"{os.EX_OSERR} The system gives this process too little: ")
+        assert said.count("\n") == 1
+
+
+def test_an_answer_that_is_not_waited_for_makes_no_noise() -> None:
+    said = run(
+        "going, gone = os.pipe()\n"
+        "read_in_child(lambda: (os.close(gone), os.read(going, 1)), tuple[None, bytes])\n"
+        "os._exit(0)\n"
+    )
+    assert said == ""
+
+
+def test_a_reader_that_waits_for_a_pipe_ends_with_the_process_that_it_reads_for(
+    tmp_path: Path,
+) -> None:
+    fifo = tmp_path / "config"
+    os.mkfifo(fifo)
+    command = [sys.executable, "-m", "yahboomd", "run", "--config", str(fifo)]
+    with subprocess.Popen(command) as parent:
+        children = Path(f"/proc/{parent.pid}/task/{parent.pid}/children")
+        child = int(wait_for(children.read_text, "a process that reads"))
+        parent.send_signal(signal.SIGKILL)
+    try:
+        wait_for(lambda: not runs(child), "the end of the reader")
+    finally:
+        with suppress(ProcessLookupError):
+            os.kill(child, signal.SIGKILL)
+
+
+def runs(pid: int) -> bool:
+    """Whether a process is there and has not ended."""
+    try:
+        stat = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8")
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+    return stat.rpartition(")")[2].split()[0] not in "ZX"

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import os
 import stat
 import subprocess
@@ -277,6 +278,47 @@ def test_a_closed_output_is_no_error():
     command = f"{sys.executable} -m yahboomd completions bash >&-"
     done = subprocess.run(["sh", "-c", command], stderr=subprocess.PIPE, timeout=60, check=False)
     assert (done.returncode, done.stderr) == (0, b"")
+
+
+CLOSED = """\
+import os, threading
+from yahboomd.cli import main as cli
+
+def run(arguments):
+    # A thread that runs on at the end, as Zenoh's do.
+    threading.Thread(target=threading.Event().wait, daemon=True).start()
+    print("lost")
+    os.write(opened, str(os.open("/dev/null", os.O_RDWR)).encode())
+    return 0
+
+opened = int(os.environ["OPENED"])
+cli._run = run
+cli.main()
+"""
+
+
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+def test_what_is_opened_never_takes_the_place_of_a_stream_that_the_caller_closed(closed):
+    reading, writing = os.pipe()
+    command = f'"$0" -c "$1" {closed}'
+    done = subprocess.run(
+        ["sh", "-c", command, sys.executable, CLOSED],
+        capture_output=True,
+        env=dict(os.environ, OPENED=str(writing)),
+        pass_fds=[writing],
+        timeout=60,
+        check=False,
+    )
+    os.close(writing)
+    with open(reading, "rb") as opened:
+        assert int(opened.read()) > 2
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
+def test_a_limit_of_the_system_is_a_sentence(command, capsys):
+    command(raising(OSError(errno.EMFILE, os.strerror(errno.EMFILE))))
+    assert cli.main(["drive"]) == os.EX_OSERR
+    assert "too little: Too many open files. `ulimit -a` shows" in capsys.readouterr().err
 
 
 def test_the_package_itself_can_be_run(yahboomd):

@@ -183,3 +183,11 @@ def test_an_origin_stays_on_one_line(layers):
 def test_a_value_is_toml_where_it_can_be_else_text(text, value):
     assert toml_value(text) == value
     assert type(toml_value(text)) is type(value)
+
+
+def test_a_name_that_is_not_utf_8_is_a_mistake(layers):
+    layers.read_environment({"YAHBOOMD_\udcff__X": "1"})
+    ((origin, said),) = layers.mistakes
+    assert origin.words == "YAHBOOMD_?__X"
+    assert "?" in said
+    assert "it is not UTF-8" in said

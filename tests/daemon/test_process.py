@@ -9,6 +9,8 @@ import os
 import resource
 import signal
 import socket
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -195,6 +197,21 @@ def test_a_limit_that_is_higher_already_stays(limits: int) -> None:
     before = soft()
     make_room()
     assert soft() == before
+
+
+def test_too_few_descriptors_are_refused_with_what_raises_the_limit() -> None:
+    script = (
+        "import resource\n"
+        "from yahboomd.daemon.process import make_room\n"
+        "resource.setrlimit(resource.RLIMIT_NOFILE, (63, 63))\n"
+        "try: make_room()\n"
+        "except Exception as error: print(error.exit_code, error)\n"
+    )
+    said = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=True
+    ).stdout
+    assert said.startswith(f"{os.EX_OSERR} This process may open 63 files; the daemon needs 64")
+    assert "`ulimit -n 64`" in said
 
 
 class Blocked:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import sys
@@ -10,9 +11,12 @@ from typing import TypeVar
 
 import msgspec
 
-from yahboomd.errors import ConfigError, YahboomdError
+from yahboomd.errors import ConfigError, LimitError, YahboomdError, shortage
 
 T = TypeVar("T")
+
+LOOK_S = 1.0
+"""How often the child looks whether its parent still waits."""
 
 
 def read_in_child(read: Callable[[], T], kind: type[T]) -> Callable[[], T]:
@@ -23,25 +27,28 @@ def read_in_child(read: Callable[[], T], kind: type[T]) -> Callable[[], T]:
         kind: The type of these values.
 
     Returns:
-        Waits for the values and returns them, or raises the ConfigError.
+        Waits for the values and returns them, or raises the ConfigError, or a LimitError.
     """
     if len(os.listdir("/proc/self/task")) > 1:
         # A copy of a process with threads may wait for one of them for ever.
         return read
     # The program that started this one may have it forget how its children end.
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-    reading, writing = os.pipe()
-    child = os.fork()
+    parent = os.getpid()
+    try:
+        reading, writing = os.pipe()
+        child = os.fork()
+    except OSError:
+        # No descriptor, process or memory is left for it.
+        return read
     if child == 0:
         status = os.EX_SOFTWARE
         try:
-            with open(writing, "wb") as pipe:
-                try:
-                    pipe.write(msgspec.msgpack.encode(read(), enc_hook=str))
-                    status = os.EX_OK
-                except ConfigError as error:
-                    pipe.write(str(error).encode())
-                    status = os.EX_CONFIG
+            _end_with(parent)
+            # A parent that has ended reads no answer.
+            with contextlib.suppress(BrokenPipeError), open(writing, "wb") as pipe:
+                answer, status = _answer(read)
+                pipe.write(answer)
         except Exception:  # noqa: BLE001 - the same as at the end of a process
             sys.excepthook(*sys.exc_info())
         finally:
@@ -54,9 +61,34 @@ def read_in_child(read: Callable[[], T], kind: type[T]) -> Callable[[], T]:
         status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
         if status == os.EX_CONFIG:
             raise ConfigError(answer.decode())
+        if status == os.EX_OSERR:
+            raise LimitError(answer.decode())
         if status != os.EX_OK:
             # It is not read again here: a file that is a pipe is empty by now.
             raise YahboomdError(f"The process that reads the configuration ended with {status}.")
         return msgspec.msgpack.decode(answer, type=kind, dec_hook=lambda path, text: path(text))
 
     return wait
+
+
+def _answer(read: Callable[[], object]) -> tuple[bytes, int]:
+    """The child's answer and its exit status."""
+    try:
+        return msgspec.msgpack.encode(read(), enc_hook=str), os.EX_OK
+    except ConfigError as error:
+        return str(error).encode(), os.EX_CONFIG
+    except (OSError, MemoryError) as error:
+        if (limit := shortage(error)) is None:
+            raise
+        return str(limit).encode(), os.EX_OSERR
+
+
+def _end_with(parent: int) -> None:
+    """End when the parent has ended, even while a named pipe keeps this process waiting."""
+
+    def look(*_: object) -> None:
+        if os.getppid() != parent:
+            os._exit(os.EX_SOFTWARE)
+
+    signal.signal(signal.SIGALRM, look)
+    signal.setitimer(signal.ITIMER_REAL, LOOK_S, LOOK_S)

@@ -21,7 +21,7 @@ from types import ModuleType
 from typing import NoReturn, Protocol, TypeAlias, cast
 
 from yahboomd import __version__
-from yahboomd.errors import YahboomdError
+from yahboomd.errors import YahboomdError, shortage
 from yahboomd.program import COMMANDS, install_command, pasteable, readable
 
 FOLDERS = {
@@ -106,6 +106,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     if argv is not None:
         return _run(list(argv))
+    _fill_standard_streams()
     if isinstance(sys.stdout, io.TextIOWrapper):
         # As standard error does: a file's name may have bytes that are no character.
         sys.stdout.reconfigure(errors="backslashreplace")
@@ -119,6 +120,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     if _threads_left():
         _end_at_once(status)
     return status
+
+
+def _fill_standard_streams() -> None:
+    """Open what the caller closed (`2>&-`), or the port of the board would become standard error.
+
+    Libraries write to the descriptor 2 when they fail.
+    """
+    while (fd := os.open(os.devnull, os.O_RDWR)) <= 2:
+        pass
+    os.close(fd)
 
 
 def _threads_left() -> bool:
@@ -135,7 +146,7 @@ def _end_at_once(status: int) -> NoReturn:
     """
     if (logging := sys.modules.get("logging")) is not None:
         logging.shutdown()
-    for stream in (sys.stdout, sys.stderr):
+    for stream in filter(None, (sys.stdout, sys.stderr)):
         with contextlib.suppress(OSError, ValueError):
             stream.flush()
     os._exit(status)
@@ -156,8 +167,11 @@ def _run(arguments: list[str]) -> int:
         # The reader (head, less) has left.
         _drop_output()
         return 128 + signal.SIGPIPE
-    except OSError as error:
-        if error.errno not in FULL or error.filename is not None:
+    except (OSError, MemoryError) as error:
+        if (limit := shortage(error)) is not None:
+            _print_error(str(limit))
+            return limit.exit_code
+        if not isinstance(error, OSError) or error.errno not in FULL or error.filename is not None:
             raise
         _drop_output()
         _print_error(f"the output cannot be written: {error.strerror}.")

@@ -158,8 +158,9 @@ class Layers:
             self._set(tuple(part.strip(" \t\"'") for part in parts), found["value"], origin)
 
     def _set(self, place: tuple[str, ...], text: str, origin: Origin) -> None:
-        if not is_utf8(text):
-            self.mistakes.append((origin, f"{dotted(place)}: {NOT_UTF8}, got {plain(text)}"))
+        if not is_utf8("".join((*place, text))):
+            words = f"{dotted(place)}: {NOT_UTF8}, got {text}"
+            self.mistakes.append((origin, plain(words)))
             return
         self._put(place, toml_value(text), origin, text)
 

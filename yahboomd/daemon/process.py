@@ -24,7 +24,7 @@ from collections.abc import Awaitable, Callable, Mapping
 
 from yahboomd.clock import Clock, nanoseconds
 from yahboomd.daemon.logs import flush
-from yahboomd.errors import BusError
+from yahboomd.errors import BusError, LimitError
 from yahboomd.model import NS_PER_S
 
 log = logging.getLogger(__name__)
@@ -228,6 +228,9 @@ def _watchdog_ns(environ: Mapping[str, str]) -> int | None:
     return interval_us * (NS_PER_S // 1_000_000)
 
 
+LEAST = 64
+"""Descriptors. With fewer, neither the bus nor the port can be relied on."""
+
 WANTED = 65_536
 """Descriptors. Most systems begin a process with 1024, and let it have many more."""
 
@@ -237,8 +240,17 @@ def make_room() -> None:
 
     A connection that says nothing holds a descriptor for seconds, without having shown any
     certificate. With none left a port that was lost cannot be opened, nor the wheels stopped.
+
+    Raises:
+        LimitError: Even the most that it may have is too few.
     """
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if hard != resource.RLIM_INFINITY and hard < LEAST:
+        raise LimitError(
+            f"This process may open {hard} files; the daemon needs {LEAST} at least.",
+            remedy=f"`ulimit -n {LEAST}` raises the limit of a shell, LimitNOFILE= that of a "
+            "service.",
+        )
     wanted = WANTED if hard == resource.RLIM_INFINITY else min(WANTED, hard)
     if soft != resource.RLIM_INFINITY and soft < wanted:
         resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
