@@ -31,17 +31,30 @@ def level_of(message, what):
     return {entry["name"]: entry["level"] for entry in message["status"]}[f"yahboomd: {what}"]
 
 
+def reading_of(node):
+    """The odometry and the transforms of one reading; a busy machine loses single ones."""
+    odoms = {}
+
+    def both_came(event):
+        if event["event"] != "message":
+            return False
+        message = event["message"]
+        if event["topic"] == "/odom" and distance(message, 0.0, 0.0) > 0.2:
+            odoms[tuple(message["header"]["stamp"].values())] = message
+        return event["topic"] == "/tf" and stamp_of(message) in odoms
+
+    def stamp_of(message):
+        return tuple(message["transforms"][0]["header"]["stamp"].values())
+
+    tf = node.await_event(both_came, "the transform of a reading")["message"]
+    return odoms[stamp_of(tf)], tf["transforms"]
+
+
 def sees_the_robot_move(node, robot):
     """Drives by the node's /cmd_vel, and reads what it hears of that."""
     node.order("drive", vx=0.25, wz=0.3, hz=20)
-    odom = node.message("/odom", lambda m: distance(m, 0.0, 0.0) > 0.2, "the robot to move")
+    odom, (transform,) = reading_of(node)
     assert (odom["header"]["frame_id"], odom["child_frame_id"]) == ("odom", "base_link")
-    stamp = odom["header"]["stamp"]
-    (transform,) = node.message(
-        "/tf",
-        lambda m: m["transforms"][0]["header"]["stamp"] == stamp,
-        "the transform of the same reading",
-    )["transforms"]
     assert transform["child_frame_id"] == "base_link"
     where = odom["pose"]["pose"]
     assert transform["transform"]["translation"] == where["position"]
