@@ -238,6 +238,20 @@ def test_a_command_that_was_frozen_in_mid_run_does_the_run_once_more(
     assert led.question()["name"] == "length"
 
 
+def test_a_board_that_is_silent_for_a_moment_costs_no_more_than_the_run(
+    robot: RealRobot, lead: Callable[..., LedCalibration]
+) -> None:
+    led = lead("tape", *QUICK)
+    led.answer(led.question())
+    wait_for(lambda: moves(robot), "it drives")
+    robot.do("mute 0.7")
+    # A command that is repeated meanwhile may drive on before this is noticed.
+    while (asked := led.question())["name"] == "move":
+        assert asked["text"].startswith("The robot stopped by itself. No counts")
+        led.answer(asked)
+    assert asked["name"] == "length"
+
+
 def test_a_robot_that_is_not_there_is_refused_in_the_dialogue_too(
     lead: Callable[..., LedCalibration],
 ) -> None:

@@ -105,11 +105,14 @@ class Leg:
 
 
 class Interrupted(Exception):
-    """The robot was stopped in mid-run by no fault of its own; says by what."""
+    """The robot was stopped in mid-run, and may be driven again; says why."""
 
 
-LET_GO = "The button was let go, or the connection was too slow"
-LOST = "The daemon was lost for a moment, or this machine was too busy to command it"
+LET_GO = "The button was let go, or the connection was too slow: the robot stopped."
+LOST = (
+    "The daemon was lost for a moment, or this machine was too busy to command it: the robot "
+    "stopped."
+)
 
 
 class Driver:
@@ -192,7 +195,8 @@ class Driver:
             progress: Is called with the part of it that was driven, from 0 to 1.
 
         Raises:
-            Interrupted: The person let go of the button, or the command ended by itself.
+            Interrupted: The person let go of the button, the command ended by itself, or the board
+                left the daemon without counts for a moment.
             Refused: The robot does not obey, or does not get on.
             NoDaemon: It was lost.
         """
@@ -219,6 +223,8 @@ class Driver:
                 status = self._robot.newest(StatusSample)
                 if status is not None and status.stamp_ns != seen:
                     seen = status.stamp_ns
+                    if status.state == "waiting":
+                        raise Interrupted(f"The robot stopped by itself. {status.why}")
                     if trouble := obedience.trouble(status):
                         raise Refused(f"The robot does not obey. {trouble}")
         finally:

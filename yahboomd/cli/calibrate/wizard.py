@@ -260,8 +260,8 @@ class _Wizard:
                     await driver.drive(leg, partial(person.progress, part, len(legs)))
             except Interrupted as why:
                 words = (
-                    f"{why}: the robot stopped, and this run does not count. Put it back on its "
-                    "mark; it is done once more."
+                    f"{why} This run does not count: put the robot back on its mark, and it is "
+                    "done once more."
                 )
             else:
                 return
