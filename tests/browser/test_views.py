@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from chromium import Page
 from page_bench import LONG, PageBench
-from real_robot import wait_for
+from real_robot import Process, free_endpoint, wait_for
 
 pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser")]
 
@@ -203,3 +203,16 @@ def test_wheels_and_health_show_what_the_bus_says(bench: PageBench, page: Page) 
         show(other, "health")
         other.says(".events", bench.application.samples["events"][-1]["message"])
         other.says("#health", "connections with a recognised board")
+
+
+def test_a_source_that_the_daemon_does_not_have_is_named_before_a_touch(bench: PageBench) -> None:
+    port = free_endpoint().rsplit(":", 1)[1]
+    address, connect = f"127.0.0.1:{port}", bench.robot.endpoint
+    server = Process("web", "--listen", address, "--connect", connect, "--source", "cmd_vel/phone")
+    try:
+        server.says("answers")
+        with bench.page(f"http://{address}/") as page:
+            page.says(".words", "The daemon takes no commands on cmd_vel/phone.")
+            assert page.evaluate("document.querySelector('.pad.barred') !== null")
+    finally:
+        server.end()

@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import suppress
-from typing import Self
+from typing import Any, Self
 
 import daemon_samples
 import msgspec
@@ -30,15 +30,19 @@ class FakeDaemon:
     Args:
         endpoint: Where it is reached.
         namespace: Its robot's name.
+        config: What it answers for its configuration; None for no answer.
     """
 
-    def __init__(self, endpoint: str, namespace: str = "") -> None:
+    def __init__(
+        self, endpoint: str, namespace: str = "", config: dict[str, Any] | None = None
+    ) -> None:
         self.endpoint = endpoint
         self.namespace = namespace
         self.status: StatusSample = daemon_samples.status("standing", driver=None, why="At rest.")
         self.commands: list[dict[str, object]] = []
         self.asked: list[str] = []
         self.releases = True
+        self.config = config
         self._bus: Bus | None = None
         self._task: asyncio.Task[None] | None = None
         self._seq = 0
@@ -49,6 +53,8 @@ class FakeDaemon:
         await self._bus.open()
         for key in (keys.CMD_VEL, keys.CMD_VEL_TELEOP, keys.CMD_VEL_WEB):
             self._bus.subscribe(key, self._take)
+        if self.config is not None:
+            self._bus.serve(keys.CONFIG, self._tell_config, fallback=_refuse)
         self._bus.token(keys.ALIVE)
         self._bus.token(keys.holder_key(keys.ALIVE, self._bus.zid))
         self._bus.serve(keys.STATUS, self._tell_status, fallback=_refuse)
@@ -97,6 +103,9 @@ class FakeDaemon:
     def _tell_status(self, _request: Request) -> Response:
         return Response(payload=encode(self.status, "json"))
 
+    def _tell_config(self, _request: Request) -> Response:
+        return _answer(True, "The configuration in effect.", self.config)
+
     def _estop(self, request: Request) -> Response:
         self.asked.append(request.key)
         return _answer(True, "The emergency stop is engaged.")
@@ -107,8 +116,9 @@ class FakeDaemon:
         return _answer(self.releases, words)
 
 
-def _answer(success: bool, message: str) -> Response:
-    return Response(payload=encode(ServiceReply(success=success, message=message), "json"))
+def _answer(success: bool, message: str, data: dict[str, Any] | None = None) -> Response:
+    reply = ServiceReply(success=success, message=message, data=data or {})
+    return Response(payload=encode(reply, "json"))
 
 
 def _refuse(*_: object) -> Response:
@@ -120,8 +130,8 @@ async def fake_daemon() -> Iterator[Callable[..., Awaitable[FakeDaemon]]]:
     """Starts daemons: ``await fake_daemon(endpoint=..., namespace=...)``."""
     daemons: list[FakeDaemon] = []
 
-    async def start(endpoint: str = "", namespace: str = "") -> FakeDaemon:
-        daemons.append(FakeDaemon(endpoint or free_endpoint(), namespace))
+    async def start(endpoint: str = "", namespace: str = "", config: Any = None) -> FakeDaemon:
+        daemons.append(FakeDaemon(endpoint or free_endpoint(), namespace, config))
         return await daemons[-1].start()
 
     yield start

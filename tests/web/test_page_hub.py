@@ -38,6 +38,16 @@ async def test_a_page_gets_the_robot_beats_and_the_newest_samples(
     assert [each["message"] for each in known] == ["A wheel fell off."]
 
 
+async def test_a_page_learns_before_a_touch_that_the_daemon_takes_none_of_its_commands(
+    fake_daemon: Any, site: Any
+) -> None:
+    daemon = await fake_daemon(config={"command": {"sources": {"cmd_vel": {"priority": 10}}}})
+    page = await (await site(endpoint=daemon.endpoint)).page()
+    await eventually(lambda: page.of("hello")[-1]["barred"])
+    words = page.of("hello")[-1]["barred"]
+    assert words.startswith("The daemon takes no commands on cmd_vel/web. Start it with --set ")
+
+
 async def test_a_page_learns_how_slow_its_network_is_before_it_drives(
     fake_daemon: Any, site: Any
 ) -> None:

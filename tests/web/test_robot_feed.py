@@ -8,6 +8,7 @@ from typing import Any
 
 import daemon_samples
 import pytest
+import zenoh
 from zenoh_fixtures import eventually
 
 from yahboomd.bus import keys
@@ -15,8 +16,10 @@ from yahboomd.bus.bus import Bus
 from yahboomd.client.connecting import client_options
 from yahboomd.clock import SystemClock
 from yahboomd.config import Config
+from yahboomd.messages.codecs import encode
+from yahboomd.messages.native import ServiceReply
 from yahboomd.model import Twist2d
-from yahboomd.web.robot_feed import RobotFeed, daemon_part, limits_of
+from yahboomd.web.robot_feed import RobotFeed, daemon_part, limits_of, takes
 
 pytestmark = pytest.mark.realtime
 
@@ -122,6 +125,49 @@ async def test_the_driver_of_the_robot_and_its_state_come_from_the_status(
 def in_effect(**chassis: object) -> dict[str, Any]:
     config = Config.of({"chassis": chassis, "limits": {"linear": {"velocity": 0.5}}})
     return config.resolved().as_data()
+
+
+async def test_a_key_that_is_not_configured_is_barred_even_if_others_listen_to_it(
+    fake_daemon: Any,
+) -> None:
+    daemon = await fake_daemon(config={"command": {"sources": {"cmd_vel": {}}}})
+    async with Followed(daemon.endpoint) as feed:
+        await eventually(lambda: feed.barred)
+        refusal = feed.obstacle()
+        assert refusal is not None
+        assert (refusal.why, refusal.text) == ("no_source", feed.barred)
+        daemon.config = {"command": {"sources": {"cmd_vel/web": {}}}}
+        await daemon.stop()
+        await eventually(lambda: not feed.alive)
+        assert feed.barred == ""
+        await daemon.start()
+        await eventually(lambda: feed.alive and feed.obstacle() is None)
+
+
+async def test_a_daemon_that_does_not_answer_in_time_is_asked_again(fake_daemon: Any) -> None:
+    daemon = await fake_daemon()
+    asked: list[object] = []
+
+    def answer(query: zenoh.Query) -> None:
+        asked.append(query)
+        if len(asked) > 1:
+            reply = ServiceReply(success=True, message="", data=in_effect())
+            query.reply(query.key_expr, encode(reply, "json"))
+
+    async with Bus(client_options(daemon.endpoint)) as late:
+        queryable = late.session.declare_queryable(keys.CONFIG, answer)
+        async with Followed(daemon.endpoint) as feed:
+            await eventually(lambda: feed.limits)
+        queryable.undeclare()
+    assert len(asked) == 2
+
+
+def test_a_daemon_whose_sources_are_not_known_may_take_any() -> None:
+    known = in_effect()
+    assert takes(known, "cmd_vel/web")
+    assert not takes(known, "cmd_vel/phone")
+    for other in ({}, {"command": 3}, {"command": {"sources": ["cmd_vel"]}}):
+        assert takes(other, "cmd_vel/phone")
 
 
 def test_limits_are_those_of_the_configuration_in_effect() -> None:

@@ -304,6 +304,7 @@ class PageHub:
             robot=self.robot.name,
             version=__version__,
             limits=self.robot.limits or None,
+            barred=self.robot.barred,
             lapse_ms=LAPSE_NS // NS_PER_MS,
             source=self.robot.source,
             views=VIEWS,

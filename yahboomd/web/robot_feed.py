@@ -55,6 +55,8 @@ class RobotFeed:
     Attributes:
         known: The latest parts that hold until newer ones come, for a page that connects.
         limits: The fastest that the robot drives; empty while the daemon is not there.
+        barred: The reason why the daemon takes no commands from pages, by its configuration; empty
+            where it does, or is not known to.
     """
 
     def __init__(
@@ -68,6 +70,7 @@ class RobotFeed:
     ) -> None:
         self.known: dict[str, bytes] = {}
         self.limits: dict[str, float] = {}
+        self.barred = ""
         self.source = source
         self.name = options.namespace
         self._clock = clock
@@ -138,13 +141,8 @@ class RobotFeed:
                 why="estop" if status.state == "estopped" else "fault",
                 text=f"The robot does not move. {status.why}",
             )
-        if not self._publisher.has_subscribers:
-            return Refusal(
-                why="no_source",
-                text=f"The daemon takes no commands on {self.source}. Start it with "
-                f"--set 'command.sources.\"{self.source}\".priority=50', or add that to its "
-                "configuration.",
-            )
+        if self.barred or not self._publisher.has_subscribers:
+            return Refusal(why="no_source", text=no_source(self.source))
         return None
 
     def put(self, twist: Twist2d) -> None:
@@ -218,6 +216,7 @@ class RobotFeed:
     def _presence_changed(self, alive: bool) -> None:
         self.known.clear()
         self.limits = {}
+        self.barred = ""
         self._shown = None
         if self._learning is not None:
             self._learning.cancel()
@@ -227,9 +226,15 @@ class RobotFeed:
         self._changed()
 
     async def _learn(self) -> None:
-        answer = await self._ask(keys.CONFIG)
+        while True:
+            answer = await self._ask(keys.CONFIG)
+            if answer.answered:
+                break
+            # Without limits no page drives, and a busy machine may answer too late.
+            await asyncio.sleep(ANSWER_S)
         if answer.success:
             self.limits = limits_of(answer.data)
+            self.barred = "" if takes(answer.data, self.source) else no_source(self.source)
             self._changed()
 
     def _receive_events(self, arrivals: list[Arrival]) -> None:
@@ -271,6 +276,21 @@ def limits_of(config: dict[str, Any]) -> dict[str, float]:
         "vy": linear if known.chassis.kinematics == "mecanum" else 0.0,
         "wz": known.limits.angular.velocity,
     }
+
+
+def takes(config: dict[str, Any], source: str) -> bool:
+    """Whether a daemon of this configuration in effect takes commands on a key, or may do so."""
+    command = config.get("command")
+    sources = command.get("sources") if isinstance(command, dict) else None
+    return not isinstance(sources, dict) or source in sources
+
+
+def no_source(source: str) -> str:
+    """The words for a daemon that does not know a key of commands."""
+    return (
+        f"The daemon takes no commands on {source}. Start it with --set "
+        f"'command.sources.\"{source}\".priority=50', or add that to its configuration."
+    )
 
 
 def daemon_part(feed: RobotFeed) -> bytes:

@@ -21,6 +21,7 @@ export function obstacle(connection, live) {
   const status = live.sample("status");
   if (status?.state === "estopped") return "The emergency stop is engaged. Release it to drive.";
   if (status?.state === "fault") return "The robot has a fault: it stands above. Clear it to drive.";
+  if (hello.barred) return hello.barred;
   if (status?.state === "waiting") return "The robot waits. Why, and what to do, stands above.";
   const control = live.newest("control");
   return control?.mine || control?.page_driver === null ? "" : "Another page has control of the robot.";
