@@ -321,3 +321,10 @@ def test_asked_for_elsewhere_the_port_here_is_left_alone(simulated_board, capsys
     assert main(["stop", "--connect", endpoint, "--port", board.port]) == 69
     assert f"No daemon answers at {endpoint}." in capsys.readouterr().err
     assert not board.stands
+
+
+def test_the_help_says_that_a_stop_which_names_nothing_ends_every_setup_and_tune(capsys) -> None:
+    with pytest.raises(SystemExit):
+        main(["stop", "--help"])
+    words = " ".join(capsys.readouterr().out.split())
+    assert "names nothing also ends every `setup` and `tune` of this machine" in words

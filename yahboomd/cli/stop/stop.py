@@ -65,11 +65,15 @@ until it is released. The daemons of this machine are reached over their local s
 the bus: all of this machine, unless --port, --namespace, --config or --set says which. Where no
 daemon holds the port, the port itself is taken: the board is stopped, its counters are watched
 until the wheels stand, and its motors are let go.
+
+A stop that names nothing also ends every `setup` and `tune` of this machine, on whatever port and
+whatever daemon there is: they turn wheels and obey no emergency stop. --port ends the one that has
+that port.
 """
 
 EPILOG = """\
 examples:
-  yahboomd stop                        whatever drives on this machine
+  yahboomd stop                        whatever drives on this machine, and every setup and tune
   yahboomd stop --namespace bot1       one of several robots
   yahboomd stop --release              let a stopped daemon drive again
   yahboomd stop --connect tcp/192.168.1.5:7447
