@@ -76,11 +76,11 @@ class Chromium:
         # Root has no sandbox.
         root = ["--no-sandbox"] if os.geteuid() == 0 else []
         self.process = subprocess.Popen(
-            # More of a busy machine, where we may: the page is tested, not the machine.
             [
-                "nice",
-                "-n",
-                "-5",
+                # It ends with the tests, however they end.
+                *("setpriv", "--pdeathsig", "KILL"),
+                # More of a busy machine, where we may: the page is tested, not the machine.
+                *("nice", "-n", "-5"),
                 chromium_program(),
                 *ARGUMENTS,
                 *root,
