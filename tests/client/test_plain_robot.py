@@ -7,6 +7,7 @@ import inspect
 import signal
 import sys
 import threading
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -170,6 +171,40 @@ async def test_impatience_does_not_interrupt_the_stop(fake_daemon: Any) -> None:
     )
     assert await process.wait() == -signal.SIGINT
     await eventually(lambda: daemon.velocities[-5:] == [ZERO] * 5)
+
+
+INTERRUPTED = """
+import sys
+from yahboomd.client import PoseSample, Robot
+def follow(robot):
+    for pose in robot.samples(PoseSample):  # until Ctrl-C
+        print(pose.x, flush=True)
+with Robot(sys.argv[1]) as robot:
+    follow(robot)
+"""
+
+
+async def test_control_c_shows_where_the_program_was_not_where_the_library_waited(
+    fake_daemon: Any, tmp_path: Path
+) -> None:
+    daemon = await fake_daemon()
+    program = tmp_path / "circle.py"
+    program.write_text(INTERRUPTED)
+    process = await asyncio.create_subprocess_exec(
+        *(sys.executable, program, daemon.endpoint),
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.PIPE,
+    )
+    assert process.stdout is not None
+    await process.stdout.readline()
+    process.send_signal(signal.SIGINT)
+    _, said = await process.communicate()
+    assert process.returncode == -signal.SIGINT
+    lines = said.decode().splitlines()
+    places = [line for line in lines if line.startswith("  File")]
+    assert len(places) == 2
+    assert all(place.startswith(f'  File "{program}", line ') for place in places)
+    assert lines[-1] == "KeyboardInterrupt"
 
 
 FORKED = """

@@ -88,3 +88,12 @@ class Endings:
 
 def _unhandled() -> list[signal.Signals]:
     return [number for number in NUMBERS if signal.getsignal(number) is signal.SIG_DFL]
+
+
+def shorten(error: KeyboardInterrupt) -> None:
+    """Leave the program's own lines in the traceback: where this library waited is no news."""
+    step = error.__traceback__
+    while step is not None and step.tb_next is not None:
+        if step.tb_next.tb_frame.f_globals.get("__package__") == __package__:
+            step.tb_next = None
+        step = step.tb_next

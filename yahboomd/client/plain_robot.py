@@ -21,7 +21,7 @@ from yahboomd.bus import keys
 from yahboomd.client.async_robot import DEADMAN_S, ENDPOINT, RATE_HZ, WAIT_S, AsyncRobot
 from yahboomd.client.commanding import Counters
 from yahboomd.client.connecting import connect
-from yahboomd.client.endings import Endings
+from yahboomd.client.endings import Endings, shorten
 from yahboomd.client.streams import DEPTH, NewestSamples, Samples
 from yahboomd.errors import BusError, NoDaemon
 from yahboomd.model import Twist2d
@@ -168,7 +168,9 @@ class Robot(NewestSamples):
             self._endings.end()
             raise
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, _kind: object, error: BaseException | None, *_: object) -> None:
+        if isinstance(error, KeyboardInterrupt):
+            shorten(error)
         try:
             self.close()
         finally:
