@@ -63,6 +63,12 @@ def assert_no_jump(poses: list[dict[str, Any]]) -> None:
         assert after["covariance"][8] >= before["covariance"][8]
 
 
+def since_unplugged(app: Client) -> list[dict[str, Any]]:
+    """The events since the port went away: a busy machine may have had gaps before."""
+    kinds = [event["kind"] for event in app.samples["events"]]
+    return app.samples["events"][kinds.index("disconnected") :]
+
+
 def test_an_unplugged_board_is_found_again_on_another_device_and_nothing_is_lost(
     robot: RealRobot, app: Client
 ) -> None:
@@ -100,7 +106,7 @@ def test_a_stream_that_ran_on_while_the_plug_was_out_keeps_the_pose_near_zero_to
     app.in_state("waiting")
     app.in_state("standing")
     assert_at_truth(app, young)
-    [event] = [e for e in app.samples["events"] if e["kind"].startswith("odometry_")]
+    [event] = [e for e in since_unplugged(app) if e["kind"].startswith("odometry_")]
     assert (event["kind"], event["data"]["cause"]) == ("odometry_bridged", "gap_kept")
     assert_no_jump(app.samples["pose"])
 
@@ -118,7 +124,7 @@ def test_where_the_counters_may_have_been_reset_the_pose_holds_and_an_event_says
     app.in_state("standing")
     truth = young.settled_truth()
     after = app.pose_at(truth)
-    [event] = [e for e in app.samples["events"] if e["kind"] == "odometry_discontinuity"]
+    [event] = [e for e in since_unplugged(app) if e["kind"] == "odometry_discontinuity"]
     assert event["data"]["cause"] == "gap_lost"
     assert "The pose holds" in event["message"]
     first = next(pose for pose in app.samples["pose"] if pose["stamp_ns"] > before["stamp_ns"])
