@@ -13,7 +13,7 @@ import pytest
 from real_robot import free_endpoint, wait_for
 
 from yahboomd.cli.main import main
-from yahboomd.cli.stop import stop_local, stop_port
+from yahboomd.cli.stop import stop, stop_local, stop_port
 from yahboomd.cli.stop.stop_port import describe
 from yahboomd.cli.unresponsive import process_state
 from yahboomd.errors import PortMissing
@@ -305,11 +305,14 @@ def test_a_broken_configuration_is_reported_once(
 
     monkeypatch.setattr(stop_local, "sockets", lambda _: [])
     monkeypatch.setattr(discovery, "choose", none_found)
-    # What this machine tunes meanwhile is left alone by this test.
-    monkeypatch.setattr(stop_port, "measured_ports", list)
+    # What this machine tunes meanwhile is left alone by this test, and so is a daemon where the
+    # defaults expect one.
+    monkeypatch.setattr(stop_port, "measured_ports", lambda _: [])
+    endpoint = free_endpoint()
+    monkeypatch.setattr(stop, "daemon_endpoints", lambda *_: (endpoint,))
     config = tmp_path / "config.toml"
     config.write_text("[serial]\nbaud = 9600\n")
-    assert main(["stop", "--config", str(config), *alone()]) == 69
+    assert main(["stop", "--config", str(config)]) == 69
     assert capsys.readouterr().err.count("Stopping with the defaults") == 1
 
 
