@@ -125,6 +125,7 @@ async def _record(robot: AsyncRobot, args: argparse.Namespace) -> int:
     from yahboomd.cli.record.recorded_topics import facts_of, recorded
     from yahboomd.clock import SystemClock
     from yahboomd.config import Config
+    from yahboomd.daemon.stamps import WallStamps
     from yahboomd.recording.mcap_files import McapFiles
 
     clock = SystemClock()
@@ -147,7 +148,8 @@ async def _record(robot: AsyncRobot, args: argparse.Namespace) -> int:
         )
         for name in (NATIVE, ROS)
     )
-    recorder = Recorder(native, ros, lambda at_ns: clock.wall_ns() - (clock.now_ns() - at_ns))
+    stamps = WallStamps(clock, lambda _: None)
+    recorder = Recorder(native, ros, lambda at_ns: at_ns + stamps.follow())
     for each in recorded(config):
         robot.bus.subscribe(
             each.key,
