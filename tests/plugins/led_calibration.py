@@ -17,6 +17,9 @@ from real_robot import wait_for
 
 HOLD_EVERY_S = 0.05
 
+MOVEMENTS = ("hold", "start")
+"""The kinds of questions that let the robot move."""
+
 Begin = TypeVar("Begin")
 
 
@@ -94,6 +97,12 @@ class LedCalibration:
         """Hold the button from now on."""
         self._held = question["id"]
 
+    def _begin(self, question: dict[str, Any]) -> None:
+        if question["kind"] == "hold":
+            self.hold(question)
+        else:
+            self.answer(question)
+
     def fall_silent(self) -> None:
         """Say no longer that it is held."""
         self._held = ""
@@ -103,44 +112,44 @@ class LedCalibration:
         self._held = ""
         self.send(type="release")
 
-    def hold_until(
+    def moved_until(
         self, question: dict[str, Any], condition: Callable[[], object]
     ) -> dict[str, Any]:
-        """Hold it until something is true; again, where a busy machine let it lapse.
+        """Let it move until something is true; again, where a busy machine let the run lapse.
 
         Returns:
-            The question whose button is held in the end.
+            The question whose movement it is in the end.
         """
-        assert question["kind"] == "hold", question
-        self.hold(question)
+        assert question["kind"] in MOVEMENTS, question
+        self._begin(question)
 
-        def held() -> bool:
+        def moved() -> bool:
             nonlocal question
             again = self.of_type("question")[self._seen :]
-            if again and again[0]["kind"] == "hold":
+            if again and again[0]["kind"] in MOVEMENTS:
                 question = self.question()
-                self.hold(question)
+                self._begin(question)
             # Of a movement that was let go, the robot may still be rolling.
             begun = [each["type"] for each in self.of_type("question", "progress")]
             return begun[-1] == "progress" and bool(condition())
 
-        wait_for(held, "what is held for")
+        wait_for(moved, "what it moves for")
         return question
 
-    def held_through(
+    def moved_through(
         self, question: dict[str, Any], begin: Callable[[], Begin]
     ) -> tuple[Begin, dict[str, Any]]:
-        """Hold it until the question after the movement.
+        """Let it move until the question after the movement.
 
         Returns:
             What ``begin`` returned before the movement that counts, and the question after it.
         """
         while True:
             begun = begin()
-            self.hold(question)
+            self._begin(question)
             after = self.question()
             self._held = ""
-            if after["kind"] != "hold":
+            if after["kind"] not in MOVEMENTS:
                 return begun, after
             question = after
 

@@ -28,9 +28,8 @@ def test_the_way_onto_its_mark_is_no_part_of_a_run(
         rested_ns = begin.t_ns + 1_500_000_000
         wait_for(lambda: robot.truth()[-1].t_ns > rested_ns, "it has stood for a while")
         person.drive_until(b'{"vx": 0.4}', lambda: robot.truth()[-1].x > begin.x + 0.3, "pushed")
-        mark = robot.settled_truth()
-        led.answer(asked)
-        assert led.question()["name"] == "length"
+        mark, after = led.moved_through(asked, robot.settled_truth)
+        assert after["name"] == "length"
         end = robot.settled_truth()
         assert math.hypot(end.x - mark.x, end.y - mark.y) == pytest.approx(0.5, abs=0.1)
     finally:
@@ -53,7 +52,9 @@ def test_squares_and_a_straight_are_measured_at_their_ends(
                 led.answer(question)
             else:
                 led.answer(question, f"{seen(begin, robot.settled_truth())[question['name']]:.4f}")
-            asked.append(question["name"])
+            # A run that a busy machine let lapse is asked for again.
+            if question["name"] != "move" or asked[-1:] != ["move"]:
+                asked.append(question["name"])
         led.answer(question, f"{seen(begin, robot.settled_truth())['heading']:.4f}")
         led.ends()
     finally:
@@ -102,9 +103,10 @@ def test_a_mecanum_base_goes_to_both_sides_and_gets_three_multipliers(
     names, begin = [], robot.settled_truth()
     try:
         # A straight, two turns, and two ways to the side.
-        for _ in range(10):
+        while len(names) < 10:
             question = led.question()
-            names.append(question["name"])
+            if question["name"] != "move" or names[-1:] != ["move"]:
+                names.append(question["name"])
             if question["name"] == "move":
                 begin = robot.settled_truth()
                 led.answer(question)
