@@ -25,6 +25,25 @@ async def test_a_command_turns_the_wheels(dialect: str) -> None:
 
 
 @on_virtual_time
+async def test_after_a_rest_a_speed_waits_for_an_answer_not_for_the_next_question() -> None:
+    async with Bench(SimulationOptions(dialect="polled")) as board:
+        await board.connected()
+        assert board.port is not None
+        board.port.keeps = True
+        for phase_ms in range(0, 20, 3):
+            board.wheels.drive((0, 0, 0, 0))
+            await asyncio.sleep(2.0)
+            asked = len(board.port.written)
+            await board.until(lambda asked=asked: len(board.port.written) > asked)
+            await asyncio.sleep(phase_ms * 1e-3)
+            commanded_ns, sent = board.now_ns(), len(board.port.written)
+            board.wheels.drive((200, 0, 200, 0))
+            await asyncio.sleep(0.02)
+            speeds = [ns for ns, frame in board.port.written[sent:] if b"$speed:2" in frame]
+            assert speeds[0] - commanded_ns < 6_000_000
+
+
+@on_virtual_time
 async def test_a_board_that_resets_is_noticed_and_armed_again() -> None:
     async with Bench() as board:
         await board.connected()

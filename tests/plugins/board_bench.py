@@ -23,27 +23,46 @@ class BoardPort:
     name = "/dev/simulated"
     byte_ns = byte_time_ns(115200)
     queued = 0
+    keeps = False
+    """Whether bytes wait for as many as the session wants at once, as in a kernel."""
 
     def __init__(self, robot: SimulatedRobot) -> None:
         self._memory = MemoryPort(robot)
         self._memory.open()
         self._clock = LoopClock()
+        self._on_data: Any = lambda _: None
+        self._kept = b""
+        self._least = 1
         self.written: list[tuple[int, bytes]] = []
         self.closed = False
 
     def listen(self, on_data: Any, on_lost: Any) -> None:
-        self._memory.on_data = on_data
+        self._on_data = on_data
+        self._memory.on_data = self._came
         self._memory.on_lost = on_lost
+
+    def _came(self, data: bytes) -> None:
+        self._kept += data
+        self._deliver()
+
+    def _deliver(self) -> None:
+        if not self.keeps or len(self._kept) >= self._least:
+            self.read_now()
 
     def write(self, data: bytes) -> None:
         self.written.append((self._clock.now_ns(), data))
         self._memory.write(data)
 
     def gather(self, least: int) -> None:
-        """Bytes come as they come."""
+        self._least = least
+        if self.keeps:
+            # The kernel wakes the reader, which does not run at once.
+            asyncio.get_running_loop().call_soon(self._deliver)
 
     def read_now(self) -> None:
-        """None is kept."""
+        data, self._kept = self._kept, b""
+        if data:
+            self._on_data(data)
 
     def discard(self) -> None:
         """Nothing waits."""
@@ -54,6 +73,7 @@ class BoardPort:
 
     def close(self) -> None:
         self.closed = True
+        self._on_data = lambda _: None
         self._memory.on_data = lambda _: None
         self._memory.on_lost = lambda _: None
         self._memory.close()
