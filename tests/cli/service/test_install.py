@@ -61,6 +61,15 @@ def test_the_command_line_installs_into_a_folder(
     assert "Nothing is started" in capsys.readouterr().out
 
 
+def test_a_file_that_cannot_be_written_is_a_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "root").touch()
+    assert main(["install", "--root", str(tmp_path / "root")]) == 1
+    assert f"{tmp_path}/root/etc/" in (said := capsys.readouterr().err)
+    assert "cannot be written: Not a directory. Look at the disk" in said
+
+
 def test_a_dry_run_changes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run = Commands()
     assert install(system(tmp_path, run, dry=True, live=True)) == 0

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import yahboomd
 from yahboomd.cli.service import install_plan
 from yahboomd.cli.service.install_plan import PlannedFile
+from yahboomd.errors import Refused
 from yahboomd.metrics.http_listener import Place
 from yahboomd.program import install_command
 
@@ -37,7 +38,7 @@ examples:
 
 exit status:
   0    everything is in place, and the service runs
-  1    the service does not run
+  1    the service does not run, or a file cannot be written
   77   it needs root: put sudo in front
   78   the service could not run like this; the message says why
 """
@@ -262,11 +263,18 @@ def _put_shared(files: list[PlannedFile], *, dry: bool) -> None:
 
 
 def _write(file: PlannedFile) -> None:
-    file.path.parent.mkdir(parents=True, exist_ok=True)
-    beside = file.path.with_name(f".{file.path.name}.new")
-    beside.write_text(file.text, encoding="utf-8")
-    beside.chmod(0o644)
-    beside.replace(file.path)
+    try:
+        file.path.parent.mkdir(parents=True, exist_ok=True)
+        beside = file.path.with_name(f".{file.path.name}.new")
+        beside.write_text(file.text, encoding="utf-8")
+        beside.chmod(0o644)
+        beside.replace(file.path)
+    except OSError as error:
+        raise Refused(
+            f"{file.path} cannot be written: {error.strerror}.",
+            remedy="Look at the disk and at the folder; then run the same command again: it writes "
+            "what is missing.",
+        ) from error
 
 
 def _start(system: System, unit: str, files: list[PlannedFile]) -> int:
