@@ -1,9 +1,9 @@
 """A note of how a daemon opened its port, for the process that must stop the wheels after it.
 
-``ExecStopPost=`` of the service runs ``yahboomd stop --direct`` when the daemon was killed. Every
-millisecond until the first stop is distance, and reading the configuration would take several
-times as long as all else before it. So each daemon leaves a note in its runtime folder, one for
-each port, which is read with nothing but what Python has at hand.
+``ExecStopPost=`` of the service runs ``yahboomd stop --direct`` when the daemon was killed. The
+robot drives on until the first stop, and reading the configuration would take several times as long
+as everything else before it. So each daemon writes a note for each port into its runtime folder.
+The standard library alone can read it.
 """
 
 from __future__ import annotations

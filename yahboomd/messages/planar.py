@@ -92,9 +92,9 @@ ImuBytes = Callable[[int, ImuEstimate], bytes]
 
 
 def imu_raw(frame_id: str) -> ImuBytes:
-    """An encoder of sensor_msgs/msg/Imu as the sensor shows it, for ``imu/data_raw`` (REP 145).
+    """Returns an encoder of raw samples as sensor_msgs/msg/Imu, for ``imu/data_raw`` (REP 145).
 
-    It has no orientation: the first element of that covariance is -1.
+    They have no orientation: the first element of that covariance is -1.
     """
     encoder = cdr.imu(frame_id)
     nothing = (0.0, 0.0, 0.0, 1.0, -1.0, *[0.0] * 8)

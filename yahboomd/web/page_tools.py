@@ -26,7 +26,7 @@ class ToolSettings(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PageTools:
-    """The tools of all pages."""
+    """Calibration, recording and black boxes, which all pages share."""
 
     def __init__(
         self,
