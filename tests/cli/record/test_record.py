@@ -124,10 +124,29 @@ def test_a_folder_that_exists_is_left_alone(
     assert list(tmp_path.glob("*.mcap")) == []
 
 
-def arrival(payload: bytes, dropped: int = 0) -> Arrival:
+def arrival(payload: bytes, dropped: int = 0, arrived_ns: int = 0) -> Arrival:
     return Arrival(
-        key="yahboomd/pose", payload=payload, stamp_ns=None, arrived_ns=0, dropped=dropped
+        key="yahboomd/pose",
+        payload=payload,
+        stamp_ns=None,
+        arrived_ns=arrived_ns,
+        dropped=dropped,
     )
+
+
+def test_samples_whose_moments_are_out_of_order_are_recorded_as_they_came(tmp_path: Path) -> None:
+    native, ros = McapFiles(tmp_path, "native"), McapFiles(tmp_path, "ros2", is_bag=True)
+    recorder = Recorder(native, ros, lambda at_ns: at_ns + 1000)
+    topic = Recorded("yahboomd/pose", "yahboomd/pose", message="PoseSample")
+    moments = enumerate((10, 30, 20, 40))
+    recorder.take(topic, [arrival(b'{"seq": %d}' % n, arrived_ns=at) for n, at in moments])
+    recorder.end()
+    with (tmp_path / "native_0.mcap").open("rb") as stream:
+        found = [
+            (message.sequence, message.log_time)
+            for _, _, message in make_reader(stream).iter_messages()
+        ]
+    assert found == [(0, 1010), (1, 1030), (2, 1030), (3, 1040)]
 
 
 def test_a_gap_in_the_numbers_is_counted_as_lost_and_a_new_daemon_is_not(tmp_path: Path) -> None:

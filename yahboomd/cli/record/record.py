@@ -215,6 +215,7 @@ class Recorder:
         self.problem = ""
         self._wall_ns = wall_ns
         self._sequences: dict[str, int] = {}
+        self._arrived_ns: dict[str, int] = {}
 
     def take(self, topic: Recorded, arrivals: list[Arrival]) -> None:
         """Write what arrived on a topic."""
@@ -229,7 +230,10 @@ class Recorder:
             self.unreadable += 1
             return
         channel, payload = found
-        logged_ns = self._wall_ns(arrival.arrived_ns)
+        # Samples arrive in order; the moments of those that were gathered are estimates.
+        arrived_ns = max(arrival.arrived_ns, self._arrived_ns.get(topic.key, 0))
+        self._arrived_ns[topic.key] = arrived_ns
+        logged_ns = self._wall_ns(arrived_ns)
         sequence = self._sequence(topic, payload) if channel.message_encoding == "json" else 0
         if not sequence:
             self.lost += arrival.dropped
