@@ -199,6 +199,23 @@ def test_a_limit_that_is_higher_already_stays(limits: int) -> None:
     assert soft() == before
 
 
+def test_a_limit_that_connections_can_exhaust_is_named_at_the_start() -> None:
+    script = (
+        "import logging, resource\n"
+        "from yahboomd.daemon.process import make_room\n"
+        "logging.basicConfig()\n"
+        "for hard in (2048, 2047):\n"
+        "    resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))\n"
+        "    make_room()\n"
+    )
+    said = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=True
+    ).stderr
+    assert said.count("\n") == 1
+    assert "may open 2047 files only" in said
+    assert "Allow it 2048: `ulimit -n`" in said
+
+
 def test_too_few_descriptors_are_refused_with_what_raises_the_limit() -> None:
     script = (
         "import resource\n"

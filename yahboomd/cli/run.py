@@ -67,8 +67,8 @@ def run(args: argparse.Namespace) -> int:
     from yahboomd.daemon.service import Daemon
 
     config, warnings, meanings = wait()
-    make_room()
     configure(config.log.level, os.environ, sys.stderr)
+    make_room()
     log = logging.getLogger("yahboomd")
     for warning in warnings:
         log.warning("%s", warning)

@@ -231,6 +231,9 @@ def _watchdog_ns(environ: Mapping[str, str]) -> int | None:
 LEAST = 64
 """Descriptors. With fewer, neither the bus nor the port can be relied on."""
 
+ENOUGH = 2048
+"""Descriptors. Connections that say nothing take up to 1,100 of them."""
+
 WANTED = 65_536
 """Descriptors. Most systems begin a process with 1024, and let it have many more."""
 
@@ -250,6 +253,14 @@ def make_room() -> None:
             f"This process may open {hard} files; the daemon needs {LEAST} at least.",
             remedy=f"`ulimit -n {LEAST}` raises the limit of a shell, LimitNOFILE= that of a "
             "service.",
+        )
+    if hard != resource.RLIM_INFINITY and hard < ENOUGH:
+        log.warning(
+            "This process may open %d files only: connections can take all of them, and then a "
+            "port that was lost is not opened again, nor are the wheels stopped. Allow it %d: "
+            "`ulimit -n`, or LimitNOFILE= of a service.",
+            hard,
+            ENOUGH,
         )
     wanted = WANTED if hard == resource.RLIM_INFINITY else min(WANTED, hard)
     if soft != resource.RLIM_INFINITY and soft < wanted:
