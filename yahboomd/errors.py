@@ -124,7 +124,7 @@ def shortage(error: BaseException) -> LimitError | None:
     """The limit that an error of the system is due to; None for any other error."""
     words = "no memory is left" if isinstance(error, MemoryError) else ""
     if isinstance(error, OSError) and error.errno in _SHORTAGES:
-        words = str(error.strerror)
+        words = os.strerror(error.errno)
     if not words:
         return None
     return LimitError(

@@ -84,6 +84,25 @@ def test_a_note_of_an_earlier_version_names_no_device_and_no_daemon(tmp_path: Pa
     assert read(str(tmp_path)) == [NOTE._replace(device=None)]
 
 
+def test_where_no_file_can_be_made_the_note_of_before_is_overwritten(tmp_path: Path) -> None:
+    before = NOTE._replace(pid=1, ended=True, listen=("tcp/[::1]:1", "tcp/[::1]:2"))
+    write(before, str(tmp_path))
+    (place,) = tmp_path.iterdir()
+    # As on a full disk: no other file can be made beside it.
+    Path(f"{place}.{os.getpid()}.new").mkdir()
+    assert write(NOTE, str(tmp_path))
+    assert read(str(tmp_path)) == [NOTE]
+
+
+def test_a_note_that_cannot_be_written_leaves_no_half_of_it(tmp_path: Path) -> None:
+    write(NOTE, str(tmp_path))
+    (place,) = tmp_path.iterdir()
+    place.unlink()
+    place.mkdir()
+    assert not write(NOTE, str(tmp_path))
+    assert list(tmp_path.iterdir()) == [place]
+
+
 def test_a_folder_that_cannot_be_written_is_no_error(tmp_path: Path) -> None:
     assert not write(NOTE, str(tmp_path / "missing"))
     assert read(str(tmp_path / "missing")) == []

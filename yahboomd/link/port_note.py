@@ -103,9 +103,21 @@ def _alive(pid: int) -> bool:
 
 def _put(place: str, note: PortNote) -> None:
     beside = f"{place}.{os.getpid()}.new"
-    with open(beside, "w", encoding="utf-8") as file:
-        json.dump(note._asdict(), file)
-    os.replace(beside, place)
+    text = json.dumps(note._asdict())
+    try:
+        with open(beside, "w", encoding="utf-8") as file:
+            file.write(text)
+        os.replace(beside, place)
+    except OSError:
+        if os.path.isfile(beside):
+            os.unlink(beside)
+        # On a full disk the note of before has room for this one; left alone, it may say that the
+        # wheels stand.
+        fd = os.open(place, os.O_WRONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
+        try:
+            os.ftruncate(fd, os.write(fd, text.encode()))
+        finally:
+            os.close(fd)
 
 
 def _found(folder: str) -> list[tuple[str, PortNote]]:
