@@ -48,7 +48,7 @@ async def test_behind_a_slow_port_a_stop_waits_for_one_frame_at_most(
                 bench.command(0.4 + 0.001 * (index % 2))
                 await asyncio.sleep(0.05)
             await asyncio.sleep(phase_ms / 1000)
-            assert line.ports[-1].queued <= LONGEST_FRAME
+            assert line.ports[-1].queued() <= LONGEST_FRAME
             before_ns = bench.clock.now_ns()
             bench.operator.engage_estop("a test")
             await asyncio.sleep(3.0)

@@ -58,8 +58,11 @@ class RecordingPort:
 
     def __init__(self, clock: HandClock) -> None:
         self._clock = clock
-        self.queued = 0
+        self.waiting = 0
         self.sent: list[tuple[int, bytes]] = []
+
+    def queued(self) -> int:
+        return self.waiting
 
     def write(self, data: bytes) -> None:
         self.sent.append((self._clock.ns, data))

@@ -11,7 +11,7 @@ from board_bench import BoardPort, LinkBench
 from yahboomd.clock import LoopClock
 from yahboomd.errors import BoardSilent, PortLost
 from yahboomd.link.conversation import Conversation
-from yahboomd.link.gathering import ALIKE, UNCHANGED
+from yahboomd.link.gathering import ALIKE, STEADY
 from yahboomd.link.line import KEPT_BYTES, Line
 from yahboomd.link.start_notices import Notice
 from yahboomd.model import Counts, EncoderReading
@@ -28,7 +28,9 @@ class Desk:
 
     name = "/dev/desk"
     byte_ns = 86_805
-    queued = 0
+
+    def queued(self) -> int:
+        return 0
 
     def __init__(self) -> None:
         self.least: list[int] = []
@@ -121,13 +123,13 @@ async def test_lines_that_are_alike_are_waited_for_until_half_a_line_or_the_end(
 
 
 @on_virtual_time
-async def test_counts_that_stand_are_read_together_and_have_the_moments_of_their_coming() -> None:
+async def test_lines_that_come_evenly_are_read_together_and_have_the_moments_of_each() -> None:
     desk, apart_s = Desk(), 0.006
     moved = b"$MAll:1,2,3,9#\r\n"
     async with desk.line.attended():
         desk.line.understand(DIALECTS["streamed"], spacing_ns=0)
         desk.line.gather(b"\r\n")
-        for _ in range(UNCHANGED + 1):
+        for _ in range(STEADY + 1):
             await asyncio.sleep(apart_s)
             desk.take(COUNTS)
         assert desk.least == [len(COUNTS), 3 * len(COUNTS)]
@@ -135,10 +137,13 @@ async def test_counts_that_stand_are_read_together_and_have_the_moments_of_their
             await asyncio.sleep(3 * apart_s)
             desk.take(3 * COUNTS)
         assert desk.least == [len(COUNTS), 3 * len(COUNTS)]
-        # The wheels begin to turn.
+        # A person turns the wheels.
         await asyncio.sleep(3 * apart_s)
         desk.take(COUNTS + moved + moved.replace(b"9", b"7"))
         assert desk.ticks[-3:] == [(1, 2, 3, 4), (1, 2, 3, 9), (1, 2, 3, 7)]
+        assert desk.least[2:] == []
+        # They are to start by a command.
+        desk.line.stir()
         assert desk.least[2:] == [len(COUNTS)]
         gaps_ns = {b - a for a, b in itertools.pairwise(desk.received_ns)}
         assert all(abs(gap_ns - 6_000_000) < 10 for gap_ns in gaps_ns)
@@ -150,7 +155,7 @@ async def test_what_waited_for_a_reader_that_was_late_came_at_once() -> None:
     async with desk.line.attended():
         desk.line.understand(DIALECTS["streamed"], spacing_ns=0)
         desk.line.gather(b"\r\n")
-        for _ in range(UNCHANGED + 1):
+        for _ in range(STEADY + 1):
             await asyncio.sleep(0.006)
             desk.take(COUNTS)
         await asyncio.sleep(0.1)
@@ -260,7 +265,7 @@ async def test_a_port_that_takes_no_output_is_given_another_stop_unless_it_is_op
 ) -> None:
     board = LinkBench()
     port = await board.open()
-    port.queued = 13
+    port.waiting = 13
     line = Line(port, board.clock)
 
     async def stop() -> None:
@@ -280,12 +285,12 @@ async def test_a_stop_that_is_held_up_is_waited_for_whatever_the_board_says_mean
     line = Line(port, board.clock)
     async with line.attended():
         talk = await Conversation.begin(line)
-        port.queued = 13
+        port.waiting = 13
         resting = asyncio.create_task(talk.rest())
         for _ in range(10):
             await asyncio.sleep(0.1)
             line._receive(b"something\r\n")
-        port.queued = 0
+        port.waiting = 0
         assert (await resting).flushed
 
 
@@ -309,7 +314,7 @@ async def test_an_answer_that_is_fetched_came_as_soon_as_those_before() -> None:
         desk.line.understand(DIALECTS["polled"], spacing_ns=0)
         desk.line.gather(b"", 20_000_000)
         clock = desk.line.clock
-        for number in range(UNCHANGED + 30):
+        for number in range(STEADY + 30):
             desk.line.writer.poll(b"$read#", 20_000_000)
             asked_ns = clock.now_ns() + 6 * desk.byte_ns
             fetched = desk.least[-1:] == [255]
@@ -317,7 +322,7 @@ async def test_an_answer_that_is_fetched_came_as_soon_as_those_before() -> None:
             desk.take(answer)
             assert abs(desk.received_ns[-1] - asked_ns - 3_479_170) < 10
             await asyncio.sleep(0.0 if fetched else 0.016)
-            assert fetched is (number > UNCHANGED)
+            assert fetched is (number > STEADY)
         assert desk.line.writer.counters["polls_unanswered"] == 0
         # Before the wheels turn every answer wakes the reader again.
         desk.line.stir()
@@ -334,7 +339,7 @@ async def test_of_counts_that_were_read_together_all_but_the_last_are_followed()
     async with desk.line.attended():
         desk.line.understand(DIALECTS["streamed"], spacing_ns=0)
         desk.line.gather(b"\r\n")
-        for _ in range(UNCHANGED + 1):
+        for _ in range(STEADY + 1):
             await asyncio.sleep(0.006)
             desk.take(COUNTS)
         assert not any(followed)

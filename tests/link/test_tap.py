@@ -115,7 +115,7 @@ async def test_a_tapped_port_hands_everything_on() -> None:
     notes = Notes()
     tapped_port = TappedPort(port, notes)
     assert (tapped_port.name, tapped_port.byte_ns) == (port.name, port.byte_ns)
-    assert tapped_port.queued == port.queued
+    assert tapped_port.queued() == port.queued()
     tapped_port.gather(5)
     tapped_port.read_now()
     tapped_port.discard()

@@ -290,13 +290,13 @@ async def test_a_poll_that_is_never_answered_does_not_block_for_ever(
 async def test_a_full_port_takes_nothing_more_and_is_counted(
     writer: Any, port: Any, clock: Any
 ) -> None:
-    port.queued = 10
+    port.waiting = 10
     writer.velocity(b"$a#")
     writer.velocity(b"$b#")
     assert port.frames == []
     assert writer.status_values()["port_held"] == 1
     assert writer.status_values()["velocities_replaced"] == 1
-    port.queued = 0
+    port.waiting = 0
     await advance(clock, 25)
     assert port.frames == [b"$b#"]
 
@@ -330,7 +330,7 @@ async def test_a_writer_that_is_closed_says_nothing_that_waited(
 async def test_a_port_that_takes_nothing_for_300_ms_is_given_up(port: Any, clock: Any) -> None:
     writer = Writer(port, clock, resend_ns=100 * MS, spacing=spaced(20 * MS))
     task = asyncio.create_task(writer.run())
-    port.queued = 15
+    port.waiting = 15
     writer.velocity(b"$a#")
     await advance(clock, 290)
     assert not task.done()
@@ -343,10 +343,10 @@ async def test_a_port_that_is_full_for_a_moment_is_not_given_up(
     writer: Any, port: Any, clock: Any
 ) -> None:
     for _ in range(5):
-        port.queued = 15
+        port.waiting = 15
         writer.velocity(b"$a#")
         await advance(clock, 200)
-        port.queued = 0
+        port.waiting = 0
         await advance(clock, 200)
     assert len(port.frames) >= 5
 
@@ -394,12 +394,12 @@ async def test_a_question_whose_answer_was_lost_is_forgotten_after_a_while(
 async def test_a_stop_waits_for_what_the_kernel_holds_and_goes_before_what_waited_longer(
     writer: Any, port: Any, clock: Any
 ) -> None:
-    port.queued = 18
+    port.waiting = 18
     writer.velocity(b"$a#")
     writer.stop((b"$stop#",))
     await advance(clock, 250)
     assert port.frames == []
-    port.queued = 0
+    port.waiting = 0
     await advance(clock, 60)
     assert port.frames == [b"$stop#"]
 
@@ -411,9 +411,9 @@ async def test_a_port_that_is_slow_is_reported_once_with_its_rate(port: Any, clo
     task = asyncio.create_task(writer.run())
     for _ in range(3):
         writer.velocity(b"$spd:300,0,300,0#")
-        port.queued = 17
+        port.waiting = 17
         await advance(clock, 170)
-        port.queued = 0
+        port.waiting = 0
         await advance(clock, 50)
     assert len(rates) == 1
     assert 90 < rates[0] < 110

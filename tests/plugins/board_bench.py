@@ -22,7 +22,7 @@ class BoardPort:
 
     name = "/dev/simulated"
     byte_ns = byte_time_ns(115200)
-    queued = 0
+    waiting = 0
     keeps = False
     """Whether bytes wait for as many as the session wants at once, as in a kernel."""
 
@@ -48,6 +48,9 @@ class BoardPort:
     def _deliver(self) -> None:
         if not self.keeps or len(self._kept) >= self._least:
             self.read_now()
+
+    def queued(self) -> int:
+        return self.waiting
 
     def write(self, data: bytes) -> None:
         self.written.append((self._clock.now_ns(), data))

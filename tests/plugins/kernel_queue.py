@@ -30,8 +30,7 @@ class QueueingPort(BoardPort):
         self._sending = False
         line.ports.append(self)
 
-    @property
-    def queued(self) -> int:  # type: ignore[override]
+    def queued(self) -> int:
         return len(self._queue) if self.line.tells else 0
 
     def write(self, data: bytes) -> None:

@@ -2,8 +2,9 @@
 
 A callback of Zenoh's runs in the thread that reads the network. Whatever it waits for, all that
 comes over the same connection waits for too; calling Zenoh from it can deadlock. So it does three
-things: it checks the size, appends to a bounded lane, and wakes the loop unless that is done.
-A lane that was empty announces itself, so that the loop looks into none for nothing.
+things: it checks the size, wakes the loop unless that is done, and appends to a bounded lane what
+it copied while the loop was waking. A lane that was empty announces itself, so that the loop looks
+into none for nothing.
 
 Urgent lanes are emptied before and between the others, so an e-stop waits for one batch of
 commands at most, however many of them come. A full lane drops its oldest entry: the newest counts.
@@ -175,7 +176,7 @@ class Inbox:
 
         def announce(lane: Lane[Item]) -> None:
             full.append(lane)
-            self._wake()
+            self.wake()
 
         lane = Lane(announce, handler, depth=depth, refuse=refuse)
         self._lanes.append(lane)
@@ -203,7 +204,8 @@ class Inbox:
         if not leak:
             os.close(self._fd)
 
-    def _wake(self) -> None:
+    def wake(self) -> None:
+        """Have the loop look into the lanes that were announced; from any thread."""
         # Lanes are announced before this looks, and the loop forgets `_woken` before it looks at
         # the lanes: at worst it is woken once for nothing.
         if not self._woken and self._open:
@@ -214,12 +216,14 @@ class Inbox:
         """Deliver each lane once; what comes meanwhile waits for the next turn."""
         os.eventfd_read(self._fd)
         self._woken = False
-        self._deliver_urgent()
+        if self._urgent:
+            self._deliver_urgent()
         for _ in range(len(self._others)):
             self._deliver(self._others.popleft())
-            self._deliver_urgent()
+            if self._urgent:
+                self._deliver_urgent()
         if self._urgent or self._others:
-            self._wake()
+            self.wake()
 
     def _deliver_urgent(self) -> None:
         for _ in range(len(self._urgent)):

@@ -40,8 +40,9 @@ LOOK_S = 0.005
 QUIET_LOOKS = 100
 """The flood is over when so many looks in a row have found no full ring (less than 800 Hz)."""
 
-Received: TypeAlias = tuple[zenoh.Sample | None, int]
-"""A sample and when it arrived; None stands for one that was too large."""
+Received: TypeAlias = tuple[bytes | None, zenoh.Timestamp | None, bytes | None, int]
+"""Payload, stamp and attachment of a sample, and when it arrived; no payload stands for one that
+was too large."""
 
 
 class Arrival(msgspec.Struct, frozen=True, kw_only=True):
@@ -151,14 +152,16 @@ class Subscription:
 
     def _listen(self, session: zenoh.Session) -> zenoh.Subscriber[None]:
         lane, max_bytes, keep_oversize = self._lane, self._max_bytes, self._keep_oversize
-        now_ns = self._now_ns
+        now_ns, wake = self._now_ns, self._inbox.wake
 
         def arrived(sample: zenoh.Sample) -> None:
-            # The payload is read on the loop: what a flood loses was never copied.
+            at_ns = now_ns()
             if carried_bytes(sample) <= max_bytes:
-                lane.offer((sample, now_ns()))
+                # The loop takes longer to wake than this thread to copy.
+                wake()
+                lane.offer(_copied(sample, at_ns))
             elif keep_oversize:
-                lane.offer((None, now_ns()))
+                lane.offer((None, None, None, at_ns))
             else:
                 lane.too_large()
 
@@ -172,7 +175,7 @@ class Subscription:
         self._direct, self._rings = [], []
 
     def _deliver(self, batch: list[Received], lost: int) -> None:
-        now_ns = batch[-1][1]
+        now_ns = batch[-1][3]
         if now_ns - self._window_began_ns > WINDOW_NS:
             self._window_began_ns, self._in_window = now_ns, 0
         self._in_window += len(batch) + lost
@@ -227,18 +230,21 @@ class Subscription:
         for ring in self._rings:
             batch, taken = self._drain(ring, self._depth)
             self._deliver_drained(
-                [(each, at_ns - self._age_ns(each, at_ns - before_ns)) for each, at_ns in batch],
+                [
+                    (payload, stamp, attached, at_ns - self._age_ns(stamp, at_ns - before_ns))
+                    for payload, stamp, attached, at_ns in batch
+                ],
                 lost=int(taken >= self._depth),
             )
 
-    def _age_ns(self, sample: zenoh.Sample | None, most_ns: int) -> int:
+    def _age_ns(self, stamp: zenoh.Timestamp | None, most_ns: int) -> int:
         """How long ago a gathered sample came: it passed the nearest router then, if not earlier.
 
         A stamp from long before the gathering began is that of another clock, or of a slow way.
         """
-        if sample is None or sample.timestamp is None:
+        if stamp is None:
             return 0
-        age_ns = self._wall_ns() - sample.timestamp.get_time_as_ntp64().as_nanos()
+        age_ns = self._wall_ns() - stamp.get_time_as_ntp64().as_nanos()
         return min(age_ns, most_ns) if 0 <= age_ns <= 2 * most_ns else 0
 
     def _drain(
@@ -251,11 +257,11 @@ class Subscription:
         while taken < most and (sample := ring.try_recv()) is not None:
             taken += 1
             if carried_bytes(sample) <= self._max_bytes:
-                batch.append((sample, now_ns))
+                batch.append(_copied(sample, now_ns))
             else:
                 self.counters.oversize += 1
                 if self._keep_oversize:
-                    batch.append((None, now_ns))
+                    batch.append((None, None, None, now_ns))
         self.counters.received += taken
         return batch, taken
 
@@ -268,22 +274,23 @@ class Subscription:
         self._hand_over(batch, lost)
 
     def _arrival(self, received: Received, dropped: int) -> Arrival:
-        sample, arrived_ns = received
-        if sample is None:
-            return Arrival(
-                key=self.name,
-                payload=b"",
-                stamp_ns=None,
-                arrived_ns=arrived_ns,
-                dropped=dropped,
-                oversize=True,
-            )
-        attachment = sample.attachment
+        payload, timestamp, attachment, arrived_ns = received
         return Arrival(
             key=self.name,
-            payload=sample.payload.to_bytes(),
-            stamp_ns=self._stamp_ns(sample.timestamp),
+            payload=payload or b"",
+            stamp_ns=self._stamp_ns(timestamp),
             arrived_ns=arrived_ns,
             dropped=dropped,
-            attachment=None if attachment is None else attachment.to_bytes(),
+            oversize=payload is None,
+            attachment=attachment,
         )
+
+
+def _copied(sample: zenoh.Sample, at_ns: int) -> Received:
+    attachment = sample.attachment
+    return (
+        sample.payload.to_bytes(),
+        sample.timestamp,
+        None if attachment is None else attachment.to_bytes(),
+        at_ns,
+    )

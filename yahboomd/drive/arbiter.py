@@ -177,13 +177,14 @@ class Arbiter:
         holder, last = self._holder, self._last
         age_ns = None if last is None else last.deadman.age_ns(now_ns)
         name = None if last is None else last.source.name
+        silent = age_ns is None
         if self._left is not None:
             name, age_ns = self._left[0], now_ns - self._left[1]
         twist, ramp, timed_out = STANDSTILL, True, False
         why: Why
         if self._revoked:
             why, ramp = "revoked", False
-        elif last is None or last.deadman.age_ns(now_ns) is None:
+        elif silent:
             why = "no_command"
         elif holder is None or (wish := holder.in_effect(now_ns)) is None:
             self._count_timeout()

@@ -127,7 +127,9 @@ class _Axis:
         if not math.isfinite(wish):
             wish = 0.0
         wish = max(-self._velocity, min(self._velocity, wish))
-        if math.isinf(self._jerk):
+        if wish == self.speed:
+            self._rate = 0.0
+        elif self._jerk == math.inf:
             self.speed = self._ramp(wish, dt_s)
         else:
             self._smooth(wish, dt_s)

@@ -167,30 +167,26 @@ class Outbox:
             return self._sent(Outgoing(lane=Lane.STOP, frame=self._stops.popleft()))
         if busy:
             return None
-        # In the order in which they go first: velocity, poll, configuration.
-        ready: list[Lane] = []
-        if self._velocity_due_ns is not None and self._velocity_due_ns <= now_ns:
-            ready.append(Lane.VELOCITY)
-        if self._poll is not None and not asking:
-            ready.append(Lane.POLL)
-        if self._requests and self._may_request(asking):
-            ready.append(Lane.CONFIGURATION)
-        if not ready:
-            return None
-        lane = ready[1] if len(ready) > 1 and ready[0] is self._last else ready[0]
-        return self._sent(self._pick(lane, now_ns))
-
-    def _pick(self, lane: Lane, now_ns: int) -> Outgoing:
-        if lane is Lane.VELOCITY:
-            assert self._velocity is not None
+        # In the order in which they go first, of which none goes twice in a row.
+        poll = self._poll is not None and not asking
+        request = bool(self._requests) and self._may_request(asking)
+        if (
+            self._velocity is not None
+            and self._velocity_due_ns is not None
+            and self._velocity_due_ns <= now_ns
+            and not (self._last is Lane.VELOCITY and (poll or request))
+        ):
             self._velocity_due_ns = now_ns + self.resend_ns
-            return Outgoing(lane=lane, frame=self._velocity)
-        if lane is Lane.POLL:
+            return self._sent(Outgoing(lane=Lane.VELOCITY, frame=self._velocity))
+        if poll and not (self._last is Lane.POLL and request):
             assert self._poll is not None
             frame, self._poll = self._poll, None
-            return Outgoing(lane=lane, frame=frame)
-        request = self._requests.popleft()
-        return Outgoing(lane=lane, frame=request.frame, request=request)
+            return self._sent(Outgoing(lane=Lane.POLL, frame=frame))
+        if request:
+            first = self._requests.popleft()
+            lane = Lane.CONFIGURATION
+            return self._sent(Outgoing(lane=lane, frame=first.frame, request=first))
+        return None
 
     def _sent(self, outgoing: Outgoing) -> Outgoing:
         self._last = outgoing.lane

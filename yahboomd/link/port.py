@@ -79,7 +79,6 @@ class Port(Protocol):
     def byte_ns(self) -> int:
         """Nanoseconds that a byte takes on the wire."""
 
-    @property
     def queued(self) -> int:
         """Bytes written here and not on the wire yet, as far as the system knows."""
 
@@ -232,10 +231,11 @@ class SerialPort(asyncio.Protocol):
         self._spilled = size > 0
         return size
 
-    @property
     def queued(self) -> int:
         """See :class:`Port`."""
-        return 0 if self._lost else self.pending + in_kernel(self._fd)
+        if self._lost:
+            return 0
+        return in_kernel(self._fd) + (self.pending if self._spilled else 0)
 
     def discard(self) -> None:
         """See :class:`Port`."""
@@ -292,7 +292,7 @@ class SerialPort(asyncio.Protocol):
         """See :class:`Port`."""
 
         def waiting() -> int | None:
-            return None if self._lost else self.queued
+            return None if self._lost else self.queued()
 
         return await drained(self._clock, waiting, byte_ns=self.byte_ns, timeout_s=timeout_s)
 

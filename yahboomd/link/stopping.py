@@ -128,9 +128,9 @@ class _LastWords:
         """Wait until it is on the wire and the board had time for it; whether it was held up."""
         size, self._size = self._size, 0
         await self.pause(size * self._port.byte_ns + self.spacing_ns)
-        if not self._port.queued:
+        if not self._port.queued():
             return False
-        while self._port.queued:
+        while self._port.queued():
             if self._clock.now_ns() >= self._until_ns:
                 self.gave_up = True
                 return True

@@ -5,7 +5,6 @@ The black box of the daemon is one. A tap must not raise, block or wait.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, Protocol
 
 from yahboomd.link.port import Port
@@ -58,43 +57,16 @@ class TappedPort:
     """A port whose output is seen by a tap; input is seen by the line, which knows its moment."""
 
     def __init__(self, port: Port, tap: Tap) -> None:
-        self._port = port
-        self._tap = tap
+        self._write = port.write
+        self._written = tap.written
         self.name = port.name
         self.byte_ns = port.byte_ns
-
-    @property
-    def queued(self) -> int:
-        """See :class:`~yahboomd.link.port.Port`."""
-        return self._port.queued
-
-    def listen(
-        self, on_data: Callable[[bytes], None], on_lost: Callable[[Exception | None], None]
-    ) -> None:
-        """See :class:`~yahboomd.link.port.Port`."""
-        self._port.listen(on_data, on_lost)
+        # All but the writing is the port's own.
+        self.queued = port.queued
+        self.listen, self.gather, self.read_now = port.listen, port.gather, port.read_now
+        self.discard, self.drain, self.close = port.discard, port.drain, port.close
 
     def write(self, data: bytes) -> None:
         """See :class:`~yahboomd.link.port.Port`."""
-        self._port.write(data)
-        self._tap.written(data)
-
-    def gather(self, least: int) -> None:
-        """See :class:`~yahboomd.link.port.Port`."""
-        self._port.gather(least)
-
-    def read_now(self) -> None:
-        """See :class:`~yahboomd.link.port.Port`."""
-        self._port.read_now()
-
-    def discard(self) -> None:
-        """See :class:`~yahboomd.link.port.Port`."""
-        self._port.discard()
-
-    async def drain(self, timeout_s: float) -> bool:
-        """See :class:`~yahboomd.link.port.Port`."""
-        return await self._port.drain(timeout_s)
-
-    def close(self) -> None:
-        """See :class:`~yahboomd.link.port.Port`."""
-        self._port.close()
+        self._write(data)
+        self._written(data)

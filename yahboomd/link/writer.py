@@ -85,9 +85,9 @@ class Writer:
         self._hold_ns = 0
         self._polled_until_ns: int | None = None
         self._wake = asyncio.Event()
-        self._alarm = clock.alarm(self._wake.set)
+        self._alarm = clock.alarm(self._ring)
         self._poll_timeout_ns = 0
-        self._output = OutputWatch(lambda: port.queued, port.byte_ns)
+        self._output = OutputWatch(port.queued, port.byte_ns)
         self._slowness_reported = False
         self._held = False
         self.closed = False
@@ -303,6 +303,12 @@ class Writer:
             if now_ns < self._free_ns:
                 break
         self._alarm.set(self._next_ns())
+
+    def _ring(self) -> None:
+        # What is repeated goes out in the loop's iteration that the timer woke.
+        self._pump()
+        if self._output.stuck(self._clock.now_ns()):
+            self._wake.set()
 
     @property
     def _asking(self) -> bool:

@@ -43,7 +43,6 @@ class MemoryPort:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._timer: asyncio.TimerHandle | None = None
 
-    @property
     def queued(self) -> int:
         """Bytes that were not read yet: the wire takes all at once."""
         return 0
@@ -83,6 +82,9 @@ class MemoryPort:
 
     def gather(self, least: int) -> None:
         """Do nothing: bytes are handed over as they come, in the chunks of the impairments."""
+
+    def discard(self) -> None:
+        """Do nothing: none waits."""
 
     def read_now(self) -> None:
         """Do nothing: no byte is kept."""
