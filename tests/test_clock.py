@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import itertools
+import os
+import resource
+import select
 
 import pytest
 
@@ -185,3 +188,67 @@ async def test_a_schedule_that_rests_keeps_its_grid_and_can_be_woken_to_the_next
     beats.cancel()
     assert due == [20, 120, 160, 180, 200, 220, 240, 260, 280, 300]
     assert schedule.missed == 0
+
+
+@on_virtual_time
+async def test_a_schedule_that_is_advanced_rings_only_where_that_stays_away() -> None:
+    clock = LoopClock()
+    schedule, due = Schedule(clock, 20_000_000), list[int]()
+    start_ns = clock.now_ns()
+    schedule.advance(start_ns)
+    beats = asyncio.create_task(
+        schedule.run(lambda due_ns: due.append((due_ns - start_ns) // 1_000_000))
+    )
+    for at_ms in range(15, 100, 20):
+        await sleep_until(clock, start_ns + at_ms * 1_000_000)
+        schedule.advance(clock.now_ns(), leave_out=at_ms == 95)
+    await sleep_until(clock, start_ns + 170_000_000)
+    beats.cancel()
+    assert due == [15, 35, 55, 75, 125, 145, 165]
+    assert schedule.missed == 0
+
+
+async def test_what_is_put_off_wakes_the_loop_at_its_new_deadline_alone() -> None:
+    clock, rings = SystemClock(), list[int]()
+    alarm = clock.alarm(lambda: rings.append(clock.now_ns()))
+    first_ns = clock.now_ns() + 5_000_000
+    alarm.set(first_ns)
+    alarm.put_off(first_ns + 30_000_000)
+    readable, _, _ = select.select([alarm._fd], [], [], 0.02)  # type: ignore[attr-defined]
+    assert readable == [] or clock.now_ns() >= first_ns + 30_000_000
+    await sleep_until(clock, first_ns + 31_000_000)
+    await sleep_until(clock, clock.now_ns() + 1_000_000)
+    alarm.close()
+    assert len(rings) == 1
+    assert rings[0] >= first_ns + 30_000_000
+
+
+async def test_where_no_descriptor_is_left_an_alarm_rings_all_the_same() -> None:
+    clock, rings = SystemClock(), asyncio.Event()
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    taken = os.open("/dev/null", os.O_RDONLY)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (taken + 1, hard))
+    try:
+        filled = [os.dup(taken) for _ in range(_free_below(taken))]
+        alarm = clock.alarm(rings.set)
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+    for each in (taken, *filled):
+        os.close(each)
+    assert not hasattr(alarm, "_fd")
+    alarm.set(clock.now_ns() + 1_000_000)
+    await asyncio.wait_for(rings.wait(), 10)
+    alarm.close()
+
+
+def _free_below(limit: int) -> int:
+    """How many descriptors below one are free."""
+    return limit + 1 - sum(_is_open(each) for each in range(limit + 1))
+
+
+def _is_open(fd: int) -> bool:
+    try:
+        os.fstat(fd)
+    except OSError:
+        return False
+    return True

@@ -39,6 +39,9 @@ class Alarm(Protocol):
     def set(self, deadline_ns: int | None) -> None:
         """Call back at ``deadline_ns`` (at once when that has passed); ``None``: not at all."""
 
+    def put_off(self, deadline_ns: int) -> None:
+        """The same, for what is put off most times before it comes."""
+
     def close(self) -> None:
         """Release the alarm's resources."""
 
@@ -171,6 +174,19 @@ class Schedule:
             self._next_ns -= beats * self._period_ns
             self._alarm.set(self._next_ns)
 
+    def advance(self, now_ns: int, *, leave_out: bool = False) -> None:
+        """Have the beat now; the next one is due in one and a half periods, or advanced as well.
+
+        Args:
+            leave_out: Only put off the next one.
+        """
+        if self._on_beat is not None:
+            self._resting = False
+            self._next_ns = now_ns + self._period_ns * 3 // 2
+            if not leave_out:
+                self._on_beat(now_ns)
+            self._alarm.put_off(self._next_ns)
+
     def close(self) -> None:
         """Release the timer."""
         self._alarm.close()
@@ -221,6 +237,9 @@ class _LoopAlarm:
             self._handle = None
         if deadline_ns is not None:
             self._handle = self._loop.call_at(deadline_ns / NS_PER_S, self._callback)
+
+    def put_off(self, deadline_ns: int) -> None:
+        self.set(deadline_ns)
 
     def close(self) -> None:
         self.set(None)
@@ -289,6 +308,11 @@ class _KernelAlarm:
         if deadline_ns is not None and (self._armed_ns is None or deadline_ns < self._armed_ns):
             self._arm(deadline_ns)
 
+    def put_off(self, deadline_ns: int) -> None:
+        # The kernel is told: its call costs a twentieth of a wake-up for nothing.
+        self._deadline_ns = deadline_ns
+        self._arm(deadline_ns)
+
     def _arm(self, deadline_ns: int) -> None:
         self._armed_ns = deadline_ns
         # A deadline in the past rings at once; zero would disarm.
@@ -334,5 +358,9 @@ class SystemClock:
         return time.clock_gettime_ns(time.CLOCK_BOOTTIME) - time.monotonic_ns()
 
     def alarm(self, callback: Callable[[], None]) -> Alarm:
-        """A timerfd that calls back."""
-        return _KernelAlarm(self._libc, callback)
+        """A timerfd that calls back; where no descriptor is left, a timer of the loop."""
+        try:
+            return _KernelAlarm(self._libc, callback)
+        except OSError:
+            # It waits in whole milliseconds, which is no reason to leave the wheels to themselves.
+            return _LoopAlarm(callback)
