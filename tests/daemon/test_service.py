@@ -308,7 +308,14 @@ async def test_a_control_loop_that_stands_still_feeds_no_watchdog_though_all_els
             else:
                 ring(schedule)
 
+        advance = Schedule.advance
+
+        def advances_until_stopped(schedule: Schedule, now_ns: int, **how: bool) -> None:
+            if not stopped:
+                advance(schedule, now_ns, **how)
+
         monkeypatch.setattr(Schedule, "_ring", rings_until_stopped)
+        monkeypatch.setattr(Schedule, "advance", advances_until_stopped)
         environ = {"NOTIFY_SOCKET": manager.getsockname(), "WATCHDOG_USEC": "300000"}
         running = Running(tmp_path, environ)
         await running.listen()

@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from yahboomd.link.gathering import ALIKE, UNCHANGED, Gathering
+from yahboomd.link.gathering import ALIKE, STEADY, Gathering
 
 
 class Reader:
@@ -56,11 +56,25 @@ def test_lines_that_are_alike_wake_the_reader_once_each_and_wait_for_nothing(
     for _ in range(ALIKE + 2):
         reader.hear(22, piece)
     before = reader.wakes
-    for _ in range(100):
+    for _ in range(STEADY - ALIKE - 2):
         reader.hear(22, piece)
-    assert reader.wakes - before == 100
+    assert reader.wakes - before == STEADY - ALIKE - 2
     assert max(reader.late) == 0
     assert reader.wakeups == 1
+
+
+@pytest.mark.parametrize("piece", [1, 3, 11, 64])
+def test_lines_that_have_been_alike_for_some_time_wake_the_reader_together_and_the_last_waits_not(
+    piece: int,
+) -> None:
+    reader = Reader(2)
+    for _ in range(STEADY + 1):
+        reader.hear(22, piece)
+    before = reader.wakes
+    for number in range(300):
+        reader.hear(22, piece)
+        assert number % 3 != 2 or reader.last == b"$%020d" % reader.lines
+    assert reader.wakes - before == 100
 
 
 @pytest.mark.parametrize("line_end", [0, 2])
@@ -97,11 +111,11 @@ def test_lines_of_all_lengths_are_heard_as_they_come() -> None:
 
 
 @pytest.mark.parametrize(("apart_ns", "together"), [(5, 4), (6, 3), (10, 2), (15, 2), (16, 1)])
-def test_counts_that_stand_wake_the_reader_so_seldom_that_no_byte_waits_for_20_ms(
+def test_lines_that_come_evenly_wake_the_reader_so_seldom_that_no_byte_waits_for_20_ms(
     apart_ns: int, together: int
 ) -> None:
     gathering = Gathering(2)
-    for number in range(UNCHANGED + 1):
+    for number in range(STEADY + 1):
         now_ns = number * apart_ns * 1_000_000
         gathering.line(22, unchanged=number > 0, now_ns=now_ns)
         gathering.adjust(0)
@@ -110,25 +124,26 @@ def test_counts_that_stand_wake_the_reader_so_seldom_that_no_byte_waits_for_20_m
 
 def test_the_kernel_is_asked_for_no_more_than_it_can() -> None:
     gathering = Gathering(2)
-    for number in range(UNCHANGED + 1):
+    for number in range(STEADY + 1):
         gathering.line(60, unchanged=number > 0, now_ns=number)
         gathering.adjust(0)
     assert gathering.least == 4 * 62
 
 
 @pytest.mark.parametrize("piece", [3, 64])
-def test_of_counts_that_change_after_a_rest_those_of_one_reading_alone_waited(piece: int) -> None:
+def test_a_command_that_starts_the_wheels_has_each_line_heard_at_once(piece: int) -> None:
     reader = Reader(2)
     for _ in range(100):
-        reader.hear(22, piece, count=1)
+        reader.hear(22, piece)
     assert reader.gathering.least == 3 * 24
-    for number in range(2, 5):
-        reader.hear(22, piece, count=number)
-    assert reader.gathering.least <= 24
+    reader.gathering.stir()
+    assert reader.gathering.adjust(len(reader.held))
+    # Where the kernel waits for less, what is there is enough.
+    reader._wake()
     reader.late.clear()
-    for number in range(5, 80):
-        reader.hear(22, piece, count=number)
-        assert reader.last == b"$%020d" % number
+    for _ in range(STEADY - 1):
+        reader.hear(22, piece)
+        assert reader.last == b"$%020d" % reader.lines
     assert max(reader.late) == 0
 
 
@@ -137,7 +152,7 @@ def test_the_answers_of_a_board_that_is_asked_often_and_stands_are_fetched(
     asked_ms: int, *, fetched: bool
 ) -> None:
     gathering = Gathering(0, asked_ms * 1_000_000)
-    for number in range(UNCHANGED + 1):
+    for number in range(STEADY + 1):
         assert not gathering.fetched
         gathering.line(30, unchanged=number > 0, now_ns=number * asked_ms * 1_000_000)
         gathering.adjust(0)

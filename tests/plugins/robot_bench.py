@@ -33,13 +33,13 @@ from yahboomd.simulation.robot import SimulatedRobot
 def steps_of(controller: Controller) -> list[int]:
     """The moments of its steps from now on, filled as it steps."""
     steps: list[int] = []
-    step = controller.control_step
+    step = controller._step
 
     def noting() -> None:
         steps.append(controller._clock.now_ns())
         step()
 
-    controller.control_step = noting  # type: ignore[method-assign]
+    controller._step = noting  # type: ignore[method-assign]
     return steps
 
 

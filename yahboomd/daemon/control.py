@@ -1,6 +1,7 @@
 """The control path: from the command in control to the board's, and from counts to estimates.
 
-It runs at a fixed rate, and once more at once for every command that arrives. Whatever forbids
+It runs at a fixed rate, or with the counts where they come as often, and once more at once for
+every command that arrives. Whatever forbids
 motion (the e-stop, a hold, a board that is not ready) is looked at first in every step, and ends
 it at once; only command silence and a hand-over may ramp.
 """
@@ -43,7 +44,6 @@ from yahboomd.model import (
     Event,
     ImuReading,
     Matrix3,
-    OdometryEstimate,
     Pose2d,
 )
 from yahboomd.names import source_words
@@ -51,11 +51,11 @@ from yahboomd.odometry.odometer import Odometer
 from yahboomd.protocol.dialect import Units
 from yahboomd.protocol.settings import VERSION
 
-SOONEST_S = 0.002
+SOONEST_NS = 2_000_000
 """Extra control steps, for commands that arrive, are at least so far apart: more than the board
 can be sent, and a bound on what a flood of commands can cost."""
 
-IDLE_NS = 90_000_000
+IDLE_NS = 100_000_000
 """While the wheels stand and nothing commands them, the control step has to look for what changes
 by itself no more often. A command, a stop and a wheel that turns are not waited for."""
 
@@ -129,10 +129,11 @@ class Controller:
         self._was_connected = False
         self._seen_ns = 0
         self._raw_ticks: Counts = (0, 0, 0, 0)
-        self._waiting: OdometryEstimate | None = None
         self._alarm = clock.alarm(self._extra_step)
         self._period_ns = nanoseconds(options.period_s)
+        self._blind_ns = nanoseconds(options.blind_s)
         self._beats = Schedule(clock, self._period_ns)
+        self._early_ns = self._period_ns * 3 // 4
         self.volts: float | None = None
         self.imu_sensor: str | None = None
         self._wait("No board yet.")
@@ -157,6 +158,9 @@ class Controller:
     def control_step(self) -> None:
         """Decide what the wheels do now, and command the board."""
         self.notice_pause()
+        self._step()
+
+    def _step(self) -> None:
         now_ns = self._clock.now_ns()
         if self._idle_until_ns:
             # Between these steps there was nothing to ramp.
@@ -201,23 +205,26 @@ class Controller:
 
     def _look(self, now_ns: int) -> None:
         """Wait for the board where the wheels are no longer seen."""
-        blind_s = self._options.blind_s
         if (
-            self._wheels.attached
-            and now_ns - self._seen_ns > nanoseconds(blind_s)
+            now_ns - self._seen_ns > self._blind_ns
+            and self._wheels.attached
             and not self._holds.has(WAITING_FOR_BOARD)
         ):
+            blind_s = self._options.blind_s
             self._wait(f"No counts have come for {blind_s:g} s, and wheels are not driven unseen.")
             self.counters["blind"] += 1
             self._outputs.changed()
 
     def step_soon(self) -> None:
-        """A command arrived: step at once, but not more often than a command could be sent."""
+        """A command arrived: step at once, but not more often than a command could be sent.
+
+        Whether there was a pause was looked at before the command was.
+        """
         now_ns = self._clock.now_ns()
-        soonest_ns = self._extra_ns + nanoseconds(SOONEST_S)
+        soonest_ns = self._extra_ns + SOONEST_NS
         if now_ns >= soonest_ns:
             self._extra_ns = now_ns
-            self.control_step()
+            self._step()
         elif not self._step_pending:
             self._step_pending = True
             self._alarm.set(soonest_ns)
@@ -349,12 +356,7 @@ class Controller:
             self.event(event)
             paused = self._pauses.just_ended(reading.received_ns)
             self._resets.interrupted(event, reading.ticks, self._raw_ticks, paused=paused)
-        estimate, self._waiting = update.estimate or self._waiting, None
-        if estimate is None:
-            return
-        if reading.followed and not any(estimate.motor_speed_m_s):
-            # The last of those that were read together speaks for all.
-            self._waiting = estimate
+        if (estimate := update.estimate) is None:
             return
         now_ns = self._seen_ns = self._clock.now_ns()
         self._raw_ticks = reading.ticks
@@ -374,6 +376,12 @@ class Controller:
         if self._wheels.attached and self._holds.drop(WAITING_FOR_BOARD):
             self._outputs.changed()
         self._outputs.estimate(estimate, self._wheels.command_m_s)
+        # The process is awake, and the line free after an answer.
+        if not self._idle_until_ns:
+            stepped = now_ns - self._stepped_ns < self._early_ns
+            self._beats.advance(now_ns, leave_out=stepped)
+        elif now_ns >= self._idle_until_ns - self._period_ns:
+            self._beats.advance(now_ns)
 
     def imu(self, reading: ImuReading) -> None:
         """The inertial sensor was read."""

@@ -157,8 +157,8 @@ class ConnectedBoard:
     def _sent(self, lane: Lane) -> None:
         if lane in {Lane.VELOCITY, Lane.STOP}:
             units = self._velocity_units if lane is Lane.VELOCITY else self._stop_units
-            self._turning = units is not None and any(units)
-            if self._turning:
+            turned, self._turning = self._turning, units is not None and any(units)
+            if self._turning and not turned:
                 self._drove = True
                 self._line.stir()
             self._listener.sent(units)

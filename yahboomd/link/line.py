@@ -211,7 +211,7 @@ class Line:
         self._gathering = Gathering(len(line_end), asked_ns)
 
     def stir(self) -> None:
-        """The wheels are to turn: every line of counts is heard at once."""
+        """The wheels are to start: every line of counts is heard at once."""
         gathering = self._gathering
         if gathering is not None and (gathering.fetched or gathering.lines > 1):
             gathering.stir()

@@ -90,7 +90,7 @@ class Odometer:
     __slots__ = (
         "_speed_max_m_s _motors _encoders _integrator _velocity _covariance _fused _steering "
         "_clock _renewal _radians _stamp_ns _heard_ns _asked _armed _unmoved _doubt _speeds "
-        "estimate counters _heading"
+        "_window _news estimate counters _heading"
     ).split()
 
     def __init__(
@@ -121,6 +121,8 @@ class Odometer:
         self._unmoved = 0
         self._doubt: Doubt | None = None
         self._speeds: tuple[float, ...] = (0.0,) * len(motors)
+        self._window: Window | None = None  # of an estimate that was not made yet
+        self._news = False
         self.estimate: OdometryEstimate | None = None
         self.counters: dict[str, int] = dict.fromkeys(
             (
@@ -244,9 +246,13 @@ class Odometer:
             reading: The counters, as they came. Readings come in the order of their sending.
 
         Returns:
-            A new estimate where the reading shows something new, and what happened.
+            A new estimate where the reading shows something new, and what happened. Of readings
+            that were read together the last one brings the newest estimate of all.
         """
         update = self._update(reading)
+        if self._news and not reading.followed:
+            self._news = False
+            update = Update(estimate=self._newest(), events=update.events)
         clock = self._clock
         if isinstance(clock, StreamedClock) and (notice := clock.renewal.notice) is not None:
             clock.renewal.notice = None
@@ -285,10 +291,11 @@ class Odometer:
             usual = instant.step_ns <= LONGEST_NS and not instant.unsure_ns
             if usual and self._unmoved >= RESTS:
                 return self._stand_on(instant)
+            before = self._window
             update = self._travel(encoders.unmoved(), instant)
             # Steering and gyro have news of wheels that stand as well.
             alone = self._steering is None and not self._heading.present
-            counts = usual and alone and update.estimate is not None
+            counts = usual and alone and self._window is not before
             self._unmoved = self._unmoved + 1 if counts else 0
             return update
         self._unmoved = 0
@@ -319,13 +326,13 @@ class Odometer:
 
     def _stand_on(self, instant: Instant) -> Update:
         """Go on where the wheels have stood for long: all but the time is as it was."""
-        assert self.estimate is not None
+        self._newest()
         self._stamp_ns = instant.stamp_ns
         self._integrator.stand(instant.step_ns)
         self._velocity.stand(self._encoders.totals, instant.step_ns)
         self.counters["odometry_estimates"] += 1
-        self.estimate = msgspec.structs.replace(self.estimate, stamp_ns=instant.stamp_ns)
-        return Update(estimate=self.estimate)
+        self._news = True
+        return NOTHING
 
     def _travel(self, verdict: Verdict, instant: Instant) -> Update:
         encoders = self._encoders
@@ -362,7 +369,8 @@ class Odometer:
             if sure_ns < SHORTEST_ASKED_NS:
                 return NOTHING
         self.counters["odometry_estimates"] += 1
-        return Update(estimate=self._estimate(window))
+        self._window, self._news = window, True
+        return NOTHING
 
     def _correction(self, deltas: tuple[int, ...], instant: Instant) -> float:
         """The turn of the base beyond what its wheels counted, by its steering and its gyro."""
@@ -418,7 +426,14 @@ class Odometer:
         # Several readings in one, or a garbled one: the order of going and turning is not known.
         self._covariance.bridge(arc)
 
-    def _estimate(self, window: Window) -> OdometryEstimate:
+    def _newest(self) -> OdometryEstimate:
+        """The estimate of now; where wheels stand on all but its stamp is that of before."""
+        window, self._window = self._window, None
+        if window is None:
+            assert self.estimate is not None
+            if self.estimate.stamp_ns != self._stamp_ns:
+                self.estimate = msgspec.structs.replace(self.estimate, stamp_ns=self._stamp_ns)
+            return self.estimate
         totals = self._encoders.totals
         self._speeds = self._velocity.motor_speeds(window)
         twist, twist_covariance = self._velocity.twist(window), self._covariance.twist(window)
@@ -442,6 +457,10 @@ class Odometer:
 
     def _discontinuity(self, verdict: Verdict, instant: Instant) -> Update:
         gap_ns = instant.step_ns
+        if self._news:
+            # Its speeds say how far the wheels may have gone since.
+            self._newest()
+            self._news = False
         self._stamp_ns = instant.stamp_ns
         self._encoders.accept(verdict)
         totals = self._encoders.totals
