@@ -116,6 +116,24 @@ async def test_a_line_that_just_became_bad_is_blamed_for_a_command_that_lost_a_c
         assert max(bench.rim_speeds) < -0.4
 
 
+@pytest.mark.parametrize("seed", [4, 8, 83, 98])
+@on_virtual_time
+async def test_frames_that_lose_their_ends_do_not_melt_into_one_that_hangs_the_board(
+    tmp_path: Path, seed: int
+) -> None:
+    options = SimulationOptions(seed=seed, initial_ticks=(10_000_000, 0, 10_000_000, 0))
+    async with FaultBench(tmp_path, [], options) as bench:
+        await bench.ready()
+        await bench.drive(0.5, 0.3)
+        bench.do("loss 0.2")
+        await bench.drive(2.0, 0.3)
+        await asyncio.sleep(3.0)
+        bench.do("clear")
+        await asyncio.sleep(3.0)
+        assert bench.controller.state()[0] != "waiting"
+        assert bench.standing
+
+
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time

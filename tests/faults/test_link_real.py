@@ -189,18 +189,7 @@ def test_noise_on_the_line_raises_nothing(robot: RealRobot, app: Client) -> None
     robot.do("clear")
     app.ask("yahboomd/estop")
     wait_for(lambda: app.ask("yahboomd/estop/reset")["success"], "released")
-    hung = False
-
-    def stands() -> bool:
-        nonlocal hung
-        status = app.latest("status")
-        if not hung and "no board answers" in status["why"]:
-            # Frames that lost their ends are one to the board: it hangs on the fourteenth number,
-            # until a person resets it.
-            hung = bool(robot.do("reset"))
-        return bool(status["state"] == "standing")
-
-    wait_for(stands, "it stands")
+    app.in_state("standing")
     robot.settled_truth()
     app.drive(DRIVE, 1.0)
     assert "Traceback" not in robot.daemon.output

@@ -91,6 +91,7 @@ async def test_on_a_noisy_line_a_speed_is_repeated_more_often_until_the_noise_is
             board.port._memory.on_data(b"$MAll:1,$")
         assert (board.wheels.damages, board.wheels.noisy) == (NOISY_DAMAGES, True)
         assert await sent_in_a_second() >= 25
+        assert board.port.written[-1][1] == b"\n" * 64 + b"$spd:300,0,300,0#"
         for _ in range(DAMAGES_MOST):
             board.port._memory.on_data(b"$MAll:1,$")
         assert board.wheels.damages == DAMAGES_MOST

@@ -399,6 +399,7 @@ class Line:
             self._was_noisy = noisy
             resend_ns = min(self._resend_ns, NOISY_RESEND_NS) if noisy else self._resend_ns
             self.writer.set_resend(resend_ns)
+            self.writer.resync = self.dialect.resync if noisy and self.dialect else b""
 
     # The end.
 

@@ -59,6 +59,7 @@ class Writer:
 
     Attributes:
         spacing: As given; the dialect's own, once it is known.
+        resync: Sent before each speed and each stop, which half a frame would swallow.
         closed: Nothing is written: whatever waits, the last words are the line's.
         on_sent: Called with its lane when a frame is written to the port.
         on_slow: Called once, with the bytes per second, where the port sends slower than its rate.
@@ -91,6 +92,7 @@ class Writer:
         self._slowness_reported = False
         self._held = False
         self.closed = False
+        self.resync = b""
         self.poll_heard_ns = 0
         self._unanswered: deque[int] = deque(maxlen=UNANSWERED)
         self._surplus_since_ns: int | None = None
@@ -281,9 +283,12 @@ class Writer:
             outgoing = self._outbox.take(now_ns, busy=busy, asking=asking)
             if outgoing is None:
                 break
-            end_ns = now_ns + len(outgoing.frame) * self._port.byte_ns
-            self._port.write(outgoing.frame)
-            self._output.wrote(len(outgoing.frame), now_ns)
+            frame = outgoing.frame
+            if outgoing.lane in (Lane.STOP, Lane.VELOCITY):
+                frame = self.resync + frame
+            end_ns = now_ns + len(frame) * self._port.byte_ns
+            self._port.write(frame)
+            self._output.wrote(len(frame), now_ns)
             self.counters[_SENT[outgoing.lane]] += 1
             self.on_sent(outgoing.lane)
             self._free_ns = end_ns + self.spacing.frame_ns
