@@ -44,6 +44,23 @@ async def test_after_a_rest_a_speed_waits_for_an_answer_not_for_the_next_questio
 
 
 @on_virtual_time
+async def test_commands_while_the_wheels_turn_leave_lines_to_be_read_together() -> None:
+    # All four counters have five digits for a while.
+    flash = SimulationOptions(initial_ticks=(20_000, 20_000, 20_000, 20_000))
+    async with Bench(flash) as board:
+        await board.connected()
+        assert board.port is not None
+        board.port.keeps = True
+        for number in range(60):
+            board.wheels.drive((200, 0, 200 + number % 2, 0))
+            await asyncio.sleep(0.05)
+            readings = board.recorder.readings[-40:]
+        assert len({each.ticks for each in readings}) > 15
+        followed = sum(each.followed for each in readings)
+        assert followed >= len(readings) // 2
+
+
+@on_virtual_time
 async def test_a_board_that_resets_is_noticed_and_armed_again() -> None:
     async with Bench() as board:
         await board.connected()

@@ -142,8 +142,10 @@ async def test_lines_that_come_evenly_are_read_together_and_have_the_moments_of_
         desk.take(COUNTS + moved + moved.replace(b"9", b"7"))
         assert desk.ticks[-3:] == [(1, 2, 3, 4), (1, 2, 3, 9), (1, 2, 3, 7)]
         assert desk.least[2:] == []
-        # They are to start by a command.
-        desk.line.stir()
+        # They are to go on turning, and to start, by a command.
+        desk.line.stir(starting=False)
+        assert desk.least[2:] == []
+        desk.line.stir(starting=True)
         assert desk.least[2:] == [len(COUNTS)]
         gaps_ns = {b - a for a, b in itertools.pairwise(desk.received_ns)}
         assert all(abs(gap_ns - 6_000_000) < 10 for gap_ns in gaps_ns)
@@ -325,9 +327,9 @@ async def test_an_answer_that_is_fetched_came_as_soon_as_those_before() -> None:
             assert fetched is (number > STEADY)
         assert desk.line.writer.counters["polls_unanswered"] == 0
         # Before the wheels turn every answer wakes the reader again.
-        desk.line.stir()
+        desk.line.stir(starting=False)
         assert desk.least == [len(answer), 255, len(answer)]
-        desk.line.stir()
+        desk.line.stir(starting=False)
         assert desk.least == [len(answer), 255, len(answer)]
 
 

@@ -87,7 +87,7 @@ class ConnectedBoard:
         self._velocity_units = units
         if any(units):
             # An answer that is left in the port until the next question would hold it back.
-            self._line.stir()
+            self._line.stir(starting=not self._turning)
         self._line.writer.velocity(self._dialect.speeds(units))
 
     def brake(self) -> None:
@@ -157,10 +157,8 @@ class ConnectedBoard:
     def _sent(self, lane: Lane) -> None:
         if lane in {Lane.VELOCITY, Lane.STOP}:
             units = self._velocity_units if lane is Lane.VELOCITY else self._stop_units
-            turned, self._turning = self._turning, units is not None and any(units)
-            if self._turning and not turned:
-                self._drove = True
-                self._line.stir()
+            self._turning = units is not None and any(units)
+            self._drove = self._drove or self._turning
             self._listener.sent(units)
 
     def _said(self, decoded: Decoded, notice: Notice) -> None:
