@@ -110,7 +110,7 @@ def test_lines_of_all_lengths_are_heard_as_they_come() -> None:
     assert reader.wakeups < 10
 
 
-@pytest.mark.parametrize(("apart_ns", "together"), [(5, 4), (6, 3), (10, 2), (15, 2), (16, 1)])
+@pytest.mark.parametrize(("apart_ns", "together"), [(5, 4), (6, 3), (10, 2), (11, 1), (16, 1)])
 def test_lines_that_come_evenly_wake_the_reader_so_seldom_that_no_byte_waits_for_20_ms(
     apart_ns: int, together: int
 ) -> None:
@@ -120,6 +120,15 @@ def test_lines_that_come_evenly_wake_the_reader_so_seldom_that_no_byte_waits_for
         gathering.line(22, unchanged=number > 0, now_ns=now_ns)
         gathering.adjust(0)
     assert gathering.least == together * 24
+
+
+@pytest.mark.parametrize(("wanted_ms", "together"), [(5, 1), (10, 1), (13, 2), (20, 3), (100, 3)])
+def test_readings_come_as_often_as_they_are_wanted(wanted_ms: int, together: int) -> None:
+    gathering = Gathering(2, wanted_ns=wanted_ms * 1_000_000)
+    for number in range(STEADY + 1):
+        gathering.line(22, unchanged=False, now_ns=number * 6_000_000)
+        gathering.adjust(0)
+    assert gathering.lines == together
 
 
 def test_the_kernel_is_asked_for_no_more_than_it_can() -> None:

@@ -27,6 +27,9 @@ LATER_NS: Final = 15_000_000
 """The end of the first of several lines comes at most so long before that of the last one; a line
 itself takes up to 5 ms on its wire."""
 
+WANTED_NS: Final = 20_000_000
+"""Readings are wanted so often, unless said otherwise."""
+
 LONGEST: Final = 64
 """No line of counts is longer."""
 
@@ -43,6 +46,7 @@ class Gathering:
     Args:
         line_end: Bytes behind a frame that belong to it.
         asked_ns: From question to question; None for a board that is not asked.
+        wanted_ns: How often readings are wanted at least, as far as lines come so often.
 
     Attributes:
         least: Bytes to wait for.
@@ -51,8 +55,11 @@ class Gathering:
         apart_ns: From one line to the next, on the average; only where there are several.
     """
 
-    def __init__(self, line_end: int, asked_ns: int | None = None) -> None:
+    def __init__(
+        self, line_end: int, asked_ns: int | None = None, *, wanted_ns: int = WANTED_NS
+    ) -> None:
         self._line_end = line_end
+        self._wanted_ns = wanted_ns
         self._asked = asked_ns is not None
         self._fetches = asked_ns is not None and asked_ns <= FETCHED_NS
         self._size = 0
@@ -104,7 +111,8 @@ class Gathering:
                 if self._fetches:
                     self.fetched, least = True, MOST
                 elif not self._asked:
-                    self.lines = min(1 + LATER_NS // self.apart_ns, MOST // whole)
+                    often = max(1, self._wanted_ns // self.apart_ns)
+                    self.lines = min(1 + LATER_NS // self.apart_ns, often, MOST // whole)
                     least = whole * self.lines
         if self.least == least:
             return False

@@ -16,7 +16,7 @@ import msgspec
 
 from yahboomd.clock import Clock, nanoseconds
 from yahboomd.errors import PortLost
-from yahboomd.link.gathering import Gathering
+from yahboomd.link.gathering import WANTED_NS, Gathering
 from yahboomd.link.outbox import Answers
 from yahboomd.link.port import Port
 from yahboomd.link.port_errors import lost
@@ -202,13 +202,16 @@ class Line:
         )
         self.tasks.start(self.writer.run(), "link-writer")
 
-    def gather(self, line_end: bytes, asked_ns: int | None = None) -> None:
+    def gather(
+        self, line_end: bytes, asked_ns: int | None = None, *, wanted_ns: int = WANTED_NS
+    ) -> None:
         """Wait for whole lines of counts from now on, which end so.
 
         Args:
             asked_ns: How often the board is asked for them; None where it sends them by itself.
+            wanted_ns: How often they are wanted then.
         """
-        self._gathering = Gathering(len(line_end), asked_ns)
+        self._gathering = Gathering(len(line_end), asked_ns, wanted_ns=wanted_ns)
 
     def stir(self, *, starting: bool) -> None:
         """The wheels are to turn: an answer that was left in the port is heard now.
