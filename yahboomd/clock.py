@@ -309,7 +309,7 @@ class _KernelAlarm:
             self._arm(deadline_ns)
 
     def put_off(self, deadline_ns: int) -> None:
-        # The kernel is told: its call costs a twentieth of a wake-up for nothing.
+        # Setting it again costs a twentieth of a wake-up for nothing.
         self._deadline_ns = deadline_ns
         self._arm(deadline_ns)
 
