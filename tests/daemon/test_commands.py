@@ -72,6 +72,34 @@ def test_a_batch_is_offered_whole_before_one_step() -> None:
     assert scene.intake.status_values()["received"] == 2
 
 
+def test_a_command_is_no_younger_for_a_process_that_is_held_up_between_two_clocks() -> None:
+    class HeldUp(Hand):
+        def now_ns(self) -> int:
+            seen, self.now = self.now, self.now + 400 * MS
+            return seen
+
+        def wall_ns(self) -> int:
+            seen, self.now = super().wall_ns(), self.now + 400 * MS
+            return seen
+
+    clock = HeldUp()
+    arbiter = Arbiter([Source(name="cmd_vel", priority=10, timeout_s=0.3)], stamps="absolute")
+    intake = CommandIntake(
+        arbiter,
+        clock,  # type: ignore[arg-type]
+        holonomic=False,
+        notice_pause=lambda: None,
+        step=lambda: None,
+    )
+    sent_ns = Hand.wall_ns(clock) - 200 * MS
+    command = b'{"vx": 0.5, "stamp_ns": %d}' % sent_ns
+    intake.handler("cmd_vel")(
+        [Arrival(key="cmd_vel", payload=command, stamp_ns=None, arrived_ns=clock.now)]
+    )
+    assert intake.counters["refused"] == 1
+    assert "stale" in intake.last_refusal
+
+
 def test_what_was_overrun_is_counted() -> None:
     scene = Scene()
     scene.take([scene.arrival(b'{"vx": 0.1}', dropped=3)])

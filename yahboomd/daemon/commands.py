@@ -102,13 +102,15 @@ class CommandIntake:
             vy = 0.0
         sent_ns = command.stamp_ns or attached_ns
         twist = Twist2d(vx=command.vx, vy=vy, wz=command.wz)
+        # In this order: where this process is held up in between, a command seems no younger.
+        waited_ns = self._clock.now_ns() - arrival.arrived_ns
         verdict = self._arbiter.offer(
             source,
             twist,
             arrival.arrived_ns,
             sent_ns or arrival.stamp_ns,
             sent_ns is not None,
-            wall_ns=self._clock.wall_ns() - (self._clock.now_ns() - arrival.arrived_ns),
+            wall_ns=self._clock.wall_ns() - waited_ns,
             arrivals=1 + arrival.dropped,
         )
         if isinstance(verdict, Accepted):
