@@ -114,8 +114,13 @@ async def test_the_watchdog_is_fed_by_control_steps_alone(
         manager.setblocking(False)
         environ = {"NOTIFY_SOCKET": str(tmp_path / "notify"), "WATCHDOG_USEC": "60000"}
         ceased: list[bool] = []
-        ring = Schedule._ring
+        ring, advance = Schedule._ring, Schedule.advance
         monkeypatch.setattr(Schedule, "_ring", lambda each: None if ceased else ring(each))
+        monkeypatch.setattr(
+            Schedule,
+            "advance",
+            lambda each, *when, **how: None if ceased else advance(each, *when, **how),
+        )
         inner = inner_with(environ)
         await inner.driven()
 
