@@ -122,6 +122,19 @@ def test_lines_that_come_evenly_wake_the_reader_so_seldom_that_no_byte_waits_for
     assert gathering.least == together * 24
 
 
+@pytest.mark.parametrize("before", [STEADY + 1, STEADY + 30, 2 * STEADY - 1])
+def test_the_pace_of_lines_after_a_start_is_that_of_the_lines_since(before: int) -> None:
+    gathering = Gathering(2)
+    for number in range(before + STEADY + 2):
+        if number == before:
+            gathering.stir()
+            gathering.adjust(0)
+        gathering.line(22, unchanged=False, now_ns=number * 6_000_000)
+        gathering.adjust(0)
+    assert gathering.lines == 3
+    assert gathering.apart_ns == 6_000_000
+
+
 @pytest.mark.parametrize(("wanted_ms", "together"), [(5, 1), (10, 1), (13, 2), (20, 3), (100, 3)])
 def test_readings_come_as_often_as_they_are_wanted(wanted_ms: int, together: int) -> None:
     gathering = Gathering(2, wanted_ns=wanted_ms * 1_000_000)

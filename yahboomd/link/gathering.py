@@ -89,7 +89,8 @@ class Gathering:
 
     def stir(self) -> None:
         """The wheels are to start: the next line is not waited for with others."""
-        self._steady = 0
+        # With that line the lines are counted from 0, and their pace is measured, again.
+        self._steady = -1
 
     def adjust(self, held: int) -> bool:
         """After a read, when its lines are made use of.
