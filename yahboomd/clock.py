@@ -40,7 +40,7 @@ class Alarm(Protocol):
         """Call back at ``deadline_ns`` (at once when that has passed); ``None``: not at all."""
 
     def put_off(self, deadline_ns: int) -> None:
-        """The same, for what is put off most times before it comes."""
+        """Set a later deadline; for an alarm that is put off nearly every time before it rings."""
 
     def close(self) -> None:
         """Release the alarm's resources."""
@@ -175,10 +175,10 @@ class Schedule:
             self._alarm.set(self._next_ns)
 
     def advance(self, now_ns: int, *, leave_out: bool = False) -> None:
-        """Have the beat now; the next one is due in one and a half periods, or advanced as well.
+        """Have the beat now; the next one is due in one and a half periods, unless advanced too.
 
         Args:
-            leave_out: Only put off the next one.
+            leave_out: Have no beat now, and only put off the next one.
         """
         if self._on_beat is not None:
             self._resting = False
@@ -309,7 +309,7 @@ class _KernelAlarm:
             self._arm(deadline_ns)
 
     def put_off(self, deadline_ns: int) -> None:
-        # Setting it again costs a twentieth of a wake-up for nothing.
+        # Setting the timer costs a twentieth of what a needless wake-up does.
         self._deadline_ns = deadline_ns
         self._arm(deadline_ns)
 

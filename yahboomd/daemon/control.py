@@ -1,9 +1,9 @@
 """The control path: from the command in control to the board's, and from counts to estimates.
 
 It runs at a fixed rate, or with the counts where they come as often, and once more at once for
-every command that arrives. Whatever forbids
-motion (the e-stop, a hold, a board that is not ready) is looked at first in every step, and ends
-it at once; only command silence and a hand-over may ramp.
+every command that arrives. Whatever forbids motion (the e-stop, a hold, a board that is not ready)
+is looked at first in every step, and ends it at once; only command silence and a hand-over may
+ramp.
 """
 
 from __future__ import annotations
