@@ -55,6 +55,17 @@ def test_a_command_runs_out_after_its_sources_timeout(arbiter: Arbiter) -> None:
     assert arbiter.counters["timed_out"] == 1
 
 
+def test_a_source_that_ended_with_a_zero_command_did_not_fall_silent(arbiter: Arbiter) -> None:
+    arbiter.offer("cmd_vel", FORWARD, S)
+    arbiter.offer("cmd_vel", STANDSTILL, S + 100 * MS)
+    for later_ns in (600 * MS, 700 * MS):
+        ended = arbiter.current(S + later_ns)
+        assert (ended.twist, ended.timed_out, ended.why) == (STANDSTILL, True, "ended")
+        stand(arbiter, S + later_ns)
+    assert (ended.source, ended.age_ns) == ("cmd_vel", 600 * MS)
+    assert arbiter.counters["timed_out"] == 0
+
+
 @pytest.mark.parametrize(("on_timeout", "ramp"), [("ramp", True), ("halt", False)])
 def test_silence_ramps_or_halts_as_configured(
     sources: tuple[Source, ...], on_timeout: str, ramp: bool

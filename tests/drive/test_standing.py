@@ -27,6 +27,7 @@ def test_a_robot_that_may_drive_has_no_reason_to_stand() -> None:
     [
         ("no_command", "cmd_vel drove and was lost 1.5 s ago: its client left the bus"),
         ("timed_out", "cmd_vel fell silent after its last command 1.5 s ago"),
+        ("ended", "cmd_vel ended with a zero command 1.5 s ago"),
         ("revoked", "Held-up commands of cmd_vel"),
         ("zero_command", "cmd_vel commands zero"),
     ],

@@ -188,7 +188,8 @@ class Arbiter:
             why = "no_command"
         elif holder is None or (wish := holder.in_effect(now_ns)) is None:
             self._count_timeout()
-            why, timed_out, ramp = "timed_out", True, self._on_timeout == "ramp"
+            timed_out, ramp = True, self._on_timeout == "ramp"
+            why = "ended" if self._ended else "timed_out"
         elif wish.is_zero:
             why = "zero_command"
         else:
@@ -327,10 +328,16 @@ class Arbiter:
         self._revoked = holder is None or holder.in_effect(now_ns) is None
         return True
 
+    @property
+    def _ended(self) -> bool:
+        """Whether the last command was a zero: its source ended in order, and is not silent."""
+        last = self._last
+        return last is not None and last.wish is not None and last.wish.is_zero
+
     def _count_timeout(self) -> None:
         if not self._timeout_counted:
             self._timeout_counted = True
-            self.counters["timed_out"] += 1
+            self.counters["timed_out"] += not self._ended
 
     def _refuse(
         self, now_ns: int, source: str, reason: Reason, detail: str, *, revoked: bool = False

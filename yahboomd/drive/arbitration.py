@@ -22,7 +22,7 @@ Reason: TypeAlias = Literal[
     "lower_priority",
     "not_standing",
 ]
-Why: TypeAlias = Literal["driving", "zero_command", "timed_out", "revoked", "no_command"]
+Why: TypeAlias = Literal["driving", "zero_command", "ended", "timed_out", "revoked", "no_command"]
 
 
 class Source(msgspec.Struct, frozen=True, kw_only=True):

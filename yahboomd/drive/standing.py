@@ -129,6 +129,8 @@ def _not_commanded(decision: Decision) -> list[Reason]:
             message = f"{source} drove and was lost{age}: its client left the bus."
         case "no_command":
             message = "No source commands motion."
+        case "ended":
+            message = f"{source} ended with a zero command{age}."
         case "timed_out":
             message = f"{source} fell silent after its last command{age}."
         case "revoked":

@@ -106,7 +106,7 @@ _COMMAND = {
     "refused": "commands that were refused; each is also counted under its reason",
     **{reason: f"commands refused because {why}" for reason, why in REFUSALS.items()},
     "took_over": "times that a source took control",
-    "timed_out": "times that the source in control fell silent",
+    "timed_out": "times that the source in control fell silent in motion",
     "revoked": "times that accepted commands turned out to be a backlog, and were taken back",
     "limited": "control steps whose command was faster than the limit of an axis",
     "too_tight": (
