@@ -14,7 +14,7 @@
 │   ├── ``NoDaemon``         no daemon answers there
 │   └── ``Refused``          the daemon answered, and does not do it: exit 1
 ├── ``ListenError``      another listener of ours: exit 69 (EX_UNAVAILABLE)
-└── ``LimitError``       too few files, or too little memory: exit 71 (EX_OSERR)
+└── ``LimitError``       too few files or threads, or too little memory: exit 71 (EX_OSERR)
 
 Bad bytes, from the wire or from the bus, are no exceptions: they are counted.
 """
@@ -112,12 +112,20 @@ class ListenError(YahboomdError):
 
 
 class LimitError(YahboomdError):
-    """The system gives this process too few files, or too little memory."""
+    """The system gives this process too few files or threads, or too little memory."""
 
     exit_code = os.EX_OSERR
 
 
 _SHORTAGES = (errno.EMFILE, errno.ENFILE, errno.ENOMEM)
+
+_SIGNS = {
+    "can't start new thread": "no thread can be started",
+    "can't spawn worker thread": "no thread can be started",
+    "Failed to init": "Zenoh cannot start its threads",
+    "failed to map segment": "no memory is left",
+}
+"""Words of threading, of Zenoh's panics (no :class:`Exception`), and of the loader of libraries."""
 
 
 def shortage(error: BaseException) -> LimitError | None:
@@ -125,10 +133,13 @@ def shortage(error: BaseException) -> LimitError | None:
     words = "no memory is left" if isinstance(error, MemoryError) else ""
     if isinstance(error, OSError) and error.errno in _SHORTAGES:
         words = os.strerror(error.errno)
+    elif not isinstance(error, OSError | SystemExit):
+        said = str(error)
+        words = words or next((_SIGNS[sign] for sign in _SIGNS if sign in said), "")
     if not words:
         return None
     return LimitError(
         f"The system gives this process too little: {words}.",
         remedy="`ulimit -a` shows the limits of this shell; a service has its own (LimitNOFILE=, "
-        "MemoryMax=).",
+        "TasksMax=, MemoryMax=).",
     )

@@ -65,6 +65,15 @@ def test_a_bug_shows_its_traceback_and_the_process_does_not_start_without_config
     assert f"The process that reads the configuration ended with {os.EX_SOFTWARE}." in said
 
 
+def test_a_library_that_finds_no_memory_in_the_reader_is_a_limit_of_the_system() -> None:
+    said = run(
+        "def read(): raise ImportError('/x.so: failed to map segment from shared object')\n"
+        "try: read_in_child(read, int)()\n"
+        "except Exception as error: print(error.exit_code, error)\n"
+    )
+    assert said.startswith(f"{os.EX_OSERR} The system gives this process too little: no memory")
+
+
 def test_a_reader_that_is_killed_is_not_taken_for_an_empty_configuration() -> None:
     assert "ended with -9." in run("read_in_child(lambda: os.kill(os.getpid(), 9), int)()")
 

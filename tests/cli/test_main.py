@@ -315,10 +315,22 @@ def test_what_is_opened_never_takes_the_place_of_a_stream_that_the_caller_closed
     assert (done.returncode, done.stderr) == (0, b"")
 
 
-def test_a_limit_of_the_system_is_a_sentence(command, capsys):
-    command(raising(OSError(errno.EMFILE, os.strerror(errno.EMFILE))))
+class PanicException(BaseException):
+    """Zenoh's panics are no Exceptions either."""
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (OSError(errno.EMFILE, os.strerror(errno.EMFILE)), "Too many open files"),
+        (RuntimeError("can't start new thread"), "no thread can be started"),
+        (PanicException("Failed to init net"), "Zenoh cannot start its threads"),
+    ],
+)
+def test_a_limit_of_the_system_is_a_sentence(command, capsys, error, words):
+    command(raising(error))
     assert cli.main(["drive"]) == os.EX_OSERR
-    assert "too little: Too many open files. `ulimit -a` shows" in capsys.readouterr().err
+    assert f"too little: {words}. `ulimit -a` shows" in capsys.readouterr().err
 
 
 def test_the_package_itself_can_be_run(yahboomd):

@@ -14,9 +14,10 @@ from web_site import TOKENS, ZERO
 from zenoh_fixtures import eventually, free_endpoint
 
 from yahboomd.cli.web.own_certificate import make_certificate
+from yahboomd.daemon.process import allow_files
 from yahboomd.errors import ConfigError, ListenError
 from yahboomd.web import web_server
-from yahboomd.web.web_server import MAX_OPEN, Certificate, Connection, listen, raise_file_limit
+from yahboomd.web.web_server import FILES, MAX_OPEN, Certificate, Connection, listen
 
 pytestmark = pytest.mark.realtime
 
@@ -24,7 +25,7 @@ pytestmark = pytest.mark.realtime
 async def test_the_estop_is_served_beside_a_thousand_connections_that_say_nothing(
     fake_daemon: Any, site: Any
 ) -> None:
-    raise_file_limit()
+    allow_files(FILES, who="the test")
     daemon = await fake_daemon()
     served = await site(daemon)
     page = await served.driver()
@@ -45,7 +46,7 @@ async def test_connections_whose_tls_never_begins_are_bounded_and_the_estop_is_s
     fake_daemon: Any, site: Any, tmp_path: Path
 ) -> None:
     """Each takes 300 kB: a thousand of them ended a service that may have 256 MB."""
-    raise_file_limit()
+    allow_files(FILES, who="the test")
     daemon = await fake_daemon()
     certificate, key, _ = make_certificate(tmp_path, ["127.0.0.1"])
     served = await site(daemon, context=Certificate(certificate=certificate, key=key).context())

@@ -77,7 +77,7 @@ def _answer(read: Callable[[], object]) -> tuple[bytes, int]:
         return msgspec.msgpack.encode(read(), enc_hook=str), os.EX_OK
     except ConfigError as error:
         return str(error).encode(), os.EX_CONFIG
-    except (OSError, MemoryError) as error:
+    except Exception as error:
         if (limit := shortage(error)) is None:
             raise
         return str(limit).encode(), os.EX_OSERR

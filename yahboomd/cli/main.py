@@ -167,7 +167,7 @@ def _run(arguments: list[str]) -> int:
         # The reader (head, less) has left.
         _drop_output()
         return 128 + signal.SIGPIPE
-    except (OSError, MemoryError) as error:
+    except BaseException as error:
         if (limit := shortage(error)) is not None:
             _print_error(str(limit))
             return limit.exit_code

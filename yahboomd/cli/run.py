@@ -38,7 +38,7 @@ exit status:
   0    ended by SIGTERM, SIGINT or SIGHUP; the wheels were seen to stand
   69   the bus cannot be opened
   70   a fault of yahboomd; a stop was sent to the wheels
-  71   the system allows this process too few files, or too little memory
+  71   the system allows this process too few files or threads, or too little memory
   75   ended, and the wheels were not seen to stand: look at them
   78   a mistake in the configuration
 Any other signal that ends it ends it by that signal, once the wheels were stopped.

@@ -229,7 +229,7 @@ def _watchdog_ns(environ: Mapping[str, str]) -> int | None:
 
 
 LEAST = 64
-"""Descriptors. With fewer, neither the bus nor the port can be relied on."""
+"""Descriptors. With fewer, neither the bus nor the port can be relied on, and Zenoh panics."""
 
 ENOUGH = 2048
 """Descriptors. Connections that say nothing take up to 1,100 of them."""
@@ -247,13 +247,7 @@ def make_room() -> None:
     Raises:
         LimitError: Even the most that it may have is too few.
     """
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    if hard != resource.RLIM_INFINITY and hard < LEAST:
-        raise LimitError(
-            f"This process may open {hard} files; the daemon needs {LEAST} at least.",
-            remedy=f"`ulimit -n {LEAST}` raises the limit of a shell, LimitNOFILE= that of a "
-            "service.",
-        )
+    hard = allow_files(WANTED, who="the daemon")
     if hard != resource.RLIM_INFINITY and hard < ENOUGH:
         log.warning(
             "This process may open %d files only: connections can take all of them, and then a "
@@ -262,9 +256,28 @@ def make_room() -> None:
             hard,
             ENOUGH,
         )
-    wanted = WANTED if hard == resource.RLIM_INFINITY else min(WANTED, hard)
+
+
+def allow_files(wanted: int, *, who: str) -> int:
+    """Let this process open so many files, as far as it may; returns the most that it may have.
+
+    Args:
+        who: The program that needs them, for the error.
+
+    Raises:
+        LimitError: The most that it may have is fewer than :data:`LEAST`.
+    """
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if hard != resource.RLIM_INFINITY and hard < LEAST:
+        raise LimitError(
+            f"This process may open {hard} files; {who} needs {LEAST} at least.",
+            remedy=f"`ulimit -n {LEAST}` raises the limit of a shell, LimitNOFILE= that of a "
+            "service.",
+        )
+    wanted = wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
     if soft != resource.RLIM_INFINITY and soft < wanted:
         resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+    return hard
 
 
 async def open_bus(

@@ -10,7 +10,6 @@ import asyncio
 import contextlib
 import logging
 import os
-import resource
 import socket
 import ssl
 from collections import Counter
@@ -299,11 +298,3 @@ class PageSocket(WebSocketsSansIOProtocol):
         if self._credit < 0.0:
             self.transport.abort()
         return self._credit >= 0.0
-
-
-def raise_file_limit() -> None:
-    """Have room for as many connections as the limits above allow, and more."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    wanted = FILES if hard == resource.RLIM_INFINITY else min(FILES, hard)
-    if soft != resource.RLIM_INFINITY and soft < wanted:
-        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))

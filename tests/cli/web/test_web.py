@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import re
 import signal
 import socket
+import subprocess
+import sys
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -55,6 +58,24 @@ def test_a_mistake_in_the_configuration_is_named_once() -> None:
     assert web.end_by_itself() == 78
     assert web.output.count("has a mistake") == 1
     assert "Traceback" not in web.output
+
+
+def test_too_few_descriptors_are_refused_before_zenoh_panics() -> None:
+    web = subprocess.run(
+        [
+            "sh",
+            "-c",
+            'ulimit -n 16; exec "$0" -m yahboomd web --listen 127.0.0.1:0',
+            sys.executable,
+        ],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert web.returncode == os.EX_OSERR
+    assert web.stderr.startswith("yahboomd: This process may open 16 files; the page's server ")
+    assert web.stderr.count("\n") == 1
 
 
 def test_beyond_loopback_tokens_are_kept_and_never_printed_into_a_log(tmp_path: Path) -> None:

@@ -41,7 +41,7 @@ STATUSES: Mapping[int, str] = {
     66: "a file cannot be read.",
     69: "no port, no board or no daemon is there, or another process holds the port.",
     70: "an error of yahboomd itself; the log has a traceback.",
-    71: "the system allows a process too few files, or too little memory.",
+    71: "the system allows a process too few files or threads, or too little memory.",
     74: "the output cannot be written: the disk is full.",
     75: "the daemon ended, and did not see the wheels stand: look at them.",
     77: "no permission.",

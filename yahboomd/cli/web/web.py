@@ -63,6 +63,7 @@ As a service: sudo yahboomd install --web. docs/web.md explains who gets in. Ctr
 exit status:
   0    you ended it
   69   the address is taken, or the bus can never be reached like this
+  71   the system allows this process too few files or threads, or too little memory
   78   a mistake in the configuration, or a certificate that cannot be used
 """
 
@@ -236,15 +237,16 @@ def _links(args: argparse.Namespace, folder: Path) -> int:
 async def _serve(setup: _Setup) -> int:
     from yahboomd.cli.web.page_link import announce, link, own_names
     from yahboomd.clock import SystemClock
+    from yahboomd.daemon.process import allow_files
     from yahboomd.web.page_files import page_files
     from yahboomd.web.page_hub import PageHub
     from yahboomd.web.request_origin import RequestOrigin
     from yahboomd.web.web_application import WebApplication
-    from yahboomd.web.web_server import WebServer, listen, raise_file_limit
+    from yahboomd.web.web_server import FILES, WebServer, listen
 
     # The client logs the loss of a daemon for programs that drive; _report prints its own line.
     logging.getLogger("yahboomd.client").addHandler(logging.NullHandler())
-    raise_file_limit()
+    allow_files(FILES, who="the page's server")
     place, tls = setup.place, setup.context is not None
     clock = SystemClock()
     listener = listen(place.host, place.port)
