@@ -1,11 +1,13 @@
 """Floors: processes that do one thing at a port, and nothing else.
 
 python -m benchmarks.floors zenoh tcp/127.0.0.1:PORT PTY
+python -m benchmarks.floors loop tcp/127.0.0.1:PORT PTY
 python -m benchmarks.floors socket tcp/127.0.0.1:PORT PTY
 python -m benchmarks.floors timer 50 PTY
 python -m benchmarks.floors poll 5 PTY
 python -m benchmarks.floors streamed tcp/127.0.0.1:PORT PTY
 python -m benchmarks.floors polled - PTY
+python -m benchmarks.floors streamed-drives tcp/127.0.0.1:PORT PTY
 """
 
 from __future__ import annotations
@@ -48,6 +50,24 @@ def zenoh_floor(endpoint: str, fd: int) -> None:
         session.declare_subscriber("cmd_vel", Callback(heard, indirect=False))
         print("ready", flush=True)
         done.wait()
+
+
+def loop_floor(endpoint: str, fd: int) -> None:
+    """The same by way of an event loop that has nothing else to do."""
+
+    async def write() -> None:
+        loop, done = asyncio.get_running_loop(), asyncio.Event()
+        loop.add_signal_handler(signal.SIGTERM, done.set)
+
+        def heard(sample: zenoh.Sample) -> None:
+            loop.call_soon_threadsafe(os.write, fd, sample.payload.to_bytes())
+
+        session.declare_subscriber("cmd_vel", Callback(heard, indirect=False))
+        print("ready", flush=True)
+        await done.wait()
+
+    with zenoh.open(router(endpoint)) as session:
+        asyncio.run(write())
 
 
 def socket_floor(endpoint: str, fd: int) -> None:
@@ -117,6 +137,48 @@ def reader_floor(dialect: str, endpoint: str, fd: int) -> None:
         asyncio.run(read_counts(dialect, fd, publisher.put))
 
 
+def driver_floor(dialect: str, endpoint: str, fd: int) -> None:
+    """The least that drives: as :func:`reader_floor`, but with three samples for the one, and a
+    frame of speeds for each command, which its event loop writes. No odometry, and no care."""
+    with zenoh.open(router(endpoint)) as session:
+        publishers = [
+            session.declare_publisher(
+                f"yahboomd/{key}", congestion_control=zenoh.CongestionControl.DROP
+            )
+            for key in ("pose", "twist", "wheels")
+        ]
+
+        def put(payload: bytes) -> None:
+            for publisher in publishers:
+                publisher.put(payload)
+
+        frame = b"$spd:%d,0,%d,0#" if dialect == "streamed" else b"$speed:%d,0,%d,0#"
+        decode = msgspec.json.Decoder(Commanded).decode
+
+        def drive(payload: bytes) -> None:
+            command = decode(payload)
+            speed, turn = 1000.0 * command.vx, 100.0 * command.wz
+            os.write(fd, frame % (round(speed - turn), round(speed + turn)))
+
+        async def run() -> None:
+            loop = asyncio.get_running_loop()
+
+            def heard(sample: zenoh.Sample) -> None:
+                loop.call_soon_threadsafe(drive, sample.payload.to_bytes())
+
+            session.declare_subscriber("cmd_vel", Callback(heard, indirect=False))
+            await read_counts(dialect, fd, put)
+
+        asyncio.run(run())
+
+
+class Commanded(msgspec.Struct):
+    """A command: metres and radians a second."""
+
+    vx: float
+    wz: float
+
+
 async def read_counts(dialect: str, fd: int, put: Callable[[bytes], object]) -> None:
     """Read until SIGTERM."""
     loop, done = asyncio.get_running_loop(), asyncio.Event()
@@ -156,10 +218,13 @@ if __name__ == "__main__":
     port_fd = os.open(sys.argv[3], os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     FLOORS = {
         "zenoh": zenoh_floor,
+        "loop": loop_floor,
         "socket": socket_floor,
         "timer": timer_floor,
         "poll": poll_floor,
         "streamed": partial(reader_floor, "streamed"),
         "polled": partial(reader_floor, "polled"),
+        "streamed-drives": partial(driver_floor, "streamed"),
+        "polled-drives": partial(driver_floor, "polled"),
     }
     FLOORS[sys.argv[1]](sys.argv[2], port_fd)

@@ -1,9 +1,9 @@
 """Latency from a put in another process to the last byte of the speed frame on the pseudo-terminal.
 
-Three processes receive commands, one after the other, a few milliseconds apart: the daemon, while
+Four processes receive commands, one after the other, a few milliseconds apart: the daemon, while
 counters arrive and poses are published to a subscriber at 50 Hz; a bare Zenoh callback that writes
-to a pseudo-terminal; a bare socket that does. One process stamps the bytes of all three
-pseudo-terminals.
+to a pseudo-terminal; one that has an event loop write it, which has nothing else to do; a bare
+socket that writes it. One process stamps the bytes of all four pseudo-terminals.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from benchmarks import pictures, rig
 from benchmarks.report import Section, method, milliseconds, number, quantile
 from benchmarks.thin_board import BYTE_NS, read_log
 
-DAEMON, ZENOH, SOCKET = range(3)
+DAEMON, ZENOH, LOOP, SOCKET = range(4)
 SPACING_NS = {"streamed": 10_000_000, "polled": 0}
 LINE_US = 3472
 """The period of lines with seven digits in each counter on a full wire."""
@@ -43,6 +43,7 @@ class Run(NamedTuple):
         free: The daemon's, for commands that found the line free.
         waited: The daemon's, for commands that waited for the spacing or answer of another frame.
         zenoh: The bare callback's.
+        loop: The bare callback's by way of an event loop.
         socket: The bare socket's.
         lost: The number of commands whose frame never came.
     """
@@ -50,6 +51,7 @@ class Run(NamedTuple):
     free: list[int]
     waited: list[int]
     zenoh: list[int]
+    loop: list[int]
     socket: list[int]
     lost: int
 
@@ -60,24 +62,24 @@ def command(units: int) -> bytes:
 
 
 def measure(count: int, *, dialect: str = "streamed", loop: str = "asyncio", seed: int = 1) -> Run:
-    """Send ``count`` commands to each of the three."""
-    endpoints = [rig.free_endpoint() for _ in range(3)]
+    """Send ``count`` commands to each of the four."""
+    endpoints = [rig.free_endpoint() for _ in range(4)]
     with contextlib.ExitStack() as stack:
         where = stack.enter_context(rig.folder())
         board = stack.enter_context(
             rig.thin_board(
                 *(where, "--dialect", dialect, "--silent-from", "1"),
                 *("--line-us", str(LINE_US), "--ticks", str(TICKS)),
-                ports=3,
+                ports=4,
             )
         )
-        for name, index in (("zenoh", ZENOH), ("socket", SOCKET)):
+        for name, index in (("zenoh", ZENOH), ("loop", LOOP), ("socket", SOCKET)):
             port = str(where / f"port{index}")
             arguments = ("-m", "benchmarks.floors", name, endpoints[index], port)
             stack.enter_context(rig.Process(*arguments)).says("ready")
         stack.enter_context(rig.daemon(where, endpoints[DAEMON], *UNLIMITED, loop=loop))
         session = stack.enter_context(rig.client(endpoints[DAEMON]))
-        bare = stack.enter_context(rig.client(endpoints[ZENOH]))
+        bare, looped = (stack.enter_context(rig.client(endpoints[way])) for way in (ZENOH, LOOP))
         host, _, number_ = endpoints[SOCKET].removeprefix("tcp/").rpartition(":")
         raw = stack.enter_context(socket.create_connection((host, int(number_))))
         raw.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -89,6 +91,7 @@ def measure(count: int, *, dialect: str = "streamed", loop: str = "asyncio", see
         puts: list[Callable[[bytes], object]] = [
             publisher(session).put,
             publisher(bare).put,
+            publisher(looped).put,
             raw.sendall,
         ]
         sent = send(puts, count, random.Random(seed))
@@ -125,9 +128,10 @@ def send(puts: Sequence[Callable[[bytes], object]], count: int, chance: random.R
 def matched(sent: Sent, where: Path, dialect: str) -> Run:
     """Find the frame of each command among the bytes that the board received."""
     heard = read_log(where).heard
-    run = Run(free=[], waited=[], zenoh=[], socket=[], lost=0)
+    run = Run(free=[], waited=[], zenoh=[], loop=[], socket=[], lost=0)
     lost = 0
-    for target, taken in ((ZENOH, run.zenoh), (SOCKET, run.socket), (DAEMON, run.waited)):
+    ways = (ZENOH, run.zenoh), (LOOP, run.loop), (SOCKET, run.socket), (DAEMON, run.waited)
+    for target, taken in ways:
         arrivals = [(t_ns, data) for port, t_ns, data in heard if port == target]
         position = 0
         for _, units, sent_ns in (each for each in sent if each[0] == target):
@@ -176,7 +180,7 @@ def bench(*, short: bool, images: Path) -> Section:
         how=method(__doc__)
         + " The streamed board sends as many lines as the wire carries (288 a second); the polled "
         "one is polled 50 times a second. The line is free for a command when the frame before it "
-        "is out and the spacing that the board needs is over. Commands come 18 to 30 ms apart. The "
+        "is out and the spacing that the board needs is over. Commands come 24 to 40 ms apart. The "
         "limits of acceleration are off, so that every command is one frame.",
     )
     runs = [("streamed", "asyncio", count), ("polled", "asyncio", count // 6)]
@@ -206,6 +210,7 @@ def rows_of(run: Run, name: str) -> list[list[str]]:
     for way, values in (
         ("raw socket", run.socket),
         ("bare Zenoh callback", run.zenoh),
+        ("the same by way of an event loop", run.loop),
         ("daemon, line free", run.free),
         ("daemon, line busy", run.waited),
         ("daemon, all", run.free + run.waited),
@@ -250,7 +255,7 @@ def findings(run: Run, dialect: str) -> list[str]:
     total = len(run.free) + len(run.waited)
     sentences.append(
         f"{len(run.free)} of {total} commands to the {dialect} board found the line free. Frames "
-        f"that never came, on all three ways: {run.lost}."
+        f"that never came, on all four ways: {run.lost}."
     )
     return sentences
 

@@ -1,7 +1,8 @@
 """``make ratios``: what the daemon costs beside the least that a program can do, in two minutes.
 
 All processes run at the same time: the daemon; a bare asyncio reader of the same lines, which
-decodes them and puts one sample 50 times a second; and one that puts nothing. Each has its own port
+decodes them and puts one sample 50 times a second; one that puts nothing; and one that puts the
+daemon's three samples and drives as commanded, with no odometry and no care. Each has its own port
 of one thin board, and its own subscriber. Standing and driving alternate, and the ratios are taken
 pair by pair: the machine is not quiet, and what disturbs it disturbs all of them. CPU is the
 kernel's account; wakeups are voluntary switches of the event loop's thread. ``--beside`` runs the
@@ -56,7 +57,7 @@ def costs(
     with contextlib.ExitStack() as stack:
         where = stack.enter_context(rig.folder())
         options = ("--dialect", dialect)
-        stack.enter_context(rig.thin_board(where, *options, ports=len(trees) + 2))
+        stack.enter_context(rig.thin_board(where, *options, ports=len(trees) + 3))
         pids, puts = {}, []
         for n, (name, tree) in enumerate(zip(names, trees, strict=True)):
             endpoint = rig.free_endpoint()
@@ -67,15 +68,23 @@ def costs(
             rig.Status(session).ready()
             puts.append(latency.publisher(session).put)
             listen(stack, endpoint)
-        for n, (name, endpoint) in enumerate(
-            (("bare reader that puts", rig.free_endpoint()), ("bare reader", "-")), len(trees)
+        for n, (name, kind, endpoint) in enumerate(
+            (
+                ("bare reader that puts", dialect, rig.free_endpoint()),
+                ("bare reader", dialect, "-"),
+                ("bare program that drives", f"{dialect}-drives", rig.free_endpoint()),
+            ),
+            len(trees),
         ):
-            arguments = ("-m", "benchmarks.floors", dialect, endpoint, str(where / f"port{n}"))
-            process = rig.Process(*arguments)
+            port = str(where / f"port{n}")
+            process = rig.Process("-m", "benchmarks.floors", kind, endpoint, port)
             stack.enter_context(process).says("ready")
             pids[name] = process.pid
             if endpoint != "-":
                 listen(stack, endpoint)
+            if kind != dialect:
+                session = stack.enter_context(rig.client(endpoint))
+                puts.append(latency.publisher(session).put)
         rest: dict[str, list[Use]] = {name: [] for name in pids}
         driving: dict[str, list[Use]] = {name: [] for name in pids}
         numbers = itertools.count()

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import msgspec
 
-from benchmarks.latency import DAEMON, SOCKET, ZENOH, busy_until_ns, command, matched
+from benchmarks.latency import DAEMON, LOOP, SOCKET, ZENOH, busy_until_ns, command, matched
 from benchmarks.thin_board import BYTE_NS, Log
 
 MS = 1_000_000
@@ -19,16 +19,19 @@ def test_a_command_says_metres_per_second() -> None:
 
 
 def test_each_frame_is_found_for_the_command_that_asked_for_it(tmp_path) -> None:
-    sent = [(ZENOH, 300, 100 * MS), (SOCKET, 300, 110 * MS), (DAEMON, 300, 120 * MS)]
+    ways = (ZENOH, SOCKET, DAEMON, LOOP)
+    sent = [(way, 300, n * 10 * MS) for n, way in enumerate(ways, 10)]
     heard(
         tmp_path,
         (DAEMON, 50 * MS, b"$spd:293,0,293,0#"),
         (ZENOH, 101 * MS, b"$spd:300,0,300,0#"),
         (SOCKET, 112 * MS, b"$spd:300,0,300,0#"),
         (DAEMON, 123 * MS, b"$spd:300,0,300,0#"),
+        (LOOP, 134 * MS, b"$spd:300,0,300,0#"),
     )
     run = matched(sent, tmp_path, "streamed")
-    assert (run.zenoh, run.socket, run.free, run.waited) == ([MS], [2 * MS], [3 * MS], [])
+    assert (run.zenoh, run.socket, run.free, run.loop) == ([MS], [2 * MS], [3 * MS], [4 * MS])
+    assert run.waited == []
     assert run.lost == 0
 
 
