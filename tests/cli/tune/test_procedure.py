@@ -8,6 +8,8 @@ import pytest
 from tuning_bench import TuningBench
 
 from yahboomd.cli.tune.procedure import ROUNDS, Procedure
+from yahboomd.errors import BoardError
+from yahboomd.simulation.options import ImpairmentOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 
@@ -152,3 +154,89 @@ async def test_dead_zones_are_found_to_2_percent_of_full_output() -> None:
         for found in wheel.turning_output:
             assert abs(found - 1500) <= 0.02 * 3600
     assert procedure.result.suggested["deadzone"] < 1500
+
+
+class Garbling:
+    """Alters answers of a polled board while its wheels turn."""
+
+    def __init__(self, bench: TuningBench) -> None:
+        self.bench = bench
+        self.answers = 0
+        self.altered: list[bytes] = []
+        self._board = bench.link.robot.board
+        self._emit, self._board.emit = self._board.emit, self._pass
+        self.alter = lambda _number, data: data
+
+    def _pass(self, data: bytes, now_ns: int) -> None:
+        if max(map(abs, self.bench.link.rim_speeds)) > 0.3:
+            self.answers += 1
+            altered = self.alter(self.answers, data)
+            if altered != data:
+                self.altered.append(data)
+            data = altered
+        self._emit(data, now_ns)
+
+
+@on_virtual_time
+async def test_a_count_with_an_altered_digit_accuses_no_wheel_and_alters_no_figure() -> None:
+    bench = TuningBench("520", dialect="polled")
+    garbling = Garbling(bench)
+    # Far backward, far ahead, and at last a damage that shows.
+    amiss = {20: b"$data:-", 50: b"$data:9", 80: b"$data:8", 120: b"$daXa:"}
+    garbling.alter = lambda number, data: data.replace(b"$data:", amiss.get(number, b"$data:"))
+    procedure = bench.procedure()
+    await procedure.examine()
+    assert len(garbling.altered) == len(amiss)
+    for wheel in procedure.result.wheels:
+        assert wheel.before.overshoot < 0.01
+        assert wheel.before.settling_s == pytest.approx(0.42, abs=0.02)
+
+
+@pytest.mark.parametrize("damaged", [False, True])
+@on_virtual_time
+async def test_a_wheel_is_measured_again_where_the_line_may_have_lost_its_command(damaged) -> None:
+    bench = TuningBench("520", dialect="polled")
+    garbling = Garbling(bench)
+    if damaged:
+        garbling.alter = lambda number, data: data.replace(b"$d", b"$X") if number == 60 else data
+
+    def lose(data: bytes) -> bytes | None:
+        second = "step 2 of 4: -0.40 m/s"
+        if bench.said and bench.said[-1] == second and bench.said.count(second) == 1:
+            return data.replace(b",0,-4", b",0,-0")
+        return data
+
+    bench.link.on_write = lose
+    procedure = bench.procedure()
+    if not damaged:
+        with pytest.raises(BoardError, match=r"^right .* stood while another wheel turned"):
+            await procedure.examine()
+        return
+    await procedure.examine()
+    assert any("right (M3) stood" in line and "once more" in line for line in bench.said)
+    assert all(wheel.before.overshoot < 0.01 for wheel in procedure.result.wheels)
+
+
+@pytest.mark.parametrize(("corruption", "seeds"), [(0.0002, 4), (0.0005, 3), (0.002, 3)])
+@pytest.mark.parametrize("dialect", ["polled", "streamed"])
+def test_over_a_line_that_garbles_bytes_figures_are_right_or_the_line_is_blamed(
+    dialect, corruption, seeds
+) -> None:
+    @on_virtual_time
+    async def tune(seed: int) -> tuple[str, list[float | None]]:
+        line = ImpairmentOptions(corruption=corruption)
+        options = {"seed": seed, "impairments": line}
+        procedure = TuningBench("520", dialect=dialect, options=options).procedure()
+        blamed = ""
+        try:
+            await procedure.examine()
+        except BoardError as error:
+            blamed = error.message
+        return blamed, [each.before.settling_s for each in procedure.result.wheels if each.before]
+
+    for seed in range(seeds):
+        blamed, settling_s = tune(seed)
+        if blamed:
+            assert blamed.startswith("/dev/simulated: the line to the board loses or alters bytes")
+        else:
+            assert settling_s == pytest.approx([0.41, 0.41], abs=0.04)

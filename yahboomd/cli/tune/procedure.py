@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
+from functools import partial
+from itertools import count
+from typing import TypeVar
 
 import msgspec
 
 from yahboomd.cli.tune.stand import Stand
-from yahboomd.cli.tune.traces import TICK_S, Traces
+from yahboomd.cli.tune.traces import TICK_S, Traces, odd_one
 from yahboomd.cli.tune.tuning_result import DEAD_ZONE, GAINS, Result, Wheel, rank_of, tuned_of
+from yahboomd.cli.tune.wheel_faults import WheelFault
 from yahboomd.clock import Clock
 from yahboomd.config import Config
+from yahboomd.errors import BoardError
 from yahboomd.link import storing
 from yahboomd.link.port import Opener
 from yahboomd.protocol.dialect import Dialect
@@ -19,6 +24,8 @@ from yahboomd.tuning import dead_zone, loop_model, step_response
 from yahboomd.tuning.loop_model import Gains, Step
 from yahboomd.tuning.step_response import StepFigures
 from yahboomd.tuning.suggestion import suggest
+
+T = TypeVar("T")
 
 HOLD_S = 1.5
 REPEATS = 2
@@ -130,7 +137,8 @@ class Procedure:
             outputs = []
             for way in (1, -1):
                 self._say(f"{motor.name}: output slowly up, {'forward' if way > 0 else 'backward'}")
-                found = dead_zone.turning_output(await stand.ramp(motor, way))
+                ramp = await self._repeated(stand, partial(stand.ramp, motor, way))
+                found = dead_zone.turning_output(ramp)
                 assert found is not None, "a ramp ends when the wheel has turned"
                 outputs.append(found)
             wheel.turning_output = (outputs[0], outputs[1])
@@ -141,14 +149,33 @@ class Procedure:
         steps: list[Traces] = []
         spare = SPARE_STEPS
         while len(steps) < 2 * REPEATS:
-            way = -1 if len(steps) % 2 else 1
+            way = -1 if sum(step.speed_m_s for step in steps) > 0.0 else 1
             self._say(f"step {len(steps) + 1} of {2 * REPEATS}: {way * speed_m_s:+.2f} m/s")
-            step = await stand.step(way * speed_m_s, HOLD_S)
-            if step.whole or not spare:
+            damages = stand.damages
+            step = await self._repeated(stand, partial(stand.step, way * speed_m_s, HOLD_S))
+            damaged = stand.damages > damages or stand.noisy
+            if (step.whole and not damaged) or not (spare or stand.damages):
                 steps.append(step)
-            else:
+                if (
+                    len(steps) == 2 * REPEATS
+                    and spare
+                    and stand.damages
+                    and (odd := odd_one(steps))
+                ):
+                    spare -= 1
+                    steps.remove(odd)
+                    self._say("a step went elsewhere than the others, as on this line: once more")
+            elif spare and not stand.noisy:
                 spare -= 1
-                self._say("readings were held up, as on a busy computer: once more")
+                why = "damaged on the line" if damaged else "held up, as on a busy computer"
+                self._say(f"readings were {why}: once more")
+            else:
+                raise BoardError(
+                    "Readings of too many steps were lost or damaged on the line to the board: "
+                    "nothing is measured.",
+                    remedy="Check the USB cable, its shield and its distance from the motors' "
+                    "wires, then tune again.",
+                )
         travels = [
             step_response.mean([step.travel_m[index] for step in steps])
             for index in range(len(stand.motors))
@@ -171,6 +198,17 @@ class Procedure:
                     )
                 )
         return [step_response.figures(trace, speed_m_s, TICK_S) for trace in traces]
+
+    async def _repeated(self, stand: Stand, measure: Callable[[], Awaitable[T]]) -> T:
+        """Measure, and once more where the line may have caused the fault of a wheel."""
+        for excused in count():
+            try:
+                return await measure()
+            except WheelFault as fault:
+                if not await stand.excuses(excused):
+                    raise
+                self._say(f"{fault.message} The line damages bytes, which may be why: once more")
+        raise AssertionError  # the count has no end
 
     # What is suggested.
 
@@ -308,8 +346,6 @@ class _Said(storing.Progress):
 
 def storing_failed(what: str, answer: str) -> Exception:
     """The error of a value that the board does not store."""
-    from yahboomd.errors import BoardError
-
     return BoardError(
         f"The board does not store {what}{answer}.",
         remedy="`yahboomd tune --undo` stores again what it had.",

@@ -2,17 +2,21 @@
 
 The law: no wheel turns without a check of each reading, a bound in time, and a second process that
 stops it if this one dies (:mod:`yahboomd.link.guard`). One that turns against its command, faster
-than commanded, or not at all, ends the measurement with its motors cut.
+than commanded, or not at all, ends the measurement with its motors cut. Lines have no checksum, so
+that a reading alone accuses no wheel: of each wheel the middle one of the latest three counts.
 """
 
 from __future__ import annotations
 
 import contextlib
+from collections import deque
 from collections.abc import AsyncIterator
+from statistics import median_low
 from typing import Self
 
 from yahboomd.cli.tune import wheel_faults
 from yahboomd.cli.tune.traces import Traces, traces_of
+from yahboomd.cli.tune.wheel_faults import WheelFault
 from yahboomd.clock import Clock, nanoseconds, seconds, sleep_until
 from yahboomd.config import Config
 from yahboomd.counts import unwrapped
@@ -73,6 +77,7 @@ class Stand:
         self._guard = guard
         self._wheels = len(motion.wheel_limits)
         self._samples: list[tuple[int, Counts]] = []
+        self._latest: deque[Counts] = deque(maxlen=3)
         self._first: Counts = (0, 0, 0, 0)
         self._heard_ns = 0
         self._problem = ""
@@ -148,6 +153,16 @@ class Stand:
         """A speed of all wheels in the board's units."""
         return max(map(abs, self._motion.units((speed_m_s,) * self._wheels)))
 
+    @property
+    def damages(self) -> int:
+        """The chunks that came damaged lately."""
+        return self._line.damages
+
+    @property
+    def noisy(self) -> bool:
+        """Whether the line damages so much that what is measured over it is wrong."""
+        return self._line.noisy
+
     async def ramp(self, motor: Motor, way: int) -> Ramp:
         """Raise one motor's output slowly until it has turned; every other one is off.
 
@@ -158,7 +173,8 @@ class Stand:
             The output and what the motor had counted by then, in the order of time.
 
         Raises:
-            BoardError: Another wheel turned too, or it turned the wrong way, or not at all.
+            WheelFault: Another wheel turned too, or it turned the wrong way, or not at all.
+            BoardError: The board reset itself, or a wheel does not stop.
         """
         dialect, position = self.dialect, motor.position
         ticks_end = RAMP_TURNS * motor.ticks_per_revolution
@@ -178,7 +194,7 @@ class Stand:
                 found.append((output, own))
                 wheel_faults.check_alone(motor, self.motors, counts)
                 if own < -wheel_faults.TOUCHED_COUNTS:
-                    raise BoardError(
+                    raise WheelFault(
                         f"{motor.name} (M{position}) counts {'down' if way > 0 else 'up'} while it "
                         f"is driven {'forward' if way > 0 else 'backward'}: with regulation it "
                         "would run away.",
@@ -188,7 +204,7 @@ class Stand:
                 if own >= ticks_end:
                     break
                 if output >= dialect.most_output:
-                    raise BoardError(
+                    raise WheelFault(
                         f"{motor.name} (M{position}) does not count at full output.",
                         remedy="Look at its cable, at the supply of the motors, and whether the "
                         "wheel is free.",
@@ -202,7 +218,8 @@ class Stand:
             speed_m_s: Of the rims; negative backward.
 
         Raises:
-            BoardError: A wheel does not follow.
+            WheelFault: A wheel does not follow.
+            BoardError: The board reset itself, or a wheel does not stop.
         """
         first = await self._stand()
         frame = self.dialect.speeds(self._motion.units((speed_m_s,) * self._wheels))
@@ -222,6 +239,23 @@ class Stand:
             speed_m_s=speed_m_s,
             hold_s=hold_s,
         )
+
+    async def excuses(self, times: int) -> bool:
+        """Whether the line, not a wheel, may have caused another fault; the wheels stand then.
+
+        Each damage that was seen lately excuses one: chance does not repeat itself.
+
+        Args:
+            times: The faults that were excused already.
+
+        Raises:
+            BoardError: A wheel does not stop.
+        """
+        if self.noisy or times >= self.damages:
+            return False
+        await self._stand()
+        self._mark(driven=False)
+        return True
 
     # Watching.
 
@@ -256,7 +290,7 @@ class Stand:
         while True:
             now_ns = self._clock.now_ns()
             if self._problem:
-                raise BoardError(self._problem)
+                raise WheelFault(self._problem)
             if self._line.heard.resets != self._resets:
                 raise BoardError(
                     f"{self._line.port.name}: the board reset itself while wheels turned.",
@@ -274,6 +308,7 @@ class Stand:
     def _on_counts(self, reading: EncoderReading) -> None:
         self._heard_ns = self._clock.now_ns()
         self._samples.append((reading.sent_ns, reading.ticks))
+        self._latest.append(reading.ticks)
         if self._expected is not None and not self._problem:
             self._problem = self._wrong(self._expected, self._first)
             if self._problem:
@@ -286,9 +321,11 @@ class Stand:
         return wheel_faults.found(self.motors, expected, counted, waited_s, ramped=ramped)
 
     def _counts_since(self, first: Counts) -> Counts:
-        ticks = self._line.ticks
-        assert ticks is not None
-        a, b, c, d = (unwrapped(new - old) for new, old in zip(ticks, first, strict=True))
+        each = zip(*self._latest, strict=True)
+        a, b, c, d = (
+            median_low(unwrapped(new - old) for new in latest)
+            for latest, old in zip(each, first, strict=True)
+        )
         return a, b, c, d
 
     def _silent(self) -> BoardSilent:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from statistics import median
 
 import msgspec
 
@@ -37,6 +38,16 @@ class Traces(msgspec.Struct, frozen=True, kw_only=True):
     whole: bool
 
 
+GARBLED_M = 0.003
+GARBLED_SHARE = 0.3
+"""Of the commanded travel between two readings: one that lies so far from the line between its
+neighbours, and by 3 mm, is not of wheels that their motors move, but has an altered digit."""
+
+
+ODD_SHARE = 0.05
+"""Repeated steps end nearer to each other than this share of their travel."""
+
+
 def traces_of(
     dialect: Dialect,
     motors: Sequence[Motor],
@@ -55,7 +66,8 @@ def traces_of(
         hold_s: How long the speed was commanded.
     """
     way = 1 if speed_m_s > 0.0 else -1
-    times_s, counts = _times(dialect, motors, readings, apart_s)
+    new = _without_garbled(motors, _new(readings), speed_m_s)
+    times_s, counts = _times(dialect, motors, new, apart_s)
     times_ns = [0, *(at_ns for at_ns, _ in readings if at_ns > 0)]
     return Traces(
         speed_m_s=speed_m_s,
@@ -76,15 +88,32 @@ def traces_of(
     )
 
 
-def _times(
-    dialect: Dialect, motors: Sequence[Motor], readings: Readings, apart_s: float
-) -> tuple[list[float], list[Counts]]:
-    """When counts were taken, since the command, and those counts."""
-    new = [
+def odd_one(steps: Sequence[Traces]) -> Traces | None:
+    """The step that ends elsewhere than the others: the line lost or altered its command."""
+
+    def off(step: Traces) -> float:
+        return max(
+            abs(travel[-1] / median(other.travel_m[index][-1] for other in steps) - 1.0)
+            for index, travel in enumerate(step.travel_m)
+        )
+
+    odd = max(steps, key=off)
+    return odd if off(odd) > ODD_SHARE else None
+
+
+def _new(readings: Readings) -> Readings:
+    """Those since the command whose counts differ from the ones before."""
+    return [
         (at_ns, ticks)
         for index, (at_ns, ticks) in enumerate(readings)
         if at_ns > 0 and (index == 0 or ticks != readings[index - 1][1])
     ]
+
+
+def _times(
+    dialect: Dialect, motors: Sequence[Motor], new: Readings, apart_s: float
+) -> tuple[list[float], list[Counts]]:
+    """When counts were taken, since the command, and those counts."""
     times_s = [seconds(at_ns) for at_ns, _ in new]
     if dialect.sample_period_ns is not None and not dialect.renews_with_each_line:
         times_s = step_response.tick_times(times_s, apart_s)
@@ -100,3 +129,39 @@ def _times(
         times_s = step_response.read_times(times_s, driven, seconds(dialect.age_ns))
     kept = [(at_s, ticks) for at_s, (_, ticks) in zip(times_s, new, strict=True) if at_s > 0.0]
     return [at_s for at_s, _ in kept], [ticks for _, ticks in kept]
+
+
+def _without_garbled(motors: Sequence[Motor], readings: Readings, speed_m_s: float) -> Readings:
+    """Readings less those with an altered digit, which no checksum shows.
+
+    The readings beside such a one lie off the line between their neighbours as well, but by half as
+    much.
+    """
+    inner = zip(readings[:-2], readings[1:-1], readings[2:], strict=True)
+    off_m = [0.0, *(_off_m(motors, *three, speed_m_s) for three in inner), 0.0]
+    return [
+        reading
+        for index, reading in enumerate(readings)
+        if not off_m[index] or off_m[index] < max(off_m[index - 1 : index + 2])
+    ]
+
+
+def _off_m(
+    motors: Sequence[Motor],
+    before: tuple[int, Counts],
+    reading: tuple[int, Counts],
+    after: tuple[int, Counts],
+    speed_m_s: float,
+) -> float:
+    """How far some wheel is from the line between the neighbours; 0 where motors may do that."""
+    (start_ns, first), (at_ns, counts), (end_ns, last) = before, reading, after
+    if not 0 < end_ns - start_ns < HELD_UP_NS:
+        return 0.0
+    share = (at_ns - start_ns) / (end_ns - start_ns)
+    farthest_m = max(
+        abs(unwrapped(counts[place] - first[place]) - share * unwrapped(last[place] - first[place]))
+        * metres_per_tick
+        for place, metres_per_tick in ((it.position - 1, it.metres_per_tick) for it in motors)
+    )
+    commanded_m = abs(speed_m_s) * seconds(end_ns - start_ns) / 2.0
+    return farthest_m if farthest_m > max(GARBLED_M, GARBLED_SHARE * commanded_m) else 0.0

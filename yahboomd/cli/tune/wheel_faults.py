@@ -24,6 +24,10 @@ TOUCHED_COUNTS = 12
 """Another wheel that turns so far with a single driven one touches the ground, or is coupled."""
 
 
+class WheelFault(BoardError):
+    """A wheel does not do as it is commanded, unless the line damaged a command."""
+
+
 def found(
     motors: Sequence[Motor],
     expected: Sequence[float],
@@ -66,11 +70,11 @@ def check_alone(motor: Motor, motors: Sequence[Motor], counts: Counts) -> None:
     """Check that no other wheel turned with the one that was driven.
 
     Raises:
-        BoardError: One did.
+        WheelFault: One did.
     """
     for other in motors:
         if other is not motor and abs(counts[other.position - 1]) > TOUCHED_COUNTS:
-            raise BoardError(
+            raise WheelFault(
                 f"{other.name} (M{other.position}) turned while {motor.name} alone was driven: "
                 "they touch the ground, are coupled, or the plugs of encoders are swapped.",
                 remedy="Put the robot on a stand so that every wheel turns freely.",
