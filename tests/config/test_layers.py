@@ -55,6 +55,7 @@ def test_a_byte_order_mark_and_windows_line_ends_are_no_mistake(layers, tmp_path
             "not valid TOML: Unterminated string (at end of document): level =",
         ),
         (b"[log]\nlevel = '\xff'\n", 2, "not UTF-8 (byte 0xff); save it as UTF-8"),
+        (b"x = 1\n" + b"a." * 400_000 + b"a = 1\n", 2, "a key of too many parts, so not a config"),
         (b"a = " + b"[" * 5000, 0, "tables or lists are nested too deeply"),
         (b"a = " + b"9" * 5000, 0, "not valid TOML: "),
         (b"#" * (LARGEST_FILE_BYTES + 1), 0, "larger than 1000000 bytes, so not a configuration"),

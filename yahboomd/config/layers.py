@@ -24,6 +24,9 @@ PREFIX = "YAHBOOMD_"
 LARGEST_FILE_BYTES = 1_000_000
 """A configuration is a few kilobytes; more is another file, or a device that never ends."""
 
+MOST_DOTS = 200
+"""In a line; the numbers of a long list have fewer."""
+
 _LINE = re.compile(r"\(at line (\d+), column \d+\)$")
 _BARE_TEXT = re.compile(
     r"""\s*[\w."'-]+\s*=\s*(?!true\b|false\b|inf\b|nan\b)"""
@@ -109,6 +112,9 @@ class Layers:
         try:
             # Windows editors put a byte order mark in front, which TOML does not know.
             text = raw.decode("utf-8-sig").replace("\r\n", "\n")
+            if line := _line_of_endless_key(text):
+                self._refuse("a key of too many parts, so not a configuration", line)
+                return
             self.data, self._text = tomllib.loads(text), text
         except UnicodeDecodeError as error:
             line = raw.count(b"\n", 0, error.start) + 1
@@ -198,6 +204,12 @@ def toml_value(text: str) -> object:
         return tomllib.loads(f"value = {text}")["value"]
     except (ValueError, RecursionError):
         return text
+
+
+def _line_of_endless_key(text: str) -> int:
+    """The line with more dots than any key has, on which tomllib would spend minutes; else 0."""
+    lines = enumerate(text.split("\n"), start=1)
+    return next((number for number, line in lines if line.count(".") > MOST_DOTS), 0)
 
 
 def _explained(error: str, text: str) -> tuple[str, int]:
