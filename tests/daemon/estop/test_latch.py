@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -249,3 +251,31 @@ def test_a_file_that_is_removed_too_late_is_written_again(
     let_go.set()
     wait_for(lambda: latch.status_values()["estop_not_on_file"] == 0, "it is on file")
     assert EstopLatch(LatchFile(tmp_path / "estop"), 2).engaged
+
+
+def test_with_all_descriptors_taken_it_is_answered_that_the_latch_is_not_on_file(
+    tmp_path: Path,
+) -> None:
+    script = """
+import asyncio, os, resource, sys
+from pathlib import Path
+from yahboomd.daemon.estop.latch import EstopLatch
+from yahboomd.daemon.estop.latch_file import LatchFile
+
+async def main():
+    latch = EstopLatch(LatchFile(Path(sys.argv[1])), 0)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (3, 3))
+    latch.engage("a test", 0)
+    latch.remember()
+    print(await latch.on_file())
+
+asyncio.run(main())
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", script, str(tmp_path / "estop")],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.stdout == "False\n"

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import os
+import resource
 import socket
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -239,7 +241,8 @@ async def test_where_no_connection_can_be_accepted_it_is_tried_again(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(local_stop, "PAUSE_S", 0.01)
-    accept, left = socket.socket.accept, [3]
+    # Once more with the descriptor that is kept.
+    accept, left = socket.socket.accept, [5]
 
     def full(sock: socket.socket) -> Any:
         if left[0]:
@@ -249,4 +252,43 @@ async def test_where_no_connection_can_be_accepted_it_is_tried_again(
 
     monkeypatch.setattr(socket.socket, "accept", full)
     assert (await robot.ask(b"status\n"))[0]["namespace"] == "bot1"
-    assert robot.local.status_values()["local_dropped"] == 3
+    assert robot.local.status_values()["local_dropped"] == 2
+
+
+@pytest.fixture
+def exhausted() -> Iterator[Callable[[], None]]:
+    """Takes every descriptor that this process may still have."""
+    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+    taken: list[int] = []
+
+    def take() -> None:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (512, limits[1]))
+        with contextlib.suppress(OSError):
+            while True:
+                taken.append(os.open(os.devnull, os.O_RDONLY))
+        assert taken
+
+    yield take
+    for each in taken:
+        os.close(each)
+    resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+
+
+async def test_a_stop_is_obeyed_with_all_descriptors_taken_and_so_is_the_next(
+    robot: Robot, exhausted: Callable[[], None]
+) -> None:
+    asking = [socket.socket(socket.AF_UNIX) for _ in range(2)]
+    exhausted()
+    for number, each in enumerate(asking, start=1):
+        with each:
+            each.setblocking(False)
+            each.connect(str(robot.path))
+            each.send(b"stop by yahboomd stop\n")
+            await asyncio.wait_for(until_engaged(robot, number), 10.0)
+            while robot.local.status_values()["local_stops"] < number:
+                await asyncio.sleep(0)
+            for _ in range(3):
+                robot.local.observe((0.0, 0.0))
+            while robot.local._tasks:
+                await asyncio.sleep(0)
+    assert robot.local.status_values()["local_dropped"] == 0

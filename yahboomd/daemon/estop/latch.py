@@ -7,6 +7,9 @@ retried until the latch is on file or the e-stop is released.
 from __future__ import annotations
 
 import asyncio
+
+# The first use of to_thread would read this from a file, for which no descriptor may be left.
+import concurrent.futures.thread  # noqa: F401
 import logging
 import threading
 from collections.abc import Sequence

@@ -2,15 +2,18 @@
 
 One connection, one request: a line with a word in, lines of JSON out. ``status`` says which robot
 this is; whatever else comes engages the emergency stop, as on the bus. Bytes, connections and
-their time are bounded, so that no local flood locks a stop out.
+their time are bounded, so that no local flood locks a stop out. One descriptor is kept for the
+connection that comes when all others are taken.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
 import json
 import logging
+import os
 import socket
 from collections import Counter
 from collections.abc import Awaitable, Callable
@@ -105,6 +108,7 @@ class LocalStop:
         self._watches: dict[_Watch, None] = {}
         self._tasks: set[asyncio.Task[None]] = set()
         self._counters: Counter[str] = Counter()
+        self._spare: int | None = None
 
     async def open(self) -> None:
         """Listen; without the socket the daemon goes on, and logs it."""
@@ -124,6 +128,7 @@ class LocalStop:
                 error or "the disk hangs",
             )
             return
+        self._keep_spare()
         loop.add_reader(self._listening.sock, self._accept, self._listening)
 
     def close(self) -> None:
@@ -136,6 +141,7 @@ class LocalStop:
             asyncio.get_running_loop().remove_reader(self._listening.sock)
             self._listening.close()
             self._listening = None
+        self._give_spare()
 
     def observe(self, speeds_m_s: tuple[float, ...]) -> None:
         """A reading: the rim speed of each wheel."""
@@ -153,7 +159,7 @@ class LocalStop:
     def _accept(self, listening: Listening) -> None:
         for _ in range(ACCEPTS):
             try:
-                sock, _address = listening.sock.accept()
+                sock = self._next(listening)
             except (BlockingIOError, InterruptedError, ConnectionError):
                 return
             except OSError as error:
@@ -164,9 +170,36 @@ class LocalStop:
                 loop.call_later(PAUSE_S, self._resume, listening)
                 return
             self._admit(sock, listening)
+            if self._spare is None:
+                # It has the last descriptor.
+                return
+
+    def _next(self, listening: Listening) -> socket.socket:
+        try:
+            return listening.sock.accept()[0]
+        except OSError as error:
+            if error.errno not in {errno.EMFILE, errno.ENFILE} or not self._give_spare():
+                raise
+        return listening.sock.accept()[0]
+
+    def _end(self, sock: socket.socket) -> None:
+        sock.close()
+        self._keep_spare()
+
+    def _keep_spare(self) -> None:
+        if self._spare is None and self._listening is not None:
+            with contextlib.suppress(OSError):
+                self._spare = os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC)
+
+    def _give_spare(self) -> bool:
+        spare, self._spare = self._spare, None
+        if spare is not None:
+            os.close(spare)
+        return spare is not None
 
     def _resume(self, listening: Listening) -> None:
         if self._listening is listening:
+            self._keep_spare()
             asyncio.get_running_loop().add_reader(listening.sock, self._accept, listening)
 
     def _admit(self, sock: socket.socket, listening: Listening) -> None:
@@ -174,12 +207,12 @@ class LocalStop:
         try:
             peer = peer_of(sock)
         except OSError:
-            sock.close()
+            self._end(sock)
             return
         if not listening.may_use(peer):
             self._counters["refused"] += 1
             _send(sock, error=f"User {peer.uid} is not in the group of {listening.path}.")
-            sock.close()
+            self._end(sock)
             if self._counters["refused"] == 1:
                 log.warning("The local socket refused user %d (pid %d).", peer.uid, peer.pid)
             return
@@ -216,10 +249,10 @@ class LocalStop:
         asked = connection.data.strip()
         if not connection.data:
             self._counters["dropped"] += 1
-            sock.close()
+            self._end(sock)
         elif asked == STATUS.strip():
             _send(sock, **self._facts())
-            sock.close()
+            self._end(sock)
         else:
             peer = connection.peer
             # First of all.
@@ -227,7 +260,7 @@ class LocalStop:
             self._counters["stops"] += 1
             if len(self._tasks) >= MAX_WATCHING:
                 _send(sock, engaged=True, message=words)
-                sock.close()
+                self._end(sock)
                 return
             watch = _Watch()
             self._watches[watch] = None
@@ -245,7 +278,7 @@ class LocalStop:
         _send(sock, stood=stood, fastest_m_s=fastest, why=self._facts().get("why", ""))
 
     def _ended(self, sock: socket.socket, watch: _Watch, task: asyncio.Task[None]) -> None:
-        sock.close()
+        self._end(sock)
         self._watches.pop(watch, None)
         self._tasks.discard(task)
 
