@@ -151,8 +151,8 @@ it and writes these pages; `.venv/bin/python -m benchmarks NAME` repeats one ben
 Times belong to the machine on which they were measured: two shared cores, with a simulated board.
 Ratios compare processes that ran at the same time, and carry over to other machines. p50 is the
 median; 99 of 100 values are below p99. Worst cases of a virtual machine say more about the machine
-than about yahboomd. What the daemon costs beside the least that a program can do, by `make ratios`,
-has [a page of its own](benchmarks/ratios.md).
+than about yahboomd. `make ratios` compares the daemon with the smallest programs that do the same:
+[results](benchmarks/ratios.md).
 """
 
 

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import math
 
-from benchmarks.report import Section, number, quantile, store, stored, write_pages
+from benchmarks.report import HEAD, ROOT, Section, number, quantile, store, stored, write_pages
 
 
 def test_a_quantile_is_one_of_the_values() -> None:
@@ -50,3 +50,7 @@ def test_results_and_pictures_are_on_one_page_and_all_tables_on_another(tmp_path
     tables = (tmp_path / "benchmarks" / "speed.md").read_text()
     for words in ("# Speed", "Somehow.", "| ours | 3 |", "| theirs | 4 |", "(../benchmarks.md)"):
         assert words in tables
+
+
+def test_the_page_begins_as_it_would_be_written():
+    assert (ROOT / "docs" / "benchmarks.md").read_text().startswith(HEAD)
