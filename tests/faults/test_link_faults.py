@@ -270,7 +270,8 @@ async def test_a_board_that_keeps_resetting_is_left_alone_until_a_person_came(
 # A port that goes away, and comes back.
 
 
-@pytest.mark.parametrize("away_s", [0.05, 0.5, 3.0, 30.0])
+# It comes back just after an attempt, at 1.51 s.
+@pytest.mark.parametrize("away_s", [0.05, 0.5, 1.51, 3.0, 30.0])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
 async def test_after_a_replug_the_wheels_are_stopped_before_anything_else(
@@ -288,7 +289,8 @@ async def test_after_a_replug_the_wheels_are_stopped_before_anything_else(
         orders = bench.orders_since(back_ns - 50 * MS)
         print(f"{dialect}, {away_s} s: stop {(orders[0][0] - back_ns) / MS:.0f} ms after replug")
         assert is_stop(orders[0][1])
-        assert orders[0][0] - back_ns <= 1000 * MS
+        # The rest of the second is for a busy computer.
+        assert orders[0][0] - back_ns <= 850 * MS
         assert bench.standing
         assert (bench.stood_at(back_ns) - back_ns) <= 1500 * MS
         assert alive(bench)
@@ -355,7 +357,7 @@ async def test_a_missing_port_is_tried_for_ever_about_once_a_second_and_logged_o
         await asyncio.sleep(600.0)
         attempts = bench.supervisor.counters["attempts"] - before
         print(f"ten minutes without a port: {attempts} attempts, {turns / 600:.0f} turns/s")
-        assert 580 <= attempts <= 610
+        assert 730 <= attempts <= 760
         # 50 control steps a second, and nothing that spins.
         assert turns < 600 * 200
         assert len(bench.events("disconnected")) == 1

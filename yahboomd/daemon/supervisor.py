@@ -76,9 +76,9 @@ class _Reported(Progress):
 
 log = logging.getLogger(__name__)
 
-BACK_OFF_S = (0.1, 0.2, 0.4, 0.8, 1.0)
-"""Waits between attempts. Looking for a port costs next to nothing, and a robot that was plugged in
-should not stand for longer than a person waits."""
+BACK_OFF_S = (0.1, 0.2, 0.4, 0.8)
+"""Waits between attempts. Looking for a port costs next to nothing, and wheels that turn while the
+board is plugged in are stopped within a second of it, on a busy computer too."""
 
 UNSEEN_S = 0.5
 """After a session that lasted so long and left wheels that were not seen to stand, the port is
