@@ -34,6 +34,9 @@ for _number, _usual in (
 
 NICE = os.nice(0)
 
+REAL = {"fake_daemon", "real_robot", "simulated_board", "site", "terminal", "zenoh_app"}
+"""Fixtures of processes, terminals and sessions, which wait in real time."""
+
 # How long an example takes says how busy the machine is, not whether the code is right.
 settings.register_profile(
     "explore", deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=False
@@ -71,7 +74,10 @@ def pytest_sessionstart(session: pytest.Session) -> None:
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """A process that runs what only computes lets those go first that have to be in time."""
-    marked = item.get_closest_marker("realtime") or item.get_closest_marker("xdist_group")
+    marked = item.get_closest_marker("realtime")
+    # Unmarked, it would run among those that compute, and starve.
+    assert marked or REAL.isdisjoint(item.fixturenames), "mark it realtime"
+    marked = marked or item.get_closest_marker("xdist_group")
     lanes = getattr(item.config.option, "loadgroup", False)
     if lanes:
         # Without the right to it a process stays where it is.

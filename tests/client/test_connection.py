@@ -100,8 +100,8 @@ async def test_a_daemon_that_comes_later_is_reached(fake_daemon: Any) -> None:
     endpoint = free_endpoint()
     us = connection(endpoint)
     opening = asyncio.create_task(us.open(math.inf))
-    await eventually(lambda: us.problem)
-    assert endpoint in us.problem
+    # On a busy machine a first session may not open in time, which is named before.
+    await eventually(lambda: endpoint in us.problem)
     await fake_daemon(endpoint=endpoint)
     await opening
     await us.wait_alive(20.0)

@@ -44,6 +44,7 @@ async def test_what_makes_no_sense_is_refused_in_words(
     assert words.endswith(".")
 
 
+@pytest.mark.realtime
 async def test_a_robot_that_cannot_drive_is_not_calibrated(
     site: Callable[..., Awaitable[Site]],
 ) -> None:

@@ -42,6 +42,7 @@ def test_words_for_the_person_are_not_the_result(capsys) -> None:
     assert io.StringIO(shown.err).isatty() is False
 
 
+@pytest.mark.realtime
 async def test_what_was_typed_before_the_question_is_no_answer(terminal) -> None:
     process = terminal(
         code="import asyncio, time\n"
