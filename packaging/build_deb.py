@@ -29,7 +29,9 @@ EXTRAS = "monitor,web"
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n", maxsplit=1)[0])
     parser.add_argument("--output", type=Path, default=TREE / "dist", metavar="FOLDER")
-    parser.add_argument("--no-lintian", action="store_true", help="do not judge the package")
+    parser.add_argument(
+        "--quick", action="store_true", help="only to try it: not compressed, and not judged"
+    )
     args = parser.parse_args()
     system = _os_release()
     python = _python_version()
@@ -54,8 +56,9 @@ def main() -> int:
         _control(stage, version, architecture, python, pretty)
         args.output.mkdir(parents=True, exist_ok=True)
         package = args.output / f"yahboomd_{version}_{architecture}.deb"
-        _run("dpkg-deb", "--root-owner-group", "-Zxz", "--build", str(stage), str(package))
-    if shutil.which("lintian") and not args.no_lintian:
+        packed = "-Znone" if args.quick else "-Zxz"
+        _run("dpkg-deb", "--root-owner-group", packed, "--build", str(stage), str(package))
+    if shutil.which("lintian") and not args.quick:
         _run("lintian", "--fail-on", "error,warning", "--allow-root", str(package))
     print(
         f"{package}\n"

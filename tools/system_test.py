@@ -127,7 +127,7 @@ def build_package(cache: Path, root: Path) -> Path:
         command = [
             sys.executable,
             "packaging/build_deb.py",
-            "--no-lintian",
+            "--quick",
             "--output",
             str(output),
         ]
@@ -152,7 +152,7 @@ def _build_inside(root: Path, output: Path) -> int:
             *("systemd-nspawn", "--quiet", "-D", str(root), "--volatile=overlay"),
             *("--register=no", "--keep-unit", "--pipe", "--resolv-conf=copy-host", *trusted),
             *(f"--bind-ro={TREE}:/src", f"--bind={output}:/out"),
-            *("python3", "/src/packaging/build_deb.py", "--output", "/out"),
+            *("python3", "/src/packaging/build_deb.py", "--quick", "--output", "/out"),
         ],
         stdin=subprocess.DEVNULL,
     )
