@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import functools
 import gc
 import importlib
 import os
@@ -58,7 +59,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """A process that computes is a session of its own, which weighs less than that of the others.
+    """A process that computes is a session of its own, which then weighs less than the others'.
 
     The kernel shares a processor among sessions, whatever their processes' priorities are, and its
     own threads, which pass the bytes of a pty on, are beside them.
@@ -68,7 +69,13 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     if lanes and importlib.import_module("lanes").computes(int(number)):
         with contextlib.suppress(OSError):
             os.setsid()
-            Path("/proc/self/autogroup").write_text("5", encoding="ascii")
+
+
+@functools.lru_cache(maxsize=1)
+def weigh(nice: int) -> None:
+    """Set how nice the session of this process is, where that is not what was set before."""
+    with contextlib.suppress(OSError):
+        Path("/proc/self/autogroup").write_text(str(nice), encoding="ascii")
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -83,6 +90,8 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
         # Without the right to it a process stays where it is.
         with contextlib.suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, 0, NICE if marked else NICE + 10)
+        if os.getsid(0) == os.getpid():
+            weigh(0 if marked else 5)
 
 
 @pytest.hookimpl(wrapper=True)

@@ -4,12 +4,14 @@ Tests that are marked ``realtime`` wait for most of their time, and want a proce
 wake; the others use all that they get. So one process of two or three computes, at a low priority,
 and waits when nothing is left to compute; the others wait. What floods or measures is late beside
 its like: the first process has it all, one after the other. With a process for each core it has no
-robots beside it. The tests of an ``xdist_group`` have one process.
+robots beside it; a process more than the cores begins once nothing floods and little computes. The
+tests of an ``xdist_group`` have one process.
 """
 
 from __future__ import annotations
 
 import functools
+import os
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -57,6 +59,11 @@ def computes(number: int) -> bool:
     return number % 3 == 1
 
 
+def begins_late(number: int) -> bool:
+    """Whether a process is one more than the cores: it leaves them to the others at first."""
+    return number >= max(2, os.cpu_count() or 1)
+
+
 class Lanes(LoadScopeScheduling):  # type: ignore[misc]
     """Each process has a test, or a group of them, and the next one."""
 
@@ -91,17 +98,31 @@ class Lanes(LoadScopeScheduling):  # type: ignore[misc]
         unit[nodeid] = True
         if all(unit.values()):
             del self.assigned_work[node][scope]
-        self._reschedule(node)
+        for each in self.nodes:
+            self._reschedule(each)
 
     def _reschedule(self, node: WorkerController) -> None:
         if node.shutting_down or self._pending_of(self.assigned_work[node]) > 1:
             return
-        scope = self._next_scope(int(node.gateway.id.removeprefix("gw")))
+        number = int(node.gateway.id.removeprefix("gw"))
+        if begins_late(number) and self._busy():
+            return
+        scope = self._next_scope(number)
         if scope is None:
             node.shutdown()
             return
         self.assigned_work[node][scope] = unit = self.workqueue.pop(scope)
         node.send_runtest_some([self._index[each] for each, done in unit.items() if not done])
+
+    def _busy(self) -> bool:
+        """Whether something heavy runs, or is still to come, as is something that computes."""
+        queue = self.workqueue
+        to_come = queue and (
+            next(iter(queue)) in self._heavy or next(reversed(queue)) not in self._waits
+        )
+        return bool(to_come) or any(
+            not self._heavy.isdisjoint(units) for units in self.assigned_work.values()
+        )
 
     def _next_scope(self, number: int) -> str | None:
         """The next one for a process: the first takes what comes, and what computes is last."""
