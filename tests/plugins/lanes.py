@@ -26,6 +26,7 @@ HEAVY = (
     "tests/benchmarks",
     "tests/faults/test_estop_flood",
     "tests/faults/test_flood",
+    "tests/security/test_access.py::test_a_viewer_who_floods",
 )
 """They are long, and keep the machine busy: one after the other, from the start."""
 
