@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
+import msgspec
 from made_boxes import ring_of, saved_box
 
 from yahboomd.blackbox import records
 from yahboomd.blackbox.box_file import read_box
-from yahboomd.cli.blackbox.box_story import before, story, summary, utc, wall_clock_ns
+from yahboomd.cli.blackbox.box_story import before, story, summary, utc, wall_clock
 from yahboomd.model import Event, Pose2d
 
 DRIVES = records.Decision(state="driving", driver="cmd_vel", why="cmd_vel drives.")
@@ -129,8 +132,8 @@ def test_moments_are_those_of_the_wall_clock_of_their_time() -> None:
     at = 1_795_370_000_000_000_000
     box = read_box(saved_box((80.0, SILENT), (50.0, records.WallClock(wall_ns=at)), (40.0, DRIVES)))
     first, _, last = (record.at_ns for record in box.records)
-    assert utc(wall_clock_ns(box, first)) == "2026-11-22 17:54:10.00 UTC"
-    assert wall_clock_ns(box, last) == at + 10 * 10**9
+    assert utc(wall_clock(box)(first)) == "2026-11-22 17:54:10.00 UTC"
+    assert wall_clock(box)(last) == at + 10 * 10**9
     assert before(last, last + 12_412_000_000, "the save") == "12.41 s before the save"
 
 
@@ -143,3 +146,18 @@ def test_the_summary_names_robot_time_and_reason() -> None:
     ]
     assert "not saved yet" in summary(read_box(ring_of((80.0, SILENT))))
     assert "0 records" in summary(read_box(ring_of()))
+
+
+def test_the_moments_of_a_box_are_found_in_one_look_at_its_records() -> None:
+    class Looked(list[records.Record]):
+        looks = 0
+
+        def __iter__(self) -> Iterator[records.Record]:
+            self.looks += 1
+            return super().__iter__()
+
+    box = read_box(saved_box((80.0, SILENT), (40.0, DRIVES)))
+    looked = Looked(box.records)
+    wall_clock_ns = wall_clock(msgspec.structs.replace(box, records=looked))
+    assert wall_clock_ns(looked[1].at_ns) - wall_clock_ns(looked[0].at_ns) == 40 * 10**9
+    assert looked.looks == 1

@@ -164,9 +164,9 @@ def _name_others(found: list[Found], shown: Path) -> None:
 
 
 def _explain(box: Box, path: Path, *, as_json: bool) -> None:
-    from yahboomd.cli.blackbox.box_story import before, story, summary, utc, wall_clock_ns
+    from yahboomd.cli.blackbox.box_story import before, story, summary, utc, wall_clock
 
-    text = story(box)
+    text, wall_clock_ns = story(box), wall_clock(box)
     if as_json:
         facts = {
             "path": str(path),
@@ -174,11 +174,11 @@ def _explain(box: Box, path: Path, *, as_json: bool) -> None:
             "reasons": list(box.header.saved.reasons) if box.header.saved else [],
             "why": text.why,
             "damaged": box.damaged,
-            "end": utc(wall_clock_ns(box, text.end_ns)),
+            "end": utc(wall_clock_ns(text.end_ns)),
             "lines": [
                 {
                     "before_s": round((text.end_ns - line.at_ns) * 1e-9, 3),
-                    "stamp_ns": wall_clock_ns(box, line.at_ns),
+                    "stamp_ns": wall_clock_ns(line.at_ns),
                     "what": line.what,
                     "words": line.words,
                 }

@@ -13,7 +13,7 @@ import msgspec
 from yahboomd.blackbox import records
 from yahboomd.blackbox.box_file import Box
 from yahboomd.bus import keys
-from yahboomd.cli.blackbox.box_story import wall_clock_ns
+from yahboomd.cli.blackbox.box_story import wall_clock
 from yahboomd.errors import Refused
 from yahboomd.messages.generate import schema
 from yahboomd.messages.native import event_sample
@@ -58,12 +58,13 @@ def export(box: Box, path: Path) -> int:
         "version": box.header.version,
         "saved": ", ".join(box.header.saved.reasons) if box.header.saved else "",
     }
+    wall_clock_ns = wall_clock(box)
     files = McapFiles(path.parent, unfinished, facts=facts)
     made = path.parent / f"{unfinished}_0.mcap"
     try:
         try:
             for number, record in enumerate(box.records):
-                if (found := _message(record.meaning, wall_clock_ns(box, record.at_ns))) is None:
+                if (found := _message(record.meaning, wall_clock_ns(record.at_ns))) is None:
                     continue
                 channel, data, at_ns = found
                 files.write(channel, data, logged_ns=at_ns, published_ns=at_ns, sequence=number)

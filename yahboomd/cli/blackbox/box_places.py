@@ -12,7 +12,7 @@ from typing import NamedTuple
 from yahboomd.blackbox.box_file import Box, NotABox, read_box
 from yahboomd.blackbox.ring_file import is_live, ring_folder, rings
 from yahboomd.blackbox.saved_boxes import box_bytes, saved_boxes
-from yahboomd.cli.blackbox.box_story import last_stop, wall_clock_ns
+from yahboomd.cli.blackbox.box_story import last_stop, wall_clock
 from yahboomd.cli.stop.stop_local import folders
 from yahboomd.errors import ConfigError
 
@@ -86,7 +86,7 @@ def boxes(where: Places) -> list[Found]:
                 box = read_box(data)
                 # What is written to memory leaves no time with the file.
                 last_ns = box.records[-1].at_ns if box.records else box.header.started_ns
-                found.append(Found(path, name, kind, wall_clock_ns(box, last_ns), len(data)))
+                found.append(Found(path, name, kind, wall_clock(box)(last_ns), len(data)))
     return sorted(found, key=lambda each: (each.kind == "running", each.written_ns))
 
 
@@ -130,7 +130,7 @@ def _newest_stop(found: list[Found]) -> Found:
         with contextlib.suppress(ConfigError):
             box = load(each.path) if each.kind == "running" else None
             stop = None if box is None else last_stop(box.records)
-            if box is not None and stop and (stop_ns := wall_clock_ns(box, stop.at_ns)) > at_ns:
+            if box is not None and stop and (stop_ns := wall_clock(box)(stop.at_ns)) > at_ns:
                 newest, at_ns = each, stop_ns
     return newest
 

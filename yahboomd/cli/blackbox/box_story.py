@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
+from collections.abc import Callable
 from datetime import UTC, datetime
+from operator import itemgetter
 from typing import NamedTuple
 
 from yahboomd.blackbox import records
@@ -70,15 +73,21 @@ def before(at_ns: int, end_ns: int, end: str) -> str:
     return f"{(end_ns - at_ns) / NS_PER_S:.2f} s before {end}"
 
 
-def wall_clock_ns(box: Box, at_ns: int) -> int:
-    """A moment as Unix nanoseconds, by the latest reading of the wall clock before it."""
-    mono_ns, wall_ns = box.header.started_ns, box.header.started_wall_ns
-    for record in box.records:
-        if record.at_ns > at_ns:
-            break
-        if isinstance(record.meaning, records.WallClock):
-            mono_ns, wall_ns = record.at_ns, record.meaning.wall_ns
-    return wall_ns + at_ns - mono_ns
+def wall_clock(box: Box) -> Callable[[int], int]:
+    """Moments of a box as Unix nanoseconds, each by the latest reading of the wall clock before."""
+    started = box.header.started_ns, box.header.started_wall_ns
+    readings = [
+        (record.at_ns, record.meaning.wall_ns)
+        for record in box.records
+        if isinstance(record.meaning, records.WallClock)
+    ]
+
+    def wall_clock_ns(at_ns: int) -> int:
+        before = bisect_right(readings, at_ns, key=itemgetter(0))
+        mono_ns, wall_ns = readings[before - 1] if before else started
+        return wall_ns + at_ns - mono_ns
+
+    return wall_clock_ns
 
 
 def utc(wall_ns: int) -> str:
@@ -95,7 +104,8 @@ def summary(box: Box) -> str:
     name = header.config.get("zenoh", {}).get("namespace", "")
     reasons = header.saved.reasons if header.saved else ("it is not saved yet",)
     why = ", then ".join(REASONS.get(reason, reason) for reason in reasons)
-    from_to = f"{utc(wall_clock_ns(box, first_ns))} to {utc(wall_clock_ns(box, last_ns))}"
+    wall_clock_ns = wall_clock(box)
+    from_to = f"{utc(wall_clock_ns(first_ns))} to {utc(wall_clock_ns(last_ns))}"
     words = [
         f"yahboomd {header.version}{f', robot {name}' if name else ''}, process {header.pid}",
         f"{from_to}: {(last_ns - first_ns) / NS_PER_S:.1f} s, {len(box.records)} records",
