@@ -15,7 +15,7 @@ CORES := $(shell getconf _NPROCESSORS_ONLN)
 WORKERS ?= $$(($(CORES) + 1))
 # The tests start hundreds of Python processes, which need not compile yahboomd each time.
 PYTEST := PYTHONDONTWRITEBYTECODE= $(PY) -m pytest
-PARALLEL := -n $(WORKERS) --dist loadgroup
+PARALLEL = -n $(WORKERS) --dist loadgroup
 # Suites with targets of their own: they need programs of other languages.
 OWN_TARGETS := interop generators clients browser
 # Robots that drive, though on virtual time.
@@ -80,6 +80,8 @@ schemas-check: $(VENV)/.dev
 
 ##@ Suites that need other languages, or more time (.ci/run runs their short forms)
 .PHONY: interop interop-figures generators asyncapi clients browser metrics fuzz mutants soak alarms
+# Its peers keep the cores busier than what waits elsewhere.
+interop: WORKERS = $(CORES)
 interop: $(VENV)/.dev ## build the real ROS 2 peers once (in a cache outside the tree), drive through them
 	@tests/interop/build.sh || echo "interop: what was not built is named above; its tests are skipped"
 	$(PYTEST) $(PARALLEL) tests/interop $(ARGS)
