@@ -7,12 +7,14 @@ import contextlib
 import json
 import os
 import resource
+import shutil
 import socket
 from collections.abc import AsyncIterator, Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from zenoh_fixtures import eventually
 
 from yahboomd.daemon.estop import local_stop
 from yahboomd.daemon.estop.local_socket import Listening
@@ -228,6 +230,27 @@ async def test_a_folder_whose_name_is_not_utf8_is_one_that_the_status_can_name(
     robot = Robot(folder)
     await robot.local.open()
     assert robot.local.status_values()["local_socket"] == f"{tmp_path}/?/stop.sock"
+    robot.local.close()
+
+
+@pytest.mark.parametrize("from_the_start", [False, True])
+async def test_in_a_folder_that_was_removed_it_listens_again_once_it_can(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, from_the_start: bool
+) -> None:
+    monkeypatch.setattr(local_stop, "LOOK_S", 0.01)
+    session = tmp_path / "session"
+    robot = Robot(session / "yahboomd")
+    if from_the_start:
+        # No session of this user: a file stands where its folder would be.
+        session.touch()
+    await robot.local.open()
+    if not from_the_start:
+        shutil.rmtree(session)
+        session.touch()
+        await eventually(lambda: robot.local.status_values()["local_socket"] == "")
+    session.unlink()
+    await eventually(lambda: robot.local.status_values()["local_socket"] == str(robot.path))
+    assert (await robot.ask(b"status\n"))[0]["namespace"] == "bot1"
     robot.local.close()
 
 

@@ -57,8 +57,19 @@ class Listening(NamedTuple):
         """Close it, and remove its file unless it is another daemon's by now."""
         self.sock.close()
         with contextlib.suppress(OSError):
-            if os.lstat(self.path).st_ino == self.inode:
+            if self.is_there():
                 self.path.unlink()
+
+    def is_there(self) -> bool:
+        """Whether programs find it: its file is not gone, nor another daemon's. Blocks.
+
+        Raises:
+            OSError: The folder cannot be looked into.
+        """
+        try:
+            return os.lstat(self.path).st_ino == self.inode
+        except (FileNotFoundError, NotADirectoryError):
+            return False
 
     def may_use(self, peer: Peer) -> bool:
         """Whether a process may: root, the daemon's own user, and members of the file's group."""

@@ -46,6 +46,9 @@ ACCEPTS = 4
 OPEN_WITHIN_S = 2.0
 REQUEST_WITHIN_S = 1.0
 STAND_WITHIN_S = 2.0
+LOOK_S = 5.0
+"""From one look whether programs still find the socket to the next."""
+
 PAUSE_S = 0.1
 """After connections could not be accepted, such as for want of descriptors."""
 
@@ -109,17 +112,12 @@ class LocalStop:
         self._tasks: set[asyncio.Task[None]] = set()
         self._counters: Counter[str] = Counter()
         self._spare: int | None = None
+        self._attending: asyncio.Task[None] | None = None
 
     async def open(self) -> None:
         """Listen; without the socket the daemon goes on, and logs it."""
-        loop = asyncio.get_running_loop()
         try:
-            self._listening = await bounded(
-                lambda: listen(self._folder, NAME),
-                timeout_s=OPEN_WITHIN_S,
-                name="local-stop",
-                late=lambda late: late.close(),
-            )
+            await self._listen()
         except (OSError, TimeoutError) as error:
             log.warning(
                 "No local socket in %s (%s): `yahboomd stop` reaches this daemon over the bus "
@@ -127,21 +125,47 @@ class LocalStop:
                 self._folder,
                 error or "the disk hangs",
             )
-            return
+        self._attending = asyncio.ensure_future(self._attend())
+
+    async def _listen(self) -> None:
+        self._listening = listening = await bounded(
+            lambda: listen(self._folder, NAME),
+            timeout_s=OPEN_WITHIN_S,
+            name="local-stop",
+            late=lambda late: late.close(),
+        )
         self._keep_spare()
-        loop.add_reader(self._listening.sock, self._accept, self._listening)
+        asyncio.get_running_loop().add_reader(listening.sock, self._accept, listening)
+
+    async def _attend(self) -> None:
+        """Listen again where the folder was removed, as at the end of its user's last session."""
+        while True:
+            await asyncio.sleep(LOOK_S)
+            with contextlib.suppress(OSError, TimeoutError):
+                if (listening := self._listening) is not None:
+                    if await bounded(
+                        listening.is_there, timeout_s=OPEN_WITHIN_S, name="local-stop"
+                    ):
+                        continue
+                    self._hang_up()
+                await self._listen()
+                log.info("The local socket is there again: %s", self._folder)
 
     def close(self) -> None:
         """Stop listening, and end every connection."""
-        for task in self._tasks:
-            task.cancel()
+        for task in (self._attending, *self._tasks):
+            if task is not None:
+                task.cancel()
         for connection in tuple(self._silent):
             self._forget(connection).close()
+        self._hang_up()
+        self._give_spare()
+
+    def _hang_up(self) -> None:
         if self._listening is not None:
             asyncio.get_running_loop().remove_reader(self._listening.sock)
             self._listening.close()
             self._listening = None
-        self._give_spare()
 
     def observe(self, speeds_m_s: tuple[float, ...]) -> None:
         """A reading: the rim speed of each wheel."""
