@@ -154,3 +154,10 @@ def test_a_motor_beside_a_preset_may_have_a_name_of_its_own():
     motors = {"right": [{"position": 4, "name": "back_right"}]}
     chassis = Chassis.of({"preset": "4wd", "motors": motors})
     assert preset_motors(chassis)["right"][1].name == "back_right"
+
+
+@pytest.mark.parametrize(("section", "name"), [(Serial, "port"), (Chassis, "calibration_file")])
+def test_a_path_with_a_byte_that_no_path_has_is_a_mistake(section, name):
+    assert getattr(section.of({name: "/dev/x y"}), name) == "/dev/x y"
+    with pytest.raises(ValidationError, match="a path has no byte 0"):
+        section.of({name: "/dev/\0x"})

@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import Annotated, TypeAlias
 
 from yahboomd.config.values import (
+    AnyPath,
     Bounds,
     Checked,
     Choice,
@@ -29,7 +30,7 @@ CUSTOM = "custom"
 class Serial(Section):
     """The serial port of the board."""
 
-    port: str = key(
+    port: AnyPath = key(
         default="",
         description="Device of the board, such as /dev/ttyUSB0. Empty: /dev/yahboom_driver, else "
         "the only CH340 (1a86:7522, 1a86:7523) on USB; with none or several, they are listed and "
@@ -311,7 +312,7 @@ class Chassis(Section):
         description="Calibration of the way to the side of a mecanum base, for each metre that its "
         "wheels count; slip of the rollers makes it 0.8 to 0.95.",
     )
-    calibration_file: str = key(
+    calibration_file: AnyPath = key(
         default="",
         description="The file that `yahboomd calibrate` writes and that goes over the three "
         "multipliers. Empty: calibration.toml in the state directory, /var/lib/yahboomd for the "

@@ -277,6 +277,9 @@ MotorName: TypeAlias = Annotated[
     str, _like(r"[A-Za-z][A-Za-z0-9_]*", 'a name such as "front_left", of letters, digits and _')
 ]
 AbsolutePath: TypeAlias = Annotated[str, _like(r"(?s)(/[^\0]*)?", 'an absolute path, or ""')]
+AnyPath: TypeAlias = Annotated[
+    str, Checked("", lambda text: "a path has no byte 0" if "\0" in text else None)
+]
 Positive: TypeAlias = Annotated[float, Bounds({"gt": 0.0})]
 Sign: TypeAlias = Annotated[int, Choice((1, -1))]
 

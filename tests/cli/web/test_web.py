@@ -117,6 +117,28 @@ def test_mistakes_are_named_with_what_to_do(
     assert (status, "Choose another port" in words) == (69, True)
 
 
+@pytest.mark.parametrize("name", ["", "a b", "a,URI:x", "a\nb", "/", "-x"])
+def test_a_name_that_no_machine_has_is_refused(
+    capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["web", "--make-certificate", f"--host-name={name}"])
+    assert f"{name!r} is no name of a machine" in capsys.readouterr().err
+
+
+def test_a_name_is_one_as_browsers_send_it(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
+    names = ("robot.local", "b\u00fccher.local", "fe80::1")
+    assert main(["web", "--make-certificate", *(f"--host-name={name}" for name in names)]) == 0
+    assert capsys.readouterr().out.startswith("A certificate is made")
+    shown = ["openssl", "x509", "-noout", "-ext", "subjectAltName", "-in"]
+    found = subprocess.check_output([*shown, str(tmp_path / "web-certificate.pem")], text=True)
+    for name in ("DNS:robot.local", "DNS:xn--bcher-kva.local", "IP Address:FE80:"):
+        assert name in found
+
+
 def test_a_certificate_is_made_by_one_command_and_used_from_then_on(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

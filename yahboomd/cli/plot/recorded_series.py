@@ -100,5 +100,5 @@ def _messages(file: Path, recording: Recording) -> Iterator[tuple[str, bytes]]:
     except (McapError, ZstdError, ValueError, EOFError, OverflowError, struct.error) as error:
         if not recording.samples:
             words = f"{file} is no recording, or damaged from its beginning"
-            raise Refused(f"{words}: {error or 'it ends too early'}.") from error
+            raise Refused(f"{words}: {str(error) or 'it ends too early'}.") from error
         recording.is_cut = True

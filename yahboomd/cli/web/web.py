@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
+import ipaddress
 import logging
 import os
+import re
 import signal
 from collections.abc import Mapping
 from pathlib import Path
@@ -92,6 +95,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--host-name",
         metavar="NAME",
+        type=_host_name,
         action="append",
         default=[],
         help="a name by which browsers may ask, besides addresses and the names of this machine; "
@@ -117,6 +121,15 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_source_option(parser, PAGE_SOURCE)
     add_bus_options(parser)
     add_config_options(parser)
+
+
+def _host_name(text: str) -> str:
+    """A name or an address, as browsers send it."""
+    with contextlib.suppress(ValueError):
+        name = text.encode("idna").decode()
+        if re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9_.-]*", name) or ipaddress.ip_address(name):
+            return name
+    raise argparse.ArgumentTypeError(f"{text!r} is no name of a machine, such as robot.local")
 
 
 def run(args: argparse.Namespace) -> int:
