@@ -9,10 +9,10 @@ MINUTES ?= 2
 SEED    ?= 1
 ROOM    ?= drive
 SAMPLE  ?= 120
-# One of them computes, the others wait in real time, and the last begins once nothing computes or
+# One of them computes, the others wait in real time, and the last two begin once nothing computes or
 # floods (tests/plugins/lanes.py). WORKERS=0 runs all in one.
 CORES := $(shell getconf _NPROCESSORS_ONLN)
-WORKERS ?= $$(($(CORES) + 1))
+WORKERS ?= $$(($(CORES) + 2))
 # The tests start hundreds of Python processes, which need not compile yahboomd each time.
 PYTEST := PYTHONDONTWRITEBYTECODE= $(PY) -m pytest
 PARALLEL = -n $(WORKERS) --dist loadgroup
@@ -48,7 +48,7 @@ quick: $(VENV)/.dev ## in a minute: lint, types, imports, tests of single rooms 
 	@$(MAKE) --no-print-directory -j lint types imports single-rooms
 
 single-rooms: $(VENV)/.dev
-	$(PYTEST) -q -n $(WORKERS) --hypothesis-profile=few -m "not realtime" $(WHOLE_ROBOTS:%=--ignore=tests/%) $(REST) $(ARGS)
+	$(PYTEST) -q -n $$(($(CORES) + 1)) --hypothesis-profile=few -m "not realtime" $(WHOLE_ROBOTS:%=--ignore=tests/%) $(REST) $(ARGS)
 
 test: $(VENV)/.dev check ## set up, and pass every check of the daemon (ARGS='tests/drive -x' runs these tests only)
 

@@ -4,7 +4,7 @@ Tests that are marked ``realtime`` wait for most of their time, and want a proce
 wake; the others use all that they get. So one process of two or three computes, at a low priority,
 and waits when nothing is left to compute; the others wait. What floods or measures is late beside
 its like: the first process has it all, one after the other. With a process for each core it has no
-robots beside it; a process more than the cores begins once nothing floods and little computes. The
+robots beside it; processes more than the cores begin once nothing floods and little computes. The
 tests of an ``xdist_group`` have one process.
 """
 
