@@ -46,7 +46,10 @@ def test_a_file_that_was_cut_is_read_up_to_there(memory):
     whole = len(read_box(image).records)
     assert 0 < len(read_box(image[: 4096 + 1000]).records) < whole
     small = deflated(image)
-    assert 0 < len(read_box(small[: len(small) // 2]).records) <= whole
+    cut = read_box(small[: len(small) // 2])
+    assert 0 < len(cut.records) <= whole
+    assert cut.cut
+    assert not read_box(small).cut
 
 
 @pytest.mark.parametrize(

@@ -117,11 +117,13 @@ class Box(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         damaged: Places where records are missing: in a damaged segment those behind the damage,
             or whole segments.
+        cut: The end of the saved file is missing.
     """
 
     header: Header
     records: list[Record]
     damaged: int = 0
+    cut: bool = False
 
 
 def encode_header(header: Header) -> bytes:
@@ -140,7 +142,7 @@ def read_box(data: bytes) -> Box:
     Raises:
         NotABox: It is none, or one of a later version.
     """
-    data = _inflated(data)
+    data, cut = _inflated(data)
     if len(data) < PREFIX.size or not data.startswith(MAGIC[:6]):
         raise NotABox("This is no black box of yahboomd.")
     magic, begin, length = PREFIX.unpack_from(data)
@@ -167,15 +169,16 @@ def read_box(data: bytes) -> Box:
     damaged = sum(damaged for *_, damaged in found)
     # A file that was cut after the ring had gone round lacks some in the middle.
     missing = sum(after[0] - before[0] > 1 for before, after in pairwise(found))
-    return Box(header=header, records=records, damaged=damaged + missing)
+    return Box(header=header, records=records, damaged=damaged + missing, cut=cut)
 
 
-def _inflated(data: bytes) -> bytes:
+def _inflated(data: bytes) -> tuple[bytes, bool]:
+    """The bytes of the ring, and whether the saved file was cut."""
     if not data.startswith(GZIP):
-        return data
+        return data, False
     inflate = zlib.decompressobj(16 + zlib.MAX_WBITS)
     try:
-        return inflate.decompress(data, INFLATED_MOST)
+        return inflate.decompress(data, INFLATED_MOST), not inflate.eof
     except zlib.error as error:
         raise NotABox(f"This file is damaged: {error}.") from error
 

@@ -73,6 +73,15 @@ def test_it_explains_in_plain_words_with_times(blackbox: Blackbox) -> None:
     assert facts["end"] == "2026-11-22 17:55:30.00 UTC"
 
 
+def test_it_says_that_a_file_was_cut_off(blackbox: Blackbox, tmp_path: Path) -> None:
+    path = tmp_path / "copied.blackbox"
+    path.write_bytes(BOX[:-20])
+    _, out, _ = blackbox("explain", str(path))
+    assert "the file was cut off: its end is missing" in out
+    _, out, _ = blackbox("explain", "1")
+    assert "cut off" not in out
+
+
 def test_beside_a_daemon_it_names_the_box_that_is_not_saved_yet(
     blackbox: Blackbox, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -174,6 +174,7 @@ def _explain(box: Box, path: Path, *, as_json: bool) -> None:
             "reasons": list(box.header.saved.reasons) if box.header.saved else [],
             "why": text.why,
             "damaged": box.damaged,
+            "cut": box.cut,
             "end": utc(wall_clock_ns(text.end_ns)),
             "lines": [
                 {

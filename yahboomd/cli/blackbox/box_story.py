@@ -111,6 +111,8 @@ def summary(box: Box) -> str:
         f"{from_to}: {(last_ns - first_ns) / NS_PER_S:.1f} s, {len(box.records)} records",
         f"saved for: {why}" if header.saved else "the ring of a daemon, not saved yet",
     ]
+    if box.cut:
+        words.append("the file was cut off: its end is missing")
     if box.damaged:
         words.append(f"damaged in {box.damaged} of its segments: a part is missing")
     return "\n".join(words)

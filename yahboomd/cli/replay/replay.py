@@ -125,6 +125,8 @@ def _read(path: Path) -> Box:
         box = read_box(data)
     except NotABox as error:
         raise Unplayable(f"{path}: {error.message}", remedy=error.remedy) from error
+    if box.cut:
+        print(f"{path} was cut off: its end is missing.", file=sys.stderr)
     if box.damaged:
         print(f"{path} is damaged: what follows the damage is missing.", file=sys.stderr)
     return box
