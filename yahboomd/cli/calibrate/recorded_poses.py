@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,7 +26,7 @@ POSES = {
 
 
 def tracks(
-    bags: Iterable[Path], config: Config, *, topic: str, frames: tuple[str, str] | None
+    bags: Sequence[Path], config: Config, *, topic: str, frames: tuple[str, str] | None
 ) -> Tracks:
     """Read a recording.
 
@@ -43,6 +43,8 @@ def tracks(
     poses: list[tuple[float, float, float, float]] = []
     seen: set[str] = set()
     sides = _sides(config)
+    if missing := [str(bag) for bag in bags if not bag.exists()]:
+        raise Refused(f"There is no recording {', '.join(missing)}.")
     try:
         for bag in bags:
             with AnyReader([bag]) as reader:
@@ -65,7 +67,7 @@ def tracks(
         raise
     except Exception as error:
         # A damaged file raises whatever its parsers meet: KeyError, ZstdError, UnicodeDecodeError.
-        words = f"The recording cannot be read: {error or type(error).__name__}"
+        words = f"The recording cannot be read: {str(error) or type(error).__name__}"
         raise Refused(
             words,
             remedy="Of a recording of yahboomd name the folder, or its ros2_0.mcap. `mcap recover` "
