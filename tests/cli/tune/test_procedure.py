@@ -9,7 +9,6 @@ from tuning_bench import TuningBench
 
 from yahboomd.cli.tune.procedure import ROUNDS, Procedure
 from yahboomd.errors import BoardError
-from yahboomd.simulation.options import ImpairmentOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 
@@ -215,28 +214,3 @@ async def test_a_wheel_is_measured_again_where_the_line_may_have_lost_its_comman
     await procedure.examine()
     assert any("right (M3) stood" in line and "once more" in line for line in bench.said)
     assert all(wheel.before.overshoot < 0.01 for wheel in procedure.result.wheels)
-
-
-@pytest.mark.parametrize(("corruption", "seeds"), [(0.0002, 4), (0.0005, 3), (0.002, 3)])
-@pytest.mark.parametrize("dialect", ["polled", "streamed"])
-def test_over_a_line_that_garbles_bytes_figures_are_right_or_the_line_is_blamed(
-    dialect, corruption, seeds
-) -> None:
-    @on_virtual_time
-    async def tune(seed: int) -> tuple[str, list[float | None]]:
-        line = ImpairmentOptions(corruption=corruption)
-        options = {"seed": seed, "impairments": line}
-        procedure = TuningBench("520", dialect=dialect, options=options).procedure()
-        blamed = ""
-        try:
-            await procedure.examine()
-        except BoardError as error:
-            blamed = error.message
-        return blamed, [each.before.settling_s for each in procedure.result.wheels if each.before]
-
-    for seed in range(seeds):
-        blamed, settling_s = tune(seed)
-        if blamed:
-            assert blamed.startswith("/dev/simulated: the line to the board loses or alters bytes")
-        else:
-            assert settling_s == pytest.approx([0.41, 0.41], abs=0.04)

@@ -170,12 +170,7 @@ class Procedure:
                 why = "damaged on the line" if damaged else "held up, as on a busy computer"
                 self._say(f"readings were {why}: once more")
             else:
-                raise BoardError(
-                    "Readings of too many steps were lost or damaged on the line to the board: "
-                    "nothing is measured.",
-                    remedy="Check the USB cable, its shield and its distance from the motors' "
-                    "wires, then tune again.",
-                )
+                raise stand.line_fault()
         travels = [
             step_response.mean([step.travel_m[index] for step in steps])
             for index in range(len(stand.motors))

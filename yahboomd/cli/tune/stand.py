@@ -15,6 +15,7 @@ from statistics import median_low
 from typing import Self
 
 from yahboomd.cli.tune import wheel_faults
+from yahboomd.cli.tune.line_faults import LineFault, line_blamed
 from yahboomd.cli.tune.traces import Traces, traces_of
 from yahboomd.cli.tune.wheel_faults import WheelFault
 from yahboomd.clock import Clock, nanoseconds, seconds, sleep_until
@@ -113,7 +114,7 @@ class Stand:
                 stop = dialect.resync + (dialect.cut or dialect.brake)
                 guard = Guard.start(line.port.fileno(), stop)
             try:
-                async with _line_blamed(line, dialect):
+                async with line_blamed(line, dialect):
                     stand = cls(line, dialect, motors, motion, guard)
                     stand.settings = settings
                     stand.volts = await talk.read_battery()
@@ -162,6 +163,10 @@ class Stand:
     def noisy(self) -> bool:
         """Whether the line damages so much that what is measured over it is wrong."""
         return self._line.noisy
+
+    def line_fault(self) -> LineFault:
+        """The error of a line over which nothing can be measured."""
+        return LineFault.of(self._line)
 
     async def ramp(self, motor: Motor, way: int) -> Ramp:
         """Raise one motor's output slowly until it has turned; every other one is off.
@@ -366,25 +371,3 @@ class Stand:
         while True:
             self._line.writer.poll(frame, POLL_TIMEOUT_NS)
             await sleep_until(self._clock, self._clock.now_ns() + POLL_NS)
-
-
-@contextlib.asynccontextmanager
-async def _line_blamed(line: Line, dialect: Dialect) -> AsyncIterator[None]:
-    """Blame a line that damages what it carries, whatever was seen over it.
-
-    Raises:
-        BoardError: The line is to blame.
-    """
-    try:
-        yield
-    except (BoardError, BoardSilent) as error:
-        # Meanwhile the line shows what it damages.
-        await line.rest(dialect)
-        if not line.noisy:
-            raise
-        raise BoardError(
-            f"{line.port.name}: the line to the board loses or alters bytes, so nothing is known "
-            "of the wheels; the motors were cut. Check the USB cable, its shield and its distance "
-            f"from the motors' wires, then tune again. If it goes on: {error.message}",
-            remedy=error.remedy,
-        ) from error

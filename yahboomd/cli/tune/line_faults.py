@@ -1,0 +1,47 @@
+"""A line that damages bytes is to blame, whatever was seen of the wheels over it."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import AsyncIterator
+from typing import Self
+
+from yahboomd.errors import BoardError, BoardSilent
+from yahboomd.link.line import Line
+from yahboomd.protocol.dialect import Dialect
+
+
+class LineFault(BoardError):
+    """The line damages too much of what it carries."""
+
+    @classmethod
+    def of(cls, line: Line) -> Self:
+        """The error of a line over which nothing can be measured."""
+        return cls(
+            f"{line.port.name}: the line to the board loses or alters bytes in too many steps: "
+            "nothing is measured, and the motors were cut.",
+            remedy="Check the USB cable, its shield and its distance from the motors' wires, then "
+            "tune again.",
+        )
+
+
+@contextlib.asynccontextmanager
+async def line_blamed(line: Line, dialect: Dialect) -> AsyncIterator[None]:
+    """Blame a line that damages what it carries, whatever was seen over it.
+
+    Raises:
+        BoardError: The line is to blame.
+    """
+    try:
+        yield
+    except (BoardError, BoardSilent) as error:
+        # Meanwhile the line shows what it damages.
+        await line.rest(dialect)
+        if not line.noisy or isinstance(error, LineFault):
+            raise
+        raise BoardError(
+            f"{line.port.name}: the line to the board loses or alters bytes, so nothing is known "
+            "of the wheels; the motors were cut. Check the USB cable, its shield and its distance "
+            f"from the motors' wires, then tune again. If it goes on: {error.message}",
+            remedy=error.remedy,
+        ) from error
