@@ -174,17 +174,12 @@ class Schedule:
             self._next_ns -= beats * self._period_ns
             self._alarm.set(self._next_ns)
 
-    def advance(self, now_ns: int, *, leave_out: bool = False) -> None:
-        """Have the beat now; the next one is due in one and a half periods, unless advanced too.
-
-        Args:
-            leave_out: Have no beat now, and only put off the next one.
-        """
+    def advance(self, now_ns: int) -> None:
+        """Have the next beat now, and the others at periods from here on."""
         if self._on_beat is not None:
             self._resting = False
-            self._next_ns = now_ns + self._period_ns * 3 // 2
-            if not leave_out:
-                self._on_beat(now_ns)
+            self._next_ns = now_ns + self._period_ns
+            self._on_beat(now_ns)
             self._alarm.put_off(self._next_ns)
 
     def close(self) -> None:

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from board_bench import BoardPort
 from robot_bench import RobotBench
 
 from yahboomd.blackbox import records
@@ -59,11 +58,10 @@ def assert_same_to_the_last_bit(box, published) -> int:
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time
 async def test_poses_from_a_box_are_those_that_were_published_to_the_last_bit(
-    tmp_path: Path, dialect: str, heading: str, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, dialect: str, heading: str
 ) -> None:
     """The ring has gone round, several lines were read at once, the line lost and garbled bytes,
     the board was reset and unplugged, and the pose was set."""
-    monkeypatch.setattr(BoardPort, "keeps", True)
     chance = random.Random(3)
     bench, box = bench_and_image(tmp_path, dialect, [f"odometry.heading={heading}"])
     compared = 0

@@ -310,9 +310,9 @@ async def test_a_control_loop_that_stands_still_feeds_no_watchdog_though_all_els
 
         advance = Schedule.advance
 
-        def advances_until_stopped(schedule: Schedule, now_ns: int, **how: bool) -> None:
+        def advances_until_stopped(schedule: Schedule, now_ns: int) -> None:
             if not stopped:
-                advance(schedule, now_ns, **how)
+                advance(schedule, now_ns)
 
         monkeypatch.setattr(Schedule, "_ring", rings_until_stopped)
         monkeypatch.setattr(Schedule, "advance", advances_until_stopped)

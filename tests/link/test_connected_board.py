@@ -29,7 +29,6 @@ async def test_after_a_rest_a_speed_waits_for_an_answer_not_for_the_next_questio
     async with Bench(SimulationOptions(dialect="polled")) as board:
         await board.connected()
         assert board.port is not None
-        board.port.keeps = True
         for phase_ms in range(0, 20, 3):
             board.wheels.drive((0, 0, 0, 0))
             await asyncio.sleep(2.0)
@@ -41,23 +40,6 @@ async def test_after_a_rest_a_speed_waits_for_an_answer_not_for_the_next_questio
             await asyncio.sleep(0.02)
             speeds = [ns for ns, frame in board.port.written[sent:] if b"$speed:2" in frame]
             assert speeds[0] - commanded_ns < 6_000_000
-
-
-@on_virtual_time
-async def test_commands_while_the_wheels_turn_leave_lines_to_be_read_together() -> None:
-    # All four counters have five digits for a while.
-    flash = SimulationOptions(initial_ticks=(20_000, 20_000, 20_000, 20_000))
-    async with Bench(flash) as board:
-        await board.connected()
-        assert board.port is not None
-        board.port.keeps = True
-        for number in range(60):
-            board.wheels.drive((200, 0, 200 + number % 2, 0))
-            await asyncio.sleep(0.05)
-            readings = board.recorder.readings[-40:]
-        assert len({each.ticks for each in readings}) > 15
-        followed = sum(each.followed for each in readings)
-        assert followed >= len(readings) // 2
 
 
 @on_virtual_time
@@ -105,12 +87,12 @@ async def test_on_a_noisy_line_a_speed_is_repeated_more_often_until_the_noise_is
         assert await sent_in_a_second() <= 11
         for _ in range(NOISY_DAMAGES):
             assert not board.wheels.noisy
-            board.port._memory.on_data(b"$MAll:1,$")
+            board.port._on_data(b"$MAll:1,$")
         assert (board.wheels.damages, board.wheels.noisy) == (NOISY_DAMAGES, True)
         assert await sent_in_a_second() >= 25
         assert board.port.written[-1][1] == b"\n" * 64 + b"$spd:300,0,300,0#"
         for _ in range(DAMAGES_MOST):
-            board.port._memory.on_data(b"$MAll:1,$")
+            board.port._on_data(b"$MAll:1,$")
         assert board.wheels.damages == DAMAGES_MOST
         await asyncio.sleep(9.9)
         assert board.wheels.noisy

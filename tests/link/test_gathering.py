@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from yahboomd.link.gathering import ALIKE, STEADY, Gathering
+from yahboomd.link.gathering import ALIKE, UNCHANGED, Gathering
 
 
 class Reader:
@@ -56,25 +56,11 @@ def test_lines_that_are_alike_wake_the_reader_once_each_and_wait_for_nothing(
     for _ in range(ALIKE + 2):
         reader.hear(22, piece)
     before = reader.wakes
-    for _ in range(STEADY - ALIKE - 2):
+    for _ in range(100):
         reader.hear(22, piece)
-    assert reader.wakes - before == STEADY - ALIKE - 2
+    assert reader.wakes - before == 100
     assert max(reader.late) == 0
     assert reader.wakeups == 1
-
-
-@pytest.mark.parametrize("piece", [1, 3, 11, 64])
-def test_lines_that_have_been_alike_for_some_time_wake_the_reader_together_and_the_last_waits_not(
-    piece: int,
-) -> None:
-    reader = Reader(2)
-    for _ in range(STEADY + 1):
-        reader.hear(22, piece)
-    before = reader.wakes
-    for number in range(300):
-        reader.hear(22, piece)
-        assert number % 3 != 2 or reader.last == b"$%020d" % reader.lines
-    assert reader.wakes - before == 100
 
 
 @pytest.mark.parametrize("line_end", [0, 2])
@@ -111,61 +97,73 @@ def test_lines_of_all_lengths_are_heard_as_they_come() -> None:
 
 
 @pytest.mark.parametrize(("apart_ns", "together"), [(5, 4), (6, 3), (10, 2), (11, 1), (16, 1)])
-def test_lines_that_come_evenly_wake_the_reader_so_seldom_that_no_byte_waits_for_20_ms(
+def test_counts_that_stand_wake_the_reader_so_seldom_that_no_byte_waits_for_20_ms(
     apart_ns: int, together: int
 ) -> None:
     gathering = Gathering(2)
-    for number in range(STEADY + 1):
+    for number in range(UNCHANGED + 1):
         now_ns = number * apart_ns * 1_000_000
         gathering.line(22, unchanged=number > 0, now_ns=now_ns)
         gathering.adjust(0)
     assert gathering.least == together * 24
 
 
-@pytest.mark.parametrize("before", [STEADY + 1, STEADY + 30, 2 * STEADY - 1])
+@pytest.mark.parametrize("before", [UNCHANGED + 1, UNCHANGED + 30, 2 * UNCHANGED - 1])
 def test_the_pace_of_lines_after_a_start_is_that_of_the_lines_since(before: int) -> None:
     gathering = Gathering(2)
-    for number in range(before + STEADY + 2):
+    for number in range(before + UNCHANGED + 2):
         if number == before:
             gathering.stir()
             gathering.adjust(0)
-        gathering.line(22, unchanged=False, now_ns=number * 6_000_000)
+        gathering.line(22, unchanged=number > 0, now_ns=number * 6_000_000)
         gathering.adjust(0)
     assert gathering.lines == 3
     assert gathering.apart_ns == 6_000_000
 
 
+@pytest.mark.parametrize("before", [10, UNCHANGED + 30, 2 * UNCHANGED])
+def test_a_pause_of_the_stream_does_not_count_for_its_pace(before: int) -> None:
+    gathering, paces = Gathering(2), set[int]()
+    for number in range(before + 3 * UNCHANGED):
+        now_ns = number * 6_000_000 + (150_000_000 if number >= before else 0)
+        gathering.line(22, unchanged=number > 0, now_ns=now_ns)
+        gathering.adjust(0)
+        if gathering.lines > 1:
+            paces.add(gathering.apart_ns)
+    assert gathering.lines == 3
+    assert paces == {6_000_000}
+
+
 @pytest.mark.parametrize(("wanted_ms", "together"), [(5, 1), (10, 1), (13, 2), (20, 3), (100, 3)])
 def test_readings_come_as_often_as_they_are_wanted(wanted_ms: int, together: int) -> None:
     gathering = Gathering(2, wanted_ns=wanted_ms * 1_000_000)
-    for number in range(STEADY + 1):
-        gathering.line(22, unchanged=False, now_ns=number * 6_000_000)
+    for number in range(UNCHANGED + 2):
+        gathering.line(22, unchanged=number > 0, now_ns=number * 6_000_000)
         gathering.adjust(0)
     assert gathering.lines == together
 
 
 def test_the_kernel_is_asked_for_no_more_than_it_can() -> None:
     gathering = Gathering(2)
-    for number in range(STEADY + 1):
+    for number in range(UNCHANGED + 1):
         gathering.line(60, unchanged=number > 0, now_ns=number)
         gathering.adjust(0)
     assert gathering.least == 4 * 62
 
 
 @pytest.mark.parametrize("piece", [3, 64])
-def test_a_command_that_starts_the_wheels_has_each_line_heard_at_once(piece: int) -> None:
+def test_of_counts_that_change_after_a_rest_those_of_one_reading_alone_waited(piece: int) -> None:
     reader = Reader(2)
     for _ in range(100):
-        reader.hear(22, piece)
+        reader.hear(22, piece, count=1)
     assert reader.gathering.least == 3 * 24
-    reader.gathering.stir()
-    assert reader.gathering.adjust(len(reader.held))
-    # Where the kernel waits for less, what is there is enough.
-    reader._wake()
+    for number in range(2, 5):
+        reader.hear(22, piece, count=number)
+    assert reader.gathering.least <= 24
     reader.late.clear()
-    for _ in range(STEADY - 1):
-        reader.hear(22, piece)
-        assert reader.last == b"$%020d" % reader.lines
+    for number in range(5, 80):
+        reader.hear(22, piece, count=number)
+        assert reader.last == b"$%020d" % number
     assert max(reader.late) == 0
 
 
@@ -174,7 +172,7 @@ def test_the_answers_of_a_board_that_is_asked_often_and_stands_are_fetched(
     asked_ms: int, *, fetched: bool
 ) -> None:
     gathering = Gathering(0, asked_ms * 1_000_000)
-    for number in range(STEADY + 1):
+    for number in range(UNCHANGED + 1):
         assert not gathering.fetched
         gathering.line(30, unchanged=number > 0, now_ns=number * asked_ms * 1_000_000)
         gathering.adjust(0)

@@ -11,7 +11,7 @@ from board_bench import BoardPort, LinkBench
 from yahboomd.clock import LoopClock
 from yahboomd.errors import BoardSilent, PortLost
 from yahboomd.link.conversation import Conversation
-from yahboomd.link.gathering import ALIKE, STEADY
+from yahboomd.link.gathering import ALIKE, UNCHANGED
 from yahboomd.link.line import KEPT_BYTES, Line
 from yahboomd.link.start_notices import Notice
 from yahboomd.model import Counts, EncoderReading
@@ -129,7 +129,7 @@ async def test_lines_that_come_evenly_are_read_together_and_have_the_moments_of_
     async with desk.line.attended():
         desk.line.understand(DIALECTS["streamed"], spacing_ns=0)
         desk.line.gather(b"\r\n")
-        for _ in range(STEADY + 1):
+        for _ in range(UNCHANGED + 1):
             await asyncio.sleep(apart_s)
             desk.take(COUNTS)
         assert desk.least == [len(COUNTS), 3 * len(COUNTS)]
@@ -141,12 +141,14 @@ async def test_lines_that_come_evenly_are_read_together_and_have_the_moments_of_
         await asyncio.sleep(3 * apart_s)
         desk.take(COUNTS + moved + moved.replace(b"9", b"7"))
         assert desk.ticks[-3:] == [(1, 2, 3, 4), (1, 2, 3, 9), (1, 2, 3, 7)]
-        assert desk.least[2:] == []
-        # They are to go on turning, and to start, by a command.
-        desk.line.stir(starting=False)
-        assert desk.least[2:] == []
-        desk.line.stir(starting=True)
         assert desk.least[2:] == [len(COUNTS)]
+        for _ in range(UNCHANGED):
+            await asyncio.sleep(apart_s)
+            desk.take(moved.replace(b"9", b"7"))
+        assert desk.least[3:] == [3 * len(COUNTS)]
+        # They are to turn by a command.
+        desk.line.stir()
+        assert desk.least[4:] == [len(COUNTS)]
         gaps_ns = {b - a for a, b in itertools.pairwise(desk.received_ns)}
         assert all(abs(gap_ns - 6_000_000) < 10 for gap_ns in gaps_ns)
 
@@ -157,7 +159,7 @@ async def test_what_waited_for_a_reader_that_was_late_came_at_once() -> None:
     async with desk.line.attended():
         desk.line.understand(DIALECTS["streamed"], spacing_ns=0)
         desk.line.gather(b"\r\n")
-        for _ in range(STEADY + 1):
+        for _ in range(UNCHANGED + 1):
             await asyncio.sleep(0.006)
             desk.take(COUNTS)
         await asyncio.sleep(0.1)
@@ -316,7 +318,7 @@ async def test_an_answer_that_is_fetched_came_as_soon_as_those_before() -> None:
         desk.line.understand(DIALECTS["polled"], spacing_ns=0)
         desk.line.gather(b"", 20_000_000)
         clock = desk.line.clock
-        for number in range(STEADY + 30):
+        for number in range(UNCHANGED + 30):
             desk.line.writer.poll(b"$read#", 20_000_000)
             asked_ns = clock.now_ns() + 6 * desk.byte_ns
             fetched = desk.least[-1:] == [255]
@@ -324,12 +326,12 @@ async def test_an_answer_that_is_fetched_came_as_soon_as_those_before() -> None:
             desk.take(answer)
             assert abs(desk.received_ns[-1] - asked_ns - 3_479_170) < 10
             await asyncio.sleep(0.0 if fetched else 0.016)
-            assert fetched is (number > STEADY)
+            assert fetched is (number > UNCHANGED)
         assert desk.line.writer.counters["polls_unanswered"] == 0
         # Before the wheels turn every answer wakes the reader again.
-        desk.line.stir(starting=False)
+        desk.line.stir()
         assert desk.least == [len(answer), 255, len(answer)]
-        desk.line.stir(starting=False)
+        desk.line.stir()
         assert desk.least == [len(answer), 255, len(answer)]
 
 
@@ -341,7 +343,7 @@ async def test_of_counts_that_were_read_together_all_but_the_last_are_followed()
     async with desk.line.attended():
         desk.line.understand(DIALECTS["streamed"], spacing_ns=0)
         desk.line.gather(b"\r\n")
-        for _ in range(STEADY + 1):
+        for _ in range(UNCHANGED + 1):
             await asyncio.sleep(0.006)
             desk.take(COUNTS)
         assert not any(followed)

@@ -18,13 +18,14 @@ from yahboomd.simulation.robot import SimulatedRobot
 
 
 class BoardPort:
-    """The simulated board's line, as the session wants a port; it keeps what was written."""
+    """The simulated board's line, as the session wants a port; it keeps what was written.
+
+    As in a kernel, bytes wait until there are as many as the session wants at once.
+    """
 
     name = "/dev/simulated"
     byte_ns = byte_time_ns(115200)
     waiting = 0
-    keeps = False
-    """Whether bytes wait for as many as the session wants at once, as in a kernel."""
 
     def __init__(self, robot: SimulatedRobot) -> None:
         self._memory = MemoryPort(robot)
@@ -46,7 +47,7 @@ class BoardPort:
         self._deliver()
 
     def _deliver(self) -> None:
-        if not self.keeps or len(self._kept) >= self._least:
+        if len(self._kept) >= self._least:
             self.read_now()
 
     def queued(self) -> int:
@@ -58,9 +59,8 @@ class BoardPort:
 
     def gather(self, least: int) -> None:
         self._least = least
-        if self.keeps:
-            # The kernel wakes the reader, which does not run at once.
-            asyncio.get_running_loop().call_soon(self._deliver)
+        # The kernel wakes the reader, which does not run at once.
+        asyncio.get_running_loop().call_soon(self._deliver)
 
     def read_now(self) -> None:
         data, self._kept = self._kept, b""

@@ -130,6 +130,7 @@ class RobotBench:
             self.controller.unavailable,
         )
         self.tasks: list[asyncio.Task[None]] = []
+        self.beats: list[int] = []
 
     async def _open(self) -> BoardPort:
         if self.robot.started:
@@ -142,7 +143,7 @@ class RobotBench:
     async def __aenter__(self) -> Self:
         self.tasks = [
             asyncio.create_task(self.supervisor.run()),
-            asyncio.create_task(self.controller.run(lambda _due_ns: None)),
+            asyncio.create_task(self.controller.run(self.beats.append)),
         ]
         return self
 

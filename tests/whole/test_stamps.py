@@ -100,7 +100,7 @@ async def test_a_streamed_pose_behind_a_line_with_jitter_belongs_to_its_stamp_wi
     simulation = SimulationOptions(impairments=LINES["usb"], seed=seed)
     async with Published(tmp_path, [], simulation) as bench:
         late = await late_ms(bench)
-        assert abs(late[len(late) // 2]) < 1.2
+        assert abs(late[len(late) // 2]) < 1.1
         assert max(abs(late[0]), abs(late[-1])) < 2.0
 
 

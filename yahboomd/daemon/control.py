@@ -1,9 +1,8 @@
 """The control path: from the command in control to the board's, and from counts to estimates.
 
-It runs at a fixed rate, or with the counts where they come as often, and once more at once for
-every command that arrives. Whatever forbids motion (the e-stop, a hold, a board that is not ready)
-is looked at first in every step, and ends it at once; only command silence and a hand-over may
-ramp.
+It runs at a fixed rate, at rest less often and with the counts, and once more at once for every
+command that arrives. Whatever forbids motion (the e-stop, a hold, a board that is not ready) is
+looked at first in every step, and ends it at once; only command silence and a hand-over may ramp.
 """
 
 from __future__ import annotations
@@ -133,7 +132,6 @@ class Controller:
         self._period_ns = nanoseconds(options.period_s)
         self._blind_ns = nanoseconds(options.blind_s)
         self._beats = Schedule(clock, self._period_ns)
-        self._early_ns = self._period_ns * 3 // 4
         self.volts: float | None = None
         self.imu_sensor: str | None = None
         self._wait("No board yet.")
@@ -376,11 +374,8 @@ class Controller:
         if self._wheels.attached and self._holds.drop(WAITING_FOR_BOARD):
             self._outputs.changed()
         self._outputs.estimate(estimate, self._wheels.command_m_s)
-        # The process is awake, and the line free after an answer.
-        if not self._idle_until_ns:
-            stepped = now_ns - self._stepped_ns < self._early_ns
-            self._beats.advance(now_ns, leave_out=stepped)
-        elif now_ns >= self._idle_until_ns - self._period_ns:
+        if self._idle_until_ns and now_ns >= self._idle_until_ns - self._period_ns:
+            # At rest the process need not wake for the step alone.
             self._beats.advance(now_ns)
 
     def imu(self, reading: ImuReading) -> None:

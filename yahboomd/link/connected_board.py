@@ -87,7 +87,7 @@ class ConnectedBoard:
         self._velocity_units = units
         if any(units):
             # An answer that is left in the port until the next question would hold it back.
-            self._line.stir(starting=not self._turning)
+            self._line.stir()
         self._line.writer.velocity(self._dialect.speeds(units))
 
     def brake(self) -> None:

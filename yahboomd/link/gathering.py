@@ -5,12 +5,12 @@ more pieces, and each of them costs the reader a turn of its event loop for noth
 wait for the rest: a terminal is not readable before ``VMIN`` bytes are there. On the simulated
 board, which sends 260 lines a second in 700 pieces, this saves a fifth of the daemon's CPU.
 
-Laws: whole lines are waited for only while one is as long as the other; with the first that
-differs, every byte is heard as it comes. And no byte waits for more than 20 ms while lines come:
-where a board sends them by itself, evenly and for some time, several wake the reader once, the last
-of them as soon as it came; a command that starts the wheels ends that, and so do lines of another
-length. The answers of a board that is asked often enough wake it not at all where the counts have
-not changed for some time: it reads each before it asks again.
+Laws: counts that change wait for nothing but their own line. So whole lines are waited for only
+while one is as long as the other; with the first that differs, every byte is heard as it comes. And
+no byte waits for more than 20 ms while lines come: where the counts have not changed for some time,
+several lines wake the reader once, until one of them differs or a command turns the wheels. The
+answers of a board that is asked often enough wake it not at all then: it reads each before it asks
+again.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from typing import Final
 ALIKE: Final = 8
 """The lines of one length that must come before the next one is waited for."""
 
-STEADY: Final = 50
-"""The lines that must be alike before several are waited for, or answers are fetched."""
+UNCHANGED: Final = 50
+"""The lines that must say the same before several are waited for."""
 
 LATER_NS: Final = 15_000_000
 """The end of the first of several lines comes at most so long before that of the last one; a line
@@ -35,6 +35,9 @@ LONGEST: Final = 64
 
 MOST: Final = 255
 """The kernel waits for no more bytes."""
+
+PAUSED_NS: Final = 20_000_000
+"""Lines farther apart than that show a pause, and not their pace: before it they count no more."""
 
 FETCHED_NS: Final = 20_000_000
 """The answers of a board that is asked at least this often are fetched."""
@@ -64,8 +67,8 @@ class Gathering:
         self._fetches = asked_ns is not None and asked_ns <= FETCHED_NS
         self._size = 0
         self._alike = 0
-        self._steady = 0
-        self._since_ns = 0
+        self._unchanged = 0
+        self._since_ns = self._heard_ns = 0
         self.least = self.lines = 1
         self.apart_ns = LATER_NS + 1
         self.fetched = False
@@ -78,19 +81,20 @@ class Gathering:
             unchanged: It says the same as the one before it.
             now_ns: When; monotonic nanoseconds.
         """
-        alike = size == self._size
-        self._alike = self._alike + 1 if alike else 0
+        self._alike = self._alike + 1 if size == self._size else 0
         self._size = size
-        self._steady = self._steady + 1 if (unchanged if self._asked else alike) else 0
-        if self._steady % STEADY == 0:
-            # Of the latest ones: before them the stream may have paused.
-            self.apart_ns = max(1, (now_ns - self._since_ns) // STEADY)
+        self._unchanged = self._unchanged + 1 if unchanged else 0
+        if not self._asked and now_ns - self._heard_ns > PAUSED_NS:
+            self._unchanged = 0
+        self._heard_ns = now_ns
+        if self._unchanged % UNCHANGED == 0:
+            self.apart_ns = max(1, (now_ns - self._since_ns) // UNCHANGED)
             self._since_ns = now_ns
 
     def stir(self) -> None:
-        """The wheels are to start: the next line is not waited for with others."""
+        """The wheels are to turn: the next line is not waited for with others."""
         # With that line the lines are counted from 0, and their pace is measured, again.
-        self._steady = -1
+        self._unchanged = -1
 
     def adjust(self, held: int) -> bool:
         """After a read, when its lines are made use of.
@@ -108,7 +112,7 @@ class Gathering:
         else:
             # From here to the same place in the next line, be it before its line end or behind.
             least = whole = self._size + self._line_end
-            if self._steady >= STEADY:
+            if self._unchanged >= UNCHANGED:
                 if self._fetches:
                     self.fetched, least = True, MOST
                 elif not self._asked:

@@ -213,14 +213,10 @@ class Line:
         """
         self._gathering = Gathering(len(line_end), asked_ns, wanted_ns=wanted_ns)
 
-    def stir(self, *, starting: bool) -> None:
-        """The wheels are to turn: an answer that was left in the port is heard now.
-
-        Args:
-            starting: They stand: every line of counts is heard at once.
-        """
+    def stir(self) -> None:
+        """The wheels are to turn: every line of counts is heard at once, and what waits now."""
         gathering = self._gathering
-        if gathering is not None and (gathering.fetched or (starting and gathering.lines > 1)):
+        if gathering is not None and (gathering.fetched or gathering.lines > 1):
             gathering.stir()
             if gathering.adjust(self._framer.held_bytes):
                 self.port.gather(gathering.least)

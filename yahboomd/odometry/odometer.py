@@ -247,10 +247,11 @@ class Odometer:
 
         Returns:
             A new estimate where the reading shows something new, and what happened. Of readings
-            that were read together the last one brings the newest estimate of all.
+            that were read together and say the same, the last one brings the newest estimate.
         """
+        more_follow = reading.followed and self._encoders.repeats(reading.ticks)
         update = self._update(reading)
-        if self._news and not reading.followed:
+        if self._news and not more_follow:
             self._news = False
             update = Update(estimate=self._newest(), events=update.events)
         clock = self._clock
