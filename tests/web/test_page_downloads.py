@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import Awaitable, Callable
 from pathlib import Path
+from typing import BinaryIO
 
 import pytest
 from web_site import TOKENS, Site
@@ -103,6 +105,25 @@ async def test_downloads_that_are_not_read_are_cut_off_and_no_more_than_some_run
             await asyncio.sleep(0.1)
     for _, writer in opened:
         writer.close()
+
+
+async def test_downloads_that_are_asked_for_at_once_are_no_more_either(
+    site: Start, file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened = page_downloads._opened
+
+    def opened_late(path: Path) -> tuple[BinaryIO, int]:
+        time.sleep(0.3)
+        return opened(path)
+
+    monkeypatch.setattr(page_downloads, "_opened", opened_late)
+    served = await site(endpoint=free_endpoint())
+    path = "/recordings/run-001/native_0.mcap"
+    more = page_downloads.AT_ONCE + 2
+    async with asyncio.timeout(60):
+        answers = await asyncio.gather(*[served.request("GET", path) for _ in range(more)])
+    statuses = sorted(status for status, _, _ in answers)
+    assert statuses == [200] * page_downloads.AT_ONCE + [503] * 2
 
 
 async def test_viewers_leave_downloads_to_drivers_and_to_each_other(

@@ -89,11 +89,15 @@ class Downloads:
     async def _download(self, path: Path, name: str, viewer: str | None) -> Response:
         if self._is_full(viewer):
             return _refused(503)
+        # It counts from here on: others may ask while the file is opened.
+        self._running.append(viewer)
         try:
             file, size = await asyncio.to_thread(_opened, path)
-        except OSError:
-            return _refused(404)
-        self._running.append(viewer)
+        except BaseException as error:
+            self._running.remove(viewer)
+            if isinstance(error, OSError):
+                return _refused(404)
+            raise
         return _Download(file, size, name, lambda: self._running.remove(viewer))
 
     def _is_full(self, viewer: str | None) -> bool:
