@@ -6,11 +6,11 @@ from collections.abc import AsyncIterator, Callable
 from typing import Any
 
 import pytest
-import zenoh
 from zenoh_fixtures import eventually, free_endpoint
 
 from yahboomd.bus.bus import Bus
 from yahboomd.bus.options import BusOptions
+from yahboomd.bus.presence import TokenChange
 from yahboomd.daemon.bus_presence import BusPresence
 from yahboomd.model import Event
 
@@ -23,12 +23,13 @@ class Announced:
         self.events: list[Event] = []
         self.losses: list[str] = []
         self.changes: list[str] = []
-        BusPresence(
+        self.presence = BusPresence(
             bus,
             report=self.events.append,
             bus_lost=lambda: self.losses.append("lost"),
             changed=lambda: self.changes.append("changed"),
-        ).announce()
+        )
+        self.presence.announce()
 
     def kinds(self) -> list[str]:
         return [event.kind for event in self.events]
@@ -57,7 +58,15 @@ async def test_a_second_daemon_in_the_namespace_is_an_event_each_time_that_it_co
         token = app.session.liveliness().declare_token("bot1/yahboomd/alive/abc")
         await eventually(lambda times=times: announced.kinds() == ["second_daemon"] * times)
         token.undeclare()
-        await eventually(lambda: not _others(app.session))
+        await eventually(lambda: not announced.presence._others)
+
+
+async def test_a_daemon_that_comes_while_the_bus_is_closed_is_no_error() -> None:
+    options = BusOptions(listen=(free_endpoint(),), connect=(), namespace="bot1")
+    async with Bus(options) as bus:
+        announced = Announced(bus)
+    announced.presence._holders([TokenChange(key="bot1/yahboomd/alive/abc", present=True)])
+    assert announced.kinds() == ["second_daemon"]
 
 
 async def test_a_client_that_leaves_as_the_last_one_is_a_loss(
@@ -69,8 +78,3 @@ async def test_a_client_that_leaves_as_the_last_one_is_a_loss(
     app.session.close()
     await eventually(lambda: announced.losses)
     assert announced.kinds() == []
-
-
-def _others(session: zenoh.Session) -> list[str]:
-    replies = session.liveliness().get("bot1/yahboomd/alive/abc", timeout=1.0)
-    return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]

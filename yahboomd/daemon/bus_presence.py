@@ -32,6 +32,8 @@ class BusPresence:
         changed: Callable[[], None],
     ) -> None:
         self._bus = bus
+        # Tokens may come while the bus is being closed, which knows no zid any more.
+        self._zid = bus.zid
         self._report = report
         self._bus_lost = bus_lost
         self._changed = changed
@@ -42,7 +44,7 @@ class BusPresence:
         """Declare the tokens, watch those of others, and log where the bus listens."""
         bus = self._bus
         bus.token(keys.ALIVE)
-        bus.token(keys.holder_key(keys.ALIVE, bus.zid))
+        bus.token(keys.holder_key(keys.ALIVE, self._zid))
         bus.watch_tokens(f"{keys.ALIVE}/*", self._holders)
         bus.watch_neighbours(self._neighbours)
         for endpoint in bus.options.listening:
@@ -54,7 +56,7 @@ class BusPresence:
     def _holders(self, changes: list[TokenChange]) -> None:
         for change in changes:
             zid = keys.holder_of(self._bus.key(keys.ALIVE), change.key)
-            if zid is None or zid == self._bus.zid:
+            if zid is None or zid == self._zid:
                 continue
             if not change.present:
                 self._others.discard(zid)
