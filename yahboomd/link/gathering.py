@@ -37,7 +37,7 @@ MOST: Final = 255
 """The kernel waits for no more bytes."""
 
 PAUSED_NS: Final = 20_000_000
-"""Lines farther apart than that show a pause, and not their pace: before it they count no more."""
+"""Lines farther apart than this show that the stream paused: they are counted from 0 again."""
 
 FETCHED_NS: Final = 20_000_000
 """The answers of a board that is asked at least this often are fetched."""

@@ -1,4 +1,4 @@
-"""A line that damages bytes is to blame, whatever was seen of the wheels over it."""
+"""Errors of a line that damages bytes: what was seen of the wheels over it proves nothing."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class LineFault(BoardError):
 
 @contextlib.asynccontextmanager
 async def line_blamed(line: Line, dialect: Dialect) -> AsyncIterator[None]:
-    """Blame a line that damages what it carries, whatever was seen over it.
+    """Turn an error of the body into one of the line, where the line damages bytes.
 
     Raises:
         BoardError: The line is to blame.
