@@ -167,7 +167,7 @@ def test_of_counts_that_change_after_a_rest_those_of_one_reading_alone_waited(pi
     assert max(reader.late) == 0
 
 
-@pytest.mark.parametrize(("asked_ms", "fetched"), [(10, True), (20, True), (21, False)])
+@pytest.mark.parametrize(("asked_ms", "fetched"), [(9, False), (10, True), (20, True), (21, False)])
 def test_the_answers_of_a_board_that_is_asked_often_and_stands_are_fetched(
     asked_ms: int, *, fetched: bool
 ) -> None:

@@ -290,6 +290,17 @@ async def test_polled_reaches_200_polls_a_second_with_a_speed_frame_in_every_con
         assert polled >= 398
 
 
+@on_virtual_time
+async def test_a_polled_board_that_stands_is_asked_as_often_as_the_wire_allows() -> None:
+    async with bench("polled", poll_rate_hz=520.0) as board:
+        await board.connected()
+        await asyncio.sleep(1.0)
+        start = len(board.recorder.readings)
+        await asyncio.sleep(1.0)
+        # Question and answer take 1.93 ms, a little more than the period.
+        assert len(board.recorder.readings) - start >= 510
+
+
 def count_lines(board: Bench) -> Callable[[], int]:
     """Counts the lines of totals that the board emits from now on."""
     lines = 0

@@ -9,8 +9,8 @@ Laws: counts that change wait for nothing but their own line. So whole lines are
 while one is as long as the other; with the first that differs, every byte is heard as it comes. And
 no byte waits for more than 20 ms while lines come: where the counts have not changed for some time,
 several lines wake the reader once, until one of them differs or a command turns the wheels. The
-answers of a board that is asked often enough wake it not at all then: it reads each before it asks
-again.
+answers of a board that is asked every 10 to 20 ms wake it not at all then: it reads each before it
+asks again. A board that is asked more often may not have answered by then.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ MOST: Final = 255
 PAUSED_NS: Final = 20_000_000
 """Lines farther apart than this show that the stream paused: they are counted from 0 again."""
 
-FETCHED_NS: Final = 20_000_000
-"""The answers of a board that is asked at least this often are fetched."""
+FETCHED_NS: Final = (10_000_000, 20_000_000)
+"""The answers of a board are fetched where its questions are so far apart."""
 
 
 class Gathering:
@@ -64,7 +64,7 @@ class Gathering:
         self._line_end = line_end
         self._wanted_ns = wanted_ns
         self._asked = asked_ns is not None
-        self._fetches = asked_ns is not None and asked_ns <= FETCHED_NS
+        self._fetches = asked_ns is not None and FETCHED_NS[0] <= asked_ns <= FETCHED_NS[1]
         self._size = 0
         self._alike = 0
         self._unchanged = 0
