@@ -42,39 +42,43 @@ def test_every_number_of_a_real_status_is_on_the_page(
         lambda: (page.value("yahboomd_twist_linear_meters_per_second", axis="x") or 0) > 0.15,
         "the page shows a robot that drives",
     )
-    # A status and a page that belong together: those between which nothing counted.
     application.session.put("yahboomd/estop", b"")
     application.in_state("estopped")
     wait_for(lambda: page.value("yahboomd_estop_engaged") == 1, "the e-stop is on the page")
-    before = application.ask("yahboomd/status")
-    page.value("yahboomd_up")
-    wait_for(
-        lambda: page.value("yahboomd_status_timestamp_seconds") > before["stamp_ns"] / 1e9, "a poll"
-    )
+    labels: Labels = (("robot", "yahboomd"),)
     found = page.series()
-    after = application.ask("yahboomd/status")
-    assert found["yahboomd_unknown_status_fields", (("robot", "yahboomd"),)] == 0
+    stamp_s = found["yahboomd_status_timestamp_seconds", labels]
+    # The page is made from one status, which this application has received, too.
+    (status,) = wait_for(
+        lambda: [
+            each
+            for each in application.samples["status"]
+            if each["stamp_ns"] / 1e9 == pytest.approx(stamp_s, rel=0.0, abs=1e-5)
+        ],
+        "the status of the page",
+    )
+    assert found["yahboomd_unknown_status_fields", labels] == 0
     seen = 0
     for field in FIELDS:
         if field.kind == "text" or field.per:
             continue
-        groups = [group_of(status, field.group) for status in (before, after)]
-        if field.name not in groups[0]:
+        group = group_of(status, field.group)
+        if field.name not in group:
             assert field.absent, field.name
             continue
-        labels: Labels = (("robot", "yahboomd"),)
-        if field.group == "sources":
-            labels = (*labels, ("source", "cmd_vel"))
+        source = (("source", "cmd_vel"),) if field.group == "sources" else ()
         name = metric_name(field) + ("_total" if field.kind == "counter" else "")
         factor = {"ns": 1e-9, "mm": 1e-3}.get(field.unit, 1)
-        low, high = sorted(group[field.name] * factor for group in groups)
-        assert low * 0.999 <= found[name, labels] <= high * 1.001, name
+        expected = pytest.approx(group[field.name] * factor, rel=1e-6)
+        assert found[name, (*labels, *source)] == expected, name
         seen += 1
     assert seen > 100
     refused = {"source": "cmd_vel", "reason": "unknown_encoding"}
     assert page.value("yahboomd_source_refused_total", **refused) == 1
     assert page.value("yahboomd_state", state="estopped") == 1
-    assert page.value("yahboomd_events_total", kind="estop", severity="warning")
+    wait_for(
+        lambda: page.value("yahboomd_events_total", kind="estop", severity="warning"), "the event"
+    )
 
 
 def test_a_daemon_that_is_away_is_shown_as_away_at_once_and_comes_back(
@@ -133,26 +137,23 @@ def test_a_flood_of_scrapes_asks_the_daemon_no_more_than_none(
     page = exporter("--connect", robot.endpoint)
     wait_for(lambda: page.value("yahboomd_up") == 1, "the daemon answers")
 
-    def requests_per_s(scrape: bool) -> float:
-        def now() -> tuple[float, float]:
-            found = page.series()
-            key = (("robot", "yahboomd"),)
-            return (
-                found["yahboomd_status_timestamp_seconds", key],
-                found["yahboomd_bus_requests_total", key],
-            )
+    def asked() -> tuple[float, float]:
+        """The stamp of the newest status, and the questions until then."""
+        found, key = page.series(), (("robot", "yahboomd"),)
+        return (
+            found["yahboomd_status_timestamp_seconds", key],
+            found["yahboomd_bus_requests_total", key],
+        )
 
-        start_s, start = now()
-        scrapes = 0
-        while (latest := now())[0] < start_s + 3:
-            for _ in range(100 if scrape else 0):
-                page.page()
-                scrapes += 1
-        assert not scrape or scrapes >= 100
-        return (latest[1] - start) / (latest[0] - start_s)
-
-    # Two questions a second, for twist and wheels; a scrape adds none.
-    assert requests_per_s(scrape=True) <= 2.5
+    begin_s, begin = end_s, end = asked()
+    while end_s < begin_s + 3.0:
+        for _ in range(100):
+            page.page()
+        end_s, end = asked()
+    # Two questions a second, for twist and wheels; a scrape adds none. The edges hold two more, and
+    # a daemon that was held up for some seconds then reads what waited. A question for each page
+    # would be six a second.
+    assert end - begin <= 2.0 * (end_s - begin_s) + 8.0
 
 
 def test_it_ends_in_order(exporter: Callable[..., Exporter]) -> None:

@@ -17,8 +17,7 @@ class Exporter:
 
     def __init__(self, *arguments: str) -> None:
         self.process = Process("metrics", "--listen", "127.0.0.1:0", *arguments)
-        self.process.says("Metrics at ")
-        self.url = self.process.lines[0].removeprefix("Metrics at ")
+        self.url = self.process.says("Metrics at ").removeprefix("Metrics at ")
 
     def page(self, accept: str = "application/openmetrics-text") -> str:
         """The page, in OpenMetrics."""
