@@ -98,6 +98,7 @@ async def poll(
 async def test_it_knows_the_newest_samples(daemon: Daemon, poll: Any) -> None:
     watched, _ = poll
     await eventually(lambda: watched.current().status and watched.current().wheels)
+    await eventually(lambda: watched.current().twist)
     facts = watched.current()
     assert facts.name == "bot1"
     assert facts.status.state == "driving"
@@ -158,7 +159,7 @@ async def test_what_cannot_be_read_is_counted(daemon: Daemon, poll: Any, payload
 
 async def test_events_are_counted_by_kind(daemon: Daemon, poll: Any) -> None:
     watched, _ = poll
-    await eventually(lambda: watched.current().status)
+    await eventually(lambda: watched.current().status and daemon.events.has_subscribers)
     event = daemon_samples.event()
     for _ in range(3):
         daemon.events.put(encode(event, "json"))
@@ -174,7 +175,7 @@ async def test_kinds_of_events_are_bounded(
     daemon: Daemon, poll: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     watched, _ = poll
-    await eventually(lambda: watched.current().status)
+    await eventually(lambda: watched.current().status and daemon.events.has_subscribers)
     known = len(watched.current().events)
     monkeypatch.setattr(robot_poll, "MAX_KINDS", known + 1)
     for number in range(3):

@@ -18,6 +18,7 @@ from zenoh_fixtures import free_endpoint
 from yahboomd.bus import keys
 from yahboomd.bus.bus import Bus
 from yahboomd.bus.options import BusOptions
+from yahboomd.bus.publishers import BusPublisher
 from yahboomd.bus.services import Request, Response
 from yahboomd.bus.subscriptions import Arrival
 from yahboomd.messages.codecs import encode
@@ -44,6 +45,7 @@ class FakeDaemon:
         self.releases = True
         self.config = config
         self._bus: Bus | None = None
+        self._events: BusPublisher | None = None
         self._task: asyncio.Task[None] | None = None
         self._seq = 0
 
@@ -60,6 +62,7 @@ class FakeDaemon:
         self._bus.serve(keys.STATUS, self._tell_status, fallback=_refuse)
         self._bus.serve(keys.ESTOP, self._estop, fallback=_refuse)
         self._bus.serve(keys.ESTOP_RESET, self._reset, fallback=_refuse)
+        self._events = self._bus.publisher(keys.EVENTS)
         self._task = asyncio.create_task(self._publish(self._bus))
         return self
 
@@ -70,13 +73,17 @@ class FakeDaemon:
             with suppress(asyncio.CancelledError):
                 await self._task
             await self._bus.close()
-        self._task = self._bus = None
+        self._task = self._bus = self._events = None
+
+    @property
+    def has_listener(self) -> bool:
+        """Whether a client subscribes to its events: one that comes later misses them."""
+        return self._events is not None and self._events.has_subscribers
 
     def tell(self, message: str) -> None:
         """An event."""
-        assert self._bus is not None
-        event = daemon_samples.event(message)
-        self._bus.publisher(keys.EVENTS).put(encode(event, "json"))
+        assert self._events is not None
+        self._events.put(encode(daemon_samples.event(message), "json"))
 
     @property
     def velocities(self) -> list[tuple[object, object]]:

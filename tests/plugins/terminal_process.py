@@ -76,6 +76,9 @@ class TerminalProcess:
     async def shows(self, words: str) -> None:
         """Wait until the screen, or what stands there without one, holds some words."""
         await eventually(lambda: words in self.screen or self.process.poll() is not None)
+        if words not in self.screen:
+            # What it said last may still be on its way.
+            await self.ended()
         assert words in self.screen, self.screen
 
     async def ended(self) -> int:

@@ -24,7 +24,7 @@ from zenoh.handlers import Callback
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 """Nothing here is judged by time; after so long a condition is taken never to come."""
 
 

@@ -42,10 +42,12 @@ async def test_any_other_key_stops_at_once(terminal: Any, fake_daemon: Any) -> N
     await process.shows("● STANDING")
     process.type("w")
     await eventually(lambda: (0.3, 0.0) in daemon.velocities)
-    process.type("x")
-    await eventually(lambda: daemon.velocities[-1] == ZERO)
+    daemon.commands.clear()
+    # At once: a machine that is busy between two keys would let the first one run out.
+    process.type("sx")
+    await eventually(lambda: daemon.commands and daemon.velocities[-1] == ZERO)
     # 0.7 s of commands would be 14 of them.
-    assert daemon.velocities.count((0.3, 0.0)) < 14
+    assert daemon.velocities.count((-0.3, 0.0)) < 7
 
 
 async def test_emergency_stop_and_release_are_asked_for_and_their_answers_shown(
@@ -63,7 +65,7 @@ async def test_emergency_stop_and_release_are_asked_for_and_their_answers_shown(
     process.type("r")
     await process.shows("Released.")
     assert daemon.asked == [keys.ESTOP, keys.ESTOP_RESET, keys.ESTOP_RESET]
-    assert ZERO in daemon.velocities
+    await eventually(lambda: ZERO in daemon.velocities)
 
 
 @pytest.mark.parametrize("way", [*("q", "\x03"), *WAYS])

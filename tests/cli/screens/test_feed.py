@@ -10,6 +10,7 @@ from zenoh_fixtures import eventually, free_endpoint
 
 from yahboomd.bus.options import BusOptions
 from yahboomd.cli.screens.feed import Feed
+from yahboomd.cli.unresponsive import process_state
 from yahboomd.clock import SystemClock
 from yahboomd.errors import BusError
 
@@ -32,10 +33,9 @@ async def test_a_dashboard_fills_from_a_daemon(fake_daemon: Any) -> None:
     async with feed_of(daemon.endpoint, "bot1") as feed:
         await eventually(lambda: feed.view(clock.now_ns()).wheels)
         await eventually(lambda: feed.view(clock.now_ns()).pose)
-        view = feed.view(clock.now_ns())
+        await eventually(lambda: feed.view(clock.now_ns()).volts == 7.4)
+        await phase(feed, "live")
         assert feed.robot == f"bot1 at {daemon.endpoint}"
-    assert view.phase == "live"
-    assert view.volts == 7.4
 
 
 async def test_an_event_is_news(fake_daemon: Any) -> None:
@@ -44,6 +44,7 @@ async def test_an_event_is_news(fake_daemon: Any) -> None:
         await phase(feed, "live")
         feed.news.clear()
         await eventually(feed.news.is_set)
+        await eventually(lambda: daemon.has_listener)
         daemon.tell("It rains.")
         await eventually(feed.dashboard.new_events)
 
@@ -56,7 +57,7 @@ async def test_a_daemon_that_goes_and_comes_is_noticed_both_times(fake_daemon: A
         await eventually(lambda: not feed.client.bus.neighbours)
         # At the moment of the latest status: before the daemon could be missed for its silence.
         assert feed.view(0).phase == "silent"
-        assert "is lost" in feed.why
+        await eventually(lambda: "is lost" in feed.why)
         await daemon.start()
         await phase(feed, "live")
 
@@ -98,6 +99,7 @@ async def test_a_suspended_daemon_is_named_with_the_command_that_continues_it() 
         pid = daemon.process.pid
         await asyncio.to_thread(daemon.says, "Listening")
         daemon.process.send_signal(signal.SIGSTOP)
+        await eventually(lambda: process_state(pid) == "T")
         async with feed_of(endpoint) as feed:
             await eventually(lambda: feed.why)
             assert feed.why == (

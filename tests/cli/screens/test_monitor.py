@@ -7,7 +7,7 @@ from typing import Any
 
 import daemon_samples
 import pytest
-from zenoh_fixtures import eventually, free_endpoint
+from zenoh_fixtures import PATIENCE_S, eventually, free_endpoint
 
 from yahboomd.cli.main import main
 
@@ -28,7 +28,8 @@ async def printed(*arguments: str) -> tuple[int, str, str]:
 
 async def test_one_look_prints_everything_and_ends(fake_daemon: Any) -> None:
     daemon = await fake_daemon(namespace="bot1")
-    status, out, err = await printed("--once", "--connect", daemon.endpoint, "--namespace", "bot1")
+    robot = ("--connect", daemon.endpoint, "--namespace", "bot1")
+    status, out, err = await printed("--once", "--timeout", "60", *robot)
     assert (status, err) == (0, "")
     rows = dict(line.split(maxsplit=1) for line in out.splitlines())
     assert rows["daemon"] == f"bot1 at {daemon.endpoint}"
@@ -72,9 +73,10 @@ async def test_without_a_terminal_it_prints_lines_until_it_is_ended(
             assert line
         return line
 
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(PATIENCE_S):
         # The first lines may come before the first pose.
         assert "standing" in await line_with("x 1.500 m")
+        await eventually(lambda: daemon.has_listener)
         daemon.tell("It rains.")
         assert "warning" in await line_with("It rains.")
         await daemon.stop()
