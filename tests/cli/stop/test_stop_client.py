@@ -21,7 +21,7 @@ from yahboomd.errors import BusError, Refused
 from yahboomd.messages.codecs import encode
 from yahboomd.messages.native import ServiceReply, WheelsSample
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.realtime, pytest.mark.usefixtures("patience")]
 
 CONFIG = Config()
 
@@ -97,7 +97,7 @@ async def robot() -> AsyncIterator[Callable[..., Robot]]:
 
 async def test_the_stop_is_engaged_and_the_wheels_are_watched_until_they_stand(robot) -> None:
     daemon = robot([0.3, 0.2, 0.1, 0.04, 0.0])
-    done = await engage((robot.endpoint,), CONFIG)
+    done = await engage((robot.endpoint,), CONFIG, within_s=60.0)
     assert daemon.engaged == 1
     assert done is not None
     assert done.stood

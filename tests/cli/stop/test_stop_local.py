@@ -63,6 +63,9 @@ def environ(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
     """An environ with a runtime directory of its own, and no other daemon on the machine."""
     own = sockets
     monkeypatch.setattr(stop_local, "sockets", lambda environ: own(environ, root=f"{tmp_path}/"))
+    # Daemon and stop are one process here, which a busy machine holds up.
+    for name in ("STATUS_WITHIN_S", "ENGAGED_WITHIN_S", "STOOD_WITHIN_S"):
+        monkeypatch.setattr(stop_local, name, 60.0)
     return {"RUNTIME_DIRECTORY": str(tmp_path / "own")}
 
 
@@ -137,8 +140,10 @@ def frozen(folder: Path) -> socket.socket:
 
 
 async def test_one_that_does_not_answer_holds_up_no_other_and_has_the_stop_as_it_thaws(
-    daemon, environ, tmp_path: Path
+    daemon, environ, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(stop_local, "STATUS_WITHIN_S", 2.0)
+    monkeypatch.setattr(stop_local, "STOOD_WITHIN_S", 1.0)
     living = await daemon()
     with frozen(tmp_path / "own") as sock:
         stops, outcomes = await stopped(Wanted(), environ)
@@ -154,8 +159,9 @@ async def test_one_that_does_not_answer_holds_up_no_other_and_has_the_stop_as_it
 
 
 async def test_one_that_does_not_answer_and_may_be_another_is_left_alone(
-    environ, tmp_path: Path
+    environ, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(stop_local, "STATUS_WITHIN_S", 0.5)
     with frozen(tmp_path / "own"):
         stops, outcomes = await stopped(Wanted(namespace="bot1"), environ)
     assert (outcomes, stops.silent, stops.others) == ([], [], [])

@@ -7,6 +7,7 @@ import threading
 from pathlib import Path
 
 import pytest
+from real_robot import wait_for
 
 from yahboomd.cli.stop.stop_talk import Talk, converse
 
@@ -48,8 +49,16 @@ def test_one_that_is_silent_delays_no_other(tmp_path: Path) -> None:
         silent.listen()
         thread = answering(tmp_path / "a", b'{"engaged": true}\n')
         talks = [Talk(str(tmp_path / name), b"stop\n") for name in ("silent", "a")]
-        converse(talks, lines=1, within_s=0.5)
-        thread.join()
+
+        def end_the_silence() -> None:
+            wait_for(lambda: talks[1].lines, "the answer of the other")
+            silent.accept()[0].close()
+
+        ending = threading.Thread(target=end_the_silence)
+        ending.start()
+        converse(talks, lines=1, within_s=120.0)
+        for each in (thread, ending):
+            each.join()
         for talk in talks:
             talk.close()
     assert [talk.lines for talk in talks] == [[], [{"engaged": True}]]
