@@ -3,10 +3,24 @@
 from __future__ import annotations
 
 import ipaddress
+from pathlib import Path
 
+import pytest
 import segno
 
-from yahboomd.cli.web.page_link import link, own_addresses, own_names, qr_lines, reachable_hosts
+from yahboomd.cli.web.page_link import (
+    SERVED,
+    announce,
+    last_served,
+    link,
+    own_addresses,
+    own_names,
+    qr_lines,
+    reachable_hosts,
+)
+from yahboomd.errors import ConfigError
+from yahboomd.metrics.http_listener import Place
+from yahboomd.web.entry_tokens import Tokens
 
 
 def test_the_token_is_in_the_fragment() -> None:
@@ -41,3 +55,33 @@ def test_a_link_fits_a_terminal_as_a_qr_code_of_white_and_black() -> None:
     dark = [row for pair in zip(upper, lower, strict=True) for row in pair]
     wanted = [[bool(each) for each in row] for row in segno.make(text, error="l").matrix_iter()]
     assert dark[: len(wanted)] == wanted
+
+
+@pytest.mark.parametrize("tls", [True, False])
+def test_where_the_page_was_served_last_is_remembered(tmp_path: Path, *, tls: bool) -> None:
+    place = Place(host="192.0.2.5", port=8480)
+    announce(place, Tokens(driver="d" * 22, viewer="v" * 22), tmp_path, tls=tls)
+    assert last_served(tmp_path) == (place, tls)
+
+
+@pytest.mark.parametrize(
+    ("content", "why"),
+    [
+        (None, "there is no {path}"),
+        (b"", "{path} cannot be used: Input data was truncated"),
+        (b"\xff\x00", "{path} cannot be used: JSON is malformed"),
+        (b'{"listen": 5, "tls": true}', "{path} cannot be used: Expected `str`"),
+        (b'{"listen": "here", "tls": true}', "{path} names no address and port"),
+        (b"[" * 100_000, "{path} cannot be used: "),
+    ],
+)
+def test_a_damaged_memory_of_that_is_named(tmp_path: Path, content: bytes | None, why: str) -> None:
+    path = tmp_path / SERVED
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(ConfigError) as refused:
+        last_served(tmp_path)
+    assert refused.value.message.startswith(
+        f"It is not known where the page was served last: {why.format(path=path)}"
+    )
+    assert "add --listen" in refused.value.remedy

@@ -151,6 +151,21 @@ def test_a_certificate_is_made_by_one_command_and_used_from_then_on(
     assert "https://192.0.2.5:8480/#" in capsys.readouterr().out
 
 
+def test_the_links_are_those_of_the_page_as_it_was_served_last(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
+    served = tmp_path / "web-served.json"
+    for tls in ("true", "false"):
+        served.write_text(f'{{"listen": "192.0.2.5:8480", "tls": {tls}}}')
+        assert main(["web", "--show-link"]) == 0
+        scheme = "https" if tls == "true" else "http"
+        assert f" {scheme}://192.0.2.5:8480/#" in capsys.readouterr().out
+    served.write_text('{"listen": "her')
+    assert main(["web", "--show-link"]) == 78
+    assert f"{served} cannot be used" in capsys.readouterr().err
+
+
 def test_without_its_extra_the_command_says_how_to_install_it(
     yahboomd: Callable[..., Any], tmp_path: Path
 ) -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import msgspec
 
+from yahboomd.errors import ConfigError
 from yahboomd.metrics.http_listener import Place
 from yahboomd.web.entry_tokens import Tokens, keep
 
@@ -76,12 +77,26 @@ class Served(msgspec.Struct, frozen=True):
 SERVED = "web-served.json"
 
 
-def last_served(folder: Path) -> Served | None:
-    """How the page was served last; None where that is not known."""
+def last_served(folder: Path) -> tuple[Place, bool]:
+    """Where the page was served last, and whether over TLS.
+
+    Raises:
+        ConfigError: That is not known.
+    """
+    path = folder / SERVED
     try:
-        return msgspec.json.decode((folder / SERVED).read_bytes(), type=Served)
-    except (OSError, ValueError):
-        return None
+        served = msgspec.json.decode(path.read_bytes(), type=Served)
+        if (place := Place.of(served.listen)) is not None:
+            return place, served.tls
+        why = f"{path} names no address and port"
+    except FileNotFoundError:
+        why = f"there is no {path}"
+    except (OSError, ValueError) as error:
+        why = f"{path} cannot be used: {getattr(error, 'strerror', None) or error}"
+    raise ConfigError(
+        f"It is not known where the page was served last: {why}.",
+        remedy="Start `yahboomd web --listen 0.0.0.0:8480` first, or add --listen here.",
+    )
 
 
 def print_links(place: Place, tokens: Tokens, *, tls: bool) -> None:

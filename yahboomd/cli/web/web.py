@@ -236,14 +236,8 @@ def _links(args: argparse.Namespace, folder: Path) -> int:
     tokens = make_tokens(folder) if args.new_tokens else _tokens(folder)
     if args.new_tokens:
         print("New tokens are made: start `yahboomd web` again, where it runs.")
-    served = last_served(folder)
-    if args.listen is None and served is None:
-        raise ConfigError(
-            f"It is not known where the page is served: nothing in {folder} says so.",
-            remedy="Start `yahboomd web --listen 0.0.0.0:8480` first, or add --listen here.",
-        )
-    place = _place(args.listen or (served.listen if served else ""))
-    print_links(place, tokens, tls=_context(args, place, folder) is not None)
+    place, tls = (_place(args.listen), False) if args.listen is not None else last_served(folder)
+    print_links(place, tokens, tls=tls or _context(args, place, folder) is not None)
     return os.EX_OK
 
 
