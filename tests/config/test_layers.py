@@ -73,6 +73,57 @@ def test_a_file_that_is_no_toml_is_explained_with_its_line(
     assert layers.data == {}
 
 
+DOTS = "." * 400
+
+
+@pytest.mark.parametrize(
+    "written",
+    [
+        f"x = 1 # {DOTS}",
+        f"# don't {DOTS}\nx = 1",
+        f'x = "{DOTS}"',
+        f"x = '{DOTS}'",
+        f'x = "\\"{DOTS}" # {DOTS}',
+        f'x = """\n{DOTS}\n\\"""{DOTS}"""',
+        f"x = '''\n'{DOTS}\n'''",
+        "x = [" + ", ".join(["0.5"] * 400) + "]",
+        f'"{DOTS}" = 1\nx = 1',
+    ],
+)
+def test_dots_outside_of_a_key_are_no_mistake(layers, tmp_path, written):
+    path = tmp_path / "config.toml"
+    path.write_text(f"{written}\n")
+    layers.read_file(path)
+    assert layers.mistakes == []
+    assert "x" in layers.data
+
+
+@pytest.mark.parametrize(
+    "written",
+    ["{a} = 1", "[{a}]", "x = {{y = 1, {a} = 2}}", "'''\n'''.{a} = 1", "x = '' # '\n{a} = 1"],
+)
+@pytest.mark.parametrize("part", ["a", "'a'", '"a"', '" \\" "', "a "])
+def test_a_key_of_too_many_parts_is_found_behind_texts_and_comments(
+    layers, tmp_path, written, part
+):
+    path = tmp_path / "config.toml"
+    text = written.format(a=".".join([part] * 300))
+    path.write_text(text)
+    layers.read_file(path)
+    line = text.count("\n") + 1
+    assert [(at.words, why) for at, why in layers.mistakes] == [
+        (f"{path}:{line}", "a key of too many parts, so not a configuration")
+    ]
+
+
+@pytest.mark.parametrize("unit", ["a.", '"', '\\"', "'", '"""', "'''", ". ", "a"])
+def test_a_megabyte_of_anything_is_refused_at_once(layers, tmp_path, unit):
+    path = tmp_path / "config.toml"
+    path.write_text("x." * 201 + unit * (LARGEST_FILE_BYTES // len(unit) - 500))
+    layers.read_file(path)
+    assert len(layers.mistakes) == 1
+
+
 def test_a_directory_instead_of_a_file_is_named_as_such(layers, tmp_path):
     layers.read_file(tmp_path)
     assert words(layers) == ["cannot be read: Is a directory"]

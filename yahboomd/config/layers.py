@@ -25,7 +25,14 @@ LARGEST_FILE_BYTES = 1_000_000
 """A configuration is a few kilobytes; more is another file, or a device that never ends."""
 
 MOST_DOTS = 200
-"""In a line; the numbers of a long list have fewer."""
+"""In a key."""
+
+_QUOTED = re.compile(
+    r'"""(?:\\.|[^\\])*?(?:"""|\Z)|"(?:\\.|[^"\\\n])*"?'
+    r"|'''.*?(?:'''|\Z)|'[^'\n]*'?|#[^\n]*",
+    re.DOTALL,
+)
+"""A text, up to its end or the document's, or a comment of TOML."""
 
 _LINE = re.compile(r"\(at line (\d+), column \d+\)$")
 _BARE_TEXT = re.compile(
@@ -207,9 +214,17 @@ def toml_value(text: str) -> object:
 
 
 def _line_of_endless_key(text: str) -> int:
-    """The line with more dots than any key has, on which tomllib would spend minutes; else 0."""
-    lines = enumerate(text.split("\n"), start=1)
-    return next((number for number, line in lines if line.count(".") > MOST_DOTS), 0)
+    """The line with a key of too many parts, on which tomllib would spend minutes; else 0."""
+    if all(line.count(".") <= MOST_DOTS for line in text.split("\n")):
+        return 0
+    bare = _QUOTED.sub(lambda found: "\n" * found[0].count("\n"), text)
+    lines = enumerate(bare.split("\n"), start=1)
+    return next((number for number, line in lines if _dots_of_key(line) > MOST_DOTS), 0)
+
+
+def _dots_of_key(line: str) -> int:
+    """The most dots with nothing but letters and digits between them."""
+    return max(words.count(".") for words in re.split(r"[^\w\s.-]+", line))
 
 
 def _explained(error: str, text: str) -> tuple[str, int]:
