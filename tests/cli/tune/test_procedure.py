@@ -192,25 +192,41 @@ async def test_a_count_with_an_altered_digit_accuses_no_wheel_and_alters_no_figu
 
 
 @pytest.mark.parametrize("damaged", [False, True])
+@pytest.mark.parametrize(
+    ("garbled", "words"),
+    [
+        (b",0,-0", "right (M3) stood while another wheel turned"),
+        (b",0,-3", "a step went elsewhere than the others"),
+    ],
+)
 @on_virtual_time
-async def test_a_wheel_is_measured_again_where_the_line_may_have_lost_its_command(damaged) -> None:
+async def test_a_step_whose_command_the_line_may_have_garbled_is_measured_again(
+    garbled, words, damaged
+) -> None:
     bench = TuningBench("520", dialect="polled")
     garbling = Garbling(bench)
     if damaged:
         garbling.alter = lambda number, data: data.replace(b"$d", b"$X") if number == 60 else data
 
-    def lose(data: bytes) -> bytes | None:
+    def garble(data: bytes) -> bytes:
         second = "step 2 of 4: -0.40 m/s"
         if bench.said and bench.said[-1] == second and bench.said.count(second) == 1:
-            return data.replace(b",0,-4", b",0,-0")
+            return data.replace(b",0,-4", garbled)
         return data
 
-    bench.link.on_write = lose
+    bench.link.on_write = garble
     procedure = bench.procedure()
-    if not damaged:
-        with pytest.raises(BoardError, match=r"^right .* stood while another wheel turned"):
-            await procedure.examine()
-        return
     await procedure.examine()
-    assert any("right (M3) stood" in line and "once more" in line for line in bench.said)
+    assert [words in line and "once more" in line for line in bench.said].count(True) == 1
     assert all(wheel.before.overshoot < 0.01 for wheel in procedure.result.wheels)
+    for wheel in procedure.result.wheels:
+        assert wheel.before.steady_error == pytest.approx(0.0, abs=0.02)
+
+
+@on_virtual_time
+async def test_a_wheel_that_does_not_follow_twice_is_named() -> None:
+    bench = TuningBench("520", dialect="polled")
+    bench.link.on_write = lambda data: data.replace(b",0,-4", b",0,-0")
+    with pytest.raises(BoardError, match=r"^right .* stood while another wheel turned"):
+        await bench.procedure().examine()
+    assert [line.startswith("right (M3) stood") for line in bench.said].count(True) == 1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from yahboomd.cli.tune.traces import TICK_S, traces_of
+from yahboomd.cli.tune.traces import TICK_S, Traces, odd_one, traces_of
 from yahboomd.model import Counts, Motor
 from yahboomd.protocol.registry import DIALECTS
 
@@ -58,3 +58,13 @@ def test_counts_that_did_not_change_are_no_readings() -> None:
     rows = readings(14, 20)
     twice = sorted([*rows, *((at_ns + NEW_NS // 2, counts) for at_ns, counts in rows)])
     assert found_in(twice) == found_in(rows)
+
+
+def test_the_step_that_ends_elsewhere_than_the_others_is_odd_also_where_a_wheel_stands() -> None:
+    def step(left_m: float, right_m: float) -> Traces:
+        return Traces(speed_m_s=0.4, travel_m=([0.0, left_m], [0.0, right_m]), whole=True)
+
+    usual = [step(0.5, 0.0), step(0.51, 0.0), step(0.49, 0.0)]
+    assert odd_one([*usual, step(0.5, 0.0004)]) is None
+    for odd in (step(0.45, 0.0), step(0.55, 0.0), step(0.5, 0.1)):
+        assert odd_one([*usual, odd]) is odd

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
 from functools import partial
-from itertools import count
 from typing import TypeVar
 
 import msgspec
@@ -152,19 +151,20 @@ class Procedure:
             way = -1 if sum(step.speed_m_s for step in steps) > 0.0 else 1
             self._say(f"step {len(steps) + 1} of {2 * REPEATS}: {way * speed_m_s:+.2f} m/s")
             damages = stand.damages
-            step = await self._repeated(stand, partial(stand.step, way * speed_m_s, HOLD_S))
+            step = await self._repeated(
+                stand, partial(stand.step, way * speed_m_s, HOLD_S), chances=1
+            )
             damaged = stand.damages > damages or stand.noisy
             if (step.whole and not damaged) or not (spare or stand.damages):
                 steps.append(step)
                 if (
                     len(steps) == 2 * REPEATS
-                    and spare
-                    and stand.damages
+                    and (spare == SPARE_STEPS or (spare and stand.damages))
                     and (odd := odd_one(steps))
                 ):
                     spare -= 1
                     steps.remove(odd)
-                    self._say("a step went elsewhere than the others, as on this line: once more")
+                    self._say("a step went elsewhere than the others: once more")
             elif spare and not stand.noisy:
                 spare -= 1
                 why = "damaged on the line" if damaged else "held up, as on a busy computer"
@@ -194,16 +194,23 @@ class Procedure:
                 )
         return [step_response.figures(trace, speed_m_s, TICK_S) for trace in traces]
 
-    async def _repeated(self, stand: Stand, measure: Callable[[], Awaitable[T]]) -> T:
-        """Measure, and once more where the line may have caused the fault of a wheel."""
-        for excused in count():
+    async def _repeated(
+        self, stand: Stand, measure: Callable[[], Awaitable[T]], *, chances: int = 0
+    ) -> T:
+        """Measure, and once more where the line may have caused the fault of a wheel.
+
+        Args:
+            chances: How often on a line that shows no damage, too: a garbled command shows nowhere.
+        """
+        excused = -chances
+        while True:
             try:
                 return await measure()
             except WheelFault as fault:
                 if not await stand.excuses(excused):
                     raise
-                self._say(f"{fault.message} The line damages bytes, which may be why: once more")
-        raise AssertionError  # the count has no end
+                excused += 1
+                self._say(f"{fault.message} Or the line damaged a command: once more")
 
     # What is suggested.
 

@@ -251,7 +251,7 @@ class Stand:
         Each damage that was seen lately excuses one: chance does not repeat itself.
 
         Args:
-            times: The faults that were excused already.
+            times: The faults that were excused already; below 0 where some need no damage.
 
         Raises:
             BoardError: A wheel does not stop.

@@ -47,6 +47,9 @@ neighbours, and by 3 mm, is not of wheels that their motors move, but has an alt
 ODD_SHARE = 0.05
 """Repeated steps end nearer to each other than this share of their travel."""
 
+ODD_M = 0.01
+"""The least travel that a share is taken of: a wheel with soft gains may stand."""
+
 
 def traces_of(
     dialect: Dialect,
@@ -90,11 +93,13 @@ def traces_of(
 
 def odd_one(steps: Sequence[Traces]) -> Traces | None:
     """The step that ends elsewhere than the others: the line lost or altered its command."""
+    motors = zip(*(step.travel_m for step in steps), strict=True)
+    usual_m: list[float] = [median(travel[-1] for travel in each) for each in motors]
 
     def off(step: Traces) -> float:
         return max(
-            abs(travel[-1] / median(other.travel_m[index][-1] for other in steps) - 1.0)
-            for index, travel in enumerate(step.travel_m)
+            abs(travel[-1] - usual) / max(usual, ODD_M)
+            for travel, usual in zip(step.travel_m, usual_m, strict=True)
         )
 
     odd = max(steps, key=off)
