@@ -95,9 +95,10 @@ def test_a_check_leaves_no_file(tmp_path):
     assert read_saved(path) == FIRST
 
 
-def test_a_check_finds_a_full_disk(tmp_path):
+@pytest.mark.parametrize("room", [0, 20])
+def test_a_check_finds_a_full_disk(tmp_path, room):
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (0, limits[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, limits[1]))
     try:
         with pytest.raises(Refused, match=r"board\.json cannot be written: File too large\."):
             check_place(tmp_path / "board.json", "/dev/ttyUSB0")

@@ -133,11 +133,10 @@ def _write(path: Path, saved: SavedSettings, *, stays: bool = True) -> None:
         # Root follows no link that another user of this folder made.
         beside.unlink(missing_ok=True)
         fd = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
-        try:
-            os.write(fd, msgspec.json.format(msgspec.json.encode(saved), indent=2) + b"\n")
+        with open(fd, "wb") as file:
+            file.write(msgspec.json.format(msgspec.json.encode(saved), indent=2) + b"\n")
+            file.flush()
             os.fsync(fd)
-        finally:
-            os.close(fd)
         if stays:
             os.replace(beside, path)
             _sync(path.parent)
