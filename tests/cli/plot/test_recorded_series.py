@@ -22,6 +22,9 @@ def test_all_parts_of_a_folder_are_read_in_their_order(tmp_path: Path) -> None:
     assert [pose.seq for pose in poses] == list(range(9000))
     assert recording.time_s(poses[50].stamp_ns) == pytest.approx(1.0)
     assert not recording.is_cut
+    for copy in ("native_0 (copy).mcap", "native_old.mcap"):
+        (tmp_path / copy).write_bytes((tmp_path / "native_0.mcap").read_bytes())
+    assert read_recording(tmp_path) == recording
 
 
 def test_what_stands_before_a_cut_is_read(tmp_path: Path) -> None:

@@ -64,14 +64,16 @@ def read_recording(path: Path) -> Recording:
     """
     files = [path]
     if path.is_dir():
-        files = sorted(path.glob("native_*.mcap"), key=lambda each: int(each.stem.split("_")[1]))
+        # A person may have put a copy beside them.
+        parts = [each for each in path.glob("native_*.mcap") if each.stem[7:].isdecimal()]
+        files = sorted(parts, key=lambda each: int(each.stem[7:]))
     recording = Recording()
     decoders = {key: msgspec.json.Decoder(message) for key, message in MESSAGES.items()}
     for file in files:
         for topic, data in _messages(file, recording):
             decoder = decoders.get(topic)
             if decoder is not None:
-                with suppress(msgspec.DecodeError):
+                with suppress(msgspec.DecodeError, RecursionError):
                     recording.samples.append(decoder.decode(data))
     stamps = [each.stamp_ns for each in recording.of(PoseSample)]
     stamps += [each.stamp_ns for each in recording.of(StatusSample)]
