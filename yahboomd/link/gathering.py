@@ -7,10 +7,11 @@ board, which sends 260 lines a second in 700 pieces, this saves a fifth of the d
 
 Laws: counts that change wait for nothing but their own line. So whole lines are waited for only
 while one is as long as the other; with the first that differs, every byte is heard as it comes. And
-no byte waits for more than 20 ms while lines come: where the counts have not changed for some time,
-several lines wake the reader once, until one of them differs or a command turns the wheels. The
-answers of a board that is asked every 10 to 20 ms wake it not at all then: it reads each before it
-asks again. A board that is asked more often may not have answered by then.
+no byte waits for more than 20 ms while lines keep their pace: where the counts have not changed for
+some time, several lines wake the reader once, until one of them differs or a command turns the
+wheels. Where such lines become slow, or end, the first that waits does so until the poller looks,
+54 ms at most. The answers of a board that is asked every 10 to 20 ms wake it not at all then: it
+reads each before it asks again. A board that is asked more often may not have answered by then.
 """
 
 from __future__ import annotations
