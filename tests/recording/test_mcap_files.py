@@ -82,8 +82,11 @@ def test_parts_split_and_the_oldest_goes_where_they_take_too_much_room(tmp_path:
     most = 0
     for _ in range(20):
         write(files, 500)
-        most = max(most, sum(path.stat().st_size for path in tmp_path.glob("*.mcap")))
+        size = sum(path.stat().st_size for path in tmp_path.glob("*.mcap"))
+        assert files.written_bytes == size
+        most = max(most, size)
     files.end()
+    assert files.written_bytes == sum(path.stat().st_size for path in tmp_path.glob("*.mcap"))
     assert files.removed > 0
     assert most < 1_000_000 + CHUNK_BYTES
     assert not (tmp_path / "native_0.mcap").exists()

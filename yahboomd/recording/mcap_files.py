@@ -49,6 +49,7 @@ class Part:
     """
 
     path: Path
+    size: int = 0
     first_ns: int = 0
     last_ns: int = 0
     counts: dict[Channel, int] = field(default_factory=dict)
@@ -93,7 +94,7 @@ class McapFiles:
     @property
     def written_bytes(self) -> int:
         """The size of the parts that are there."""
-        return sum(part.path.stat().st_size for part in self._parts)
+        return sum(part.size for part in self._parts)
 
     @property
     def messages(self) -> int:
@@ -127,6 +128,7 @@ class McapFiles:
         part.counts[channel] = part.counts.get(channel, 0) + 1
         part.first_ns = part.first_ns or logged_ns
         part.last_ns = logged_ns
+        part.size = self._stream.size
 
     def sync(self) -> None:
         """Have the disk keep what was written; slow, so in a thread."""
@@ -138,6 +140,7 @@ class McapFiles:
         if not self._parts:
             return
         self._writer.finish()  # type: ignore[no-untyped-call]
+        self._parts[-1].size = self._stream.size
         self._stream.close()
         if self._is_bag:
             (self._folder / METADATA).write_text(_metadata(self._parts), encoding="utf-8")

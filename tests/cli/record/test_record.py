@@ -6,6 +6,7 @@ import argparse
 import io
 import json
 import os
+import shutil
 import signal
 import struct
 import subprocess
@@ -166,13 +167,59 @@ def test_a_gap_in_the_numbers_is_counted_as_lost_and_a_new_daemon_is_not(tmp_pat
 
 
 @pytest.mark.parametrize(
+    "payload",
+    [
+        b'{"seq": ',
+        b'{"seq": "x"}',
+        b'{"seq": -1}',
+        b'{"seq": 4294967296}',
+        b'{"x": ' + b"[" * 100_000,
+        b"\x81\xa1x" + b"\x91" * 100_000,
+    ],
+)
+def test_what_another_client_publishes_costs_no_other_sample(
+    tmp_path: Path, payload: bytes
+) -> None:
+    native, ros = McapFiles(tmp_path, "native"), McapFiles(tmp_path, "ros2", is_bag=True)
+    recorder = Recorder(native, ros, lambda at_ns: at_ns + 1)
+    topic = Recorded("cmd_vel", "cmd_vel", message="VelocityCommand")
+    recorder.take(topic, [arrival(payload), arrival(b'{"vx": 0.1}')])
+    facts = recorder.end()
+    assert (facts["messages"], facts["unreadable"]) == (1, 1)
+
+
+@pytest.mark.parametrize("lost", ["disk", "folder"])
+def test_a_disk_that_is_full_or_lost_at_the_end_is_named_and_spares_the_other_files(
+    tmp_path: Path, lost: str
+) -> None:
+    native, ros = McapFiles(tmp_path, "native"), McapFiles(tmp_path, "ros2", is_bag=True)
+    recorder = Recorder(native, ros, lambda at_ns: at_ns + 1)
+    poses = Recorded("yahboomd/pose", "yahboomd/pose", message="PoseSample")
+    stopped = Recorded("estopped", "/estopped", ros_type="std_msgs/msg/Bool")
+    recorder.take(poses, [arrival(b'{"seq": 1}')])
+    recorder.take(stopped, [arrival(b"\0\1\0\0\1\0\0\0")])
+    if lost == "disk":
+        full = os.open("/dev/full", os.O_WRONLY)
+        os.dup2(full, native._stream._fd)
+        os.close(full)
+    else:
+        shutil.rmtree(tmp_path)
+    facts = recorder.end()
+    assert facts["messages"] == 2
+    assert recorder.problem.startswith("The recording ends: No s")
+    if lost == "disk":
+        with AnyReader([tmp_path]) as reader:
+            assert reader.message_count == 1
+
+
+@pytest.mark.parametrize(
     ("text", "expected"), [("500M", 500_000_000), ("2g", 2_000_000_000), ("1.5GB", 1_500_000_000)]
 )
 def test_sizes_are_read_as_people_write_them(text: str, expected: int) -> None:
     assert size(text) == expected
 
 
-@pytest.mark.parametrize("text", ["", "lots", "-1M", "100k", "1.2.3M"])
+@pytest.mark.parametrize("text", ["", "lots", "-1M", "100k", "1.2.3M", "9" * 400])
 def test_what_is_no_size_is_refused(text: str) -> None:
     with pytest.raises(argparse.ArgumentTypeError, match="such as 500M"):
         size(text)

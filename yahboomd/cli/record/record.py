@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import datetime
+import errno
 import json
 import math
 import os
@@ -13,7 +14,7 @@ import signal
 import sys
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import msgspec
 
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from yahboomd.bus.subscriptions import Arrival
     from yahboomd.cli.record.recorded_topics import Recorded
     from yahboomd.client import AsyncRobot
-    from yahboomd.recording.mcap_files import McapFiles
+    from yahboomd.recording.mcap_files import Channel, McapFiles
 
 DESCRIPTION = """\
 Record what the robot publishes and is commanded: poses, twists, wheels, battery, status, events and
@@ -63,7 +64,7 @@ GATHER_S = 0.1
 SYNC_S = 2.0
 REPORT_S = 1.0
 
-_SIZE = re.compile(r"(\d+(?:\.\d+)?)\s*([kMGT]?)B?", re.IGNORECASE)
+_SIZE = re.compile(r"(\d{1,15}(?:\.\d+)?)\s*([kMGT]?)B?", re.IGNORECASE)
 SMALLEST_BYTES = 1_000_000
 
 
@@ -124,13 +125,13 @@ def run(args: argparse.Namespace) -> int:
 async def _record(robot: AsyncRobot, args: argparse.Namespace) -> int:
     from yahboomd.cli.record.recorded_topics import facts_of, recorded
     from yahboomd.clock import SystemClock
-    from yahboomd.config import Config
+    from yahboomd.config import read_foreign
     from yahboomd.daemon.stamps import WallStamps
     from yahboomd.recording.mcap_files import McapFiles
 
     clock = SystemClock()
     data = await robot.config()
-    config = Config.of(data)
+    config = read_foreign(data, "The daemon")
     folder = args.folder or Path(f"robot-{datetime.datetime.now().astimezone():%Y-%m-%d-%H%M%S}")
     try:
         folder.mkdir(parents=True)
@@ -169,19 +170,19 @@ async def _record(robot: AsyncRobot, args: argparse.Namespace) -> int:
         if sys.stderr.isatty():
             print(file=sys.stderr)
         print(json.dumps({"folder": str(folder), **facts}) if args.json else _words(folder, facts))
+        if recorder.problem:
+            raise Refused(recorder.problem)
     return os.EX_OK
 
 
 async def _watch(recorder: Recorder, *, attached: bool) -> None:
-    """Have the disk keep what was written, and show how it goes, until the input ends."""
+    """Have the disk keep what was written, and show how it goes, until input or disk end."""
     ended = asyncio.create_task(input_ended()) if attached else asyncio.Future[None]()
     elapsed = 0.0
     try:
-        while not ended.done():
+        while not (ended.done() or recorder.problem):
             await asyncio.wait({ended}, timeout=REPORT_S)
             elapsed += REPORT_S
-            if recorder.problem:
-                raise Refused(recorder.problem)
             if elapsed % SYNC_S == 0.0:
                 await asyncio.to_thread(recorder.sync)
             if sys.stderr.isatty():
@@ -196,7 +197,15 @@ async def _watch(recorder: Recorder, *, attached: bool) -> None:
 
 
 class _Numbered(msgspec.Struct):
-    seq: int | None = None
+    # MCAP has 32 bits for it.
+    seq: Annotated[int, msgspec.Meta(ge=0, lt=1 << 32)] | None = None
+
+
+def _number(channel: Channel, payload: bytes) -> int | None:
+    """The number of a native sample; None for any other message."""
+    if channel.message_encoding != "json":
+        return None
+    return msgspec.json.decode(payload, type=_Numbered).seq
 
 
 class Recorder:
@@ -225,7 +234,11 @@ class Recorder:
     def _take(self, topic: Recorded, arrival: Arrival) -> None:
         if self.problem:
             return
-        found = topic.channel(arrival.payload)
+        try:
+            found = topic.channel(arrival.payload)
+            number = _number(*found) if found is not None else None
+        except (msgspec.DecodeError, RecursionError):
+            found = None
         if found is None:
             self.unreadable += 1
             return
@@ -234,36 +247,41 @@ class Recorder:
         arrived_ns = max(arrival.arrived_ns, self._arrived_ns.get(topic.key, 0))
         self._arrived_ns[topic.key] = arrived_ns
         logged_ns = self._wall_ns(arrived_ns)
-        sequence = self._sequence(topic, payload) if channel.message_encoding == "json" else 0
-        if not sequence:
+        if number is None:
             self.lost += arrival.dropped
+        else:
+            self._find_gap(topic.key, number)
         try:
             self._files[channel.message_encoding].write(
                 channel,
                 payload,
                 logged_ns=logged_ns,
                 published_ns=arrival.stamp_ns or logged_ns,
-                sequence=sequence,
+                sequence=number or 0,
             )
         except OSError as error:
-            self.problem = f"The recording ends: {error.strerror or error}."
+            self._fail(error)
 
-    def _sequence(self, topic: Recorded, payload: bytes) -> int:
-        """The number of a native sample; a gap since the one before is counted as lost."""
-        number = msgspec.json.decode(payload, type=_Numbered).seq
-        if number is None:
-            return 0
-        before = self._sequences.get(topic.key)
-        self._sequences[topic.key] = number
+    def _fail(self, error: OSError) -> None:
+        self.problem = self.problem or f"The recording ends: {error.strerror or error}."
+
+    def _find_gap(self, key: str, number: int) -> None:
+        """Count what is missing since the native sample before this one as lost."""
+        before = self._sequences.get(key)
+        self._sequences[key] = number
         # A daemon that is started again begins at the beginning.
         if before is not None and number > before:
             self.lost += number - before - 1
-        return number
 
     def sync(self) -> None:
         """Have the disk keep what was written; slow, so in a thread."""
         for files in self._files.values():
-            files.sync()
+            try:
+                files.sync()
+            except OSError as error:
+                # The part may have ended meanwhile.
+                if error.errno != errno.EBADF:
+                    self._fail(error)
 
     def facts(self) -> dict[str, int]:
         """The counts of what was recorded so far."""
@@ -278,11 +296,11 @@ class Recorder:
 
     def end(self) -> dict[str, int]:
         """End the files; what was recorded."""
-        try:
-            for files in self._files.values():
+        for files in self._files.values():
+            try:
                 files.end()
-        except OSError as error:
-            self.problem = self.problem or f"The recording ends: {error.strerror or error}."
+            except OSError as error:
+                self._fail(error)
         return self.facts()
 
 
