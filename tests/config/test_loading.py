@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from yahboomd.config import Config, read
+from yahboomd.config import Config, read, read_foreign
 from yahboomd.errors import ConfigError
 
 
@@ -262,3 +262,13 @@ def test_any_file_gives_a_config_or_a_config_error(tmp_path, content):
     path.write_bytes(content)
     outcome = attempt(path)
     assert isinstance(outcome, Config) or "fuzzed.toml" in outcome
+
+
+def test_the_configuration_of_another_version_is_refused_with_what_differs():
+    data = Config().as_data()
+    assert read_foreign(data, "The daemon") == Config()
+    data["serial"]["colour"] = "red"
+    with pytest.raises(ConfigError, match=r"^The daemon has a .* use: serial\.colour: .*same"):
+        read_foreign(data, "The daemon")
+    with pytest.raises(ConfigError):
+        read_foreign(None, "The daemon")

@@ -5,7 +5,7 @@
 reference page is written from them.
 """
 
-from yahboomd.config.loading import STANDARD_PATH, Loaded, read
+from yahboomd.config.loading import STANDARD_PATH, Loaded, read, read_foreign
 from yahboomd.config.models import WHEELS, Config, runtime_folder
 
-__all__ = ["STANDARD_PATH", "WHEELS", "Config", "Loaded", "read", "runtime_folder"]
+__all__ = ["STANDARD_PATH", "WHEELS", "Config", "Loaded", "read", "read_foreign", "runtime_folder"]

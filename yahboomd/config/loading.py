@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from yahboomd import __version__
 from yahboomd.config.layers import NOWHERE, Layers, Origin, plain
 from yahboomd.config.models import Config, calibration_path
 from yahboomd.config.rules import Finding, findings
@@ -105,6 +106,25 @@ def read(
     return Loaded(config.resolved(), layers, path, tuple(_lines(warnings)), calibrated_at)
 
 
+def read_foreign(data: object, owner: str) -> Config:
+    """The configuration of another yahboomd, which may be another version.
+
+    Args:
+        owner: What has it, as the beginning of a sentence.
+
+    Raises:
+        ConfigError: This version does not know such a configuration.
+    """
+    config, errors = _validated(data)
+    if errors:
+        place, why = dotted(errors[0]["loc"]), errors[0]["msg"]
+        raise ConfigError(
+            f"{owner} has a configuration that yahboomd {__version__} cannot use: {place}: {why}.",
+            remedy="Use the same version of yahboomd there and here.",
+        )
+    return config
+
+
 def _calibrate(layers: Layers, config: Config, path: Path) -> str:
     """Take the calibration in a file; why it is ignored, else."""
     from yahboomd.config.calibration_file import difference, read_calibration
@@ -139,7 +159,7 @@ def _lines(mistakes: Sequence[tuple[Origin, str]]) -> list[str]:
     return [plain(": ".join(filter(None, (origin.words, words)))) for origin, words in mistakes]
 
 
-def _validated(data: dict[str, Any]) -> tuple[Config, list[ErrorDetails]]:
+def _validated(data: object) -> tuple[Config, list[ErrorDetails]]:
     from pydantic import ValidationError
 
     try:

@@ -14,6 +14,7 @@ from zenoh_fixtures import free_endpoint
 from benchmarks.soak.processes import BOARD_NICE, DAEMON_NICE, prefer
 from yahboomd.blackbox.box_file import read_box
 from yahboomd.cli.replay.replay_port import as_configured_says
+from yahboomd.config import Config
 from yahboomd.protocol.registry import DIALECTS
 from yahboomd.simulation.virtual_time import run as run_on_virtual_time
 
@@ -97,12 +98,12 @@ def test_a_board_that_was_never_asked_answers_as_its_configuration_has_it(tmp_pa
         return bench
 
     save(tmp_path / "box", run_on_virtual_time(drive()))
-    header = read_box((tmp_path / "box").read_bytes()).header
-    said = as_configured_says(header, DIALECTS["streamed"], b"$read_flash#")
+    config = Config.of(read_box((tmp_path / "box").read_bytes()).header.config)
+    said = as_configured_says(config, DIALECTS["streamed"], b"$read_flash#")
     assert said.startswith(b"read_flash:OK!")
     assert b"Motor_type:2" in said
     asked = as_configured_says(
-        header, DIALECTS["rosmaster"], DIALECTS["rosmaster"].read_settings[0]
+        config, DIALECTS["rosmaster"], DIALECTS["rosmaster"].read_settings[0]
     )
     assert asked.startswith(b"\xff\xfb")
     assert len(asked) == asked[2] + 2

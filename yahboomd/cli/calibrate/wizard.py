@@ -121,13 +121,13 @@ async def config_of(robot: AsyncRobot, loaded: Loaded) -> Config:
     """The daemon's configuration, which the calibration file of this machine must belong to.
 
     Raises:
-        ConfigError: It is another robot's.
+        ConfigError: It is another robot's, or another version's.
     """
-    from yahboomd.config import Config
+    from yahboomd.config import read_foreign
     from yahboomd.config.calibration_file import geometry_of
 
     answer = await robot.call(keys.CONFIG, timeout_s=DAEMON_WITHIN_S)
-    config = Config.of(answer.data)
+    config = read_foreign(answer.data, "The daemon")
     if geometry_of(config) != geometry_of(loaded.config):
         raise ConfigError(
             "The daemon runs with another robot's configuration than "

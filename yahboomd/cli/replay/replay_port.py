@@ -16,7 +16,7 @@ from yahboomd.cli.replay.recorded_wire import Connection, connection
 from yahboomd.cli.replay.replayed_board import ReplayedBoard
 from yahboomd.cli.simulated_robot import as_configured
 from yahboomd.clock import seconds
-from yahboomd.config import Config
+from yahboomd.config import Config, read_foreign
 from yahboomd.protocol.dialect import Dialect
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.port_link import claim
@@ -33,10 +33,11 @@ def be_a_port(recorded: list[Connection], header: Header, link: Path, *, as_json
     """Play connections on a pseudo-terminal.
 
     Raises:
-        ConfigError: The link cannot be made.
+        ConfigError: The link cannot be made, or the black box is of another version.
     """
+    config = read_foreign(header.config, "The robot of the black box")
     board = ReplayedBoard(
-        recorded, lambda dialect, question: as_configured_says(header, dialect, question)
+        recorded, lambda dialect, question: as_configured_says(config, dialect, question)
     )
     complete = asyncio.run(_serve(board, recorded, link))
     facts: dict[str, Any] = {
@@ -48,9 +49,8 @@ def be_a_port(recorded: list[Connection], header: Header, link: Path, *, as_json
     return 0
 
 
-def as_configured_says(header: Header, dialect: Dialect, question: bytes) -> bytes:
+def as_configured_says(config: Config, dialect: Dialect, question: bytes) -> bytes:
     """The answer of a board that stores what the recorded configuration says."""
-    config = Config.of(header.config)
     robot = SimulatedRobot(as_configured(config, SimulationOptions(dialect=dialect.name)))
     robot.start(0)
     robot.host_wrote(question, 0)
