@@ -114,6 +114,7 @@ def test_a_folder_that_cannot_be_written_is_no_error(tmp_path: Path) -> None:
         "",
         "{",
         "[]",
+        "[" * 4096,
         "7",
         "\udcff",
         '{"path": "/dev/ttyUSB0"}',

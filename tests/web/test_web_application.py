@@ -44,7 +44,8 @@ async def test_without_a_token_or_with_a_wrong_one_no_one_gets_in(site: Any) -> 
         status, headers, _ = await served.request("POST", "/session", login(wrong))
         assert status == 403
         assert "set-cookie" not in headers
-    for body in (b"", b"{}", b"[]", b'{"token": 1}', b"\xff"):
+    deep = b'{"x": ' + b"[" * 2000
+    for body in (b"", b"{}", b"[]", b'{"token": 1}', b"\xff", deep):
         assert (await served.request("POST", "/session", body))[0] == 400
     forged = f"yahboomd-{served.port}={TOKENS.cookie('driver')[:-1]}0"
     for cookie in ("", forged, f"yahboomd-{served.port}={TOKENS.driver}"):

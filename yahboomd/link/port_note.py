@@ -145,7 +145,7 @@ def _note(place: str) -> PortNote | None:
         if note.device is not None:
             note = note._replace(device=Device(*note.device))
         note = note._replace(listen=tuple(note.listen))
-    except (OSError, ValueError, TypeError):
+    except (OSError, ValueError, TypeError, RecursionError):
         return None
     if tuple(map(type, note[:5])) != (str, int, bool, bool, bool):
         return None

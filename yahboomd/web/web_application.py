@@ -139,7 +139,7 @@ class WebApplication:
             return _json(413, text=f"At most {MAX_BYTES} bytes.")
         try:
             token = msgspec.json.decode(body, type=Login).token
-        except ValueError:
+        except (ValueError, RecursionError):
             return _json(400, text='This is not {"token": "..."}.')
         role = "driver" if self._tokens is None else self._tokens.role(token)
         if role is None:

@@ -33,7 +33,8 @@ def answering(path: Path, *answers: bytes) -> threading.Thread:
 def test_lines_come_whole_however_they_are_cut_and_what_is_no_object_is_left_out(
     tmp_path: Path,
 ) -> None:
-    answers = (b'{"daemon": "yah', b'boomd"}\n[1]\nnoise\n{"stood": true}\n')
+    noise = b"noise\n" + b"[" * 5000
+    answers = (b'{"daemon": "yah', b'boomd"}\n[1]\n' + noise + b'\n{"stood": true}\n')
     thread = answering(tmp_path / "a", *answers)
     talk = Talk(str(tmp_path / "a"), b"status\n")
     converse([talk], lines=2, within_s=20.0)

@@ -74,7 +74,9 @@ def test_without_a_file_or_a_folder_nothing_is_engaged(tmp_path: Path) -> None:
         assert LatchFile(path, port="").load() is None
 
 
-@pytest.mark.parametrize("content", [b"", b"{", b"[]", b"\xff\xfe", b'{"engaged": true}'])
+@pytest.mark.parametrize(
+    "content", [b"", b"{", b"[]", b"\xff\xfe", b'{"engaged": true}', b"[" * 4096]
+)
 def test_a_damaged_file_counts_as_engaged(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "estop"
     path.write_bytes(content)

@@ -60,7 +60,7 @@ class Talk:
         self.ended = not data or len(self._data) > MAX_BYTES
         *whole, self._data = self._data.split(b"\n")
         for line in whole:
-            with contextlib.suppress(ValueError):
+            with contextlib.suppress(ValueError, RecursionError):
                 facts = json.loads(line)
                 if isinstance(facts, dict):
                     self.lines.append(facts)

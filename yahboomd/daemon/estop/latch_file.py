@@ -159,7 +159,7 @@ def _author(path: Path) -> str:
             log.warning("%s is no regular file: the e-stop counts as engaged", path)
             return "unknown (its file is no regular file)"
         return str(json.loads(os.read(fd, MAX_BYTES))["by"])
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return "unknown (its file is damaged)"
     finally:
         os.close(fd)
