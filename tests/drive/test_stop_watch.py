@@ -41,6 +41,23 @@ def test_a_wheel_that_turns_on_is_named_and_cut_after_0_6_s(watch: StopWatch) ->
     assert watch.check(T0 + 620 * MS) is None
 
 
+def test_a_wheel_that_turns_on_after_it_was_cut_is_reported_once_more(watch: StopWatch) -> None:
+    faults = []
+    for n in range(1, 300):
+        watch.measure(T0 + n * 20 * MS, (0.0, -0.8))
+        if fault := watch.check(T0 + n * 20 * MS):
+            faults.append((n * 20, fault.motor, "switch their supply off" in fault.message))
+    assert faults == [(600, "right", False), (1600, "right", True)]
+
+
+def test_a_wheel_that_rolls_out_after_it_was_cut_is_not_reported_again(watch: StopWatch) -> None:
+    assert follow(watch, lambda s: 0.8 if s < 0.6 else 0.8 * 0.8 ** (s - 0.6)) == [600]
+
+
+def test_a_wheel_that_gains_speed_again_after_it_was_cut_is_reported(watch: StopWatch) -> None:
+    assert follow(watch, lambda s: 0.8 if s < 0.62 else 0.4 if s < 1.7 else 0.6) == [600, 2600]
+
+
 def test_a_stop_that_no_reading_shows_is_overdue_too(watch: StopWatch) -> None:
     fault = watch.check(T0 + 600 * MS)
     assert fault is not None
@@ -128,11 +145,11 @@ def test_a_wheel_that_slows_down_is_overdue_after_0_6_s_and_never_accused(
 def test_a_wheel_that_slowed_down_and_then_turns_on_is_accused_600_ms_after_the_cut(
     watch: StopWatch,
 ) -> None:
-    assert follow(watch, lambda t: max(0.2, 0.5 - t)) == [1200]
+    assert follow(watch, lambda t: max(0.2, 0.5 - t)) == [1200, 2200]
 
 
 def test_a_wheel_that_grows_faster_is_accused_at_once(watch: StopWatch) -> None:
-    assert follow(watch, lambda t: 0.3 + t) == [600]
+    assert follow(watch, lambda t: 0.3 + t) == [600, 1600]
 
 
 def test_on_a_noisy_line_a_wheel_is_accused_only_after_the_cut_had_as_long(
@@ -144,7 +161,7 @@ def test_on_a_noisy_line_a_wheel_is_accused_only_after_the_cut_had_as_long(
         if watch.check(T0 + ms * MS, noisy=True) is not None:
             accused.append(ms)
         assert (watch.state == "overdue") == (ms >= 600)
-    assert accused == [1200]
+    assert accused == [1200, 2200]
 
 
 def judged_on_a_noisy_line(watch: StopWatch, readings: dict[int, float]) -> list[int]:

@@ -6,6 +6,7 @@ On virtual time, with the incremental speed loop of the board: a lying encoder m
 from __future__ import annotations
 
 import asyncio
+import re
 from pathlib import Path
 
 import pytest
@@ -21,6 +22,7 @@ CUT_WITHIN_NS = 150 * MS
 SELDOM_NS = {"rosmaster": 41 * MS, "binary": 40 * MS}
 """A board that reports so seldom shows a wheel that much later."""
 
+SWITCH_OFF = re.compile(r"still turns .* switch their supply off")
 RUNAWAYS = ["encoder-reversed", "phases-swapped"]
 SILENT = ["encoder-dead", "unplugged", "stalled"]
 MOTIONS = [(-0.3, 0.0), (0.1, 0.0), (0.6, 0.0), (0.0, 3.0)]
@@ -220,6 +222,24 @@ async def test_a_stop_does_not_leave_an_unseen_runaway_running(
         await asyncio.sleep(2.5)
         assert bench.standing
         assert bench.frames[-1] == SUREST[dialect]
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_a_wheel_that_no_cut_stops_is_reported_with_the_supply_to_switch_off(
+    tmp_path: Path, dialect: str
+) -> None:
+    async with robot(tmp_path, dialect=dialect) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.3)
+        # As with a motor driver that is shorted.
+        bench.do("turning left 0.9")
+        await bench.drive(0.5, 0.3)
+        at_ns = bench.clock.now_ns()
+        await bench.until(lambda: any(map(SWITCH_OFF.search, bench.events("stop_not_obeyed"))))
+        assert bench.clock.now_ns() - at_ns <= 2000 * MS
+        await bench.drive(3.0, 0.3)
+        assert len(list(filter(SWITCH_OFF.search, bench.events("stop_not_obeyed")))) == 1
 
 
 @pytest.mark.parametrize("fault", ["encoder-dead", "encoder-reversed", "phases-swapped"])

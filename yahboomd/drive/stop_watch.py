@@ -2,8 +2,10 @@
 
 After a zero command the wheels have to be measured standing within 0.6 s; where they are not, the
 stop is overdue and the motors are cut. A wheel that slows down obeys, however long the board's own
-loop or its momentum take: it is cut, and not accused. One reading proves neither a standstill, as a
-wheel that swings through zero shows a slow one, too, nor motion: a digit may be garbled.
+loop or its momentum take: it is cut, and not accused. One that was accused and turns on although it
+was cut is reported once more: nothing that can be sent ends that. One reading proves neither a
+standstill, as a wheel that swings through zero shows a slow one, too, nor motion: a digit may be
+garbled.
 """
 
 from __future__ import annotations
@@ -30,6 +32,8 @@ SETTLED_NS = 30_000_000
 SLOWED = 0.7
 # A wheel that was let go rolls out by its friction alone.
 ROLLS_OUT = 0.9
+ROLLS_NS = 1_000_000_000
+"""From the cut of a wheel that did not obey to the next look at it."""
 
 
 class StopWatch:
@@ -47,6 +51,7 @@ class StopWatch:
         self._begun_ns = 0
         self._judged_ns: int | None = 0
         self._still_ns: int | None = None
+        self._cut_ns: int | None = None
         self._latest: deque[tuple[float, ...]] = deque(maxlen=2)
         self._fastest: tuple[float, ...] = ()
 
@@ -56,7 +61,7 @@ class StopWatch:
             return
         self.state = "stopping"
         self._begun_ns = self._judged_ns = now_ns
-        self._still_ns = None
+        self._still_ns = self._cut_ns = None
         self._latest.clear()
         self._fastest = (0.0,) * len(self._motors)
 
@@ -95,11 +100,14 @@ class StopWatch:
                 cut was sent for as long.
 
         Returns:
-            The fault of a wheel that did not obey, once, whether readings arrive or not; ``None``
-            as long as every wheel that turns slows down.
+            The fault of a wheel that did not obey, once, whether readings arrive or not, and once
+            more where it turns on although it was cut; ``None`` as long as every wheel that turns
+            slows down.
         """
-        if self.state not in {"stopping", "overdue"} or self._judged_ns is None:
+        if self.state not in {"stopping", "overdue"}:
             return None
+        if self._judged_ns is None:
+            return self._after_cut(now_ns)
         if now_ns - self._judged_ns < WITHIN_NS:
             return None
         if self._still_ns is not None and now_ns - self._still_ns < 2 * SETTLED_NS:
@@ -127,14 +135,11 @@ class StopWatch:
                 ),
                 action="cut",
             )
-        speed, name, fastest = max(
-            zip(map(slowest, *self._latest), self._motors, self._fastest, strict=True),
-            key=lambda wheel: abs(wheel[0]) - slowed * wheel[2],
-        )
-        if abs(speed) <= max(slowed * fastest, STANDING_M_S):
-            self._judge_later(now_ns)
+        speed, name = self._turning_on(slowed)
+        self._judge_later(now_ns)
+        if not speed:
             return None
-        self._judged_ns = None
+        self._judged_ns, self._cut_ns = None, now_ns
         return Fault(
             kind="stop_not_obeyed",
             motor=name,
@@ -146,6 +151,40 @@ class StopWatch:
             action="cut",
             measured_m_s=speed,
         )
+
+    def _after_cut(self, now_ns: int) -> Fault | None:
+        """The fault of a wheel that was accused and cut, and turns on; once."""
+        cut_ns = self._cut_ns
+        if cut_ns is None or now_ns - cut_ns < ROLLS_NS or len(self._latest) < 2:
+            return None
+        speed, name = self._turning_on(ROLLS_OUT)
+        self._judge_later(now_ns)
+        self._judged_ns, self._cut_ns = None, None if speed else now_ns
+        if not speed:
+            return None
+        return Fault(
+            kind="stop_not_obeyed",
+            motor=name,
+            message=(
+                f"{name} still turns at {speed:.2f} m/s although the motors were cut, and no "
+                "command ends that: switch their supply off. Unless a hand or a slope turns it, "
+                "the board receives nothing, or its motor driver is broken."
+            ),
+            action="cut",
+            measured_m_s=speed,
+        )
+
+    def _turning_on(self, slowed: float) -> tuple[float, str]:
+        """The speed and the name of the wheel that slowed down least; 0 where all did so.
+
+        Args:
+            slowed: A wheel below that share of its fastest speed slows down.
+        """
+        speed, name, fastest = max(
+            zip(map(slowest, *self._latest), self._motors, self._fastest, strict=True),
+            key=lambda wheel: abs(wheel[0]) - slowed * wheel[2],
+        )
+        return (speed if abs(speed) > max(slowed * fastest, STANDING_M_S) else 0.0), name
 
     def _judge_later(self, now_ns: int) -> None:
         self._judged_ns = now_ns
