@@ -16,6 +16,7 @@ from robot_bench import steps_of
 from zenoh_fixtures import eventually
 
 from yahboomd.clock import Schedule
+from yahboomd.daemon.estop import latch
 
 pytestmark = pytest.mark.realtime
 
@@ -140,3 +141,15 @@ async def test_the_watchdog_is_fed_by_control_steps_alone(
             await asyncio.sleep(0.02)
         assert b"WATCHDOG=1" not in heard()
         assert len(steps) <= 1
+
+
+async def test_a_daemon_writes_the_file_of_its_emergency_stop_again_where_it_was_removed(
+    inner: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(latch, "LOOK_S", 0.01)
+    await inner.driven()
+    inner.session.put("yahboomd/estop", b"")
+    file = tmp_path / "estop"
+    await eventually(file.exists)
+    file.unlink()
+    await eventually(file.exists)

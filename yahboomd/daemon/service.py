@@ -124,7 +124,7 @@ class Daemon:
             imu_frame_id=config.imu.frame_id,
             motor_names=tuple(motor.name for motor in config.motors()),
         )
-        latch = assembly.latch(config, clock, self._environ)
+        latch = self._latch = assembly.latch(config, clock, self._environ)
         box = self._box = BlackBox(config, clock, self._environ)
         controller = assembly.controller(
             config, clock, arbiter=arbiter, latch=latch, outputs=self, recorder=box.recorder
@@ -272,6 +272,7 @@ class Daemon:
                 if self._ros2 is not None:
                     self._ros2.status(sample)
                 self._clocks.report(self._clock.now_ns())
+                self._latch.look(self._clock.now_ns())
                 notifier.status(f"{sample.state}: {sample.why}")
                 alarm.set(self._clock.now_ns() + nanoseconds(STATUS_EVERY_S))
                 self._status_due.clear()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 import threading
@@ -135,6 +136,34 @@ def test_an_error_of_ours_in_the_thread_is_a_failure_like_any_other(disk: Disk, 
     wait_for(lambda: keeper.failures > 1, "it is tried again")
     disk.engage = broken  # type: ignore[method-assign]
     assert keeper.settled(60.0)
+
+
+@pytest.mark.parametrize("writable", [True, False])
+def test_the_file_of_an_engaged_latch_that_was_removed_is_written_again(
+    tmp_path: Path, soon, writable: bool
+) -> None:
+    soon("RETRY_S")
+    session = tmp_path / "session"
+    path = session / "yahboomd" / "estop"
+    latch = EstopLatch(LatchFile(path), 0)
+    latch.engage("one", 1)
+    latch.remember()
+    assert latch.settle()
+    shutil.rmtree(session)
+    if not writable:
+        # No session of this user: a file stands where its folder would be.
+        session.touch()
+    latch.look(4_999_999_999)
+    latch.look(5_000_000_000)
+    if not writable:
+        wait_for(lambda: latch.status_values()["estop_not_on_file"], "it is noticed")
+        session.unlink()
+    wait_for(path.exists, "it is there again")
+    assert latch.settle()
+    assert LatchFile(path).load() == "one"
+    assert latch.release(()).released
+    latch.look(10_000_000_000)
+    assert not path.exists()
 
 
 def test_no_thread_is_left_once_the_file_is_as_it_should_be(disk: Disk) -> None:

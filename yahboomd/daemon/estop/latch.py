@@ -1,7 +1,8 @@
 """The e-stop that outlives the process: the pure latch, and the thread that writes its file.
 
 A disk that hangs delays no stop: the thread writes, and the newest state counts. A failed write is
-retried until the latch is on file or the e-stop is released.
+retried until the latch is on file or the e-stop is released. A file that was removed meanwhile is
+written again.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from collections.abc import Sequence
 
 from msgspec import structs
 
+from yahboomd.clock import nanoseconds
 from yahboomd.daemon.estop.latch_file import LatchFile
 from yahboomd.drive.estop import EmergencyStop, Latched, Release
 
@@ -27,6 +29,9 @@ RELEASE_WITHIN_S = 0.5
 that takes longer hangs."""
 
 RETRY_S = 1.0
+LOOK_S = 5.0
+"""From one look whether an engaged latch is on file to the next. A runtime folder goes with the
+last session of its user, and what is old in /tmp is removed."""
 
 
 class LatchKeeper:
@@ -42,7 +47,7 @@ class LatchKeeper:
         self._state = threading.Condition()
         self._by: str | None = None
         self._wish = self._tried = self._done = 0
-        self._working = False
+        self._working = self._looking = False
         self._failing = False
         self._hangs = False
 
@@ -91,21 +96,32 @@ class LatchKeeper:
         with self._state:
             return self._state.wait_for(lambda: self.on_file, within_s)
 
+    def look(self) -> None:
+        """Have the file of an engaged latch written again where it was removed; returns at once."""
+        with self._state:
+            if self._by is not None and not self._working:
+                self._looking = True
+                self._start()
+
     def _ask(self, by: str | None) -> int:
         self._by = by
         self._wish += 1
         self._state.notify_all()
+        self._start()
+        return self._wish
+
+    def _start(self) -> None:
         if not self._working:
             self._working = True
             threading.Thread(target=self._work, name="latch-file", daemon=True).start()
-        return self._wish
 
     def _work(self) -> None:
         while True:
             with self._state:
-                if self.on_file:
+                if self.on_file and not self._looking:
                     self._working = False
                     return
+                self._looking = False
                 wish, by = self._wish, self._by
             error: Exception | None = None
             try:
@@ -118,8 +134,8 @@ class LatchKeeper:
             with self._state:
                 self._tried = wish
                 self._hangs = False
-                if error is None:
-                    self._done = wish
+                # One that was on file may be gone, and cannot be written again.
+                self._done = wish if error is None else min(self._done, wish - 1)
                 self._log_outcome(by, error)
                 self._state.notify_all()
                 if error is not None:
@@ -168,6 +184,7 @@ class EstopLatch:
     ) -> None:
         self._keeper = LatchKeeper(file)
         self._settling: asyncio.Future[bool] | None = None
+        self._looked_ns = now_ns
         by = self._keeper.load()
         remembered = None
         if by is not None:
@@ -210,6 +227,12 @@ class EstopLatch:
         """Have an engaged latch put on file, after the wheels were stopped; returns at once."""
         if self._stop.latched is not None:
             self._keeper.engage(self._stop.latched.by)
+
+    def look(self, now_ns: int) -> None:
+        """Look, every 5 s, whether an engaged latch is still on file; called more often."""
+        if self.engaged and now_ns - self._looked_ns >= nanoseconds(LOOK_S):
+            self._looked_ns = now_ns
+            self._keeper.look()
 
     def settle(self) -> bool:
         """Wait for the file, for half a second at most; whether it is as the latch is. Blocks."""
