@@ -13,6 +13,8 @@ from real_robot import Process, free_endpoint, wait_for
 from yahboomd.cli.main import main
 from yahboomd.cli.unresponsive import process_state
 from yahboomd.daemon.service import Daemon
+from yahboomd.link import port_note
+from yahboomd.link.port_note import PortNote
 
 pytestmark = pytest.mark.realtime
 
@@ -137,3 +139,42 @@ def test_a_second_daemon_on_the_listen_port_names_the_command_that_ends_the_firs
     wanted = f"`kill -CONT {pid}`, or end it: kill -9 {pid}" if frozen else f"End it: kill {pid}"
     assert wanted in second.output
     first.process.send_signal(signal.SIGCONT)
+
+
+@pytest.mark.parametrize("dialect", ["streamed", "polled"])
+def test_wheels_that_a_crash_left_turning_are_stopped_where_the_bus_cannot_be_opened(
+    started: Callable[..., Process], simulated_board, dialect: str
+) -> None:
+    first = started("--port", "/dev/not-there")
+    first.says("Listening")
+    board = simulated_board("--dialect", dialect)
+    board.drive()
+    board.kill_owner()
+    assert not board.stands
+    second = started("--port", board.port)
+    assert second.end_by_itself() == os.EX_UNAVAILABLE
+    assert f"{board.port}: the wheels stand" in second.output
+    assert board.stands
+
+
+@pytest.mark.parametrize("mistake", [True, False])
+def test_a_daemon_that_does_not_start_names_the_board_of_one_that_was_killed(
+    started: Callable[..., Process], tmp_path: Path, mistake: bool
+) -> None:
+    environ = {"RUNTIME_DIRECTORY": str(tmp_path)}
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    master, slave = os.openpty()
+    note = PortNote(os.ttyname(slave), 115200, True, False, False, None, gone.pid)
+    assert port_note.write(note, str(tmp_path))
+    if mistake:
+        failing = started("--set", "serial.baudrate=fast", **environ)
+    else:
+        started("--port", "/dev/not-there", **environ).says("Listening")
+        failing = started("--port", "/dev/not-there", **environ)
+    assert failing.end_by_itself() == (os.EX_CONFIG if mistake else os.EX_UNAVAILABLE)
+    words = f"A daemon that was killed (pid {gone.pid}) may have left wheels turning at {note.path}"
+    assert words in failing.output
+    assert "yahboomd stop` stops them" in failing.output
+    os.close(slave)
+    os.close(master)

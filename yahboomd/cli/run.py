@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from yahboomd.cli.child_reader import read_in_child
 from yahboomd.cli.shared_options import add_config_options, add_port_option, read_config
 from yahboomd.cli.unresponsive import FROZEN, is_yahboomd, process_state
-from yahboomd.errors import BusError
+from yahboomd.errors import BusError, YahboomdError
 
 if TYPE_CHECKING:
     from yahboomd.config import Config
@@ -56,6 +56,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run until a signal ends it."""
+    try:
+        return _serve(args)
+    except YahboomdError:
+        _warn_of_killed()
+        raise
+
+
+def _serve(args: argparse.Namespace) -> int:
     from yahboomd.config import Config
 
     wait = read_in_child(
@@ -117,6 +125,19 @@ def _read(args: argparse.Namespace) -> tuple[Config, tuple[str, ...], dict[str, 
 
         meanings = parameter_meanings(loaded.config)
     return loaded.config, loaded.warnings, meanings
+
+
+def _warn_of_killed() -> None:
+    """Name the ports of daemons that were killed: one that does not start stops no wheels."""
+    from yahboomd.cli.stop.stop_local import Wanted, notes
+    from yahboomd.cli.stop.stop_port import warn
+
+    for note in notes(os.environ, Wanted(), ()):
+        if os.path.exists(note.path) and not process_state(note.pid):
+            warn(
+                f"A daemon that was killed (pid {note.pid}) may have left wheels turning at "
+                f"{note.path}, and this one does not start: `yahboomd stop` stops them."
+            )
 
 
 def _explained(error: BusError) -> BusError:

@@ -7,6 +7,7 @@ import gc
 import logging
 import os
 from collections.abc import Mapping
+from functools import partial
 from typing import Any, NoReturn
 
 from yahboomd.bus import keys
@@ -29,8 +30,10 @@ from yahboomd.daemon.ros2_graphs.ros2_samples import RosPublisher
 from yahboomd.daemon.stamps import WallStamps
 from yahboomd.daemon.status_sample import Status
 from yahboomd.daemon.supervisor import Supervisor
+from yahboomd.errors import BusError, YahboomdError
 from yahboomd.link import port_note
 from yahboomd.link.port import Opener
+from yahboomd.link.takeover import take_over
 from yahboomd.messages.codecs import encoding_name
 from yahboomd.model import Event, ImuEstimate, OdometryEstimate
 
@@ -66,6 +69,7 @@ class Daemon:
         self._status_due = asyncio.Event()
         self._ros2: RosPublisher | None = None
         self._callback_failed = asyncio.Event()
+        self._took_over = False
         self.left_clean = True
         """Whether the bus could be closed; where not, only ``os._exit`` ends the process."""
         self.left_standing = True
@@ -95,13 +99,38 @@ class Daemon:
         notifier = Notifier(self._environ)
         bus = Bus(assembly.bus_options(self._config), clock=self._clock)
         try:
-            if await open_bus(bus.open, notifier=notifier, clock=self._clock, stop=self._stop):
+            opening = partial(self._open_bus, bus)
+            if await open_bus(opening, notifier=notifier, clock=self._clock, stop=self._stop):
                 await self._serve(bus, notifier)
         finally:
             notifier.stopping()
             self.left_clean = await bus.close()
             notifier.close()
             self._signals.remove()
+
+    async def _open_bus(self, bus: Bus) -> None:
+        try:
+            await bus.open()
+        except BusError:
+            if not self._took_over:
+                self._took_over = True
+                await self._take_over()
+            raise
+
+    async def _take_over(self) -> None:
+        """Stop what an earlier daemon left turning: a session, which would, waits for the bus."""
+        try:
+            report = await take_over(await self._opener(), self._clock)
+        except YahboomdError as error:
+            log.debug("The wheels cannot be stopped before the bus is open: %s", error)
+            return
+        if report.stood:
+            log.info("%s: the wheels stand, before the bus is open.", report.port)
+        else:
+            log.warning(
+                "%s: a stop was sent, and the wheels were not seen to stand. Look at them.",
+                report.port,
+            )
 
     def _uncaught(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
         """An error in a callback, which has no task to fail: the daemon ends as if it had one."""
