@@ -158,6 +158,15 @@ def test_200_polls_a_second_fit_the_line_and_210_do_not():
     )
 
 
+def test_5_polls_a_second_show_wheels_that_turn_and_4_do_not():
+    rates = {"publish_rate_hz": 1}
+    for dialect, look in (("polled", found), ("auto", warned)):
+        lines = look(serial={"dialect": dialect}, odometry={"poll_rate_hz": 4, **rates})
+        assert set(lines) == {"odometry.poll_rate_hz"}
+        assert look(serial={"dialect": dialect}, odometry={"poll_rate_hz": 5, **rates}) == {}
+    assert found(serial={"dialect": "streamed"}, odometry={"poll_rate_hz": 1, **rates}) == {}
+
+
 def test_too_many_polls_are_a_warning_while_the_dialect_is_open():
     assert set(warned(odometry={"poll_rate_hz": 210})) == {"odometry.poll_rate_hz"}
     assert warned(serial={"dialect": "streamed"}, odometry={"poll_rate_hz": 210}) == {}

@@ -64,6 +64,21 @@ async def test_a_board_whose_version_holds_escape_sequences_commands_no_terminal
 # A board that is no longer heard.
 
 
+@pytest.mark.parametrize("dialect", STREAMS)
+@on_virtual_time
+async def test_unseen_wheels_of_a_stream_are_stopped_as_soon_however_seldom_others_are_asked(
+    tmp_path: Path, dialect: str
+) -> None:
+    rates = ("odometry.poll_rate_hz=1", "odometry.publish_rate_hz=1")
+    async with robot(tmp_path, *rates, dialect=dialect) as bench:
+        await bench.ready()
+        await bench.drive(1.0, 0.3)
+        now_ns = bench.clock.now_ns()
+        bench.do("mute 3")
+        await bench.drive(0.6, 0.3)
+        assert first_stop_ns(bench.orders_since(now_ns)) - now_ns <= 350 * MS
+
+
 @pytest.mark.parametrize("fault", ["mute 0.8", "mute 3", "babble 3", "hang"])
 @pytest.mark.parametrize("dialect", DIALECTS)
 @on_virtual_time

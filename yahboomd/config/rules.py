@@ -55,6 +55,9 @@ _MOTORS: Place = ("chassis", "motors")
 _BASE: Place = ("chassis", "wheel_base_m")
 _PROFILE: Place = ("board", "profile")
 
+LEAST_POLL_HZ = 5
+"""Counts that come more seldom never show that wheels stand, nor whether they turn."""
+
 
 def presets(config: Config) -> Iterator[Finding]:
     """A preset fixes kinematics, wheels and positions; other keys of its motors may be changed."""
@@ -247,6 +250,9 @@ def rates(config: Config) -> Iterator[Finding]:
     if poll_hz > most:
         words = f"expected at most {most:.0f}, what {config.serial.baudrate} baud carry, got "
         yield Finding(poll, f"{words}{number(poll_hz)}", (baud, dialect), chosen == "auto")
+    if poll_bytes and poll_hz < LEAST_POLL_HZ:
+        words = f"expected at least {LEAST_POLL_HZ}: with fewer counts no wheel may turn, got "
+        yield Finding(poll, f"{words}{number(poll_hz)}", (dialect,), chosen == "auto")
     period_ns = DIALECTS[chosen].sample_period_ns if chosen in DIALECTS else None
     if period_ns is not None:
         if publish_hz > (samples := 1e9 / period_ns):

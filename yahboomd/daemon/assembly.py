@@ -16,7 +16,7 @@ from yahboomd.config import Config, runtime_folder
 from yahboomd.daemon.control import Controller
 from yahboomd.daemon.estop.latch import EstopLatch
 from yahboomd.daemon.estop.latch_file import LatchFile
-from yahboomd.daemon.fit import ControlOptions
+from yahboomd.daemon.fit import BLIND_S, ControlOptions
 from yahboomd.daemon.folder import check_folder
 from yahboomd.daemon.publisher import Outputs
 from yahboomd.daemon.recorded_odometer import RecordedOdometer
@@ -85,7 +85,7 @@ def control_options(config: Config) -> ControlOptions:
         turns_without_command=config.faults.turns_without_command,
         min_speed_m_s=config.faults.min_speed_m_s,
         period_s=1.0 / config.command.rate_hz,
-        blind_s=max(0.3, 3.0 / config.odometry.poll_rate_hz),
+        blind_s=max(BLIND_S, 3.0 / config.odometry.poll_rate_hz),
         release=release_command(config.zenoh.namespace, config.zenoh.listen),
         mounting=config.imu.mounting(),
     )

@@ -13,7 +13,7 @@ from typing import NoReturn
 
 from yahboomd.clock import Clock, Schedule, nanoseconds, seconds
 from yahboomd.daemon.estop.latch import EstopLatch
-from yahboomd.daemon.fit import ControlOptions, fit
+from yahboomd.daemon.fit import BLIND_S, ControlOptions, fit
 from yahboomd.daemon.interruptions import Pauses, Resets
 from yahboomd.daemon.publisher import Events, Outputs
 from yahboomd.daemon.wheels import Wheels
@@ -130,7 +130,7 @@ class Controller:
         self._raw_ticks: Counts = (0, 0, 0, 0)
         self._alarm = clock.alarm(self._extra_step)
         self._period_ns = nanoseconds(options.period_s)
-        self._blind_ns = nanoseconds(options.blind_s)
+        self._blind_s = options.blind_s
         self._beats = Schedule(clock, self._period_ns)
         self.volts: float | None = None
         self.imu_sensor: str | None = None
@@ -204,11 +204,11 @@ class Controller:
     def _look(self, now_ns: int) -> None:
         """Wait for the board where the wheels are no longer seen."""
         if (
-            now_ns - self._seen_ns > self._blind_ns
+            now_ns - self._seen_ns > nanoseconds(self._blind_s)
             and self._wheels.attached
             and not self._holds.has(WAITING_FOR_BOARD)
         ):
-            blind_s = self._options.blind_s
+            blind_s = self._blind_s
             self._wait(f"No counts have come for {blind_s:g} s, and wheels are not driven unseen.")
             self.counters["blind"] += 1
             self._outputs.changed()
@@ -315,6 +315,7 @@ class Controller:
         self._arbiter.forget_commands(now_ns)
         self.imu_sensor = None
         dialect = identity.dialect
+        self._blind_s = self._options.blind_s if dialect.poll is not None else BLIND_S
         self._odometer.set_sample_period(
             dialect.sample_period_ns,
             each_line=dialect.renews_with_each_line,

@@ -15,6 +15,9 @@ from yahboomd.odometry.imu_axes import AS_THEY_ARE, Mounting
 from yahboomd.protocol.dialect import Motion
 from yahboomd.protocol.profiles import MotorProfile
 
+BLIND_S = 0.3
+"""Without counts for so long a robot stands: unseen wheels are not driven."""
+
 
 class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Facts of this robot that the control path needs.
@@ -29,7 +32,7 @@ class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
         turns_without_command: What follows from a wheel that turns by itself.
         min_speed_m_s: Commands below it prove nothing about counts that stay away.
         period_s: From one control step to the next.
-        blind_s: Without counts for so long it stands: unseen wheels are not driven.
+        blind_s: The same as :data:`BLIND_S`, of a board that has to be asked for its counts.
         release: The command of a terminal that releases this robot's e-stop.
     """
 
@@ -44,7 +47,7 @@ class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
     turns_without_command: Literal["stop", "report"] = "report"
     min_speed_m_s: float = 0.08
     period_s: float = 0.02
-    blind_s: float = 0.3
+    blind_s: float = BLIND_S
     release: str = "yahboomd stop --release"
     mounting: Mounting = Mounting(AS_THEY_ARE, AS_THEY_ARE)
 

@@ -65,7 +65,7 @@ class Poller:
         self._writer = writer
         self._clock = clock
         self._dialect = dialect
-        self._period_ns = period_ns if dialect.poll is not None else max(period_ns, WATCH_NS)
+        self._period_ns = period_ns if dialect.poll is not None else WATCH_NS
         # A slow schedule need not wait its whole period for an answer that was lost.
         self._answer_ns = min(max(period_ns, 20_000_000), 100_000_000)
         self._on_reading = on_reading
