@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from urllib.parse import quote
 
 import pytest
 
@@ -89,6 +90,19 @@ async def test_how_the_port_was_opened_is_noted_for_the_stop_after_a_kill(tmp_pa
         *(57600, True, False, False, device, os.getpid()),
         listen=settings.zenoh.listen,
     )
+
+
+async def test_a_disk_that_hangs_under_the_note_holds_up_no_port(tmp_path: Path) -> None:
+    master, slave = os.openpty()
+    settings = config(f"serial.port={os.ttyname(slave)}")
+    # Who opens a pipe for writing waits for its reader.
+    note = tmp_path / f"port@{quote(os.ttyname(slave), safe='')}.{os.getpid()}.new"
+    os.mkfifo(note)
+    port = await assembly.opener(settings, SystemClock(), {"RUNTIME_DIRECTORY": str(tmp_path)})()
+    os.close(os.open(note, os.O_RDONLY | os.O_NONBLOCK))
+    port.close()
+    os.close(slave)
+    os.close(master)
 
 
 @on_virtual_time

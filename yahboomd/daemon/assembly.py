@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import threading
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -33,6 +35,9 @@ from yahboomd.link.tap import NO_TAP, Tap
 from yahboomd.odometry.heading import CALIBRATED
 from yahboomd.odometry.odometer import Odometer
 from yahboomd.program import release_command
+
+NOTED_WITHIN_S = 0.1
+"""The longest that the first stop on a port waits for the note of how it was opened."""
 
 
 def bus_options(config: Config) -> BusOptions:
@@ -138,7 +143,13 @@ def opener(config: Config, clock: Clock, environ: Mapping[str, str] | None = Non
         )
         port = await open_port(options, clock)
         if environ is not None:
-            _note(options, config, environ)
+            # A disk that hangs holds up no stop.
+            noting = threading.Thread(
+                target=_note, args=(options, config, environ), name="port-note", daemon=True
+            )
+            with contextlib.suppress(RuntimeError):
+                noting.start()
+                noting.join(NOTED_WITHIN_S)
         return port
 
     return open_it
