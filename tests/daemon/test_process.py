@@ -70,6 +70,24 @@ async def test_a_signal_that_is_ignored_stays_ignored() -> None:
     assert signal.getsignal(signal.SIGTSTP) is signal.SIG_DFL
 
 
+async def test_a_signal_that_asks_again_for_the_end_breaks_off_nothing_of_it() -> None:
+    before = {number: signal.getsignal(number) for number in ENDING}
+    asked: list[str] = []
+    signals = Signals(asked.append)
+    try:
+        signals.install()
+        signal.raise_signal(signal.SIGINT)
+        while not asked:
+            await asyncio.sleep(0.001)
+        signals.remove()
+        for number in ENDING:
+            signal.raise_signal(number)
+        assert asked == ["SIGINT"]
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
 async def test_continuing_before_the_wheels_stand_takes_a_suspension_back() -> None:
     signals = Signals(lambda _name: None)
     signals.at_once = False

@@ -84,6 +84,7 @@ class Signals:
     def __init__(self, end: Callable[[str], None]) -> None:
         self._end = end
         self._installed: list[int] = []
+        self._asked = False
         self.suspend = asyncio.Event()
         self.fatal: int | None = None
         self.at_once = True
@@ -100,10 +101,12 @@ class Signals:
         signal.set_wakeup_fd(signal.set_wakeup_fd(-1), warn_on_full_buffer=False)
 
     def remove(self) -> None:
-        """Handle none any more."""
+        """Handle none any more. Where the end was asked for, asking again changes nothing."""
         loop = asyncio.get_running_loop()
         for number in (*self._installed, *SUSPENDING):
             loop.remove_signal_handler(number)
+            if self._asked and number in ENDING:
+                signal.signal(number, signal.SIG_IGN)
 
     def freeze(self) -> None:
         """Suspend the process; returns when it goes on."""
@@ -125,7 +128,9 @@ class Signals:
             loop.add_signal_handler(number, self._suspends, number)
 
     def _ends(self, number: int) -> None:
-        if number not in ENDING and self.fatal is None:
+        if number in ENDING:
+            self._asked = True
+        elif self.fatal is None:
             self.fatal = number
         self._end(name_of(number))
 
