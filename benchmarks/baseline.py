@@ -21,6 +21,7 @@ from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
 
+from benchmarks import rig
 from benchmarks.drivers import ARTICLE, DRIVERS, YAHBOOMD, frames, trial
 from benchmarks.features import FEATURES
 from benchmarks.latency import UNLIMITED
@@ -109,7 +110,7 @@ def at_start(name: str, pace: float) -> Found:  # noqa: ARG001 - has one length
     """Counters that are not zero."""
     with trial(name, "--ticks", "123456,0,120000,0") as run:
         time.sleep(1.0)
-        x, y, theta = run.driver.poses()[-1]
+        x, y, theta = run.pose()
     row = "start with counters at 123456 and 120000: pose, m from the origin"
     return Found(
         {row: number(math.hypot(x, y)), "the same: heading, degrees": number(math.degrees(theta))}
@@ -119,9 +120,14 @@ def at_start(name: str, pace: float) -> Found:  # noqa: ARG001 - has one length
 def saturation(name: str, pace: float) -> Found:  # noqa: ARG001 - has one length
     """A command beyond the limits: 0.9 m/s with 4 rad/s needs 1.2 m/s at the right wheel."""
     with trial(name) as run:
-        run.drive(1.5, 0.9, 4.0)
-        # The fastest: on a busy machine the newest may be the stop at a command's end.
-        _, left, right = max(frames(run.heard()), key=lambda frame: frame[2])
+
+        def fastest() -> tuple[int, int, int] | None:
+            run.drive(1.5, 0.9, 4.0)
+            # On a busy machine the newest may be the stop at a command's end.
+            frame = max(frames(run.heard()), key=lambda frame: frame[2], default=None)
+            return frame if frame and frame[2] > 0 else None
+
+        _, left, right = rig.wait_for(fastest, "a frame with motion")
     wanted = 4.0 / 0.9
     sent = (right - left) / 1000.0 / 0.15 / ((left + right) / 2000.0)
     return Found(
@@ -221,7 +227,7 @@ def unplugged(name: str, out_s: float, then_s: float, ticks: str) -> tuple[float
     with trial(name, "--ticks", ticks) as run:
         run.drive(0.5, 0.0)
         # The pose that the counters caused at the start is measured by another trial.
-        origin = run.driver.poses()[-1]
+        origin = run.pose()
         run.drive(1.5, 0.3)
         run.control(f"unplug {out_s}")
         back_ns = time.monotonic_ns() + round(out_s * 1e9)

@@ -181,6 +181,7 @@ def stages(section: Section, seconds: float) -> None:
     """The time of each stage of a command between Zenoh's callback and the port."""
     with rig.folder() as where:
         path = where / "stages"
+        path.touch()
         prefix = ("-m", "benchmarks.staged", str(path))
         measure(seconds, dialect="streamed", commands=True, prefix=prefix)
         moments = [json.loads(line) for line in path.read_text().splitlines()]

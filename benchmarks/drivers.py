@@ -123,6 +123,10 @@ class Trial(NamedTuple):
             line.sendall(f"{command}\n".encode())
             line.makefile().readline()
 
+    def pose(self) -> Pose:
+        """The newest pose."""
+        return rig.wait_for(self.driver.poses, "a pose")[-1]
+
     def heard(self) -> list[Heard]:
         """The bytes that the board has received."""
         return read_heard(self.where / "heard")
@@ -152,7 +156,7 @@ class Trial(NamedTuple):
         """
         self.drive(1.0, 0.0)
         time.sleep(0.4)
-        x, y, _ = self.driver.poses()[-1]
+        x, y, _ = self.pose()
         return math.dist((x - origin[0], y - origin[1]), self.truth()[:2])
 
     def jump_m(self) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import random
 import signal
 import socket
 import subprocess
@@ -12,6 +13,7 @@ import sys
 import tempfile
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, Self, TypeVar
@@ -173,11 +175,27 @@ def daemon(
     )
 
 
+_RESERVED: deque[socket.socket] = deque()
+
+
 def free_endpoint() -> str:
-    """A free loopback endpoint."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    """A loopback endpoint that is not in use, and that no other caller on this machine gets."""
+    while True:
+        # Below the range from which the system gives ports to clients.
+        port = random.SystemRandom().randrange(10_000, 32_000)
+        reserved = socket.socket(socket.AF_UNIX)
+        try:
+            # An abstract name: the kernel gives it to one process, until that closes it or ends.
+            reserved.bind(f"\0yahboomd test port {port}")
+            with socket.socket() as probe:
+                probe.bind(("127.0.0.1", port))
+        except OSError:
+            reserved.close()
+            continue
+        _RESERVED.append(reserved)
+        if len(_RESERVED) > 50:
+            _RESERVED.popleft().close()
+        return f"tcp/127.0.0.1:{port}"
 
 
 def client_config(endpoint: str, *, mode: str = "client", shared: bool = False) -> zenoh.Config:
@@ -236,7 +254,8 @@ def usage(pid: int) -> Usage:
         with contextlib.suppress(OSError):
             cpu_ns += int((task / "schedstat").read_text().split()[0])
     status = Path(f"/proc/{pid}/status").read_text()
-    rss = next(line for line in status.splitlines() if line.startswith("VmRSS:"))
+    # One that has ended, and was not waited for yet, has none.
+    rss = next((line for line in status.splitlines() if line.startswith("VmRSS:")), "VmRSS: 0 kB")
     return Usage(cpu_ns, time.monotonic_ns(), int(rss.split()[1]) * 1024 / 1e6, len(tasks))
 
 

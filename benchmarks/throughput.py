@@ -16,6 +16,7 @@ bare process have the niceness of the service's unit, -5, and the process that s
 from __future__ import annotations
 
 import contextlib
+import math
 import time
 from pathlib import Path
 
@@ -73,9 +74,14 @@ def lines_read(count: int) -> tuple[int, int, float]:
     with rig.folder() as where, rig.thin_board(where, *options) as board:
         with rig.daemon(where, endpoint), rig.client(endpoint) as session:
             status = rig.Status(session)
-            status.ready()
-            # When the board has ended, the daemon searches for it and keeps its counters.
-            rig.wait_for(lambda: status.latest.get("state") == "waiting", "the stream's end")
+
+            def ended() -> bool:
+                # The daemon searches for the board then, and keeps its counters.
+                latest = status.latest
+                readings = latest.get("link", {}).get("readings", 0)
+                return latest.get("state") == "waiting" and readings > 0
+
+            rig.wait_for(ended, "the stream's end")
             time.sleep(0.6)
             readings = int(status.latest["link"]["readings"])
         board.end()
@@ -88,6 +94,8 @@ Deviations = list[float]
 
 def deviations(stamps_ns: list[int], period_ns: int) -> Deviations:
     """The distance of each stamp from a grid through the median, in nanoseconds."""
+    if not stamps_ns:
+        return []
     first = stamps_ns[0]
     residues = []
     for stamp_ns in stamps_ns:
@@ -195,7 +203,8 @@ def bench(*, short: bool, images: Path) -> Section:
                 quantiles = [quantile(values, share) for share in (0.5, 0.99)]
                 rows.append(
                     [which, "one core busy" if busy else "none of ours", str(len(values)),
-                     *map(milliseconds, quantiles), milliseconds(max(values))]
+                     *map(milliseconds, quantiles),
+                     milliseconds(max(values, default=math.nan))]
                 )  # fmt: skip
             if busy:
                 late |= {f"bare process beside {name}": bare, name: ours}

@@ -9,10 +9,11 @@ from collections.abc import Callable
 from pathlib import Path
 from random import Random
 
+from benchmarks.rig import free_endpoint
 from benchmarks.soak.application import Application
 from benchmarks.soak.ledger import Ledger
 from benchmarks.soak.poses import SEPARATION_M, error, way_covariance
-from benchmarks.soak.processes import Board, ServiceManager, Stalls, free_endpoint
+from benchmarks.soak.processes import Board, ServiceManager, Stalls
 from benchmarks.soak.tail import Order, is_stop
 from benchmarks.soak.waiting import Waiting
 from yahboomd.messages.native import PoseSample

@@ -435,10 +435,3 @@ def _doing(pid: int) -> str:
         state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
         return f"state {state} in {Path(f'/proc/{pid}/wchan').read_text() or 'user space'}"
     return "gone"
-
-
-def free_endpoint() -> str:
-    """A free loopback endpoint."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"

@@ -46,7 +46,6 @@ BENCHMARKS = {
 }
 
 
-@pytest.mark.timeout(240)
 def test_a_short_run_of_each_benchmark_writes_its_results_tables_and_pictures(
     tmp_path: Path,
 ) -> None:

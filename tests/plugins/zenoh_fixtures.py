@@ -7,11 +7,8 @@ from __future__ import annotations
 
 import asyncio
 import json
-import random
-import socket
 import subprocess
 import sys
-from collections import deque
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,34 +18,13 @@ import zenoh
 import zenoh.ext
 from zenoh.handlers import Callback
 
+from benchmarks.rig import free_endpoint
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 PATIENCE_S = 60.0
 """Nothing here is judged by time; after so long a condition is taken never to come."""
-
-
-_RESERVED: deque[socket.socket] = deque()
-
-
-def free_endpoint() -> str:
-    """A loopback endpoint that is not in use, and that no other test of this machine gets."""
-    while True:
-        # Below the range from which the system gives ports to clients.
-        port = random.SystemRandom().randrange(10_000, 32_000)
-        reserved = socket.socket(socket.AF_UNIX)
-        try:
-            # An abstract name: the kernel gives it to one process, until that closes it or ends.
-            reserved.bind(f"\0yahboomd test port {port}")
-            with socket.socket() as probe:
-                probe.bind(("127.0.0.1", port))
-        except OSError:
-            reserved.close()
-            continue
-        _RESERVED.append(reserved)
-        if len(_RESERVED) > 50:
-            _RESERVED.popleft().close()
-        return f"tcp/127.0.0.1:{port}"
 
 
 async def eventually(condition: Callable[[], Any]) -> Any:
