@@ -86,7 +86,7 @@ async def test_a_service_that_fails_answers_and_the_robot_drives_on(
     await inner.driven()
     monkeypatch.setattr(inner.daemon._controller, "set_pose", broken)
     replies = await asyncio.to_thread(
-        lambda: list(inner.session.get("yahboomd/odometry/reset", timeout=20.0))
+        lambda: list(inner.session.get("yahboomd/odometry/reset", timeout=60.0))
     )
     assert b"failed" in bytes(replies[0].ok.payload)
     await inner.driven()

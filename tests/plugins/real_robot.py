@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import signal
 import socket
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -20,7 +21,8 @@ from zenoh_fixtures import free_endpoint
 
 from benchmarks import rig
 from benchmarks.soak.processes import BOARD_NICE, DAEMON_NICE, prefer
-from yahboomd.simulation.truth import TruthSample, read_truth
+from benchmarks.soak.tail import Tail
+from yahboomd.simulation.truth import TruthSample
 
 PATIENCE_S = 60.0
 
@@ -29,7 +31,12 @@ import sys, time, zenoh
 config = zenoh.Config()
 config.insert_json5("mode", '"client"')
 config.insert_json5("connect/endpoints", '["' + sys.argv[1] + '"]')
-session = zenoh.open(config)
+while True:
+    try:
+        session = zenoh.open(config)
+        break
+    except zenoh.ZError:
+        time.sleep(0.02)
 print("driving", flush=True)
 while True:
     session.put(sys.argv[2], b'{"vx": 0.4}')
@@ -94,6 +101,9 @@ class RealRobot:
         self._run_arguments = tuple(run)
         self._daemons: list[Process] = []
         self.environ: dict[str, str] = environ or {}
+        self._tail = Tail(self.truth_path, TruthSample)
+        self._truth: list[TruthSample] = []
+        self._reading = threading.Lock()
         self.simulation = Process(
             "simulate",
             *("--link", str(self.port), "--truth", str(self.truth_path)),
@@ -127,7 +137,9 @@ class RealRobot:
 
     def truth(self) -> list[TruthSample]:
         """The true path of the robot so far."""
-        return read_truth(self.truth_path)
+        with self._reading:
+            self._truth += self._tail.news()
+            return list(self._truth)
 
     def travelled_m(self) -> float:
         """The travel of its wheels so far, added up."""
@@ -152,6 +164,7 @@ class RealRobot:
             # pytest shows it where the test failed.
             print(daemon.output)
         self.simulation.end()
+        self._tail.close()
 
 
 class Client:
@@ -166,6 +179,7 @@ class Client:
         # The daemon may be about to start; a client does not wait for it by itself.
         self.session: zenoh.Session = wait_for(lambda: _opened(config), f"{endpoint} is served")
         self.samples: dict[str, list[dict[str, Any]]] = {}
+        self._passed = 0
         self.session.declare_subscriber(f"{prefix}/**", self._hear)
 
     def _hear(self, sample: zenoh.Sample) -> None:
@@ -191,7 +205,22 @@ class Client:
             return statuses[-1] if statuses and statuses[-1]["state"] == state else None
 
         status: dict[str, Any] = wait_for(found, f"state {state}")
+        self._passed = len(self.samples["status"])
         return status
+
+    def passes(self, state: str) -> dict[str, Any]:
+        """Wait until it is, or was, in a state since the last one that was waited for.
+
+        A state that ends by itself may be over before a busy machine looks.
+        """
+
+        def found() -> int | None:
+            statuses = self.samples.get("status", [])
+            which = range(self._passed, len(statuses))
+            return next((n + 1 for n in which if statuses[n]["state"] == state), None)
+
+        self._passed = wait_for(found, f"state {state}")
+        return self.samples["status"][self._passed - 1]
 
     def drive(self, payload: bytes, for_s: float, key: str = "cmd_vel") -> None:
         """Say one command 20 times a second."""
@@ -213,7 +242,7 @@ class Client:
 
     def ask(self, key: str, payload: bytes | None = None) -> dict[str, Any]:
         """Ask a service."""
-        for reply in self.session.get(key, payload=payload, timeout=20.0):
+        for reply in self.session.get(key, payload=payload, timeout=PATIENCE_S):
             assert reply.ok is not None
             answer: dict[str, Any] = json.loads(bytes(reply.ok.payload))
             return answer

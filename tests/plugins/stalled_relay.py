@@ -57,10 +57,9 @@ class StalledRelay:
             while data := source.recv(1 << 16):
                 if stalls and not self._flows.is_set():
                     piled_up = data
-                    source.setblocking(False)
                     while not self._flows.wait(0.005):
                         with contextlib.suppress(BlockingIOError):
-                            piled_up += source.recv(1 << 16)
-                    source.setblocking(True)
+                            # The other direction goes on, on the same socket.
+                            piled_up += source.recv(1 << 16, socket.MSG_DONTWAIT)
                     data = piled_up
                 sink.sendall(data)

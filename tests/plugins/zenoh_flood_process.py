@@ -11,6 +11,15 @@ import time
 import zenoh
 
 
+def opened(config: zenoh.Config) -> zenoh.Session:
+    """A session, as soon as the router has time for it."""
+    while True:
+        try:
+            return zenoh.open(config)
+        except zenoh.ZError:
+            time.sleep(0.02)
+
+
 def main() -> None:
     what = json.loads(sys.argv[1])
     config = zenoh.Config()
@@ -28,7 +37,7 @@ def main() -> None:
     selector = what["key"]
     if "parameters" in what:
         selector += "?" + "x" * what["parameters"]
-    with zenoh.open(config) as session:
+    with opened(config) as session:
         print("ready", flush=True)
         count, began = 0, time.monotonic()
         while True:
