@@ -17,7 +17,8 @@ from real_robot import Client, Process, RealRobot, free_endpoint, wait_for
 from weak_network import WeakNetwork
 
 from benchmarks.soak.processes import DAEMON_NICE, prefer
-from yahboomd.simulation.heard import read_heard
+from benchmarks.soak.tail import Tail
+from yahboomd.simulation.heard import Heard
 
 SPEEDS = re.compile(r"\$spd:([-\d,]+)#")
 
@@ -56,8 +57,10 @@ class PageBench:
         listen: str = "127.0.0.1",
     ) -> None:
         self.browser = browser
-        self._heard = folder / "heard"
-        self.robot = RealRobot(folder, simulate=["--heard", str(self._heard), *simulate])
+        heard = folder / "heard"
+        self.robot = RealRobot(folder, simulate=["--heard", str(heard), *simulate])
+        self._wire = Tail(heard, Heard)
+        self._moved_ns: list[int] = []
         self.port = int(free_endpoint().rsplit(":", 1)[1])
         self._listen = f"{listen}:{self.port}"
         self._environ = {"XDG_STATE_HOME": str(folder), "STATE_DIRECTORY": str(folder)}
@@ -115,17 +118,17 @@ class PageBench:
         print(self.server.output)
         self.network.close()
         self.robot.close()
+        self._wire.close()
 
     # On the wire.
 
     def motions(self, since_ns: int = 0) -> list[int]:
         """The moments of the frames that command motion."""
-        found = []
-        for heard in read_heard(self._heard):
+        for heard in self._wire.news():
             speeds = [int(each) for text in SPEEDS.findall(heard.data) for each in text.split(",")]
-            if heard.t_ns > since_ns and any(speeds):
-                found.append(heard.t_ns)
-        return found
+            if any(speeds):
+                self._moved_ns.append(heard.t_ns)
+        return [t_ns for t_ns in self._moved_ns if t_ns > since_ns]
 
     def is_moving(self) -> bool:
         """Whether the wheels turn in truth."""
@@ -171,8 +174,9 @@ class PageBench:
         Returns:
             Seconds from the loss to the last frame with motion.
         """
-        lost_ns = time.monotonic_ns()
         loss()
+        # Not before: a busy browser takes its time to carry out what it is asked to do.
+        lost_ns = time.monotonic_ns()
         self.robot.settled_truth()
         quiet_ns = time.monotonic_ns() + round(QUIET_S * 1e9)
         wait_for(lambda: self.robot.truth()[-1].t_ns > quiet_ns, "1.6 s of quiet")

@@ -76,6 +76,7 @@ def test_killed_at_any_moment_it_is_readable_and_its_poses_are_those_that_were_p
 ) -> None:
     chance = random.Random(5)
     robot = real_robot(environ=folders.environ)
+    began_s = time.monotonic()
     for round_number in range(5):
         application = client("client", robot.endpoint)
         application.in_state("standing")
@@ -112,13 +113,16 @@ def test_killed_at_any_moment_it_is_readable_and_its_poses_are_those_that_were_p
         application.close()
         robot.start_daemon()
         wait_for(lambda: folders.saved, "it is saved by the next start")
-    (saved,) = folders.saved
+    # One within a minute, however long a busy machine takes.
+    saved, *more = folders.saved
+    assert len(more) <= (time.monotonic() - began_s) // 60
     header = folders.box().header
     assert header.saved is not None
     assert header.saved.reasons == ("killed",)
     assert stat.S_IMODE(saved.path.stat().st_mode) == 0o640
     # Those of the same minute wait; the first of them and the newest are kept.
-    assert 3 <= len(folders.rings) <= 5
+    assert len(folders.rings) + 2 * len(more) >= 3
+    assert len(folders.rings) <= 5
 
 
 def test_an_emergency_stop_and_a_lost_board_are_saved_and_explained_with_times(

@@ -16,7 +16,7 @@ from real_robot import Process, RealRobot
 from stalled_relay import StalledRelay
 from web_site import Page
 from websockets.asyncio.client import connect
-from zenoh_fixtures import eventually
+from zenoh_fixtures import PATIENCE_S, eventually
 
 pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("page")]
 
@@ -41,6 +41,7 @@ class Served:
                 f"ws://127.0.0.1:{port or self.port}/ws",
                 origin=f"http://127.0.0.1:{port or self.port}",
                 compression=None,
+                open_timeout=PATIENCE_S,
             )
         )
         self.pages.append(page)
