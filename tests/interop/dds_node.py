@@ -75,7 +75,7 @@ SERVICES = {
     "/yahboomd/estop/reset": (t.TriggerRequest, t.TriggerResponse),
     "/yahboomd/odometry/reset": (t.TriggerRequest, t.TriggerResponse),
 }
-CALL_TIMEOUT_S = 5.0
+CALL_TIMEOUT_S = 30.0
 POLL_S = 0.005
 
 

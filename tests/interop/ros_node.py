@@ -99,7 +99,7 @@ SERVICES = {
     "/yahboomd/estop/reset": Trigger,
     "/yahboomd/odometry/reset": Trigger,
 }
-CALL_TIMEOUT_S = float(os.environ.get("CALL_TIMEOUT_S", "5"))
+CALL_TIMEOUT_S = float(os.environ.get("CALL_TIMEOUT_S", "30"))
 
 
 def say(**line: Any) -> None:
@@ -204,7 +204,7 @@ class Node:
         if service not in self.clients:
             self.clients[service] = self.node.create_client(kind, service)
         client = self.clients[service]
-        if not client.wait_for_service(CALL_TIMEOUT_S):
+        if not client.wait_for_service(30.0):
             say(event="no_service", service=service)
             return
         request = kind.Request() if data is None else kind.Request(data=data)

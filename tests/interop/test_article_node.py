@@ -22,10 +22,15 @@ def test_it_drives_publishes_a_pose_and_stops_the_wheels_when_it_ends() -> None:
 
         def moved() -> bool:
             run.driver.say(0.3)
-            return math.hypot(*run.driver.poses()[-1][:2]) > 0.1
+            poses = run.driver.poses()
+            return bool(poses) and math.hypot(*poses[-1][:2]) > 0.1
 
         until(moved, "the pose to show 0.1 m")
         assert (300, 300) in {(left, right) for _, left, right in frames(run.heard())}
         ended_ns = time.monotonic_ns()
         run.process.end()
-        assert frames(run.heard(), ended_ns)[-1][1:] == (0, 0)
+        # What it wrote last is read, and noted, a moment later.
+        until(
+            lambda: (0, 0) in [frame[1:] for frame in frames(run.heard(), ended_ns)[-1:]],
+            "a stop as its last frame",
+        )

@@ -105,9 +105,10 @@ def test_what_we_announce_shows_before_anybody_uses_it(
         _services = serve(session, [])
         wanted = {"rt/cmd_vel", "rq/yahboomd/estopRequest", *(f"rq/{k}Request" for k in TRIGGERS)}
         eventually(lambda: wanted <= onlooker.graph()["subscribers"].keys(), "what we listen to")
+        types = {f"rt{topic}": ros2.dds_type(message.ros_type) for topic, message in spoken.items()}
+        eventually(lambda: types.keys() <= onlooker.graph()["publishers"].keys(), "what we publish")
         graph = onlooker.graph()
-        types = {topic: ros2.dds_type(message.ros_type) for topic, message in spoken.items()}
-        shown = {t.removeprefix("rt"): k for t, k in graph["publishers"].items() if t[:3] == "rt/"}
+        shown = {topic: kind for topic, kind in graph["publishers"].items() if topic[:3] == "rt/"}
         assert shown == types  # and no /pose: the list of the example lets it not pass
         assert graph["subscribers"]["rt/cmd_vel"] == ros2.dds_type(ros2.TWIST)
     eventually(lambda: "rt/odom" not in onlooker.graph()["publishers"], "our leaving")

@@ -67,6 +67,21 @@ def press(node, eventually, data, times=1):
     eventually(pressed, "the bridge to hear the button")
 
 
+def stop(node, eventually):
+    """Press the button until that was heard, and see it.
+
+    DDS may lose what is published before the reader knows its writer as well.
+    """
+
+    def stopped():
+        press(node, eventually, True)
+        heard = [event for event in list(node.events) if event.get("topic") == "/estopped"]
+        return any(event["message"]["data"] for event in heard)
+
+    eventually(stopped, "the emergency stop")
+    estopped(node, True)
+
+
 @pytest.mark.parametrize("distro", DISTROS)
 def test_it_drives_stops_by_a_topic_and_sees_so(
     ros_bridge, start_ros_node, robot, eventually, distro
@@ -80,8 +95,7 @@ def test_it_drives_stops_by_a_topic_and_sees_so(
     press(node, eventually, False, times=20)
     node.events.clear()
     drives(node)
-    press(node, eventually, True)
-    estopped(node, True)
+    stop(node, eventually)
     node.message("/odom", lambda m: abs(speed(m)) < 0.001, "the robot to stand")
     press(node, eventually, False, times=20)
     node.events.clear()
@@ -161,8 +175,7 @@ def test_daemon_bridge_and_node_may_start_again_in_any_order(
             node.order("drive", vx=0.2, hz=20)
     node.events.clear()
     drives(node)
-    press(node, eventually, True)
-    estopped(node, True)
+    stop(node, eventually)
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,7 @@ CACHE = (
 DISTROS = ("jazzy", "kilted")
 """The distributions of ROS 2 that can be had as wheels."""
 ENVIRONMENTS = ("venv", "bringup", *(f"ros-{distro}" for distro in DISTROS))
-PATIENCE_S = 30.0
+PATIENCE_S = 60.0
 """The time that a condition may take: DDS discovery needs a second or two, a busy machine more."""
 
 LASER = 'ros2.static_transforms=[{parent="base_link",child="laser",x=0.1,yaw=1.5707963267948966}]'
@@ -234,4 +234,4 @@ class Bridge:
     def stop(self) -> None:
         if self.process is not None:
             self.process.terminate()
-            self.process.wait(10)
+            self.process.wait(PATIENCE_S)
