@@ -211,6 +211,13 @@ class Bench:
         entries = [json.loads(line) for line in text.splitlines() if line.startswith("{")]
         return [(int(each["PRIORITY"]), str(each["MESSAGE"])) for each in entries]
 
+    def wait_for_line(self, words: str, times: int = 1) -> None:
+        """Until so many lines of the journal since :meth:`begin` have these words."""
+        wait_until(
+            lambda: sum(words in text for _, text in self.journal()) >= times,
+            f"the journal says {words}",
+        )
+
     def _read_cursor(self) -> str:
         text = self.machine.run("journalctl", "--lines=1", "--output=json")
         return str(json.loads(text.splitlines()[-1])["__CURSOR"])

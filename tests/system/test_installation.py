@@ -6,7 +6,7 @@ import pytest
 from nspawn_machine import wait_until
 from service_bench import SERVICE, Board
 
-pytestmark = [pytest.mark.realtime, pytest.mark.timeout(300)]
+pytestmark = pytest.mark.realtime
 
 
 def test_an_update_keeps_the_configuration_and_drives_on(bench) -> None:

@@ -11,7 +11,7 @@ import pytest
 from nspawn_machine import wait_until
 from service_bench import PYTHON, SERVICE
 
-pytestmark = [pytest.mark.realtime, pytest.mark.timeout(300)]
+pytestmark = pytest.mark.realtime
 main_claim = pytest.mark.main_claim
 
 
@@ -19,7 +19,10 @@ main_claim = pytest.mark.main_claim
 def test_it_is_active_and_says_in_words_that_it_waits_for_the_board(machine) -> None:
     machine.run("systemctl", "start", SERVICE)
     assert machine.show(SERVICE, "ActiveState") == "active"
-    assert machine.show(SERVICE, "StatusText").startswith("waiting: no /dev/yahboom_driver")
+    wait_until(
+        lambda: machine.show(SERVICE, "StatusText").startswith("waiting: no /dev/yahboom_driver"),
+        "it says what it waits for",
+    )
     assert machine.run("systemctl", "is-enabled", SERVICE).strip() == "enabled"
     machine.run("systemctl", "stop", SERVICE)
 
@@ -32,7 +35,7 @@ def test_after_sigkill_the_wheels_stop_and_the_service_drives_again(bench, figur
     figure("SIGKILL", bench.board.stopped_after_s(killed_ns))
     bench.wait_until_active(before)
     bench.wait_for_status("driving")
-    assert any("the wheels stand" in text for _, text in bench.journal())
+    bench.wait_for_line("the wheels stand")
 
 
 @main_claim
@@ -45,7 +48,7 @@ def test_a_daemon_that_hangs_is_killed_the_wheels_stop_and_the_service_returns(
     figure("hang (watchdog)", bench.board.stopped_after_s(hung_ns))
     bench.wait_until_active(before)
     bench.wait_for_status("driving")
-    assert any("Watchdog timeout" in text for _, text in bench.journal())
+    bench.wait_for_line("Watchdog timeout")
 
 
 @main_claim
@@ -54,7 +57,9 @@ def test_a_port_that_vanishes_is_waited_for_by_the_same_process(bench) -> None:
     before = bench.pid()
     bench.stop_driving()
     bench.board.do("unplug 2")
-    bench.wait_for_status("waiting")
+    # Not by the status: on a busy machine it may be back before that was looked at.
+    bench.wait_for_line("the port went away")
+    bench.wait_for_line("Connected", 2)
     bench.wait_for_status("standing")
     assert bench.pid() == before
     assert bench.board.stands()
@@ -134,7 +139,9 @@ def test_the_journal_reads_well(bench) -> None:
     bench.wait_until_active(before)
     bench.wait_for_status("driving")
     bench.board.do("unplug 1")
-    bench.wait_for_status("waiting")
+    bench.wait_for_line("the port went away")
+    # At the start, after the kill, and now.
+    bench.wait_for_line("Connected", 3)
     bench.wait_for_status("driving")
     lines = bench.journal()
     ours = [(priority, text) for priority, text in lines if not text.startswith("yahboomd.service")]
