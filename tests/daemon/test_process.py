@@ -1,4 +1,4 @@
-"""Signals; systemd's messages, on a real datagram socket; descriptors; waiting for the bus."""
+"""Signals; systemd's messages, on a real datagram socket; waiting for the bus."""
 
 from __future__ import annotations
 
@@ -6,11 +6,8 @@ import asyncio
 import itertools
 import logging
 import os
-import resource
 import signal
 import socket
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -23,10 +20,8 @@ from yahboomd.daemon.process import (
     KILLING,
     PATIENCE_S,
     SUSPENDING,
-    WANTED,
     Notifier,
     Signals,
-    make_room,
     name_of,
     open_bus,
 )
@@ -187,66 +182,6 @@ def test_the_watchdog_is_fed_only_where_it_waits_for_this_process(
     environ: dict[str, str], expected: int | None
 ) -> None:
     assert Notifier(environ).watchdog_ns == expected
-
-
-@pytest.fixture(autouse=True)
-def limits() -> Iterator[int]:
-    """The hard limit; what a test does to the soft one is taken back."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    yield hard
-    resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
-
-
-def soft() -> int:
-    return resource.getrlimit(resource.RLIMIT_NOFILE)[0]
-
-
-def test_the_limit_is_raised_as_far_as_it_may_be(limits: int) -> None:
-    resource.setrlimit(resource.RLIMIT_NOFILE, (256, limits))
-    make_room()
-    assert soft() == (WANTED if limits == resource.RLIM_INFINITY else min(WANTED, limits))
-
-
-def test_a_limit_that_is_higher_already_stays(limits: int) -> None:
-    if limits != resource.RLIM_INFINITY and limits <= WANTED:
-        resource.setrlimit(resource.RLIMIT_NOFILE, (limits, limits))
-    else:
-        resource.setrlimit(resource.RLIMIT_NOFILE, (WANTED + 1, limits))
-    before = soft()
-    make_room()
-    assert soft() == before
-
-
-def test_a_limit_that_connections_can_exhaust_is_named_at_the_start() -> None:
-    script = (
-        "import logging, resource\n"
-        "from yahboomd.daemon.process import make_room\n"
-        "logging.basicConfig()\n"
-        "for hard in (2048, 2047):\n"
-        "    resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))\n"
-        "    make_room()\n"
-    )
-    said = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=True
-    ).stderr
-    assert said.count("\n") == 1
-    assert "may open 2047 files only" in said
-    assert "Allow it 2048: `ulimit -n`" in said
-
-
-def test_too_few_descriptors_are_refused_with_what_raises_the_limit() -> None:
-    script = (
-        "import resource\n"
-        "from yahboomd.daemon.process import make_room\n"
-        "resource.setrlimit(resource.RLIMIT_NOFILE, (63, 63))\n"
-        "try: make_room()\n"
-        "except Exception as error: print(error.exit_code, error)\n"
-    )
-    said = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=True
-    ).stdout
-    assert said.startswith(f"{os.EX_OSERR} This process may open 63 files; the daemon needs 64")
-    assert "`ulimit -n 64`" in said
 
 
 class Blocked:

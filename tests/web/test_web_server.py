@@ -14,7 +14,7 @@ from web_site import TOKENS, ZERO
 from zenoh_fixtures import eventually, free_endpoint
 
 from yahboomd.cli.web.own_certificate import make_certificate
-from yahboomd.daemon.process import allow_files
+from yahboomd.daemon.process_limits import allow_files
 from yahboomd.errors import ConfigError, ListenError
 from yahboomd.web import web_server
 from yahboomd.web.web_server import FILES, MAX_OPEN, Certificate, Connection, listen

@@ -71,7 +71,8 @@ def _serve(args: argparse.Namespace) -> int:
     )
     # Imported while the child reads.
     from yahboomd.daemon.logs import configure, flush
-    from yahboomd.daemon.process import die_of, make_room
+    from yahboomd.daemon.process import die_of
+    from yahboomd.daemon.process_limits import make_room
     from yahboomd.daemon.service import Daemon
 
     config, warnings, meanings = wait()

@@ -1,4 +1,4 @@
-"""The daemon's process: its signals, its service manager, its file descriptors, its start.
+"""The daemon's process: its signals, its service manager, its start.
 
 The default action of almost every signal ends or suspends a process where it is, and the board
 drives on: so the wheels are stopped first. SIGKILL and SIGSTOP cannot be caught, and after a fault
@@ -17,14 +17,13 @@ import itertools
 import logging
 import os
 import re
-import resource
 import signal
 import socket
 from collections.abc import Awaitable, Callable, Mapping
 
 from yahboomd.clock import Clock, nanoseconds
 from yahboomd.daemon.logs import flush
-from yahboomd.errors import BusError, LimitError
+from yahboomd.errors import BusError
 from yahboomd.model import NS_PER_S
 
 log = logging.getLogger(__name__)
@@ -231,58 +230,6 @@ def _watchdog_ns(environ: Mapping[str, str]) -> int | None:
     if interval_us <= 0 or owner != os.getpid():
         return None
     return interval_us * (NS_PER_S // 1_000_000)
-
-
-LEAST = 64
-"""Descriptors. With fewer, neither the bus nor the port can be relied on, and Zenoh panics."""
-
-ENOUGH = 2048
-"""Descriptors. Connections that say nothing take up to 1,100 of them."""
-
-WANTED = 65_536
-"""Descriptors. Most systems begin a process with 1024, and let it have many more."""
-
-
-def make_room() -> None:
-    """Raise the limit of this process, as far as it may.
-
-    A connection that says nothing holds a descriptor for seconds, without having shown any
-    certificate. With none left a port that was lost cannot be opened, nor the wheels stopped.
-
-    Raises:
-        LimitError: Even the most that it may have is too few.
-    """
-    hard = allow_files(WANTED, who="the daemon")
-    if hard != resource.RLIM_INFINITY and hard < ENOUGH:
-        log.warning(
-            "This process may open %d files only: connections can take all of them, and then a "
-            "port that was lost is not opened again, nor are the wheels stopped. Allow it %d: "
-            "`ulimit -n`, or LimitNOFILE= of a service.",
-            hard,
-            ENOUGH,
-        )
-
-
-def allow_files(wanted: int, *, who: str) -> int:
-    """Let this process open so many files, as far as it may; returns the most that it may have.
-
-    Args:
-        who: The program that needs them, for the error.
-
-    Raises:
-        LimitError: The most that it may have is fewer than :data:`LEAST`.
-    """
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    if hard != resource.RLIM_INFINITY and hard < LEAST:
-        raise LimitError(
-            f"This process may open {hard} files; {who} needs {LEAST} at least.",
-            remedy=f"`ulimit -n {LEAST}` raises the limit of a shell, LimitNOFILE= that of a "
-            "service.",
-        )
-    wanted = wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
-    if soft != resource.RLIM_INFINITY and soft < wanted:
-        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
-    return hard
 
 
 async def open_bus(

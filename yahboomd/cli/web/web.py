@@ -244,7 +244,7 @@ def _links(args: argparse.Namespace, folder: Path) -> int:
 async def _serve(setup: _Setup) -> int:
     from yahboomd.cli.web.page_link import announce, link, own_names
     from yahboomd.clock import SystemClock
-    from yahboomd.daemon.process import allow_files
+    from yahboomd.daemon.process_limits import allow_files, check_limits
     from yahboomd.web.page_files import page_files
     from yahboomd.web.page_hub import PageHub
     from yahboomd.web.request_origin import RequestOrigin
@@ -253,6 +253,7 @@ async def _serve(setup: _Setup) -> int:
 
     # The client logs the loss of a daemon for programs that drive; _report prints its own line.
     logging.getLogger("yahboomd.client").addHandler(logging.NullHandler())
+    check_limits(who="the page's server")
     allow_files(FILES, who="the page's server")
     place, tls = setup.place, setup.context is not None
     clock = SystemClock()
