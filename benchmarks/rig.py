@@ -22,7 +22,7 @@ import zenoh
 
 from benchmarks.report import ROOT
 
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 
 Thing = TypeVar("Thing")
 

@@ -96,7 +96,14 @@ class Chromium:
         port, path = _lines(port_file)
         self._ending = ExitStack()
         self._socket = self._ending.enter_context(
-            connect(f"ws://127.0.0.1:{port}{path}", max_size=None, compression=None)
+            connect(
+                f"ws://127.0.0.1:{port}{path}",
+                max_size=None,
+                compression=None,
+                open_timeout=ANSWER_S,
+                # A browser that is paused answers no ping.
+                ping_interval=None,
+            )
         )
         self._numbers = itertools.count(1)
         self._answers: dict[int, queue.SimpleQueue[dict[str, Any]]] = {}
@@ -238,7 +245,7 @@ class Page:
             raise BrowserError(f"{expression}: {answer['exceptionDetails']}")
         return answer["result"].get("value")
 
-    def until(self, expression: str, patience_s: float = 30.0) -> Any:
+    def until(self, expression: str, patience_s: float = 60.0) -> Any:
         """Wait until an expression is true."""
 
         def value() -> Any:

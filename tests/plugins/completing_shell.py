@@ -14,7 +14,7 @@ from typing import Protocol
 
 import pytest
 
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 
 PRINTED = re.compile(rb"<(\d+)([^<>]*)>")
 """The output of the function in the place of ``yahboomd``: a number, then its arguments."""

@@ -57,7 +57,9 @@ class LedCalibration:
     def _read(self) -> None:
         assert self.process.stdout is not None
         for line in self.process.stdout:
-            self.lines.append(json.loads(line))
+            # Killed, it may leave half a line.
+            if line.endswith(b"\n"):
+                self.lines.append(json.loads(line))
 
     def _hold(self) -> None:
         while self.process.poll() is None:
@@ -83,7 +85,7 @@ class LedCalibration:
             questions = self.of_type("question")
             return questions[self._seen] if len(questions) > self._seen else None
 
-        wait_for(lambda: asked() or self.process.poll() is not None, "a question")
+        wait_for(lambda: asked() or not self._reader.is_alive(), "a question")
         found = asked()
         assert found is not None, self.lines
         self._seen += 1

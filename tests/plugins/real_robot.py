@@ -147,12 +147,15 @@ class RealRobot:
 
     def settled_truth(self) -> TruthSample:
         """The true place of the robot, once it stands."""
+        asked_ns = time.monotonic_ns()
 
         def standing() -> TruthSample | None:
             samples = self.truth()[-30:]
-            if len(samples) == 30 and all(max(map(abs, s.speed_m_s)) < 0.002 for s in samples):
-                return samples[-1]
-            return None
+            # The file is written with a delay: of a busy machine it may end before the motion.
+            if len(samples) < 30 or samples[-1].t_ns < asked_ns:
+                return None
+            stands = all(max(map(abs, sample.speed_m_s)) < 0.002 for sample in samples)
+            return samples[-1] if stands else None
 
         found: TruthSample = wait_for(standing, "the robot stands")
         return found

@@ -20,6 +20,7 @@ class StalledRelay:
         self._flows = threading.Event()
         self._flows.set()
         self._sockets: list[socket.socket] = []
+        self._closed = False
         self._listener = socket.create_server(("127.0.0.1", 0))
         self.endpoint = f"tcp/127.0.0.1:{self._listener.getsockname()[1]}"
         threading.Thread(target=self._accept, daemon=True).start()
@@ -35,6 +36,7 @@ class StalledRelay:
     def close(self) -> None:
         """Cut all connections."""
         self._flows.set()
+        self._closed = True
         for each in (self._listener, *self._sockets):
             with contextlib.suppress(OSError):
                 each.shutdown(socket.SHUT_RDWR)
@@ -44,8 +46,17 @@ class StalledRelay:
         with contextlib.suppress(OSError):
             while True:
                 inner, _ = self._listener.accept()
-                outer = socket.create_connection(self._target)
+                try:
+                    outer = socket.create_connection(self._target)
+                except OSError:
+                    inner.close()
+                    continue
                 self._sockets += [inner, outer]
+                if self._closed:
+                    # Meanwhile.
+                    inner.close()
+                    outer.close()
+                    return
                 for source, sink, stalls in ((inner, outer, True), (outer, inner, False)):
                     threading.Thread(
                         target=self._carry, args=(source, sink, stalls), daemon=True

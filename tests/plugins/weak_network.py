@@ -28,6 +28,7 @@ class WeakNetwork:
         self.delay_s = 0.0
         self.held = False
         self.refuses = False
+        self._closed = False
         self._sockets: list[socket.socket] = []
         self._listener = socket.create_server(("127.0.0.1", 0))
         self.port: int = self._listener.getsockname()[1]
@@ -42,6 +43,7 @@ class WeakNetwork:
 
     def close(self) -> None:
         """End it."""
+        self._closed = True
         self.cut()
         self.held = False
         for each in (self._listener, *self._sockets):
@@ -65,6 +67,11 @@ class WeakNetwork:
                     # Without it the kernel holds small pieces back for 40 ms, as no network does.
                     each.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 self._sockets += [inner, outer]
+                if self._closed:
+                    # Meanwhile.
+                    inner.close()
+                    outer.close()
+                    return
                 self._carry(inner, outer)
                 self._carry(outer, inner)
 

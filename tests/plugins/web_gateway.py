@@ -91,7 +91,7 @@ class Gateway:
     def curl(self, path: str, *arguments: str) -> int:
         """The status of the answer to a request; 0 where none came."""
         done = subprocess.run(
-            ["curl", "--silent", "--noproxy", "*", "--max-time", "20", "--output", "/dev/null",
+            ["curl", "--silent", "--noproxy", "*", "--max-time", "60", "--output", "/dev/null",
              "--write-out", "%{http_code}", *arguments, f"{self.origin}{path}"],
             capture_output=True, text=True, check=False,
         )  # fmt: skip

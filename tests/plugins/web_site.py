@@ -16,7 +16,7 @@ from typing import Any, Self
 import pytest
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
-from zenoh_fixtures import eventually
+from zenoh_fixtures import PATIENCE_S, eventually
 
 from yahboomd.client.connecting import client_options
 from yahboomd.clock import SystemClock
@@ -97,7 +97,7 @@ class Page:
 
     async def close_code(self) -> int:
         """Wait until the server closes it; the code."""
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(PATIENCE_S):
             await self._reading
         code: int = self.socket.close_code or 0
         return code
@@ -182,7 +182,8 @@ class Site:
     async def open(self, **options: Any) -> Page:
         """Open a WebSocket."""
         address = self.origin.replace("http", "ws", 1) + "/ws"
-        options = {"origin": self.origin, "compression": None, **options}
+        usual = {"origin": self.origin, "compression": None, "open_timeout": PATIENCE_S}
+        options = {**usual, **options}
         page = Page(await connect(address, **options))
         self._pages.append(page)
         return page

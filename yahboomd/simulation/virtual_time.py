@@ -25,7 +25,7 @@ P = ParamSpec("P")
 START_NS = 1_000 * NS_PER_S
 """The start of virtual time: not 0, which hides mistakes."""
 
-REAL_PATIENCE_S = 5.0
+REAL_PATIENCE_S = 60.0
 """The real time to wait for a thread or a socket when no timer is left."""
 
 
