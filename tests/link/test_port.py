@@ -28,7 +28,7 @@ from yahboomd.link.port import (
     open_port,
 )
 from yahboomd.link.port_errors import holders, lost
-from yahboomd.link.seize import seize
+from yahboomd.link.seize import FIRST_WORDS, seize
 
 pytestmark = pytest.mark.realtime
 
@@ -47,6 +47,12 @@ class Device:
             return os.read(self.master, size)
         except OSError:
             return b""
+
+    def read_first_words(self) -> None:
+        """Read what a port begins with, which may come in pieces."""
+        left = len(b"".join(FIRST_WORDS.values()))
+        while left:
+            left -= len(self.read(left))
 
     def close(self) -> None:
         if self.master >= 0:
@@ -69,7 +75,7 @@ async def port(device: Device) -> SerialPort:
 
 
 async def until(condition: Callable[[], object]) -> None:
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(60):
         while not condition():
             await asyncio.sleep(0.001)
 
@@ -92,7 +98,7 @@ async def test_a_port_that_was_seized_is_carried_on_without_being_opened_again(
     device: Device, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seized = seize(device.path)
-    device.read()
+    device.read_first_words()
     with monkeypatch.context() as patched:
         patched.delattr(os, "open")
         port = await adopt(seized, SystemClock())
@@ -244,11 +250,11 @@ async def test_output_that_the_kernel_took_in_part_arrives_whole(
         port.write(b"0123456789abcdef" * 64)
         sent += 1024
     received = 0
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(60):
         while received < sent:
             received += len(await asyncio.to_thread(device.read))
     assert received == sent
-    assert await port.drain(10.0)
+    assert await port.drain(60.0)
 
 
 async def test_a_line_in_pieces_wakes_the_reader_once(port: SerialPort, device: Device) -> None:
