@@ -98,7 +98,9 @@ def test_a_held_port_without_a_daemon_names_its_holder(simulated_board, capsys) 
     assert not board.stands
 
 
-def test_a_port_that_a_daemon_holds_is_described_by_the_daemon(real_robot, capsys) -> None:
+def test_a_port_that_a_daemon_holds_is_described_by_the_daemon(
+    real_robot, patience, capsys
+) -> None:
     robot = real_robot()
     robot.daemon.says("Connected")
     options = ["--set", f'zenoh.listen=["{robot.endpoint}"]', "--set", "zenoh.connect=[]"]
@@ -109,7 +111,7 @@ def test_a_port_that_a_daemon_holds_is_described_by_the_daemon(real_robot, capsy
 
 
 def test_a_daemon_is_asked_for_its_board_where_no_port_is_named_or_found(
-    real_robot, capsys
+    real_robot, patience, capsys
 ) -> None:
     robot = real_robot()
     robot.daemon.says("Connected")
@@ -123,7 +125,7 @@ def test_a_daemon_is_asked_for_its_board_where_no_port_is_named_or_found(
     assert "Plug the board in" in capsys.readouterr().err
 
 
-def test_a_daemon_without_a_board_is_said_to_have_none(real_robot, capsys) -> None:
+def test_a_daemon_without_a_board_is_said_to_have_none(real_robot, patience, capsys) -> None:
     robot = real_robot()
     robot.daemon.says("Connected")
     robot.simulation.end()
@@ -136,7 +138,7 @@ def test_a_daemon_without_a_board_is_said_to_have_none(real_robot, capsys) -> No
 
 
 def test_a_daemon_of_another_namespace_is_named_where_no_port_is_found(
-    real_robot, capsys, tmp_path, monkeypatch
+    real_robot, patience, capsys, tmp_path, monkeypatch
 ) -> None:
     monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path / "run"))
     robot = real_robot(run=["--namespace", "bot1"])

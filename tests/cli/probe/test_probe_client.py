@@ -57,7 +57,7 @@ def test_facts_that_make_no_sense_are_none(facts: dict[str, Any]) -> None:
 
 
 @pytest.mark.realtime
-async def test_the_daemon_that_is_there_is_asked() -> None:
+async def test_the_daemon_that_is_there_is_asked(patience: None) -> None:
     endpoint = free_endpoint()
     facts = ServiceReply(success=True, message="", data=FACTS)
 

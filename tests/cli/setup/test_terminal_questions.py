@@ -45,13 +45,13 @@ def test_words_for_the_person_are_not_the_result(capsys) -> None:
 @pytest.mark.realtime
 async def test_what_was_typed_before_the_question_is_no_answer(terminal) -> None:
     process = terminal(
-        code="import asyncio, time\n"
+        code="import asyncio, select\n"
         "from yahboomd.cli.setup.terminal_questions import Terminal\n"
         "async def ask():\n"
         "    t = Terminal()\n"
         "    await t.line('first?')\n"
         "    print('working', flush=True)\n"
-        "    time.sleep(0.5)\n"
+        "    select.select([0], [], [])\n"
         "    print('got', await t.line('second?'))\n"
         "asyncio.run(ask())\n"
     )

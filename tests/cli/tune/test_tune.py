@@ -44,13 +44,24 @@ def turning(board: SimulatedBoard) -> bool:
     return max(map(abs, board.speeds)) > 0.05
 
 
+def begun(tune: Callable[..., Process], board: SimulatedBoard) -> Process:
+    """A tuning that turns a wheel; another one, where a busy machine kept it from measuring."""
+
+    def begin() -> Process | None:
+        tuning = tune(board, "--yes")
+        wait_for(lambda: turning(board) or tuning.process.poll() is not None, "a wheel turns")
+        return tuning if tuning.process.poll() is None else None
+
+    found: Process = wait_for(begin, "a tuning turns a wheel")
+    return found
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_leaves_standing_wheels_and_an_untouched_board(
     simulated_board, tune, tmp_path, number
 ):
     board = simulated_board()
-    tuning = tune(board, "--yes")
-    wait_for(lambda: turning(board) or tuning.process.poll() is not None, "a wheel turns")
+    tuning = begun(tune, board)
     tuning.process.send_signal(number)
     assert tuning.end_by_itself() == 128 + number, tuning.output
     assert board.stands
@@ -62,8 +73,18 @@ def test_killed_among_its_writes_the_wheels_stand_and_undo_restores_the_board(
     simulated_board, tune, tmp_path
 ):
     board = simulated_board("--flash", "p=0.3", "--flash", "i=0.6", "--flash", "d=0")
-    tuning = tune(board, "--yes")
-    tuning.says("gains P, I, D")
+
+    def wrote() -> Process | None:
+        tuning = tune(board, "--yes")
+        try:
+            tuning.says("gains P, I, D")
+        except ChildProcessError:
+            # A busy machine may hold the board up for so long that it counts as silent.
+            assert tuning.end_by_itself() == os.EX_UNAVAILABLE, tuning.output
+            return None
+        return tuning
+
+    tuning = wait_for(wrote, "gains are tried")
     wait_for(lambda: turning(board), "a wheel turns with the new gains")
     tuning.process.kill()
     wait_for(lambda: board.stands, "the wheels stand")
@@ -83,14 +104,7 @@ def test_stop_in_a_second_terminal_ends_it_and_sees_the_wheels_stand(
     simulated_board, tune, suspended
 ):
     board = simulated_board()
-
-    def begun() -> Process | None:
-        # A busy machine may keep it from measuring: it ends by itself then.
-        tuning = tune(board, "--yes")
-        wait_for(lambda: turning(board) or tuning.process.poll() is not None, "a wheel turns")
-        return tuning if tuning.process.poll() is None else None
-
-    tuning = wait_for(begun, "it turns a wheel")
+    tuning = begun(tune, board)
     held = str(with_hints(PortBusy(f"{board.port} is held."), board.port))
     assert "`yahboomd stop` ends it, and sees them stand." in held
     assert held.endswith(f"End the other: kill {tuning.process.pid}")
@@ -107,8 +121,7 @@ def test_stop_in_a_second_terminal_ends_it_and_sees_the_wheels_stand(
 
 def test_a_stop_that_names_no_port_ends_it_as_well(simulated_board, tune, monkeypatch, capsys):
     board = simulated_board()
-    tuning = tune(board, "--yes")
-    wait_for(lambda: turning(board) or tuning.process.poll() is not None, "a wheel turns")
+    tuning = begun(tune, board)
     # Every other tuning of this machine is left alone by this test.
     monkeypatch.setattr(stop_port, "measured_ports", lambda _folder: [board.port])
     (seized,) = stop_port.seize_measured_ports(None)
@@ -120,8 +133,15 @@ def test_a_stop_that_names_no_port_ends_it_as_well(simulated_board, tune, monkey
 
 def test_a_dry_run_measures_suggests_and_writes_nothing(simulated_board, tune, tmp_path):
     board = simulated_board("--flash", "p=0.3", "--flash", "i=0.6", "--flash", "d=0")
-    tuning = tune(board, "--yes", "--dry-run", "--json")
-    assert tuning.end_by_itself() == 0, tuning.output
+
+    def measured() -> Process | None:
+        tuning = tune(board, "--yes", "--dry-run", "--json")
+        status = tuning.end_by_itself()
+        # A busy machine may hold the board up for so long that it counts as silent.
+        assert status in {os.EX_OK, os.EX_UNAVAILABLE}, tuning.output
+        return tuning if status == os.EX_OK else None
+
+    tuning = wait_for(measured, "a measurement")
     found = json.loads(tuning.output[tuning.output.index("\n{") :])
     assert found["writes"] == 0
     assert found["stored_now"] == found["stored_before"]
