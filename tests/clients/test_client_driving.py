@@ -36,13 +36,14 @@ def moved_m(robot: RealRobot) -> float:
 @pytest.fixture
 def robot(real_robot: Callable[..., RealRobot]) -> RealRobot:
     """A robot that has a board."""
-    made = real_robot()
+    # A simulated board that gets no processor time for a moment looks like one without supply.
+    made = real_robot(run=["--set", "faults.stall=report"])
     made.daemon.says("Connected")
     return made
 
 
 def assert_square(
-    robot: RealRobot, out: str, *, unseen_m: float = 0.05, unseen_rad: float = 0.1
+    robot: RealRobot, out: str, *, unseen_m: float = 0.1, unseen_rad: float = 0.2
 ) -> None:
     """The true path went round a square of that side, and ended where the program believes it did.
 
@@ -82,7 +83,10 @@ def test_the_short_program_of_the_page_of_clients_drives_an_arc_and_prints_poses
     assert done.code == 0, done
     assert "theta" in done.out
     truth = robot.settled_truth()
-    assert (truth.x, truth.theta) == pytest.approx((0.34, 1.0), abs=0.2)
+    # 0.2 m/s and 0.5 rad/s, for 2 s and as long as this machine delays the commands.
+    assert 0.5 < truth.theta < 2.5
+    end = (0.4 * math.sin(truth.theta), 0.4 * (1.0 - math.cos(truth.theta)))
+    assert math.dist((truth.x, truth.y), end) < 0.1, truth
     page = (ROOT / "docs" / "clients.md").read_text()
     assert program.built.arc_source.read_text() in page
 
@@ -108,8 +112,9 @@ def test_a_program_that_is_killed_or_frozen_in_mid_square_leaves_a_robot_that_st
     running = program.start("square", robot=robot.endpoint)
     wait_for(lambda: moved_m(robot) > 0.1, "it drives")
     running.send(number)
-    before = robot.truth()[-1]
+    sent_ns = time.monotonic_ns()
     truth = robot.settled_truth()
+    before = next(each for each in robot.truth() if each.t_ns >= sent_ns)
     # 0.25 m/s for the daemon's timeout of 0.5 s, and as much again for this machine's delays.
     assert math.hypot(truth.x - before.x, truth.y - before.y) < 0.25
 

@@ -83,10 +83,25 @@ class Client:
             self.session.put("cmd_vel", DRIVE)
             time.sleep(0.05)
 
-    def ask(self, key: str, payload: bytes | None = None) -> list[dict[str, Any]]:
-        """All answers of a service: none where the question is not let through."""
-        replies = self.session.get(key, payload=payload, timeout=2.0)
+    def drive_until(self, condition: Callable[[], Any], what: str) -> None:
+        """Drive until something is true."""
+
+        def found() -> bool:
+            self.drive(0.05)
+            return bool(condition())
+
+        wait_for(found, what)
+
+    def ask(
+        self, key: str, payload: bytes | None = None, *, within_s: float = 60.0
+    ) -> list[dict[str, Any]]:
+        """All answers of a service."""
+        replies = self.session.get(key, payload=payload, timeout=within_s)
         return [json.loads(bytes(reply.ok.payload)) for reply in replies if reply.ok is not None]
+
+    def is_refused(self, key: str, payload: bytes | None = None) -> bool:
+        """Whether the question is not let through: no answer comes."""
+        return self.ask(key, payload, within_s=2.0) == []
 
     def close(self) -> None:
         self.session.close()

@@ -86,17 +86,15 @@ def test_a_viewer_is_refused_cmd_vel_and_the_services_and_still_reads_the_pose(
 
     viewer.drive()
     for key in ("estop/reset", "odometry/reset", "config", "board", "blackbox/save"):
-        assert viewer.ask(f"yahboomd/{key}") == []
-    assert viewer.ask("yahboomd/odometry/set_pose", b'{"x":1,"y":1,"theta":0}') == []
+        assert viewer.is_refused(f"yahboomd/{key}")
+    assert viewer.is_refused("yahboomd/odometry/set_pose", b'{"x":1,"y":1,"theta":0}')
     # Its commands were sent before, over the same connection.
     assert sum(robot.settled_truth().travel_m) == pytest.approx(0.0, abs=1e-6)
     viewer.sees_poses()
     assert viewer.poses[-1]["x"] == pytest.approx(0.0, abs=1e-6)
 
-    operator.drive()
-    assert sum(robot.settled_truth().travel_m) > 0.3
-    viewer.sees_poses()
-    assert viewer.poses[-1]["x"] > 0.15
+    operator.drive_until(lambda: robot.travelled_m() > 0.4, "it drives")
+    wait_for(lambda: viewer.poses[-1]["x"] > 0.15, "the viewer sees it")
     (newest,) = viewer.ask("yahboomd/pose")
     assert newest["x"] > 0.15
 
@@ -108,8 +106,7 @@ def test_a_viewer_is_refused_cmd_vel_and_the_services_and_still_reads_the_pose(
     (answer,) = wait_for(
         lambda: [a for a in operator.ask("yahboomd/estop/reset") if a["success"]], "the release"
     )
-    operator.drive()
-    assert sum(robot.settled_truth().travel_m) > driven + 0.3
+    operator.drive_until(lambda: robot.travelled_m() > driven + 0.3, "it drives again")
 
 
 def test_the_python_client_drives_with_the_papers_of_its_file_and_a_viewer_reads(
@@ -125,17 +122,21 @@ def test_the_python_client_drives_with_the_papers_of_its_file_and_a_viewer_reads
         file.write_text(str(config))
         return Robot(robot.endpoint, zenoh_file=file, wait_s=30.0)
 
+    def stopped() -> bool:
+        # A daemon that a busy machine holds up does not answer in time.
+        with contextlib.suppress(NoDaemon):
+            return bool(viewer.estop("the viewer"))
+        return False
+
     with program("viewer") as viewer, program("operator") as operator:
-        assert viewer.alive
-        assert viewer.pose is not None
+        wait_for(lambda: viewer.alive and viewer.pose, "a pose")
         viewer.drive(0.3, for_s=60.0)
         with pytest.raises(NoDaemon):
             viewer.release()
-        assert operator.drive(0.3, for_s=60.0)
-        wait_for(lambda: robot.travelled_m() > 0.1, "it drives")
-        assert viewer.estop("the viewer")
-        assert operator.standing(within_s=30.0)
-        assert viewer.status is not None
+        wait_for(lambda: operator.drive(0.3, for_s=60.0) and robot.travelled_m() > 0.1, "it drives")
+        wait_for(stopped, "the stop")
+        assert operator.standing(within_s=60.0)
+        wait_for(lambda: viewer.status, "a status")
 
 
 def test_somebody_who_is_known_and_named_in_no_rule_may_do_nothing(
@@ -145,8 +146,8 @@ def test_somebody_who_is_known_and_named_in_no_rule_may_do_nothing(
     stranger = app(robot.endpoint, papers("stranger"))
     viewer = app(robot.endpoint, papers("viewer"))
     stranger.drive()
-    assert stranger.ask("yahboomd/estop/reset") == []
-    assert stranger.ask("yahboomd/estop") == []
+    assert stranger.is_refused("yahboomd/estop/reset")
+    assert stranger.is_refused("yahboomd/estop")
     viewer.sees_poses()
     assert stranger.poses == []
     assert sum(robot.settled_truth().travel_m) == pytest.approx(0.0, abs=1e-6)
@@ -287,8 +288,10 @@ def test_a_flood_without_certificates_keeps_neither_the_connected_nor_this_machi
         wait_for(lambda: len(refused) > 60, "a flood")
         (answer,) = operator.ask("yahboomd/estop")
         assert answer["success"]
-        (answer,) = operator.ask("yahboomd/estop/reset")
-        assert answer["success"]
+        wait_for(
+            lambda: any(each["success"] for each in operator.ask("yahboomd/estop/reset")),
+            "the release",
+        )
         (answer,) = app(here).ask("yahboomd/estop")
         assert answer["success"]
     finally:
@@ -316,6 +319,6 @@ def test_connections_that_wait_by_the_hundred_leave_a_descriptor_for_the_port(
         descriptors = Path(f"/proc/{robot.daemon.process.pid}/fd")
         wait_for(lambda: len(list(descriptors.iterdir())) > 1_100, "all of them are accepted")
         assert robot.do("unplug 0.5").startswith("ok")
-        wait_for(lambda: robot.daemon.output.count("Connected") == 2, "the port is open again")
+        wait_for(lambda: robot.daemon.output.count("Connected") >= 2, "the port is open again")
     assert "Too many open files" not in robot.daemon.output
     assert "Traceback" not in robot.daemon.output

@@ -76,8 +76,7 @@ def test_without_a_port_a_board_is_simulated_and_the_robot_can_be_driven(
     made, endpoint = started()
     app = client("client", endpoint)
     app.in_state("standing")
-    app.drive(b'{"vx": 0.3}', 0.5)
-    wait_for(lambda: app.latest("pose")["x"] > 0.05, "it moved")
+    app.drive_until(b'{"vx": 0.3}', lambda: app.latest("pose")["x"] > 0.05, "it moved")
     wait_for(lambda: ".venv/bin/yahboomd drive" in made.output, "the invitation")
     wait_for(lambda: "The page is at http://127.0.0.1:" in made.output, "the page")
     wait_for(lambda: f"{endpoint} answers" in made.output, "the page found its daemon")
@@ -98,8 +97,7 @@ def test_a_daemon_works_on_when_its_page_dies_and_a_page_for_phones_needs_a_toke
     wait_for(lambda: "yahboomd web --show-link" in made.output, "how to see the link")
     (page,) = children(made.process.pid, "web")
     os.kill(page, signal.SIGKILL)
-    app.drive(b'{"vx": 0.3}', 0.5)
-    wait_for(lambda: app.latest("pose")["x"] > 0.05, "it moved")
+    app.drive_until(b'{"vx": 0.3}', lambda: app.latest("pose")["x"] > 0.05, "it moved")
     assert made.end() == 0
 
 
@@ -126,10 +124,9 @@ def test_the_simulated_board_has_the_motors_of_the_configuration(
     made, endpoint = started("--config", str(config))
     app = client("client", endpoint)
     app.in_state("standing")
-    app.drive(b'{"vx": 0.3}', 1.0)
-    wait_for(lambda: app.latest("pose")["x"] > 0.1, "it moved")
+    app.drive_until(b'{"vx": 0.3}', lambda: app.latest("pose")["x"] > 0.1, "it moved")
+    wait_for(lambda: all(ticks > 0 for ticks in app.latest("wheels")["ticks"]), "all wheels turn")
     assert len(app.latest("wheels")["names"]) == 4
-    assert all(ticks > 0 for ticks in app.latest("wheels")["ticks"])
     assert app.latest("status")["state"] != "fault"
     assert made.end() == 0
 
@@ -191,6 +188,7 @@ def test_a_mistake_in_the_options_ends_it_with_the_daemons_status(
 ) -> None:
     made, _ = started("--set", "chassis.wheel_separation_m=-1")
     assert made.process.wait(60) == 78
+    assert made.end() == 78
     assert "chassis.wheel_separation_m" in made.output
     assert "second terminal" not in made.output
     assert "Traceback" not in made.output
