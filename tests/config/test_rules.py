@@ -266,6 +266,15 @@ def test_more_than_the_board_can_do_and_a_stall_that_is_never_seen_are_warnings(
     assert set(warned(limits={"linear": {"velocity": 0.05}})) == {"faults.min_speed_m_s"}
 
 
+def test_a_ramp_that_lasts_long_after_silence_is_warned_of():
+    slow = {"linear": {"velocity": 1.0, "deceleration": 0.2}, "angular": {"deceleration": 1.0}}
+    lines = warned(limits=slow)
+    assert set(lines) == {"limits.linear.deceleration", "limits.angular.deceleration"}
+    assert "takes 5.0 s and 2.5 m to stand" in lines["limits.linear.deceleration"]
+    assert warned(limits=slow, command={"on_timeout": "halt"}) == {}
+    assert warned(limits={"linear": {"velocity": 1.0, "deceleration": 0.5}}) == {}
+
+
 def test_the_odometry_believes_the_speeds_that_are_allowed():
     lines = found(limits={"linear": {"velocity": 3.0}})
     words = lines["odometry.max_wheel_speed_m_s"]

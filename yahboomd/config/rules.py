@@ -55,6 +55,9 @@ _MOTORS: Place = ("chassis", "motors")
 _BASE: Place = ("chassis", "wheel_base_m")
 _PROFILE: Place = ("board", "profile")
 
+LONG_RAMP_S = 2.0
+"""A robot whose program died should not drive on for longer."""
+
 LEAST_POLL_HZ = 5
 """Counts that come more seldom never show that wheels stand, nor whether they turn."""
 
@@ -214,6 +217,23 @@ def speeds(config: Config) -> Iterator[Finding]:
         yield Finding(least, words, (place,), is_warning=True)
 
 
+def ramps(config: Config) -> Iterator[Finding]:
+    """The ramp after silence is short; a warning says where it is not."""
+    beside: Place = ("command", "on_timeout")
+    for axis, unit in (("linear", "m"), ("angular", "rad")):
+        limits = getattr(config.limits, axis)
+        fastest, slows = limits.velocity, limits.deceleration
+        if config.command.on_timeout == "halt" or not (fastest and slows):
+            continue
+        ramp_s = fastest / slows
+        if ramp_s > LONG_RAMP_S:
+            words = (
+                f"after silence it takes {ramp_s:.1f} s and {fastest * ramp_s / 2:.1f} {unit} to "
+            )
+            words += f'stand; {dotted(beside)} = "halt" stops at once'
+            yield Finding(("limits", axis, "deceleration"), words, (beside,), is_warning=True)
+
+
 def timeouts(config: Config) -> Iterator[Finding]:
     """A command lasts two control periods at least, and is sent again before it ends."""
     command = config.command
@@ -344,6 +364,7 @@ RULES: tuple[Rule, ...] = (
     geometry,
     profile,
     speeds,
+    ramps,
     timeouts,
     rates,
     bus,
