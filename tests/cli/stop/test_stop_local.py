@@ -158,6 +158,20 @@ async def test_one_that_does_not_answer_holds_up_no_other_and_has_the_stop_as_it
         assert requests == [b"status\n", stop_local.STOP]
 
 
+async def test_one_that_was_too_busy_to_answer_and_stops_is_known_by_its_name(
+    daemon, environ
+) -> None:
+    await daemon("bot1")
+    stops = LocalStops()
+
+    def work() -> list[LocalDaemon]:
+        stops.engage(Wanted(), [LocalDaemon(each.socket, each.pid, True) for each in find(environ)])
+        return [each.robot for each in stops.outcomes()]
+
+    (robot,) = await asyncio.to_thread(work)
+    assert (robot.namespace, robot.silent) == ("bot1", False)
+
+
 async def test_one_that_does_not_answer_and_may_be_another_is_left_alone(
     environ, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

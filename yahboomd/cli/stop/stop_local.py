@@ -130,7 +130,7 @@ class LocalStops:
         for robot, talk in self._meant:
             talk.close()
             if talk.lines and talk.lines[0].get("engaged") is True:
-                found.append(_outcome(robot, talk.lines))
+                found.append(_outcome(_identified(robot), talk.lines))
             else:
                 self.silent.append(robot)
         return found
@@ -147,6 +147,16 @@ def find(environ: Mapping[str, str]) -> list[LocalDaemon]:
         if talk.connected and not refused:
             found.append(_robot(talk))
     return found
+
+
+def _identified(robot: LocalDaemon) -> LocalDaemon:
+    """The same daemon, asked again for what it was too busy to tell."""
+    if not robot.silent:
+        return robot
+    talk = Talk(robot.socket, b"status\n")
+    converse([talk], lines=1, within_s=STATUS_WITHIN_S)
+    talk.close()
+    return _robot(talk) if talk.lines else robot
 
 
 def covered(outcome: Outcome, paths: Iterable[str]) -> bool:
