@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from yahboomd.errors import ConfigError
+from yahboomd.errors import ConfigError, Refused
 
 if TYPE_CHECKING:
     from yahboomd.bus.options import BusOptions
@@ -91,6 +91,18 @@ def check_source(args: argparse.Namespace) -> None:
 
     if problem := name_problem(args.source):
         raise ConfigError(f"--source {args.source}: {problem}.")
+
+
+def check_picture(path: Path) -> None:
+    """Raise if a picture cannot be written there: before all the work, and before a file is lost.
+
+    Raises:
+        Refused: It is none of its kinds, or has no folder.
+    """
+    if path.suffix not in {".png", ".svg", ".pdf"}:
+        raise Refused(f"{path} is no picture: name a file that ends in .png, .svg or .pdf.")
+    if not path.absolute().parent.is_dir():
+        raise Refused(f"There is no folder {path.absolute().parent} for the picture.")
 
 
 def add_port_option(parser: argparse.ArgumentParser) -> None:

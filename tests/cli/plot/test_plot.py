@@ -26,10 +26,19 @@ def test_a_folder_is_drawn_to_a_file_of_the_kind_that_is_named(
     assert capsys.readouterr().out.strip() == str(output)
 
 
-def test_a_kind_that_cannot_be_drawn_is_named(tmp_path: Path, capsys) -> None:
-    record(tmp_path, 10)
-    assert main(["plot", str(tmp_path), "--output", str(tmp_path / "picture.doc")]) == 1
-    assert "cannot be written" in capsys.readouterr().err
+@pytest.mark.parametrize("name", ["picture.doc", "picture", "no/picture.png"])
+def test_a_kind_that_cannot_be_drawn_is_named_and_costs_no_file(
+    tmp_path: Path, capsys, name: str
+) -> None:
+    record(tmp_path, 300)
+    kept = tmp_path / name
+    if kept.parent.is_dir():
+        kept.write_text("another file")
+    assert main(["plot", str(tmp_path), "--output", str(kept)]) == 1
+    words = capsys.readouterr().err
+    assert "is no picture: name a file that ends in" in words or "There is no folder" in words
+    assert not kept.parent.is_dir() or kept.read_text() == "another file"
+    assert not list(tmp_path.glob("*.png"))
 
 
 def test_the_ellipse_is_that_of_the_covariance() -> None:

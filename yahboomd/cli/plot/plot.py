@@ -10,6 +10,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from yahboomd.cli.shared_options import check_picture
 from yahboomd.errors import Refused
 from yahboomd.messages.native import (
     BatterySample,
@@ -79,6 +80,8 @@ def run(args: argparse.Namespace) -> int:
 
     from yahboomd.cli.plot.recorded_series import read_recording
 
+    if args.output is not None:
+        check_picture(args.output)
     mpl.use("Agg")
     recording = read_recording(args.recording)
     output = args.output or Path(f"{str(args.recording).rstrip('/')}.png")

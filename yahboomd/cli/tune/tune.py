@@ -18,6 +18,7 @@ import msgspec
 from yahboomd.cli.shared_options import (
     add_config_options,
     add_port_option,
+    check_picture,
     number,
     read_config,
 )
@@ -107,7 +108,7 @@ def run(args: argparse.Namespace) -> int:
         import matplotlib  # noqa: F401
 
         if args.output is not None:
-            _check_picture(args.output)
+            check_picture(args.output)
     loaded = read_config(args)
     config = loaded.config
     from yahboomd.cli.own_port import opener_of, refuse_estop, with_hints
@@ -134,13 +135,6 @@ def run(args: argparse.Namespace) -> int:
         return _ended_by_signals(lambda: tuning.tune(procedure), tuning)
     except LinkError as error:
         raise (with_hints(error, port) if port else error) from error
-
-
-def _check_picture(path: Path) -> None:
-    if path.suffix not in {".png", ".svg", ".pdf"}:
-        raise Refused(f"{path} is no picture: name a file that ends in .png, .svg or .pdf.")
-    if not path.absolute().parent.is_dir():
-        raise Refused(f"There is no folder {path.absolute().parent} for the picture.")
 
 
 def _ended_by_signals(work: Callable[[], Awaitable[int]], tuning: Tuning) -> int:
