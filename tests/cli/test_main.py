@@ -152,10 +152,18 @@ def test_control_c_ends_with_130_and_no_traceback(command, capsys):
     assert capsys.readouterr() == ("", "")
 
 
-def test_a_bug_keeps_its_traceback(command):
-    command(raising(ZeroDivisionError()))
-    with pytest.raises(ZeroDivisionError):
+@pytest.mark.parametrize("error", [ZeroDivisionError(), OSError(errno.EBADF, "Bad"), OSError()])
+def test_a_bug_keeps_its_traceback(command, error):
+    command(raising(error))
+    with pytest.raises(type(error)):
         cli.main(["drive"])
+
+
+@pytest.mark.parametrize("file", ["/x/y", Path("/x/y")])
+def test_a_file_that_cannot_be_used_is_named(command, capsys, file):
+    command(raising(OSError(errno.ENAMETOOLONG, "File name too long", file)))
+    assert cli.main(["drive"]) == os.EX_IOERR
+    assert capsys.readouterr() == ("", "yahboomd: /x/y: File name too long.\n")
 
 
 def test_a_missing_extra_is_named_with_the_way_to_install_it(command, capsys):

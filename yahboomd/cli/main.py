@@ -171,10 +171,15 @@ def _run(arguments: list[str]) -> int:
         if (limit := shortage(error)) is not None:
             _print_error(str(limit))
             return limit.exit_code
-        if not isinstance(error, OSError) or error.errno not in FULL or error.filename is not None:
+        if not isinstance(error, OSError):
             raise
-        _drop_output()
-        _print_error(f"the output cannot be written: {error.strerror}.")
+        if isinstance(error.filename, str | os.PathLike):
+            _print_error(f"{error.filename}: {error.strerror}.")
+        elif error.errno in FULL:
+            _drop_output()
+            _print_error(f"the output cannot be written: {error.strerror}.")
+        else:
+            raise
         return os.EX_IOERR
     return status
 
