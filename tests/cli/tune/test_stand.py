@@ -159,6 +159,24 @@ async def test_a_board_that_says_nothing_more_shows_no_wheel_that_turns(while_dr
 
 
 @on_virtual_time
+async def test_a_computer_that_stood_still_as_a_wheel_was_cut_accuses_no_wheel() -> None:
+    bench = TuningBench()
+    motors, loop = bench.link.robot.plant.motors, asyncio.get_running_loop()
+
+    async def stand_still() -> None:
+        for driven in (True, False):
+            while any(each.pwm for each in motors) != driven:
+                await asyncio.sleep(0.005)
+        loop.freeze(4.0)
+
+    standing_still = asyncio.ensure_future(stand_still())
+    async with opened(bench) as stand:
+        await stand.ramp(stand.motors[0], 1)
+    await standing_still
+    await standing(bench)
+
+
+@on_virtual_time
 async def test_cancelled_in_a_step_the_wheels_stand() -> None:
     bench = TuningBench()
 

@@ -15,9 +15,11 @@ from real_robot import Process, wait_for
 from simulated_board import SimulatedBoard
 from tuning_bench import TuningBench
 
+from benchmarks.soak.processes import DAEMON_NICE, prefer
 from yahboomd.cli.main import main
 from yahboomd.cli.own_port import with_hints
 from yahboomd.cli.stop import stop_port
+from yahboomd.cli.tune.procedure import SPARE_STEPS
 from yahboomd.cli.tune.saved import read_saved
 from yahboomd.cli.tune.tune import Tuning
 from yahboomd.errors import PortBusy, Refused
@@ -33,6 +35,8 @@ def tune(tmp_path: Path) -> Iterator[Callable[..., Process]]:
     def start(board: SimulatedBoard, *options: str) -> Process:
         words = ("tune", "--port", board.port, "--output", str(tmp_path / "steps.svg"), *options)
         processes.append(Process(*words, environ={"STATE_DIRECTORY": str(tmp_path)}))
+        # It measures in real time, as a daemon drives.
+        prefer(processes[-1].process, DAEMON_NICE)
         return processes[-1]
 
     yield start
@@ -139,7 +143,9 @@ def test_a_dry_run_measures_suggests_and_writes_nothing(simulated_board, tune, t
         status = tuning.end_by_itself()
         # A busy machine may hold the board up for so long that it counts as silent.
         assert status in {os.EX_OK, os.EX_UNAVAILABLE}, tuning.output
-        return tuning if status == os.EX_OK else None
+        # Steps are taken as they are once many had to be repeated.
+        busy = tuning.output.count("as on a busy computer") >= SPARE_STEPS
+        return tuning if status == os.EX_OK and not busy else None
 
     tuning = wait_for(measured, "a measurement")
     found = json.loads(tuning.output[tuning.output.index("\n{") :])

@@ -31,6 +31,9 @@ from yahboomd.protocol.dialect import Dialect, Motion
 from yahboomd.protocol.settings import BoardSettings
 
 LOOK_NS = 10_000_000
+HELD_UP_NS = 100_000_000
+"""A look that comes later than this was held up."""
+
 BEAT_NS = 200_000_000
 POLL_NS = 20_000_000
 POLL_TIMEOUT_NS = 100_000_000
@@ -364,6 +367,8 @@ class Stand:
                 self._cut()
                 again_ns = now_ns + nanoseconds(0.1)
             await sleep_until(clock, now_ns + LOOK_NS)
+            # A time in which this process did not run shows no wheel that turns.
+            end_ns += max(0, clock.now_ns() - now_ns - HELD_UP_NS)
         assert line.ticks is not None
         return line.ticks
 
