@@ -238,6 +238,9 @@ async def test_a_wheel_that_no_cut_stops_is_reported_with_the_supply_to_switch_o
         at_ns = bench.clock.now_ns()
         await bench.until(lambda: any(map(SWITCH_OFF.search, bench.events("stop_not_obeyed"))))
         assert bench.clock.now_ns() - at_ns <= 2000 * MS
+        state, why = bench.controller.state()
+        assert state == "fault"
+        assert SWITCH_OFF.search(why)
         await bench.drive(3.0, 0.3)
         assert len(list(filter(SWITCH_OFF.search, bench.events("stop_not_obeyed")))) == 1
 

@@ -264,6 +264,9 @@ class Controller:
         self._limiter.halt()
         if (fault := self._wheels.stand(now_ns, at_once=at_once)) is not None:
             self._report(fault)
+            if fault.certain and self._holds.has(FAULT):
+                # What it does now is more urgent than why it was cut.
+                self._holds.add(Hold(kind=FAULT, message=fault.message, since_ns=now_ns))
 
     def _trouble(self, fault: Fault, now_ns: int) -> None:
         """React to a wheel that does not obey."""

@@ -172,6 +172,7 @@ class StopWatch:
             ),
             action="cut",
             measured_m_s=speed,
+            certain=True,
         )
 
     def _turning_on(self, slowed: float) -> tuple[float, str]:
