@@ -25,8 +25,8 @@ class Odometry(Section):
         default=50.0,
         gt=0.0,
         le=1000.0,
-        description="Questions for the counters in a second, where the board has to be asked; "
-        "one that streams sends them by itself, new ones every 10 ms.",
+        description="Questions for the counters in a second, where the board has to be asked, 5 at "
+        "least; one that streams sends them by itself, new ones every 10 ms.",
     )
     publish_rate_hz: float = key(
         default=50.0,
