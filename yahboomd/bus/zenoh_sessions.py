@@ -97,13 +97,17 @@ def port_holder(port: int) -> str | None:
     for name in os.listdir("/proc"):
         folder = Path("/proc", name)
         try:
-            if name.isdigit() and any(
-                str(fd.readlink()) in inodes for fd in (folder / "fd").iterdir()
-            ):
+            if name.isdigit() and not inodes.isdisjoint(_open_files(folder)):
                 return f"{(folder / 'comm').read_text(encoding='utf-8').strip()} ({name})"
         except OSError:  # it ended meanwhile, or is another user's
             continue
     return None
+
+
+def _open_files(folder: Path) -> Iterator[str]:
+    for fd in (folder / "fd").iterdir():
+        with suppress(FileNotFoundError):  # closed meanwhile
+            yield str(fd.readlink())
 
 
 def _in_use(text: str, options: BusOptions) -> BusError:
