@@ -115,6 +115,26 @@ def _remove_rings(runtime: Path) -> None:
 
 
 @pytest.fixture(scope="session", autouse=True)
+def patience() -> Iterator[None]:
+    """Disk and threads of this process are waited for, however busy the machine is.
+
+    Each of these is a promise for a disk that hangs; a test of it sets its own.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        for name in (
+            "yahboomd.daemon.box_writer.END_S",
+            "yahboomd.daemon.estop.latch.LOAD_WITHIN_S",
+            "yahboomd.daemon.estop.latch.RELEASE_WITHIN_S",
+            "yahboomd.daemon.estop.latch.SETTLE_S",
+            "yahboomd.daemon.estop.local_stop.OPEN_WITHIN_S",
+            "yahboomd.daemon.logs.FLUSH_S",
+            "yahboomd.simulation.virtual_time.REAL_PATIENCE_S",
+        ):
+            patch.setattr(name, 60.0)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
 def runtime_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Daemons and stops of these tests find only each other, whatever else this machine runs."""
     runtime = tmp_path_factory.mktemp("run")
@@ -145,9 +165,10 @@ async def tasks_end() -> AsyncIterator[None]:
     """Set up before all else and torn down after it: whatever still runs then was left behind."""
     yield
     # Those that were cancelled last get the turns that they need to end.
-    for _ in range(10):
+    for _ in range(100):
         await asyncio.sleep(0)
-    left = asyncio.all_tasks() - {asyncio.current_task()}
+        if not (left := asyncio.all_tasks() - {asyncio.current_task()}):
+            break
     assert not left, f"tasks were left behind: {', '.join(task.get_name() for task in left)}"
 
 

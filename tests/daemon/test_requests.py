@@ -15,6 +15,7 @@ from robot_bench import RobotBench
 
 from yahboomd.bus import keys
 from yahboomd.bus.services import TOO_MANY, Request, Response
+from yahboomd.daemon.estop import latch
 from yahboomd.daemon.estop.latch_file import LatchFile
 from yahboomd.daemon.requests import Services
 from yahboomd.messages import cdr
@@ -162,6 +163,7 @@ async def test_an_acknowledgement_says_when_the_stop_would_not_survive_a_restart
     let_go = threading.Event()
     if hangs:
         monkeypatch.setattr(LatchFile, "engage", lambda *_: let_go.wait(60.0))
+        monkeypatch.setattr(latch, "SETTLE_S", 0.01)
     bench = RobotBench(tmp_path)
     words = bench.operator.engage_estop("a test")
     # The wheels do not wait for the disk.
@@ -172,6 +174,7 @@ async def test_an_acknowledgement_says_when_the_stop_would_not_survive_a_restart
     assert ("not on file" in bench.controller.state()[1]) is hangs
     assert bench.controller.status_values()["estop_not_on_file"] == int(hangs)
     let_go.set()
+    monkeypatch.setattr(latch, "SETTLE_S", 60.0)
     assert bench.latch.settle()
     bench.controller.close()
 
