@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
-from zenoh_fixtures import free_endpoint, zenoh_app, zenoh_router
+from zenoh_fixtures import PATIENCE_S, free_endpoint, zenoh_app, zenoh_router
 
 from yahboomd.bus.bus import Bus
 from yahboomd.bus.options import BusOptions
@@ -19,6 +19,12 @@ __all__ = ["bus", "zenoh_app", "zenoh_router"]
 @pytest.fixture
 async def bus() -> AsyncIterator[Bus]:
     """An open bus that joins no router."""
-    bus = Bus(BusOptions(listen=(free_endpoint(),), connect=(), namespace="bot1"))
-    async with bus:
+    options = BusOptions(
+        listen=(free_endpoint(),),
+        connect=(),
+        namespace="bot1",
+        lease_s=PATIENCE_S,
+        close_timeout_s=PATIENCE_S,
+    )
+    async with Bus(options) as bus:
         yield bus

@@ -166,8 +166,8 @@ async def test_every_alarm_of_many_clients_in_a_flood_is_counted(bus, heard, zen
                 operator.put("bot1/yahboomd/estop", b"stop", **BLOCK)
 
     await asyncio.to_thread(send)
-    await eventually(lambda: heard.ignored == 20_000)
-    assert heard.raised == 10
+    # The operator's come over a connection of their own, and may be the last.
+    await eventually(lambda: (heard.ignored, heard.raised) == (20_000, 10))
 
 
 async def test_samples_that_ask_for_nothing_are_counted_and_nothing_else(heard, session):

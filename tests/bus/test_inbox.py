@@ -176,12 +176,14 @@ async def test_nothing_is_delivered_after_a_lane_was_removed(inbox):
 
 async def test_a_closed_inbox_gives_its_descriptor_back_and_takes_no_more():
     before = len(os.listdir("/proc/self/fd"))
-    inbox = Inbox()
-    lane = inbox.lane(lambda batch, lost: None)
-    inbox.close()
-    inbox.close()
-    lane.offer(1)
-    assert len(os.listdir("/proc/self/fd")) == before
+    for _ in range(20):
+        inbox = Inbox()
+        lane = inbox.lane(lambda batch, lost: None)
+        inbox.close()
+        inbox.close()
+        lane.offer(1)
+    # Sessions of other tests may give theirs back meanwhile, or take one for a moment.
+    assert len(os.listdir("/proc/self/fd")) < before + 10
 
 
 @given(st.lists(st.one_of(st.integers(0, 20), st.none()), max_size=100), st.integers(1, 8))

@@ -6,9 +6,11 @@ from pathlib import Path
 
 import pytest
 import zenoh
-from zenoh_fixtures import eventually, late_subscriber
+from zenoh_fixtures import eventually, free_endpoint, late_subscriber
 
 from yahboomd.bus import keys
+from yahboomd.bus.bus import Bus
+from yahboomd.bus.options import BusOptions
 
 pytestmark = pytest.mark.realtime
 
@@ -61,28 +63,41 @@ async def test_put_after_the_end_is_counted_and_not_raised(bus):
     assert publisher.counters.errors == 2
 
 
-async def test_a_frozen_subscriber_holds_up_neither_put_nor_the_others(bus, zenoh_app):
-    publisher = bus.publisher(keys.POSE)
-    script = Path(__file__).parents[1] / "plugins" / "zenoh_listener_process.py"
-    frozen = await asyncio.to_thread(
-        subprocess.Popen,
-        [sys.executable, str(script), bus.options.listen[0], "bot1/**"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
+PATIENT = (
+    "{transport: {link: {tx: {queue: {congestion_control: {block: {wait_before_close: US}}}}}}}"
+)
+
+
+async def test_a_frozen_subscriber_holds_up_neither_put_nor_the_others(zenoh_app, tmp_path):
+    # Were it waited for, then until its own lease is over, and it would be gone.
+    config = tmp_path / "zenoh.json5"
+    config.write_text(PATIENT.replace("US", "600000000"))
+    options = BusOptions(
+        listen=(free_endpoint(),), connect=(), namespace="bot1", config_file=config
     )
-    try:
-        assert await asyncio.to_thread(frozen.stdout.readline) == b"ready\n"
-        samples = zenoh_app("client", bus.options.listen[0]).collect("bot1/yahboomd/pose")
-        await eventually(lambda: publisher.has_subscribers and len(bus.neighbours) == 2)
-        frozen.send_signal(signal.SIGSTOP)
-        # Far more than the buffers on the way to the frozen one hold: were it waited for, the
-        # loop would stand still until the connection is given up.
-        for number in range(3_000):
-            assert publisher.put(b"%6d" % number * 1_000)
-            await asyncio.sleep(0)
-        assert publisher.counters.puts == 3_000
-        assert len(bus.neighbours) == 2
-        await eventually(lambda: publisher.put(b"last") and samples[-1].payload == b"last")
-    finally:
-        frozen.kill()
-        frozen.communicate()
+    async with Bus(options) as bus:
+        publisher = bus.publisher(keys.POSE)
+        script = Path(__file__).parents[1] / "plugins" / "zenoh_listener_process.py"
+        frozen = await asyncio.to_thread(
+            subprocess.Popen,
+            [sys.executable, str(script), bus.options.listen[0], "bot1/**"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+        )
+        try:
+            assert await asyncio.to_thread(frozen.stdout.readline) == b"ready\n"
+            samples = zenoh_app("client", bus.options.listen[0]).collect("bot1/yahboomd/pose")
+            await eventually(lambda: publisher.has_subscribers and len(bus.neighbours) == 2)
+            frozen.send_signal(signal.SIGSTOP)
+            # Far more than the buffers on the way to the frozen one hold.
+            for number in range(300):
+                assert publisher.put(b"%6d" % number * 10_000)
+                await asyncio.sleep(0)
+            assert publisher.counters.puts == 300
+            await eventually(
+                lambda: publisher.put(b"last") and samples and samples[-1].payload == b"last"
+            )
+            assert len(bus.neighbours) == 2
+        finally:
+            frozen.kill()
+            frozen.communicate()

@@ -2,7 +2,7 @@ import asyncio
 import threading
 
 import pytest
-from zenoh_fixtures import eventually
+from zenoh_fixtures import PATIENCE_S, eventually
 
 from yahboomd.bus import keys
 from yahboomd.bus.bus import LARGE
@@ -163,7 +163,7 @@ async def test_every_one_of_too_many_queries_is_answered(bus, app):
     service = bus.serve(
         keys.BOARD, lambda _: Response(payload=b"answered"), fallback=refusal, pending=2
     )
-    handlers = [app.session.get("bot1/yahboomd/board", timeout=20) for _ in range(50)]
+    handlers = [app.session.get("bot1/yahboomd/board", timeout=PATIENCE_S) for _ in range(50)]
     # The loop stands still here: two requests fit into the lane, the others are refused.
     pause = threading.Event()
     while service.counters.refused < 48:
@@ -202,8 +202,8 @@ async def test_a_flood_of_harmless_queries_refuses_no_alarm(bus, app):
 
     service = bus.serve(keys.ESTOP, engage, fallback=refusal, pending=2, harmless=harmless)
     for _ in range(50):
-        app.session.get("bot1/yahboomd/estop", payload=b"harmless", timeout=20)
-    waiting = app.session.get("bot1/yahboomd/estop", payload=b"stop", timeout=20)
+        app.session.get("bot1/yahboomd/estop", payload=b"harmless", timeout=PATIENCE_S)
+    waiting = app.session.get("bot1/yahboomd/estop", payload=b"stop", timeout=PATIENCE_S)
     pause = threading.Event()
     while len(service._alarms._entries) < 1 or service.counters.refused < 48:
         pause.wait(0.001)
@@ -222,7 +222,7 @@ async def test_an_alarm_is_raised_where_its_answer_finds_no_place(bus, app):
 
     service = bus.serve(keys.ESTOP, engage, fallback=refusal, pending=2, harmless=harmless)
     handlers = [
-        app.session.get("bot1/yahboomd/estop", payload=b"%d" % number, timeout=20)
+        app.session.get("bot1/yahboomd/estop", payload=b"%d" % number, timeout=PATIENCE_S)
         for number in range(5)
     ]
     pause = threading.Event()
@@ -254,13 +254,15 @@ async def test_few_large_queries_are_kept_and_all_of_them_raise_the_alarm(bus, a
     pause = threading.Event()
     handlers = []
     for number in range(count):
-        handlers.append(app.session.get(f"bot1/{keys.ESTOP}{parameters}", timeout=20, **carried))
+        handlers.append(
+            app.session.get(f"bot1/{keys.ESTOP}{parameters}", timeout=PATIENCE_S, **carried)
+        )
         while len(estop._alarms._entries) <= number:
             pause.wait(0.001)
     # Those that were not kept are here without their query, and the loop has seen none yet.
     kept = [pending.query is not None for pending in estop._alarms._entries]
     assert kept == [True] * LARGE + [False] * 3
-    other = app.session.get(f"bot1/{keys.BOARD}{parameters}", timeout=20, **carried)
+    other = app.session.get(f"bot1/{keys.BOARD}{parameters}", timeout=PATIENCE_S, **carried)
     while not board._lane._entries:
         pause.wait(0.001)
     assert board._lane._entries[0].query is None
@@ -303,7 +305,7 @@ async def test_a_handler_whose_answers_take_long_holds_few_queries(bus, app):
     count = LATER + 5
     handlers = []
     for number in range(count):
-        handlers.append(app.session.get(f"bot1/{keys.ESTOP}", timeout=20))
+        handlers.append(app.session.get(f"bot1/{keys.ESTOP}", timeout=PATIENCE_S))
         await eventually(lambda number=number: len(begun) > number)
     for handler in handlers[LATER:]:
         answers = payloads(await asyncio.to_thread(list, handler))
@@ -337,7 +339,7 @@ async def test_an_asker_that_is_gone_is_counted(bus, app):
         return Response(payload=b"x")
 
     service = bus.serve(keys.BOARD, slow, fallback=refusal)
-    app.session.get("bot1/yahboomd/board", timeout=20)
+    app.session.get("bot1/yahboomd/board", timeout=PATIENCE_S)
     await eventually(lambda: service.counters.requests)
     app.session.close()
     await eventually(lambda: not bus.neighbours)

@@ -1,4 +1,5 @@
 import asyncio
+import itertools
 import threading
 
 import pytest
@@ -85,7 +86,8 @@ async def test_where_any_payload_counts_one_that_is_too_large_arrives_empty(bus,
     arrivals = []
     bus.subscribe(keys.CMD_VEL, arrivals.extend, max_bytes=100, keep_oversize=True)
     session = zenoh_app("client", bus.options.listen[0]).session
-    session.put("bot1/cmd_vel", b"x" * 1_000_000)
+    # In pieces, of which a busy machine would drop one.
+    session.put("bot1/cmd_vel", b"x" * 1_000_000, congestion_control=zenoh.CongestionControl.BLOCK)
     (arrival,) = await eventually(lambda: arrivals)
     assert arrival.oversize
     assert arrival.payload == b""
@@ -269,15 +271,16 @@ async def test_gathered_samples_come_late_all_at_once_with_the_time_of_their_arr
     loop = asyncio.get_running_loop()
     before = loop.time() // 0.5
     await eventually(lambda: loop.time() // 0.5 > before)
-    put_ns = []
+    moments_ns = [bus._clock.now_ns()]
     for number in range(3):
         bus._sessions[0].put("bot1/x", str(number))
-        put_ns.append(bus._clock.now_ns())
+        moments_ns.append(bus._clock.now_ns())
     await eventually(lambda: batches)
     (batch,) = batches
     assert [arrival.payload for arrival in batch] == [b"0", b"1", b"2"]
-    for arrival, at_ns in zip(batch, put_ns, strict=True):
-        assert abs(arrival.arrived_ns - at_ns) < 100_000_000
+    near_ns = 100_000_000
+    for arrival, (before_ns, after_ns) in zip(batch, itertools.pairwise(moments_ns), strict=True):
+        assert before_ns - near_ns < arrival.arrived_ns < after_ns + near_ns
     assert subscription.counters.dropped == 0
 
 
@@ -316,4 +319,4 @@ async def test_a_flood_through_both_sessions_ends_in_both(zenoh_router, zenoh_ap
         await eventually(
             lambda: {b"after 0", b"after 1"} <= {arrival.payload for arrival in arrivals}
         )
-        assert subscription.counters.floods == 1
+        assert not subscription.flooded

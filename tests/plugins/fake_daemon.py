@@ -13,7 +13,7 @@ from typing import Any, Self
 import daemon_samples
 import msgspec
 import pytest
-from zenoh_fixtures import free_endpoint
+from zenoh_fixtures import PATIENCE_S, free_endpoint
 
 from yahboomd.bus import keys
 from yahboomd.bus.bus import Bus
@@ -51,7 +51,10 @@ class FakeDaemon:
 
     async def start(self) -> Self:
         """Start, or restart."""
-        self._bus = Bus(BusOptions(listen=(self.endpoint,), connect=(), namespace=self.namespace))
+        options = BusOptions(
+            listen=(self.endpoint,), connect=(), namespace=self.namespace, lease_s=PATIENCE_S
+        )
+        self._bus = Bus(options)
         await self._bus.open()
         for key in (keys.CMD_VEL, keys.CMD_VEL_TELEOP, keys.CMD_VEL_WEB):
             self._bus.subscribe(key, self._take)
