@@ -84,6 +84,19 @@ class Page:
             await asyncio.sleep(0.05)
         return found
 
+    async def refused(self, why: str, frame: str = "drive", **fields: Any) -> dict[str, Any]:
+        """Send a frame with the last beat until it is refused for this reason; the refusal.
+
+        Again where another refusal came just before, or this machine was too busy.
+        """
+        await eventually(lambda: self.beat >= 0)
+        while True:
+            for each in self.of("refused"):
+                if (each["what"], each["why"]) == (frame, why):
+                    return each
+            await self.send(type=frame, beat=self.beat, **fields)
+            await asyncio.sleep(0.05)
+
     async def press(self, until: Callable[[], Any], vx: float = 0.2) -> Any:
         """Drive until something is true; let go and press again where this machine was too busy."""
         refused = len(self.of("refused"))

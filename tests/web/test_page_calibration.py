@@ -14,13 +14,17 @@ import pytest
 from real_robot import Process, RealRobot
 from web_site import Page, Site
 from websockets.asyncio.client import connect
-from zenoh_fixtures import eventually
+from zenoh_fixtures import PATIENCE_S, eventually
 
+from yahboomd.simulation.truth import TruthSample
 from yahboomd.web.page_calibration import RANGES, chosen
 
 pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("web_tools")]
 
 QUICK = {"straight": 1, "turns": 1, "speed": 0.4, "turn-speed": 2}
+
+STOPS_WITHIN_M = 0.6
+"""Of the metre of a run, at 0.4 m/s: in that the daemon's own timeout ends it, were it the last."""
 
 Start = Callable[..., Awaitable[Site]]
 
@@ -74,7 +78,7 @@ async def use(page: Page, do: str, **args: Any) -> dict[str, Any]:
 
 async def patiently(condition: Callable[[], Any]) -> Any:
     """As ``eventually``, for what a busy machine may have to do several times."""
-    async with asyncio.timeout(90.0):
+    async with asyncio.timeout(300.0):
         while not (found := condition()):
             await asyncio.sleep(0.02)
     return found
@@ -91,6 +95,11 @@ async def question(page: Page, kind: str, after: str = "") -> dict[str, Any]:
 
     result: dict[str, Any] = await patiently(found)
     return result
+
+
+def travelled(before: TruthSample, after: TruthSample) -> float:
+    """The farthest that a wheel came between two moments, in metres."""
+    return max(b - a for a, b in zip(before.travel_m, after.travel_m, strict=True))
 
 
 async def moving(robot: RealRobot) -> None:
@@ -113,15 +122,16 @@ async def test_the_robot_moves_while_the_button_is_held_and_not_after(
     before = await asyncio.to_thread(robot.settled_truth)
     thumb = Thumb(page)
     await moving(robot)
-    await page.send(type="drive", beat=page.beat, vx=-0.2, vy=0.0, wz=0.0)
-    await page.one("refused", what="drive", why="calibrating")
+    await page.refused("calibrating", vx=-0.2, vy=0.0, wz=0.0)
     held = page.of("calibration")[-1]["question"]["id"]
+    lifted = robot.truth()[-1]
     await thumb.lift()
     await page.send(type="let_go")
     again = await question(page, "hold", after=held)
     assert again["text"].startswith("The button was let go")
     stopped = await asyncio.to_thread(robot.settled_truth)
-    assert 0.0 < sum(stopped.travel_m) - sum(before.travel_m) < 1.6
+    assert sum(stopped.travel_m) > sum(before.travel_m)
+    assert travelled(lifted, stopped) < STOPS_WITHIN_M
     # The thumb of the movement that is over begins no other.
     thumb = Thumb(page, asked)
     await eventually(lambda: robot.truth()[-1].t_ns > stopped.t_ns + 1_000_000_000)
@@ -138,8 +148,7 @@ async def test_the_robot_moves_while_the_button_is_held_and_not_after(
     assert "nothing was written" in shown["refused"]
     assert not state.exists()
     # The thumb on the joystick, refused during the calibration, has to be lifted first.
-    await page.drive()
-    await page.one("refused", what="drive", why="let_go")
+    await page.refused("let_go", vx=0.2, vy=0.0, wz=0.0)
 
 
 async def test_a_whole_calibration_is_written_where_the_robots_daemon_reads_it_and_taken_back(
@@ -174,7 +183,7 @@ async def test_a_page_that_leaves_in_mid_run_stops_the_robot_and_ends_the_wizard
     await page.close()
     await eventually(lambda: served.hub.tools.calibration.page is None)
     stopped = await asyncio.to_thread(robot.settled_truth)
-    assert sum(stopped.travel_m) - sum(before.travel_m) < 1.0
+    assert travelled(before, stopped) < STOPS_WITHIN_M
     assert not state.exists()
 
 
@@ -201,9 +210,7 @@ async def test_another_page_watches_and_when_it_takes_control_the_wizard_ends(
     assert not (await use(other, "calibrate", verb="tape", choices={}))["ok"]
     assert not (await use(other, "answer", question=asked["id"], text="1"))["ok"]
     assert not (await use(other, "end_calibration"))["ok"]
-    await eventually(lambda: other.beat >= 0)
-    await other.send(type="hold", beat=other.beat, question=asked["id"])
-    await other.one("refused", what="hold", why="not_calibrating")
+    await other.refused("not_calibrating", "hold", question=asked["id"])
     Thumb(page)
     await moving(robot)
     await other.send(type="control", want=True)
@@ -225,7 +232,8 @@ async def test_a_server_that_is_killed_in_mid_run_leaves_neither_motion_nor_a_pr
     await asyncio.to_thread(server.says, "The page is at")
     await asyncio.to_thread(server.says, "answers")
     origin = server.output.split("The page is at ")[1].split("/\n")[0].rstrip("/")
-    page = Page(await connect(origin.replace("http", "ws") + "/ws", origin=origin))
+    address = origin.replace("http", "ws") + "/ws"
+    page = Page(await connect(address, origin=origin, open_timeout=PATIENCE_S))
     try:
         await page.one("daemon", alive=True)
         answer = await use(page, "calibrate", verb="tape", choices=QUICK)
@@ -237,7 +245,7 @@ async def test_a_server_that_is_killed_in_mid_run_leaves_neither_motion_nor_a_pr
         server.end(signal.SIGKILL)
         before = robot.truth()[-1]
         stopped = await asyncio.to_thread(robot.settled_truth)
-        assert sum(stopped.travel_m) - sum(before.travel_m) < 1.0
+        assert travelled(before, stopped) < STOPS_WITHIN_M
         await eventually(lambda: not _runs(child))
         await thumb.lift()
     finally:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import asyncio
-import time
+import threading
 from collections.abc import Awaitable, Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import BinaryIO
 
 import pytest
 from web_site import TOKENS, Site
-from zenoh_fixtures import free_endpoint
+from zenoh_fixtures import PATIENCE_S, eventually, free_endpoint
 
-from yahboomd.web import page_downloads, web_server
+from yahboomd.web import page_downloads
+from yahboomd.web.web_server import Connection
 
 Start = Callable[..., Awaitable[Site]]
 
@@ -77,12 +79,8 @@ async def test_a_file_that_grows_is_sent_as_far_as_it_was(site: Start, file: Pat
     writer.close()
 
 
-async def test_downloads_that_are_not_read_are_cut_off_and_no_more_than_some_run_at_once(
-    site: Start, file: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    # A busy machine opens the last one before the first is cut off.
-    monkeypatch.setattr(page_downloads, "STALLED_S", 2.0)
-    served = await site(endpoint=free_endpoint())
+async def unread(served: Site) -> list[asyncio.StreamWriter]:
+    """As many downloads as there may be at once, which are not read."""
     request = (
         b"GET /recordings/run-001/native_0.mcap HTTP/1.1\r\n"
         + f"Host: 127.0.0.1:{served.port}\r\n\r\n".encode()
@@ -92,37 +90,61 @@ async def test_downloads_that_are_not_read_are_cut_off_and_no_more_than_some_run
         reader, writer = await asyncio.open_connection("127.0.0.1", served.port, limit=1000)
         writer.write(request)
         assert b" 200 " in await reader.readline()
-        opened.append((reader, writer))
+        opened.append(writer)
+    return opened
+
+
+async def test_no_more_than_some_downloads_run_at_once(
+    site: Start, file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(page_downloads, "STALLED_S", PATIENCE_S)
+    served = await site(endpoint=free_endpoint())
+    opened = await unread(served)
     status, _, _ = await served.request("GET", "/recordings/run-001/native_0.mcap")
     assert status == 503
+    for writer in opened:
+        writer.transport.abort()
+
+
+async def test_downloads_that_are_not_read_are_cut_off(
+    site: Start, file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(page_downloads, "STALLED_S", 0.5)
+    served = await site(endpoint=free_endpoint())
+    opened = await unread(served)
 
     async def served_again() -> bool:
         status, _, body = await served.request("GET", "/recordings/run-001/native_0.mcap")
         return status == 200 and len(body) == file.stat().st_size
 
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(PATIENCE_S):
         while not await served_again():
             await asyncio.sleep(0.1)
-    for _, writer in opened:
+    for writer in opened:
         writer.close()
 
 
 async def test_downloads_that_are_asked_for_at_once_are_no_more_either(
     site: Start, file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    opened = page_downloads._opened
+    opened, go = page_downloads._opened, threading.Event()
 
     def opened_late(path: Path) -> tuple[BinaryIO, int]:
-        time.sleep(0.3)
+        go.wait(PATIENCE_S)
         return opened(path)
 
     monkeypatch.setattr(page_downloads, "_opened", opened_late)
+    more = page_downloads.AT_ONCE + 2
+    # A thread for each that waits.
+    asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(2 * more))
     served = await site(endpoint=free_endpoint())
     path = "/recordings/run-001/native_0.mcap"
-    more = page_downloads.AT_ONCE + 2
-    async with asyncio.timeout(60):
-        answers = await asyncio.gather(*[served.request("GET", path) for _ in range(more)])
-    statuses = sorted(status for status, _, _ in answers)
+    asking = [asyncio.create_task(served.request("GET", path)) for _ in range(more)]
+    try:
+        await eventually(lambda: sum(each.done() for each in asking) == 2)
+    finally:
+        go.set()
+    statuses = sorted([status for status, _, _ in await asyncio.gather(*asking)])
     assert statuses == [200] * page_downloads.AT_ONCE + [503] * 2
 
 
@@ -156,17 +178,15 @@ async def test_a_download_may_take_longer_than_a_request_has_to_begin(
     site: Start, file: Path
 ) -> None:
     served = await site(endpoint=free_endpoint())
-    # The requests beside it have the usual time: a busy machine may need it.
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(web_server, "WAIT_S", 1.0)
-        reader, writer = await asyncio.open_connection("127.0.0.1", served.port, limit=1000)
-        writer.write(
-            b"GET /recordings/run-001/native_0.mcap HTTP/1.1\r\n"
-            + f"Host: 127.0.0.1:{served.port}\r\nConnection: close\r\n\r\n".encode()
-        )
-        await reader.readuntil(b"\r\n\r\n")
-    for _ in range(15):
-        await asyncio.sleep(0.1)
-        assert (await served.request("GET", "/session"))[0] == 200
+    reader, writer = await asyncio.open_connection("127.0.0.1", served.port, limit=1000)
+    writer.write(
+        b"GET /recordings/run-001/native_0.mcap HTTP/1.1\r\n"
+        + f"Host: 127.0.0.1:{served.port}\r\nConnection: close\r\n\r\n".encode()
+    )
+    await reader.readuntil(b"\r\n\r\n")
+    loop = asyncio.get_running_loop()
+    (connection,) = [each for each in Connection.waiting if each.loop is loop]
+    # As its timer does, once the time to begin is over.
+    connection._overdue()
     assert len(await reader.read(-1)) == file.stat().st_size
     writer.close()

@@ -68,7 +68,7 @@ async def test_recorder_and_wizard_end_with_the_server(
     tools, folder = served.hub.tools, tmp_path / "recordings"
     await page.send(type="tool", id=1, do="calibrate", args={"verb": "tape", "choices": {}})
     assert (await page.one("answer", id=1))["ok"]
-    async with asyncio.timeout(90.0):
+    async with asyncio.timeout(300.0):
         while not (parts := list(folder.glob("*/native_0.mcap"))):
             # On a busy machine a recorder may not reach the daemon in time, and says so.
             await tools.recordings.begin()

@@ -43,7 +43,7 @@ class Followed:
         self.changes += 1
 
     async def __aenter__(self) -> RobotFeed:
-        await eventually(lambda: self.feed.alive)
+        await eventually(lambda: self.feed.alive and self.feed._publisher)
         return self.feed
 
     async def __aexit__(self, *_: object) -> None:
@@ -118,8 +118,7 @@ async def test_the_driver_of_the_robot_and_its_state_come_from_the_status(
     daemon = await fake_daemon()
     async with Followed(daemon.endpoint) as feed:
         daemon.status = daemon_samples.status("driving", driver="cmd_vel")
-        await eventually(lambda: feed.driver == "cmd_vel")
-        assert feed.obstacle() is None
+        await eventually(lambda: feed.driver == "cmd_vel" and feed.obstacle() is None)
 
 
 def in_effect(**chassis: object) -> dict[str, Any]:
@@ -159,7 +158,8 @@ async def test_a_daemon_that_does_not_answer_in_time_is_asked_again(fake_daemon:
         async with Followed(daemon.endpoint) as feed:
             await eventually(lambda: feed.limits)
         queryable.undeclare()
-    assert len(asked) == 2
+    # A busy machine may answer the second too late as well.
+    assert len(asked) >= 2
 
 
 def test_a_daemon_whose_sources_are_not_known_may_take_any() -> None:
