@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+import time
 from typing import Any
 
 import daemon_samples
@@ -22,14 +23,18 @@ ZERO = (0.0, 0.0)
 async def test_a_command_is_repeated_for_its_time_then_zeros_end_it(fake_daemon: Any) -> None:
     daemon = await fake_daemon()
     async with connect(daemon.endpoint, label="a test") as robot:
+        assert robot.drive(0.2, 0.5, for_s=60.0)
+        await eventually(lambda: daemon.velocities.count((0.2, 0.5)) >= 3)
         assert robot.drive(0.2, 0.5, for_s=0.3)
         assert robot.commanded is not None
         assert await robot.finished()
         assert robot.commanded is None
         assert robot.counters.deadman == 0
     await eventually(lambda: daemon.velocities[-1:] == [ZERO])
-    assert daemon.velocities[:2] == [(0.2, 0.5)] * 2
-    assert daemon.velocities.count(ZERO) >= 3
+    first = daemon.velocities.index(ZERO)
+    assert set(daemon.velocities[:first]) == {(0.2, 0.5)}
+    assert set(daemon.velocities[first:]) == {ZERO}
+    assert len(daemon.velocities) > first + 1
     stamps = [command["stamp_ns"] for command in daemon.commands]
     assert stamps == sorted(stamps)
     assert daemon.commands[0]["source"] == "a test"
@@ -53,6 +58,7 @@ async def test_a_stop_is_published_at_once_and_ends(fake_daemon: Any) -> None:
         await eventually(lambda: (0.2, 0.0) in daemon.velocities)
         robot.stop()
         assert await robot.finished()
+    await eventually(lambda: ZERO in daemon.velocities)
     assert (0.2, 0.0) not in daemon.velocities[daemon.velocities.index(ZERO) :]
 
 
@@ -123,7 +129,7 @@ async def test_after_a_suspend_the_robot_does_not_start_again_unasked(
         clock.slept_ns = 3_000_000_000
         assert not await robot.finished()
         assert robot.counters.interrupted == 1
-    await eventually(lambda: daemon.velocities[-3:] == [ZERO] * 3)
+    await eventually(lambda: daemon.velocities[-1:] == [ZERO])
     assert "did not run for 3." in caplog.text
 
 
@@ -148,10 +154,11 @@ async def test_a_command_that_waited_for_a_program_that_did_not_run_moves_nothin
 async def test_a_command_that_does_not_change_keeps_its_rhythm(fake_daemon: Any) -> None:
     daemon = await fake_daemon()
     async with connect(daemon.endpoint, rate_hz=5.0) as robot:
+        begun_s = time.monotonic()
         for _ in range(20):
             robot.drive(0.2, for_s=60.0)
-            await asyncio.sleep(0)
-        assert robot.counters.published <= 1
+            await asyncio.sleep(0.006)
+        assert robot.counters.published <= 2 + 5.0 * (time.monotonic() - begun_s)
         robot.drive(0.3, for_s=60.0)
         await eventually(lambda: (0.3, 0.0) in daemon.velocities)
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import daemon_samples
 import pytest
-from zenoh_fixtures import eventually, free_endpoint
+from zenoh_fixtures import PATIENCE_S, eventually, free_endpoint
 
 from yahboomd.bus import keys
 from yahboomd.bus.bus import Bus
@@ -29,15 +29,15 @@ async def test_a_daemon_that_goes_and_comes_is_noticed_both_times(fake_daemon: A
     daemon = await fake_daemon()
     changes: list[bool] = []
     us = connection(daemon.endpoint, changes=changes)
-    await us.open(0.0)
-    await us.wait_alive(10.0)
+    await us.open(PATIENCE_S)
+    await us.wait_alive(PATIENCE_S)
     await eventually(lambda: us.status)
     await daemon.stop()
     await eventually(lambda: not us.alive)
     assert us.status is None
     await eventually(lambda: "is lost; it is made again by itself" in us.problem)
     await daemon.start()
-    await us.wait_alive(20.0)
+    await us.wait_alive(PATIENCE_S)
     assert us.problem == ""
     await us.close()
     assert changes == [True, False, True]
@@ -47,8 +47,8 @@ async def test_a_daemon_that_another_one_replaced_was_lost_all_the_same(fake_dae
     daemon = await fake_daemon()
     changes: list[bool] = []
     us = connection(daemon.endpoint, changes=changes)
-    await us.open(0.0)
-    await us.wait_alive(10.0)
+    await us.open(PATIENCE_S)
+    await us.wait_alive(PATIENCE_S)
     async with Bus(client_options(daemon.endpoint)) as before:
         before.token(keys.holder_key(keys.ALIVE, before.zid))
         await eventually(lambda: len(us._tokens) == 2)
@@ -62,7 +62,7 @@ async def test_without_a_token_the_status_shows_a_daemon() -> None:
     endpoint = free_endpoint()
     async with Bus(BusOptions(listen=(endpoint,), connect=())) as other:
         us = connection(endpoint)
-        await us.open(0.0)
+        await us.open(PATIENCE_S)
         assert not us.alive
         status = other.publisher(keys.STATUS)
         payload = encode(daemon_samples.status(), "json")
@@ -89,7 +89,7 @@ def test_for_another_machine_the_error_also_names_what_its_daemon_listens_on() -
 async def test_a_daemon_in_another_namespace_is_named(fake_daemon: Any) -> None:
     daemon = await fake_daemon(namespace="bot1")
     us = connection(daemon.endpoint, namespace="bot2")
-    await us.open(0.0)
+    await us.open(PATIENCE_S)
     with pytest.raises(NoDaemon, match="no yahboomd is there in the namespace 'bot2'") as caught:
         await us.wait_alive(0.2)
     assert "'bot1'" in caught.value.remedy
@@ -104,7 +104,7 @@ async def test_a_daemon_that_comes_later_is_reached(fake_daemon: Any) -> None:
     await eventually(lambda: endpoint in us.problem)
     await fake_daemon(endpoint=endpoint)
     await opening
-    await us.wait_alive(20.0)
+    await us.wait_alive(PATIENCE_S)
     await us.close()
 
 

@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from zenoh_fixtures import eventually, free_endpoint
+from zenoh_fixtures import PATIENCE_S, eventually, free_endpoint
 
 from yahboomd.client import AsyncRobot, BusError, NoDaemon, PoseSample, Robot
+from yahboomd.client.repeater import ZEROS_NS
 
 pytestmark = pytest.mark.realtime
 
@@ -42,7 +43,7 @@ async def test_a_program_drives_reads_and_stops_at_its_end(fake_daemon: Any) -> 
     seqs = await asyncio.to_thread(program)
     assert seqs == list(range(seqs[0], seqs[0] + 4))
     assert daemon.velocities[0] == (0.2, 0.5)
-    await eventually(lambda: daemon.velocities[-3:] == [ZERO] * 3)
+    await eventually(lambda: daemon.velocities[-1:] == [ZERO])
 
 
 def test_methods_have_the_arguments_and_docstrings_of_the_asyncio_form() -> None:
@@ -95,7 +96,7 @@ async def test_an_exception_stops_it_too_and_comes_through(fake_daemon: Any) -> 
 
     with pytest.raises(LookupError):
         await asyncio.to_thread(program)
-    await eventually(lambda: daemon.velocities[-3:] == [ZERO] * 3)
+    await eventually(lambda: daemon.velocities[-1:] == [ZERO])
 
 
 async def test_a_program_that_hangs_stops_driving(fake_daemon: Any) -> None:
@@ -151,7 +152,7 @@ async def test_a_program_that_ends_without_closing_stops_the_robot(fake_daemon: 
     daemon = await fake_daemon()
     process = await asyncio.create_subprocess_exec(sys.executable, "-c", OPENED, daemon.endpoint)
     assert await process.wait() == 0
-    await eventually(lambda: daemon.velocities[-3:] == [ZERO] * 3)
+    await eventually(lambda: daemon.velocities[-1:] == [ZERO])
 
 
 IMPATIENT = """
@@ -170,7 +171,12 @@ async def test_impatience_does_not_interrupt_the_stop(fake_daemon: Any) -> None:
         sys.executable, "-c", IMPATIENT, daemon.endpoint, stderr=asyncio.subprocess.DEVNULL
     )
     assert await process.wait() == -signal.SIGINT
-    await eventually(lambda: daemon.velocities[-5:] == [ZERO] * 5)
+
+    def stopped_for_ns() -> int:
+        zeros = [each["stamp_ns"] for each in daemon.commands if each["vx"] == 0.0]
+        return zeros[-1] - zeros[0] if zeros else 0
+
+    await eventually(lambda: stopped_for_ns() >= 0.8 * ZEROS_NS)
 
 
 INTERRUPTED = """
@@ -218,7 +224,7 @@ with Robot(sys.argv[1]) as robot:
         except Exception as error:
             print(error, flush=True)
         sys.exit(3)
-    deadline = time.monotonic() + 20
+    deadline = time.monotonic() + 60
     while not (ended := os.waitpid(child, os.WNOHANG))[0]:
         if time.monotonic() > deadline:
             os.kill(child, 9)
@@ -243,7 +249,7 @@ async def test_a_forked_process_neither_drives_nor_hangs_nor_stops_its_parents_r
     assert second == "3 True"
     assert process.returncode == 0
     assert daemon.velocities[0] == (0.2, 0.0)
-    await eventually(lambda: daemon.velocities[-3:] == [ZERO] * 3)
+    await eventually(lambda: daemon.velocities[-1:] == [ZERO])
 
 
 async def test_calls_that_wait_in_other_threads_end_with_the_robot(fake_daemon: Any) -> None:
@@ -266,7 +272,7 @@ async def test_calls_that_wait_in_other_threads_end_with_the_robot(fake_daemon: 
             waiting.start()
             while not robot._robot._connection._found._waiters:
                 threading.Event().wait(0.01)
-        waiting.join(10)
+        waiting.join(PATIENCE_S)
         assert not waiting.is_alive()
 
     loop = asyncio.get_running_loop()
@@ -285,13 +291,13 @@ async def test_a_callback_that_ends_it_stops_the_robot_and_does_not_hang(
         *(sys.executable, "-c", code, daemon.endpoint), stderr=asyncio.subprocess.DEVNULL
     )
     try:
-        async with asyncio.timeout(30):
+        async with asyncio.timeout(PATIENCE_S):
             assert await process.wait() == 0
     finally:
         if process.returncode is None:
             process.kill()
             await process.wait()
-    await eventually(lambda: daemon.velocities[-3:] == [ZERO] * 3)
+    await eventually(lambda: daemon.velocities[-1:] == [ZERO])
 
 
 CALLED_BACK = """

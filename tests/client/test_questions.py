@@ -1,14 +1,16 @@
 from __future__ import annotations
 
+import asyncio
 from typing import Any
 
 import pytest
+from zenoh_fixtures import PATIENCE_S
 
 from yahboomd.bus import keys
 from yahboomd.bus.bus import Bus
 from yahboomd.bus.options import BusOptions
 from yahboomd.bus.services import Response
-from yahboomd.client.questions import ask, read_answers
+from yahboomd.client.questions import Answer, ask, read_answers
 from yahboomd.messages.codecs import encode
 from yahboomd.messages.native import ServiceReply
 
@@ -38,18 +40,20 @@ def test_no_answer_is_no_success() -> None:
     assert answer.message == "No daemon answered."
 
 
+async def asked(us: Bus) -> Answer:
+    return read_answers(await ask(us.session, keys.ESTOP, urgent=True))
+
+
 @pytest.mark.realtime
 async def test_every_daemon_is_asked_not_the_nearest_alone(fake_daemon: Any) -> None:
     daemon = await fake_daemon()
     reply = Response(payload=encode(ServiceReply(success=True, message="Me too."), "json"))
     async with client(daemon.endpoint) as other, client(daemon.endpoint) as us:
         other.serve(keys.ESTOP, lambda _: reply, fallback=lambda *_: reply)
-        for _ in range(100):
+        async with asyncio.timeout(PATIENCE_S):
             # What the other serves has to become known first.
-            answer = read_answers(await ask(us.session, keys.ESTOP, urgent=True))
-            if answer.answered == 2:
-                break
-    assert answer.answered == 2
+            while (answer := await asked(us)).answered < 2:
+                await asyncio.sleep(0.01)
     assert "The emergency stop is engaged." in answer.message
     assert "Me too." in answer.message
 
