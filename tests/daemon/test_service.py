@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 import zenoh
-from zenoh_fixtures import eventually, free_endpoint
+from zenoh_fixtures import PATIENCE_S, eventually, free_endpoint
 
 from yahboomd.bus import keys
 from yahboomd.bus.publishers import PRIORITIES
@@ -60,6 +60,7 @@ class Running:
         config = zenoh.Config()
         config.insert_json5("mode", '"client"')
         config.insert_json5("connect/endpoints", json.dumps([self.endpoint]))
+        config.insert_json5("scouting/multicast/enabled", "false")
 
         def opened() -> zenoh.Session | None:
             try:
@@ -78,6 +79,15 @@ class Running:
     def decoded(self, name: str) -> list[dict[str, Any]]:
         return [json.loads(bytes(sample.payload)) for sample in self.samples.get(name, [])]
 
+    async def drive(self) -> None:
+        """Command motion until the wheels turn."""
+
+        def turning() -> bool:
+            self.session.put("bot1/cmd_vel", b'{"vx": 0.3}')
+            return max(abs(motor.speed_m_s) for motor in self.robot.plant.motors) > 0.2
+
+        await eventually(turning)
+
     async def state(self, wanted: str) -> dict[str, Any]:
         await eventually(
             lambda: self.decoded("status") and self.decoded("status")[-1]["state"] == wanted
@@ -86,7 +96,7 @@ class Running:
 
     async def ask(self, key: str, payload: bytes | None = None) -> dict[str, Any]:
         def asked() -> dict[str, Any]:
-            for reply in self.session.get(f"bot1/{key}", payload=payload, timeout=20.0):
+            for reply in self.session.get(f"bot1/{key}", payload=payload, timeout=PATIENCE_S):
                 assert reply.ok is not None
                 answer: dict[str, Any] = json.loads(bytes(reply.ok.payload))
                 return answer
@@ -139,9 +149,7 @@ async def test_pose_stamps_and_numbers_rise(running: Running) -> None:
 
 async def test_a_command_below_the_namespace_moves_the_wheels(running: Running) -> None:
     await running.state("standing")
-    for _ in range(10):
-        running.session.put("bot1/cmd_vel", b'{"vx": 0.3}')
-        await asyncio.sleep(0.05)
+    await running.drive()
     await eventually(lambda: running.decoded("pose")[-1]["x"] > 0.05)
 
 
@@ -203,7 +211,7 @@ async def test_the_alive_token_is_there_while_it_runs(running: Running) -> None:
     await running.state("standing")
 
     def alive() -> list[str]:
-        replies = running.session.liveliness().get("bot1/yahboomd/alive", timeout=5.0)
+        replies = running.session.liveliness().get("bot1/yahboomd/alive", timeout=PATIENCE_S)
         return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
 
     assert await asyncio.to_thread(alive) == ["bot1/yahboomd/alive"]
@@ -211,9 +219,7 @@ async def test_the_alive_token_is_there_while_it_runs(running: Running) -> None:
 
 async def test_the_end_leaves_the_wheels_at_rest_and_no_task(running: Running) -> None:
     await running.state("standing")
-    for _ in range(10):
-        running.session.put("bot1/cmd_vel", b'{"vx": 0.3}')
-        await asyncio.sleep(0.05)
+    await running.drive()
     running.daemon.stop("a test")
     await running.task
     assert max(abs(motor.speed_m_s) for motor in running.robot.plant.motors) < 0.03
@@ -225,9 +231,7 @@ async def test_an_error_in_a_task_stops_the_wheels_and_ends_the_daemon(
     running: Running, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     await running.state("standing")
-    for _ in range(10):
-        running.session.put("bot1/cmd_vel", b'{"vx": 0.3}')
-        await asyncio.sleep(0.05)
+    await running.drive()
 
     def broken(*_: object) -> None:
         raise ZeroDivisionError
@@ -335,9 +339,7 @@ async def test_a_task_that_is_cancelled_alone_ends_the_daemon_with_the_wheels_at
     running: Running, name: str
 ) -> None:
     await running.state("standing")
-    for _ in range(10):
-        running.session.put("bot1/cmd_vel", b'{"vx": 0.3}')
-        await asyncio.sleep(0.05)
+    await running.drive()
     next(task for task in asyncio.all_tasks() if task.get_name() == name).cancel()
     with pytest.raises(BaseExceptionGroup):
         await running.task

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from zenoh_fixtures import eventually
+from zenoh_fixtures import PATIENCE_S, eventually
 
 from yahboomd.daemon.estop import local_stop
 from yahboomd.daemon.estop.local_socket import Listening
@@ -114,7 +114,10 @@ async def test_wheels_that_are_not_seen_to_stand_are_not_said_to(
     assert last["fastest_m_s"] == speed
 
 
-async def test_status_says_which_robot_it_is_and_stops_nothing(robot: Robot) -> None:
+async def test_status_says_which_robot_it_is_and_stops_nothing(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(local_stop, "REQUEST_WITHIN_S", PATIENCE_S)
     for request in (b"status\n", b"status\r\n"):
         assert await robot.ask(request) == [{"namespace": "bot1", "why": "At rest."}]
     # Byte by byte, too.
@@ -141,7 +144,7 @@ async def test_whatever_else_comes_engages_the_stop(
 async def test_half_a_request_is_decided_when_its_time_is_over(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(local_stop, "REQUEST_WITHIN_S", 0.02)
+    monkeypatch.setattr(local_stop, "REQUEST_WITHIN_S", 0.2)
     _, half = await robot.connect(b"st")
     reader, silent = await robot.connect(b"")
     await until_engaged(robot)
@@ -152,7 +155,11 @@ async def test_half_a_request_is_decided_when_its_time_is_over(
     silent.close()
 
 
-async def test_connections_that_send_nothing_lock_no_client_out(robot: Robot) -> None:
+async def test_connections_that_send_nothing_lock_no_client_out(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(local_stop, "REQUEST_WITHIN_S", PATIENCE_S)
+    monkeypatch.setattr(local_stop, "STAND_WITHIN_S", PATIENCE_S)
     silent = [await robot.connect(b"") for _ in range(5 * MAX_SILENT)]
     assert (await robot.ask(b"status\n"))[0]["namespace"] == "bot1"
     asking = asyncio.create_task(robot.ask(b"stop\n"))
@@ -184,7 +191,10 @@ async def test_a_request_is_read_before_its_connection_makes_room_for_another(
         client.close()
 
 
-async def test_a_flood_of_stops_is_acknowledged_and_bounded(robot: Robot) -> None:
+async def test_a_flood_of_stops_is_acknowledged_and_bounded(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(local_stop, "STAND_WITHIN_S", PATIENCE_S)
     count = 3 * MAX_WATCHING
     connections = [await robot.connect(b"stop\n") for _ in range(count)]
     await until_engaged(robot, count)
@@ -307,7 +317,7 @@ async def test_a_stop_is_obeyed_with_all_descriptors_taken_and_so_is_the_next(
             each.setblocking(False)
             each.connect(str(robot.path))
             each.send(b"stop by yahboomd stop\n")
-            await asyncio.wait_for(until_engaged(robot, number), 10.0)
+            await asyncio.wait_for(until_engaged(robot, number), PATIENCE_S)
             while robot.local.status_values()["local_stops"] < number:
                 await asyncio.sleep(0)
             for _ in range(3):

