@@ -13,6 +13,7 @@ from yahboomd.config.calibration_file import (
     Multipliers,
     check_writable,
     geometry_of,
+    read_calibration,
     undo_calibration,
     write_calibration,
 )
@@ -92,6 +93,21 @@ def test_undo_brings_back_the_one_before_and_then_none(tmp_path: Path) -> None:
     assert undo_calibration(path)
     assert loaded(tmp_path).config.chassis.wheel_separation_multiplier == 1.0
     assert not undo_calibration(path)
+
+
+@pytest.mark.parametrize("before", [True, False])
+def test_undo_removes_no_file_that_is_no_calibration(tmp_path: Path, *, before: bool) -> None:
+    path = tmp_path / "config.toml"
+    for text in ("x = " + "[" * 5000, "[serial]\n"):
+        path.write_text(text)
+        with pytest.raises(ConfigError, match="is no calibration"):
+            read_calibration(path)
+    if before:
+        write_calibration(tmp_path / "calibration.toml", calibration(1.05))
+        write_calibration(tmp_path / "calibration.toml", calibration(1.07))
+    with pytest.raises(ConfigError, match="is no calibration"):
+        undo_calibration(path)
+    assert path.read_text() == "[serial]\n"
 
 
 def test_a_folder_that_cannot_be_written_is_named_with_what_to_do(tmp_path: Path) -> None:

@@ -92,7 +92,7 @@ def read_calibration(path: Path) -> Calibration:
         first = error.errors(include_url=False)[0]
         place = ".".join(map(str, first["loc"]))
         raise ConfigError(f"{path} is no calibration: {place}: {first['msg']}.") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ConfigError(f"{path} is no calibration: {error}.") from error
 
 
@@ -163,8 +163,11 @@ def undo_calibration(path: Path) -> bool:
         Whether there was anything to take back.
 
     Raises:
-        ConfigError: The folder cannot be written to.
+        ConfigError: The folder cannot be written to, or the file is no calibration.
     """
+    if os.path.lexists(path):
+        # A name that was mistyped must not cost another file.
+        read_calibration(path)
     try:
         path.with_name(PREVIOUS).replace(path)
     except FileNotFoundError:
