@@ -153,8 +153,6 @@ def test_wheels_that_a_crash_left_turning_are_stopped_where_the_bus_cannot_be_op
     assert not board.stands
     second = started("--port", board.port)
     assert second.end_by_itself() == os.EX_UNAVAILABLE
-    # On a busy machine the stop may be sent and not be seen obeyed.
-    assert f"{board.port}: " in second.output
     wait_for(lambda: board.stands, "the wheels stand")
 
 

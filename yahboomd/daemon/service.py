@@ -124,9 +124,7 @@ class Daemon:
         except YahboomdError as error:
             log.debug("The wheels cannot be stopped before the bus is open: %s", error)
             return
-        if report.stood:
-            log.info("%s: the wheels stand, before the bus is open.", report.port)
-        else:
+        if not report.stood:
             log.warning(
                 "%s: a stop was sent, and the wheels were not seen to stand. Look at them.",
                 report.port,
