@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 import os
 import signal
 from collections.abc import Awaitable, Callable, Iterator
@@ -84,14 +85,16 @@ async def patiently(condition: Callable[[], Any]) -> Any:
     return found
 
 
-async def question(page: Page, kind: str, after: str = "") -> dict[str, Any]:
-    """Wait for a question of a kind."""
+async def question(page: Page, kind: str = "", after: str = "") -> dict[str, Any]:
+    """Wait for a question, of a kind or of any."""
 
     def found() -> dict[str, Any] | None:
         shown = page.of("calibration")[-1]
         asked: dict[str, Any] | None = shown["question"]
         assert shown["page"] is not None or not shown["refused"], shown
-        return asked if asked and asked["kind"] == kind and asked["id"] != after else None
+        if asked and kind in {"", asked["kind"]} and asked["id"] != after:
+            return asked
+        return None
 
     result: dict[str, Any] = await patiently(found)
     return result
@@ -100,6 +103,18 @@ async def question(page: Page, kind: str, after: str = "") -> dict[str, Any]:
 def travelled(before: TruthSample, after: TruthSample) -> float:
     """The farthest that a wheel came between two moments, in metres."""
     return max(b - a for a, b in zip(before.travel_m, after.travel_m, strict=True))
+
+
+async def moved_through(
+    page: Page, robot: RealRobot, asked: dict[str, Any]
+) -> tuple[TruthSample, dict[str, Any]]:
+    """Hold until a run is over, again where it was interrupted; its begin, and what is asked."""
+    while asked["kind"] == "hold":
+        begin = await asyncio.to_thread(robot.settled_truth)
+        thumb = Thumb(page, asked)
+        asked = await question(page, after=asked["id"])
+        await thumb.lift()
+    return begin, asked
 
 
 async def moving(robot: RealRobot) -> None:
@@ -155,10 +170,12 @@ async def test_a_whole_calibration_is_written_where_the_robots_daemon_reads_it_a
     site: Start, robot: RealRobot, state: Path
 ) -> None:
     _, page, asked = await started(site, robot)
-    for run, text in enumerate(("1.0", "0", "0")):
-        thumb = Thumb(page)
-        number = await question(page, "number")
-        await thumb.lift()
+    for run in range(3):
+        begin, number = await moved_through(page, robot, asked)
+        end = await asyncio.to_thread(robot.settled_truth)
+        metres = math.hypot(end.x - begin.x, end.y - begin.y)
+        degrees = math.degrees(abs(end.theta - begin.theta)) - 360.0
+        text = f"{degrees if run else metres:.4f}"
         assert (await use(page, "answer", question=number["id"], text=text))["ok"]
         if run < 2:
             asked = await question(page, "hold", after=asked["id"])
