@@ -67,6 +67,12 @@ def test_the_control_path_gets_limits_policies_and_the_period() -> None:
     assert [motor.position for motor in options.motors] == [1, 3]
 
 
+def test_stops_are_repeated_and_watched_ten_times_a_second_at_least() -> None:
+    sources = "command.sources={cmd_vel={priority=10}}"
+    settings = config("command.rate_hz=1", "command.timeout_s=3", sources)
+    assert assembly.control_options(settings).period_s == 0.1
+
+
 @on_virtual_time
 async def test_a_missing_port_is_found_missing_at_each_attempt() -> None:
     open_it = assembly.opener(config("serial.port=/dev/not-there"), LoopClock())

@@ -92,7 +92,8 @@ class Command(Section):
         default=50.0,
         ge=1.0,
         le=1000.0,
-        description="Control steps per second; a new command also runs one immediately.",
+        description="Control steps per second, 10 at least; a new command also runs one "
+        "immediately.",
     )
     resend_s: float = key(
         default=0.1,

@@ -36,6 +36,9 @@ from yahboomd.odometry.heading import CALIBRATED
 from yahboomd.odometry.odometer import Odometer
 from yahboomd.program import release_command
 
+LONGEST_PERIOD_S = 0.1
+"""Steps also repeat stops, cut what does not obey them, and notice that no counts come."""
+
 NOTED_WITHIN_S = 0.1
 """The longest that the first stop on a port waits for the note of how it was opened."""
 
@@ -89,7 +92,7 @@ def control_options(config: Config) -> ControlOptions:
         stall=config.faults.stall,
         turns_without_command=config.faults.turns_without_command,
         min_speed_m_s=config.faults.min_speed_m_s,
-        period_s=1.0 / config.command.rate_hz,
+        period_s=min(1.0 / config.command.rate_hz, LONGEST_PERIOD_S),
         blind_s=max(BLIND_S, 3.0 / config.odometry.poll_rate_hz),
         release=release_command(config.zenoh.namespace, config.zenoh.listen),
         mounting=config.imu.mounting(),
