@@ -23,7 +23,7 @@ TICK_M = math.pi * 0.067 / 1320
 FAR = "10000000,0,10000000,0"
 """Counters of a board that has been driven for 1.6 km: no reset could have led back to them."""
 
-UNHURRIED = ("--set", "command.timeout_s=5")
+UNHURRIED = ("--set", "command.timeout_s=3")
 """Where the wheels have to turn until this process does the next thing, however late."""
 
 
@@ -45,6 +45,16 @@ def app(robot: RealRobot, client: Callable[..., Client]) -> Client:
     app = client("client", robot.endpoint)
     app.in_state("standing")
     return app
+
+
+def drives(app: Client, robot: RealRobot) -> None:
+    """Drive until the wheels turn, and have gone a part of a metre."""
+    enough_m = robot.travelled_m() + 0.4
+
+    def found() -> bool:
+        return robot.travelled_m() > enough_m and min(robot.truth()[-1].speed_m_s) > 0.2
+
+    app.drive_until(DRIVE, found, "it drives")
 
 
 def cpu_s(pid: int) -> float:
@@ -116,7 +126,7 @@ def test_a_stream_that_ran_on_while_the_plug_was_out_keeps_the_pose_near_zero_to
 ) -> None:
     app = client("client", young.endpoint)
     app.in_state("standing")
-    app.drive(DRIVE, 1.0)
+    drives(app, young)
     assert young.do("unplug 1").startswith("ok")
     app.passes("waiting")
     app.in_state("standing")
@@ -132,7 +142,7 @@ def test_where_the_counters_may_have_been_reset_the_pose_holds_and_an_event_says
 ) -> None:
     app = client("client", young.endpoint)
     app.in_state("standing")
-    app.drive(DRIVE, 1.0)
+    drives(app, young)
     assert young.do("unplug 1").startswith("ok")
     app.passes("waiting")
     before = app.latest("pose")
@@ -178,8 +188,7 @@ def test_a_board_in_trouble_stands_and_drives_again_afterwards(
     robot.do(fault)
     wait_for(lambda: max(map(abs, robot.truth()[-1].speed_m_s)) < 0.03, "the wheels stand")
     app.in_state("standing")
-    app.drive(DRIVE, 2.0)
-    assert robot.settled_truth().travel_m[0] > 0.4
+    drives(app, robot)
     assert_no_jump(app.samples["pose"])
     assert "Traceback" not in robot.daemon.output
 
@@ -193,8 +202,7 @@ def test_a_board_that_hangs_is_named_and_drives_after_its_reset(
     robot.do("reset")
     app.in_state("standing")
     robot.settled_truth()
-    app.drive(DRIVE, 1.0)
-    wait_for(lambda: min(robot.truth()[-1].travel_m) > 0.3, "it drives")
+    drives(app, robot)
 
 
 def test_noise_on_the_line_raises_nothing(robot: RealRobot, app: Client) -> None:
@@ -218,7 +226,7 @@ def test_a_port_that_takes_nothing_keeps_the_daemon_neither_from_its_work_nor_fr
     robot = real_robot(run=UNHURRIED)
     app = client("client", robot.endpoint)
     app.in_state("standing")
-    app.drive(DRIVE, 0.5)
+    drives(app, robot)
     robot.simulation.process.send_signal(signal.SIGSTOP)
     try:
         status = app.in_state("waiting")
