@@ -209,6 +209,24 @@ async def test_counters_that_stop_end_the_pulse() -> None:
 
 
 @on_virtual_time
+async def test_a_computer_that_stood_still_as_a_motor_was_let_go_blames_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    board, loop = LinkBench(), asyncio.get_running_loop()
+    async with pulses_on(board) as (pulses, line):
+        reset = line.watch.reset
+
+        def reset_and_stand_still() -> None:
+            reset()
+            loop.call_soon(loop.freeze, 4.0)
+
+        monkeypatch.setattr(line.watch, "reset", reset_and_stand_still)
+        assert (await pulses.turn(1)).turns >= SHOWN_TURNS
+        monkeypatch.undo()
+    assert stands(board)
+
+
+@on_virtual_time
 async def test_cancelled_at_any_moment_it_leaves_the_wheels_at_rest() -> None:
     for tenths in range(1, 40, 3):
         board = LinkBench()

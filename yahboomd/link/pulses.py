@@ -50,6 +50,9 @@ UNSEEN_S = 0.6
 """A wheel that no counter shows rolls out within so long of full output, of less in proportion."""
 
 STAND_WITHIN_S = 3.0
+HELD_UP_NS = 100_000_000
+"""A wait that ends so late was held up."""
+
 CUTS = 3
 """A frame may be lost, so that each cut is sent so often; it is repeated until the wheel stands."""
 
@@ -193,7 +196,10 @@ class Pulses:
             if clock.now_ns() >= cut_ns:
                 self._cut()
                 cut_ns = clock.now_ns() + nanoseconds(0.1)
-            await self._counted(min(cut_ns, end_ns))
+            until_ns = min(cut_ns, end_ns)
+            await self._counted(until_ns)
+            # A time in which this process did not run shows no wheel that turns.
+            end_ns += max(0, clock.now_ns() - until_ns - HELD_UP_NS)
         assert line.ticks is not None
         return line.ticks
 

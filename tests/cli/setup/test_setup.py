@@ -85,11 +85,17 @@ async def answer_newest(process: Any, question: str, text: str, count: int) -> N
     process.type(f"{text}\n")
 
 
+def preferred(process: Any) -> Any:
+    """Pulses are in real time, as a daemon drives."""
+    prefer(process.process, DAEMON_NICE)
+    return process
+
+
 async def test_a_newcomer_is_led_to_a_file_with_which_the_robot_drives_as_asked(
     board, terminal, yahboomd, tmp_path
 ) -> None:
     robot = board("--plugs=-4,2", "--flash", "dead_zone=1900")
-    process = terminal("setup", "--port", robot.port, columns=100, lines=50)
+    process = preferred(terminal("setup", "--port", robot.port, columns=100, lines=50))
     await answer(process, "Motors: (1 to 7)", "520")
     await answer(process, "Drive: (1 to 4)", "1")
     await answer(process, "Diameter of the driven wheels, mm (Enter: 67):", "")
@@ -148,15 +154,18 @@ async def test_a_newcomer_is_led_to_a_file_with_which_the_robot_drives_as_asked(
 
 
 def scripted(robot: Board, folder: Path, text: str, *options: str) -> subprocess.CompletedProcess:
-    return subprocess.run(
-        [sys.executable, "-m", "yahboomd", "setup", "--port", robot.port, *KNOWN, *options],
-        input=text,
+    command = [sys.executable, "-m", "yahboomd", "setup", "--port", robot.port, *KNOWN, *options]
+    with subprocess.Popen(
+        command,
         cwd=folder,
-        capture_output=True,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
         text=True,
-        timeout=120,
-        check=False,
-    )
+    ) as process:
+        prefer(process, DAEMON_NICE)
+        out, err = process.communicate(text)
+    return subprocess.CompletedProcess(command, process.returncode, out, err)
 
 
 ANSWERS = "n\nyes\n\n1\nf\n\n0\n\n2\nf\n"
@@ -249,7 +258,7 @@ SLOW = ("--lines", "1", "--flash", "dead_zone=1900")
 async def pulsing(board: Callable[..., Board], terminal: Any) -> tuple[Board, Any]:
     """A robot whose left wheel turns at this moment, by a pulse of setup."""
     robot = board(*SLOW)
-    process = terminal("setup", "--port", robot.port, *KNOWN)
+    process = preferred(terminal("setup", "--port", robot.port, *KNOWN))
     await answer(process, "Are all wheels off the ground? Type yes:", "yes")
     answered = dict.fromkeys(("Enter, and M1 turns:", "Which wheel turned?"), 0)
 
