@@ -1,3 +1,5 @@
+from __future__ import annotations
+
 from pathlib import Path
 
 import msgspec
@@ -55,3 +57,21 @@ def test_a_half_line_is_left_out_and_a_whole_one_must_be_ours(tmp_path: Path) ->
 def test_a_file_that_cannot_be_written_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="No such file"):
         LinesWriter(tmp_path / "nowhere" / "file").open()
+
+
+def test_a_full_disk_is_named_with_the_file() -> None:
+    full = Path("/dev/full")
+    if not full.is_char_device():
+        pytest.skip("there is no /dev/full")
+    words = "No space left on device: '/dev/full'"
+    writer = LinesWriter(full, flush_every=9)
+    writer.open()
+    writer.write(Line(0))
+    with pytest.raises(OSError, match=words):
+        writer.close()
+    writer = LinesWriter(full)
+    writer.open()
+    with pytest.raises(OSError, match=words):
+        writer.write(Line(0))
+    with pytest.raises(OSError, match=words):
+        writer.close()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, TypeVar
 
@@ -34,17 +36,27 @@ class LinesWriter:
         """Append one object; nothing after :meth:`close`."""
         if self._file is None:
             return
-        self._file.write(self._encoder.encode(line) + b"\n")
-        self._unflushed += 1
-        if self._unflushed >= self._flush_every:
-            self._file.flush()
-            self._unflushed = 0
+        with self._named():
+            self._file.write(self._encoder.encode(line) + b"\n")
+            self._unflushed += 1
+            if self._unflushed >= self._flush_every:
+                self._file.flush()
+                self._unflushed = 0
 
     def close(self) -> None:
         """Flush and close; safe to call twice."""
-        if self._file is not None:
-            self._file.close()
-            self._file = None
+        file, self._file = self._file, None
+        if file is not None:
+            with self._named():
+                file.close()
+
+    @contextmanager
+    def _named(self) -> Iterator[None]:
+        """Raise an error of the disk with the file's name."""
+        try:
+            yield
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, str(self._path)) from error
 
 
 def read_lines(path: Path, line: type[Line]) -> list[Line]:
