@@ -148,6 +148,7 @@ def test_the_next_writes_of_the_flash_are_cut_short(bench: MakeBench) -> None:
     [
         *("", "explode", "loss", "loss x", "loss 2", "loss -1", "mute", "delay -1", "stalled"),
         *("stalled middle", "battery nan", "unplug 1e99", "chunk inf"),
+        *("turning left nan", "turning all -inf", "turning 1 1e308"),
         *("stall", "hold -1", "unanswered", "unanswered $Battery", "unanswered $Battery 2"),
     ],
 )

@@ -112,7 +112,10 @@ def _crossed(robot: SimulatedRobot, words: Words, now_ns: int) -> None:
 def _turning(robot: SimulatedRobot, words: Words, now_ns: int) -> None:
     faults = FAULTS["turning"]
     if len(words) > 1:
-        faults = msgspec.structs.replace(faults, turning_m_s=float(words[1]))
+        speed_m_s = float(words[1])
+        if not abs(speed_m_s) <= 100.0:
+            raise ValueError(f"{speed_m_s} is out of range")
+        faults = msgspec.structs.replace(faults, turning_m_s=speed_m_s)
     robot.add_faults(words[0], faults, now_ns=now_ns)
 
 
