@@ -6,6 +6,7 @@ import argparse
 import os
 import pty
 import signal
+from pathlib import Path
 
 import pytest
 
@@ -16,11 +17,14 @@ from yahboomd.cli.stop.stop_port import (
     end,
     needs_no_configuration,
     print_report,
+    seize_noted_ports,
     seize_port,
     undisturbed,
 )
-from yahboomd.errors import LinkError, PortMissing
+from yahboomd.errors import LinkError, PortBusy, PortMissing
+from yahboomd.link import port_note
 from yahboomd.link.line import Heard
+from yahboomd.link.port_note import PortNote
 from yahboomd.link.seize import Seized
 from yahboomd.link.takeover import TakeoverReport
 from yahboomd.protocol.dialect import FramerCounters
@@ -122,3 +126,30 @@ def test_signals_are_as_before_once_the_stop_is_over() -> None:
     with undisturbed():
         assert signal.getsignal(signal.SIGTERM) is signal.SIG_IGN
     assert signal.getsignal(signal.SIGTERM) is before
+
+
+@pytest.mark.parametrize(("state", "warned"), [("R", False), ("D", False), ("T", True), ("", True)])
+def test_a_port_that_a_living_neighbour_holds_is_no_trouble_and_a_frozen_ones_is(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    state: str,
+    warned: bool,
+) -> None:
+    free = Seized(-1, "/dev/free", 115200, 0)
+
+    def seize_noted(note: PortNote) -> Seized:
+        if note.path != free.path:
+            raise PortBusy("It is held.")
+        return free
+
+    monkeypatch.setattr(stop_port, "seize_noted", seize_noted)
+    monkeypatch.setattr(stop_port, "process_state", lambda _pid: state)
+    monkeypatch.setattr(stop_port, "PATIENCE_S", 0.0)
+    monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
+    for path, name in (("/dev/free", ""), ("/dev/held", "bot1")):
+        note = PortNote(path, 115200, True, False, False, pid=os.getpid() + len(name))
+        assert port_note.write(note._replace(namespace=name), str(tmp_path))
+    args = argparse.Namespace(port=None, overrides=[])
+    assert seize_noted_ports(args) == [free]
+    assert ("/dev/held is held" in capsys.readouterr().err) is warned

@@ -115,7 +115,8 @@ def seize_noted_ports(args: argparse.Namespace) -> list[Seized]:
     if not seized and trouble is not None:
         raise trouble
     for note in held if several and seized else ():
-        if process_state(note.pid) not in {"R", "S"}:
+        # D: it waits for the kernel, for moments on a busy machine.
+        if process_state(note.pid) not in {"R", "S", "D"}:
             warn(f"{note.path} is held by another process, so no stop was sent there.")
     return seized
 
