@@ -66,6 +66,8 @@ def test_without_a_link_it_names_the_systems_own_port(start: object) -> None:
     ("options", "words"),
     [
         (["--wheel-radius", "0"], "wheel_radius_m must be positive"),
+        (["--lines", "9" * 400], "lines must be positive, up to 1e+09, not 999"),
+        (["--tick-period", "1e300"], "tick_period_s cannot be 1e+300"),
         (["--loss", "2"], "loss is a share"),
         (["--tick-period", "-1"], "tick_period_s cannot be -1.0"),
         (["--ticks", "1,2"], "four whole numbers"),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Literal, TypeAlias
 
 import msgspec
@@ -168,6 +167,9 @@ class SimulationOptions(msgspec.Struct, frozen=True, kw_only=True):
         return self.lines * self.ratio * 4.0
 
 
+MOST = 1e9
+"""Of a length, a period and the like."""
+
 _POSITIVE = (
     *("lines", "ratio", "wheel_radius_m", "wheel_separation_m", "wheel_base_m", "sideways"),
     *("max_speed_m_s", "time_constant_s", "rated_volts", "loop_gain", "baud"),
@@ -181,9 +183,9 @@ def check(options: SimulationOptions) -> None:
         ConfigError: Naming everything that is impossible.
     """
     mistakes = [
-        f"{name} must be positive, not {value}"
+        f"{name} must be positive, up to {MOST:g}, not {value}"
         for name in _POSITIVE
-        if not 0.0 < (value := getattr(options, name)) < math.inf
+        if not 0.0 < (value := getattr(options, name)) <= MOST
     ]
     mistakes += _wiring_mistakes(options)
     line = options.impairments
@@ -197,7 +199,7 @@ def check(options: SimulationOptions) -> None:
         mistakes += [
             f"{name} cannot be {seconds}"
             for name in names
-            if not 0.0 <= (seconds := getattr(of, name)) < math.inf
+            if not 0.0 <= (seconds := getattr(of, name)) <= MOST
         ]
     if mistakes:
         raise ConfigError(f"This robot cannot be simulated: {'; '.join(mistakes)}.")
