@@ -246,6 +246,15 @@ def test_a_board_that_is_silent_for_a_moment_costs_no_more_than_the_run(
     assert asked["name"] == "length" or "This run does not count" in asked["text"]
 
 
+def test_a_run_in_which_counts_were_lost_does_not_count(
+    robot: RealRobot, lead: Callable[..., LedCalibration]
+) -> None:
+    led = lead("tape", *QUICK)
+    led.moved_until(led.question(), lambda: moves(robot))
+    assert robot.do("reset").startswith("ok")
+    assert "This run does not count" in led.question()["text"]
+
+
 def test_a_robot_that_is_not_there_is_refused_in_the_dialogue_too(
     lead: Callable[..., LedCalibration],
 ) -> None:

@@ -13,7 +13,7 @@ from yahboomd.cli.calibrate.asking import Bounds
 from yahboomd.cli.robot.obedience import Obedience
 from yahboomd.clock import SystemClock, nanoseconds, seconds
 from yahboomd.errors import NoDaemon, Refused
-from yahboomd.messages.native import StatusSample, WheelsSample
+from yahboomd.messages.native import EventSample, StatusSample, WheelsSample
 from yahboomd.model import NS_PER_S
 
 if TYPE_CHECKING:
@@ -130,9 +130,15 @@ class Driver:
         self._source = source
         self._hold = hold
         self._samples: Samples[WheelsSample] = robot.samples(WheelsSample, depth=4096)
+        self._lost = ""
+        robot.on(EventSample, self._notice)
         self._ticks: list[tuple[int, ...]] = []
         self._stamp_ns = self._changed_ns = 0
         self.sides: Sides | None = None
+
+    def _notice(self, event: EventSample) -> None:
+        if event.kind == "odometry_discontinuity":
+            self._lost = event.message
 
     def bounds(self, legs: Sequence[Leg]) -> Bounds:
         """The most that the robot moves in these legs."""
@@ -169,6 +175,7 @@ class Driver:
             await self._gather_until(asked)
         await self._rest()
         del self._ticks[:-1]
+        self._lost = ""
 
     async def _gather_until(self, asked: Coroutine[Any, Any, None]) -> None:
         waiting = asyncio.create_task(asked)
@@ -196,7 +203,7 @@ class Driver:
 
         Raises:
             Interrupted: The person let go of the button, the command ended by itself, or the board
-                left the daemon without counts for a moment.
+                left the daemon without counts for a moment, or some of its counts are lost.
             Refused: The robot does not obey, or does not get on.
             NoDaemon: It was lost.
         """
@@ -232,6 +239,8 @@ class Driver:
         progress(1.0)
         await self._robot.finished()
         await self._rest()
+        if self._lost:
+            raise Interrupted(self._lost)
 
     async def by_hand(self, asked: Coroutine[Any, Any, None]) -> None:
         """Gather while the person moves the robot, until they say that it is done."""
