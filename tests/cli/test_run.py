@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -156,6 +157,28 @@ def test_wheels_that_a_crash_left_turning_are_stopped_where_the_bus_cannot_be_op
     wait_for(lambda: board.stands, "the wheels stand")
 
 
+def test_wheels_that_a_crash_left_turning_are_stopped_as_soon_as_their_port_is_there(
+    started: Callable[..., Process], simulated_board, tmp_path: Path
+) -> None:
+    """A computer that starts again: neither network nor port are there at first."""
+    first = started("--port", "/dev/not-there")
+    first.says("Listening")
+    board = simulated_board()
+    board.drive()
+    board.kill_owner()
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        port = tmp_path / "late"
+        second = started("--port", str(port), NOTIFY_SOCKET=manager.getsockname())
+        second.says("yahboomd keeps trying")
+        assert not board.stands
+        port.symlink_to(board.port)
+        wait_for(lambda: board.stands, "the wheels stand")
+        second.process.send_signal(signal.SIGTERM)
+        second.end_by_itself()
+    assert "Traceback" not in second.output
+
+
 @pytest.mark.parametrize("mistake", [True, False])
 def test_a_daemon_that_does_not_start_names_the_board_of_one_that_was_killed(
     started: Callable[..., Process], tmp_path: Path, mistake: bool
@@ -166,6 +189,7 @@ def test_a_daemon_that_does_not_start_names_the_board_of_one_that_was_killed(
     master, slave = os.openpty()
     note = PortNote(os.ttyname(slave), 115200, True, False, False, None, gone.pid)
     assert port_note.write(note, str(tmp_path))
+    os.close(slave)
     if mistake:
         failing = started("--set", "serial.baudrate=fast", **environ)
     else:
@@ -175,5 +199,11 @@ def test_a_daemon_that_does_not_start_names_the_board_of_one_that_was_killed(
     words = f"A daemon that was killed (pid {gone.pid}) may have left wheels turning at {note.path}"
     assert words in failing.output
     assert "yahboomd stop` stops them" in failing.output
-    os.close(slave)
+    if mistake:
+        # A daemon of another name has the board now.
+        slave = os.open(note.path, os.O_RDWR | os.O_NOCTTY)
+        failing = started("--set", "serial.baudrate=fast", **environ)
+        assert failing.end_by_itself() == os.EX_CONFIG
+        assert "killed" not in failing.output
+        os.close(slave)
     os.close(master)

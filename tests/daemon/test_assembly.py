@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 from pathlib import Path
 from urllib.parse import quote
 
@@ -107,6 +108,23 @@ async def test_a_disk_that_hangs_under_the_note_holds_up_no_port(tmp_path: Path)
     port = await assembly.opener(settings, SystemClock(), {"RUNTIME_DIRECTORY": str(tmp_path)})()
     os.close(os.open(note, os.O_RDONLY | os.O_NONBLOCK))
     port.close()
+    os.close(slave)
+    os.close(master)
+
+
+async def test_a_disk_that_hangs_under_the_note_holds_up_one_thread(tmp_path: Path) -> None:
+    master, slave = os.openpty()
+    note = tmp_path / f"port@{quote(os.ttyname(slave), safe='')}.{os.getpid()}.new"
+    os.mkfifo(note)
+    open_it = assembly.opener(
+        config(f"serial.port={os.ttyname(slave)}"),
+        SystemClock(),
+        {"RUNTIME_DIRECTORY": str(tmp_path)},
+    )
+    for _ in range(3):
+        (await open_it()).close()
+    assert [each.name for each in threading.enumerate()].count("port-note") == 1
+    os.close(os.open(note, os.O_RDONLY | os.O_NONBLOCK))
     os.close(slave)
     os.close(master)
 

@@ -50,6 +50,16 @@ def test_a_wheel_that_turns_on_after_it_was_cut_is_reported_once_more(watch: Sto
     assert faults == [(600, "right", False), (1600, "right", True)]
 
 
+def test_no_old_reading_shows_a_wheel_that_turns_on_after_it_was_cut(watch: StopWatch) -> None:
+    faults = 0
+    for n in range(1, 200):
+        # The supply was switched off, and the board with it; or this process did not run.
+        if not 34 <= n < 150:
+            watch.measure(T0 + n * 20 * MS, (0.0, -0.8))
+        faults += watch.check(T0 + n * 20 * MS) is not None
+        assert faults == (0 if n < 30 else 1 if n < 150 else 2)
+
+
 def test_a_wheel_that_rolls_out_after_it_was_cut_is_not_reported_again(watch: StopWatch) -> None:
     assert follow(watch, lambda s: 0.8 if s < 0.6 else 0.8 * 0.8 ** (s - 0.6)) == [600]
 

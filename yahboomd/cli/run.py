@@ -132,9 +132,10 @@ def _warn_of_killed() -> None:
     """Name the ports of daemons that were killed: one that does not start stops no wheels."""
     from yahboomd.cli.stop.stop_local import Wanted, notes
     from yahboomd.cli.stop.stop_port import warn
+    from yahboomd.link.port_errors import holders
 
     for note in notes(os.environ, Wanted(), ()):
-        if os.path.exists(note.path) and not process_state(note.pid):
+        if os.path.exists(note.path) and not (process_state(note.pid) or holders(note.path)):
             warn(
                 f"A daemon that was killed (pid {note.pid}) may have left wheels turning at "
                 f"{note.path}, and this one does not start: `yahboomd stop` stops them."

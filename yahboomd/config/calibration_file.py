@@ -167,7 +167,11 @@ def undo_calibration(path: Path) -> bool:
     """
     if os.path.lexists(path):
         # A name that was mistyped must not cost another file.
-        read_calibration(path)
+        try:
+            read_calibration(path)
+        except ConfigError as error:
+            words = f"If it is a calibration that was damaged: `rm {path}`, then undo again."
+            raise ConfigError(str(error), remedy=words) from error
     try:
         path.with_name(PREVIOUS).replace(path)
     except FileNotFoundError:

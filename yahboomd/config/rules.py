@@ -271,7 +271,7 @@ def rates(config: Config) -> Iterator[Finding]:
         words = f"expected at most {most:.0f}, what {config.serial.baudrate} baud carry, got "
         yield Finding(poll, f"{words}{number(poll_hz)}", (baud, dialect), chosen == "auto")
     if poll_bytes and poll_hz < LEAST_POLL_HZ:
-        words = f"expected at least {LEAST_POLL_HZ}: with fewer counts no wheel may turn, got "
+        words = f"expected at least {LEAST_POLL_HZ}: else counts show too late what wheels do, got "
         yield Finding(poll, f"{words}{number(poll_hz)}", (dialect,), chosen == "auto")
     period_ns = DIALECTS[chosen].sample_period_ns if chosen in DIALECTS else None
     if period_ns is not None:

@@ -134,8 +134,10 @@ def opener(config: Config, clock: Clock, environ: Mapping[str, str] | None = Non
         environ: Decides where to note how the port was opened, for the stop after a kill.
     """
     serial = config.serial
+    noting: threading.Thread | None = None
 
     async def open_it() -> Port:
+        nonlocal noting
         path = choose(serial.port, candidates() if not serial.port else ())
         options = PortOptions(
             path=path,
@@ -145,8 +147,8 @@ def opener(config: Config, clock: Clock, environ: Mapping[str, str] | None = Non
             hangup_on_close=serial.hangup_on_close,
         )
         port = await open_port(options, clock)
-        if environ is not None:
-            # A disk that hangs holds up no stop.
+        if environ is not None and (noting is None or not noting.is_alive()):
+            # A disk that hangs holds up no stop, and one thread at most.
             noting = threading.Thread(
                 target=_note, args=(options, config, environ), name="port-note", daemon=True
             )

@@ -264,9 +264,10 @@ class Controller:
         self._limiter.halt()
         if (fault := self._wheels.stand(now_ns, at_once=at_once)) is not None:
             self._report(fault)
-            if fault.certain and self._holds.has(FAULT):
-                # What it does now is more urgent than why it was cut.
-                self._holds.add(Hold(kind=FAULT, message=fault.message, since_ns=now_ns))
+            if fault.certain and (held := self._fault()) is not None:
+                # What it did last is more urgent than why it was cut.
+                words = f"{fault.message} It was cut because: {held.message}"
+                self._holds.add(Hold(kind=FAULT, message=words, since_ns=now_ns))
 
     def _trouble(self, fault: Fault, now_ns: int) -> None:
         """React to a wheel that does not obey."""
@@ -446,19 +447,22 @@ class Controller:
     @property
     def faulty(self) -> bool:
         """Whether a fault keeps the robot where it is until a person clears it."""
-        return any(hold.kind == FAULT for hold in self._holds.active(self._clock.now_ns()))
+        return self._fault() is not None
+
+    def _fault(self) -> Hold | None:
+        active = self._holds.active(self._clock.now_ns())
+        return next((hold for hold in active if hold.kind == FAULT), None)
 
     def clear_fault(self) -> str | None:
         """Clear a latched fault. Returns its words; ``None`` where there was none."""
-        found = [hold for hold in self._holds.active(self._clock.now_ns()) if hold.kind == FAULT]
-        if not found:
+        if (found := self._fault()) is None:
             return None
         self._holds.drop(FAULT)
         self._resets.clear()
         self._wheels.restart_check()
         # The fault may have been a board that forgot its motors.
         self._wheels.rearm()
-        return found[0].message
+        return found.message
 
     def set_pose(self, pose: Pose2d, covariance: Matrix3 | None) -> None:
         """Set the pose."""

@@ -24,13 +24,12 @@ ENOUGH = 2048
 WANTED = 65_536
 """Descriptors. Most systems begin a process with 1024, and let it have many more."""
 
-
 THREADS = 20
 """The daemon has 14 with a client, a recorder and an e-stop; Zenoh starts more where many come."""
 
 ADDRESSES = 1536 << 20
 """Bytes of address space. The daemon comes to 0.98 GB, of which it uses 0.06: each thread reserves
-64 MB and a stack, and where less is left one that comes later may find none. With 0.1 to 0.57 GB up
+64 MB and a stack, and where less is left one that comes later may find none. With 0.1 to 0.5 GB up
 to 10 of 10 sessions did not open."""
 
 

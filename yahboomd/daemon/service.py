@@ -113,22 +113,28 @@ class Daemon:
             await bus.open()
         except BusError:
             if not self._took_over:
-                self._took_over = True
-                await self._take_over()
+                self._took_over = await self._take_over()
             raise
 
-    async def _take_over(self) -> None:
-        """Stop what an earlier daemon left turning: a session, which would, waits for the bus."""
+    async def _take_over(self) -> bool:
+        """Stop what an earlier daemon left turning: a session, which would, waits for the bus.
+
+        Returns:
+            Whether a stop was sent: a port that is not there yet is tried again.
+        """
         try:
             report = await take_over(await self._opener(), self._clock)
         except YahboomdError as error:
             log.debug("The wheels cannot be stopped before the bus is open: %s", error)
-            return
-        if not report.stood:
+            return False
+        if report.stood:
+            self._end_note()
+        else:
             log.warning(
                 "%s: a stop was sent, and the wheels were not seen to stand. Look at them.",
                 report.port,
             )
+        return True
 
     def _uncaught(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
         """An error in a callback, which has no task to fail: the daemon ends as if it had one."""
@@ -229,8 +235,11 @@ class Daemon:
             latch.settle()
             self.left_standing = supervisor.left_standing
             if self.left_standing:
-                folder = runtime_folder(self._environ, user_id=os.getuid())
-                port_note.end(str(folder), os.getpid())
+                self._end_note()
+
+    def _end_note(self) -> None:
+        """Note that this process left standing wheels."""
+        port_note.end(str(runtime_folder(self._environ, user_id=os.getuid())), os.getpid())
 
     async def _run_tasks(
         self, controller: Controller, supervisor: Supervisor, status: Status, notifier: Notifier
@@ -299,7 +308,7 @@ class Daemon:
                 if self._ros2 is not None:
                     self._ros2.status(sample)
                 self._clocks.report(self._clock.now_ns())
-                self._latch.look(self._clock.now_ns())
+                self._latch.restore_file(self._clock.now_ns())
                 notifier.status(f"{sample.state}: {sample.why}")
                 alarm.set(self._clock.now_ns() + nanoseconds(STATUS_EVERY_S))
                 self._status_due.clear()

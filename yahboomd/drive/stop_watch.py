@@ -34,6 +34,9 @@ SLOWED = 0.7
 ROLLS_OUT = 0.9
 ROLLS_NS = 1_000_000_000
 """From the cut of a wheel that did not obey to the next look at it."""
+FRESH_NS = 500_000_000
+"""Older readings do not show what a wheel does now: boards are asked five times a second or more
+often."""
 
 
 class StopWatch:
@@ -52,6 +55,7 @@ class StopWatch:
         self._judged_ns: int | None = 0
         self._still_ns: int | None = None
         self._cut_ns: int | None = None
+        self._measured_ns = 0
         self._latest: deque[tuple[float, ...]] = deque(maxlen=2)
         self._fastest: tuple[float, ...] = ()
 
@@ -83,6 +87,7 @@ class StopWatch:
         if self.state not in {"stopping", "overdue"} or stamp_ns < self._begun_ns:
             return self.state
         self._latest.append(tuple(measured_m_s))
+        self._measured_ns = stamp_ns
         self._fastest = tuple(map(max, self._fastest, map(abs, measured_m_s)))
         if turning(measured_m_s):
             self._still_ns = None
@@ -156,6 +161,8 @@ class StopWatch:
         """The fault of a wheel that was accused and cut, and turns on; once."""
         cut_ns = self._cut_ns
         if cut_ns is None or now_ns - cut_ns < ROLLS_NS or len(self._latest) < 2:
+            return None
+        if now_ns - self._measured_ns > FRESH_NS:
             return None
         speed, name = self._turning_on(ROLLS_OUT)
         self._judge_later(now_ns)

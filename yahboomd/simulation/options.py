@@ -168,7 +168,7 @@ class SimulationOptions(msgspec.Struct, frozen=True, kw_only=True):
 
 
 MOST = 1e9
-"""Of a length, a period and the like."""
+"""The greatest length, period or ratio."""
 
 _POSITIVE = (
     *("lines", "ratio", "wheel_radius_m", "wheel_separation_m", "wheel_base_m", "sideways"),

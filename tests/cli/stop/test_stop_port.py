@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import os
 import pty
 import signal
@@ -128,7 +129,9 @@ def test_signals_are_as_before_once_the_stop_is_over() -> None:
     assert signal.getsignal(signal.SIGTERM) is before
 
 
-@pytest.mark.parametrize(("state", "warned"), [("R", False), ("D", False), ("T", True), ("", True)])
+@pytest.mark.parametrize(
+    ("state", "warned"), [("R", False), ("DS", False), ("DD", True), ("T", True), ("", True)]
+)
 def test_a_port_that_a_living_neighbour_holds_is_no_trouble_and_a_frozen_ones_is(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -143,9 +146,11 @@ def test_a_port_that_a_living_neighbour_holds_is_no_trouble_and_a_frozen_ones_is
             raise PortBusy("It is held.")
         return free
 
+    states = itertools.chain(state, itertools.repeat(state[-1:]))
     monkeypatch.setattr(stop_port, "seize_noted", seize_noted)
-    monkeypatch.setattr(stop_port, "process_state", lambda _pid: state)
-    monkeypatch.setattr(stop_port, "PATIENCE_S", 0.0)
+    monkeypatch.setattr(stop_port, "process_state", lambda _pid: next(states))
+    monkeypatch.setattr(stop_port, "PATIENCE_S", 0.05)
+    monkeypatch.setattr(stop_port, "RETRY_S", 0.01)
     monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
     for path, name in (("/dev/free", ""), ("/dev/held", "bot1")):
         note = PortNote(path, 115200, True, False, False, pid=os.getpid() + len(name))

@@ -153,8 +153,8 @@ def test_the_file_of_an_engaged_latch_that_was_removed_is_written_again(
     if not writable:
         # No session of this user: a file stands where its folder would be.
         session.touch()
-    latch.look(4_999_999_999)
-    latch.look(5_000_000_000)
+    latch.restore_file(4_999_999_999)
+    latch.restore_file(5_000_000_000)
     if not writable:
         wait_for(lambda: latch.status_values()["estop_not_on_file"], "it is noticed")
         session.unlink()
@@ -162,8 +162,28 @@ def test_the_file_of_an_engaged_latch_that_was_removed_is_written_again(
     assert latch.settle()
     assert LatchFile(path).load() == "one"
     assert latch.release(()).released
-    latch.look(10_000_000_000)
+    latch.restore_file(10_000_000_000)
     assert not path.exists()
+
+
+def test_a_latch_for_whose_file_no_thread_can_be_started_is_written_with_the_next_look(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    latch = EstopLatch(LatchFile(tmp_path / "estop"), 0)
+    latch.engage("one", 1)
+    latch.remember()
+    assert latch.settle()
+    (tmp_path / "estop").unlink()
+    with monkeypatch.context() as few:
+
+        def start(_: threading.Thread) -> None:
+            raise RuntimeError("can't start new thread")
+
+        few.setattr(threading.Thread, "start", start)
+        latch.restore_file(5_000_000_000)
+    latch.restore_file(10_000_000_000)
+    wait_for((tmp_path / "estop").exists, "it is there again")
+    assert latch.release(()).released
 
 
 def test_no_thread_is_left_once_the_file_is_as_it_should_be(disk: Disk) -> None:

@@ -150,7 +150,7 @@ def find(environ: Mapping[str, str]) -> list[LocalDaemon]:
 
 
 def _identified(robot: LocalDaemon) -> LocalDaemon:
-    """The same daemon, asked again for what it was too busy to tell."""
+    """The same daemon, asked again for the name that it did not send in time."""
     if not robot.silent:
         return robot
     talk = Talk(robot.socket, b"status\n")

@@ -115,10 +115,17 @@ def seize_noted_ports(args: argparse.Namespace) -> list[Seized]:
     if not seized and trouble is not None:
         raise trouble
     for note in held if several and seized else ():
-        # D: it waits for the kernel, for moments on a busy machine.
-        if process_state(note.pid) not in {"R", "S", "D"}:
+        if not _runs(note.pid):
             warn(f"{note.path} is held by another process, so no stop was sent there.")
     return seized
+
+
+def _runs(pid: int) -> bool:
+    """Whether a process runs; on a busy machine it waits for the kernel (D) for moments."""
+    deadline = time.monotonic() + PATIENCE_S
+    while (state := process_state(pid)) == "D" and time.monotonic() < deadline:
+        time.sleep(RETRY_S)
+    return state in {"R", "S"}
 
 
 def seize_noted(note: PortNote) -> Seized | None:

@@ -210,7 +210,8 @@ class Procedure:
                 if not await stand.excuses(excused):
                     raise
                 excused += 1
-                self._say(f"{fault.message} Or the line damaged a command: once more")
+                words = "The line may have damaged a command: the step is repeated"
+                self._say(f"{fault.message} {words}")
 
     # What is suggested.
 

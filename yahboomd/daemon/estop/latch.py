@@ -11,6 +11,7 @@ import asyncio
 
 # The first use of to_thread would read this from a file, for which no descriptor may be left.
 import concurrent.futures.thread  # noqa: F401
+import contextlib
 import logging
 import threading
 from collections.abc import Sequence
@@ -29,7 +30,7 @@ RELEASE_WITHIN_S = 0.5
 that takes longer hangs."""
 
 RETRY_S = 1.0
-LOOK_S = 5.0
+RESTORE_EVERY_S = 5.0
 """From one look whether an engaged latch is on file to the next. A runtime folder goes with the
 last session of its user, and what is old in /tmp is removed."""
 
@@ -47,7 +48,7 @@ class LatchKeeper:
         self._state = threading.Condition()
         self._by: str | None = None
         self._wish = self._tried = self._done = 0
-        self._working = self._looking = False
+        self._working = self._restoring = False
         self._failing = False
         self._hangs = False
 
@@ -96,12 +97,14 @@ class LatchKeeper:
         with self._state:
             return self._state.wait_for(lambda: self.on_file, within_s)
 
-    def look(self) -> None:
+    def restore_file(self) -> None:
         """Have the file of an engaged latch written again where it was removed; returns at once."""
         with self._state:
             if self._by is not None and not self._working:
-                self._looking = True
-                self._start()
+                self._restoring = True
+                # Where no thread can be started now, the next call has one.
+                with contextlib.suppress(RuntimeError):
+                    self._start()
 
     def _ask(self, by: str | None) -> int:
         self._by = by
@@ -112,16 +115,16 @@ class LatchKeeper:
 
     def _start(self) -> None:
         if not self._working:
-            self._working = True
             threading.Thread(target=self._work, name="latch-file", daemon=True).start()
+            self._working = True
 
     def _work(self) -> None:
         while True:
             with self._state:
-                if self.on_file and not self._looking:
+                if self.on_file and not self._restoring:
                     self._working = False
                     return
-                self._looking = False
+                self._restoring = False
                 wish, by = self._wish, self._by
             error: Exception | None = None
             try:
@@ -184,7 +187,7 @@ class EstopLatch:
     ) -> None:
         self._keeper = LatchKeeper(file)
         self._settling: asyncio.Future[bool] | None = None
-        self._looked_ns = now_ns
+        self._restored_ns = now_ns
         by = self._keeper.load()
         remembered = None
         if by is not None:
@@ -228,11 +231,11 @@ class EstopLatch:
         if self._stop.latched is not None:
             self._keeper.engage(self._stop.latched.by)
 
-    def look(self, now_ns: int) -> None:
+    def restore_file(self, now_ns: int) -> None:
         """Look, every 5 s, whether an engaged latch is still on file; called more often."""
-        if self.engaged and now_ns - self._looked_ns >= nanoseconds(LOOK_S):
-            self._looked_ns = now_ns
-            self._keeper.look()
+        if self.engaged and now_ns - self._restored_ns >= nanoseconds(RESTORE_EVERY_S):
+            self._restored_ns = now_ns
+            self._keeper.restore_file()
 
     def settle(self) -> bool:
         """Wait for the file, for half a second at most; whether it is as the latch is. Blocks."""
