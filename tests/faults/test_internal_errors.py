@@ -146,7 +146,7 @@ async def test_the_watchdog_is_fed_by_control_steps_alone(
 async def test_a_daemon_writes_the_file_of_its_emergency_stop_again_where_it_was_removed(
     inner: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(latch, "LOOK_S", 0.01)
+    monkeypatch.setattr(latch, "RESTORE_EVERY_S", 0.01)
     await inner.driven()
     inner.session.put("yahboomd/estop", b"")
     file = tmp_path / "estop"

@@ -210,8 +210,7 @@ class Procedure:
                 if not await stand.excuses(excused):
                     raise
                 excused += 1
-                words = "The line may have damaged a command: the step is repeated"
-                self._say(f"{fault.message} {words}")
+                self._say(f"{fault.message} The line may have damaged a command: once more")
 
     # What is suggested.
 
