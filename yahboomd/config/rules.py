@@ -59,7 +59,7 @@ LONG_RAMP_S = 2.0
 """A robot whose program died should not drive on for longer."""
 
 LEAST_POLL_HZ = 5
-"""Counts that come more seldom never show that wheels stand, nor whether they turn."""
+"""Counts that come more seldom show too late, or never, whether wheels stand or turn."""
 
 
 def presets(config: Config) -> Iterator[Finding]:

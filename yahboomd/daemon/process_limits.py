@@ -77,7 +77,7 @@ def allow_files(wanted: int, *, who: str) -> int:
 
 
 def check_limits(*, who: str) -> None:
-    """Check that the threads of a Zenoh session can be started, and get their memory.
+    """Check that the threads of a Zenoh session can be started, and that there is memory for them.
 
     Args:
         who: The program that needs them, for the error.

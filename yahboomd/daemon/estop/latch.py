@@ -232,7 +232,7 @@ class EstopLatch:
             self._keeper.engage(self._stop.latched.by)
 
     def restore_file(self, now_ns: int) -> None:
-        """Look, every 5 s, whether an engaged latch is still on file; called more often."""
+        """Have a removed file of an engaged latch written again; looks every 5 s at most."""
         if self.engaged and now_ns - self._restored_ns >= nanoseconds(RESTORE_EVERY_S):
             self._restored_ns = now_ns
             self._keeper.restore_file()
