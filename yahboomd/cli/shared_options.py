@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from yahboomd.config import Config, Loaded
 
 
-NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
+NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?(deg)?$")
 
 
 def take_negative_numbers(parser: argparse.ArgumentParser) -> None:
-    """Read ``-1e-16`` as a number; argparse reads it as an option."""
+    """Read ``-1e-16`` and ``-90deg`` as numbers; argparse reads them as options."""
     parser._negative_number_matcher = NEGATIVE  # noqa: SLF001 - there is no public way
 
 
@@ -44,22 +44,15 @@ seconds = number("a number of seconds from 0 to 3600", lambda value: 0.0 <= valu
 """The reader of a duration."""
 
 
-def add_config_options(parser: argparse.ArgumentParser, *, overrides: bool = True) -> None:
-    """Add ``--config FILE`` and ``--set SECTION.KEY=VALUE``.
-
-    Args:
-        overrides: Whether to add ``--set``; a command may use the word for something else.
-    """
+def add_config_options(parser: argparse.ArgumentParser) -> None:
+    """Add ``--config FILE`` and ``--set SECTION.KEY=VALUE``."""
     parser.add_argument(
         "--config",
         metavar="FILE",
         type=Path,
         help="configuration to read (default: /etc/yahboomd/config.toml, if it exists)",
     )
-    if overrides:
-        add_set_option(parser)
-    else:
-        parser.set_defaults(overrides=[])
+    add_set_option(parser)
 
 
 def add_set_option(parser: argparse.ArgumentParser) -> None:

@@ -28,7 +28,7 @@ def printed(on_robot: Callable[..., int], capsys) -> Callable[[], str]:
 def test_the_pose_is_set_printed_and_reset(
     on_robot: Callable[..., int], printed: Callable[[], str]
 ) -> None:
-    assert on_robot("pose", "--set", "1.25", "-8.6e-17", "-0.5") == 0
+    assert on_robot("pose", "--to", "1.25", "-8.6e-17", "-0.5") == 0
     wait_for(lambda: printed() == "1.250000 0.000000 -0.500000\n", "the pose that was set")
     assert on_robot("pose", "--reset") == 0
     wait_for(lambda: printed() == "0.000000 0.000000 0.000000\n", "the pose is zero")
@@ -49,14 +49,33 @@ def test_json_is_the_sample_in_one_line(on_robot: Callable[..., int], capsys) ->
 def test_a_pose_that_the_daemon_refuses_ends_with_1_and_its_words(
     on_robot: Callable[..., int], capsys
 ) -> None:
-    assert on_robot("pose", "--set", "1e30", "0", "0") == 1
+    assert on_robot("pose", "--to", "1e30", "0", "0") == 1
     assert capsys.readouterr().err.startswith("yahboomd: ")
+
+
+def test_a_heading_is_in_degrees_only_where_it_says_so(
+    on_robot: Callable[..., int], printed: Callable[[], str], capsys
+) -> None:
+    assert on_robot("pose", "--to", "1", "2", "-90deg") == 0
+    wait_for(lambda: printed() == "1.000000 2.000000 -1.570796\n", "the pose in degrees")
+    with pytest.raises(SystemExit) as left:
+        on_robot("pose", "--to", "0", "0", "90")
+    assert left.value.code == 2
+    assert "90 is 14.3 turns. For degrees write 90deg." in capsys.readouterr().err
+    assert printed() == "1.000000 2.000000 -1.570796\n"
+
+
+def test_set_configures_as_it_does_for_every_command(
+    on_robot: Callable[..., int], capsys
+) -> None:
+    assert on_robot("pose", "--set", "zenoh.no_such_key=1") == 78
+    assert "no_such_key" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("given", [["1", "2"], ["1", "2", "nan"], ["1", "2", "north"]])
 def test_what_is_no_pose_is_a_mistake(on_robot: Callable[..., int], given: list[str]) -> None:
     with pytest.raises(SystemExit) as left:
-        on_robot("pose", "--set", *given)
+        on_robot("pose", "--to", *given)
     assert left.value.code == 2
 
 

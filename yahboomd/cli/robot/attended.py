@@ -31,12 +31,8 @@ if TYPE_CHECKING:
 WAIT_S = 5.0
 
 
-def add_robot_options(parser: argparse.ArgumentParser, *, overrides: bool = True) -> None:
-    """Add ``--timeout``, and the options that name the daemon.
-
-    Args:
-        overrides: Whether ``--set`` changes a key of the configuration.
-    """
+def add_robot_options(parser: argparse.ArgumentParser) -> None:
+    """Add ``--timeout``, and the options that name the daemon."""
     parser.add_argument(
         "--timeout",
         metavar="SECONDS",
@@ -45,7 +41,7 @@ def add_robot_options(parser: argparse.ArgumentParser, *, overrides: bool = True
         help="how long to wait for a daemon (default: %(default)s)",
     )
     add_bus_options(parser)
-    add_config_options(parser, overrides=overrides)
+    add_config_options(parser)
 
 
 def attend(

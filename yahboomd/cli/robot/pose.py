@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import sys
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 from yahboomd.cli.robot.attended import add_robot_options, attend
 from yahboomd.cli.shared_options import number, take_negative_numbers
@@ -17,6 +19,8 @@ OLD = 1
 """The exit status where the pose is old."""
 
 OLD_S = 1.0
+
+_number = number("a number")
 
 DESCRIPTION = """\
 Print where the robot is by its odometry, as three numbers: x and y in metres, the heading theta in
@@ -30,15 +34,52 @@ examples:
   read x y theta < <(yahboomd pose)             in bash
   yahboomd pose --json | jq .covariance         the whole sample, as it is on the bus
   yahboomd pose --reset
-  yahboomd pose --set 1.2 -0.5 1.5708
+  yahboomd pose --to 1.2 -0.5 1.5708
+  yahboomd pose --to 1.2 -0.5 90deg
 
 exit status:
   0    done
   1    there is no pose yet, or it is older than a second (it is printed all the same, and why);
-       with --reset and --set: the daemon refuses
+       with --reset and --to: the daemon refuses
   69   no daemon is there
   78   a mistake in the configuration
 """
+
+
+class _Pose(argparse.Action):
+    """Reads X, Y and THETA, which is in radians, or in degrees with ``deg`` behind it."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: str | Sequence[Any] | None,
+        option: str | None = None,
+    ) -> None:
+        assert values is not None
+        x, y, theta = values
+        try:
+            setattr(namespace, self.dest, (_number(x), _number(y), heading(theta)))
+        except argparse.ArgumentTypeError as error:
+            raise argparse.ArgumentError(self, str(error)) from None
+
+
+def heading(text: str) -> float:
+    """A heading in radians, from radians or, with ``deg`` behind it, from degrees.
+
+    Raises:
+        argparse.ArgumentTypeError: It is not a number, or more than a turn of radians, which
+            are degrees more often than radians.
+    """
+    digits = text.removesuffix("deg")
+    if digits != text:
+        return math.radians(_number(digits))
+    if abs(theta := _number(text)) > math.tau:
+        turns = theta / math.tau
+        raise argparse.ArgumentTypeError(
+            f"THETA is in radians, and {text} is {turns:.3g} turns. For degrees write {text}deg."
+        )
+    return theta
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -49,15 +90,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     what.add_argument("--reset", action="store_true", help="make the pose zero")
     what.add_argument(
-        "--set",
+        "--to",
         nargs=3,
-        type=number("a number"),
+        action=_Pose,
         metavar=("X", "Y", "THETA"),
         dest="pose",
-        help="go on from this pose, in metres and radians",
+        help="go on from this pose, in metres and radians, or degrees as in 90deg",
     )
-    # --set means the pose here: the environment and --config still configure.
-    add_robot_options(parser, overrides=False)
+    add_robot_options(parser)
     take_negative_numbers(parser)
 
 
