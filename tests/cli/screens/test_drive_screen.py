@@ -110,3 +110,21 @@ def test_a_long_reason_is_wrapped_under_itself() -> None:
     first = next(index for index, line in enumerate(lines) if "● ESTOPPED" in line)
     assert lines[first + 1].startswith(" " * 10)
     assert "asked for it." in lines[first + 1]
+
+
+@pytest.mark.parametrize("columns", [40, 46, 60, 80])
+def test_on_a_narrow_terminal_each_key_still_has_its_meaning(columns: int) -> None:
+    view = daemon.driving(0).view(0)
+    text = " ".join(" ".join(lines_of(forms(view, Twist2d(vx=0.3))[0], columns)).split())
+    for words in (
+        "hold to drive",
+        "let go to stop",
+        "stop (as any other key)",
+        "faster, slower",
+        "emergency stop",
+        "release it, or a fault",
+        "quit",
+        "1.00 rad/s",
+        "-0.25 rad/s",
+    ):
+        assert words in text

@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable
 from typing import Self
 
-from rich.console import Console, Group, RenderableType
+from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
 from rich.control import Control
 from rich.panel import Panel
 from rich.screen import Screen as Filling
@@ -62,6 +62,21 @@ def panel(*lines: RenderableType, title: str, note: str = "", style: str = QUIET
         subtitle_align="right",
         border_style=style,
     )
+
+
+class Widest:
+    """The first of these texts that is not too wide, else the last."""
+
+    def __init__(self, *texts: str) -> None:
+        self._texts = [Text(each, no_wrap=True, overflow="ellipsis") for each in texts]
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        fits = (
+            text
+            for text in self._texts
+            if text.__rich_measure__(console, options).maximum <= options.max_width
+        )
+        yield next(fits, self._texts[-1])
 
 
 class Screen:

@@ -9,7 +9,7 @@ from rich.text import Text
 
 from yahboomd.cli.screens import sentences
 from yahboomd.cli.screens.dashboard import View
-from yahboomd.cli.screens.drawing import QUIET, SEVERITIES, STATES, Part, line, sentence
+from yahboomd.cli.screens.drawing import QUIET, SEVERITIES, STATES, Part, Widest, line, sentence
 from yahboomd.cli.words import degrees, signed
 from yahboomd.model import Twist2d
 
@@ -21,6 +21,17 @@ KEYS = """
    let go to stop            and arcs       q           quit
 """
 """The effect of each key."""
+
+NARROW_KEYS = """
+   w s a d ↑ ↓ ← →  u i o j l m , .
+          hold to drive, let go to stop
+   space  stop (as any other key)
+   + -    faster, slower
+   e      emergency stop
+   r      release it, or a fault
+   q      quit
+"""
+"""The same for narrow terminals."""
 
 FRESH_S = 10.0
 """An event is news for so long."""
@@ -65,14 +76,14 @@ def screen(
     moving = command is not None and not command.is_zero
     rows.add_row(
         "   you",
-        line(
+        sentence(
             (f"{words(command):<26}", "bold green" if moving else "bold"),
             f" speeds {speeds[0]:.2f} m/s, {speeds[1]:.2f} rad/s",
         ),
     )
     for label, text in _robot(view, why) + _trouble(view, key, heard=heard):
         rows.add_row(f"   {label}", text)
-    legend = Text(KEYS, no_wrap=True, overflow="ellipsis")
+    legend = Widest(KEYS, NARROW_KEYS)
     facts = (rows, "", Padding(sentence(answer), (0, 0, 0, 3)))
     return Group(head, legend, *facts), Group(head, *facts)
 
@@ -98,13 +109,13 @@ def _robot(view: View, why: str) -> list[tuple[str, Text]]:
             rows.append(("", sentence((remedy, "bold red"))))
         return rows
     state = (f"● {status.state.upper()} ", f"bold {STATES.get(status.state, 'default')}")
-    rows = [("robot", sentence(state, status.why)), ("driver", line(sentences.driver(view)))]
+    rows = [("robot", sentence(state, status.why)), ("driver", sentence(sentences.driver(view)))]
     pose, twist = view.pose, view.twist
     if pose is not None:
         where = f"x {signed(pose.x, 2, 0)} m  y {signed(pose.y, 2, 0)} m  θ {degrees(pose.theta)}"
         if twist is not None:
             where += f"   moving {signed(twist.vx, 2, 0)} m/s, {signed(twist.wz, 2, 0)} rad/s"
-        rows.append(("pose", line((where, QUIET if view.late else ""))))
+        rows.append(("pose", sentence((where, QUIET if view.late else ""))))
     if view.events:
         event = view.events[-1]
         colour = SEVERITIES.get(event.severity, "default") if view.event_age_s < FRESH_S else QUIET
@@ -118,6 +129,6 @@ def _trouble(view: View, key: str, *, heard: bool) -> list[tuple[str, Text]]:
         return []
     name = key if "/" not in key else f'"{key}"'
     return [
-        ("", line((f"The daemon accepts no commands on {key}. Start it with:", "bold red"))),
-        ("", line((f"--set 'command.sources.{name}.priority=10'", "bold"))),
+        ("", sentence((f"The daemon accepts no commands on {key}. Start it with:", "bold red"))),
+        ("", sentence((f"--set 'command.sources.{name}.priority=10'", "bold"))),
     ]
