@@ -8,6 +8,7 @@ import socket
 import subprocess
 from pathlib import Path
 
+import pytest
 from real_robot import wait_for
 
 from yahboomd.cli.unresponsive import (
@@ -15,6 +16,7 @@ from yahboomd.cli.unresponsive import (
     may_drive,
     measured_ports,
     process_state,
+    restarting,
     suspended,
     true_names,
     unresponsive,
@@ -111,3 +113,30 @@ def test_the_process_that_listens_where_a_daemon_is_expected_is_found() -> None:
         assert listener((f"tcp/10.0.0.1:{port}", f"tcp/localhost:{port}")) == os.getpid()
         assert listener((f"tcp/10.0.0.1:{port}", "unixsock-stream//run/x")) is None
     assert listener((f"tcp/127.0.0.1:{port}",)) is None
+
+
+@pytest.mark.parametrize(
+    ("group", "words"),
+    [
+        (
+            "/system.slice/system-yahboomd.slice/yahboomd@left.service",
+            "`sudo systemctl restart yahboomd@left`.",
+        ),
+        ("/system.slice/yahboomd.service", "`sudo systemctl restart yahboomd`."),
+        (
+            "/user.slice/user-1000.slice/user@1000.service/app.slice/a.scope",
+            "press Ctrl-C in its terminal",
+        ),
+        (None, "press Ctrl-C in its terminal"),
+    ],
+)
+def test_a_daemon_in_a_terminal_is_not_restarted_by_systemctl(
+    tmp_path: Path, group: str | None, words: str
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        endpoint = f"tcp/127.0.0.1:{server.getsockname()[1]}"
+        (tmp_path / str(os.getpid())).mkdir()
+        if group is not None:
+            (tmp_path / str(os.getpid()) / "cgroup").write_text(f"0::{group}\n")
+        assert words in restarting((endpoint,), proc=str(tmp_path))
+    assert "if it is the service, else Ctrl-C" in restarting((endpoint,), proc=str(tmp_path))

@@ -11,6 +11,10 @@ FROZEN = {"T": "stopped by a signal", "t": "stopped by a debugger"}
 """The states of a process that obeys nothing, not even SIGTERM, until it is continued."""
 
 
+_UNIT = re.compile(r"/system\.slice/(?:\S+/)?([^/\s]+)\.service$", re.MULTILINE)
+"""A service of the system in the list of control groups of a process."""
+
+
 def process_state(pid: int, *, proc: str = "/proc") -> str:
     """The kernel's letter for what a process does; empty where there is no such process."""
     try:
@@ -119,6 +123,24 @@ def suspended_listener(endpoints: tuple[str, ...]) -> int | None:
     if pid is None or not is_yahboomd(pid) or process_state(pid) not in FROZEN:
         return None
     return pid
+
+
+def restarting(endpoints: tuple[str, ...], *, proc: str = "/proc") -> str:
+    """How a person restarts the daemon that listens at one of these endpoints."""
+    pid = listener(endpoints)
+    if pid is None:
+        return (
+            "Restart the daemon: `sudo systemctl restart yahboomd` if it is the service, else "
+            "Ctrl-C in its terminal, and start it again."
+        )
+    try:
+        with open(f"{proc}/{pid}/cgroup", encoding="utf-8", errors="replace") as file:
+            unit = _UNIT.search(file.read())
+    except OSError:
+        unit = None
+    if unit is not None:
+        return f"Restart the daemon: `sudo systemctl restart {unit[1]}`."
+    return f"Restart the daemon: press Ctrl-C in its terminal (pid {pid}), and start it again."
 
 
 def reaching(pid: int, *, proc: str = "/proc") -> str:

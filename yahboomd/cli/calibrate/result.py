@@ -41,6 +41,7 @@ def conclude(
         Refused: The result cannot be trusted; nothing was written.
         ConfigError: The file cannot be written.
     """
+    from yahboomd.cli.unresponsive import restarting
     from yahboomd.config.calibration_file import write_calibration
 
     count = len(runs) + len(sideways_runs)
@@ -75,8 +76,8 @@ def conclude(
             "`--set chassis.calibration_file=/path/to/calibration.toml`."
         )
     person.say(
-        f"Written to {path}. The daemon reads it when it starts: "
-        "`sudo systemctl restart yahboomd`. `yahboomd calibrate undo` takes it back."
+        f"Written to {path}. The daemon reads it when it starts. "
+        f"{restarting(tuple(config.zenoh.listen))} `yahboomd calibrate undo` takes it back."
     )
     return 0
 

@@ -6,8 +6,7 @@ import argparse
 import math
 import os
 import sys
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from yahboomd.cli.robot.attended import add_robot_options, attend
 from yahboomd.cli.shared_options import number, take_negative_numbers
@@ -46,24 +45,6 @@ exit status:
 """
 
 
-class _Pose(argparse.Action):
-    """Reads X, Y and THETA, which is in radians, or in degrees with ``deg`` behind it."""
-
-    def __call__(
-        self,
-        parser: argparse.ArgumentParser,
-        namespace: argparse.Namespace,
-        values: str | Sequence[Any] | None,
-        option: str | None = None,
-    ) -> None:
-        assert values is not None
-        x, y, theta = values
-        try:
-            setattr(namespace, self.dest, (_number(x), _number(y), heading(theta)))
-        except argparse.ArgumentTypeError as error:
-            raise argparse.ArgumentError(self, str(error)) from None
-
-
 def heading(text: str) -> float:
     """A heading in radians, from radians or, with ``deg`` behind it, from degrees.
 
@@ -92,7 +73,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     what.add_argument(
         "--to",
         nargs=3,
-        action=_Pose,
         metavar=("X", "Y", "THETA"),
         dest="pose",
         help="go on from this pose, in metres and radians, or degrees as in 90deg",
@@ -103,6 +83,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print it, or change it."""
+    if args.pose:
+        x, y, theta = args.pose
+        try:
+            args.pose = (_number(x), _number(y), heading(theta))
+        except argparse.ArgumentTypeError as error:
+            print(f"yahboomd pose: error: argument --to: {error}", file=sys.stderr)
+            return 2
 
     async def work(robot: AsyncRobot) -> int:
         if args.reset:
