@@ -15,6 +15,10 @@ from typing import TYPE_CHECKING, NamedTuple
 if TYPE_CHECKING:
     from mcap.writer import Writer
 
+NATIVE = "native"
+ROS = "ros2"
+"""The two rows of files of a recording: readers of ROS 2's bags fail on the schemas of JSON."""
+
 CHUNK_BYTES = 128 * 1024
 """Some three seconds of a moving robot, uncompressed."""
 

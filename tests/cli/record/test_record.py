@@ -21,6 +21,7 @@ from real_robot import RealRobot, wait_for
 from rosbags.highlevel import AnyReader
 
 from yahboomd.bus.subscriptions import Arrival
+from yahboomd.cli.main import main
 from yahboomd.cli.record.record import Recorder, size
 from yahboomd.cli.record.recorded_topics import Recorded
 from yahboomd.recording.mcap_files import McapFiles
@@ -121,6 +122,16 @@ def test_a_recorder_that_is_killed_leaves_what_it_has_written(
     assert found > 100
     one_robot.settled_truth()
 
+    assert on_robot("record", str(folder), "--recover") == 0
+    with (tmp_path / "run-recovered" / "native_0.mcap").open("rb") as stream:
+        assert sum(1 for _ in make_reader(stream).iter_messages()) == found
+    with AnyReader([tmp_path / "run-recovered"]) as reader:
+        assert reader.message_count > 0
+        assert sum(1 for _ in reader.messages()) == reader.message_count
+    assert part.stat().st_size > 20_000
+    # What was recovered is not written over.
+    assert on_robot("record", str(folder), "--recover") == 1
+
 
 @pytest.mark.realtime
 def test_a_folder_that_exists_is_left_alone(
@@ -129,6 +140,12 @@ def test_a_folder_that_exists_is_left_alone(
     assert on_robot("record", str(tmp_path), "--for", "1") == 1
     assert "Name a new folder" in capsys.readouterr().err
     assert list(tmp_path.glob("*.mcap")) == []
+
+
+def test_what_is_no_recording_is_not_recovered(tmp_path: Path, capsys) -> None:
+    assert main(["record", str(tmp_path), "--recover"]) == 1
+    assert "has no recording" in capsys.readouterr().err
+    assert main(["record", "--recover"]) == 2
 
 
 def arrival(payload: bytes, dropped: int = 0, arrived_ns: int = 0) -> Arrival:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -21,6 +20,8 @@ from yahboomd.messages.native import (
     WheelsSample,
 )
 from yahboomd.model import NS_PER_S
+from yahboomd.recording.cut_files import Cut, parts, read_from_front
+from yahboomd.recording.mcap_files import NATIVE
 
 Sample = TypeVar("Sample", bound=msgspec.Struct)
 
@@ -64,9 +65,7 @@ def read_recording(path: Path) -> Recording:
     """
     files = [path]
     if path.is_dir():
-        # A person may have put a copy beside them.
-        parts = [each for each in path.glob("native_*.mcap") if each.stem[7:].isdecimal()]
-        files = sorted(parts, key=lambda each: int(each.stem[7:]))
+        files = parts(path, NATIVE)
     recording = Recording()
     decoders = {key: msgspec.json.Decoder(message) for key, message in MESSAGES.items()}
     for file in files:
@@ -87,20 +86,13 @@ def read_recording(path: Path) -> Recording:
 
 
 def _messages(file: Path, recording: Recording) -> Iterator[tuple[str, bytes]]:
-    from mcap.exceptions import McapError
-    from mcap.reader import NonSeekingReader
-    from zstandard import ZstdError
-
     try:
-        with file.open("rb") as stream:
-            # From the front: a file that was cut off has no index.
-            reader = NonSeekingReader(stream, validate_crcs=True)
-            for _, channel, message in reader.iter_messages(log_time_order=False):
-                yield channel.topic, message.data
+        for _, channel, message in read_from_front(file):
+            yield channel.topic, message.data
     except OSError as error:
         raise Refused(f"The recording {file} cannot be read: {error.strerror}.") from error
-    except (McapError, ZstdError, ValueError, EOFError, OverflowError, struct.error) as error:
+    except Cut as cut:
         if not recording.samples:
             words = f"{file} is no recording, or damaged from its beginning"
-            raise Refused(f"{words}: {str(error) or 'it ends too early'}.") from error
+            raise Refused(f"{words}: {cut}.") from cut
         recording.is_cut = True

@@ -22,6 +22,7 @@ from yahboomd.cli.robot.attended import add_robot_options, attend
 from yahboomd.cli.robot.input_lines import input_ended
 from yahboomd.cli.shared_options import number
 from yahboomd.errors import Refused
+from yahboomd.recording.mcap_files import NATIVE, ROS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -44,16 +45,14 @@ examples:
   yahboomd record run1 --for 60
   yahboomd record /data/today --max-size 2G    the newest 2 GB are kept
   ros2 bag play run1
+  yahboomd record run1 --recover               run1 was cut off: write run1-recovered, whole
 
 exit status:
   0    ended by --for or Ctrl-C; the last line says what was recorded and lost
-  1    the folder exists, or the disk is full or lost
+  1    the folder exists, or the disk is full or lost; with --recover: it has no recording
   69   no daemon is there
   78   a mistake in the configuration
 """
-
-NATIVE = "native"
-ROS = "ros2"
 
 DEPTH = 2000
 """Samples of one key that wait for a slow disk: 40 s at 50 Hz."""
@@ -107,6 +106,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="end when standard input ends: with the program that started it, however that ends",
     )
+    parser.add_argument(
+        "--recover",
+        action="store_true",
+        help="record nothing: write the recording in FOLDER again, with the index that it lacks "
+        "since its recorder was killed, into FOLDER-recovered",
+    )
     parser.add_argument("--json", action="store_true", help="print the result as one line of JSON")
     add_robot_options(parser)
 
@@ -116,10 +121,36 @@ def run(args: argparse.Namespace) -> int:
     # The extra is missed before anything is made.
     import mcap.writer  # noqa: F401
 
+    if args.recover:
+        return _recover(args.folder, as_json=args.json)
+
     from yahboomd.daemon.process import deadly
 
     ended = attend(args, lambda robot: _record(robot, args), signals=deadly())
     return os.EX_OK if ended in {128 + signal.SIGINT, 128 + signal.SIGTERM} else ended
+
+
+def _recover(folder: Path | None, *, as_json: bool) -> int:
+    from yahboomd.recording.cut_files import copy_whole, parts
+
+    if folder is None:
+        print("yahboomd record: error: --recover takes the FOLDER of a recording", file=sys.stderr)
+        return 2
+    rows = [name for name in (NATIVE, ROS) if parts(folder, name)]
+    if not rows:
+        raise Refused(f"{folder} has no recording: neither native_0.mcap nor ros2_0.mcap.")
+    target = folder.absolute().with_name(f"{folder.absolute().name}-recovered")
+    try:
+        target.mkdir()
+        done = [copy_whole(folder, name, target, is_bag=name == ROS) for name in rows]
+    except OSError as error:
+        path = error.filename or target
+        raise Refused(f"{path}: {error.strerror or error}. {folder} is as it was.") from error
+    messages, cut = (sum(each) for each in zip(*done, strict=True))
+    facts = {"folder": str(target), "messages": messages, "cut_files": cut}
+    words = f"{target}: {messages} messages, of {cut} files that were cut off."
+    print(json.dumps(facts) if as_json else words)
+    return os.EX_OK
 
 
 async def _record(robot: AsyncRobot, args: argparse.Namespace) -> int:
@@ -137,7 +168,6 @@ async def _record(robot: AsyncRobot, args: argparse.Namespace) -> int:
         folder.mkdir(parents=True)
     except OSError as error:
         raise Refused(f"{folder} cannot be made: {error.strerror}. Name a new folder.") from error
-    # Two rows of files: readers of ROS 2's bags stumble over the schemas of JSON.
     native, ros = (
         McapFiles(
             folder,
