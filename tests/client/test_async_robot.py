@@ -24,6 +24,8 @@ from yahboomd.client import (
     WheelsSample,
     connect,
 )
+from yahboomd.client.connecting import client_options
+from yahboomd.clock import SystemClock
 
 pytestmark = pytest.mark.realtime
 
@@ -88,7 +90,7 @@ async def test_samples_are_read_as_newest_as_stream_and_on_request(fake_daemon: 
         assert isinstance(first, PoseSample)
         assert (await eventually(lambda: robot.wheels)).names == ("left", "right")
         seqs = []
-        async for sample in robot.samples(PoseSample):
+        async for sample in robot.samples(PoseSample, depth=8):
             seqs.append(sample.seq)
             if len(seqs) == 3:
                 break
@@ -104,6 +106,60 @@ async def test_samples_are_read_as_newest_as_stream_and_on_request(fake_daemon: 
         events.close()
         with pytest.raises(NoDaemon):
             await robot.get(WheelsSample, timeout_s=0.2)
+
+
+async def test_a_slow_loop_gets_the_newest_pose_and_every_event(fake_daemon: Any) -> None:
+    daemon = await fake_daemon()
+    async with connect(daemon.endpoint) as robot:
+        poses, events = robot.samples(PoseSample), robot.samples(EventSample)
+        every = robot.samples(PoseSample, depth=64)
+        heard: list[int] = []
+        robot.on(PoseSample, lambda pose: heard.append(pose.seq))
+        first = await anext(poses)
+        await eventually(lambda: daemon.has_listener)
+        for words in ("one", "two", "three"):
+            daemon.tell(words)
+        await eventually(lambda: len(heard) >= 8)
+        # Of two subscriptions one may have got the last sample, and not yet the other.
+        assert (await anext(poses)).seq >= heard[-2] > first.seq + 1
+        assert poses.dropped > 0
+        assert [(await anext(events)).message for _ in range(3)] == ["one", "two", "three"]
+        queued = [(await anext(every)).seq for _ in range(4)]
+        assert queued == list(range(queued[0], queued[0] + 4))
+        assert every.dropped == 0
+
+
+class Ahead(SystemClock):
+    """A clock that jumps, as by a program that was busy."""
+
+    ahead_ns = 0
+
+    def now_ns(self) -> int:
+        return super().now_ns() + self.ahead_ns
+
+
+@pytest.mark.parametrize("depth", [None, 64])
+async def test_a_loop_that_drives_by_old_poses_is_warned_once(
+    fake_daemon: Any, caplog: pytest.LogCaptureFixture, depth: int | None
+) -> None:
+    daemon = await fake_daemon()
+    clock = Ahead()
+    async with AsyncRobot(client_options(daemon.endpoint), clock=clock) as robot:
+        poses, newest = robot.samples(PoseSample, depth=depth), robot.samples(PoseSample)
+        # What has lost one holds one.
+        await eventually(lambda: newest.dropped)
+        clock.ahead_ns += 400_000_000
+        if depth is not None:
+            await anext(poses)
+        assert "arrived" not in caplog.text
+        for _ in range(2):
+            lost = newest.dropped
+            await eventually(lambda before=lost: newest.dropped > before)
+            clock.ahead_ns += 400_000_000
+            robot.drive(0.1)
+            await anext(poses)
+    assert caplog.text.count("The PoseSample taken arrived") == 1
+    assert ("depth=64" in caplog.text) == (depth == 64)
 
 
 async def test_a_callback_is_called_for_each_sample_until_it_is_ended(fake_daemon: Any) -> None:

@@ -9,12 +9,13 @@ import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec import structs
 
 from yahboomd.bus.subscriptions import Arrival
-from yahboomd.client.streams import Samples, read_sample
+from yahboomd.client.streams import KEYS, Samples, depth_of, read_sample
 from yahboomd.messages import cdr_samples, samples
 from yahboomd.messages.codecs import encode
-from yahboomd.messages.native import MESSAGES, PoseSample, StatusSample
+from yahboomd.messages.native import MESSAGES, EventSample, PoseSample, StatusSample
 
 
 @pytest.mark.parametrize("encoding", ["json", "msgpack"])
@@ -74,6 +75,22 @@ async def test_a_slow_reader_gets_the_newest_and_the_losses_are_counted() -> Non
     stream.close()
     assert [sample.seq async for sample in stream] == [2, 3]
     assert stream.dropped == 4
+
+
+async def test_the_arrival_of_each_sample_that_a_reader_takes_is_handed_on() -> None:
+    taken: list[int] = []
+    stream = Samples(PoseSample, 2, taken.append)
+    stream.receive([structs.replace(arrival(1), arrived_ns=5), arrival(2)])
+    await anext(stream)
+    assert taken == [5]
+
+
+def test_the_newest_is_kept_of_all_but_events() -> None:
+    assert {message: depth_of(message, None) for message in KEYS} == {
+        **dict.fromkeys(KEYS, 1),
+        EventSample: 64,
+    }
+    assert depth_of(PoseSample, 9) == 9
 
 
 async def test_what_is_no_such_message_is_counted() -> None:

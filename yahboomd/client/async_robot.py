@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -18,7 +19,15 @@ from yahboomd.client.commanding import Commands, Counters, number
 from yahboomd.client.connection import MAX_BYTES, Connection
 from yahboomd.client.endings import Endings
 from yahboomd.client.questions import Answer, ask, read_answers
-from yahboomd.client.streams import DEPTH, Newest, NewestSamples, Samples, key_of, read_sample
+from yahboomd.client.streams import (
+    MOTION,
+    Newest,
+    NewestSamples,
+    Samples,
+    depth_of,
+    key_of,
+    read_sample,
+)
 from yahboomd.clock import Clock, SystemClock, seconds
 from yahboomd.errors import BusError, NoDaemon, Refused
 from yahboomd.messages.codecs import encode
@@ -31,6 +40,8 @@ from yahboomd.messages.native import (
 from yahboomd.model import Twist2d
 from yahboomd.names import name_problem
 
+log = logging.getLogger("yahboomd.client")
+
 Message = TypeVar("Message", bound=msgspec.Struct)
 
 ENDPOINT = "tcp/127.0.0.1:7448"
@@ -42,6 +53,9 @@ WAIT_S = 5.0
 
 LISTEN_S = 1.0
 """The least time that an open session listens before it reports that no daemon is there."""
+
+OLD_S = 0.3
+"""A pose that arrived longer ago is too old to drive by."""
 
 STANDING_M_S = 0.03
 """A wheel that is slower counts as standing."""
@@ -88,6 +102,7 @@ class AsyncRobot(NewestSamples):
         self._streams: list[Samples[Any]] = []
         self._newest: dict[type[msgspec.Struct], Newest] = {}
         self._read: dict[type[msgspec.Struct], msgspec.Struct] = {}
+        self._warned_of_age = False
         self._endings = Endings()
         self._joined = False
         self._closing: asyncio.Task[None] | None = None
@@ -293,23 +308,26 @@ class AsyncRobot(NewestSamples):
             self._read[message] = sample
         return self._read.get(message)  # type: ignore[return-value]
 
-    def samples(self, message: type[Message], *, depth: int = DEPTH) -> Samples[Message]:
+    def samples(self, message: type[Message], *, depth: int | None = None) -> Samples[Message]:
         """Samples as they come: ``async for pose in robot.samples(PoseSample)``.
 
-        It goes on through restarts of the daemon, and ends when the robot is left.
+        A reader that is slower than they come gets the newest one; of events the newest 64. It goes
+        on through restarts of the daemon, and ends when the robot is left. When a loop takes a
+        pose, twist, wheels or IMU sample that arrived more than 0.3 s ago, a warning is logged,
+        once for each robot.
 
         Args:
             message: The kind, such as ``EventSample``.
-            depth: Samples kept for a slow reader; the oldest are dropped and counted.
+            depth: Samples queued for a slow reader, for one that needs every sample; the oldest are
+                dropped and counted. A queue of n hands out samples that are n samples old.
 
         Raises:
             ValueError: ``depth`` is below 1, or a daemon publishes no such message.
         """
-        if depth < 1:
-            raise ValueError(f"depth must be 1 or more, not {depth}.")
-        stream = Samples(message, depth)
+        kept = depth_of(message, depth)
+        stream = Samples(message, kept, lambda at_ns: self._judge_age(message, kept, at_ns))
         subscription = self.bus.subscribe(
-            key_of(message), stream.receive, depth=depth, max_bytes=MAX_BYTES
+            key_of(message), stream.receive, depth=kept, max_bytes=MAX_BYTES
         )
 
         def end() -> None:
@@ -320,14 +338,37 @@ class AsyncRobot(NewestSamples):
         self._streams.append(stream)
         return stream
 
+    def _judge_age(self, message: type[msgspec.Struct], depth: int, arrived_ns: int) -> None:
+        age_s = seconds(self._clock.now_ns() - arrived_ns)
+        if age_s <= OLD_S or message not in MOTION or self._warned_of_age:
+            return
+        # Who asks for a queue gets old samples, and drives by them or does not.
+        if depth > 1 and not self._commands.moves:
+            return
+        self._warned_of_age = True
+        why = (
+            f"samples() has a queue (depth={depth}) and this program is slower than they come. "
+            "Without depth it gets the newest."
+            if depth > 1
+            else "None came since, or this program did not let its event loop run. "
+            "Stop the robot when that happens."
+        )
+        log.warning("The %s taken arrived %.1f s ago. %s", message.__name__, age_s, why)
+
     def on(
-        self, message: type[Message], callback: Callable[[Message], object]
+        self,
+        message: type[Message],
+        callback: Callable[[Message], object],
+        *,
+        depth: int | None = None,
     ) -> Callable[[], None]:
-        """Call back for each sample, on the event loop.
+        """Call back when samples come, on the event loop.
 
         Args:
             message: The kind, such as ``EventSample``.
-            callback: Has to return soon: commands are repeated by the same loop.
+            callback: Has to return soon: commands are repeated by the same loop. One that is slower
+                than samples come gets the newest; of events the newest 64.
+            depth: Samples queued for a slow callback.
 
         Returns:
             Ends it.
@@ -338,7 +379,8 @@ class AsyncRobot(NewestSamples):
                 if (sample := read_sample(arrival.payload, message)) is not None:
                     callback(sample)
 
-        return self.bus.subscribe(key_of(message), receive, max_bytes=MAX_BYTES).close
+        kept = depth_of(message, depth)
+        return self.bus.subscribe(key_of(message), receive, depth=kept, max_bytes=MAX_BYTES).close
 
     async def get(self, message: type[Message], *, timeout_s: float = 1.5) -> Message | None:
         """Ask the daemon for its newest sample, whenever it was published.

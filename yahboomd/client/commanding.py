@@ -126,6 +126,11 @@ class Commands:
         """The velocity that is published now, zeros included; None while nothing is."""
         return None if self._repeater.idle else self._repeater.twist or STANDSTILL
 
+    @property
+    def moves(self) -> bool:
+        """Whether a velocity other than zero is being repeated."""
+        return self._repeater.twist is not None and not self._repeater.twist.is_zero
+
     def drive(self, twist: Twist2d, for_s: float | None) -> bool:
         """Repeat a velocity; see ``AsyncRobot.drive``."""
         if not all(map(math.isfinite, (twist.vx, twist.vy, twist.wz))):

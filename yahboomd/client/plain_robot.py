@@ -22,7 +22,7 @@ from yahboomd.client.async_robot import DEADMAN_S, ENDPOINT, RATE_HZ, WAIT_S, As
 from yahboomd.client.commanding import Counters
 from yahboomd.client.connecting import connect
 from yahboomd.client.endings import Endings, shorten
-from yahboomd.client.streams import DEPTH, NewestSamples, Samples
+from yahboomd.client.streams import NewestSamples, Samples
 from yahboomd.errors import BusError, NoDaemon
 from yahboomd.model import Twist2d
 
@@ -295,12 +295,13 @@ class Robot(NewestSamples):
         return sample
 
     def samples(
-        self, message: type[Message], *, depth: int = DEPTH, timeout_s: float = math.inf
+        self, message: type[Message], *, depth: int | None = None, timeout_s: float = math.inf
     ) -> Iterator[Message]:
         """Samples as they come: ``for pose in robot.samples(PoseSample):``.
 
-        It goes on through restarts of the daemon, and ends when the robot is left, or when none
-        came for ``timeout_s`` seconds.
+        A loop that is slower than they come gets the newest one; of events, and with a ``depth``,
+        that many are queued. It goes on through restarts of the daemon, and ends when the robot is
+        left, or when none came for ``timeout_s`` seconds.
         """
         stream = self._now(lambda: self._robot.samples(message, depth=depth))
         return self._iterate(stream, timeout_s)
@@ -320,15 +321,20 @@ class Robot(NewestSamples):
                 self._now(stream.close)
 
     def on(
-        self, message: type[Message], callback: Callable[[Message], object]
+        self,
+        message: type[Message],
+        callback: Callable[[Message], object],
+        *,
+        depth: int | None = None,
     ) -> Callable[[], None]:
-        """Call back for each sample, in the thread that repeats commands; returns what ends it.
+        """Call back when samples come, in the thread that repeats commands; returns what ends it.
 
         Args:
             message: The kind, such as ``EventSample``.
             callback: Has to return soon. It may drive and stop, and not wait for the robot.
+            depth: Samples queued for a slow callback, as for :meth:`samples`.
         """
-        end = self._now(lambda: self._robot.on(message, callback))
+        end = self._now(lambda: self._robot.on(message, callback, depth=depth))
         return lambda: self._now(end)
 
     get = _waiting(AsyncRobot.get)

@@ -85,8 +85,11 @@ KEYS: dict[type[msgspec.Struct], str] = {
 }
 """The key of each message that a daemon publishes."""
 
-DEPTH = 64
-"""Samples kept for a reader that is slower than they come: more than a second of poses."""
+EVENTS = 64
+"""Events kept for a slow reader. Of everything else it gets the newest: queued poses grow old."""
+
+MOTION = frozenset({PoseSample, TwistSample, WheelsSample, ImuSample})
+"""Messages that come many times a second, and that control loops read."""
 
 
 def key_of(message: type[msgspec.Struct]) -> str:
@@ -100,6 +103,19 @@ def key_of(message: type[msgspec.Struct]) -> str:
         known = ", ".join(each.__name__ for each in KEYS)
         raise ValueError(f"{message.__name__} is not published by a daemon; these are: {known}.")
     return key
+
+
+def depth_of(message: type[msgspec.Struct], depth: int | None) -> int:
+    """The samples kept for a slow reader: as it wants, or 1; of events some.
+
+    Raises:
+        ValueError: ``depth`` is below 1.
+    """
+    if depth is None:
+        return EVENTS if message is EventSample else 1
+    if depth < 1:
+        raise ValueError(f"depth must be 1 or more, not {depth}.")
+    return depth
 
 
 class Newest:
@@ -165,16 +181,22 @@ class Samples(Generic[Message]):
 
     An asynchronous iterator for one reader; it ends when the robot is left or by :meth:`close`.
 
+    Args:
+        taken: Called with the arrival of each sample that the reader takes, monotonic nanoseconds.
+
     Attributes:
-        dropped: Samples that were lost because the reader or this process was too slow.
+        dropped: Samples that the reader or this process was too slow for.
         unreadable: Payloads that were no such message.
     """
 
-    def __init__(self, message: type[Message], depth: int) -> None:
+    def __init__(
+        self, message: type[Message], depth: int, taken: Callable[[int], None] = lambda _: None
+    ) -> None:
         self.dropped = 0
         self.unreadable = 0
         self._message = message
-        self._kept: deque[Message] = deque(maxlen=depth)
+        self._taken = taken
+        self._kept: deque[tuple[Message, int]] = deque(maxlen=depth)
         self._came = asyncio.Event()
         self._open = True
         self._end: Callable[[], None] | None = None
@@ -192,7 +214,7 @@ class Samples(Generic[Message]):
                 self.unreadable += 1
                 continue
             self.dropped += len(self._kept) == self._kept.maxlen
-            self._kept.append(sample)
+            self._kept.append((sample, arrival.arrived_ns))
         self._came.set()
 
     def close(self) -> None:
@@ -212,4 +234,6 @@ class Samples(Generic[Message]):
                 raise StopAsyncIteration
             self._came.clear()
             await self._came.wait()
-        return self._kept.popleft()
+        sample, arrived_ns = self._kept.popleft()
+        self._taken(arrived_ns)
+        return sample

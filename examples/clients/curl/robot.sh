@@ -49,7 +49,8 @@ send() { # vx, wz
 }
 
 # Each pose and status that arrives makes jq print a line: `go VX WZ`, `why WORDS` or `done JSON`. Where no line comes
-# for 0.3 s, the robot is sent zero: this loop is the deadman.
+# for 0.3 s, the robot is sent zero: this loop is the deadman. A slow gateway lets lines pile up in the pipe: of those
+# that say `go` the newest counts.
 square() { # side
   local status word one two last=0 silent=0
   status="$(newest yahboomd/status)" || exit
@@ -63,6 +64,7 @@ square() { # side
   while :; do
     if read -r -t 0.3 word one two <&3; then
       silent=0
+      while [ "$word" = go ] && read -r -t 0 <&3; do read -r -t 0.3 word one two <&3 || break; done
     elif [ $? -le 128 ]; then # the end of the stream, not of the time
       fail 75 "The gateway at $ROBOT ended the stream of poses; the square is given up."
     elif [ $((silent += 1)) -gt 100 ]; then
