@@ -45,7 +45,7 @@ def test_the_stop_before_anything_is_known_serves_every_dialect():
     assert connect_stop() == (
         (RESYNC, b"$pwm:0,0,0,0#"),
         (b"", b"$speed:0,0,0,0#"),
-        (bytes(20), b"\xff\xfc\x07\x11\x01\0\0\0\x19"),
+        (bytes(20), b"\xff\xfc\x0a\x12\x01\0\0\0\0\0\0\x1d"),
     )
     assert connect_spacing_ns() == 20_000_000
 
@@ -137,4 +137,5 @@ def test_a_connect_sends_the_stop_before_anything_else(capture, name):
     assert sent[: len(stops)] == stops
     # What reports by itself is asked nothing.
     first = DIALECTS[name] if DIALECTS[name].listen_ns else DIALECTS["streamed"]
-    assert sent[len(stops)] == (first.resync + first.cut if first.listen_ns else first.probe)
+    second = first.resync + first.surest_stop if first.listen_ns else first.probe
+    assert sent[len(stops)] == second

@@ -87,7 +87,7 @@ async def identify(line: Line, wanted: str = "auto", *, stop_first: bool = True)
         found = DIALECTS[name]
         if found.listen_ns:
             # It may have started this moment, with a motion that it received before.
-            port.write(found.resync + (found.cut or found.brake))
+            port.write(found.resync + found.surest_stop)
         # The board receives nothing until its answer is complete.
         await _quiet(line)
         return found

@@ -258,7 +258,7 @@ async def bring_to_rest(
     if words.gave_up:
         # Dropping it may cut a frame in half, and half a frame swallows the stop.
         port.discard()
-        port.write(dialect.resync + (dialect.cut or dialect.brake))
+        port.write(dialect.resync + dialect.surest_stop)
     flushed = await port.drain(DRAIN_S)
     return StopReport(
         stood=watch.standing if watch.speed is not None else None,

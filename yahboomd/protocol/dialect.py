@@ -310,6 +310,11 @@ class Dialect(msgspec.Struct, frozen=True, kw_only=True):
     cut: bytes | None = None
     """Power off, whatever the speed loop does: the wheels coast. None where there is none."""
 
+    @property
+    def surest_stop(self) -> bytes:
+        """The stop that ends every motion, whatever the board stores and does."""
+        return self.cut or self.brake
+
     # The counters.
 
     sample_period_ns: int | None = None

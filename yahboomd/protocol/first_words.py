@@ -6,7 +6,7 @@ It repeats :func:`yahboomd.protocol.registry.connect_stop`; a test compares.
 FIRST_WORDS = {
     "streamed": b"\n" * 64 + b"$pwm:0,0,0,0#",
     "polled": b"$speed:0,0,0,0#",
-    "rosmaster": b"\0" * 20 + b"\xff\xfc\x07\x11\x01\x00\x00\x00\x19",
+    "rosmaster": b"\0" * 20 + b"\xff\xfc\x0a\x12\x01\0\0\0\0\0\0\x1d",
 }
 """For each dialect a resync and its surest stop; what a board does not know does no harm."""
 

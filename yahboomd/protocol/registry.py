@@ -29,7 +29,7 @@ def connect_stop() -> tuple[tuple[bytes, bytes], ...]:
     for dialect in DIALECTS.values():
         resync = b"" if dialect.resync == before else dialect.resync
         before = dialect.resync
-        words.append((resync, dialect.cut or dialect.brake))
+        words.append((resync, dialect.surest_stop))
     return tuple(words)
 
 

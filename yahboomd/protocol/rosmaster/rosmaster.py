@@ -55,7 +55,8 @@ class Rosmaster(Dialect, frozen=True, kw_only=True):
     totals_spacing_ns: int = 5_000_000
     question_spacing_ns: int = 5_000_000
     answer_spacing_ns: int = 5_000_000
-    # Either one ends the board's speed loops: the brake shorts the motors, the cut opens them.
+    # Either one ends the board's speed loops: the brake shorts the motors, the cut opens them. A
+    # board that stores an unknown car type ignores the cut.
     brake: bytes = motion(0, 0, 0)
     cut: bytes | None = frame(CAR_RUN, TYPE_BYTE, 0, 0, 0)
     sample_period_ns: int | None = REPORT_NS
@@ -69,6 +70,11 @@ class Rosmaster(Dialect, frozen=True, kw_only=True):
     loop_ns: int = 10_000_000
     most_output: int = MOST_OUTPUT
     fastest_m_s: float = max(car.fastest_mm_s for car in CARS.values()) / 1000.0
+
+    @property
+    def surest_stop(self) -> bytes:
+        """The brake: each car type obeys it, and it stops the wheels in a sixth of the time."""
+        return self.brake
 
     def framer(self) -> PacketFramer:
         """For packets and lines of text."""

@@ -289,7 +289,7 @@ class RosmasterBoard:
         elif function == 0x10:
             self._plant.advance(now_ns)
             self._control.drive(tuple(_open_loop(value) for value in args[:CHANNELS]))
-        elif function == 0x11 and args[1] in {0, 7}:
+        elif function == 0x11 and args[1] in {0, 7} and self._stored.car_type in CAR_TYPES:
             if args[1] == 0 and args[2] == args[3] == 0:
                 self._plant.advance(now_ns)
                 self._control.release()
