@@ -68,6 +68,41 @@ LOSSES: dict[str, Callable[[Page], None]] = {
 IN_SHORT = {"tab hidden", "screen locked", "page reloaded"}
 
 
+def screen(page: Page, width: int, height: int, angle: int = 0) -> None:
+    """The screen has another size, under fingers that stay where they are."""
+    kind = "landscapePrimary" if angle else "portraitPrimary"
+    page.order(
+        "Emulation.setDeviceMetricsOverride",
+        width=width, height=height, deviceScaleFactor=2, mobile=True,
+        screenOrientation={"type": kind, "angle": angle},
+    )  # fmt: skip
+
+
+def turn_over(page: Page) -> None:
+    """The sizes stay: a phone is turned by half a turn, or a square screen by a quarter."""
+    screen(page, 360, 740, 180)
+
+
+def magnify(page: Page) -> None:
+    """By the system: two fingers on the page would end it anyway."""
+    page.order("Emulation.setPageScaleFactor", pageScaleFactor=1.5)
+
+
+def scroll(page: Page) -> None:
+    """Another program, such as a screen reader, scrolls the page under the finger."""
+    page.evaluate("document.getElementById('main').scrollTop = 9")
+
+
+CHANGES: dict[str, Callable[[Page], None]] = {
+    "phone turned": lambda page: screen(page, 740, 360, 90),
+    "phone turned over": turn_over,
+    "split screen": lambda page: screen(page, 360, 420),
+    "a bar of the browser": lambda page: screen(page, 360, 700),
+    "magnified": magnify,
+    "scrolled": scroll,
+}
+
+
 @pytest.mark.parametrize(
     "loss",
     [
@@ -79,6 +114,33 @@ def test_a_thumb_that_is_lost_ends_in_zero(bench: PageBench, loss: Callable[[Pag
     with bench.page() as page:
         bench.press(page)
         bench.stops_after(lambda: loss(page))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        pytest.param(change, id=name, marks=() if name == "phone turned" else LONG)
+        for name, change in CHANGES.items()
+    ],
+)
+def test_another_screen_under_the_thumb_stops_and_no_pixel_of_it_steers(
+    bench: PageBench, page: Page, change: Callable[[Page], None]
+) -> None:
+    if change is scroll:
+        longer = "'display: block; flex: none; height: 40rem'"
+        page.evaluate(f"document.querySelector('.keys').style.cssText = {longer}")
+    thumb = bench.press(page)
+    bench.stops_after(lambda: change(page))
+    # It is still down, and moves.
+    page.touch((thumb[0] + 1, thumb[1]), kind="touchMove")
+    page.touch((thumb[0] + 40, thumb[1] + 20), kind="touchMove")
+    bench.stays()
+    page.says(".words", "Lift your thumb and touch again")
+    page.lift()
+    # The next press measures the pad again: up drives straight ahead.
+    bench.press(page)
+    left, *_, right = bench.robot.truth()[-1].speed_m_s
+    assert left == pytest.approx(right, abs=0.1 * abs(left))
 
 
 def test_a_second_finger_anywhere_stops_and_the_first_drives_again_only_when_lifted(

@@ -28,6 +28,12 @@ export class Deadman {
     document.addEventListener("freeze", lose("The page was hidden."));
     addEventListener("pagehide", lose("The page was left."));
     addEventListener("blur", lose("The page lost the focus."));
+    // Under a finger that stays, every other place of the pad is another velocity.
+    const moved = lose("The screen turned, or its size changed.");
+    for (const type of ["resize", "orientationchange"]) addEventListener(type, moved);
+    for (const type of ["resize", "scroll"]) globalThis.visualViewport?.addEventListener(type, moved);
+    screen.orientation?.addEventListener("change", moved);
+    document.addEventListener("fullscreenchange", moved);
   }
 
   get held() {

@@ -32,7 +32,8 @@ function create(app) {
     };
   };
 
-  const deadman = new Deadman(connection, () => obstacle(connection, live), (why) => {
+  const barred = () => (joystick.hasMoved ? "The page moved under your thumb." : obstacle(connection, live));
+  const deadman = new Deadman(connection, barred, (why) => {
     joystick.drop();
     keyboard.drop();
     lost = why;

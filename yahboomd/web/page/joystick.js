@@ -3,9 +3,11 @@
 import { el } from "./dom.js";
 
 const DEAD = 0.08; // Of the radius: a thumb that rests drives nowhere.
+const SHIFT = 1; // Pixels that layout may round.
 
 export class Joystick {
   #pointer = null;
+  #box = null; // The pad's place, measured when it was pressed.
 
   /**
    * @param onPress Called with x (right), y (up) of the unit disc; returns whether the thumb counts.
@@ -40,6 +42,13 @@ export class Joystick {
     this.knob.style.setProperty("--y", (-y).toFixed(3));
   }
 
+  /** Whether the pad is not where it was pressed: the thumb now means another velocity than it did. */
+  get hasMoved() {
+    if (this.#pointer === null) return false;
+    const now = this.element.getBoundingClientRect();
+    return ["left", "top", "width", "height"].some((side) => Math.abs(now[side] - this.#box[side]) > SHIFT);
+  }
+
   /** The thumb does not count any more until it is lifted and put down again. */
   drop() {
     const pointer = this.#pointer;
@@ -52,6 +61,7 @@ export class Joystick {
   #press(event) {
     // A finger that is not the first has another one beside it.
     if (this.#pointer !== null || !event.isPrimary || event.button !== 0) return;
+    this.#box = this.element.getBoundingClientRect();
     if (!this.onPress(...this.#place(event))) return;
     this.#pointer = event.pointerId;
     this.element.setPointerCapture(event.pointerId);
@@ -71,7 +81,7 @@ export class Joystick {
   }
 
   #place(event) {
-    const box = this.element.getBoundingClientRect();
+    const box = this.#box;
     const radius = box.width / 2;
     const x = (event.clientX - box.left - radius) / radius;
     const y = (box.top + box.height / 2 - event.clientY) / radius;
