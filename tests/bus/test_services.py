@@ -189,7 +189,54 @@ async def test_an_alarm_is_distinguished_from_harmless_samples_as_it_arrives(bus
         assert payloads(await app.ask("bot1/yahboomd/estop", payload=payload)) == [answer]
     large = {"payload": b"harmless", "attachment": bytes(5000)}
     assert payloads(await app.ask("bot1/yahboomd/estop", **large)) == [b"engaged"]
-    assert b"full name" in payloads(await app.ask("bot1/*/estop"))[0]
+
+
+@pytest.mark.parametrize(
+    ("selector", "engages"),
+    {
+        "bot1/yahboomd/estop": True,
+        "bot1/yahboomd/estop?by=me": True,
+        "bot1/*/estop": True,
+        "*/yahboomd/estop": True,
+        "**/estop": True,
+        "**/yahboomd/estop": True,
+        "bot$*/**/estop": True,
+        "**": False,
+        "bot1/**": False,
+        "bot1/yahboomd/*": False,
+        "**/yahboomd/**": False,
+        "bot1/yahboomd/estop/**": False,
+        "bot1/yahboomd/estop$*": False,
+        "**/$*stop": False,
+    }.items(),
+)
+async def test_a_query_that_names_the_alarm_raises_it_and_one_for_everything_does_not(
+    bus, app, selector, engages
+):
+    requests = []
+
+    def engage(request):
+        requests.append(request)
+        return Response(payload=b"harmless" if request.harmless else b"engaged")
+
+    service = bus.serve(keys.ESTOP, engage, fallback=refusal, harmless=harmless)
+    for payload in (b"", b"harmless" + b" " * 57):
+        (answer,) = payloads(await app.ask(selector, payload=payload))
+        assert answer == b"engaged" if engages else b"before its last part" in answer
+    (answer,) = payloads(await app.ask(selector, payload=b"harmless"))
+    assert answer == b"harmless" if engages else b"**/estop" in answer
+    assert len(requests) == (3 if engages else 0)
+    assert service.counters.refused == (0 if engages else 3)
+
+
+async def test_an_alarm_outside_the_namespace_takes_its_full_name(bus, app):
+    """Its last part is a type, which the services of other nodes share."""
+    key = f"0/{keys.ESTOP}/std_srvs::srv::dds_::SetBool_/RIHS01_abc"
+    bus.serve(
+        f"/{key}", lambda _: Response(payload=b"engaged"), fallback=refusal, harmless=harmless
+    )
+    assert b"full name" in payloads(await app.ask("**/RIHS01_abc"))[0]
+    assert payloads(await app.ask(key)) == [b"engaged"]
 
 
 async def test_a_flood_of_harmless_queries_refuses_no_alarm(bus, app):

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 
 import pytest
-from real_robot import Client, RealRobot, wait_for
+from real_robot import PATIENCE_S, Client, RealRobot, wait_for
 from zenoh_fixtures import ZenohRouter
 
 from yahboomd.cli.main import main
@@ -69,3 +70,30 @@ def test_an_estop_stops_both_of_two_daemons_in_one_namespace(
         main(["stop", "--connect", endpoint])
     for robot in robots:
         stopped(robot)
+
+
+def test_a_query_with_wildcards_stops_the_robots_of_all_namespaces_and_one_for_everything_none(
+    real_robot: Callable[..., RealRobot], zenoh_router: ZenohRouter, client: Callable[..., Client]
+) -> None:
+    zenoh_router.start()
+    joined = ["--set", f'zenoh.connect=["{zenoh_router.endpoint}"]']
+    names = ("bot1", "bot2")
+    robots = [real_robot(run=[*joined, "--set", f"zenoh.namespace={name}"]) for name in names]
+    session = client("client", zenoh_router.endpoint, "nothing").session
+
+    def both(selector: str, success: bool, key: str = "yahboomd/estop") -> bool:
+        """Whether both robots answer on a key, and so."""
+        said = {
+            str(reply.ok.key_expr): json.loads(bytes(reply.ok.payload)).get("success")
+            for reply in session.get(selector, timeout=PATIENCE_S)
+            if reply.ok is not None
+        }
+        return [said.get(f"{name}/{key}") for name in names] == [success, success]
+
+    for everything in ("**", "*/yahboomd/*"):
+        # Until both have joined the router.
+        wait_for(lambda each=everything: both(each, False), everything)
+    assert both("*/yahboomd/estop", True)
+    for robot in robots:
+        robot.daemon.says("Emergency stop engaged by a query")
+    assert both("**/estop/reset", False, "yahboomd/estop/reset"), "nothing is released by wildcards"

@@ -44,6 +44,19 @@ def raises_alarm(carrier: zenoh.Sample | zenoh.Query, harmless: Harmless) -> boo
         return True
 
 
+def is_named(key: str, selector: str) -> bool:
+    """Whether a query asks for an alarm's key, and not for everything.
+
+    Wildcards may stand before the last part, so that one query stops several robots. The last part
+    itself has to be written out: programs that list a network ask for ``**`` or ``yahboomd/*``. A
+    key outside the namespace (``/``) ends in a type that many keys share, and takes its full name.
+
+    Args:
+        key: As declared, below the namespace.
+    """
+    return not key.startswith("/") and selector.rpartition("/")[2] == key.rpartition("/")[2]
+
+
 class Alarm:
     """A subscriber to one such key. Made by ``Bus.alarm``, which explains the arguments.
 

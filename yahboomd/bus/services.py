@@ -17,7 +17,7 @@ import msgspec
 import zenoh
 from zenoh.handlers import Callback
 
-from yahboomd.bus.alarms import Harmless, raises_alarm
+from yahboomd.bus.alarms import Harmless, is_named, raises_alarm
 from yahboomd.bus.blocking import Sender
 from yahboomd.bus.inbox import Inbox, Lane, carried_bytes
 
@@ -133,8 +133,9 @@ class Service:
         key: The key in full.
         wildcards: Whether ``**`` may ask: else somebody who lists the network would reset the
             odometry by it.
-        harmless: Makes it the service of an alarm: every query on its own key raises it but those
-            whose payload this recognises. Decided as a query arrives, in Zenoh's thread.
+        harmless: Makes it the service of an alarm: every query that names its key (``is_named``)
+            raises it but those whose payload this recognises. Decided as a query arrives, in
+            Zenoh's thread.
     """
 
     def __init__(
@@ -205,7 +206,7 @@ class Service:
         oversize = carried_bytes(query) > self._max_bytes
         raised = (
             self._harmless is not None
-            and str(query.key_expr) == self.key
+            and self._reached_by(str(query.key_expr))
             and raises_alarm(query, self._harmless)
         )
         # Parameters may be as long as a message can be, and only a copy would show how long.
@@ -219,13 +220,24 @@ class Service:
             large=large and kept,
         )
 
+    def _reached_by(self, selector: str) -> bool:
+        if selector == self.key:
+            return True
+        return self._wildcards if self._harmless is None else is_named(self.name, selector)
+
     def _handle(self, pending: Pending) -> None:
         if pending.harmless and (pending.oversize or pending.query is None):
             self.refuse(pending, "The request has more bytes than this service takes.")
             return
         request = _request(self.name, self.key, pending)
-        if request.selector != self.key and not self._wildcards:
-            self.refuse(pending, f"Ask for {self.key} by its full name, without wildcards.")
+        if not self._reached_by(request.selector):
+            how = "without wildcards."
+            if self._harmless is not None and is_named(self.name, self.key):
+                last = self.key.rpartition("/")[2]
+                how = (
+                    f"or with wildcards before its last part, such as **/{last}. Nothing was done."
+                )
+            self.refuse(pending, f"Ask for {self.key} by its full name, {how}")
             return
         self.counters.requests += 1
         try:
