@@ -131,3 +131,16 @@ def test_a_port_that_is_gone_is_no_error(port: tuple[int, int]) -> None:
     process.communicate()
     os.close(port[1])
     assert process.returncode == -signal.SIGKILL
+
+
+def test_a_guard_whose_port_went_away_lets_it_go_and_stops_nothing_that_is_seen_to(
+    port: tuple[int, int],
+) -> None:
+    guard = Guard.start(port[1], STOP)
+    guard.mark(True)
+    guard.lose_port()
+    os.close(port[1])
+    # The pipe ends only if no process has it open.
+    assert written(port[0]) == b""
+    guard.dismiss()
+    assert guard._process.returncode == 0

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 
 from yahboomd.cli.child_reader import read_in_child
 from yahboomd.cli.shared_options import add_config_options, add_port_option, read_config
-from yahboomd.cli.unresponsive import FROZEN, is_yahboomd, process_state
+from yahboomd.cli.unresponsive import FROZEN, process_state
 from yahboomd.errors import BusError, YahboomdError
+from yahboomd.link.replug import is_yahboomd
 
 if TYPE_CHECKING:
     from yahboomd.config import Config

@@ -7,6 +7,8 @@ import os
 import re
 import shlex
 
+from yahboomd.link.replug import arguments, is_yahboomd
+
 FROZEN = {"T": "stopped by a signal", "t": "stopped by a debugger"}
 """The states of a process that obeys nothing, not even SIGTERM, until it is continued."""
 
@@ -23,20 +25,6 @@ def process_state(pid: int, *, proc: str = "/proc") -> str:
             return file.read().rpartition(")")[2].split()[0]
     except (OSError, IndexError):
         return ""
-
-
-def arguments(pid: int, *, proc: str = "/proc") -> list[str]:
-    """The command line of a process; empty where it cannot be read."""
-    try:
-        with open(f"{proc}/{pid}/cmdline", "rb") as file:
-            return os.fsdecode(file.read()).split("\0")[:-1]
-    except OSError:
-        return []
-
-
-def is_yahboomd(pid: int, *, proc: str = "/proc") -> bool:
-    """Whether a process runs this program, by a command of its own or as ``python -m``."""
-    return "yahboomd" in (os.path.basename(word) for word in arguments(pid, proc=proc)[:3])
 
 
 def measuring(pid: int, *, proc: str = "/proc") -> str:

@@ -103,7 +103,7 @@ def _alive(pid: int) -> bool:
 
 def _put(place: str, note: PortNote) -> None:
     beside = f"{place}.{os.getpid()}.new"
-    text = json.dumps(note._asdict())
+    text = text_of(note)
     try:
         with open(beside, "w", encoding="utf-8") as file:
             file.write(text)
@@ -139,13 +139,27 @@ def _note(place: str) -> PortNote | None:
         # A FIFO under its name must not block.
         fd = os.open(place, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
         try:
-            note = PortNote(**json.loads(os.read(fd, MAX_BYTES)))
+            text = os.read(fd, MAX_BYTES)
         finally:
             os.close(fd)
+    except OSError:
+        return None
+    return note_of(text)
+
+
+def text_of(note: PortNote | None) -> str:
+    """The note as text; empty for none."""
+    return "" if note is None else json.dumps(note._asdict())
+
+
+def note_of(text: str | bytes) -> PortNote | None:
+    """The note of a text; None for any other text."""
+    try:
+        note = PortNote(**json.loads(text))
         if note.device is not None:
             note = note._replace(device=Device(*note.device))
         note = note._replace(listen=tuple(note.listen))
-    except (OSError, ValueError, TypeError, RecursionError):
+    except (ValueError, TypeError, RecursionError):
         return None
     if tuple(map(type, note[:5])) != (str, int, bool, bool, bool):
         return None

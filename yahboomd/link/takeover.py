@@ -13,7 +13,8 @@ from yahboomd.clock import Clock, seconds
 from yahboomd.errors import BoardSilent
 from yahboomd.link.conversation import Conversation
 from yahboomd.link.line import Heard, Line
-from yahboomd.link.port import Port
+from yahboomd.link.port import Port, adopt
+from yahboomd.link.seize import Seized
 from yahboomd.link.stopping import stop_unidentified
 
 
@@ -71,3 +72,12 @@ async def take_over(port: Port, clock: Clock, *, spoken_ns: int | None = None) -
             within_s=seconds(rest_ns - began_ns) + report.took_s,
             heard=line.heard,
         )
+
+
+async def take_over_seized(seized: Seized, clock: Clock) -> TakeoverReport:
+    """The same on a port that was seized, which has sent the first stop.
+
+    Raises:
+        PortLost: The port went away.
+    """
+    return await take_over(await adopt(seized, clock), clock, spoken_ns=seized.spoken_ns)

@@ -37,12 +37,17 @@ class Board:
         self.board = simulated_board("--control", str(self._control), *options)
         self.port: str = self.board.port
 
-    def truth(self) -> dict[str, Any]:
+    def do(self, command: str) -> str:
         with socket.socket(socket.AF_UNIX) as control:
             control.connect(str(self._control))
-            control.sendall(b"pose\n")
-            found: dict[str, Any] = json.loads(control.makefile().readline().removeprefix("ok "))
-            return found
+            control.sendall(f"{command}\n".encode())
+            answer = control.makefile().readline()
+        assert answer.startswith("ok"), answer
+        return answer.removeprefix("ok").strip()
+
+    def truth(self) -> dict[str, Any]:
+        found: dict[str, Any] = json.loads(self.do("pose"))
+        return found
 
     def turns(self) -> bool:
         return max(map(abs, self.truth()["speed_m_s"])) > 0.1
@@ -255,9 +260,11 @@ SLOW = ("--lines", "1", "--flash", "dead_zone=1900")
 """Few counts: the pulses last as long as any."""
 
 
-async def pulsing(board: Callable[..., Board], terminal: Any) -> tuple[Board, Any]:
+async def pulsing(
+    board: Callable[..., Board], terminal: Any, robot: Board | None = None
+) -> tuple[Board, Any]:
     """A robot whose left wheel turns at this moment, by a pulse of setup."""
-    robot = board(*SLOW)
+    robot = robot or board(*SLOW)
     process = preferred(terminal("setup", "--port", robot.port, *KNOWN))
     await answer(process, "Are all wheels off the ground? Type yes:", "yes")
     answered = dict.fromkeys(("Enter, and M1 turns:", "Which wheel turned?"), 0)
@@ -305,3 +312,70 @@ async def test_killed_or_hung_in_a_pulse_the_wheels_are_stopped_by_the_guard(
     process.process.send_signal(number)
     await eventually(robot.stands)
     assert not (tmp_path / "robot.toml").exists()
+
+
+async def unplugged(board: Callable[..., Board], terminal: Any) -> tuple[Board, Any]:
+    """A robot whose left wheel turns on, since the cable came out in a pulse of setup."""
+    robot = None
+    for _ in range(20):
+        robot, process = await pulsing(board, terminal, robot)
+        robot.do("unplug")
+        await process.shows("went away")
+        if "Plug the board in again" in process.screen:
+            break
+        # This test was held up for as long as the pulse was.
+        robot.do("replug")
+    await process.shows("Plug the board in again")
+    assert robot.turns()
+    return robot, process
+
+
+async def test_the_cable_out_in_a_pulse_is_waited_for_and_the_wheel_is_stopped(
+    board, terminal, tmp_path
+) -> None:
+    robot, process = await unplugged(board, terminal)
+    assert process.process.poll() is None
+    robot.do("replug")
+    assert await process.ended() == os.EX_TEMPFAIL
+    assert robot.stands()
+    assert "the wheels stand" in process.screen
+    assert not (tmp_path / "robot.toml").exists()
+
+
+async def test_ctrl_c_while_the_cable_is_out_ends_it_and_says_that_wheels_may_turn(
+    board, terminal
+) -> None:
+    robot, process = await unplugged(board, terminal)
+    process.type("\x03")
+    assert await process.ended() == 128 + signal.SIGINT
+    assert "the wheels may still turn" in process.screen
+    assert robot.turns()
+
+
+async def test_killed_while_the_cable_is_out_the_guard_stops_the_wheel(board, terminal) -> None:
+    robot, process = await unplugged(board, terminal)
+    process.process.kill()
+    assert await process.ended() == -signal.SIGKILL
+    assert robot.turns()
+    robot.do("replug")
+    await eventually(robot.stands)
+
+
+async def test_while_it_waits_for_the_cable_a_daemon_that_has_the_port_is_left_alone(
+    board, terminal
+) -> None:
+    robot, process = await unplugged(board, terminal)
+    process.process.send_signal(signal.SIGSTOP)
+    robot.do("replug")
+    listen = ("--set", f'zenoh.listen=["{free_endpoint()}"]', "--set", "zenoh.connect=[]")
+    daemon = Process("run", "--port", robot.port, *listen)
+    try:
+        await asyncio.to_thread(daemon.says, "Connected to")
+        process.process.send_signal(signal.SIGCONT)
+        assert await process.ended() == os.EX_TEMPFAIL
+        assert f"yahboomd (pid {daemon.process.pid}) has {robot.port} now" in process.screen
+        assert robot.stands()
+        assert daemon.process.poll() is None
+        assert "Lost" not in daemon.output
+    finally:
+        daemon.end()

@@ -6,6 +6,7 @@ import argparse
 import json
 import os
 import signal
+import socket
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from urllib.parse import quote
@@ -101,6 +102,38 @@ def test_killed_among_its_writes_the_wheels_stand_and_undo_restores_the_board(
     assert undoing.end_by_itself() == 0, undoing.output
     assert "dead zone 1600. Values written: 2." in undoing.output
     assert not path.exists()
+
+
+def test_the_cable_out_in_a_step_is_waited_for_and_the_wheels_are_stopped(
+    simulated_board, tune, tmp_path
+):
+    control = tmp_path / "control"
+    board = simulated_board("--control", str(control))
+
+    def unplugged() -> Process | None:
+        tuning = begun(tune, board)
+        tell(control, "unplug")
+        tuning.says("went away")
+        if "Plug the board in again" in tuning.output:
+            return tuning
+        # Between two movements.
+        tell(control, "replug")
+        return None
+
+    tuning = wait_for(unplugged, "the cable comes out while a wheel turns")
+    assert turning(board)
+    tell(control, "replug")
+    assert tuning.end_by_itself() == os.EX_TEMPFAIL, tuning.output
+    assert board.stands
+    assert "the wheels stand" in tuning.output
+
+
+def tell(control: Path, command: str) -> None:
+    """Tell the simulated board something."""
+    with socket.socket(socket.AF_UNIX) as console:
+        console.connect(str(control))
+        console.sendall(f"{command}\n".encode())
+        assert console.recv(99).startswith(b"ok")
 
 
 @pytest.mark.parametrize("suspended", [False, True])

@@ -119,7 +119,7 @@ async def until_signal(work: Awaitable[int], signals: Iterable[int]) -> int:
     def end(number: int) -> None:
         if not came and task is not None:
             came.append(number)
-            task.cancel()
+            task.cancel(signal.Signals(number).name)
 
     for number in signals:
         loop.add_signal_handler(number, end, number)

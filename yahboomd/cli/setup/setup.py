@@ -44,6 +44,7 @@ exit status:
   0    the file is written
   1    refused (the emergency stop is engaged, an answer denied it); nothing was written
   69   no port, a held one, or no board
+  75   the cable was out while a wheel turned; it was waited for, and the wheels were stopped
   77   no permission
   78   a mistake in the configuration, a board that cannot drive so, or the file cannot be written
   130  Ctrl-C; the wheels stand and nothing was written

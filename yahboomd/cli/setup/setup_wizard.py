@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
 
 from yahboomd.calibration.wiring import Wiring
+from yahboomd.cli.guarded import guarded
 from yahboomd.cli.own_port import refuse_estop
 from yahboomd.cli.probe import probe_report, probe_text
 from yahboomd.cli.probe.probe_write import Printed
@@ -20,12 +19,11 @@ from yahboomd.cli.setup.robot_file import as_config
 from yahboomd.cli.setup.terminal_questions import Person, agrees, say, say_heading, say_points
 from yahboomd.clock import Clock
 from yahboomd.config import WHEELS, Config
-from yahboomd.errors import BoardError, BoardSilent, Refused
+from yahboomd.errors import BoardSilent, Refused
 from yahboomd.link import diagnosis, handshake, probing, storing
 from yahboomd.link.conversation import Conversation
-from yahboomd.link.guard import Guard
 from yahboomd.link.line import Line
-from yahboomd.link.port import Opener, Port, SerialPort
+from yahboomd.link.port import Opener
 from yahboomd.link.probing import Examination
 from yahboomd.link.pulses import Pulses
 from yahboomd.model import ImuReading
@@ -163,40 +161,22 @@ class Wizard:
         port = await self._opener()
         line = Line(port, self._clock, resend_s=RESEND_S)
         line.on_imu = self._on_imu
-        # The guard ends last: it takes a second where a wheel might turn.
-        with ExitStack() as outlasting:
-            async with line.attended():
-                talk = await Conversation.begin(line)
-                # The motors are without power: a brake would start the board's speed loop.
-                line.let_go = True
-                await handshake.await_reports(line, talk.dialect)
-                if by_hand:
-                    return await ByHand(talk, person, robot).find()
-                guard = outlasting.enter_context(_guarded(port, talk.dialect))
-                pulses = Pulses(
-                    line,
-                    talk.dialect,
-                    ticks_per_revolution=profile.ticks_per_revolution,
-                    fastest_turns_per_s=MOTOR_TURNS_PER_S / profile.ratio,
-                    on_pulse=(lambda _pulse: None) if guard is None else guard.mark,
-                )
-                return await ByOutput(talk, pulses, person, robot, self._may_turn).find()
+        async with guarded(port, self._config, self._clock, say) as guard, line.attended():
+            talk = await Conversation.begin(line)
+            # The motors are without power: a brake would start the board's speed loop.
+            line.let_go = True
+            await handshake.await_reports(line, talk.dialect)
+            if by_hand:
+                return await ByHand(talk, person, robot).find()
+            guard.watch_over(talk.dialect)
+            pulses = Pulses(
+                line,
+                talk.dialect,
+                ticks_per_revolution=profile.ticks_per_revolution,
+                fastest_turns_per_s=MOTOR_TURNS_PER_S / profile.ratio,
+                on_pulse=guard.mark,
+            )
+            return await ByOutput(talk, pulses, person, robot, self._may_turn).find()
 
     def _on_imu(self, reading: ImuReading) -> None:
         self._imu = reading.sensor.name
-
-
-@contextmanager
-def _guarded(port: Port, dialect: Dialect) -> Iterator[Guard | None]:
-    """A process that stops the wheels where this one is killed; none for a simulated port."""
-    if not isinstance(port, SerialPort):
-        yield None
-        return
-    try:
-        guard = Guard.start(port.fileno(), dialect.resync + (dialect.cut or dialect.brake))
-    except OSError as error:
-        raise BoardError(f"No motor is turned: {error}.") from error
-    try:
-        yield guard
-    finally:
-        guard.close()

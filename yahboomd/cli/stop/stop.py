@@ -310,16 +310,10 @@ def _stop(
         if not seized:
             return []
         from yahboomd.clock import SystemClock
-        from yahboomd.link.port import adopt
-        from yahboomd.link.takeover import take_over
+        from yahboomd.link.takeover import take_over_seized
 
         clock = SystemClock()
-
-        async def on_port(each: Seized) -> TakeoverReport:
-            port = await adopt(each, clock)
-            return await take_over(port, clock, spoken_ns=each.spoken_ns)
-
-        return await asyncio.gather(*map(on_port, seized))
+        return await asyncio.gather(*(take_over_seized(each, clock) for each in seized))
 
     async def on_bus() -> BusStop | None:
         if config is None:

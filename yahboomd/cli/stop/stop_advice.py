@@ -9,7 +9,6 @@ from yahboomd.cli.stop.stop_port import warn
 from yahboomd.cli.unresponsive import (
     FROZEN,
     daemons,
-    is_yahboomd,
     listener,
     may_drive,
     process_state,
@@ -19,6 +18,7 @@ from yahboomd.cli.unresponsive import (
     unresponsive,
 )
 from yahboomd.errors import BusError, LinkError, YahboomdError
+from yahboomd.link.replug import is_yahboomd
 
 if TYPE_CHECKING:
     from yahboomd.cli.stop.stop_local import LocalDaemon, LocalStops

@@ -99,7 +99,7 @@ class Procedure:
             LinkError: The port or the board cannot be used.
         """
         result = self.result
-        async with Stand.open(self._opener, self._clock, self._config) as stand:
+        async with Stand.open(self._opener, self._clock, self._config, self._say) as stand:
             dialect, settings = stand.dialect, stand.settings or {}
             self._dialect = dialect
             self._stored = {name: settings[name] for name in settings if name != VERSION}
@@ -294,7 +294,7 @@ class Procedure:
         best = (rank_of(before, trial=False), result.stored_before, before)
         for number in range(ROUNDS):
             await self._write(result.suggested)
-            async with Stand.open(self._opener, self._clock, self._config) as stand:
+            async with Stand.open(self._opener, self._clock, self._config, self._say) as stand:
                 after: list[StepFigures | None] = [*await self._measure(stand, "after")]
             rank = rank_of(after, trial=result.expected is None)
             best = min(best, (rank, result.stored_now, after), key=lambda each: each[0])

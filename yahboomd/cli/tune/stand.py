@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import contextlib
 from collections import deque
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from statistics import median_low
 from typing import Self
 
+from yahboomd.cli.guarded import GuardedPort, guarded
 from yahboomd.cli.tune import wheel_faults
 from yahboomd.cli.tune.line_faults import LineFault, line_blamed
 from yahboomd.cli.tune.traces import Traces, traces_of
@@ -23,9 +24,8 @@ from yahboomd.config import Config
 from yahboomd.counts import unwrapped
 from yahboomd.errors import BoardError, BoardSilent
 from yahboomd.link.conversation import Conversation
-from yahboomd.link.guard import Guard
 from yahboomd.link.line import Line
-from yahboomd.link.port import Opener, SerialPort
+from yahboomd.link.port import Opener
 from yahboomd.model import CHANNELS, NS_PER_S, Counts, EncoderReading, Motor
 from yahboomd.protocol.dialect import Dialect, Motion
 from yahboomd.protocol.settings import BoardSettings
@@ -60,7 +60,7 @@ class Stand:
         volts: The supply; None where the board does not report it.
 
     Args:
-        guard: Stops the wheels if this process dies; None on a simulated line.
+        guard: Stops the wheels if this process dies or the port goes away.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class Stand:
         dialect: Dialect,
         motors: tuple[Motor, ...],
         motion: Motion,
-        guard: Guard | None,
+        guard: GuardedPort,
     ) -> None:
         self.dialect = dialect
         self.settings: BoardSettings | None = None
@@ -92,15 +92,26 @@ class Stand:
 
     @classmethod
     @contextlib.asynccontextmanager
-    async def open(cls, opener: Opener, clock: Clock, config: Config) -> AsyncIterator[Self]:
+    async def open(
+        cls,
+        opener: Opener,
+        clock: Clock,
+        config: Config,
+        say: Callable[[str], None] = lambda _words: None,
+    ) -> AsyncIterator[Self]:
         """Stop the wheels, find out what board is there, and have it send its counters.
 
+        Args:
+            say: Shows a person what to do.
+
         Raises:
+            LostInMotion: The port went away while wheels turned.
             BoardError: Its stored settings forbid motion, or the line damages what it carries.
             LinkError: The port cannot be had, or no board answers.
         """
-        line = Line(await opener(), clock)
-        async with line.attended():
+        port = await opener()
+        line = Line(port, clock)
+        async with guarded(port, config, clock, say) as guard, line.attended():
             talk = await Conversation.begin(line)
             dialect = talk.dialect.for_profile(config.profile())
             settings = await talk.read_settings(config.profile().settings)
@@ -112,10 +123,7 @@ class Stand:
             motion = dialect.motion(
                 config.kinematics(), motors, settings, scale=config.chassis.command_scale
             )
-            guard = None
-            if isinstance(line.port, SerialPort):
-                stop = dialect.resync + (dialect.cut or dialect.brake)
-                guard = Guard.start(line.port.fileno(), stop)
+            guard.watch_over(dialect)
             try:
                 async with line_blamed(line, dialect):
                     stand = cls(line, dialect, motors, motion, guard)
@@ -137,11 +145,6 @@ class Stand:
                     await stand._stand()
             finally:
                 line.writer.quiet()
-                if guard is not None:
-                    # It must not hold the port open; the line stops the wheels itself.
-                    if line.report is None:
-                        await line.rest(dialect)
-                    guard.close()
 
     @property
     def top_m_s(self) -> float:
@@ -288,8 +291,7 @@ class Stand:
         self._mark(driven=False)
 
     def _mark(self, *, driven: bool) -> None:
-        if self._guard is not None:
-            self._guard.mark(driven)
+        self._guard.mark(driven)
 
     async def _look(self, ns: int) -> None:
         """Wait, with a look every 10 ms at whether all is as it should be."""

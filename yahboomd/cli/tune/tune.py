@@ -50,6 +50,7 @@ exit status:
   0    better gains are stored, or there are none; with --dry-run: measured
   1    refused: the emergency stop is engaged, no gains were better, or an answer denied it
   69   no port, a held one, or no board
+  75   the cable was out while a wheel turned; it was waited for, and the wheels were stopped
   77   no permission
   78   a mistake in the configuration, a wheel that does not do as it should, or a line to the
        board that loses or alters bytes
@@ -166,6 +167,7 @@ class Tuning:
         self._place = place
         self._lines = InputLines()
         self._wrote = False
+        self._left_turning = False
 
     def say(self, words: str) -> None:
         """Show progress, on standard error: standard output is the result."""
@@ -175,7 +177,8 @@ class Tuning:
 
     def say_ended(self, name: str) -> None:
         """Explain an end by a signal."""
-        self.say(f"Ended by {name}: the wheels were stopped.")
+        how = "." if self._left_turning else ": the wheels were stopped."
+        self.say(f"Ended by {name}{how}")
         self._say_undo()
 
     def _say_undo(self) -> None:
@@ -191,6 +194,8 @@ class Tuning:
         if not args.yes and not await self._yes(IN_THE_AIR.format(speed=args.speed)):
             raise Refused("The wheels have to be in the air: nothing was turned.")
         stored = True
+        from yahboomd.cli.guarded import LeftTurning
+
         try:
             await procedure.examine(self._check_place)
             if result.worth_writing and not args.dry_run:
@@ -200,6 +205,9 @@ class Tuning:
                 result.notes.append(
                     "The gains are good: what is suggested would settle hardly sooner."
                 )
+        except LeftTurning:
+            self._left_turning = True
+            raise
         except YahboomdError as error:
             self._say_undo()
             if not args.json:

@@ -1,0 +1,115 @@
+"""A device that was lost is taken when it is back: the device, and not its name."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tty
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from yahboomd.link.port_identity import identify
+from yahboomd.link.port_note import PortNote
+from yahboomd.link.replug import TakenByOurs, seize_again
+from yahboomd.protocol.first_words import FIRST_WORDS
+
+HOLD = """
+import fcntl, os, sys
+port = os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY)
+fcntl.flock(port, fcntl.LOCK_EX)
+print("held", flush=True)
+sys.stdin.read()
+"""
+
+
+class Board:
+    """The far end of a pseudo-terminal, to which a link leads."""
+
+    def __init__(self, link: Path) -> None:
+        self.master, slave = os.openpty()
+        tty.setraw(slave)
+        self.path = os.ttyname(slave)
+        os.close(slave)
+        os.set_blocking(self.master, False)
+        link.unlink(missing_ok=True)
+        link.symlink_to(self.path)
+
+    @property
+    def heard(self) -> bytes:
+        try:
+            return os.read(self.master, 4096)
+        except (BlockingIOError, OSError):
+            return b""
+
+
+@pytest.fixture
+def link(tmp_path: Path) -> Path:
+    return tmp_path / "board"
+
+
+@pytest.fixture
+def board(link: Path) -> Iterator[Board]:
+    found = Board(link)
+    yield found
+    os.close(found.master)
+
+
+def note_of(path: Path | str) -> PortNote:
+    return PortNote(str(path), 115200, True, False, False, device=identify(os.stat(path)))
+
+
+def test_a_device_that_came_back_is_stopped_at_once(board: Board, link: Path) -> None:
+    lost = note_of(link)
+    os.close(board.master)
+    back = Board(link)
+    seized = seize_again(lost)
+    assert seized is not None
+    assert seized.path == str(link)
+    words = b"".join(FIRST_WORDS.values())
+    os.set_blocking(back.master, True)
+    heard = b""
+    while len(heard) < len(words):
+        heard += os.read(back.master, 4096)
+    assert heard == words
+    os.close(seized.fd)
+    board.master = back.master
+
+
+def test_another_device_that_has_its_name_now_is_sent_nothing(board: Board) -> None:
+    lost = note_of(board.path)
+    usb = lost.device._replace(number=os.makedev(188, 250), usb="1-2 1a86:7523")
+    for device in (usb, lost.device._replace(node="other")):
+        assert seize_again(lost._replace(device=device)) is None
+    assert board.heard == b""
+
+
+def test_a_device_that_is_away_is_no_error(board: Board, link: Path) -> None:
+    lost = note_of(link)
+    link.unlink()
+    assert seize_again(lost._replace(device=lost.device._replace(node="gone"))) is None
+
+
+@pytest.mark.realtime
+@pytest.mark.parametrize("name", ["yahboomd", "modemd"])
+def test_a_port_that_is_held_is_left_to_this_program_and_awaited_from_others(
+    board: Board, link: Path, name: str
+) -> None:
+    holder = subprocess.Popen(
+        [name, "-c", HOLD, str(link)],
+        executable=sys.executable,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert holder.stdout is not None
+    assert holder.stdout.readline() == "held\n"
+    if name == "yahboomd":
+        with pytest.raises(TakenByOurs, match=rf"yahboomd \(pid {holder.pid}\) has"):
+            seize_again(note_of(link))
+    else:
+        assert seize_again(note_of(link)) is None
+    assert board.heard == b""
+    holder.communicate("")
