@@ -25,11 +25,12 @@ COMMANDS = Qos(reliable=False, depth=1)
 """Only the newest counts; and it becomes the QoS of the bridge's DDS reader, which so takes the
 commands of any writer, reliable or not."""
 
-ESTOP_QOS = Qos(reliable=True, depth=10)
-"""No press may be lost on DDS, so a publisher has to be reliable, as ROS 2's are by default. Not
-latched: a press of yesterday must not stop the robot again whenever the bridge restarts."""
+REPEATED = Qos(reliable=False, depth=10)
+"""Of the e-stop and of poses: a person publishes them several times, from a process that ends soon.
 
-POSE_QOS = Qos(reliable=True, depth=10)
+To a reliable reader a fresh writer of FastDDS sends nothing before their handshake is complete,
+which takes a second, and a writer that ends before that was never heard. Not latched: a press of
+yesterday must not stop the robot again whenever the bridge restarts."""
 
 SERVICES = {key: offer.ros_type for key, offer in OFFERS.items() if offer.ros_type}
 """The services whose requests ROS 2 has types for."""
@@ -76,9 +77,9 @@ def start(
     # Services and commands come before samples: the e-stop first. As a topic besides, because the
     # bridge drops the service calls of rmw_fastrtps, the default of ROS 2.
     if bridge is not None:
-        bridge.subscriber(keys.ESTOP, ros2.BOOL, ESTOP_QOS)
+        bridge.subscriber(keys.ESTOP, ros2.BOOL, REPEATED)
     if native is not None:
-        native.alarm(keys.ESTOP, ros2.BOOL, ESTOP_QOS, lambda at: services.hear_estop(bus, at))
+        native.alarm(keys.ESTOP, ros2.BOOL, REPEATED, lambda at: services.hear_estop(bus, at))
     for key, ros_type in SERVICES.items():
         if bridge is not None:
             bridge.service(key, ros_type)
@@ -98,9 +99,9 @@ def start(
             native.subscriber(source, ros_type, COMMANDS, commands(source), also=other)
             types.watch_nodes(source, ros_type, config.ros2.domain_id)
     if bridge is not None:
-        bridge.subscriber(keys.ODOMETRY_SET_POSE, ros2.POSE, POSE_QOS)
+        bridge.subscriber(keys.ODOMETRY_SET_POSE, ros2.POSE, REPEATED)
     if native is not None:
-        native.subscriber(keys.ODOMETRY_SET_POSE, ros2.POSE, POSE_QOS, poses)
+        native.subscriber(keys.ODOMETRY_SET_POSE, ros2.POSE, REPEATED, poses)
     publisher = RosPublisher(open_topic, topics(config), clock, types.warnings)
     publisher.place()
     return publisher
