@@ -169,7 +169,7 @@ def _everywhere(args: argparse.Namespace) -> bool:
     if first:
         # Before anything else is imported or asked: a port that is free is the fastest way.
         seized, trouble = _try_port(args, None)
-    from yahboomd.cli.stop.stop_local import LocalStops, covered
+    from yahboomd.cli.stop.stop_local import LocalStops, covered, unproved, vouched_for
 
     local = LocalStops()
     config = _stop_locally(args, local)
@@ -181,12 +181,13 @@ def _everywhere(args: argparse.Namespace) -> bool:
     config = config or configuration(args)
     of_the_dead = _seize_noted(local)
     endpoints = daemon_endpoints(args, config)
-    reports, answer, outcomes = _stop(
+    reports, answer, found = _stop(
         seized + of_the_dead, config, endpoints, local, port=args.port or ""
     )
+    outcomes = [each for each in found if each.robot.believed]
     boards = [each.path for each in seized + of_the_dead]
     boards += [path for each in outcomes if not each.blind for path in each.robot.ports]
-    several = len(outcomes) > 1
+    several = len(found) > 1
     verdicts = [_print_outcome(each, several) for each in outcomes if not covered(each, boards)]
     for each in outcomes:
         if covered(each, boards):
@@ -195,6 +196,10 @@ def _everywhere(args: argparse.Namespace) -> bool:
         print(answer.words)
         verdicts.append(answer.stood)
     verdicts += [print_report(report) for report in reports]
+    for each in found:
+        if each not in outcomes:
+            warn(unproved(each))
+    doubted = [each for each in found if each not in outcomes and not vouched_for(each, boards)]
     if verdicts and len(verdicts) == len(of_the_dead) and isinstance(trouble, PortBusy):
         # The configured port is held, and nothing that answers has stopped its board.
         verdicts.append(_report_busy(args, config, endpoints))
@@ -205,17 +210,20 @@ def _everywhere(args: argparse.Namespace) -> bool:
             troubles += unreached(local, endpoints if answer is not None else ())
         for words in troubles:
             warn(words)
-        return all(verdicts) and not troubles
+        return all(verdicts) and not troubles and not doubted
     suspects = local.silent
     if not isinstance(trouble, PortBusy):
         suspects += local.unknown
     if suspects:
         raise silent(suspects[0], args)
     if not isinstance(trouble, PortBusy):
+        if doubted:
+            return False
         assert trouble is not None
         raise not_found(trouble, config, endpoints, local)
     # No daemon answers: the process that held the port may have been about to end.
-    return _print_reports(_on_ports([seize_port(args, config, asked=endpoints)]))
+    stand = _print_reports(_on_ports([seize_port(args, config, asked=endpoints)]))
+    return stand and not doubted
 
 
 def _try_port(

@@ -14,6 +14,7 @@ from glob import glob
 from typing import Any, NamedTuple
 
 from yahboomd.cli.stop.stop_talk import Talk, converse
+from yahboomd.cli.stop.stop_witness import believed, holds
 from yahboomd.link import port_note
 from yahboomd.link.port_note import PortNote
 from yahboomd.program import pasteable, plain, release_command
@@ -54,6 +55,7 @@ class LocalDaemon(NamedTuple):
 
     Attributes:
         pid: Of the process that listens there; 0 where it is in another PID namespace.
+        uid: Its user; None if it is not known.
         silent: It did not answer.
         ports: The serial port, as configured and as opened.
         listen: Where it listens for Zenoh.
@@ -65,12 +67,18 @@ class LocalDaemon(NamedTuple):
     namespace: str = ""
     ports: tuple[str, ...] = ()
     listen: tuple[str, ...] = ()
+    uid: int | None = None
+
+    @property
+    def believed(self) -> bool:
+        """Whether its word that the wheels stand is enough."""
+        return believed(self.pid, self.uid, self.socket, self.ports)
 
     @property
     def name(self) -> str:
         """In a sentence: ``bot1 (pid 12, /dev/ttyUSB0)``."""
         facts = ", ".join((f"pid {self.pid}", *self.ports[:1]))
-        return f"{self.namespace or 'yahboomd'} ({facts})"
+        return plain(f"{self.namespace or 'yahboomd'} ({facts})")
 
 
 class Outcome(NamedTuple):
@@ -130,7 +138,11 @@ class LocalStops:
         for robot, talk in self._meant:
             talk.close()
             if talk.lines and talk.lines[0].get("engaged") is True:
-                found.append(_outcome(_identified(robot), talk.lines))
+                named = _identified(robot)
+                if (named.pid, named.uid) != (talk.pid, talk.uid):
+                    # Another process had the socket when it named its port.
+                    named = named._replace(pid=talk.pid, uid=None)
+                found.append(_outcome(named, talk.lines))
             else:
                 self.silent.append(robot)
         return found
@@ -163,6 +175,23 @@ def covered(outcome: Outcome, paths: Iterable[str]) -> bool:
     """Whether a daemon without counts has no board: another one, or this stop, holds its port."""
     return outcome.blind and any(
         same_port(port, path) for port in outcome.robot.ports for path in paths
+    )
+
+
+def vouched_for(outcome: Outcome, paths: Iterable[str]) -> bool:
+    """Whether something that is believed has judged each port that a daemon names."""
+    ports = outcome.robot.ports
+    return bool(ports) and all(any(same_port(port, path) for path in paths) for port in ports)
+
+
+def unproved(outcome: Outcome) -> str:
+    """Report the words of a process that is not believed, as its user's."""
+    robot = outcome.robot
+    who = "Somebody" if robot.uid is None else f"User {robot.uid}"
+    return (
+        f"{who} answers on {robot.socket}, as {robot.name}: {outcome.words!r} This proves nothing: "
+        "no such process is seen to hold the port that it names. If wheels turn, switch the motor "
+        "supply off."
     )
 
 
@@ -209,7 +238,8 @@ def notes(
     environ: Mapping[str, str], wanted: Wanted, living: Iterable[LocalDaemon]
 ) -> list[PortNote]:
     """The notes of daemons that neither answer nor ended in order: their boards may drive on."""
-    pids = {robot.pid for robot in living}
+    # The note of a killed daemon may have the id of any process by now.
+    pids = {robot.pid for robot in living if robot.believed}
     found = []
     for folder in folders(environ):
         with contextlib.suppress(OSError):
@@ -222,17 +252,6 @@ def notes(
         if note.pid not in pids
         and wanted.fits(LocalDaemon("", note.pid, False, note.namespace, (note.path,), note.listen))
     ]
-
-
-def holds(pid: int, port: str) -> bool:
-    """Whether a process has a port open, as far as this user may see."""
-    with contextlib.suppress(OSError):
-        device = os.stat(port).st_rdev
-        for fd in os.listdir(f"/proc/{pid}/fd"):
-            with contextlib.suppress(OSError):
-                if os.stat(f"/proc/{pid}/fd/{fd}").st_rdev == device != 0:
-                    return True
-    return False
 
 
 def _trusted(path: str) -> bool:
@@ -251,13 +270,14 @@ def _trusted(path: str) -> bool:
 def _robot(talk: Talk) -> LocalDaemon:
     facts = talk.lines[0] if talk.lines else {}
     if facts.get("daemon") != "yahboomd":
-        return LocalDaemon(talk.path, talk.pid, silent=True)
+        return LocalDaemon(talk.path, talk.pid, silent=True, uid=talk.uid)
     return LocalDaemon(
         talk.path,
         talk.pid,
         namespace=str(facts.get("namespace", "")),
         ports=_texts(facts.get("ports")),
         listen=_texts(facts.get("listen")),
+        uid=talk.uid,
     )
 
 

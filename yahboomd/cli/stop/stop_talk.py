@@ -19,7 +19,12 @@ _LONGEST_PATH = 100
 
 
 class Talk:
-    """One request on one socket, and the lines that come back."""
+    """One request on one socket, and the lines that come back.
+
+    Attributes:
+        pid: Of the process that listens there; 0 where it is in another PID namespace.
+        uid: Its user, as the kernel names it; None before it was reached.
+    """
 
     def __init__(self, path: str, request: bytes) -> None:
         self.path = path
@@ -27,6 +32,7 @@ class Talk:
         self.connected = False
         self.ended = False
         self.pid = 0
+        self.uid: int | None = None
         self._request = request
         self._data = b""
         self.sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK)
@@ -37,7 +43,7 @@ class Talk:
             _connect(self.sock, self.path)
             size = struct.calcsize("iII")
             raw = self.sock.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, size)
-            self.pid = struct.unpack("iII", raw)[0]
+            self.pid, self.uid, _ = struct.unpack("iII", raw)
             self.connected = True
             self.sock.send(self._request, socket.MSG_NOSIGNAL)
         except BlockingIOError:
