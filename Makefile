@@ -17,7 +17,7 @@ WORKERS ?= $$(($(CORES) + 2))
 PYTEST := PYTHONDONTWRITEBYTECODE= $(PY) -m pytest
 PARALLEL = -n $(WORKERS) --dist loadgroup
 # Suites with targets of their own: they need programs of other languages.
-OWN_TARGETS := interop generators clients browser
+OWN_TARGETS := interop generators clients browser firmware
 # Robots that drive, though on virtual time.
 WHOLE_ROBOTS := faults whole benchmarks cli/setup cli/tune
 REST := $(if $(findstring tests/,$(ARGS)),,$(OWN_TARGETS:%=--ignore=tests/%))
@@ -79,7 +79,7 @@ schemas-check: $(VENV)/.dev
 	$(PY) -m yahboomd.daemon.asyncapi --check schemas
 
 ##@ Suites that need other languages, or more time (.ci/run runs their short forms)
-.PHONY: interop interop-figures generators asyncapi clients browser metrics fuzz mutants soak alarms
+.PHONY: interop interop-figures generators asyncapi clients browser firmware metrics fuzz mutants soak alarms
 # Its peers keep the cores busier than what waits elsewhere.
 interop: WORKERS = $(CORES)
 interop: $(VENV)/.dev ## build the real ROS 2 peers once (in a cache outside the tree), drive through them
@@ -101,6 +101,13 @@ clients: $(VENV)/.dev ## build examples/clients/ in every language (once, in a c
 browser: $(VENV)/.dev ## the page in a real Chromium, by touch and keys (root installs it by apt; SHORT=1: in a minute)
 	@tests/browser/install.sh || echo "browser: what is not there is named above; its tests are skipped"
 	$(if $(SHORT),,YAHBOOMD_BROWSER=1) $(PYTEST) tests/browser $(ARGS)
+
+$(VENV)/.firmware: pyproject.toml tools/bootstrap.py $(VENV)/.dev
+	@$(PYTHON) tools/bootstrap.py $(VENV) firmware || echo "firmware: there is no unicorn here; the four-channel board is left out"
+	@touch $@
+
+firmware: $(VENV)/.firmware ## the control path on the vendors' own firmwares, whose files YAHBOOMD_FIRMWARE names (SHORT=1: the same)
+	@$(PY) tools/firmware.py $(ARGS)
 
 metrics: $(VENV)/.dev ## real Prometheus scrapes a real daemon: the page, alerts and the dashboard's queries (apt install prometheus)
 	$(PYTEST) tests/metrics tests/prometheus tests/cli/test_metrics.py tests/cli/test_robot_poll.py $(ARGS)

@@ -1,0 +1,91 @@
+"""The daemon's control path on the vendor's firmware 1.7.3, on virtual time."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from board_bench import LinkBench
+from fault_bench import FaultBench
+from vendor_firmware import instead_of_simulated, missing
+
+from yahboomd.clock import LoopClock
+from yahboomd.link.stopping import stop_unidentified
+from yahboomd.simulation.options import SimulationOptions
+from yahboomd.simulation.virtual_time import on_virtual_time
+
+pytestmark = pytest.mark.skipif(bool(missing()), reason=missing())
+
+MOTORS: dict[str, dict[str, Any]] = {
+    "35 %, quick": {"motor_dead_zone": 1260, "time_constant_s": 0.05, "max_speed_m_s": 1.05},
+    "40 %": {"motor_dead_zone": 1440, "time_constant_s": 0.1, "max_speed_m_s": 1.15},
+    "44 %, slow": {"motor_dead_zone": 1584, "time_constant_s": 0.2, "max_speed_m_s": 0.70},
+    "50 %": {"motor_dead_zone": 1800, "time_constant_s": 0.1, "max_speed_m_s": 1.40},
+    "54 %, 550 rev/min": {"motor_dead_zone": 1944, "time_constant_s": 0.06, "max_speed_m_s": 1.93},
+    "44 %, lazy": {"motor_dead_zone": 1584, "time_constant_s": 0.3, "max_speed_m_s": 1.15},
+}
+"""Motors by the share of the output at which they begin to turn."""
+
+
+@pytest.fixture(autouse=True)
+def _firmware() -> Iterator[None]:
+    with instead_of_simulated():
+        yield
+
+
+@pytest.mark.parametrize("motor", MOTORS)
+@on_virtual_time
+async def test_each_motor_drives_a_curve_whose_pose_is_true_and_stands_at_an_estop(
+    tmp_path: Path, motor: str
+) -> None:
+    async with FaultBench(tmp_path, simulation=SimulationOptions(**MOTORS[motor])) as bench:
+        await bench.ready()
+        await bench.drive(3.0, 0.3, 0.5)
+        assert min(bench.rim_speeds) > 0.15
+        bench.operator.engage_estop("a test")
+        at_ns = bench.clock.now_ns()
+        await asyncio.sleep(2.0)
+        assert bench.stood_at(at_ns) - at_ns < 1_500_000_000
+        truth = bench.robot.truth(bench.clock.now_ns())
+        pose = bench.heard.estimates[-1].pose
+        assert pose.x == pytest.approx(truth.x, abs=0.005)
+        assert pose.y == pytest.approx(truth.y, abs=0.005)
+        assert pose.theta == pytest.approx(truth.theta, abs=0.02)
+        assert not {"runaway_against", "runaway_fast", "board_reset"} & {*bench.heard.kinds}
+    # At the end the motors have no power.
+    assert [each.pwm for each in bench.robot.plant.motors] == [0, 0]
+
+
+@on_virtual_time
+async def test_after_a_reset_in_motion_the_pose_goes_on_without_a_jump(tmp_path: Path) -> None:
+    async with FaultBench(tmp_path) as bench:
+        await bench.ready()
+        await bench.drive(2.0, 0.3)
+        before = bench.heard.estimates[-1].pose.x
+        bench.do("reset")
+        await bench.drive(0.5, 0.3)
+        assert "board_reset" in bench.heard.kinds
+        assert 0.0 <= bench.heard.estimates[-1].pose.x - before < 0.25
+        await bench.drive(2.0, 0.3)
+        assert min(bench.rim_speeds) == pytest.approx(0.3, abs=0.05)
+
+
+@pytest.mark.parametrize("command", [b"$spd:300,0,300,0#", b"$pwm:1500,0,1500,0#"])
+@pytest.mark.parametrize("half", [b"", b"$", b"$spd:300,300,3"])
+@on_virtual_time
+async def test_the_first_words_on_a_port_stop_wheels_that_turn(command: bytes, half: bytes) -> None:
+    board = LinkBench()
+    port = await board.open()
+    port.write(command)
+    await asyncio.sleep(1.0)
+    assert max(board.rim_speeds) > 0.25
+    port.write(half)
+    await asyncio.sleep(0.02)
+    assert await stop_unidentified(port, LoopClock())
+    await asyncio.sleep(1.0)
+    assert max(map(abs, board.rim_speeds)) < 0.03
+    assert [each.pwm for each in board.robot.plant.motors] == [0, 0]
+    port.close()

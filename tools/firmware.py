@@ -1,0 +1,40 @@
+"""`make firmware`: tests on the vendors' own firmwares, which are no part of this project.
+
+Their files are looked for in the folder that YAHBOOMD_FIRMWARE names, else in ../shared/firmware.
+Without them nothing is tried, and the last line says so.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+TREE = Path(__file__).resolve().parent.parent
+FOLDER = Path(os.environ.get("YAHBOOMD_FIRMWARE") or TREE.parent / "shared/firmware")
+CACHE = Path(
+    os.environ.get("YAHBOOMD_CACHE")
+    or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "yahboomd"
+)
+WHERE = "docs/protocol.md names where the vendor's files are"
+
+
+def main() -> int:
+    build = FOLDER / "rosmaster/build.sh"
+    if not build.exists():
+        print(f"firmware: NOT tried: there is no {build}; {WHERE}.")
+        return 0
+    target = CACHE / "firmware"
+    target.mkdir(parents=True, exist_ok=True)
+    if not (target / "librosfw.so").exists() and subprocess.call(["sh", build, target]) != 0:
+        print("firmware: NOT tried: the Rosmaster firmware was not compiled (see above; gcc?).")
+        return 0
+    call = [sys.executable, "-m", "pytest", "tests/firmware", "-q", *sys.argv[1:]]
+    ended = subprocess.call(call, cwd=TREE)
+    print("firmware: tried" if ended == 0 else "firmware: tried, and FAILED")
+    return ended
+
+
+if __name__ == "__main__":
+    sys.exit(main())
