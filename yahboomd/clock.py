@@ -94,12 +94,13 @@ class PauseWatch:
     :meth:`detect` belongs in front of everything that handles what may have waited.
 
     Args:
-        shortest_ns: A gap of so long is a pause; the loop must come by more often than that.
+        shortest_ns: A gap of so long is a pause; the loop must come by more often than that. May be
+            changed.
     """
 
     def __init__(self, clock: Clock, shortest_ns: int = PAUSE_NS) -> None:
         self._clock = clock
-        self._shortest_ns = shortest_ns
+        self.shortest_ns = shortest_ns
         self._ran_ns: int | None = None
         self._suspended_ns = 0
 
@@ -115,7 +116,7 @@ class PauseWatch:
         self._suspended_ns += grown_ns
         if grown_ns < _HELD_UP_NS:
             grown_ns = 0
-        if now_ns - before_ns + grown_ns < self._shortest_ns:
+        if now_ns - before_ns + grown_ns < self.shortest_ns:
             return None
         return Pause(since_ns=before_ns, until_ns=now_ns, suspended_ns=grown_ns)
 

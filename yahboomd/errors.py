@@ -13,6 +13,7 @@
 ├── ``BusError``         the Zenoh session: exit 69 (EX_UNAVAILABLE)
 │   ├── ``NoDaemon``         no daemon answers there
 │   └── ``Refused``          the daemon answered, and does not do it: exit 1
+├── ``CommandEnded``     this program stood still, and its robot stopped: exit 1
 ├── ``ListenError``      another listener of ours: exit 69 (EX_UNAVAILABLE)
 └── ``LimitError``       too few files or threads, or too little memory: exit 71 (EX_OSERR)
 
@@ -101,6 +102,12 @@ class NoDaemon(BusError):
 
 class Refused(BusError):
     """The daemon refused the request; the message gives the reason."""
+
+    exit_code = 1
+
+
+class CommandEnded(YahboomdError):
+    """This program did not run for a moment: the robot stopped, and its command has ended."""
 
     exit_code = 1
 

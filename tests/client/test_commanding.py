@@ -5,13 +5,14 @@ from __future__ import annotations
 import asyncio
 import math
 import time
+from contextlib import suppress
 from typing import Any
 
 import daemon_samples
 import pytest
-from zenoh_fixtures import eventually
+from zenoh_fixtures import PATIENCE_S, eventually
 
-from yahboomd.client import AsyncRobot, PoseSample, StatusSample, connect
+from yahboomd.client import AsyncRobot, CommandEnded, PoseSample, StatusSample, connect
 from yahboomd.client.connecting import client_options
 from yahboomd.clock import SystemClock
 
@@ -117,31 +118,65 @@ class Sleepy(SystemClock):
         return self.slept_ns
 
 
-async def test_after_a_suspend_the_robot_does_not_start_again_unasked(
-    fake_daemon: Any, caplog: pytest.LogCaptureFixture
+@pytest.mark.parametrize(
+    ("config", "source", "bound_ms"),
+    [
+        (None, "cmd_vel", 500),
+        (None, "cmd_vel/teleop", 300),
+        ({"command": {"timeout_s": 5.0}}, "cmd_vel", 5000),
+        ({"command": {"sources": {"cmd_vel": {"timeout_s": 7.0}}}}, "cmd_vel", 7000),
+    ],
+)
+async def test_after_a_pause_as_long_as_the_daemon_waits_the_robot_does_not_start_by_itself(
+    fake_daemon: Any, caplog: pytest.LogCaptureFixture, config: Any, source: str, bound_ms: int
 ) -> None:
-    daemon = await fake_daemon()
+    daemon = await fake_daemon(config=config)
     clock = Sleepy()
-    async with AsyncRobot(client_options(daemon.endpoint), clock=clock) as robot:
+    async with AsyncRobot(client_options(daemon.endpoint), source=source, clock=clock) as robot:
         robot.drive(0.2, for_s=60.0)
         # The second beat is the first that can see it.
         await eventually(lambda: robot.counters.published >= 3)
-        clock.slept_ns = 3_000_000_000
-        assert not await robot.finished()
+        if config is not None:
+            # A shorter pause ends nothing: the robot did not stop.
+            clock.slept_ns += (bound_ms - 2000) * 1_000_000
+            published = robot.counters.published
+            await eventually(lambda: robot.counters.published > published + 2)
+            assert robot.counters.interrupted == 0
+        clock.slept_ns += bound_ms * 1_000_000
+        with pytest.raises(CommandEnded, match=r"did not run for \d\.\d s.* Call drive\(\) again"):
+            await robot.finished()
         assert robot.counters.interrupted == 1
+        assert robot.commanded is None
+        # A stop is an end as any other.
+        robot.stop()
+        assert await robot.finished()
     await eventually(lambda: daemon.velocities[-1:] == [ZERO])
-    assert "did not run for 3." in caplog.text
+    assert "did not run for" in caplog.text
+
+
+async def test_a_command_lasts_at_a_daemon_that_waits_less_than_the_rate_asks(
+    fake_daemon: Any,
+) -> None:
+    daemon = await fake_daemon(config={"command": {"timeout_s": 0.15}})
+    async with connect(daemon.endpoint, rate_hz=5.0) as robot, asyncio.timeout(PATIENCE_S):
+        lasted = False
+        # On a busy machine a pause may end some.
+        while not lasted:
+            robot.drive(0.2, for_s=0.6)
+            with suppress(CommandEnded):
+                lasted = await robot.finished()
 
 
 async def test_a_command_that_waited_for_a_program_that_did_not_run_moves_nothing(
     fake_daemon: Any,
 ) -> None:
-    daemon = await fake_daemon()
+    daemon = await fake_daemon(config={"command": {"timeout_s": 2.0}})
     clock = Sleepy()
     async with AsyncRobot(client_options(daemon.endpoint), clock=clock) as robot:
         assert robot.drive(0.2, for_s=60.0)
         clock.slept_ns = 3_000_000_000
-        assert not await robot.finished()
+        with pytest.raises(CommandEnded, match=r"did not run for 3\.\d s.* Call drive\(\) again"):
+            await robot.finished()
         assert robot.counters.interrupted == 1
         # As by a program that computed meanwhile, and knows what it commands now.
         clock.slept_ns = 6_000_000_000

@@ -10,7 +10,7 @@ from yahboomd.bus import keys
 from yahboomd.bus.bus import Bus
 from yahboomd.bus.options import BusOptions
 from yahboomd.bus.services import Response
-from yahboomd.client.questions import Answer, ask, read_answers
+from yahboomd.client.questions import Answer, ask, read_answers, silence_of
 from yahboomd.messages.codecs import encode
 from yahboomd.messages.native import ServiceReply
 
@@ -32,6 +32,30 @@ def test_an_answer_that_cannot_be_read_is_no_success() -> None:
     answer = read_answers([b"\x00"])
     assert not answer.success
     assert answer.answered == 1
+
+
+@pytest.mark.parametrize(
+    ("command", "silence_s"),
+    [
+        ({"timeout_s": 0.7}, 0.7),
+        ({"timeout_s": 0.7, "sources": {"cmd_vel": {"timeout_s": None}}}, 0.7),
+        ({"timeout_s": 0.7, "sources": {"cmd_vel": {"timeout_s": 2}, "other": {}}}, 2.0),
+        ({"timeout_s": "soon", "sources": []}, None),
+        (7, None),
+    ],
+)
+def test_the_silence_of_a_source_is_read_from_the_configuration(
+    command: Any, silence_s: float | None
+) -> None:
+    reply = ServiceReply(success=True, message="", data={"command": command})
+    assert silence_of([encode(reply, "json")], "cmd_vel") == silence_s
+    least = ServiceReply(success=True, message="", data={"command": {"timeout_s": 0.25}})
+    assert silence_of([encode(reply, "json"), encode(least, "msgpack")], "cmd_vel") == 0.25
+
+
+def test_a_daemon_that_answers_something_else_tells_no_silence() -> None:
+    assert silence_of([], "cmd_vel") is None
+    assert silence_of([b"\x00", b"{}"], "cmd_vel") is None
 
 
 def test_no_answer_is_no_success() -> None:

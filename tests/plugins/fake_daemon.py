@@ -24,6 +24,9 @@ from yahboomd.bus.subscriptions import Arrival
 from yahboomd.messages.codecs import encode
 from yahboomd.messages.native import ServiceReply, StatusSample
 
+PATIENT: dict[str, Any] = {"command": {"timeout_s": 60.0}}
+"""A daemon that waits for its sources: a busy machine makes its clients pause."""
+
 
 class FakeDaemon:
     """A router that publishes samples ten times a second and answers the e-stop's services.
@@ -140,7 +143,7 @@ async def fake_daemon() -> Iterator[Callable[..., Awaitable[FakeDaemon]]]:
     """Starts daemons: ``await fake_daemon(endpoint=..., namespace=...)``."""
     daemons: list[FakeDaemon] = []
 
-    async def start(endpoint: str = "", namespace: str = "", config: Any = None) -> FakeDaemon:
+    async def start(endpoint: str = "", namespace: str = "", config: Any = PATIENT) -> FakeDaemon:
         daemons.append(FakeDaemon(endpoint or free_endpoint(), namespace, config))
         return await daemons[-1].start()
 

@@ -144,7 +144,7 @@ async def test_a_key_that_is_not_configured_is_barred_even_if_others_listen_to_i
 
 
 async def test_a_daemon_that_does_not_answer_in_time_is_asked_again(fake_daemon: Any) -> None:
-    daemon = await fake_daemon()
+    daemon = await fake_daemon(config=None)
     asked: list[object] = []
 
     def answer(query: zenoh.Query) -> None:

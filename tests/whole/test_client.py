@@ -39,6 +39,19 @@ asyncio.run(main())
 """
 
 
+STOOD_STILL = """
+import sys
+from yahboomd.client import CommandEnded, Robot
+with Robot(sys.argv[1]) as robot:
+    robot.drive(0.3, for_s=3600)
+    try:
+        robot.finished()
+    except CommandEnded as error:
+        print(error, flush=True)
+        sys.stdin.read()
+"""
+
+
 def speed_m_s(robot: RealRobot) -> float:
     return max(map(abs, robot.truth()[-1].speed_m_s))
 
@@ -74,8 +87,42 @@ def test_whatever_ends_a_program_the_wheels_stand(real_robot: Callable[..., Real
     assert ends(robot, PLAIN, signal.SIGKILL, "cmd_vel/teleop") == -signal.SIGKILL
 
 
+@pytest.mark.parametrize("command", ["a program", "send"])
+def test_a_program_that_stood_still_does_not_start_its_robot_again(
+    real_robot: Callable[..., RealRobot], command: str
+) -> None:
+    robot = real_robot(run=["--set", "command.timeout_s=1"])
+    robot.daemon.says("Connected")
+    arguments = ["-c", STOOD_STILL, robot.endpoint]
+    if command == "send":
+        there = ["--connect", robot.endpoint]
+        arguments = ["-m", "yahboomd", "send", "--vx", "0.3", "--for", "3600", *there]
+    with subprocess.Popen(
+        [sys.executable, *arguments],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    ) as program:
+        assert program.stdin is not None
+        assert program.stdout is not None
+        wait_for(lambda: speed_m_s(robot) > 0.2, "it drives")
+        program.send_signal(signal.SIGSTOP)
+        wait_for(lambda: speed_m_s(robot) < STANDING_M_S, "the daemon stops the robot")
+        stood = len(robot.truth()) - 1
+        program.send_signal(signal.SIGCONT)
+        wait_for(lambda: robot.truth()[-1].t_ns - robot.truth()[stood].t_ns > 1e9, "a second")
+        fastest = max(max(map(abs, each.speed_m_s)) for each in robot.truth()[stood:])
+        if fastest >= STANDING_M_S:
+            program.kill()
+        program.stdin.close()
+        assert "This program did not run for" in program.stdout.read()
+        assert program.wait(60) == (0 if command == "a program" else 1)
+    assert fastest < STANDING_M_S
+
+
 def test_a_program_reads_asks_and_survives_a_restart(real_robot: Callable[..., RealRobot]) -> None:
-    robot = real_robot(run=["--set", "zenoh.namespace=bot1"])
+    robot = real_robot(run=["--set", "zenoh.namespace=bot1", "--set", "command.timeout_s=5"])
     robot.daemon.says("Connected")
     wait_for(lambda: "'bot1'" in refusal(robot), "the namespaces there are named")
     with Robot(robot.endpoint, namespace="bot1") as program:

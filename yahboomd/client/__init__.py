@@ -10,7 +10,7 @@ from yahboomd.client.connecting import connect
 from yahboomd.client.plain_robot import Robot
 from yahboomd.client.questions import Answer
 from yahboomd.client.streams import Samples
-from yahboomd.errors import BusError, NoDaemon, Refused, YahboomdError
+from yahboomd.errors import BusError, CommandEnded, NoDaemon, Refused, YahboomdError
 from yahboomd.messages.native import (
     BatterySample,
     EventSample,
@@ -28,6 +28,7 @@ __all__ = [
     "AsyncRobot",
     "BatterySample",
     "BusError",
+    "CommandEnded",
     "Counters",
     "EventSample",
     "ImuSample",

@@ -18,7 +18,7 @@ from yahboomd.bus.subscriptions import Arrival
 from yahboomd.client.commanding import Commands, Counters, number
 from yahboomd.client.connection import MAX_BYTES, Connection
 from yahboomd.client.endings import Endings
-from yahboomd.client.questions import Answer, ask, read_answers
+from yahboomd.client.questions import Answer, ask, read_answers, silence_of
 from yahboomd.client.streams import (
     MOTION,
     Newest,
@@ -53,6 +53,8 @@ WAIT_S = 5.0
 
 LISTEN_S = 1.0
 """The least time that an open session listens before it reports that no daemon is there."""
+
+CONFIG_TRIES = 3
 
 OLD_S = 0.3
 """A pose that arrived longer ago is too old to drive by."""
@@ -97,6 +99,7 @@ class AsyncRobot(NewestSamples):
             deadman_s=deadman_s,
             rate_hz=rate_hz,
         )
+        self._source = source
         self._label = label
         self._wait_s = wait_s
         self._streams: list[Samples[Any]] = []
@@ -106,6 +109,7 @@ class AsyncRobot(NewestSamples):
         self._endings = Endings()
         self._joined = False
         self._closing: asyncio.Task[None] | None = None
+        self._learning: asyncio.Task[None] | None = None
 
     # Entering and leaving.
 
@@ -119,6 +123,8 @@ class AsyncRobot(NewestSamples):
             with suppress(NoDaemon):
                 if (status := await self.get(StatusSample)) is not None:
                     self._connection.learn_status(status)
+            if self._learning is not None:
+                await asyncio.wait([self._learning], timeout=LISTEN_S)
         except BaseException:
             await self.close()
             raise
@@ -168,6 +174,8 @@ class AsyncRobot(NewestSamples):
         finally:
             for stream in list(self._streams):
                 stream.close()
+            if self._learning is not None:
+                self._learning.cancel()
             await self._connection.close()
 
     # Presence.
@@ -206,10 +214,23 @@ class AsyncRobot(NewestSamples):
 
     def _presence_changed(self, alive: bool) -> None:
         self._commands.presence_changed(alive)
-        if not alive:
+        if self._learning is not None:
+            self._learning.cancel()
+            self._learning = None
+        if alive:
+            self._learning = asyncio.create_task(self._learn_silence(), name="client-learn")
+        else:
             for newest in self._newest.values():
                 newest.take()
             self._read.clear()
+
+    async def _learn_silence(self) -> None:
+        self._commands.learn_silence(None)
+        for _ in range(CONFIG_TRIES):
+            # A busy daemon may answer too late, and an access control may hide the answer.
+            if payloads := await self.ask(keys.CONFIG):
+                self._commands.learn_silence(silence_of(payloads, self._source))
+                return
 
     # Driving.
 
@@ -219,7 +240,9 @@ class AsyncRobot(NewestSamples):
         """Command a velocity, repeated until the next command, a stop, or its time is over.
 
         Without ``for_s`` it has to be called again within the deadman's time (1 s): a program that
-        hangs does not drive on. A command ends when the daemon is lost; it is never sent later.
+        hangs does not drive on. A command ends when the daemon is lost; it is never sent later. It
+        also ends when this program did not run for as long as the daemon waits for its source (the
+        source's ``timeout_s``; 0.5 s unless configured): the robot has stopped by then.
 
         Args:
             vx: Forward, m/s.
@@ -260,8 +283,11 @@ class AsyncRobot(NewestSamples):
         """Wait until the latest command has ended, its zeros included.
 
         Returns:
-            Whether it ended by its time or a stop; False where the daemon was lost, or this program
-            did not run for two seconds.
+            Whether it ended by its time or a stop; False where the daemon was lost.
+
+        Raises:
+            CommandEnded: This program did not run for as long as the daemon waits for commands, so
+                the robot stopped: call :meth:`drive` again to go on.
         """
         return await self._commands.finished()
 

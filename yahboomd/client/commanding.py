@@ -10,11 +10,13 @@ from numbers import Real
 import msgspec
 import zenoh
 
+from yahboomd.bus import keys
 from yahboomd.bus.blocking import bounded
 from yahboomd.bus.publishers import BusPublisher
 from yahboomd.client.connection import Connection
 from yahboomd.client.repeater import Repeater
 from yahboomd.clock import Clock, Pause, PauseWatch, Schedule, nanoseconds
+from yahboomd.errors import CommandEnded
 from yahboomd.messages.codecs import encode
 from yahboomd.messages.native import VelocityCommand
 from yahboomd.model import STANDSTILL, Twist2d
@@ -27,8 +29,16 @@ SOON_NS = 5_000_000
 HEARD_NS = 1_000_000_000
 """After so long it is known whether the daemon subscribes to the key."""
 
-PAUSE_NS = 2_000_000_000
-"""A program that did not run for so long has to command again: its robot stopped by itself."""
+SILENCE_S = {keys.CMD_VEL_TELEOP: 0.3, keys.CMD_VEL_WEB: 0.3}
+"""The silence after which a daemon stops the robot, by source, as it is configured by default."""
+
+OTHER_SILENCE_S = 0.5
+
+LEAST_SILENCE_S = 0.03
+"""Less is as short as the time between two repetitions."""
+
+REPEATS = 3
+"""Repetitions within that silence, at least."""
 
 LAST_PUT_S = 0.5
 """The longest wait for the last zero to be sent, where a connection is full."""
@@ -61,7 +71,8 @@ class Counters(msgspec.Struct, kw_only=True):
         published: Commands given to Zenoh, repetitions and zeros included.
         dropped: Calls of ``drive`` while no daemon was there, and commands that Zenoh refused.
         interrupted: Commands that ended because the daemon was lost, or because this program did
-            not run for two seconds: it was stopped or starved, or its machine was suspended.
+            not run for as long as the daemon waits for its source (0.5 s): it was stopped or
+            starved, or its machine was suspended.
         deadman: Commands for motion that ended because ``drive`` was not called again.
         losses: Times that the daemon was lost.
     """
@@ -98,9 +109,10 @@ class Commands:
         self._source = source
         self._label = label
         self._deadman_s = deadman_s
-        self._period_ns = nanoseconds(1.0 / rate_hz)
+        self._rate_period_ns = nanoseconds(1.0 / rate_hz)
         self._repeater = Repeater()
-        self._pauses = PauseWatch(clock, PAUSE_NS)
+        self._pauses = PauseWatch(clock)
+        self._paused = ""
         self._by_deadman = False
         self._publisher: BusPublisher | None = None
         self._repeating: asyncio.Task[None] | None = None
@@ -109,6 +121,15 @@ class Commands:
         self._last_ns = 0
         self._warned = ""
         self._closed = False
+        self.learn_silence(None)
+
+    def learn_silence(self, silence_s: float | None) -> None:
+        """Note how long the daemon waits for this source; None: it did not tell."""
+        if silence_s is None:
+            silence_s = SILENCE_S.get(self._source, OTHER_SILENCE_S)
+        # A program that was silent for as long has to command again: its robot stopped by itself.
+        self._pauses.shortest_ns = nanoseconds(max(silence_s, LEAST_SILENCE_S))
+        self._period_ns = min(self._rate_period_ns, self._pauses.shortest_ns // REPEATS)
 
     def open(self) -> None:
         """Declare the publisher, on an open connection."""
@@ -177,9 +198,14 @@ class Commands:
 
     async def finished(self) -> bool:
         """Wait for the end of the latest command; see ``AsyncRobot.finished``."""
+        await self._idle()
+        if self._repeater.ended == "paused":
+            raise CommandEnded(self._paused, remedy="Call drive() again.")
+        return self._repeater.ended != "interrupted"
+
+    async def _idle(self) -> None:
         while self._repeating is not None and not self._repeating.done():
             await asyncio.wait([self._repeating])
-        return self._repeater.ended != "interrupted"
 
     async def close(self) -> None:
         """Stop the robot, where this client drove it, and publish nothing more."""
@@ -189,7 +215,7 @@ class Commands:
             if self._repeater.twist is not None:
                 self.stop()
             self._closed = True
-            await self.finished()
+            await self._idle()
         finally:
             self._closed = True
             for each in (self._soon, self._repeating):
@@ -244,11 +270,12 @@ class Commands:
         if pause is None or self._repeater.twist is None:
             return
         self.counters.interrupted += 1
-        self._repeater.stop(self._clock.now_ns(), "interrupted")
-        self._warn(
-            f"This program did not run for {pause.duration_s:.1f} s: its command has ended. "
-            "Call drive() again."
+        self._repeater.stop(self._clock.now_ns(), "paused")
+        self._paused = (
+            f"This program did not run for {pause.duration_s:.1f} s, so the robot stopped, and the "
+            "command has ended."
         )
+        self._warn(f"{self._paused} Call drive() again.")
 
     def _publish_soon(self) -> None:
         self._end_after(self._pauses.detect())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import msgspec
@@ -70,6 +71,30 @@ async def ask(
         return await bounded(get, timeout_s=timeout_s + GRACE_S, name="client-ask")
     except (TimeoutError, zenoh.ZError):
         return []
+
+
+def silence_of(payloads: list[bytes], source: str) -> float | None:
+    """How long daemons wait for a source before they stop the robot, by their configurations.
+
+    Returns:
+        Seconds, the shortest of several daemons; None where none tells.
+    """
+    found = list[float]()
+    for payload in payloads:
+        command = _group((read_sample(payload, ServiceReply) or _NOTHING).data, "command")
+        own = _group(_group(command, "sources"), source).get("timeout_s")
+        silence_s = own if own is not None else command.get("timeout_s")
+        if isinstance(silence_s, int | float) and silence_s > 0.0:
+            found.append(float(silence_s))
+    return min(found, default=None)
+
+
+_NOTHING = ServiceReply(success=False, message="")
+
+
+def _group(facts: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    found = facts.get(name)
+    return found if isinstance(found, Mapping) else {}
 
 
 def read_answers(payloads: list[bytes]) -> Answer:

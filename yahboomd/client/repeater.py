@@ -13,7 +13,7 @@ from yahboomd.model import STANDSTILL, Twist2d
 ZEROS_NS = 300_000_000
 """For so long zeros follow motion. At 20 Hz these are seven, of which one has to arrive."""
 
-End: TypeAlias = Literal["", "time", "stop", "interrupted"]
+End: TypeAlias = Literal["", "time", "stop", "interrupted", "paused"]
 """The cause that ended the latest command: its time, a stop, a lost daemon, or a pause."""
 
 
@@ -44,7 +44,7 @@ class Repeater:
 
     def stop(self, now_ns: int, why: End = "stop") -> None:
         """Publish zeros from now on, for :data:`ZEROS_NS`."""
-        if self._twist is not None:
+        if self._twist is not None or why == "stop":
             self.ended = why
         self._twist = None
         self._zeros_until_ns = now_ns + ZEROS_NS

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import signal
+import time
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +49,29 @@ async def test_any_other_key_stops_at_once(terminal: Any, fake_daemon: Any) -> N
     await eventually(lambda: daemon.commands and daemon.velocities[-1] == ZERO)
     # 0.7 s of commands would be 14 of them.
     assert daemon.velocities.count((-0.3, 0.0)) < 7
+
+
+async def test_keys_that_waited_while_it_stood_still_move_nothing(
+    terminal: Any, fake_daemon: Any
+) -> None:
+    daemon = await fake_daemon()
+    process = await start(terminal, daemon.endpoint)
+    await process.shows("● STANDING At rest.")
+    process.process.send_signal(signal.SIGSTOP)
+    until_s = time.monotonic() + 0.8
+    process.type("www")
+    await eventually(lambda: time.monotonic() > until_s)
+    process.process.send_signal(signal.SIGCONT)
+    await process.shows("Keys that waited for this program are old: discarded.")
+    assert daemon.velocities == []
+    # One that stops is never too late.
+    process.process.send_signal(signal.SIGSTOP)
+    until_s = time.monotonic() + 0.8
+    process.type("we")
+    await eventually(lambda: time.monotonic() > until_s)
+    process.process.send_signal(signal.SIGCONT)
+    await process.shows("The emergency stop is engaged.")
+    assert set(daemon.velocities) <= {ZERO}
 
 
 async def test_emergency_stop_and_release_are_asked_for_and_their_answers_shown(

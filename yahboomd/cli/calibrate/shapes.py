@@ -11,7 +11,7 @@ import numpy as np
 from yahboomd.calibration.runs import Floats
 from yahboomd.cli.calibrate.asking import Bounds
 from yahboomd.cli.robot.obedience import Obedience
-from yahboomd.clock import SystemClock, nanoseconds, seconds
+from yahboomd.clock import PauseWatch, SystemClock, nanoseconds, seconds
 from yahboomd.errors import NoDaemon, Refused
 from yahboomd.messages.native import EventSample, StatusSample, WheelsSample
 from yahboomd.model import NS_PER_S
@@ -260,6 +260,10 @@ class Driver:
         return (left + right) / 2.0, self.sides.to_the_left(self._ticks), turn
 
 
+STILL_S = 0.5
+"""After so long without a command the daemon has stopped the robot."""
+
+
 class _Command:
     """The command of one leg: it ends with the leg's time, and with the person's hold."""
 
@@ -268,6 +272,7 @@ class _Command:
         self._leg = leg
         self._hold = hold
         self._ends_ns = SystemClock().now_ns() + nanoseconds(leg.limit_s)
+        self._pauses = PauseWatch(SystemClock(), nanoseconds(STILL_S))
         if hold is None:
             robot.drive(leg.vx, leg.wz, vy=leg.vy, for_s=leg.limit_s)
 
@@ -288,6 +293,9 @@ class _Command:
                 "be, and was stopped: do all wheels turn, and the right way round?"
             )
         if held_s is not None:
+            # A hold from before a pause, as of a suspended machine, does not drive on.
+            if self._pauses.detect() is not None:
+                raise Interrupted(LOST)
             leg = self._leg
             self._robot.drive(leg.vx, leg.wz, vy=leg.vy, for_s=min(held_s, left_s))
         elif self._robot.commanded is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import signal
 import sys
+from contextlib import suppress
 
 from rich.console import RenderableType
 
@@ -13,11 +14,15 @@ from yahboomd.cli.screens import drive_screen
 from yahboomd.cli.screens.drawing import Part, Screen
 from yahboomd.cli.screens.feed import Feed
 from yahboomd.cli.screens.keyboard import Keys
-from yahboomd.cli.screens.teleop import Teleop
-from yahboomd.clock import Clock, Schedule, nanoseconds, seconds
+from yahboomd.cli.screens.teleop import Teleop, wish
+from yahboomd.clock import Clock, PauseWatch, Schedule, nanoseconds, seconds
 from yahboomd.daemon.process import deadly
+from yahboomd.errors import CommandEnded
 
 REDRAW_S = 0.1
+
+OLD_S = 0.5
+"""Keys that waited for this process for so long move nothing."""
 
 
 class Driver:
@@ -28,6 +33,8 @@ class Driver:
         self._teleop = teleop
         self._clock = clock
         self._source = source
+        self._pauses = PauseWatch(clock, nanoseconds(OLD_S))
+        self._late = False
         self._ended = asyncio.Event()
         self._requests: set[asyncio.Task[None]] = set()
         self._answer: Part = ("", "")
@@ -40,7 +47,7 @@ class Driver:
             loop.add_signal_handler(number, self._end)
         try:
             with (
-                Keys(sys.stdin.fileno(), self._press, self._end),
+                Keys(sys.stdin.fileno(), self._press, self._end, reads=self._reads),
                 # That the terminal is gone is for the reader of its keys to notice.
                 Screen(sys.stdout.fileno()) as screen,
             ):
@@ -50,7 +57,8 @@ class Driver:
                     self._end()
         finally:
             # First the zeros are sent; what follows may take its time.
-            await self._feed.client.finished()
+            with suppress(CommandEnded):
+                await self._feed.client.finished()
             for task in self._requests:
                 task.cancel()
             await asyncio.gather(*self._requests, return_exceptions=True)
@@ -59,6 +67,7 @@ class Driver:
         schedule = Schedule(self._clock, nanoseconds(REDRAW_S))
         try:
             while not self._ended.is_set():
+                self._pauses.detect()
                 self._feed.check()
                 screen.draw(*self._drawn())
                 await schedule.beat()
@@ -71,7 +80,13 @@ class Driver:
             self._feed.client.stop()
         self._ended.set()
 
+    def _reads(self) -> None:
+        self._late = self._pauses.detect() is not None
+
     def _press(self, key: str) -> None:
+        if self._late and wish(key) not in {"stop", "estop", "quit"}:
+            self._answer = ("Keys that waited for this program are old: discarded.", "yellow")
+            return
         now_ns = self._clock.now_ns()
         wanted = self._teleop.press(key, now_ns)
         motion = self._teleop.motion(now_ns)

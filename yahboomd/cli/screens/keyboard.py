@@ -84,14 +84,23 @@ class Keys:
 
     Ctrl-C stays a signal. What would suspend the process, kill it or hold its output back becomes a
     key (Ctrl-Z, Ctrl-Backslash, Ctrl-S): else it could stop no robot.
+
+    Args:
+        reads: Called before the keys of each read are handed over.
     """
 
     def __init__(
-        self, fd: int, handler: Callable[[str], None], hung_up: Callable[[], None]
+        self,
+        fd: int,
+        handler: Callable[[str], None],
+        hung_up: Callable[[], None],
+        *,
+        reads: Callable[[], None] = lambda: None,
     ) -> None:
         self._fd = fd
         self._handler = handler
         self._hung_up = hung_up
+        self._reads = reads
         self._parser = KeyParser()
         self._before: list[Any] = []
         self._loop = asyncio.get_running_loop()
@@ -132,6 +141,7 @@ class Keys:
         if self._flush is not None:
             self._flush.cancel()
             self._flush = None
+        self._reads()
         self._hand_over(self._parser.feed(data))
         if self._parser.pending:
             self._flush = self._loop.call_later(
