@@ -8,8 +8,17 @@ import msgspec
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from made_boxes import HEADER, saved_box
 
-from yahboomd.blackbox.box_file import MAGIC, NotABox, deflated, encode_header, read_box
+from yahboomd.blackbox.box_file import (
+    MAGIC,
+    NotABox,
+    deflated,
+    encode_header,
+    read_box,
+    read_header,
+    robot_slug,
+)
 from yahboomd.blackbox.records import RECEIVED, REPEATED, Received
 
 
@@ -104,3 +113,22 @@ def test_segments_that_are_missing_in_the_middle_are_counted(memory):
     cut = read_box(image[:head] + b"".join(segments[:1] + segments[2:]))
     assert cut.damaged == 1
     assert len(cut.records) < len(whole.records)
+
+
+def test_a_name_of_a_file_has_namespace_and_port_as_far_as_they_are_known() -> None:
+    def slug(**config: object) -> str:
+        return robot_slug(msgspec.structs.replace(HEADER, config=config))
+
+    assert slug(zenoh={"namespace": "fleet/bot 1"}, serial={"port": "/dev/my_board"}) == (
+        "fleet-bot-1-my-board"
+    )
+    assert slug(serial={"port": "/dev/ttyUSB0"}) == "ttyUSB0"
+    assert slug(zenoh=[], serial={}) == ""
+
+
+def test_the_header_is_read_without_the_records() -> None:
+    data = saved_box()
+    assert read_header(data) == read_box(data).header
+    assert read_header(data[:-20]) == read_box(data).header
+    with pytest.raises(NotABox):
+        read_header(b"text")

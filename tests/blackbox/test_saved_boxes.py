@@ -93,3 +93,10 @@ def test_other_files_are_neither_counted_nor_removed(tmp_path):
         save(tmp_path)
     assert other.exists()
     assert saved_boxes(tmp_path / "missing") == []
+
+
+def test_the_robot_stands_in_the_name_and_boxes_without_it_are_still_counted(tmp_path):
+    save(tmp_path, b"old")
+    path = save_box(tmp_path, b"new", reason="estop", wall_ns=10**18, robot="bot1-ttyUSB0")
+    assert path.name == "000002_20010909T014640Z_estop.bot1-ttyUSB0.blackbox"
+    assert [box.number for box in saved_boxes(tmp_path)] == [1, 2]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import msgspec
 
 from yahboomd.blackbox.box_file import (
@@ -72,13 +74,18 @@ def ring_of(*happened: tuple[float, Meaning]) -> bytes:
     return bytes(buffer)
 
 
-def saved_box(*happened: tuple[float, Meaning], reasons: tuple[str, ...] = ("estop",)) -> bytes:
+def saved_box(
+    *happened: tuple[float, Meaning],
+    reasons: tuple[str, ...] = ("estop",),
+    config: dict[str, Any] = HEADER.config,
+) -> bytes:
     """A saved box with records, each so many seconds before the save."""
     ring = ring_of(*happened)
     header = msgspec.structs.replace(
         HEADER,
         started_ns=END_NS - 90 * SECOND_NS,
         started_wall_ns=WALL_NS - 90 * SECOND_NS,
+        config=config,
         saved=Saved(reasons=reasons, at_ns=END_NS, wall_ns=WALL_NS),
     )
     begin = len(encode_header(msgspec.structs.replace(header, saved=None)))

@@ -46,6 +46,7 @@ async def test_boxes_are_listed_without_their_paths(boxes: PageBoxes) -> None:
     # This machine may have others.
     (box,) = [each for each in listed["boxes"] if each["name"] == NAME]
     assert (box["name"], box["reason"], box["bytes"]) == (NAME, "estop", 13)
+    assert box["robot"] == ""
     assert "path" not in box
     assert await boxes.file(NAME) is not None
 
@@ -86,7 +87,7 @@ async def test_an_emergency_stop_is_explained_downloaded_and_another_box_saved_o
     viewer, driver = await served.page("viewer"), await served.page()
     await viewer.send(type="estop", id=1)
     assert (await viewer.one("answer", id=1))["ok"]
-    await eventually(lambda: list(folder.glob("*_estop.blackbox")))
+    await eventually(lambda: list(folder.glob("*_estop*.blackbox")))
 
     async def get(path: str, role: str = "viewer") -> tuple[int, bytes]:
         cookie = served.cookie(role) if role else {}
@@ -98,7 +99,7 @@ async def test_an_emergency_stop_is_explained_downloaded_and_another_box_saved_o
     ] * 3
     status, body = await get("/boxes")
     assert status == 200
-    (saved,) = folder.glob("*_estop.blackbox")
+    (saved,) = folder.glob("*_estop*.blackbox")
     (box,) = [each for each in json.loads(body)["boxes"] if each["name"] == saved.stem]
     status, body = await get(f"/boxes/{box['name']}/words")
     story: dict[str, Any] = json.loads(body)

@@ -14,6 +14,7 @@ is compressed (gzip) and has ``saved`` in its header.
 
 from __future__ import annotations
 
+import re
 import struct
 import zlib
 from itertools import pairwise
@@ -42,6 +43,8 @@ SEGMENT = struct.Struct("<BQ")
 ALIGN = 4096
 INFLATED_MOST = 16 << 20
 """No box is larger; a file that is makes no reader run out of memory."""
+HEADER_MOST = 1 << 18
+"""No header is larger."""
 
 
 class NotABox(YahboomdError):
@@ -126,6 +129,19 @@ class Box(msgspec.Struct, frozen=True, kw_only=True):
     cut: bool = False
 
 
+def settings_of(header: Header, section: str) -> dict[str, Any]:
+    """One section of the configuration in a header; empty where that has none."""
+    found = header.config.get(section)
+    return found if isinstance(found, dict) else {}
+
+
+def robot_slug(header: Header) -> str:
+    """The robot's namespace and port, as they stand in the names of files; empty for neither."""
+    namespace = str(settings_of(header, "zenoh").get("namespace", ""))
+    port = str(settings_of(header, "serial").get("port", "")).rpartition("/")[2]
+    return "-".join(re.sub("[^A-Za-z0-9]+", "-", each)[:20] for each in (namespace, port) if each)
+
+
 def encode_header(header: Header) -> bytes:
     """The bytes up to the first segment."""
     words = msgspec.json.encode(header)
@@ -143,6 +159,32 @@ def read_box(data: bytes) -> Box:
         NotABox: It is none, or one of a later version.
     """
     data, cut = _inflated(data)
+    header, begin = _header(data)
+    found: list[tuple[int, list[Record], bool]] = []
+    for start in range(begin, len(data) - SEGMENT.size, header.segment_bytes):
+        used, number = SEGMENT.unpack_from(data, start)
+        if used:
+            segment = data[start + SEGMENT.size : start + header.segment_bytes]
+            found.append((number, *_records(segment)))
+    found.sort(key=lambda each: each[0])
+    records = [record for _, some, _ in found for record in some]
+    damaged = sum(damaged for *_, damaged in found)
+    # A file that was cut after the ring had gone round lacks some in the middle.
+    missing = sum(after[0] - before[0] > 1 for before, after in pairwise(found))
+    return Box(header=header, records=records, damaged=damaged + missing, cut=cut)
+
+
+def read_header(data: bytes) -> Header:
+    """Read the header of a ring or a saved file alone.
+
+    Raises:
+        NotABox: As :func:`read_box`.
+    """
+    return _header(_inflated(data, HEADER_MOST)[0])[0]
+
+
+def _header(data: bytes) -> tuple[Header, int]:
+    """The header, and where the segments begin."""
     if len(data) < PREFIX.size or not data.startswith(MAGIC[:6]):
         raise NotABox("This is no black box of yahboomd.")
     magic, begin, length = PREFIX.unpack_from(data)
@@ -158,27 +200,16 @@ def read_box(data: bytes) -> Box:
         raise NotABox(f"The header of this black box is damaged: {error}.") from error
     if header.format != FORMAT or header.segment_bytes <= SEGMENT.size:
         raise NotABox(f"The format {header.format} of this black box is not known.")
-    found: list[tuple[int, list[Record], bool]] = []
-    for start in range(begin, len(data) - SEGMENT.size, header.segment_bytes):
-        used, number = SEGMENT.unpack_from(data, start)
-        if used:
-            segment = data[start + SEGMENT.size : start + header.segment_bytes]
-            found.append((number, *_records(segment)))
-    found.sort(key=lambda each: each[0])
-    records = [record for _, some, _ in found for record in some]
-    damaged = sum(damaged for *_, damaged in found)
-    # A file that was cut after the ring had gone round lacks some in the middle.
-    missing = sum(after[0] - before[0] > 1 for before, after in pairwise(found))
-    return Box(header=header, records=records, damaged=damaged + missing, cut=cut)
+    return header, begin
 
 
-def _inflated(data: bytes) -> tuple[bytes, bool]:
+def _inflated(data: bytes, most: int = INFLATED_MOST) -> tuple[bytes, bool]:
     """The bytes of the ring, and whether the saved file was cut."""
     if not data.startswith(GZIP):
         return data, False
     inflate = zlib.decompressobj(16 + zlib.MAX_WBITS)
     try:
-        return inflate.decompress(data, INFLATED_MOST), not inflate.eof
+        return inflate.decompress(data, most), not inflate.eof
     except zlib.error as error:
         raise NotABox(f"This file is damaged: {error}.") from error
 

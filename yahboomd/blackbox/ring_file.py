@@ -16,7 +16,7 @@ import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from yahboomd.blackbox.box_file import Header, encode_header, read_box
+from yahboomd.blackbox.box_file import Header, encode_header, read_box, robot_slug
 from yahboomd.blackbox.records import Ended
 from yahboomd.blackbox.ring import Ring
 
@@ -71,7 +71,7 @@ class RingFile:
     def __init__(self, folder: Path, header: Header) -> None:
         head = encode_header(header)
         size = len(head) + SEGMENTS * header.segment_bytes
-        name = secrets.token_hex(4)
+        name = "-".join(filter(None, (robot_slug(header), secrets.token_hex(4))))
         self._path = folder / f"blackbox-{name}{SUFFIX}"
         unfinished = self._path.with_suffix(UNFINISHED)
         flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC

@@ -25,7 +25,10 @@ ROOM_BYTES = 16 << 20
 """A disk with less room is left alone: what else the robot writes is worth more."""
 
 SUFFIX = ".blackbox"
-_NAME = re.compile(r"(?P<number>\d{6,})_(?P<stamp>\d{8}T\d{6}Z)_(?P<reason>[a-z_]+)\.blackbox")
+_NAME = re.compile(
+    r"(?P<number>\d{6,})_(?P<stamp>\d{8}T\d{6}Z)_(?P<reason>[a-z_]+)"
+    r"(\.(?P<robot>[A-Za-z0-9-]+))?\.blackbox"
+)
 _UNFINISHED = ".unfinished-"
 _UNFINISHED_NS = 600 * NS_PER_S
 
@@ -78,12 +81,13 @@ def box_bytes(path: Path) -> bytes:
     return data
 
 
-def save_box(folder: Path, data: bytes, *, reason: str, wall_ns: int) -> Path:
+def save_box(folder: Path, data: bytes, *, reason: str, wall_ns: int, robot: str = "") -> Path:
     """Write a box, and remove others until there is room for it; returns its file.
 
     Args:
         folder: An existing folder.
         reason: In a word.
+        robot: Its name, for the file's.
 
     Raises:
         OSError: The disk is full, gone or read-only. Nothing is left of it.
@@ -100,7 +104,7 @@ def save_box(folder: Path, data: bytes, *, reason: str, wall_ns: int) -> Path:
         number = max((box.number for box in saved_boxes(folder)), default=0)
         while True:
             number += 1
-            path = folder / f"{number:06}_{stamp}_{reason}{SUFFIX}"
+            path = folder / f"{number:06}_{stamp}_{reason}{robot and f'.{robot}'}{SUFFIX}"
             # Another daemon may save into the same folder.
             if any(box.number == number for box in saved_boxes(folder)):
                 continue

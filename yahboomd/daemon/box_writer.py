@@ -13,7 +13,15 @@ from typing import NamedTuple, TypeVar
 
 from msgspec import structs
 
-from yahboomd.blackbox.box_file import Header, NotABox, Saved, deflated, encode_header, read_box
+from yahboomd.blackbox.box_file import (
+    Header,
+    NotABox,
+    Saved,
+    deflated,
+    encode_header,
+    read_box,
+    robot_slug,
+)
 from yahboomd.blackbox.ring_file import LeftRing, left_rings
 from yahboomd.blackbox.saved_boxes import save_box, saved_boxes
 from yahboomd.clock import Clock
@@ -157,7 +165,11 @@ class BoxWriter:
             prepare_folder(self._folder)
             data = deflated(encode_header(header) + segments)
             path = save_box(
-                self._folder, data, reason=header.saved.reasons[0], wall_ns=header.saved.wall_ns
+                self._folder,
+                data,
+                reason=header.saved.reasons[0],
+                wall_ns=header.saved.wall_ns,
+                robot=robot_slug(header),
             )
         except OSError as error:
             return self._failed(f"{self._folder}: {error.strerror or error}")

@@ -46,6 +46,7 @@ class PageBoxes:
                 "name": _name(each),
                 "kind": each["kind"],
                 "reason": _reason(each),
+                "robot": each["robot"],
                 "at_s": each["written_ns"] / 1e9,
                 "bytes": each["bytes"],
             }
@@ -112,9 +113,8 @@ class PageBoxes:
         self._waiting += 1
         try:
             async with self._turn:
-                # Where boxes are is in the configuration; a daemon is not asked.
-                config = [each for each in self._robot if each.startswith(("--config=", "--set="))]
-                return await output_of(["blackbox", *arguments, *config])
+                # Of several robots on one machine those of the page's own are meant.
+                return await output_of(["blackbox", *arguments, *self._robot])
         finally:
             self._waiting -= 1
 
@@ -125,4 +125,5 @@ def _name(box: dict[str, Any]) -> str:
 
 def _reason(box: dict[str, Any]) -> str:
     """The word in the name of a saved box's file."""
-    return Path(box["path"]).stem.rpartition("Z_")[2] if box["kind"] == "saved" else ""
+    stem = Path(box["path"]).stem if box["kind"] == "saved" else ""
+    return stem.rpartition("Z_")[2].partition(".")[0]

@@ -6,11 +6,13 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+import msgspec
 import pytest
-from made_boxes import saved_box
+from made_boxes import HEADER, saved_box
 from zenoh_fixtures import free_endpoint
 
 from yahboomd.blackbox.records import Decision
+from yahboomd.blackbox.ring_file import RingFile
 from yahboomd.blackbox.saved_boxes import save_box
 from yahboomd.cli.blackbox import box_places
 from yahboomd.cli.main import main
@@ -86,7 +88,8 @@ def test_beside_a_daemon_it_names_the_box_that_is_not_saved_yet(
     blackbox: Blackbox, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def boxes(where: box_places.Places) -> list[box_places.Found]:
-        ring = box_places.Found(Path("/run/blackbox-7.ring"), "7", "running", 0, 1)
+        robot = box_places.Robot(namespace="bot1")
+        ring = box_places.Found(Path("/run/blackbox-7.ring"), "7", "running", 0, 1, robot)
         return [*(each for each in found(where) if each.kind == "saved"), ring]
 
     found = box_places.boxes
@@ -123,3 +126,70 @@ def test_what_is_not_there_is_refused(blackbox: Blackbox, tmp_path: Path) -> Non
     assert "`yahboomd blackbox`" in err.replace(".venv/bin/", "")
     status, _, err = blackbox("save", "--connect", free_endpoint(), "--timeout", "0.2")
     assert status == 69
+
+
+def box_of(namespace: str, port: str, listen: str, why: str) -> bytes:
+    config = {"zenoh": {"namespace": namespace, "listen": [listen]}, "serial": {"port": port}}
+    drives = Decision(state="driving", driver="cmd_vel", why="cmd_vel drives.")
+    stands = Decision(state="standing", driver="", why=why)
+    return saved_box((20.0, drives), (12.41, stands), config=config)
+
+
+def test_of_several_robots_it_tells_the_story_of_the_one_that_the_options_name(
+    blackbox: Blackbox, tmp_path: Path
+) -> None:
+    folder = tmp_path / "state" / "blackbox"
+    for path in folder.iterdir():
+        path.unlink()
+    robots = {
+        ("left", "/dev/ttyUSB0", "tcp/0.0.0.0:7001"): "Left stands.",
+        ("right", "/dev/ttyUSB1", "tcp/127.0.0.1:7002"): "Right stands.",
+        ("", "/dev/ttyUSB2", "tcp/127.0.0.1:7003"): "The other stands.",
+    }
+    for number, (robot, why) in enumerate(robots.items()):
+        save_box(folder, box_of(*robot, why), reason="estop", wall_ns=10**18 + number)
+    for words, whose in {
+        ("--namespace", "left"): "Left",
+        ("--set", "zenoh.namespace=right"): "Right",
+        ("--connect", "tcp/127.0.0.1:7001"): "Left",
+        ("--connect", "tcp/127.0.0.1:7002"): "Right",
+        ("--port", "/dev/ttyUSB2"): "The other",
+        ("--namespace", ""): "The other",
+    }.items():
+        status, out, err = blackbox("explain", *words)
+        assert status == 0
+        assert f"{whose} stands." in out
+        # Whose it is, and how to ask for the others.
+        namespace, port, _ = next(key for key, why in robots.items() if why.startswith(whose))
+        assert f"{f'robot {namespace}, ' if namespace else ''}board on {port}, process" in out
+        assert ("Of the robot without a namespace on /dev/ttyUSB2: " in err) == (
+            whose != "The other"
+        )
+        _, out, _ = blackbox("list", "--json", *words)
+        (listed,) = [each for each in json.loads(out)["boxes"] if each["kind"] == "saved"]
+        assert port in listed["robot"]
+    status, _, err = blackbox("explain", "--namespace", "third")
+    assert status == 78
+    assert "no black box of this robot" in err
+
+
+def test_several_robots_that_run_and_no_option_is_a_question_and_no_story(
+    blackbox: Blackbox, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runs = tmp_path / "run"
+    runs.mkdir()
+    monkeypatch.setenv("RUNTIME_DIRECTORY", str(runs))
+    headers = [
+        msgspec.structs.replace(HEADER, config={"zenoh": {"namespace": name, "listen": [at]}})
+        for name, at in (("left", "tcp/127.0.0.1:7001"), ("right", "tcp/127.0.0.1:7002"))
+    ]
+    rings = [RingFile(runs, header) for header in headers]
+    assert sorted(path.name.rpartition("-")[0] for path in runs.iterdir()) == [
+        "blackbox-left",
+        "blackbox-right",
+    ]
+    status, out, err = blackbox("explain")
+    assert (status, out) == (78, "")
+    assert "`--namespace left`: robot left; `--namespace right`: robot right" in err
+    for ring in rings:
+        ring.close(keep=False)

@@ -9,12 +9,17 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from yahboomd.cli.shared_options import add_config_options, read_config
+from yahboomd.cli.shared_options import (
+    add_bus_options,
+    add_config_options,
+    add_port_option,
+    read_config,
+)
 from yahboomd.program import pasteable
 
 if TYPE_CHECKING:
     from yahboomd.blackbox.box_file import Box
-    from yahboomd.cli.blackbox.box_places import Found, Places
+    from yahboomd.cli.blackbox.box_places import Found, Places, Wanted
     from yahboomd.client import AsyncRobot
 
 DESCRIPTION = """\
@@ -28,6 +33,7 @@ examples:
   yahboomd blackbox                          what was saved, and what is in memory
   yahboomd blackbox explain                  why the robot stopped last, with times
   yahboomd blackbox explain 12               the box with this number; a file will do, too
+  yahboomd blackbox explain --namespace bot1 of this robot, where several are on one machine
   yahboomd blackbox explain --json | jq .why
   yahboomd blackbox export 12 stop.mcap      for Foxglove and other readers of MCAP
   yahboomd blackbox save                     save it now, by the daemon
@@ -78,6 +84,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     for each in (parser, listing, explain, save):
         each.add_argument("--json", action="store_true", help="print JSON, for programs")
     for each in (listing, explain, export):
+        add_bus_options(each)
+        add_port_option(each)
         add_config_options(each)
     add_robot_options(save)
 
@@ -86,35 +94,50 @@ def run(args: argparse.Namespace) -> int:
     """Carry out one verb."""
     if args.verb == "save":
         return _save(args)
-    where = _places(args)
+    where, wanted = _places(args)
     from yahboomd.cli.blackbox.box_places import boxes, choose, load
 
     found = boxes(where)
     match args.verb:
         case "explain":
-            path = choose(found, args.box)
+            path = choose(found, args.box, wanted)
             _explain(load(path), path, as_json=args.json)
             if args.box is None:
                 _name_others(found, path)
         case "export":
             from yahboomd.cli.blackbox.box_export import export
 
-            count = export(load(choose(found, args.box)), args.path)
+            count = export(load(choose(found, args.box, wanted)), args.path)
             print(f"Wrote {count} messages to {args.path}.")
         case _:
-            _list(found, where, as_json=args.json)
+            own = [each for each in found if wanted.fits(each.robot)] if wanted.named else found
+            _list(own, where, as_json=args.json)
     return os.EX_OK
 
 
-def _places(args: argparse.Namespace) -> Places:
-    from yahboomd.cli.blackbox.box_places import places
+def _places(args: argparse.Namespace) -> tuple[Places, Wanted]:
+    """Where boxes are, and whose are meant."""
+    from yahboomd.cli.blackbox.box_places import Wanted, places
+    from yahboomd.config import Config
     from yahboomd.config.models import blackbox_folder
 
-    if not hasattr(args, "config"):
-        args.config, args.overrides = None, []
+    for name, default in (("config", None), ("overrides", []), ("namespace", None), ("port", None)):
+        if not hasattr(args, name):
+            setattr(args, name, default)
     loaded = read_config(args)
-    own = blackbox_folder(loaded.config, os.environ, loaded.path, user_id=os.geteuid())
-    return places(os.environ, own)
+    config, usual = loaded.config, Config().zenoh
+    own = blackbox_folder(config, os.environ, loaded.path, user_id=os.geteuid())
+    connect = tuple(getattr(args, "connect", None) or ())
+    elsewhere = (config.zenoh.listen, config.zenoh.connect) != (usual.listen, usual.connect)
+    is_named = args.namespace is not None or config.zenoh.namespace != usual.namespace
+    named = is_named or elsewhere or bool(connect or config.serial.port)
+    wanted = Wanted(
+        namespace=config.zenoh.namespace if is_named or not named else None,
+        endpoints=connect or (config.zenoh.listen if elsewhere or not named else ()),
+        port=config.serial.port,
+        named=named,
+    )
+    return places(os.environ, own), wanted
 
 
 def _list(found: list[Found], where: Places, *, as_json: bool) -> None:
@@ -129,17 +152,20 @@ def _list(found: list[Found], where: Places, *, as_json: bool) -> None:
                 "path": str(each.path),
                 "written_ns": each.written_ns,
                 "bytes": each.size,
+                "robot": "" if each.robot is None else each.robot.words,
             }
             for each in found
         ]
         print(json.dumps({"boxes": rows, "denied": [str(each) for each in where.denied]}))
         return
     for each in found:
-        reason = each.path.stem.rpartition("Z_")[2] if each.kind == "saved" else WORDS[each.kind]
+        saved = each.path.stem.rpartition("Z_")[2].partition(".")[0]
+        reason = saved if each.kind == "saved" else WORDS[each.kind]
+        robot = "" if each.robot is None else f"  {each.robot.words}"
         size = f"{each.size / 1024:.0f} kB"
         print(
             f"{each.name:>9}  {utc(each.written_ns)[:19]}  {reason:<26}  {size:>7}  "
-            f"{plain(str(each.path))}"
+            f"{plain(str(each.path))}{robot}"
         )
     for folder in where.denied:
         from yahboomd.cli.blackbox.box_places import REMEDY
@@ -150,9 +176,12 @@ def _list(found: list[Found], where: Places, *, as_json: bool) -> None:
 
 
 def _name_others(found: list[Found], shown: Path) -> None:
-    """Name the newest box of the other kind: saved, or of a daemon that runs."""
-    running = [each for each in found if each.kind == "running"]
-    saved = [each for each in found if each.kind != "running"]
+    """Name the newest box of the other kind, saved or of a daemon that runs, and other robots."""
+    robot = next((each.robot for each in found if each.path == shown), None)
+    key = robot and robot.key
+    own = [each for each in found if each.robot and each.robot.key == key]
+    running = [each for each in own if each.kind == "running"]
+    saved = [each for each in own if each.kind != "running"]
     here = any(each.path == shown for each in running)
     others = saved if here else running
     if others:
@@ -161,15 +190,25 @@ def _name_others(found: list[Found], shown: Path) -> None:
             pasteable(f"\n{words}: `yahboomd blackbox explain {others[-1].name}`."),
             file=sys.stderr,
         )
+    newest = max(found, key=lambda each: each.written_ns)
+    beside = [each.robot for each in found if each.kind == "running" or each == newest]
+    for other in {each.key: each for each in beside if each and each.key != key}.values():
+        words = f"Of {other.words}: `yahboomd blackbox explain {other.option}`."
+        print(pasteable(words), file=sys.stderr)
 
 
 def _explain(box: Box, path: Path, *, as_json: bool) -> None:
+    from yahboomd.cli.blackbox.box_places import robot_of
     from yahboomd.cli.blackbox.box_story import before, story, summary, utc, wall_clock
 
     text, wall_clock_ns = story(box), wall_clock(box)
     if as_json:
+        robot = robot_of(box.header)
         facts = {
             "path": str(path),
+            "robot": robot.words,
+            "namespace": robot.namespace,
+            "port": robot.port,
             "version": box.header.version,
             "reasons": list(box.header.saved.reasons) if box.header.saved else [],
             "why": text.why,

@@ -9,14 +9,108 @@ from glob import glob
 from pathlib import Path
 from typing import NamedTuple
 
-from yahboomd.blackbox.box_file import Box, NotABox, read_box
+from yahboomd.blackbox.box_file import (
+    Box,
+    Header,
+    NotABox,
+    read_box,
+    read_header,
+    settings_of,
+)
 from yahboomd.blackbox.ring_file import is_live, ring_folder, rings
 from yahboomd.blackbox.saved_boxes import box_bytes, saved_boxes
 from yahboomd.cli.blackbox.box_story import last_stop, wall_clock
 from yahboomd.cli.stop.stop_local import folders
 from yahboomd.errors import ConfigError
+from yahboomd.program import plain
 
 SERVICES = "/var/lib/yahboomd*/blackbox"
+
+
+class Robot(NamedTuple):
+    """The robot of a black box, by the configuration in it.
+
+    Attributes:
+        listen: The endpoints at which its daemon listened.
+        connect: The routers that it joined.
+    """
+
+    namespace: str = ""
+    port: str = ""
+    listen: tuple[str, ...] = ()
+    connect: tuple[str, ...] = ()
+
+    @property
+    def key(self) -> tuple[str, ...]:
+        """Tells robots from each other; their endpoints may change."""
+        return (self.namespace, self.port) if self.namespace or self.port else self.listen
+
+    @property
+    def words(self) -> str:
+        """``robot bot1 on /dev/ttyUSB0``."""
+        name = f"robot {self.namespace}" if self.namespace else "the robot without a namespace"
+        return plain(f"{name}{f' on {self.port}' if self.port else ''}")
+
+    @property
+    def option(self) -> str:
+        """The option that names it, for a shell; the endpoint where it has no namespace."""
+        if self.namespace:
+            return plain(f"--namespace {self.namespace}")
+        return plain(f"--connect {self.listen[0]}" if self.listen else f"--port {self.port}")
+
+
+class Wanted(NamedTuple):
+    """The robot that the options of a command describe.
+
+    Attributes:
+        namespace: None for any.
+        endpoints: Where its daemon is reached; empty for anywhere.
+        port: Empty for any.
+        named: Whether options or the configuration name a robot; else it is the one that every
+            command reaches without them.
+    """
+
+    namespace: str | None
+    endpoints: tuple[str, ...]
+    port: str
+    named: bool
+
+    def fits(self, robot: Robot | None) -> bool:
+        """Whether a robot is, or may be, this one."""
+        if robot is None:
+            return not self.named
+        if self.namespace is not None and robot.namespace != self.namespace:
+            return False
+        if self.port and robot.port and robot.port != self.port:
+            return False
+        places = robot.listen + robot.connect
+        if not self.endpoints or not places:
+            return True
+        return any(_same_place(own, given) for own in places for given in self.endpoints)
+
+
+def _same_place(own: str, given: str) -> bool:
+    """Whether an endpoint is the same one, or reaches a daemon that listens on every interface."""
+    if own == given:
+        return True
+    protocol, _, port = own.rpartition(":")
+    return protocol.endswith(("/0.0.0.0", "/[::]")) and given.rpartition(":")[2] == port
+
+
+def robot_of(header: Header) -> Robot:
+    """The robot of a box."""
+    zenoh, serial = settings_of(header, "zenoh"), settings_of(header, "serial")
+
+    def endpoints(key: str) -> tuple[str, ...]:
+        found = zenoh.get(key)
+        return tuple(map(str, found)) if isinstance(found, list | tuple) else ()
+
+    return Robot(
+        namespace=str(zenoh.get("namespace", "")),
+        port=str(serial.get("port", "")),
+        listen=endpoints("listen"),
+        connect=endpoints("connect"),
+    )
 
 
 class Found(NamedTuple):
@@ -27,6 +121,7 @@ class Found(NamedTuple):
         kind: ``saved``; ``running`` for the ring of a daemon that runs, ``left`` for one that
             ended and whose ring is not saved yet.
         written_ns: When it was written last; Unix nanoseconds.
+        robot: None where the file cannot be read.
     """
 
     path: Path
@@ -34,6 +129,7 @@ class Found(NamedTuple):
     kind: str
     written_ns: int
     size: int
+    robot: Robot | None = None
 
 
 class Places(NamedTuple):
@@ -72,7 +168,7 @@ def places(environ: Mapping[str, str], own: Path | None) -> Places:
 def boxes(where: Places) -> list[Found]:
     """Every box that can be read, the oldest first."""
     found = [
-        Found(box.path, str(box.number), "saved", box.written_ns, box.size)
+        Found(box.path, str(box.number), "saved", box.written_ns, box.size, _robot(box.path))
         for folder in where.saved
         if folder not in where.denied and os.access(folder, os.R_OK)
         for box in saved_boxes(folder)
@@ -86,29 +182,73 @@ def boxes(where: Places) -> list[Found]:
                 box = read_box(data)
                 # What is written to memory leaves no time with the file.
                 last_ns = box.records[-1].at_ns if box.records else box.header.started_ns
-                found.append(Found(path, name, kind, wall_clock(box)(last_ns), len(data)))
+                at_ns, robot = wall_clock(box)(last_ns), robot_of(box.header)
+                found.append(Found(path, name, kind, at_ns, len(data), robot))
     return sorted(found, key=lambda each: (each.kind == "running", each.written_ns))
 
 
-def choose(found: list[Found], wanted: str | None) -> Path:
+def _robot(path: Path) -> Robot | None:
+    with contextlib.suppress(OSError, NotABox):
+        return robot_of(read_header(box_bytes(path)))
+    return None
+
+
+def of_robot(found: list[Found], wanted: Wanted) -> list[Found]:
+    """The boxes of the robot that is meant.
+
+    Without a name it is the only one, or the one that every command reaches without options.
+
+    Raises:
+        ConfigError: There are several, and no option names one.
+    """
+    pool = [each for each in found if wanted.fits(each.robot)] if wanted.named else found
+    if not pool:
+        return []
+    newest = _newest_stop(pool)
+    robots = {
+        each.robot.key: each.robot
+        for each in pool
+        if each.robot is not None and (each.kind == "running" or each == newest)
+    }
+    if len(robots) > 1:
+        usual = [each for each in robots.values() if not wanted.named and wanted.fits(each)]
+        if len(usual) != 1:
+            listed = "; ".join(f"`{each.option}`: {each.words}" for each in robots.values())
+            raise ConfigError(
+                "Several robots have black boxes on this machine.", remedy=f"Name one. {listed}."
+            )
+        robots = {usual[0].key: usual[0]}
+    return [each for each in pool if each.robot is None or each.robot.key in robots]
+
+
+def choose(found: list[Found], wanted: str | None, robot: Wanted | None = None) -> Path:
     """The box that a person means: a file, a number, a ring's name; without any the newest stop.
+
+    Args:
+        wanted: The person's words for the box.
+        robot: The robot that options describe.
 
     Raises:
         ConfigError: There is none, or several.
     """
     if wanted is None:
-        if not found:
+        own = found if robot is None else of_robot(found, robot)
+        if not own:
+            here = "of this robot " if found else ""
             raise ConfigError(
-                "There is no black box on this machine.",
+                f"There is no black box {here}on this machine.",
                 remedy="A daemon saves one when the robot stops for a reason; "
                 "`yahboomd blackbox save` saves one now.",
             )
-        return _newest_stop(found).path
+        return _newest_stop(own).path
     path = Path(wanted)
     if path.is_file():
         return path
     name = wanted.lstrip("0") or wanted
     fitting = [each for each in found if each.name in (wanted, name)]
+    if robot is not None and len(fitting) > 1:
+        # Services of one machine count their boxes from 1 each.
+        fitting = [each for each in fitting if robot.fits(each.robot)] or fitting
     if len(fitting) == 1:
         return fitting[0].path
     if fitting:

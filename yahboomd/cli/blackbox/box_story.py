@@ -9,7 +9,7 @@ from operator import itemgetter
 from typing import NamedTuple
 
 from yahboomd.blackbox import records
-from yahboomd.blackbox.box_file import Box
+from yahboomd.blackbox.box_file import Box, settings_of
 from yahboomd.blackbox.records import Record
 from yahboomd.model import NS_PER_S
 from yahboomd.program import plain
@@ -101,13 +101,15 @@ def summary(box: Box) -> str:
     header = box.header
     first_ns = box.records[0].at_ns if box.records else header.started_ns
     last_ns = box.records[-1].at_ns if box.records else header.started_ns
-    name = header.config.get("zenoh", {}).get("namespace", "")
+    name = plain(str(settings_of(header, "zenoh").get("namespace", "")))
+    port = plain(str(settings_of(header, "serial").get("port", "")))
+    robot = (name and f", robot {name}") + (port and f", board on {port}")
     reasons = header.saved.reasons if header.saved else ("it is not saved yet",)
     why = ", then ".join(REASONS.get(reason, reason) for reason in reasons)
     wall_clock_ns = wall_clock(box)
     from_to = f"{utc(wall_clock_ns(first_ns))} to {utc(wall_clock_ns(last_ns))}"
     words = [
-        f"yahboomd {header.version}{f', robot {name}' if name else ''}, process {header.pid}",
+        f"yahboomd {header.version}{robot}, process {header.pid}",
         f"{from_to}: {(last_ns - first_ns) / NS_PER_S:.1f} s, {len(box.records)} records",
         f"saved for: {why}" if header.saved else "the ring of a daemon, not saved yet",
     ]

@@ -41,7 +41,7 @@ export function create({ live, connection }) {
     }
   }
 
-  function row({ name, kind, reason, at_s, bytes }) {
+  function row({ name, kind, reason, robot, at_s, bytes }) {
     const story = el("div", { class: "story", hidden: true });
     const why = el("button", { type: "button", "aria-expanded": "false", onclick: () => explain(name, why, story) }, "Why did it stop?");
     const file = el("a", { href: `/boxes/${name}`, download: "" }, "Download", el("small", {}, ` ${amount(bytes)}`));
@@ -49,6 +49,7 @@ export function create({ live, connection }) {
       "li",
       { class: "card" },
       el("div", { class: "line" }, el("b", {}, REASONS[reason] ?? KINDS[kind] ?? reason), el("span", { class: "fact" }, kind === "running" ? "" : stamp(at_s))),
+      el("p", { class: "note" }, robot),
       el("div", { class: "links" }, why, ...(kind === "saved" ? [file] : [])),
       story,
     );
