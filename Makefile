@@ -138,7 +138,7 @@ wirings: $(VENV)/.dev ## `setup` on all 384 ways to connect four motors, each wi
 	YAHBOOMD_EVERY_WIRING=1 $(PYTEST) $(PARALLEL) -q tests/cli/setup/test_setup_wizard.py -k four_wheels
 
 ##@ Measure
-.PHONY: bench bench-short ratios black-box footprint page-figures calibration tuning tuning-kills picture
+.PHONY: bench bench-short ratios black-box footprint page-figures calibration tuning tuning-kills estop-kills picture
 $(VENV)/.bench: $(VENV)/.dev
 	@$(PYTHON) tools/bootstrap.py $(VENV) uvloop || echo "bench: there is no uvloop here; its rows are left out"
 	@touch $@
@@ -172,6 +172,9 @@ tuning: $(VENV)/.dev ## `tune` on every motor profile from every bad start, the 
 
 tuning-kills: $(VENV)/.dev ## `tune` killed at random moments, also with the supply lost within a write; then --undo (RUNS=60: ten minutes)
 	RUNS=$(or $(RUNS),60) $(PYTEST) $(PARALLEL) -rP tests/cli/tune/killed_runs.py $(ARGS)
+
+estop-kills: $(VENV)/.dev ## daemons killed right after they reported an emergency stop; what did the board hear? (RUNS=1000: half an hour)
+	RUNS=$(or $(RUNS),1000) SEED=$(SEED) $(PYTEST) -n 3 -rP tests/daemon/estop/estop_killed_runs.py $(ARGS)
 
 picture: $(VENV)/.dev ## drive the simulated robot, and draw docs/images/path.png
 	$(PY) tools/picture.py $(ARGS)

@@ -33,6 +33,8 @@ async def test_engaging_says_what_was_done_and_once_more_that_it_was_done_alread
         await bench.ready()
         assert bench.operator.engage_estop("a test") == "Emergency stop engaged by a test."
         assert "already" in bench.operator.engage_estop("another")
+        await bench.until(lambda: "estop" in bench.heard.kinds)
+        await asyncio.sleep(1.0)
         assert bench.heard.kinds.count("estop") == 1
 
 
@@ -168,7 +170,7 @@ async def test_an_acknowledgement_says_when_the_stop_would_not_survive_a_restart
     words = bench.operator.engage_estop("a test")
     # The wheels do not wait for the disk.
     assert bench.controller.state()[0] == "estopped"
-    message = await bench.operator.remembered(words)
+    message = (await bench.operator.acknowledged(words)).message
     assert message.startswith("Emergency stop engaged by a test.")
     assert ("would not survive a restart" in message) is hangs
     assert ("not on file" in bench.controller.state()[1]) is hangs
@@ -221,23 +223,20 @@ class Bus:
         self.handlers[key] = handler
         self.options[key] = options
 
-    def answer(self, asked: Request) -> Response:
-        """The answer; that of an e-stop comes when its latch is on file."""
+    async def answer(self, asked: Request) -> Response:
+        """The answer; that of an e-stop comes when it was sent and its latch is on file."""
         response = self.handlers[asked.key](asked)
         if isinstance(response, Response):
             return response
         # Each time it waits for half a second, which a busy disk may need several times.
         assert any(self.settle() for _ in range(40))
-        with pytest.raises(StopIteration) as ended:
-            response.send(None)
-        answer: Response = ended.value.value
-        return answer
+        return await response
 
-    def ask(self, key: str, payload: bytes = b"", *, oversize: bool = False) -> Any:
+    async def ask(self, key: str, payload: bytes = b"", *, oversize: bool = False) -> Any:
         recognise = self.options[key].get("harmless")
         harmless = recognise is None or (recognise(payload) and not oversize)
         asked = request(key, payload, oversize=oversize, harmless=harmless)
-        response = self.answer(asked)
+        response = await self.answer(asked)
         assert response.encoding == "application/json;ServiceReply"
         return json.loads(response.payload)
 
@@ -293,10 +292,10 @@ async def test_the_emergency_stop_is_there_first_and_goes_before_everything(tmp_
 async def test_the_newest_sample_is_answered_as_it_is_published(tmp_path: Path) -> None:
     async with RobotBench(tmp_path) as bench:
         bus = served(bench)
-        response = bus.answer(request(keys.BATTERY, b""))
+        response = await bus.answer(request(keys.BATTERY, b""))
         assert response.encoding == "application/json;BatterySample"
         assert json.loads(response.payload) == {"stamp_ns": 1, "volts": 7.4}
-        before_the_first = bus.ask(keys.POSE)
+        before_the_first = await bus.ask(keys.POSE)
         assert not before_the_first["success"]
         assert before_the_first["message"] == "There was no sample on yahboomd/pose yet."
 
@@ -311,15 +310,15 @@ async def test_any_payload_engages(tmp_path: Path, payload: bytes, way: str) -> 
         if way == "sample":
             bus.estop_sample(payload)
         else:
-            assert bus.ask(keys.ESTOP, payload)["success"]
-        assert bench.controller.state()[0] == "estopped"
+            assert (await bus.ask(keys.ESTOP, payload))["success"]
+        await bench.until(lambda: bench.controller.state()[0] == "estopped")
 
 
 @on_virtual_time
 async def test_who_engaged_the_estop_is_named_as_the_query_says(tmp_path: Path) -> None:
     async with RobotBench(tmp_path) as bench:
         await bench.ready()
-        answer = served(bench).ask(keys.ESTOP, b'{"by": "the red button"}')
+        answer = await served(bench).ask(keys.ESTOP, b'{"by": "the red button"}')
         engaged = "engaged by the red button"
         assert answer["message"].startswith(f"Emergency stop {engaged}.")
         assert engaged in bench.controller.state()[1]
@@ -330,7 +329,7 @@ async def test_a_payload_too_large_to_be_read_engages(tmp_path: Path) -> None:
     async with RobotBench(tmp_path) as bench:
         await bench.ready()
         bus = served(bench)
-        assert bus.ask(keys.ESTOP, b'{"engaged": false}', oversize=True)["success"]
+        assert (await bus.ask(keys.ESTOP, b'{"engaged": false}', oversize=True))["success"]
         assert bench.controller.state()[0] == "estopped"
         bus.raised(3, 2)
         assert bench.controller.counters["estops"] == 4
@@ -356,7 +355,7 @@ async def test_what_asks_in_cdr_is_answered_in_cdr_whatever_becomes_of_it(
         ]
         for each in asked:
             answers = [
-                bus.answer(each),
+                await bus.answer(each),
                 # How one is answered that is too large, has wildcards, comes with too many others
                 # or fails in its handler.
                 bus.options[key]["fallback"]("Why not.", each),
@@ -377,11 +376,12 @@ async def test_a_well_formed_false_neither_engages_nor_releases(tmp_path: Path, 
             if way == "sample":
                 bus.estop_sample(b'{"engaged": false}')
             else:
-                answer = bus.ask(keys.ESTOP, b'{"engaged": false}')
+                answer = await bus.ask(keys.ESTOP, b'{"engaged": false}')
                 assert not answer["success"]
                 assert "estop/reset" in answer["message"]
             assert bench.controller.state()[0] == state
             bench.operator.engage_estop("a test")
+            await asyncio.sleep(0.05)
         assert bench.controller.counters["release_refused"] == 2
 
 
@@ -392,15 +392,15 @@ async def test_the_release_is_refused_with_its_reason_while_somebody_commands(
     async with RobotBench(tmp_path) as bench:
         await bench.ready()
         bus = served(bench)
-        bus.ask(keys.ESTOP)
+        await bus.ask(keys.ESTOP)
         bench.command(0.3)
-        answer = bus.ask(keys.ESTOP_RESET)
+        answer = await bus.ask(keys.ESTOP_RESET)
         assert not answer["success"]
         assert "cmd_vel" in answer["message"]
         bench.command(0.0)
-        assert not bus.ask(keys.ESTOP_RESET)["success"]
+        assert not (await bus.ask(keys.ESTOP_RESET))["success"]
         await asyncio.sleep(1.0)
-        assert bus.ask(keys.ESTOP_RESET)["success"]
+        assert (await bus.ask(keys.ESTOP_RESET))["success"]
 
 
 @on_virtual_time
@@ -412,7 +412,7 @@ async def test_a_pose_is_set_with_its_covariance_and_refused_with_its_reason(
         bus = served(bench)
         covariance = [0.04, 0, 0, 0, 0.09, 0, 0, 0, 0.01]
         wanted = {"x": 1, "y": -2, "theta": 7, "covariance": covariance}
-        assert bus.ask(keys.ODOMETRY_SET_POSE, json.dumps(wanted).encode())["success"]
+        assert (await bus.ask(keys.ODOMETRY_SET_POSE, json.dumps(wanted).encode()))["success"]
         count = len(bench.heard.estimates)
         await bench.until(lambda: len(bench.heard.estimates) > count + 2)
         estimate = bench.heard.estimates[-1]
@@ -425,10 +425,10 @@ async def test_a_pose_is_set_with_its_covariance_and_refused_with_its_reason(
             b'{"x": 1, "y": 2, "theta": NaN}',
             b'{"x": 1, "y": 2, "theta": ""}',
         ):
-            answer = bus.ask(keys.ODOMETRY_SET_POSE, bad)
+            answer = await bus.ask(keys.ODOMETRY_SET_POSE, bad)
             assert not answer["success"]
             assert "The pose stays as it is" in answer["message"]
-        assert bus.ask(keys.ODOMETRY_RESET)["success"]
+        assert (await bus.ask(keys.ODOMETRY_RESET))["success"]
         count = len(bench.heard.estimates)
         await bench.until(lambda: len(bench.heard.estimates) > count + 2)
         pose = bench.heard.estimates[-1].pose
@@ -440,22 +440,23 @@ async def test_a_pose_is_set_with_its_covariance_and_refused_with_its_reason(
 async def test_configuration_and_board_are_answered(tmp_path: Path) -> None:
     async with RobotBench(tmp_path) as bench:
         bus = served(bench)
-        assert bus.ask(keys.CONFIG)["data"] == {"zenoh": {"namespace": "bot1"}}
-        assert bus.ask(keys.BLACKBOX_SAVE)["data"] == {"path": "/a/box"}
-        nothing = bus.ask(keys.BOARD)
+        assert (await bus.ask(keys.CONFIG))["data"] == {"zenoh": {"namespace": "bot1"}}
+        assert (await bus.ask(keys.BLACKBOX_SAVE))["data"] == {"path": "/a/box"}
+        nothing = await bus.ask(keys.BOARD)
         assert not nothing["success"]
         assert nothing["message"] == "No board is connected."
         bus = served(bench, {"dialect": "streamed", "version": "1.7.3"})
-        assert bus.ask(keys.BOARD)["data"]["version"] == "1.7.3"
+        assert (await bus.ask(keys.BOARD))["data"]["version"] == "1.7.3"
 
 
 @on_virtual_time
 async def test_an_answer_speaks_the_language_of_the_question(tmp_path: Path) -> None:
     async with RobotBench(tmp_path) as bench:
         bus = served(bench)
-        response = bus.answer(request(keys.ESTOP, b"\x80"))
+        response = await bus.answer(request(keys.ESTOP, b"\x80"))
         assert response.encoding == "application/msgpack;ServiceReply"
-        assert msgspec.msgpack.decode(response.payload)["success"]
+        message = msgspec.msgpack.decode(response.payload)["message"]
+        assert message.startswith("Emergency stop engaged by a query on yahboomd/estop.")
         fallback = bus.options[keys.ESTOP]["fallback"]("Too many at once.", request("", b"{}"))
         assert json.loads(fallback.payload) == {
             "success": False,
@@ -506,5 +507,5 @@ async def test_an_estop_that_is_offered_elsewhere_too_is_an_alarm_there(tmp_path
         assert options["harmless"](cdr.boolean(False))
         assert not options["harmless"](cdr.boolean(True))
         assert not bus.harmless(cdr.boolean(False))
-        bus.answer(msgspec.structs.replace(request("/0/estop", b""), harmless=False))
+        await bus.answer(msgspec.structs.replace(request("/0/estop", b""), harmless=False))
         assert bench.controller.state()[0] == "estopped"

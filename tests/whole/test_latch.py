@@ -7,7 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from estop_kills import KillableRobot
 from real_robot import Client, RealRobot, wait_for
+
+from yahboomd.protocol.registry import DIALECTS
 
 pytestmark = pytest.mark.realtime
 
@@ -36,6 +39,18 @@ def test_the_emergency_stop_is_still_engaged_after_a_restart(
     second.drive_until(b'{"vx": 0.3}', lambda: robot.travelled_m() > goal_m, "it drives again")
 
 
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_a_daemon_that_is_killed_after_its_acknowledgement_has_stopped_the_robot(
+    tmp_path: Path, dialect: str
+) -> None:
+    # At length: `make estop-kills`.
+    robot = KillableRobot(tmp_path, dialect, seed=3)
+    try:
+        assert [robot.kill_one() for _ in range(5)] == [None] * 5
+    finally:
+        robot.close()
+
+
 def test_an_emergency_stop_that_could_not_be_written_is_written_when_it_can_be(
     real_robot: Callable[..., RealRobot], client: Callable[..., Client], tmp_path: Path
 ) -> None:
@@ -50,7 +65,7 @@ def test_an_emergency_stop_that_could_not_be_written_is_written_when_it_can_be(
     assert not first.ask("yahboomd/estop/reset")["success"]
     assert first.latest("status")["command"]["estop_not_on_file"] == 1
     disk.unlink()
-    assert first.ask("yahboomd/estop")["success"]
+    wait_for(lambda: first.ask("yahboomd/estop")["success"], "it is sent to the board")
     wait_for((disk / "estop").exists, "the latch is on file")
     robot.daemon.end(signal.SIGKILL)
     robot.start_daemon()

@@ -9,10 +9,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
 from typing import NoReturn
+
+import msgspec
 
 from yahboomd.clock import Clock, Schedule, nanoseconds, seconds
 from yahboomd.daemon.estop.latch import EstopLatch
+from yahboomd.daemon.estop.stop_reports import StopReports
 from yahboomd.daemon.fit import BLIND_S, ControlOptions, fit
 from yahboomd.daemon.interruptions import Pauses, Resets
 from yahboomd.daemon.publisher import Events, Outputs
@@ -129,6 +133,7 @@ class Controller:
         self._seen_ns = 0
         self._raw_ticks: Counts = (0, 0, 0, 0)
         self._alarm = clock.alarm(self._extra_step)
+        self.stop_reports = StopReports(clock, self._stop_outcome)
         self._period_ns = nanoseconds(options.period_s)
         self._blind_s = options.blind_s
         self._beats = Schedule(clock, self._period_ns)
@@ -232,8 +237,9 @@ class Controller:
         self.control_step()
 
     def close(self) -> None:
-        """Release the timer."""
+        """Release the timers."""
         self._alarm.close()
+        self.stop_reports.close()
         self._beats.close()
 
     def _drive(self, decision: Decision, now_ns: int, dt_s: float) -> None:
@@ -263,7 +269,7 @@ class Controller:
     def _stand(self, now_ns: int, *, at_once: bool) -> None:
         self._limiter.halt()
         if (fault := self._wheels.stand(now_ns, at_once=at_once)) is not None:
-            self._report(fault)
+            self._report_cut(fault)
             if fault.certain and (held := self._fault()) is not None:
                 # What it did last is more urgent than why it was cut.
                 words = f"{fault.message} It was cut because: {held.message}"
@@ -279,7 +285,7 @@ class Controller:
             )
             self._holds.add(hold)
             if hold.kind == FAULT:
-                self._report(fault)
+                self._report_cut(fault)
             self._outputs.changed()
         elif self._wheels.noisy:
             self.counters["noisy_doubts"] += 1
@@ -296,7 +302,8 @@ class Controller:
             "the motors are cut for a moment. Check the USB cable, its shield and its distance "
             f"from the motors' wires. If it goes on: {fault.message}"
         )
-        self.event(Event(kind="line_noisy", severity="warning", message=words, wheel=fault.motor))
+        event = Event(kind="line_noisy", severity="warning", message=words, wheel=fault.motor)
+        self.stop_reports.announce(partial(self._stopped, event))
         self._wheels.restart_check()
         # A board that was reset without a word has forgotten its motors, and obeys no speed.
         self._wheels.rearm()
@@ -310,6 +317,23 @@ class Controller:
     def _report(self, fault: Fault) -> None:
         self.counters[fault.kind] += 1
         self.event(fault.event())
+
+    def _report_cut(self, fault: Fault) -> None:
+        self.counters[fault.kind] += 1
+        self.stop_reports.announce(partial(self._stopped, fault.event()))
+
+    def _stopped(self, event: Event, problem: str) -> None:
+        """Report an event of which a stop is part, now that this was sent or cannot be."""
+        words = f"{event.message} {problem}".rstrip()
+        self.event(msgspec.structs.replace(event, message=words))
+
+    def _stop_outcome(self) -> str | None:
+        """For :class:`StopReports`."""
+        if self._wheels.attached:
+            return "" if self._wheels.stop_sent else None
+        holds = self._holds.active(self._clock.now_ns())
+        why = [hold.message for hold in holds if hold.kind == WAITING_FOR_BOARD]
+        return f"no board is connected: {' '.join(why) or 'No board yet.'}"
 
     # Callbacks of the link (link.connected_board.Listener).
 
@@ -409,7 +433,7 @@ class Controller:
         # It arms the board as well, to see the wheels stand.
         self._odometer.armed()
         self._limiter.halt()
-        self._wait("The connection to the board is being ended.")
+        self._wait("The connection to the board is being ended, which stops the wheels.")
         self._outputs.changed()
 
     def unavailable(self, error: YahboomdError) -> None:
@@ -439,10 +463,26 @@ class Controller:
 
     # What people ask for (daemon.operator).
 
-    def stop_now(self) -> None:
-        """Send a stop before everything else that is under way."""
+    def stop_now(self, event: Event | None = None) -> None:
+        """Send a stop before everything else that is under way.
+
+        Args:
+            event: Reported once the stop was sent, or cannot be.
+        """
         self._wheels.stop_again(self._clock.now_ns())
         self.control_step()
+        if event is not None:
+            self.stop_reports.announce(partial(self._stopped, event))
+
+    def wheels_seen(self) -> tuple[bool | None, float | None]:
+        """Whether the counts show that the wheels obeyed the latest stop, and the fastest of them.
+
+        Both are None where no counts come.
+        """
+        measured_m_s = self._wheels.measured_m_s
+        if not measured_m_s or self._holds.has(WAITING_FOR_BOARD):
+            return None, None
+        return self._wheels.stopped, max(map(abs, measured_m_s))
 
     @property
     def faulty(self) -> bool:
@@ -497,6 +537,7 @@ class Controller:
             decision=self._decision,
             latched=self._latch.latched,
             holds=holds,
+            stop_waits=self.stop_reports.waiting,
             commanded_zero=not any(self._wheels.command_m_s),
             measured_m_s=self._wheels.measured_m_s,
         )

@@ -110,7 +110,7 @@ OFFERS: dict[str, Offer] = {
     keys.ESTOP: Offer(
         request=EstopRequest,
         ros_type=ros2.SET_BOOL,
-        does="engages the emergency stop, and acknowledges",
+        does="engages the emergency stop, and acknowledges that it was sent",
     ),
     keys.ESTOP_RESET: Offer(
         ros_type=ros2.TRIGGER,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+import asyncio
+from collections.abc import Awaitable, Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -54,7 +55,7 @@ class Operator:
         self._released_ns: int | None = None
 
     def engage_estop(self, by: str, *, times: int = 1, unread: int = 0) -> str:
-        """Engage the emergency stop. Returns what was done.
+        """Engage the emergency stop. Returns what was done; :meth:`acknowledged` what came of it.
 
         Args:
             times: How often it was asked for since the last call.
@@ -62,27 +63,34 @@ class Operator:
         """
         controller = self._controller
         news = self._latch.engage(by, self._clock.now_ns())
+        how = " that was too long to be read" if unread else ""
+        words = f"Emergency stop engaged by {by}{how}."
+        event = Event(kind="estop", severity="warning", message=words) if news else None
         # The wheels first, then the disk, then the words.
-        controller.stop_now()
+        controller.stop_now(event)
         controller.counters["estops"] += times
         controller.counters["estops_unread"] += unread
         self._latch.remember()
-        if not news:
-            return "The emergency stop was engaged already."
-        how = " that was too long to be read" if unread else ""
-        words = f"Emergency stop engaged by {by}{how}."
-        controller.event(Event(kind="estop", severity="warning", message=words))
-        return words
+        return words if news else "The emergency stop was engaged already."
 
-    async def remembered(self, words: str) -> str:
-        """The words of an engaged e-stop once its latch is on file; a hung disk adds a sentence.
+    async def acknowledged(self, words: str) -> ServiceReply:
+        """The answer to an e-stop, once it was sent and is on file; within half a second.
 
         Args:
             words: What :meth:`engage_estop` returned.
+
+        Returns:
+            ``success``: it was sent. What is missing is in the message.
         """
-        if await self._latch.on_file():
-            return words
-        return f"{words} It is not on file yet, and would not survive a restart."
+        problem, on_file = await asyncio.gather(
+            self._controller.stop_reports.sent(), self._latch.on_file()
+        )
+        stands, fastest_m_s = (None, None) if problem else self._controller.wheels_seen()
+        sentences = [words, problem] if problem else [words]
+        if not on_file:
+            sentences.append("It is not on file yet, and would not survive a restart.")
+        data = {"sent": not problem, "stands": stands, "fastest_m_s": fastest_m_s}
+        return ServiceReply(success=not problem, message=" ".join(sentences), data=data)
 
     def refuse_release(self, by: str, *, times: int = 1) -> str:
         """Count attempts to release the e-stop where that is refused. Returns the words for them.
@@ -246,12 +254,13 @@ class Services:
         estop = key == keys.ESTOP
 
         async def acknowledged(request: Request, reply: ServiceReply) -> Response:
-            words = await self._operator.remembered(reply.message)
+            reply = await self._operator.acknowledged(reply.message)
+            words = f"{reply.message} {_seen(reply.data)}".rstrip()
             return encode(request, msgspec.structs.replace(reply, message=words))
 
         def respond(request: Request) -> Response | Awaitable[Response]:
             reply = action(request)
-            # The wheels are stopped; the acknowledgement follows when the latch is on file.
+            # The acknowledgement follows when the stop was sent and the latch is on file.
             later = estop and reply.success
             return acknowledged(request, reply) if later else encode(request, reply)
 
@@ -338,6 +347,18 @@ class Services:
         return Response(
             payload=encode_reply(reply, encoding), encoding=encoding_name(ServiceReply, encoding)
         )
+
+
+def _seen(data: Mapping[str, Any]) -> str:
+    """What the counts show of an e-stop that was sent; they follow it later than the answer."""
+    if not data["sent"]:
+        return ""
+    if data["stands"] is None:
+        return "It was sent; no counts show whether the wheels stand."
+    if data["stands"]:
+        return "It was sent, and the wheels stand."
+    speed = f"{data['fastest_m_s']:.2f} m/s"
+    return f"It was sent; at that moment the counts showed wheels at {speed}."
 
 
 def _refusal(reason: str, request: Request) -> str:

@@ -181,7 +181,7 @@ class Daemon:
         local = self._local = LocalStop(
             runtime_folder(self._environ, user_id=os.getuid()),
             engage=operator.engage_estop,
-            remembered=operator.remembered,
+            acknowledged=operator.acknowledged,
             facts=lambda: self._identity(supervisor),
         )
         status = Status(

@@ -59,6 +59,10 @@ class Board(Protocol):
         """Send the release of the motors until a speed replaces it."""
 
     @property
+    def stop_sent(self) -> bool:
+        """Whether the last command is a stop that has left this machine."""
+
+    @property
     def noisy(self) -> bool:
         """Whether commands may not arrive as they were sent."""
 
@@ -308,6 +312,11 @@ class Wheels:
     def stopped(self) -> bool:
         """Whether readings from after the stop show that the wheels obeyed it."""
         return self._stop_watch.state == "stopped"
+
+    @property
+    def stop_sent(self) -> bool:
+        """Whether the last command to a board is a stop that has left this machine."""
+        return self._board is not None and self._board.stop_sent
 
     @property
     def in_motion(self) -> bool:

@@ -92,17 +92,21 @@ def state_of(
     decision: Decision,
     latched: Latched | None = None,
     holds: Sequence[Hold] = (),
+    stop_waits: bool = False,
     commanded_zero: bool,
     measured_m_s: Sequence[float] | None = None,
 ) -> State:
     """The one word of ``status``; where several apply, the one that needs a person first.
 
     Args:
+        stop_waits: The stop of the latch, or of a fault, has not left this machine yet.
         commanded_zero: The latest frame to the board commands standstill.
     """
+    kinds = {hold.kind for hold in holds}
+    if stop_waits and (latched is not None or FAULT in kinds):
+        return "stopping"
     if latched is not None:
         return "estopped"
-    kinds = {hold.kind for hold in holds}
     if FAULT in kinds or BOARD_UNFIT in kinds:
         return "fault"
     if WAITING_FOR_BOARD in kinds:

@@ -114,6 +114,12 @@ class ConnectedBoard:
         self._poller.arm()
 
     @property
+    def stop_sent(self) -> bool:
+        """Whether the last command for the wheels is a stop, and nothing of it waits here."""
+        line = self._line
+        return not (line.writer.stopping or self._turning or line.port.queued())
+
+    @property
     def port_name(self) -> str:
         """The port, by name."""
         return self._line.port.name

@@ -121,6 +121,11 @@ class Writer:
         self._outbox.stop(frames)
         self._pump()
 
+    @property
+    def stopping(self) -> bool:
+        """Whether a stop waits to be written."""
+        return self._outbox.stopping
+
     def quiet(self) -> None:
         """Send no velocity any more."""
         self._outbox.quiet()

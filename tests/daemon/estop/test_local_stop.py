@@ -19,6 +19,7 @@ from zenoh_fixtures import PATIENCE_S, eventually
 from yahboomd.daemon.estop import local_stop
 from yahboomd.daemon.estop.local_socket import Listening
 from yahboomd.daemon.estop.local_stop import MAX_SILENT, MAX_WATCHING, LocalStop
+from yahboomd.messages.native import ServiceReply
 
 pytestmark = pytest.mark.realtime
 
@@ -32,7 +33,7 @@ class Robot:
         self.local = LocalStop(
             folder,
             engage=self.engage,
-            remembered=self.remembered,
+            acknowledged=self.acknowledged,
             facts=lambda: {"namespace": "bot1", "why": "At rest."},
         )
 
@@ -40,8 +41,8 @@ class Robot:
         self.engaged_by.append(by)
         return "Engaged."
 
-    async def remembered(self, words: str) -> str:
-        return words
+    async def acknowledged(self, words: str) -> ServiceReply:
+        return ServiceReply(success=True, message=words)
 
     async def ask(self, request: bytes, *, end: bool = False) -> list[dict[str, Any]]:
         """Send a request; the lines that come until the other side closes."""
@@ -72,11 +73,18 @@ async def until_engaged(robot: Robot, count: int = 1) -> None:
         await asyncio.sleep(0)
 
 
+async def until_watched(robot: Robot) -> None:
+    """Until it was sent, from when on the wheels are watched."""
+    while not robot.local._watches:
+        await asyncio.sleep(0)
+
+
 async def test_a_stop_is_acknowledged_and_then_the_standing_wheels_are_reported(
     robot: Robot,
 ) -> None:
     reader, writer = await robot.connect(b"stop by yahboomd stop\n")
-    assert json.loads(await reader.readline()) == {"engaged": True, "message": "Engaged."}
+    first = json.loads(await reader.readline())
+    assert first == {"engaged": True, "sent": True, "message": "Engaged."}
     for speed in (0.3, 0.01, 0.2, 0.01, -0.01, 0.02):
         robot.local.observe((speed, -speed))
     last = json.loads(await reader.readline())
@@ -92,7 +100,7 @@ async def test_another_program_on_the_local_socket_is_not_called_yahboomd_stop(
     robot: Robot,
 ) -> None:
     asking = asyncio.create_task(robot.ask(b"stop\n"))
-    await until_engaged(robot)
+    await until_watched(robot)
     robot.local.observe((0.0,))
     assert robot.engaged_by[0].startswith("the local socket (")
     for _ in range(3):
@@ -106,7 +114,7 @@ async def test_wheels_that_are_not_seen_to_stand_are_not_said_to(
 ) -> None:
     monkeypatch.setattr(local_stop, "STAND_WITHIN_S", 0.05)
     asking = asyncio.create_task(robot.ask(b"stop\n"))
-    await until_engaged(robot)
+    await until_watched(robot)
     if speed is not None:
         robot.local.observe((speed,))
     _, last = await asking
@@ -163,7 +171,7 @@ async def test_connections_that_send_nothing_lock_no_client_out(
     silent = [await robot.connect(b"") for _ in range(5 * MAX_SILENT)]
     assert (await robot.ask(b"status\n"))[0]["namespace"] == "bot1"
     asking = asyncio.create_task(robot.ask(b"stop\n"))
-    await until_engaged(robot)
+    await until_watched(robot)
     # Two more may have made room for those that asked.
     assert 0 <= robot.local.status_values()["local_dropped"] - 4 * MAX_SILENT <= 2
     for _ in range(3):
@@ -320,6 +328,7 @@ async def test_a_stop_is_obeyed_with_all_descriptors_taken_and_so_is_the_next(
             await asyncio.wait_for(until_engaged(robot, number), PATIENCE_S)
             while robot.local.status_values()["local_stops"] < number:
                 await asyncio.sleep(0)
+            await until_watched(robot)
             for _ in range(3):
                 robot.local.observe((0.0, 0.0))
             while robot.local._tasks:

@@ -50,7 +50,7 @@ async def engage(
         What came of it; None where no daemon answers.
     """
     robot = AsyncRobot(client_options(endpoints, config))
-    stood = False
+    stood = standing = False
     try:
         await robot.join(0.0)
         if port and await _elsewhere(robot, port):
@@ -59,7 +59,8 @@ async def engage(
         answer = await robot.request(keys.ESTOP, b'{"by":"yahboomd stop"}', urgent=True)
         if not answer.answered:
             return None
-        stood = answer.success and await robot.standing(within_s)
+        standing = await robot.standing(within_s)
+        stood = answer.success and standing
         wheels = robot.newest(WheelsSample)
     except BusError:
         return None
@@ -70,7 +71,7 @@ async def engage(
     again = release_command(config.zenoh.namespace, endpoints)
     return BusStop(
         stood=stood,
-        words=f"{answer.message} {verdict(fastest_m_s, stood=stood, again=again)}",
+        words=f"{answer.message} {verdict(fastest_m_s, stood=standing, again=again)}",
         daemons=answer.answered,
     )
 

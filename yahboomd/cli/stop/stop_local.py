@@ -297,7 +297,9 @@ def _outcome(robot: LocalDaemon, lines: Sequence[dict[str, Any]]) -> Outcome:
     fastest_m_s = float(fastest) if isinstance(fastest, int | float) else None
     blind = not stood and fastest_m_s is None
     missing = next((port for port in robot.ports if blind and not os.path.exists(port)), "")
-    if missing:
+    if blind and lines[0].get("sent") is False:
+        words += " The wheels may still turn: switch the motor supply off."
+    elif missing:
         words = (
             f"{words.removesuffix('.')}, but {missing} is gone, so no stop reached the board. "
             "The wheels may still turn: switch the motor supply off."

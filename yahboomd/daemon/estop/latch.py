@@ -73,10 +73,9 @@ class LatchKeeper:
         return "unknown (its file could not be read in time)"
 
     def engage(self, by: str) -> None:
-        """Have it put on file; returns at once. Asked again, it is tried again at once."""
+        """Have it put on file; returns at once. Each press looks whether the file is there."""
         with self._state:
-            if by != self._by or self._tried != self._done:
-                self._ask(by)
+            self._ask(by)
 
     def release(self) -> bool:
         """Remove the file; whether it is gone. Where it is not, the caller engages again."""

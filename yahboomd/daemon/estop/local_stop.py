@@ -24,6 +24,7 @@ from typing import Any
 from yahboomd.bus.blocking import bounded
 from yahboomd.daemon.estop.local_socket import Listening, Peer, listen, peer_of
 from yahboomd.drive.standing import STANDING_M_S
+from yahboomd.messages.native import ServiceReply
 from yahboomd.program import readable
 
 log = logging.getLogger(__name__)
@@ -38,7 +39,7 @@ MAX_SILENT = 16
 """Connections that have not asked yet; one more closes the oldest."""
 
 MAX_WATCHING = 32
-"""Connections that wait for standing wheels; one more learns only that the stop is engaged."""
+"""Connections that wait for what comes of it; one more learns only that the stop is engaged."""
 
 ACCEPTS = 4
 """In one iteration of the loop, so that a flood of connections does not starve the rest."""
@@ -90,7 +91,7 @@ class LocalStop:
 
     Args:
         engage: Engages the emergency stop, given who did; returns what was done.
-        remembered: Returns these words once the latch is on file, or says that it is not.
+        acknowledged: Given these words, returns the answer once the stop was sent and is on file.
         facts: Which robot this is, and its state.
     """
 
@@ -99,12 +100,12 @@ class LocalStop:
         folder: Path,
         *,
         engage: Callable[[str], str],
-        remembered: Callable[[str], Awaitable[str]],
+        acknowledged: Callable[[str], Awaitable[ServiceReply]],
         facts: Callable[[], dict[str, Any]],
     ) -> None:
         self._folder = folder
         self._engage = engage
-        self._remembered = remembered
+        self._acknowledged = acknowledged
         self._facts = facts
         self._listening: Listening | None = None
         self._silent: dict[_Connection, None] = {}
@@ -283,17 +284,20 @@ class LocalStop:
             words = self._engage(f"{_program(asked)} ({_user(peer)}, pid {peer.pid})")
             self._counters["stops"] += 1
             if len(self._tasks) >= MAX_WATCHING:
-                _send(sock, engaged=True, message=words)
+                words = f"{words} Too many wait to learn whether it was sent: see the status."
+                _send(sock, engaged=True, sent=None, message=words)
                 self._end(sock)
                 return
             watch = _Watch()
-            self._watches[watch] = None
             task = asyncio.ensure_future(self._report(sock, words, watch))
             self._tasks.add(task)
             task.add_done_callback(partial(self._ended, sock, watch))
 
     async def _report(self, sock: socket.socket, words: str, watch: _Watch) -> None:
-        _send(sock, engaged=True, message=await self._remembered(words))
+        reply = await self._acknowledged(words)
+        # Readings from before it was sent prove nothing.
+        self._watches[watch] = None
+        _send(sock, engaged=True, sent=reply.success, message=reply.message)
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(STAND_WITHIN_S):
                 await watch.standing.wait()

@@ -1,0 +1,170 @@
+"""What reports a stop follows the bytes of the stop; on virtual time."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import pytest
+from robot_bench import RobotBench
+
+from yahboomd.clock import LoopClock
+from yahboomd.daemon.estop.stop_reports import WITHIN_S, StopReports
+from yahboomd.model import Event
+from yahboomd.protocol.registry import DIALECTS
+from yahboomd.simulation.motors import MotorFaults
+from yahboomd.simulation.options import SimulationOptions
+from yahboomd.simulation.virtual_time import on_virtual_time
+
+AFTER_MS = range(0, 60, 3)
+"""From a command to the stop: the line is free, or waits for the distance between two frames."""
+
+
+class Watched(RobotBench):
+    """Notes what was on the wire when the stop was reported.
+
+    Attributes:
+        reported: The kind of each event, and whether the last frame then was a stop.
+    """
+
+    def __init__(self, folder: Path, dialect: str) -> None:
+        super().__init__(folder, simulation=SimulationOptions(dialect=dialect))
+        self.reported: list[tuple[str, bool]] = []
+        hear = self.heard.event
+
+        def event(event: Event) -> None:
+            self.reported.append((event.kind, self.stopped))
+            hear(event)
+
+        self.heard.event = event  # type: ignore[method-assign]
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the last frame that moves wheels is a stop."""
+        assert self.port is not None
+        dialect = DIALECTS[self.robot.options.dialect]
+        stops = {each for each in (dialect.brake, dialect.cut) if each is not None}
+        quiet = {*stops, *dialect.arm, dialect.poll, dialect.battery}
+        frames = [frame for frame in self.frames if frame in stops or frame not in quiet]
+        return frames[-1] in stops
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_answer_event_and_state_of_an_emergency_stop_follow_its_bytes(
+    tmp_path: Path, dialect: str
+) -> None:
+    async with Watched(tmp_path, dialect) as bench:
+        await bench.ready()
+        waited = 0
+        for after_ms in AFTER_MS:
+            await bench.drive(0.4, 0.3)
+            bench.command(0.3 + after_ms / 1000)
+            await asyncio.sleep(after_ms / 1000)
+            assert not bench.stopped
+            words = bench.operator.engage_estop("a test")
+            waited += not bench.stopped
+            # The disk works in real time.
+            assert any(bench.latch.settle() for _ in range(40))
+            asked_ns = bench.clock.now_ns()
+            asking = asyncio.create_task(bench.operator.acknowledged(words))
+            while not asking.done():
+                assert bench.stopped or bench.controller.state()[0] == "stopping"
+                await asyncio.sleep(0.0005)
+            answer = asking.result()
+            assert bench.stopped
+            assert answer.success
+            # The counts follow later.
+            assert answer.data["stands"] is False
+            assert answer.data["fastest_m_s"] > 0.1
+            assert bench.clock.now_ns() - asked_ns < 50_000_000
+            assert bench.controller.state()[0] == "estopped"
+            assert bench.reported[-1] == ("estop", True)
+            await asyncio.sleep(1.1)
+            again = await bench.operator.acknowledged(bench.operator.engage_estop("a test"))
+            assert again.success
+            assert again.data["fastest_m_s"] == 0.0
+            assert bench.operator.release_estop()[0]
+        # Else this shows nothing.
+        assert waited
+
+
+@on_virtual_time
+async def test_a_stop_on_a_port_that_takes_no_output_is_answered_with_the_reason(
+    tmp_path: Path,
+) -> None:
+    async with Watched(tmp_path, "streamed") as bench:
+        await bench.ready()
+        await bench.drive(0.5, 0.3)
+        assert bench.port is not None
+        bench.port.waiting = 17
+        words = bench.operator.engage_estop("a test")
+        assert any(bench.latch.settle() for _ in range(40))
+        asked_ns = bench.clock.now_ns()
+        answer = await bench.operator.acknowledged(words)
+        assert bench.clock.now_ns() - asked_ns <= WITHIN_S * 1e9
+        assert not answer.success
+        assert answer.data["sent"] is False
+        assert "It could not be sent, because" in answer.message
+        (words,) = [each.message for each in bench.heard.events if each.kind == "estop"]
+        assert words == answer.message
+
+
+@on_virtual_time
+async def test_a_stop_without_a_board_is_answered_at_once_with_the_reason(tmp_path: Path) -> None:
+    async with Watched(tmp_path, "streamed") as bench:
+        await bench.ready()
+        await bench.drive(0.5, 0.3)
+        bench.robot.unplug(bench.clock.now_ns())
+        await bench.until(lambda: bench.controller.state()[0] == "waiting")
+        answer = await bench.operator.acknowledged(bench.operator.engage_estop("a test"))
+        assert not answer.success
+        assert "It could not be sent, because no board is connected: " in answer.message
+        assert answer.data == {"sent": False, "stands": None, "fastest_m_s": None}
+        assert bench.controller.state()[0] == "estopped"
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_a_fault_is_reported_after_the_bytes_of_its_cut(tmp_path: Path, dialect: str) -> None:
+    async with Watched(tmp_path, dialect) as bench:
+        await bench.ready()
+        await bench.drive(0.5, 0.3)
+        faults = MotorFaults(encoder_dead=True)
+        bench.robot.set_faults("left", faults, now_ns=bench.clock.now_ns())
+        for step in range(200):
+            bench.command(0.3 + step / 2000)
+            await asyncio.sleep(0.011)
+            assert bench.stopped or bench.controller.state()[0] != "fault"
+        assert bench.controller.state()[0] == "fault"
+        assert all(stopped for kind, stopped in bench.reported if kind in {"no_counts", "estop"})
+
+
+@on_virtual_time
+async def test_what_waits_at_the_end_is_reported_then(tmp_path: Path) -> None:
+    heard: list[str] = []
+    reports = StopReports(LoopClock(), lambda: None)
+    reports.announce(heard.append)
+    assert reports.waiting
+    assert heard == []
+    reports.close()
+    assert len(heard) == 1
+    assert not reports.waiting
+
+
+@on_virtual_time
+async def test_a_report_waits_no_longer_than_it_may_and_each_is_made_once() -> None:
+    heard: list[tuple[int, str]] = []
+    outcome: list[str | None] = [None]
+    clock = LoopClock()
+    reports = StopReports(clock, lambda: outcome[0])
+    reports.announce(lambda problem: heard.append((1, problem)))
+    await asyncio.sleep(WITHIN_S / 2)
+    reports.announce(lambda problem: heard.append((2, problem)))
+    await asyncio.sleep(WITHIN_S / 2 + 0.01)
+    assert [number for number, _ in heard] == [1]
+    assert "has not taken it" in heard[0][1]
+    outcome[0] = ""
+    assert await reports.sent() == ""
+    assert heard[1:] == [(2, "")]
+    reports.close()
