@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
 import socket
 from collections.abc import AsyncIterator, Callable
@@ -21,6 +22,7 @@ from yahboomd.cli.stop.stop_local import (
     there,
 )
 from yahboomd.daemon.estop.local_stop import LocalStop
+from yahboomd.messages.native import ServiceReply
 
 pytestmark = pytest.mark.realtime
 
@@ -39,7 +41,7 @@ class Daemon:
         self.local = LocalStop(
             folder,
             engage=self._engage,
-            remembered=self._remembered,
+            acknowledged=self._acknowledged,
             facts=lambda: {"daemon": "yahboomd", "namespace": namespace, "why": "No board."},
         )
         self._speed = speed
@@ -54,8 +56,8 @@ class Daemon:
         for _ in range(3):
             self.local.observe((self._speed or 0.0,))
 
-    async def _remembered(self, words: str) -> str:
-        return words
+    async def _acknowledged(self, words: str) -> ServiceReply:
+        return ServiceReply(success=True, message=words)
 
 
 @pytest.fixture
@@ -221,6 +223,23 @@ def test_the_port_decides_then_the_namespace_and_where_it_listens(
     assert wanted.fits(robot) is fits
 
 
+def test_a_daemon_with_a_full_queue_of_connections_is_not_overlooked(
+    environ: dict[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stop_local, "STATUS_WITHIN_S", 0.05)
+    path = Path(environ["RUNTIME_DIRECTORY"]) / "stop.sock"
+    path.parent.mkdir(mode=0o700)
+    with contextlib.ExitStack() as stack:
+        listening, *others = [stack.enter_context(socket.socket(socket.AF_UNIX)) for _ in range(4)]
+        listening.bind(str(path))
+        listening.listen(0)
+        with contextlib.suppress(BlockingIOError):
+            for each in others:
+                each.setblocking(False)
+                each.connect(str(path))
+        assert [robot.silent for robot in find(environ)] == [True]
+
+
 def test_a_process_is_known_by_the_port_that_it_has_open() -> None:
     far, near = os.openpty()
     try:
@@ -292,3 +311,13 @@ def test_a_board_that_is_gone_is_named_once_with_one_remedy() -> None:
         "Emergency stop engaged, but /nonexistent/board is gone, so no stop reached the board. "
         "The wheels may still turn: switch the motor supply off."
     )
+
+
+def test_a_stop_that_could_not_be_sent_has_its_reason_and_one_remedy() -> None:
+    message = (
+        "Emergency stop engaged. It could not be sent, because no board is connected: it is out."
+    )
+    lines = [{"message": message, "sent": False}, {"stood": None, "why": "no port, and so on"}]
+    robot = LocalDaemon("/run/c", 3, ports=("/nonexistent/board",))
+    advice = " The wheels may still turn: switch the motor supply off."
+    assert stop_local._outcome(robot, lines).words == message + advice

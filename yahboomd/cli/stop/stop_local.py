@@ -156,7 +156,7 @@ def find(environ: Mapping[str, str]) -> list[LocalDaemon]:
     for talk in talks:
         talk.close()
         refused = any("error" in line for line in talk.lines)
-        if talk.connected and not refused:
+        if (talk.connected or talk.crowded) and not refused:
             found.append(_robot(talk))
     return found
 

@@ -12,7 +12,9 @@ import time
 from collections.abc import Iterable
 from typing import Any
 
-RETRY_S = 0.02
+RETRY_S = 0.002
+"""Of a full queue, in which others try as often as they can."""
+
 MAX_BYTES = 65_536
 
 _LONGEST_PATH = 100
@@ -22,6 +24,7 @@ class Talk:
     """One request on one socket, and the lines that come back.
 
     Attributes:
+        crowded: A process listens, and its queue was full.
         pid: Of the process that listens there; 0 where it is in another PID namespace.
         uid: Its user, as the kernel names it; None before it was reached.
     """
@@ -30,6 +33,7 @@ class Talk:
         self.path = path
         self.lines: list[dict[str, Any]] = []
         self.connected = False
+        self.crowded = False
         self.ended = False
         self.pid = 0
         self.uid: int | None = None
@@ -47,7 +51,7 @@ class Talk:
             self.connected = True
             self.sock.send(self._request, socket.MSG_NOSIGNAL)
         except BlockingIOError:
-            return
+            self.crowded = True
         except BrokenPipeError:
             # Refused; the reason can be read.
             return

@@ -41,8 +41,9 @@ MAX_SILENT = 16
 MAX_WATCHING = 32
 """Connections that wait for what comes of it; one more learns only that the stop is engaged."""
 
-ACCEPTS = 4
-"""In one iteration of the loop, so that a flood of connections does not starve the rest."""
+ACCEPTS = 32
+"""In one iteration of the loop, so that a flood of connections does not starve the rest; more than
+those who flood make room for in the queue."""
 
 OPEN_WITHIN_S = 2.0
 REQUEST_WITHIN_S = 1.0
