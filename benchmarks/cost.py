@@ -15,14 +15,13 @@ import contextlib
 import json
 import time
 from collections.abc import Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
 from benchmarks import flame, pictures, rig
 from benchmarks.latency import UNLIMITED, command, publisher
 from benchmarks.report import Section, median, method, number, quantile
-from benchmarks.staged import STAGES
+from benchmarks.staged import STAGES, spans
 
 COMMANDS_HZ = 50
 
@@ -177,22 +176,26 @@ def draw(section: Section, curves: dict[str, list[tuple[float, float]]], images:
     pictures.keep(section, figure, images, "cost.png", caption)
 
 
-def stages(section: Section, seconds: float) -> None:
-    """The time of each stage of a command between Zenoh's callback and the port."""
+def staged(seconds: float) -> list[list[int]]:
+    """The moments of each command on its way between Zenoh's callback and the port."""
     with rig.folder() as where:
         path = where / "stages"
         path.touch()
         prefix = ("-m", "benchmarks.staged", str(path))
         measure(seconds, dialect="streamed", commands=True, prefix=prefix)
-        moments = [json.loads(line) for line in path.read_text().splitlines()]
-    spans = [[b - a for a, b in pairwise(each)] for each in moments]
+        return [json.loads(line) for line in path.read_text().splitlines()]
+
+
+def stages(section: Section, seconds: float) -> None:
+    """The time of each stage of a command between Zenoh's callback and the port."""
+    found = spans(staged(seconds), round(seconds * COMMANDS_HZ))
     rows = [
-        [stage, number(median([each[n] for each in spans]) / 1e3),
-         number(quantile([each[n] for each in spans], 0.9) / 1e3)]
+        [stage, number(median([each[n] for each in found]) / 1e3),
+         number(quantile([each[n] for each in found], 0.9) / 1e3)]
         for n, stage in enumerate(STAGES)
     ]  # fmt: skip
     section.table(
-        f"Stages of a command from Zenoh's callback to the port, in µs: {len(spans)} commands, 50 "
+        f"Stages of a command from Zenoh's callback to the port, in µs: {len(found)} commands, 50 "
         "a second.",
         ["stage", "p50", "p90"],
         rows,
@@ -206,7 +209,8 @@ def profile(section: Section, seconds: float, images: Path) -> None:
         prefix = ("-m", "benchmarks.sampled", str(path))
         measure(seconds, *rates(187), "command.rate_hz=53", commands=True, prefix=prefix)
         stacks = flame.read(path)
-    total = sum(stacks.values())
+    if not (total := sum(stacks.values())):
+        raise ValueError("no sample is below the event loop's turn: asyncio has renamed it")
     title = f"The event loop's thread at 187 polls and 50 commands a second, {total} samples"
     flame.draw(stacks, images / "flame.svg", title)
     section.images.append(("flame.svg", title + "; width is CPU time."))

@@ -1,7 +1,8 @@
 """``yahboomd`` with stamps along a command's way: ``python -m benchmarks.staged FILE run ...``.
 
 FILE gets, at the end, one line of JSON for each command whose frame was written: the moments, in
-nanoseconds, at which each stage began, and at which the write was done.
+nanoseconds, at which each stage began, and at which the write was done. Some of the functions are
+private, so :func:`spans` refuses figures that cannot be.
 """
 
 from __future__ import annotations
@@ -9,7 +10,8 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +27,7 @@ STAGES: dict[str, tuple[type, str]] = {
     "hop to the event loop": (Lane, "offer"),
     "unpacking of the sample": (Inbox, "_turn"),
     "decoding, and who may drive": (CommandIntake, "_take"),
-    "control step: holds, limits, kinematics": (Controller, "control_step"),
+    "control step: holds, limits, kinematics": (Controller, "_step"),
     "wheel speeds to a frame": (Wheels, "turn"),
     "outbox and line": (Writer, "velocity"),
     "write": (SerialPort, "write"),
@@ -42,6 +44,9 @@ def install(path: Path) -> None:
 
     def stamped(stage: str, function: Callable[..., Any]) -> Callable[..., Any]:
         def call(*args: Any, **kwargs: Any) -> Any:  # noqa: ANN401 - whatever it is, it is passed on
+            if stage == first:
+                # What the beats in between passed is no part of this command's way.
+                begun.clear()
             begun[stage] = time.perf_counter_ns()
             result = function(*args, **kwargs)
             if stage == "write":
@@ -56,6 +61,26 @@ def install(path: Path) -> None:
 
     for stage, (owner, name) in STAGES.items():
         setattr(owner, name, stamped(stage, getattr(owner, name)))
+
+
+def spans(moments: Sequence[Sequence[int]], sent: int) -> list[list[int]]:
+    """The time of each stage of each command, in nanoseconds.
+
+    Args:
+        moments: The lines of the file.
+        sent: The number of commands that were sent meanwhile.
+
+    Raises:
+        ValueError: A stage was passed by too few commands, or before the one that leads to it: the
+            way of a command is another one by now, and ``STAGES`` has to follow it.
+    """
+    found = [[later - earlier for earlier, later in pairwise(each)] for each in moments]
+    if len(found) < sent / 2:
+        raise ValueError(f"only {len(found)} of {sent} commands passed every stage")
+    wrong = [stage for each in found for stage, span in zip(STAGES, each, strict=True) if span < 0]
+    if wrong:
+        raise ValueError(f"negative times: {', '.join(sorted(set(wrong)))} ({len(wrong)} in all)")
+    return found
 
 
 if __name__ == "__main__":
