@@ -1,4 +1,5 @@
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -181,3 +182,53 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path):
         with pytest.raises(BusError, match="cannot be read") as caught:
             zenoh_config(BusOptions(config_file=path))
         assert str(path) in caught.value.message
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[" * 100_000,
+        "{metadata: " + "[" * 100_000 + "]" * 100_000 + "}",
+        "{a: " * 100_000 + "1" + "}" * 100_000,
+        "[ // ]\n" * 100_000,
+        "[ /* ] */" * 100_000,
+        "[ ']' ," * 100_000,
+        "/*" * 400_000 + "[" * 100_000,
+        r"\"" * 400_000,
+        "'" + "\\" * 999_999,
+        "#" * 2_000_000,
+    ],
+    ids=[
+        "lists",
+        "within metadata",
+        "objects",
+        "behind comments",
+        "behind long comments",
+        "behind texts",
+        "a comment without end",
+        "texts without end",
+        "an escape without end",
+        "megabytes",
+    ],
+)
+def test_a_file_that_zenohs_parser_would_not_survive_is_refused(tmp_path, text):
+    path = tmp_path / "zenoh.json5"
+    path.write_text(text)
+    with pytest.raises(BusError, match="cannot be used") as caught:
+        zenoh_config(BusOptions(config_file=path))
+    assert len(str(caught.value)) < 1000, "Zenoh quotes the line"
+
+
+def test_brackets_in_texts_and_comments_are_not_counted(tmp_path):
+    path = tmp_path / "zenoh.json5"
+    many = "[" * 999
+    path.write_text(f"{{ /* {many} */ metadata: {{ a: '{many}' }} }} // {many}")
+    config = zenoh_config(BusOptions(config_file=path))
+    assert read(config, "metadata") == {"a": many}
+
+
+def test_a_pipe_is_no_configuration_and_hangs_nothing(tmp_path):
+    path = tmp_path / "zenoh.json5"
+    os.mkfifo(path)
+    with pytest.raises(BusError, match="it is no ordinary file"):
+        zenoh_config(BusOptions(config_file=path))

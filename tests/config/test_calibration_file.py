@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -167,3 +168,20 @@ def test_a_mecanum_base_has_three_multipliers_and_others_two(tmp_path: Path) -> 
     assert loaded(tmp_path, *base).config.chassis.sideways_multiplier == 0.87
     forward = found.config.kinematics().forward
     assert forward[1][1] == pytest.approx(0.25 * 0.87)
+
+
+@pytest.mark.parametrize("kind", ["pipe", "folder", "device"])
+def test_what_is_no_file_is_ignored_with_a_warning_and_does_not_hang_the_start(
+    tmp_path: Path, kind: str
+) -> None:
+    path = tmp_path / "calibration.toml"
+    {
+        "pipe": os.mkfifo,
+        "folder": Path.mkdir,
+        "device": lambda at: at.symlink_to("/dev/zero"),
+    }[kind](path)
+    found = loaded(tmp_path)
+    (warning,) = found.warnings
+    assert f"{path} cannot be read" in warning
+    assert "drives uncalibrated" in warning
+    assert found.config.chassis.wheel_separation_multiplier == 1.0

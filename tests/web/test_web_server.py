@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import socket
 import ssl
 from pathlib import Path
@@ -245,3 +246,7 @@ def test_a_certificate_that_cannot_be_used_is_named_with_what_to_do(tmp_path: Pa
     _, foreign, _ = make_certificate(other, ["127.0.0.1"])
     with pytest.raises(ConfigError, match=r"no certificate and its key"):
         Certificate(certificate=certificate, key=foreign).context()
+    pipe = tmp_path / "pipe.pem"
+    os.mkfifo(pipe)
+    with pytest.raises(ConfigError, match=r"pipe\.pem cannot be read: it is no ordinary file"):
+        Certificate(certificate=pipe, key=key).context()

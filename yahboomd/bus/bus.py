@@ -93,7 +93,8 @@ class Bus:
         except TimeoutError as error:
             raise BusError(
                 f"The Zenoh session did not open within {self.options.open_timeout_s:g} s.",
-                remedy="A connect.timeout_ms of -1 in the Zenoh configuration waits for ever.",
+                remedy="In the Zenoh configuration a connect.timeout_ms of -1 waits for ever, and "
+                "so does a certificate or key that is a pipe.",
             ) from error
         except zenoh.ZError as error:
             raise open_failure(error, self.options) from error

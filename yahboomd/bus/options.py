@@ -6,7 +6,9 @@ scouting. Zenoh's own would listen on every interface and answer to multicast.
 
 from __future__ import annotations
 
+import errno
 import json
+import re
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -25,6 +27,19 @@ _OWN_SETTINGS = {
     "namespace": "namespace",
 }
 """Zenoh's settings that have a name in yahboomd's own configuration, and only there."""
+
+
+_LARGEST_BYTES = 1_000_000
+"""A configuration is a few kilobytes; more is another file."""
+
+_DEEPEST = 100
+"""Zenoh's own settings nest ten deep. Its parser recurses, and ends the process at some 50,000."""
+
+_TEXT_OR_COMMENT = re.compile(
+    r""""(?:[^"\\]|\\.)*["\\]?|'(?:[^'\\]|\\.)*['\\]?|//[^\n\r\u2028\u2029]*|/\*.*?(?:\*/|\Z)""",
+    re.DOTALL,
+)
+"""Of JSON5; one that does not end goes on to the end, so that it is looked for once."""
 
 
 class BusOptions(msgspec.Struct, frozen=True, kw_only=True):
@@ -202,20 +217,20 @@ def _from_file(path: Path | None, plain: zenoh.Config) -> zenoh.Config:
     if path is None:
         return zenoh.Config()
     try:
-        text = path.read_text(encoding="utf-8")
+        text = _text(path)
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         raise BusError(
             f"The Zenoh configuration {path} cannot be read: {reason}.",
             remedy="Set zenoh.config to a JSON5 file that this user may read, or to ''.",
         ) from error
+    if problem := _unparsable(text):
+        raise _unusable(path, problem)
     try:
         config = zenoh.Config.from_json5(text)
     except zenoh.ZError as error:
-        raise BusError(
-            f"The Zenoh configuration {path} cannot be used: {' '.join(str(error).split())}.",
-            remedy="docs/security.md has examples that work.",
-        ) from error
+        # Zenoh quotes the line, however long it is.
+        raise _unusable(path, " ".join(str(error).split())[:400]) from error
     for key, name in _OWN_SETTINGS.items():
         if config.get_json(key) != plain.get_json(key):
             raise BusError(
@@ -223,3 +238,30 @@ def _from_file(path: Path | None, plain: zenoh.Config) -> zenoh.Config:
                 remedy=f"Take it out of that file and set zenoh.{name} in config.toml.",
             )
     return config
+
+
+def _text(path: Path) -> str:
+    if path.exists() and not path.is_file():
+        # Opening a pipe would wait until somebody writes to it.
+        raise OSError(errno.EINVAL, "it is no ordinary file")
+    with path.open("rb") as file:
+        return file.read(_LARGEST_BYTES + 1).decode("utf-8")
+
+
+def _unusable(path: Path, why: str) -> BusError:
+    return BusError(
+        f"The Zenoh configuration {path} cannot be used: {why}.",
+        remedy="docs/security.md has examples that work.",
+    )
+
+
+def _unparsable(text: str) -> str:
+    """Why Zenoh must not parse a text; empty where it may."""
+    if len(text.encode()) > _LARGEST_BYTES:
+        return f"it is larger than {_LARGEST_BYTES} bytes, so not a configuration"
+    depth = 0
+    for bracket in re.findall(r"[][{}]", _TEXT_OR_COMMENT.sub("", text)):
+        depth += 1 if bracket in "[{" else -1
+        if depth > _DEEPEST:
+            return f"its lists and objects are nested more than {_DEEPEST} deep"
+    return ""

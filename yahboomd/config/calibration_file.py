@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Annotated, TypeAlias
 
 from yahboomd.config.models import CALIBRATION, Config
+from yahboomd.config.reading import read_named
 from yahboomd.config.values import Bounds, Section, inline
 from yahboomd.errors import ConfigError
 
@@ -83,8 +84,7 @@ def read_calibration(path: Path) -> Calibration:
     from pydantic import ValidationError
 
     try:
-        with path.open("rb") as file:
-            raw = file.read(LARGEST_BYTES)
+        raw = read_named(path, LARGEST_BYTES, wait_s=0.0)
         return Calibration.of(tomllib.loads(raw.decode()))
     except OSError as error:
         raise ConfigError(f"{path} cannot be read: {error.strerror}.") from error

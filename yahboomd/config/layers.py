@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from yahboomd.config.positions import key_lines
+from yahboomd.config.reading import read_named
 from yahboomd.config.values import Place, dotted
 from yahboomd.names import NOT_UTF8, is_utf8
 
@@ -108,8 +109,7 @@ class Layers:
         """Take the values of a TOML file, or note why that is impossible."""
         self._path = plain(str(path))
         try:
-            with path.open("rb") as file:
-                raw = file.read(LARGEST_FILE_BYTES + 1)
+            raw = read_named(path, LARGEST_FILE_BYTES + 1)
         except OSError as error:
             self._refuse(f"cannot be read: {error.strerror}")
             return

@@ -73,6 +73,9 @@ class Certificate(msgspec.Struct, frozen=True, kw_only=True):
         context.minimum_version = ssl.TLSVersion.TLSv1_2
         for path in (self.certificate, self.key):
             try:
+                if path.exists() and not path.is_file():
+                    # A pipe would hang the start.
+                    raise ConfigError(f"{path} cannot be read: it is no ordinary file.")
                 path.read_bytes()
             except OSError as error:
                 raise ConfigError(
