@@ -13,7 +13,7 @@ endpoint = sys.argv[1] if len(sys.argv) > 1 else "tcp/127.0.0.1:7448"
 try:
     with Robot(endpoint) as robot:  # However this block ends, the robot stops.
         status = robot.status
-        if status is not None and status.state in {"waiting", "estopped", "fault"}:
+        if status is not None and status.state not in {"standing", "driving", "stopping"}:
             sys.exit(f"The robot will not move. {status.why}")
         robot.drive(0.25, 1.0, for_s=5.0)  # m/s forward, rad/s to the left
         end = time.monotonic() + 6.0

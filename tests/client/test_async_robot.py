@@ -7,7 +7,10 @@ import math
 import signal
 import sys
 from typing import Any
+from unittest.mock import ANY
 
+import daemon_samples
+import msgspec
 import pytest
 from zenoh_fixtures import PATIENCE_S, eventually, free_endpoint
 
@@ -25,6 +28,7 @@ from yahboomd.client import (
     connect,
 )
 from yahboomd.client.connecting import client_options
+from yahboomd.client.streams import KEYS
 from yahboomd.clock import SystemClock
 
 pytestmark = pytest.mark.realtime
@@ -160,6 +164,38 @@ async def test_a_loop_that_drives_by_old_poses_is_warned_once(
             await anext(poses)
     assert caplog.text.count("The PoseSample taken arrived") == 1
     assert ("depth=64" in caplog.text) == (depth == 64)
+
+
+@pytest.mark.parametrize("encoding", ["json", "msgpack"])
+@pytest.mark.parametrize("version", ["first", "newer"])
+async def test_a_daemon_of_another_version_is_read(
+    fake_daemon: Any, caplog: pytest.LogCaptureFixture, version: str, encoding: Any
+) -> None:
+    daemon = await fake_daemon()
+    daemon.payloads = daemon_samples.of_version(version, encoding)
+    async with connect(daemon.endpoint) as robot:
+        for message in set(KEYS) - {EventSample}:
+            sample: Any = await eventually(lambda it=message: robot.newest(it))
+            assert (
+                sample.stamp_ns
+                == msgspec.json.decode(daemon_samples.of_version(version)[KEYS[message]])[
+                    "stamp_ns"
+                ]
+            )
+        status = robot.status
+        assert status is not None
+        event = await anext(robot.samples(EventSample))
+        robot.drive(0.1)
+        if version == "newer":
+            assert (status.state, event.severity, event.kind) == ("docked", "notice", "docked")
+            # Facts that are known stay, those whose shape is not are left out.
+            assert status.link == {**daemon_samples.status().link, "none": None, "deep": ANY}
+            assert event.data == {"none": None}
+            assert "The robot does not move. Its state is 'docked'" in caplog.text
+        else:
+            assert (status.state, status.driver_since_ns) == ("driving", None)
+            assert status.link == status.command == {}
+            assert "does not move" not in caplog.text
 
 
 async def test_a_callback_is_called_for_each_sample_until_it_is_ended(fake_daemon: Any) -> None:

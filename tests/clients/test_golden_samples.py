@@ -45,7 +45,7 @@ WRONG = {
     "seq is a fraction": ("PoseSample", changed("PoseSample", seq=4711.5)),
     "stamp_ns is text": ("PoseSample", changed("PoseSample", stamp_ns="1700000000123456789")),
     "eight covariances": ("PoseSample", changed("PoseSample", covariance=[0.0] * 8)),
-    "no such state": ("StatusSample", changed("StatusSample", state="flying")),
+    "state is a number": ("StatusSample", changed("StatusSample", state=7)),
     "no state": ("StatusSample", without("StatusSample", "state")),
     "why is a number": ("StatusSample", changed("StatusSample", why=7)),
     "driver is a number": ("StatusSample", changed("StatusSample", driver=7)),
@@ -55,6 +55,7 @@ WRONG = {
 
 ALSO_RIGHT = {
     "a field that is not known yet": ("PoseSample", changed("PoseSample", later={"a": [1]})),
+    "a state that is not known yet": ("StatusSample", changed("StatusSample", state="docked")),
     "an integer where a number may be": ("PoseSample", changed("PoseSample", x=1, y=-2)),
     "the largest stamp": ("PoseSample", changed("PoseSample", stamp_ns=2**63 - 1)),
     "fields in another order": (

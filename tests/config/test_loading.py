@@ -267,8 +267,11 @@ def test_any_file_gives_a_config_or_a_config_error(tmp_path, content):
 def test_the_configuration_of_another_version_is_refused_with_what_differs():
     data = Config().as_data()
     assert read_foreign(data, "The daemon") == Config()
+    assert read_foreign({"version": "0.2.0", **data}, "The daemon") == Config()
     data["serial"]["colour"] = "red"
     with pytest.raises(ConfigError, match=r"^The daemon has a .* use: serial\.colour: .*same"):
         read_foreign(data, "The daemon")
+    with pytest.raises(ConfigError, match=r"of version 0\.2\.0 that yahboomd .* cannot use"):
+        read_foreign({"version": "0.2.0", **data}, "The daemon")
     with pytest.raises(ConfigError):
         read_foreign(None, "The daemon")

@@ -13,6 +13,7 @@ import msgspec
 import pytest
 from robot_bench import RobotBench
 
+from yahboomd import __version__
 from yahboomd.bus import keys
 from yahboomd.bus.services import TOO_MANY, Request, Response
 from yahboomd.daemon.estop import latch
@@ -440,7 +441,10 @@ async def test_a_pose_is_set_with_its_covariance_and_refused_with_its_reason(
 async def test_configuration_and_board_are_answered(tmp_path: Path) -> None:
     async with RobotBench(tmp_path) as bench:
         bus = served(bench)
-        assert (await bus.ask(keys.CONFIG))["data"] == {"zenoh": {"namespace": "bot1"}}
+        assert (await bus.ask(keys.CONFIG))["data"] == {
+            "version": __version__,
+            "zenoh": {"namespace": "bot1"},
+        }
         assert (await bus.ask(keys.BLACKBOX_SAVE))["data"] == {"path": "/a/box"}
         nothing = await bus.ask(keys.BOARD)
         assert not nothing["success"]

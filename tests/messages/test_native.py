@@ -6,6 +6,7 @@ import json
 
 import msgspec
 import pytest
+from msgspec import structs
 
 from yahboomd.messages import native
 from yahboomd.messages.codecs import encode
@@ -27,6 +28,8 @@ FIELDS = {
     "ServiceReply": "success message data",
 }
 
+READ = [name for name in FIELDS if name.endswith("Sample")]
+
 ESTIMATE = OdometryEstimate(
     stamp_ns=5,  # monotonic: never to be seen on the bus
     pose=Pose2d(x=1.0, y=2.0, theta=7.0),
@@ -47,6 +50,22 @@ def test_every_message_has_exactly_its_fields():
     assert {
         name: " ".join(message.__struct_fields__) for name, message in native.MESSAGES.items()
     } == FIELDS
+
+
+@pytest.mark.parametrize("name", [*READ, "ServiceReply"])
+def test_a_field_that_a_daemon_may_leave_out_is_not_known_by_default(name):
+    defaults = {
+        field.name: field.default
+        for field in structs.fields(native.MESSAGES[name])
+        # Version 0.1 has it: nothing is returned.
+        if (name, field.name) != ("ServiceReply", "data")
+    }
+    assert set(defaults.values()) <= {msgspec.NODEFAULT, None}
+
+
+def test_words_of_a_set_are_text_in_what_others_read():
+    for name in READ:
+        assert "enum" not in json.dumps(msgspec.json.schema(native.MESSAGES[name]))
 
 
 @pytest.mark.parametrize("message", native.MESSAGES.values(), ids=native.MESSAGES)

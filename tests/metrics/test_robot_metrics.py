@@ -9,6 +9,7 @@ import msgspec
 import pytest
 from prometheus_client.openmetrics.parser import text_string_to_metric_families
 
+from yahboomd.client.streams import read_sample
 from yahboomd.messages.native import StatusSample
 from yahboomd.messages.status_fields import FIELDS
 from yahboomd.metrics.exposition import Exposition
@@ -75,6 +76,15 @@ def test_names_end_with_base_units() -> None:
     assert names["discarded_bytes"] == "yahboomd_link_discarded_bytes"
     named = [metric_name(field) for field in FIELDS if field.kind != "text"]
     assert len(set(named)) == len(named)
+
+
+@pytest.mark.parametrize("version", ["first", "newer"])
+def test_a_daemon_of_another_version_has_its_metrics(version: str) -> None:
+    status = read_sample(daemon_samples.of_version(version)["yahboomd/status"], StatusSample)
+    found = series(facts(status))
+    assert found["yahboomd_up", ()] == 1
+    states = [labels for (name, labels), on in found.items() if name == "yahboomd_state" and on]
+    assert states == [(("state", "docked" if version == "newer" else "driving"),)]
 
 
 def test_the_state_is_one_of_six_and_the_emergency_stop_has_its_own() -> None:

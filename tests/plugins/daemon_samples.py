@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import msgspec
+
 from yahboomd.bus import keys
 from yahboomd.cli.screens.dashboard import Dashboard
 from yahboomd.messages import samples
@@ -118,6 +120,28 @@ def all_samples(encoding: NativeEncoding = "json") -> dict[str, bytes]:
         keys.BATTERY: encode(battery(), encoding),
         keys.EVENTS: encode(event(), encoding),
     }
+
+
+def of_version(version: str, encoding: NativeEncoding = "json") -> dict[str, bytes]:
+    """A sample of each key from a daemon that is ``newer``, or as old as the ``first`` one."""
+    unknown = {"numbers": [1, 2.5], "deep": {"a": {"b": {"c": {"d": 1}}}}, "none": None}
+    encoded: dict[str, bytes] = {}
+    for key, payload in all_samples().items():
+        fields = msgspec.json.decode(payload)
+        groups = [name for name, value in fields.items() if isinstance(value, dict)]
+        if version == "first":
+            absent = {"driver_since_ns", "magnetic_t"}
+            fields = {name: value for name, value in fields.items() if name not in absent}
+            fields.update({name: {} for name in groups})
+        else:
+            fields.update({name: {**fields[name], **unknown} for name in groups})
+            words = {"state": "docked", "severity": "notice", "kind": "docked", "data": unknown}
+            fields.update({name: words[name] for name in words if name in fields})
+            fields["later"] = unknown
+            if key == keys.EVENTS:
+                fields["data"] = unknown
+        encoded[key] = (msgspec.json if encoding == "json" else msgspec.msgpack).encode(fields)
+    return encoded
 
 
 def driving(now_ns: int = 0) -> Dashboard:

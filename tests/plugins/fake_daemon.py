@@ -35,6 +35,9 @@ class FakeDaemon:
         endpoint: Where it is reached.
         namespace: Its robot's name.
         config: What it answers for its configuration; None for no answer.
+
+    Attributes:
+        payloads: Published instead of its own samples, by key.
     """
 
     def __init__(
@@ -47,6 +50,7 @@ class FakeDaemon:
         self.asked: list[str] = []
         self.releases = True
         self.config = config
+        self.payloads: dict[str, bytes] = {}
         self._bus: Bus | None = None
         self._events: BusPublisher | None = None
         self._task: asyncio.Task[None] | None = None
@@ -105,7 +109,9 @@ class FakeDaemon:
                 keys.STATUS: encode(self.status, "json"),
                 keys.POSE: encode(daemon_samples.pose(seq=self._seq), "json"),
             }
-            del samples[keys.EVENTS]
+            samples.update(self.payloads)
+            if keys.EVENTS not in self.payloads:
+                del samples[keys.EVENTS]
             for key, payload in samples.items():
                 publishers[key].put(payload)
             await asyncio.sleep(0.1)
@@ -114,7 +120,7 @@ class FakeDaemon:
         self.commands += [msgspec.json.decode(arrival.payload) for arrival in arrivals]
 
     def _tell_status(self, _request: Request) -> Response:
-        return Response(payload=encode(self.status, "json"))
+        return Response(payload=self.payloads.get(keys.STATUS) or encode(self.status, "json"))
 
     def _tell_config(self, _request: Request) -> Response:
         return _answer(True, "The configuration in effect.", self.config)

@@ -143,6 +143,26 @@ async def test_a_key_that_is_not_configured_is_barred_even_if_others_listen_to_i
         await eventually(lambda: feed.alive and feed.obstacle() is None)
 
 
+@pytest.mark.parametrize("encoding", ["json", "msgpack"])
+async def test_a_newer_daemon_is_shown_in_a_state_that_no_page_drives_in(
+    fake_daemon: Any, encoding: Any
+) -> None:
+    daemon = await fake_daemon()
+    daemon.payloads = daemon_samples.of_version("newer", encoding)
+    async with Followed(daemon.endpoint) as feed:
+        await eventually(lambda: "status" in feed.known or feed.fresh().get("status"))
+        shown = json.loads(feed.known["status"])["sample"]
+        assert (shown["state"], shown["board"]["port"]) == ("docked", "/dev/ttyUSB0")
+        obstacle = feed.obstacle()
+        assert obstacle is not None
+        assert "Its state is 'docked'" in obstacle.text
+        await eventually(
+            lambda: (
+                {"pose", "twist", "wheels", "battery"} <= feed.known.keys() | feed.fresh().keys()
+            )
+        )
+
+
 async def test_a_daemon_that_does_not_answer_in_time_is_asked_again(fake_daemon: Any) -> None:
     daemon = await fake_daemon(config=None)
     asked: list[object] = []

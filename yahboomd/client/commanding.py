@@ -15,10 +15,11 @@ from yahboomd.bus.blocking import bounded
 from yahboomd.bus.publishers import BusPublisher
 from yahboomd.client.connection import Connection
 from yahboomd.client.repeater import Repeater
+from yahboomd.client.streams import reason
 from yahboomd.clock import Clock, Pause, PauseWatch, Schedule, nanoseconds
 from yahboomd.errors import CommandEnded
 from yahboomd.messages.codecs import encode
-from yahboomd.messages.native import VelocityCommand
+from yahboomd.messages.native import DRIVABLE, VelocityCommand
 from yahboomd.model import STANDSTILL, Twist2d
 
 log = logging.getLogger("yahboomd.client")
@@ -47,9 +48,6 @@ ENCODING = "application/json;VelocityCommand"
 
 LONGEST_S = 1e9
 """The stand-in for ``math.inf`` seconds; monotonic nanoseconds are integers."""
-
-STANDS = frozenset({"waiting", "estopped", "fault"})
-"""States in which no command moves the robot."""
 
 
 def number(name: str, value: object) -> float:
@@ -173,8 +171,8 @@ class Commands:
             self._soon = asyncio.get_running_loop().call_later(wait_s, self._publish_soon)
         self._repeat()
         status = self._connection.status
-        if status is not None and status.state in STANDS:
-            self._warn(f"The robot does not move. {status.why}")
+        if status is not None and status.state not in DRIVABLE:
+            self._warn(f"The robot does not move. {reason(status)}")
         return True
 
     def stop(self) -> None:

@@ -61,6 +61,7 @@ class Connection:
         self._has_tokens = False
         self._opened_ns = 0
         self._status_ns: int | None = None
+        self._warned_of_status = False
         self._found = asyncio.Event()
         self._watching: asyncio.Task[None] | None = None
 
@@ -214,7 +215,11 @@ class Connection:
 
     def _receive_status(self, arrivals: list[Arrival]) -> None:
         sample = read_sample(arrivals[-1].payload, StatusSample)
-        if sample is not None:
+        if sample is None:
+            if not self._warned_of_status:
+                self._warned_of_status = True
+                log.warning("The status of the daemon at %s cannot be read.", self.where)
+        else:
             self._status_ns = arrivals[-1].arrived_ns
             self._judge()
             self.status = sample

@@ -1,7 +1,9 @@
 """Receives samples: all, over a bounded buffer that keeps the newest, or the newest alone.
 
 The daemon decides the encoding, JSON or MessagePack; a client reads either, by the first byte. A
-payload that it cannot read is a value, not an error: another version or another program sent it.
+payload that it cannot read is a value, not an error: another program sent it. Another version of
+yahboomd can be read: fields, words and shapes of values that this one does not know are ignored,
+and a state or a severity that it does not know is kept as text.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
 from functools import cache
-from typing import Generic, Self, TypeVar
+from typing import Generic, Self, TypeVar, get_args
 
 import msgspec
 from msgspec import structs
@@ -27,6 +29,7 @@ from yahboomd.messages.native import (
     ImuSample,
     PoseSample,
     ServiceReply,
+    State,
     StatusSample,
     TwistSample,
     WheelsSample,
@@ -34,6 +37,9 @@ from yahboomd.messages.native import (
 from yahboomd.program import pasteable, plain
 
 Message = TypeVar("Message", bound=msgspec.Struct)
+
+STATES = frozenset[str](get_args(State))
+"""The states that this version knows."""
 
 # Also what msgspec raises for text that is no UTF-8 (a ValueError), and for brackets without end.
 _BROKEN = (ValueError, RecursionError, OverflowError)
@@ -56,8 +62,11 @@ def read_sample(payload: bytes, message: type[Message]) -> Message | None:
     encoding = encoding_of(payload)
     if encoding not in {"json", "msgpack"}:
         return None
+    sample: msgspec.Struct | None
     try:
         sample = _decoder(encoding == "json", message)(payload)
+    except msgspec.ValidationError:
+        sample = _without_unknown(payload, encoding == "json", message)
     except _BROKEN:
         return None
     if not isinstance(sample, message):
@@ -72,6 +81,51 @@ def _decoder(json: bool, message: type[msgspec.Struct]) -> Callable[[bytes], msg
     if json:
         return msgspec.json.Decoder(message).decode
     return msgspec.msgpack.Decoder(message).decode
+
+
+def reason(status: StatusSample) -> str:
+    """Why a robot may not drive, in a sentence; with the state, where this version knows none."""
+    if status.state in STATES:
+        return status.why
+    state = pasteable(plain(status.state))
+    return f"Its state is {state!r}, which this version of yahboomd does not know. {status.why}"
+
+
+_GROUPS: dict[type[msgspec.Struct], dict[str, int]] = {
+    StatusSample: dict.fromkeys(("board", "link", "command", "bus"), 3),
+    EventSample: {"data": 0},
+}
+"""Fields that hold facts by name, and how deep groups of facts may be within."""
+
+
+def _without_unknown(
+    payload: bytes, json: bool, message: type[msgspec.Struct]
+) -> msgspec.Struct | None:
+    """The sample without facts whose shape this version does not know; None where it is none."""
+    if message not in _GROUPS:
+        return None
+    try:
+        fields = msgspec.json.decode(payload) if json else msgspec.msgpack.decode(payload)
+        known = {
+            name: _known(fields[name], depth)
+            for name, depth in _GROUPS[message].items()
+            if isinstance(fields.get(name), dict)
+        }
+        return msgspec.convert({**fields, **known}, message)
+    except (*_BROKEN, AttributeError, TypeError):
+        return None
+
+
+def _known(facts: dict[object, object], depth: int) -> dict[object, object]:
+    found: dict[object, object] = {}
+    for name, value in facts.items():
+        if value is None or isinstance(value, int | float | str):
+            found[name] = value
+        elif depth and isinstance(value, dict):
+            found[name] = _known(value, depth - 1)
+        elif depth and isinstance(value, list) and all(isinstance(it, str) for it in value):
+            found[name] = value
+    return found
 
 
 KEYS: dict[type[msgspec.Struct], str] = {

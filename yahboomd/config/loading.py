@@ -115,11 +115,16 @@ def read_foreign(data: object, owner: str) -> Config:
     Raises:
         ConfigError: This version does not know such a configuration.
     """
+    version = ""
+    if isinstance(data, dict):
+        # The answer of the service says its version beside its sections.
+        version, data = data.get("version", ""), {k: v for k, v in data.items() if k != "version"}
     config, errors = _validated(data)
     if errors:
         place, why = dotted(errors[0]["loc"]), errors[0]["msg"]
         raise ConfigError(
-            f"{owner} has a configuration that yahboomd {__version__} cannot use: {place}: {why}.",
+            f"{owner} has a configuration{f' of version {version}' if version else ''} that "
+            f"yahboomd {__version__} cannot use: {place}: {why}.",
             remedy="Use the same version of yahboomd there and here.",
         )
     return config

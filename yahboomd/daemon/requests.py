@@ -9,6 +9,7 @@ from typing import Any
 
 import msgspec
 
+from yahboomd import __version__
 from yahboomd.bus import keys
 from yahboomd.bus.alarms import READ_BYTES
 from yahboomd.bus.bus import Bus
@@ -330,7 +331,9 @@ class Services:
 
     def _answer_config(self, _request: Request) -> ServiceReply:
         return ServiceReply(
-            success=True, message="The configuration in effect.", data=self._config()
+            success=True,
+            message="The configuration in effect.",
+            data={"version": __version__, **self._config()},
         )
 
     def _answer_board(self, _request: Request) -> ServiceReply:

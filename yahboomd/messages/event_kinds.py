@@ -17,7 +17,9 @@ from yahboomd.model import EventKind, Severity
 
 class _EventOfKind(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     stamp_ns: Stamp
-    severity: Severity
+    severity: Annotated[
+        str, Meta(description="info, warning or error; a later version may have others.")
+    ]
     message: Annotated[str, Meta(description="One sentence for people.")]
     wheel: Annotated[str | None, Meta(description="The motor concerned, by name.")] = None
 
@@ -47,11 +49,12 @@ class OdometryGapData(msgspec.Struct, frozen=True, kw_only=True):
     """A gap in the readings, and what it means for the pose."""
 
     cause: Annotated[
-        Literal["reset", "reset_unseen", "gap_kept", "gap_lost", "rebased"],
+        str,
         Meta(
             description="reset: the board reported a reset; reset_unseen: its counts fell to near "
             "zero; gap_kept: readings were missing and the counts went on; gap_lost: readings were "
-            "missing and the counts may be lost; rebased: the counts jumped, and stayed there."
+            "missing and the counts may be lost; rebased: the counts jumped, and stayed there. A "
+            "later version may have others."
         ),
     ]
     gap_s: Annotated[float, Meta(description="From the last reading before it to the next, s.")]
@@ -145,10 +148,11 @@ class GyroUnfitData(msgspec.Struct, frozen=True, kw_only=True):
     """The fault of the gyro."""
 
     problem: Annotated[
-        Literal["silent", "saturated", "implausible"],
+        str,
         Meta(
             description="silent: no samples come; saturated: its rate is at the limit; "
-            "implausible: it is stuck, its zero jumped, or it turns against the wheels."
+            "implausible: it is stuck, its zero jumped, or it turns against the wheels. A later "
+            "version may have others."
         ),
     ]
 

@@ -73,7 +73,9 @@ are in [`docs/bus.md`](../docs/bus.md). Everything here is generated, and checke
 3. Test the encoder by meaning, not by bytes: the order of fields, white space, and how wide a
    MessagePack number is are free. Fields with a default may be left out.
 4. Ignore fields that you do not know. A message changes by growing fields; anything else would be
-   a new message.
+   a new message. A field that is not `required` may be absent: that means "not known".
+5. Take a word that you do not know (`state`, `severity`, `kind`) as text: sets of words grow, too,
+   so the schemas have no list of them. In a state that you do not know the robot may not drive.
 
 ## What to know
 - Which encoding a sample has is its Zenoh Encoding, with the message's name behind a semicolon,

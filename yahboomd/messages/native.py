@@ -1,7 +1,9 @@
 """The native messages: what the daemon publishes, accepts and answers, field by field.
 
-A message only ever grows by fields with a default; anything else is a new message. Readers ignore
-fields that they do not know. The docstrings and descriptions here end up in ``schemas/``.
+A message only ever grows; anything else is a new message. The fields of version 0.1 are required. A
+field that is added later has None as its default, for "not known": never a number or a state that
+could be true. Words of a set, such as a state, are text, since sets grow too. Readers ignore fields
+that they do not know. The docstrings and descriptions here end up in ``schemas/``.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 import msgspec
 from msgspec import Meta
 
-from yahboomd.model import Event, ImuEstimate, Matrix3, OdometryEstimate, Severity
+from yahboomd.model import Event, ImuEstimate, Matrix3, OdometryEstimate
 
 Fact: TypeAlias = int | float | str | bool | None
 """A counter or a fact of one word."""
@@ -26,6 +28,10 @@ Group: TypeAlias = Mapping[str, Fact | Sequence[str] | _Group2]
 """Counters and facts by name; values may be lists of words and groups, three levels deep."""
 
 State: TypeAlias = Literal["waiting", "standing", "driving", "stopping", "estopped", "fault"]
+"""The states of this version's daemon; another version may publish others."""
+
+DRIVABLE = frozenset[str]({"standing", "driving", "stopping"})
+"""The states in which commands move the robot. In a state that is not known none may."""
 
 INT64_MAX = 2**63 - 1
 MAX_LABEL = 64
@@ -191,7 +197,9 @@ class EventSample(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
     kind: Annotated[
         str, Meta(description="A stable word, such as board_reset; docs/events.md has them all.")
     ]
-    severity: Severity
+    severity: Annotated[
+        str, Meta(description="info, warning or error; a later version may have others.")
+    ]
     message: Annotated[str, Meta(description="One sentence for people.")]
     wheel: Annotated[str | None, Meta(description="The motor concerned, by name.")] = None
     data: Annotated[
@@ -204,10 +212,11 @@ class StatusSample(msgspec.Struct, frozen=True, kw_only=True):
 
     stamp_ns: Stamp
     state: Annotated[
-        State,
+        str,
         Meta(
             description="waiting: no board yet; standing; driving; stopping: slowing down by "
-            "itself; estopped: latched until reset; fault: motion is refused."
+            "itself; estopped: latched until reset; fault: motion is refused. A later version may "
+            "have others: take them for states in which the robot may not drive, and may not stand."
         ),
     ]
     driver: Annotated[str | None, Meta(description="The key that has control, if any.")]

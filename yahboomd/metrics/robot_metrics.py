@@ -121,7 +121,7 @@ class _RobotMetrics:
             "when the status was made, by the robot's clock, Unix time",
             status.stamp_ns / NS_PER_S,
         )
-        for state in get_args(State):
+        for state in dict.fromkeys((*get_args(State), status.state)):
             words = "1 for the state that the robot is in, 0 for the others"
             self._gauge("state", words, int(state == status.state), state=state)
         self._gauge(

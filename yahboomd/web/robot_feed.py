@@ -16,7 +16,7 @@ from yahboomd.bus.subscriptions import Arrival
 from yahboomd.client.commanding import ENCODING
 from yahboomd.client.connection import MAX_BYTES, Connection
 from yahboomd.client.questions import Answer, ask, read_answers
-from yahboomd.client.streams import Newest, read_sample
+from yahboomd.client.streams import STATES, Newest, read_sample, reason
 from yahboomd.clock import Clock
 from yahboomd.messages.codecs import encode
 from yahboomd.messages.native import (
@@ -141,6 +141,8 @@ class RobotFeed:
                 why="estop" if status.state == "estopped" else "fault",
                 text=f"The robot does not move. {status.why}",
             )
+        if status is not None and status.state not in STATES:
+            return Refusal(why="fault", text=f"The robot does not move. {reason(status)}")
         if self.barred or not self._publisher.has_subscribers:
             return Refusal(why="no_source", text=no_source(self.source))
         return None

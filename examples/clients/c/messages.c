@@ -18,8 +18,6 @@ static bool is_pose(json_t *root, json_error_t *error) {
 }
 
 static bool is_status(json_t *root, json_error_t *error) {
-    static const char *const states[] = {"driving",  "estopped", "fault",
-                                         "standing", "stopping", "waiting"};
     json_int_t stamp_ns, since_ns;
     const char *state, *why;
     json_t *driver, *group;
@@ -27,11 +25,9 @@ static bool is_status(json_t *root, json_error_t *error) {
                        &stamp_ns, "state", &state, "driver", &driver, "since_ns", &since_ns, "why",
                        &why, "board", &group, "link", &group, "command", &group, "bus",
                        &group) != 0 ||
-        stamp_ns < 0 || !(json_is_string(driver) || json_is_null(driver)))
+        stamp_ns < 0)
         return false;
-    for (size_t i = 0; i < sizeof states / sizeof *states; i++)
-        if (strcmp(state, states[i]) == 0) return true;
-    return false;
+    return json_is_string(driver) || json_is_null(driver);
 }
 
 static bool is_reply(json_t *root, json_error_t *error) {
@@ -64,8 +60,11 @@ json_t *read_sample(const char *name, const z_loaned_sample_t *sample) {
 
 int check_status(json_t *status) {
     const char *state = json_string_value(json_object_get(status, "state"));
-    if (strcmp(state, "estopped") != 0 && strcmp(state, "fault") != 0) return DONE;
-    fprintf(stderr, "The robot will not move. %s\n",
+    /* Anything else, a state of a later version too, is one in which the robot may not drive. */
+    static const char *const drivable[] = {"waiting", "standing", "driving", "stopping"};
+    for (size_t i = 0; i < sizeof drivable / sizeof *drivable; i++)
+        if (strcmp(state, drivable[i]) == 0) return DONE;
+    fprintf(stderr, "The robot will not move. It is %s: %s\n", state,
             json_string_value(json_object_get(status, "why")));
     return WILL_NOT_MOVE;
 }

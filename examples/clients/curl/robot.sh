@@ -54,8 +54,9 @@ send() { # vx, wz
 square() { # side
   local status word one two last=0 silent=0
   status="$(newest yahboomd/status)" || exit
-  [[ "$(jq -r .state <<<"$status")" != @(estopped|fault) ]] ||
-    fail 75 "The robot will not move. $(jq -r .why <<<"$status")"
+  # Anything else, a state of a later version too, is one in which the robot may not drive.
+  [[ "$(jq -r .state <<<"$status")" == @(waiting|standing|driving|stopping) ]] ||
+    fail 75 "The robot will not move. It is $(jq -r '"\(.state): \(.why)"' <<<"$status")"
   exec 3< <(request --no-buffer --header 'Accept: text/event-stream' "$ROBOT/${PREFIX}yahboomd/*" |
     jq --unbuffered --raw-input --raw-output --null-input --argjson side "$1" --from-file "$here/square.jq")
   trap 'send 0 0' EXIT

@@ -46,7 +46,7 @@ foreach (inputs | select(startswith("data:")) | message) as $message (
   if $message.key | endswith("yahboomd/pose") then
     if [$message | .x, .y, .theta, .seq | type] == ["number", "number", "number", "number"]
     then advance($message) | decide else . end
-  elif ($message.key | endswith("yahboomd/status")) and ($message.state | IN("estopped", "fault"))
-  then .line = "why \($message.why)"
+  elif ($message.key | endswith("yahboomd/status")) and ($message.state | IN("waiting", "standing", "driving", "stopping") | not)
+  then .line = "why It is \($message.state): \($message.why)"
   else . end;
   .line // empty)

@@ -6,7 +6,7 @@ import time
 
 import msgspec
 import zenoh
-from messages import ROBOT, PoseSample, StatusSample, fail, key
+from messages import DRIVABLE, ROBOT, PoseSample, StatusSample, fail, key
 
 PERIOD_S = 0.05
 STALE_S = 0.3  # Older than this, a pose says nothing about where the robot is now.
@@ -46,7 +46,7 @@ class Square:
             status = msgspec.json.decode(sample.payload.to_bytes(), type=StatusSample)
         except msgspec.MsgspecError:
             return
-        self.why = status.why if status.state in {"estopped", "fault"} else ""
+        self.why = "" if status.state in DRIVABLE else f"It is {status.state}: {status.why}"
 
     def send(self, vx: float, wz: float) -> None:
         command = {"vx": vx, "wz": wz, "stamp_ns": time.time_ns(), "source": "square"}

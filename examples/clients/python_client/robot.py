@@ -26,6 +26,9 @@ USAGE = """usage: robot.py pose | status | estop | release | set-pose X Y THETA 
 STALE_S = 0.3  # A command lasts no longer: without poses the robot stops.
 PATIENCE_S = 30.0
 
+# Anything else, a state of a later version too, is one in which the robot may not drive.
+DRIVABLE = {"waiting", "standing", "driving", "stopping"}
+
 MESSAGES = {each.__name__: each for each in (PoseSample, StatusSample, ServiceReply)}
 NUMBERS = {
     **dict.fromkeys(("pose", "status", "estop", "release", "config"), (0,)),
@@ -97,8 +100,8 @@ class Square:
     def step(self, vx: float, wz: float) -> None:
         """Command a velocity for the time that a pose is good for, and wait for the next pose."""
         status = self.robot.status
-        if status is not None and status.state in {"estopped", "fault"}:
-            raise Failure(75, f"The robot will not move. {status.why}")
+        if status is not None and status.state not in DRIVABLE:
+            raise Failure(75, f"The robot will not move. It is {status.state}: {status.why}")
         if self.pose is not None:
             self.robot.drive(vx, wz, for_s=STALE_S)
         self.receive()

@@ -3,6 +3,8 @@
 import type { PoseSample, StatusSample } from "./messages.ts";
 import type { Robot } from "./robot.ts";
 
+// Anything else, a state of a later version too, is one in which the robot may not drive.
+const DRIVABLE = ["waiting", "standing", "driving", "stopping"];
 const PERIOD_MS = 50;
 const STALE_MS = 300; // Older than this, a pose says nothing about where the robot is now.
 const PATIENCE_MS = 30_000;
@@ -40,7 +42,7 @@ export class Square {
   }
 
   private onStatus({ state, why }: StatusSample): void {
-    this.why = state === "estopped" || state === "fault" ? why : "";
+    this.why = DRIVABLE.includes(state) ? "" : `It is ${state}: ${why}`;
   }
 
   private refuse(): void {

@@ -34,6 +34,13 @@ def status(
     return daemon_samples.status(state, driver=driver, why=why, command=command)
 
 
+def test_in_a_state_of_a_later_version_nothing_may_drive() -> None:
+    words = Obedience("cmd_vel", status("docked")).trouble_before()
+    assert "'docked'" in words
+    assert words.endswith("Why.")
+    assert Obedience("cmd_vel", status()).trouble(status("docked", accepted=9)) == words
+
+
 def judged(*statuses: StatusSample) -> list[str]:
     """The findings at each status after the first, and after all of them."""
     obedience = Obedience("cmd_vel", statuses[0])

@@ -11,7 +11,7 @@ import pytest
 from real_robot import RealRobot, free_endpoint, wait_for
 
 from yahboomd.cli.main import main
-from yahboomd.cli.robot.status import EXIT_STATUS
+from yahboomd.cli.robot.status import EXIT_STATUS, UNKNOWN
 from yahboomd.cli.unresponsive import process_state
 from yahboomd.messages.native import State, StatusSample
 
@@ -99,4 +99,8 @@ def test_a_robot_without_its_board_ends_with_4(real_robot, capsys) -> None:
 
 
 def test_every_state_has_a_status() -> None:
-    assert set(get_args(State)) - set(EXIT_STATUS) == {"standing", "driving", "stopping"}
+    assert set(get_args(State)) == set(EXIT_STATUS)
+    drive = {state for state, number in EXIT_STATUS.items() if number == 0}
+    assert drive == {"standing", "driving", "stopping"}
+    # One that only a later version knows is none of those.
+    assert UNKNOWN != 0

@@ -10,7 +10,7 @@ from rich.cells import cell_len
 from rich.console import RenderableType
 
 from yahboomd.bus import keys
-from yahboomd.cli.screens import monitor_screen
+from yahboomd.cli.screens import monitor_screen, sentences
 from yahboomd.cli.screens.dashboard import Count, Dashboard, View
 from yahboomd.messages.codecs import encode
 
@@ -23,6 +23,23 @@ def screen(view: View, width: int = 80, height: int = 24) -> RenderableType:
 
 def drawn(view: View, width: int = 80, height: int = 24) -> list[str]:
     return lines_of(screen(view, width, height), width, height)
+
+
+@pytest.mark.parametrize("encoding", ["json", "msgpack"])
+@pytest.mark.parametrize("version", ["first", "newer"])
+def test_a_daemon_of_another_version_is_shown(version: str, encoding: str) -> None:
+    dashboard = Dashboard()
+    for key, payload in daemon.of_version(version, encoding).items():
+        dashboard.accept(key, payload, 0)
+    view = dashboard.view(0)
+    assert view.unreadable == 0
+    text = "\n".join(drawn(view))
+    state = "docked" if version == "newer" else "driving"
+    assert f"● {state.upper()}" in text
+    assert "1.500 m" in text
+    assert f"{state} for" in sentences.status_text(view)
+    # In a state that is not known it may move.
+    assert f"It was {state}" in sentences.lost_sight(view)
 
 
 def test_a_small_terminal_shows_all_there_is() -> None:

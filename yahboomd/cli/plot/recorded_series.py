@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
@@ -11,6 +10,7 @@ from typing import TypeVar
 import msgspec
 
 from yahboomd.bus import keys
+from yahboomd.client.streams import read_sample
 from yahboomd.errors import Refused
 from yahboomd.messages.native import (
     BatterySample,
@@ -67,13 +67,11 @@ def read_recording(path: Path) -> Recording:
     if path.is_dir():
         files = parts(path, NATIVE)
     recording = Recording()
-    decoders = {key: msgspec.json.Decoder(message) for key, message in MESSAGES.items()}
     for file in files:
         for topic, data in _messages(file, recording):
-            decoder = decoders.get(topic)
-            if decoder is not None:
-                with suppress(msgspec.DecodeError, RecursionError):
-                    recording.samples.append(decoder.decode(data))
+            message = MESSAGES.get(topic)
+            if message is not None and (sample := read_sample(data, message)) is not None:
+                recording.samples.append(sample)
     stamps = [each.stamp_ns for each in recording.of(PoseSample)]
     stamps += [each.stamp_ns for each in recording.of(StatusSample)]
     if not stamps:

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from yahboomd.messages.native import StatusSample
+from yahboomd.client.streams import reason
+from yahboomd.messages.native import DRIVABLE, StatusSample
 from yahboomd.messages.status_fields import REFUSALS
-
-STANDS = frozenset({"waiting", "estopped", "fault"})
-"""States in which no command moves the robot."""
 
 PATIENCE = 2
 """Statuses in a row in which every command is refused, before that is reported.
@@ -88,7 +86,7 @@ class Obedience:
         )
 
     def _state_trouble(self, status: StatusSample) -> str:
-        return status.why if status.state in STANDS else ""
+        return "" if status.state in DRIVABLE else reason(status)
 
     def _refusal(self, refused: Mapping[str, int], status: StatusSample) -> str:
         reason = max(refused, key=lambda each: refused[each])

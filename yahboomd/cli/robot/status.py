@@ -7,12 +7,14 @@ import os
 from typing import TYPE_CHECKING
 
 from yahboomd.cli.robot.attended import add_robot_options, attend
+from yahboomd.messages.native import DRIVABLE
 
 if TYPE_CHECKING:
     from yahboomd.client import AsyncRobot
 
-EXIT_STATUS = {"fault": 1, "estopped": 3, "waiting": 4}
-"""The exit status of each state in which the robot cannot drive."""
+EXIT_STATUS = {**dict.fromkeys(DRIVABLE, os.EX_OK), "fault": 1, "estopped": 3, "waiting": 4}
+UNKNOWN = 1
+"""The exit status of each state, and of those that this version does not know."""
 
 DESCRIPTION = """\
 Print what the daemon does, why, who drives, its board, and what was lost or refused since it
@@ -32,7 +34,8 @@ computer was busy. docs/status.md explains every counter.
 
 exit status:
   0    it can drive: it stands, drives, or slows down by itself
-  1    a fault: it refuses motion; the text says what to do
+  1    a fault: it refuses motion; the text says what to do. Also a state of another version of
+       yahboomd that this one does not know
   3    the emergency stop is engaged
   4    it waits for its board
   69   no daemon is there
@@ -68,4 +71,4 @@ async def _print(robot: AsyncRobot, *, as_json: bool) -> int:
     dashboard = Dashboard()
     dashboard.accept(STATUS, payload, 0)
     print(one_line(payload) if as_json else status_text(dashboard.view(0)), flush=True)
-    return EXIT_STATUS.get(sample.state, os.EX_OK)
+    return EXIT_STATUS.get(sample.state, UNKNOWN)

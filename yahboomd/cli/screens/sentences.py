@@ -21,9 +21,13 @@ def driver(view: View) -> str:
     return f"{source_words(view.status.driver)} has control{since}"
 
 
+STANDING = frozenset({"standing", "estopped", "fault", "waiting"})
+"""The states in which nothing moves, as far as is known; in a state of another version it may."""
+
+
 def lost_sight(view: View) -> str:
     """Advice for a person whose daemon falls silent; empty where nothing moved."""
-    if view.status is None or view.status.state not in {"driving", "stopping"}:
+    if view.status is None or view.status.state in STANDING:
         return ""
     return pasteable(
         f"It was {view.status.state}: if the wheels still turn, run `yahboomd stop` on the robot, "

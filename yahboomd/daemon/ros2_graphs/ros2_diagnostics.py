@@ -6,11 +6,11 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from yahboomd.messages.cdr import Diagnostic
-from yahboomd.messages.native import Group, State, StatusSample
+from yahboomd.messages.native import Group, StatusSample
 
 OK, WARN, ERROR, STALE = 0, 1, 2, 3
 
-_LEVELS: dict[State, int] = {
+_LEVELS: dict[str, int] = {
     "standing": OK,
     "driving": OK,
     "stopping": OK,

@@ -2,6 +2,7 @@
 
 import { duration } from "./dom.js";
 
+const KNOWN = ["driving", "standing", "stopping", "estopped", "fault", "waiting"];
 const DELAY_GOOD_MS = 2500; // A delay that was measured longer ago than this says nothing.
 
 /** Why not, or "". What a person can change comes last. */
@@ -21,6 +22,7 @@ export function obstacle(connection, live) {
   const status = live.sample("status");
   if (status?.state === "estopped") return "The emergency stop is engaged. Release it to drive.";
   if (status?.state === "fault") return "The robot has a fault: it stands above. Clear it to drive.";
+  if (status && !KNOWN.includes(status.state)) return "The robot is in a state that this page does not know. It stands above.";
   if (hello.barred) return hello.barred;
   if (status?.state === "waiting") return "The robot waits. Why, and what to do, stands above.";
   const control = live.newest("control");

@@ -22,7 +22,7 @@ mod reply {
 }
 use pose::PoseSample;
 use reply::ServiceReply;
-use status::{StatusSample, StatusSampleState as State};
+use status::StatusSample;
 
 const USAGE: &str = "usage: robot pose | status | estop | release | set-pose X Y THETA | config
              | square [SIDE] | decode PoseSample|StatusSample|ServiceReply";
@@ -108,12 +108,13 @@ fn newest<T: DeserializeOwned>(session: &Session, name: &str, message: &str) -> 
 }
 
 fn check(status: &StatusSample) -> Outcome<()> {
-    match status.state {
-        State::Estopped | State::Fault => Err(Failure(
+    match status.state.as_str() {
+        "waiting" | "standing" | "driving" | "stopping" => Ok(()),
+        // A state of a later version, too, is one in which the robot may not drive.
+        state => Err(Failure(
             75,
-            format!("The robot will not move. {}", status.why),
+            format!("The robot will not move. It is {state}: {}", status.why),
         )),
-        _ => Ok(()),
     }
 }
 
