@@ -186,6 +186,36 @@ def test_a_latch_for_whose_file_no_thread_can_be_started_is_written_with_the_nex
     assert latch.release(()).released
 
 
+def test_a_press_writes_a_removed_file_again_before_it_is_acknowledged(tmp_path: Path) -> None:
+    latch = EstopLatch(LatchFile(tmp_path / "estop"), 0)
+    latch.engage("one", 1)
+    latch.remember()
+    assert latch.settle()
+    (tmp_path / "estop").unlink()
+    assert not latch.engage("two", 2)
+    latch.remember()
+    assert latch.settle()
+    assert LatchFile(tmp_path / "estop").load() == "one"
+
+
+async def test_a_press_for_whose_file_no_thread_can_be_started_is_acknowledged_as_not_on_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    latch = EstopLatch(LatchFile(tmp_path / "estop"), 0)
+    with monkeypatch.context() as few:
+
+        def start(_: threading.Thread) -> None:
+            raise RuntimeError("can't start new thread")
+
+        few.setattr(threading.Thread, "start", start)
+        assert latch.engage("one", 1)
+        latch.remember()
+        assert not await latch.on_file()
+    latch.remember()
+    assert latch.settle()
+    assert (tmp_path / "estop").exists()
+
+
 def test_no_thread_is_left_once_the_file_is_as_it_should_be(disk: Disk) -> None:
     keeper = LatchKeeper(disk)
     for by in ("one", "two"):

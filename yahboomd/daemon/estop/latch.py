@@ -101,9 +101,7 @@ class LatchKeeper:
         with self._state:
             if self._by is not None and not self._working:
                 self._restoring = True
-                # Where no thread can be started now, the next call has one.
-                with contextlib.suppress(RuntimeError):
-                    self._start()
+                self._start()
 
     def _ask(self, by: str | None) -> int:
         self._by = by
@@ -114,8 +112,10 @@ class LatchKeeper:
 
     def _start(self) -> None:
         if not self._working:
-            threading.Thread(target=self._work, name="latch-file", daemon=True).start()
-            self._working = True
+            # Where no thread can be started now, the next call has one.
+            with contextlib.suppress(RuntimeError):
+                threading.Thread(target=self._work, name="latch-file", daemon=True).start()
+                self._working = True
 
     def _work(self) -> None:
         while True:
@@ -247,7 +247,11 @@ class EstopLatch:
         # However many ask while the disk hangs, one thread waits.
         if self._settling is None or self._settling.done():
             self._settling = asyncio.ensure_future(asyncio.to_thread(self.settle))
-        return await asyncio.shield(self._settling)
+        try:
+            return await asyncio.shield(self._settling)
+        except RuntimeError:
+            # No thread could be started to wait.
+            return False
 
     def release(self, moving: Sequence[str]) -> Release:
         """Release, unless it would start the robot or the file cannot be removed."""
