@@ -465,7 +465,7 @@ class AsyncRobot(NewestSamples):
 
         Raises:
             NoDaemon: No daemon acknowledged it. Switch the motors' supply off.
-            Refused: A daemon answered that it did not engage.
+            Refused: A daemon answered that it did not engage, or could not send it to the board.
         """
         if self.commanded is not None:
             self.stop()

@@ -16,7 +16,7 @@ from yahboomd.simulation.motors import MotorFaults
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 
-AFTER_MS = range(0, 60, 3)
+AFTER_MS = range(0, 40, 5)
 """From a command to the stop: the line is free, or waits for the distance between two frames."""
 
 
@@ -59,8 +59,12 @@ async def test_answer_event_and_state_of_an_emergency_stop_follow_its_bytes(
         waited = 0
         for after_ms in AFTER_MS:
             await bench.drive(0.4, 0.3)
+            written = len(bench.frames)
             bench.command(0.3 + after_ms / 1000)
             await asyncio.sleep(after_ms / 1000)
+            if after_ms == 0:
+                # While the frame is on the wire the line of every board is taken.
+                await bench.until(lambda written=written: len(bench.frames) > written)
             assert not bench.stopped
             words = bench.operator.engage_estop("a test")
             waited += not bench.stopped
