@@ -34,7 +34,8 @@ class Serial(Section):
         default="",
         description="Device of the board, such as /dev/ttyUSB0. Empty: /dev/yahboom_driver, else "
         "the only CH340 (1a86:7522, 1a86:7523) on USB; with none or several, they are listed and "
-        "nothing is opened.",
+        "nothing is opened. Not a pseudo-terminal of a relay (socat, ser2net): where that sends "
+        "slowly, stops come seconds late.",
     )
     baudrate: int = key(
         default=115200,
