@@ -254,7 +254,7 @@ def test_an_emergency_stop_is_listed_explained_and_downloaded_and_a_box_is_saved
         page.tap("#release")
         page.says("#state", "standing")
         # This machine may have boxes of others; the newest come first.
-        (saved,) = wait_for(lambda: list(bench.robot.folder.rglob("*_estop.blackbox")), "a box")
+        (saved,) = wait_for(lambda: list(bench.robot.folder.rglob("*_estop*.blackbox")), "a box")
         page.until(f"document.querySelector('a[href$=\"{saved.stem}\"]') !== null")
         row = f"document.querySelector('a[href$=\"{saved.stem}\"]').closest('li')"
         page.evaluate(f"{row}.querySelector('button').click()")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+import os
 import signal
 import sys
 from typing import Any
@@ -15,6 +16,7 @@ import pytest
 from zenoh_fixtures import PATIENCE_S, eventually, free_endpoint
 
 from yahboomd.bus import keys
+from yahboomd.bus.alarms import READ_BYTES
 from yahboomd.bus.subscriptions import Subscription
 from yahboomd.client import (
     AsyncRobot,
@@ -27,9 +29,11 @@ from yahboomd.client import (
     WheelsSample,
     connect,
 )
+from yahboomd.client.async_robot import estop_payload
 from yahboomd.client.connecting import client_options
 from yahboomd.client.streams import KEYS
 from yahboomd.clock import SystemClock
+from yahboomd.messages.codecs import estop_by
 
 pytestmark = pytest.mark.realtime
 
@@ -297,3 +301,11 @@ async def test_sigterm_stops_each_robot_of_a_program(fake_daemon: Any) -> None:
     assert await process.wait() == 128 + signal.SIGTERM
     for daemon in daemons:
         await eventually(lambda daemon=daemon: daemon.velocities[-1:] == [ZERO])
+
+
+def test_an_emergency_stop_carries_a_name_that_the_daemon_reads() -> None:
+    assert f"(pid {os.getpid()})" in estop_by(estop_payload())
+    assert estop_by(estop_payload("Ann")) == "Ann"
+    for long in ("navigation of the second floor, east wing", "\u00e4" * 60):
+        assert len(estop_payload(long)) <= READ_BYTES
+        assert long.startswith(estop_by(estop_payload(long)) or "not read")

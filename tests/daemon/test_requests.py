@@ -15,6 +15,7 @@ from robot_bench import RobotBench
 
 from yahboomd import __version__
 from yahboomd.bus import keys
+from yahboomd.bus.presence import Neighbour
 from yahboomd.bus.services import TOO_MANY, Request, Response
 from yahboomd.daemon.estop import latch
 from yahboomd.daemon.estop.latch_file import LatchFile
@@ -184,6 +185,8 @@ async def test_an_acknowledgement_says_when_the_stop_would_not_survive_a_restart
 
 class Bus:
     """Keeps what is declared."""
+
+    neighbours: tuple[Neighbour, ...] = ()
 
     def __init__(self, settle: Callable[[], bool]) -> None:
         self.order: list[str] = []
@@ -513,3 +516,26 @@ async def test_an_estop_that_is_offered_elsewhere_too_is_an_alarm_there(tmp_path
         assert not bus.harmless(cdr.boolean(False))
         await bus.answer(msgspec.structs.replace(request("/0/estop", b""), harmless=False))
         assert bench.controller.state()[0] == "estopped"
+
+
+@pytest.mark.parametrize(
+    ("addresses", "words"),
+    [
+        ((), "yahboomd/estop."),
+        (("tcp/10.0.0.7:40112",), "yahboomd/estop, from tcp/10.0.0.7:40112."),
+        (("tcp/a:1", ""), "yahboomd/estop, from one of tcp/a:1, 2b."),
+        (tuple(map(str, range(5))), "yahboomd/estop, from one of 5 clients."),
+    ],
+)
+@on_virtual_time
+async def test_an_emergency_stop_without_a_name_names_the_clients_that_may_have_sent_it(
+    tmp_path: Path, addresses: tuple[str, ...], words: str
+) -> None:
+    async with RobotBench(tmp_path) as bench:
+        bus = served(bench)
+        bus.neighbours = tuple(
+            Neighbour(zid=f"{number + 1}b", kind="client", address=address)
+            for number, address in enumerate(addresses)
+        )
+        answer = await bus.ask(keys.ESTOP)
+        assert answer["message"].startswith(f"Emergency stop engaged by a query on {words}")

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import pytest
+from msgspec import structs
 
 from yahboomd.drive.arbitration import Decision, Why
 from yahboomd.drive.estop import Latched
@@ -130,3 +131,19 @@ def test_people_read_of_the_page_and_not_of_its_key() -> None:
     decision = Decision(source="cmd_vel/web", age_ns=S, why="timed_out")
     (found,) = reasons(5 * S, decision=decision)
     assert found.message.startswith("The page fell silent")
+
+
+def test_limits_that_leave_a_crawl_are_named_unless_another_axis_moves_as_wished() -> None:
+    crawl = AxisLimits(velocity=0.001)
+    (found,) = reasons(S, decision=DRIVING, linear=crawl)
+    assert found.kind == "limit_slow"
+    assert "limits.linear.velocity = 0.001" in found.message
+    (found,) = reasons(S, decision=DRIVING, linear=AxisLimits(velocity=1.0, acceleration=0.002))
+    assert "limits.linear.acceleration = 0.002" in found.message
+    turning = structs.replace(DRIVING, twist=Twist2d(vx=0.3, wz=1.0))
+    assert reasons(S, decision=turning, linear=crawl) == ()
+    (found,) = reasons(S, decision=turning, linear=crawl, angular=AxisLimits(velocity=0.01))
+    assert "limits.angular.velocity = 0.01" in found.message
+    # Who commands a crawl gets one.
+    slow = structs.replace(DRIVING, twist=Twist2d(vx=0.001))
+    assert reasons(S, decision=slow, linear=crawl) == ()

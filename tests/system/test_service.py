@@ -432,7 +432,7 @@ def test_the_black_box_of_a_killed_daemon_is_saved_for_its_group_and_explained(b
     bench.wait_for_status("driving")
     listing = machine.run(
         *("sh", "-c"),
-        "for n in $(seq 50); do ls -l /var/lib/yahboomd/blackbox/*_killed.blackbox && exit; "
+        "for n in $(seq 50); do ls -l /var/lib/yahboomd/blackbox/*_killed*.blackbox && exit; "
         "sleep 0.2; done; ls -lR /var/lib/yahboomd",
     )
     assert re.search(

@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
+import os
+import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any, Self, TypeVar
@@ -12,6 +14,7 @@ from typing import Any, Self, TypeVar
 import msgspec
 
 from yahboomd.bus import keys
+from yahboomd.bus.alarms import READ_BYTES
 from yahboomd.bus.bus import Bus
 from yahboomd.bus.options import BusOptions
 from yahboomd.bus.subscriptions import Arrival
@@ -458,7 +461,8 @@ class AsyncRobot(NewestSamples):
         """Engage the emergency stop of every daemon there; it stays until :meth:`release`.
 
         Args:
-            by: Who or what asks, for people.
+            by: Who or what asks, for people; the client's label unless given, else the name and
+                the number of this process.
 
         Returns:
             The daemon's acknowledgement.
@@ -469,7 +473,7 @@ class AsyncRobot(NewestSamples):
         """
         if self.commanded is not None:
             self.stop()
-        payload = encode(EstopRequest(by=by or self._label or None), "json")
+        payload = estop_payload(by or self._label)
         return (await self.call(keys.ESTOP, payload, urgent=True)).message
 
     async def release(self) -> str:
@@ -514,3 +518,16 @@ class AsyncRobot(NewestSamples):
             Refused: No board is connected.
         """
         return (await self.call(keys.BOARD)).data
+
+
+def estop_payload(by: str = "") -> bytes:
+    """The payload that engages the e-stop, with who asks; this process unless given.
+
+    A name that is too long to be read by the daemon is cut.
+    """
+    program = os.path.basename(sys.argv[0]) if sys.argv else ""
+    named = program not in {"", "-c"}
+    by = by or f"{program if named else 'python'} (pid {os.getpid()})"
+    while len(payload := encode(EstopRequest(by=by), "json")) > READ_BYTES:
+        by = by[:-1]
+    return payload

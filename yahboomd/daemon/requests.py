@@ -13,6 +13,7 @@ from yahboomd import __version__
 from yahboomd.bus import keys
 from yahboomd.bus.alarms import READ_BYTES
 from yahboomd.bus.bus import Bus
+from yahboomd.bus.presence import Neighbour
 from yahboomd.bus.services import TOO_MANY, Request, Response
 from yahboomd.clock import Clock
 from yahboomd.daemon.control import Controller
@@ -37,6 +38,9 @@ from yahboomd.model import Event, Matrix3, Pose2d
 
 COPIES_NS = 1_000_000_000
 """Copies of one request (the ROS 2 bridge may make them) come within so long, mostly at once."""
+
+NAMED_MOST = 4
+"""So many clients are named as those that may have sent an e-stop; of more the number is given."""
 
 SET_POSE_TAKES = (
     'It takes x and y in metres and theta in radians, such as {"x": 1.0, "y": 2.0, "theta": 0.5}.'
@@ -207,6 +211,7 @@ class Services:
         self._board = board
         self._newest = newest
         self._save_box = save_box
+        self._neighbours: Callable[[], tuple[Neighbour, ...]] = tuple
         self.actions: dict[str, Action] = {
             keys.ESTOP: self._estop_query,
             keys.ESTOP_RESET: self._estop_reset,
@@ -219,6 +224,7 @@ class Services:
 
     def serve(self, bus: Bus) -> None:
         """Declare everything on an open session; the e-stop first."""
+        self._neighbours = lambda: bus.neighbours
         self.hear_estop(bus, keys.ESTOP)
         for key, action in self.actions.items():
             self.offer(bus, key, action)
@@ -295,7 +301,8 @@ class Services:
         return self._answer(request, ServiceReply(success=False, message=reason))
 
     def _estop_samples(self, count: int, unread: int) -> None:
-        self._operator.engage_estop("a sample on yahboomd/estop", times=count, unread=unread)
+        by = f"a sample on yahboomd/estop{self._senders()}"
+        self._operator.engage_estop(by, times=count, unread=unread)
 
     def _release_samples(self, count: int) -> None:
         self._operator.refuse_release("a sample on yahboomd/estop", times=count)
@@ -305,11 +312,23 @@ class Services:
             words = self._operator.refuse_release("a query on yahboomd/estop")
             return ServiceReply(success=False, message=words)
         unread = request.oversize or len(request.payload) > READ_BYTES
-        by = "a query on yahboomd/estop"
+        by = f"a query on yahboomd/estop{self._senders()}"
         if not unread and (name := estop_by(request.payload)):
             by = name
         words = self._operator.engage_estop(by, unread=int(unread))
         return ServiceReply(success=True, message=words)
+
+    def _senders(self) -> str:
+        """The clients that may have sent what carries no name: Zenoh does not tell which one."""
+        near = [each.address or each.zid for each in self._neighbours()]
+        match near:
+            case []:
+                return ""
+            case [one]:
+                return f", from {one}"
+            case [*some] if len(some) <= NAMED_MOST:
+                return f", from one of {', '.join(some)}"
+        return f", from one of {len(near)} clients"
 
     def _estop_reset(self, _request: Request) -> ServiceReply:
         released, words = self._operator.release_estop()

@@ -5,6 +5,7 @@ All reasons are given, not only the first, in the order in which they have to be
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import msgspec
@@ -24,6 +25,9 @@ State: TypeAlias = Literal["waiting", "standing", "driving", "stopping", "estopp
 
 STANDING_M_S = 0.03
 """Wheels measured slower than this stand."""
+
+SLOW_RAD_S = 0.1
+"""A base that turns slower than this seems to stand."""
 
 
 def turning(measured_m_s: Sequence[float]) -> bool:
@@ -163,7 +167,7 @@ def _impossible(
         twist.wz if turning else 0.0,
     )
     if any(left):
-        return []
+        return _crawling(decision, linear, angular)
     driver = source_words(decision.driver)
     if not holonomic and twist.vx == 0.0 and twist.wz == 0.0:
         message = f"{driver} commands sideways motion, which this base cannot do."
@@ -175,6 +179,36 @@ def _impossible(
     ]
     message = f"{driver} commands motion that {' and '.join(zeros)}.velocity = 0 forbids."
     return [Reason(kind="limit_zero", message=message)]
+
+
+def _crawling(
+    decision: Decision, linear: AxisLimits | None, angular: AxisLimits | None
+) -> list[Reason]:
+    """Limits that leave so little of a wish that the robot seems to stand."""
+    twist, found = decision.twist, list[str]()
+    for name, unit, wish, limits, slow in (
+        ("linear", "m/s", math.hypot(twist.vx, twist.vy), linear, STANDING_M_S),
+        ("angular", "rad/s", abs(twist.wz), angular, SLOW_RAD_S),
+    ):
+        if wish < slow:
+            continue
+        velocity = math.inf if limits is None or limits.velocity is None else limits.velocity
+        gains = math.inf if limits is None or limits.acceleration is None else limits.acceleration
+        if velocity < slow:
+            found.append(
+                f"limits.{name}.velocity = {velocity:g} is all that is left of {wish:g} {unit}"
+            )
+        elif gains < slow:
+            found.append(
+                f"limits.{name}.acceleration = {gains:g} lets it reach {wish:g} {unit} only "
+                f"after {wish / gains:.0f} s"
+            )
+        else:
+            return []
+    if not found:
+        return []
+    message = f"{source_words(decision.driver)} drives at a crawl: {', and '.join(found)}."
+    return [Reason(kind="limit_slow", message=message)]
 
 
 def _seconds(duration_ns: int) -> str:

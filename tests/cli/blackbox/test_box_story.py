@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import asyncio
+from collections.abc import Awaitable, Callable, Iterator
+from pathlib import Path
 
 import msgspec
-from made_boxes import ring_of, saved_box
+import pytest
+from made_boxes import HEADER, ring_of, saved_box
+from robot_bench import RobotBench
 
 from yahboomd.blackbox import records
-from yahboomd.blackbox.box_file import read_box
+from yahboomd.blackbox.box_file import encode_header, read_box
+from yahboomd.blackbox.ring import Ring
 from yahboomd.cli.blackbox.box_story import before, story, summary, utc, wall_clock
+from yahboomd.daemon.process import without_age
 from yahboomd.model import Event, Pose2d
+from yahboomd.simulation.four_channel.flash import FlashContent
+from yahboomd.simulation.motors import MotorFaults
+from yahboomd.simulation.options import SimulationOptions
+from yahboomd.simulation.virtual_time import on_virtual_time
 
 DRIVES = records.Decision(state="driving", driver="cmd_vel", why="cmd_vel drives.")
 SILENT = records.Decision(state="standing", driver="", why="No command for 0.5 s.")
@@ -41,7 +51,9 @@ def test_it_says_when_and_why_it_stopped_last() -> None:
 
 
 def test_a_robot_that_did_not_drive_or_drives_on_has_no_stop() -> None:
-    assert retold((5.0, SILENT))[0].why == "It did not drive in the time that is recorded."
+    assert retold((5.0, SILENT))[0].why == (
+        "It did not drive in the time that is recorded. Its state: No command for 0.5 s."
+    )
     assert retold((5.0, DRIVES))[0].why == "It drives to the end of the record."
 
 
@@ -161,3 +173,159 @@ def test_the_moments_of_a_box_are_found_in_one_look_at_its_records() -> None:
     wall_clock_ns = wall_clock(msgspec.structs.replace(box, records=looked))
     assert wall_clock_ns(looked[1].at_ns) - wall_clock_ns(looked[0].at_ns) == 40 * 10**9
     assert looked.looks == 1
+
+
+# What stops a robot, produced on a simulated one, and the sentence about it.
+
+Happens = Callable[[RobotBench], Awaitable[object]]
+
+
+async def why_after(
+    folder: Path, happens: Happens, *overrides: str, before_s: float = 1.0, **simulation: object
+) -> str:
+    """Drive, let something happen, and look at what the box makes of it at that moment."""
+    head, size = encode_header(HEADER), HEADER.segment_bytes
+    buffer = bytearray(head + bytes(64 * size))
+    options = SimulationOptions(**simulation)  # type: ignore[arg-type]
+    bench = RobotBench(folder, overrides, options, ring=Ring(buffer, len(head), size))
+    assert bench.recorder is not None
+    recorder, publish = bench.recorder, bench.heard.event
+
+    def note() -> None:
+        state, why = bench.controller.state()
+        recorder.decision(state, bench.controller.decision.driver or "", without_age(why))
+
+    def event(event: Event) -> None:
+        publish(event)
+        recorder.event(event)
+
+    async def notes() -> None:
+        while True:
+            note()
+            await asyncio.sleep(0.5)
+
+    bench.heard.changed, bench.heard.event = note, event  # type: ignore[method-assign]
+    async with bench:
+        bench.tasks.append(asyncio.create_task(notes()))
+        await bench.ready()
+        await bench.drive(before_s, 0.3)
+        await happens(bench)
+        note()
+        image = bytes(buffer)
+    return story(read_box(image)).why
+
+
+async def _waits(bench: RobotBench) -> None:
+    await asyncio.sleep(1.5)
+
+
+async def _ends(bench: RobotBench) -> None:
+    await bench.drive(1.0)
+
+
+async def _drives_on(bench: RobotBench) -> None:
+    await bench.drive(3.0, 0.3)
+
+
+async def _keyboard(bench: RobotBench) -> None:
+    for _ in range(10):
+        bench.command(source="cmd_vel/teleop")
+        await bench.drive(0.05, 0.3)
+
+
+async def _estop(bench: RobotBench) -> None:
+    bench.operator.engage_estop("a query on yahboomd/estop, from tcp/10.0.0.7:40112")
+    await _drives_on(bench)
+
+
+async def _client_lost(bench: RobotBench) -> None:
+    bench.controller.bus_lost()
+    await _waits(bench)
+
+
+async def _reset(bench: RobotBench) -> None:
+    bench.robot.reset(bench.clock.now_ns())
+    await bench.drive(0.5, 0.3)
+
+
+async def _reset_and_on(bench: RobotBench) -> None:
+    bench.robot.brown_out(bench.clock.now_ns(), 0.3)
+    await _drives_on(bench)
+
+
+async def _reset_then_ends(bench: RobotBench) -> None:
+    await _reset_and_on(bench)
+    await _ends(bench)
+
+
+async def _three_resets(bench: RobotBench) -> None:
+    for _ in range(3):
+        bench.robot.reset(bench.clock.now_ns())
+        await bench.drive(2.0, 0.3)
+
+
+async def _unplugged(bench: RobotBench) -> None:
+    bench.robot.unplug(bench.clock.now_ns())
+    await bench.drive(1.0, 0.3)
+
+
+async def _hangs(bench: RobotBench) -> None:
+    bench.robot.hang(bench.clock.now_ns())
+    await bench.drive(0.5, 0.3)
+
+
+def _faulty(**faults: object) -> Happens:
+    async def breaks(bench: RobotBench) -> None:
+        broken = MotorFaults(**faults)  # type: ignore[arg-type]
+        bench.robot.set_faults("left", broken, now_ns=bench.clock.now_ns())
+        await _drives_on(bench)
+
+    return breaks
+
+
+CAUSES: dict[str, tuple[Happens, dict[str, object], tuple[str, ...], str]] = {
+    "silence": (_waits, {}, (), "cmd_vel fell silent after its last command"),
+    "a zero command": (_ends, {}, (), "cmd_vel commands zero and keeps control"),
+    "a client that is lost": (_client_lost, {}, (), "its client left the bus"),
+    "the keyboard": (_keyboard, {}, (), "cmd_vel/teleop commands zero and keeps control"),
+    "an emergency stop": (
+        _estop, {}, (), "engaged by a query on yahboomd/estop, from tcp/10.0.0.7:40112"
+    ),
+    "a board that is unplugged": (_unplugged, {}, (), "the port went away"),
+    "a board that hangs": (_hangs, {}, (), "No counts have come for 0.3 s"),
+    "a wheel that is held": (
+        _faulty(stalled=True), {}, (), "left is commanded 0.30 m/s and its encoder shows no motion"
+    ),
+    "a motor that is unplugged": (
+        _faulty(unplugged=True), {}, (), "left is commanded 0.30 m/s and its encoder shows no"
+    ),
+    "a wheel that runs away": (_faulty(turning_m_s=1.2), {}, (), "left"),
+    "a reset in motion": (_reset, {}, (), "The board reset itself in motion"),
+    "a brown-out, and on it drives": (
+        _reset_and_on, {}, (), "wheels are not driven unseen. The board reset itself",
+    ),
+    "a brown-out, then a zero": (_reset_then_ends, {}, (), "The board reset itself"),
+    "three resets": (_three_resets, {}, (), "The board reset itself 3 times within 10 s"),
+    "a limit of 1 mm/s": (
+        _drives_on, {}, ("limits.linear.velocity=0.001",),
+        "It drives: cmd_vel drives at a crawl: limits.linear.velocity = 0.001 is all that",
+    ),
+    "an acceleration of 1 mm/s²": (
+        _drives_on, {}, ("limits.linear.acceleration=0.001",),
+        "limits.linear.acceleration = 0.001 lets it reach 0.3 m/s only after 300 s",
+    ),
+    "a motor type": (
+        _drives_on, {"flash": FlashContent(motor_type=2)}, (),
+        "Its state: The board is set to motor type 2 (310), the profile 520 needs 1 (520)",
+    ),
+}  # fmt: skip
+"""What happens: its simulation, the configuration, and the words that name it."""
+
+
+@pytest.mark.parametrize("cause", CAUSES)
+@on_virtual_time
+async def test_every_cause_is_named(tmp_path: Path, cause: str) -> None:
+    happens, simulation, overrides, words = CAUSES[cause]
+    why = await why_after(tmp_path, happens, *overrides, **simulation)  # type: ignore[arg-type]
+    print(why)
+    assert words in why

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from yahboomd.blackbox import records
 from yahboomd.blackbox.box_file import Box, settings_of
 from yahboomd.blackbox.records import Record
-from yahboomd.model import NS_PER_S
+from yahboomd.model import NS_PER_S, EventKind
 from yahboomd.program import plain
 from yahboomd.protocol.registry import DIALECTS
 
@@ -122,33 +122,93 @@ def summary(box: Box) -> str:
 
 def last_stop(every: list[Record]) -> Record | None:
     """The decision by which the robot stopped driving last; None where it drives, or never did."""
-    return _last_stop(every)[0]
+    stops, driving = _stops(every)
+    return stops[-1] if stops and not driving else None
 
 
-def _last_stop(every: list[Record]) -> tuple[Record | None, bool]:
-    """The same, and whether it drives at the end."""
-    driving, stopped = False, None
+def _stops(every: list[Record]) -> tuple[list[Record], bool]:
+    """Each decision by which the robot stopped driving, and whether it drives at the end."""
+    driving, stops = False, list[Record]()
     for record in every:
-        meaning = record.meaning
-        if isinstance(meaning, records.Decision):
-            drives = meaning.state == "driving"
+        if isinstance(record.meaning, records.Decision):
+            drives = record.meaning.state == "driving"
             if driving and not drives:
-                stopped = record
-            elif drives:
-                stopped = None
+                stops.append(record)
             driving = drives
-    return stopped, driving
+    return stops, driving
 
 
 def _why(every: list[Record], end_ns: int, end: str) -> str:
-    """Why the robot stands, by the last time that it stopped driving."""
-    stopped, driving = _last_stop(every)
-    if stopped is None or not isinstance(stopped.meaning, records.Decision):
-        if driving:
-            return "It drives to the end of the record."
-        return "It did not drive in the time that is recorded."
-    words = plain(stopped.meaning.why)
-    return f"It stopped {before(stopped.at_ns, end_ns, end)}: {words}"
+    """Why the robot stands or crawls, and why it stopped against its commands before that."""
+    stops, driving = _stops(every)
+    newest = next((each for each in reversed(every) if _words(each)), None)
+    last = "" if newest is None else _words(newest)
+    if not stops and not driving:
+        return "It did not drive in the time that is recorded." + (last and f" Its state: {last}")
+
+    def placed(record: Record) -> str:
+        moment = before(record.at_ns, end_ns, end)
+        return f"{moment}: {' '.join([_words(record), *_reported(every, record)])}"
+
+    if driving:
+        plainly = last.endswith(" drives.") and last.count(" ") == 1
+        found = ["It drives to the end of the record." if plainly else f"It drives: {last}"]
+    else:
+        stop = stops.pop()
+        found = [f"It stopped {placed(stop)}"]
+        stops = stops if _ordered(stop) else []
+        held = newest is not None and _is_held(newest) and ORDERLY_END not in last
+        if held and not (_words(stop) in last or last in _words(stop)):
+            found.append(f"Later: {last}")
+    if unasked := [each for each in stops if not _ordered(each)]:
+        found.append(f"Before that it stopped {placed(unasked[-1])}")
+    return " ".join(found)
+
+
+ORDERLY_END = "The connection to the board is being ended"
+
+_ORDERED = ("commands zero and keeps control", "ended with a zero command", ORDERLY_END)
+"""Stops that somebody asked for by a command, or by ending the daemon."""
+
+_CAUSES: tuple[EventKind, ...] = (
+    *("board_reset", "reset_loop", "board_unfit", "disconnected", "paused", "line_noisy"),
+    *("runaway_against", "runaway_fast", "turns_without_command", "no_counts", "stop_not_obeyed"),
+)
+"""Events that explain a stop that shows as something else, such as counts that stay away."""
+
+_REPORTED_NS = (NS_PER_S // 2, 3 * NS_PER_S)
+"""Before and after a stop; a board that was reset reports it once it has started."""
+
+
+def _words(record: Record) -> str:
+    meaning = record.meaning
+    return plain(meaning.why) if isinstance(meaning, records.Decision) else ""
+
+
+def _is_held(record: Record) -> bool:
+    """Whether something else than its commands keeps the robot where it is."""
+    meaning = record.meaning
+    held = ("waiting", "fault", "estopped")
+    return isinstance(meaning, records.Decision) and meaning.state in held
+
+
+def _ordered(stop: Record) -> bool:
+    return any(each in _words(stop) for each in _ORDERED)
+
+
+def _reported(every: list[Record], stop: Record) -> list[str]:
+    """Events beside a stop that explain it, two at most, unless its own words have them."""
+    if _ordered(stop):
+        return []
+    earliest_ns, latest_ns = stop.at_ns - _REPORTED_NS[0], stop.at_ns + _REPORTED_NS[1]
+    said = [
+        plain(record.meaning.event.message)
+        for record in every
+        if isinstance(record.meaning, records.Happened)
+        and record.meaning.event.kind in _CAUSES
+        and earliest_ns <= record.at_ns <= latest_ns
+    ]
+    return [each for each in dict.fromkeys(said) if each not in _words(stop)][:2]
 
 
 def _said(every: list[Record]) -> list[Line]:
