@@ -81,7 +81,10 @@ def test_no_words_of_another_device_are_taken_for_its_own(text):
     ("volts", "words"),
     [
         (9.1, "Its supply has 9.1 V. Below 9.6 V or above 13.0 V"),
-        (13.4, "13.4 V"),
+        (13.4, "Use the car's own battery"),
+        (6.0, "Charge or replace the battery"),
+        (9.0, "on a Sunrise below 6.5 V or above 8.5 V"),
+        (7.4, "has 7.4 V now"),
         (12.0, "has 12.0 V now"),
         (None, "only a reset ends"),
     ],

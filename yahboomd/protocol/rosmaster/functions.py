@@ -191,9 +191,29 @@ def _car_shown(value: SettingValue) -> str:
     return f"{value} ({'unknown' if car is None else car.name})"
 
 
+def _kept(thousandths: int) -> int:
+    """The thousandths of a gain that the board shows for good after it was sent these.
+
+    It divides and multiplies them as a float of 32 bits, and cuts, at each start again: of 251 it
+    keeps 250.
+    """
+    kept = int(_float(_float(thousandths / 1000.0) * 1000.0))
+    return kept if kept == thousandths else _kept(kept)
+
+
+def _float(value: float) -> float:
+    return float(struct.unpack("<f", struct.pack("<f", value))[0])
+
+
 def _three(value: SettingValue) -> str:
     assert isinstance(value, tuple)
     return ",".join(f"{gain:.3f}" for gain in value)
+
+
+def _as_kept(value: SettingValue) -> str:
+    assert isinstance(value, tuple)
+    p, i, d = (_kept(round(1000.0 * gain)) / 1000.0 for gain in value)
+    return _three((p, i, d))
 
 
 def _store_gains(text: str) -> bytes:
@@ -222,7 +242,7 @@ TABLE: Final = (
         least=0.0,
         most=10.0,
         limits="0 to 10",
-        wire=_three,
+        wire=_as_kept,
         frame=_store_gains,
         shown=lambda value: _three(value).replace(",", ", "),
         parts=("p", "i", "d"),

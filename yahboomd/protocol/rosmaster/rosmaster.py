@@ -35,6 +35,8 @@ from yahboomd.protocol.settings import BoardSettings, StoredSetting
 
 LEAST_V: Final = 9.6
 MOST_V: Final = 13.0
+SUNRISE_V: Final = (6.5, 8.5)
+"""The limits of the car with two cells. The others raise no alarm in between."""
 
 REPORT_NS: Final = 41_000_000
 """The cycle of its reports; each of the four kinds comes once."""
@@ -93,17 +95,22 @@ class Rosmaster(Dialect, frozen=True, kw_only=True):
 
     def silence(self, volts: float | None) -> str:
         """The reason why it reports nothing although it answers."""
-        cure = "Charge or replace the battery, then switch the board off and on."
-        if volts is not None and not LEAST_V <= volts <= MOST_V:
+        charge = "Charge or replace the battery, then switch the board off and on."
+        if volts is None or LEAST_V <= volts <= MOST_V or SUNRISE_V[0] <= volts <= SUNRISE_V[1]:
+            shown = "" if volts is None else f" Its supply has {volts:.1f} V now."
             return (
-                f"Its supply has {volts:.1f} V. Below {LEAST_V} V or above {MOST_V:.1f} V for 2 s "
-                "it brakes, beeps, and neither counts nor reports until it is reset, whatever the "
-                f"voltage becomes. {cure}"
+                "The alarm of its battery may have gone off, which only a reset ends (it beeps)."
+                f"{shown} {charge}"
             )
-        shown = "" if volts is None else f" Its supply has {volts:.1f} V now."
+        cure = charge
+        if volts > SUNRISE_V[1]:
+            other = "the car's own battery, then switch the board off and on."
+            cure = f"Use {other}" if volts > MOST_V else f"Charge it, or use {other}"
         return (
-            "The alarm of its battery may have gone off, which only a reset ends (it beeps)."
-            f"{shown} {cure}"
+            f"Its supply has {volts:.1f} V. Below {LEAST_V} V or above {MOST_V:.1f} V for 2 s, on "
+            f"a Sunrise below {SUNRISE_V[0]} V or above {SUNRISE_V[1]} V, it brakes, beeps, and "
+            "neither counts nor reports until it is reset, whatever the voltage becomes. "
+            f"{cure}"
         )
 
     def findings(self, settings: BoardSettings, profile: MotorProfile) -> Findings:
