@@ -56,7 +56,9 @@ async def test_a_writer_of_another_type_behind_a_bridge_is_named(
     watch.watch_bridges("cmd_vel", ros2.TWIST)
     watched = Watched(watch)
     assert watched.warnings() == {}
-    both = writers(app, topic, writer(ros2.TWIST), writer(ros2.TWIST_STAMPED), b"{}", b"no JSON")
+    nested = b'{"key":' + b"[" * 3000
+    broken = (b"{}", b"no JSON", nested, b'{"type_name": "\\ud800"}', b"\xff")
+    both = writers(app, topic, *broken, writer(ros2.TWIST), writer(ros2.TWIST_STAMPED))
     words = (await eventually(watched.warnings))["cmd_vel"]
     assert "publishes geometry_msgs/msg/TwistStamped on bot1/cmd_vel" in words
     assert "expects geometry_msgs/msg/Twist:" in words

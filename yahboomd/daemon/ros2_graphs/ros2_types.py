@@ -111,5 +111,5 @@ def _remedy(source: str, expected: str, others: list[str]) -> str:
 def _type_of_writer(answer: bytes) -> str:
     try:
         return ros2.ros_type_of(msgspec.json.decode(answer, type=_Writer).type_name)
-    except msgspec.MsgspecError:
+    except (ValueError, RecursionError):
         return ""
