@@ -18,13 +18,20 @@ from board_bench import BoardPort
 from fault_bench import DIALECTS, FaultBench, assert_no_jump
 
 from yahboomd.link.port import READ_BYTES
-from yahboomd.model import EncoderReading, OdometryEstimate
+from yahboomd.model import Counts, EncoderReading, OdometryEstimate
 from yahboomd.odometry.odometer import Odometer, Update
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.truth import TruthSample
 from yahboomd.simulation.virtual_time import VirtualTimeLoop, on_virtual_time
 
 FAR = (60_000, 0, 60_000, 0)
+NEAR = (0, 0, 0, 0)
+KERNEL_BYTES = 4096
+"""What a terminal of Linux keeps for its reader."""
+
+BOARDS = [*((dialect, "measured") for dialect in DIALECTS), ("streamed", "wire")]
+"""Each, and one that fills the wire with its lines."""
+
 ALARMS = {"runaway_fast", "runaway_against", "no_counts", "off_speed"}
 
 
@@ -112,23 +119,33 @@ async def test_after_a_frozen_process_stamps_and_speeds_are_those_of_the_board(
 
 
 class ReadingPort(BoardPort):
-    """Hands bytes over as a serial port does: so many in one read at most, which takes a while."""
+    """Hands bytes over as a serial port does: so many in one read at most, which takes a while.
+
+    What finds the kernel's buffer full is lost, in the middle of a line too: the oldest bytes stay.
+    """
 
     def listen(self, on_data: Any, on_lost: Any) -> None:
         self._hear, self._waiting, self._busy = on_data, bytearray(), False
         super().listen(self._arrived, on_lost)
 
     def _arrived(self, data: bytes) -> None:
-        self._waiting += data
+        self._waiting += data[: max(0, KERNEL_BYTES - len(self._waiting))]
         if not self._busy:
-            self._read()
+            self._busy = True
+            # The kernel wakes the reader, which does not run at once.
+            asyncio.get_running_loop().call_soon(self._read)
+
+    def drop_input(self) -> None:
+        super().drop_input()
+        self._waiting.clear()
 
     def _read(self) -> None:
         data = bytes(self._waiting[:READ_BYTES])
         del self._waiting[:READ_BYTES]
         self._busy = bool(data)
         if data:
-            asyncio.get_running_loop().call_later(0.0015, self._read)
+            took_s = 0.0015 * len(data) / READ_BYTES
+            asyncio.get_running_loop().call_later(took_s, self._read)
             self._hear(data)
 
 
@@ -160,6 +177,94 @@ async def test_what_is_read_bit_by_bit_after_a_freeze_has_the_speed_of_its_time(
             # A speed belongs to its window, and lies between the slowest and the fastest in it.
             off = bench.beyond_m_s(estimate, 130_000_000)
             assert off < 0.03 + 3.0 * math.sqrt(estimate.twist_covariance[0])
+
+
+def pose_off_m(bench: LateBench) -> float:
+    """How far the latest pose is from the truth of its moment."""
+    pose, true = bench.heard.estimates[-1].pose, bench.true_at(bench.heard.estimates[-1])
+    return math.hypot(pose.x - true.x, pose.y - true.y)
+
+
+@pytest.mark.parametrize("ticks", [NEAR, FAR], ids=["near", "far"])
+@pytest.mark.parametrize(("dialect", "pace"), BOARDS)
+@pytest.mark.parametrize("for_s", [0.5, 0.9, 1.5, 3.0, 10.0])
+@on_virtual_time
+async def test_a_pause_costs_no_travel_though_the_kernel_dropped_the_newest_lines(
+    tmp_path: Path, for_s: float, dialect: str, pace: str, ticks: Counts
+) -> None:
+    async with ReadingBench(
+        tmp_path, dialect=dialect, stream_pace=pace, initial_ticks=ticks
+    ) as bench:
+        await bench.ready()
+        # A curve; the last part of the pause is driven straight, as its first part is.
+        await bench.drive(1.5, 0.3, 0.3)
+        await bench.drive(1.5, 0.3)
+        before = len(bench.heard.estimates)
+        freeze(for_s)
+        await bench.drive(1.5, 0.3)
+        bench.robot.advance(bench.clock.now_ns())
+        assert pose_off_m(bench) < 0.015
+        assert "odometry_bridged" in bench.heard.kinds
+        assert "odometry_discontinuity" not in bench.heard.kinds
+        assert not ALARMS & set(bench.heard.kinds)
+        for estimate in bench.heard.estimates[before:-2]:
+            off = bench.beyond_m_s(estimate, 130_000_000)
+            assert off < 0.03 + 3.0 * math.sqrt(estimate.twist_covariance[0])
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("command", ["freeze", "hold"])
+@pytest.mark.parametrize("for_s", [0.2, 0.3, 0.35, 0.5, 0.7, 0.9])
+@on_virtual_time
+async def test_a_stall_of_a_board_that_fills_the_wire_publishes_no_speed_that_is_too_high(
+    tmp_path: Path, for_s: float, command: str, seed: int
+) -> None:
+    async with ReadingBench(tmp_path, stream_pace="wire", seed=seed) as bench:
+        await bench.ready()
+        await bench.drive(3.0, 0.3)
+        await asyncio.sleep(0.003 * seed)
+        before = len(bench.heard.estimates)
+        if command == "freeze":
+            freeze(for_s)
+        else:
+            bench.do(f"hold {for_s}")
+            await bench.drive(for_s, 0.3)
+        await bench.drive(1.5, 0.3)
+        bench.robot.advance(bench.clock.now_ns())
+        assert pose_off_m(bench) < 0.015
+        for estimate in bench.heard.estimates[before:-2]:
+            # Behind a hole the window is as long as that.
+            off = bench.beyond_m_s(estimate, 250_000_000)
+            assert off < 0.03 + 3.0 * math.sqrt(estimate.twist_covariance[0])
+
+
+@pytest.mark.parametrize("towards_zero", [False, True])
+@pytest.mark.parametrize(("dialect", "pace"), BOARDS)
+@pytest.mark.parametrize("after_s", [0.1, 0.6, 1.2])
+@on_virtual_time
+async def test_a_reset_during_a_pause_is_noticed_and_is_no_travel(
+    tmp_path: Path, after_s: float, dialect: str, pace: str, towards_zero: bool
+) -> None:
+    async with ReadingBench(
+        tmp_path, dialect=dialect, stream_pace=pace, initial_ticks=NEAR
+    ) as bench:
+        await bench.ready()
+        if towards_zero:
+            # Without the reset the counters were at zero after the pause, too.
+            await bench.drive(2.5, -0.3)
+            await bench.drive(0.7, 0.3)
+        else:
+            await bench.drive(2.0, 0.3)
+        bench.robot.after(bench.clock.now_ns() + round(after_s * 1e9), bench.robot.reset)
+        freeze(1.5)
+        await bench.drive(2.0, 0.3)
+        bench.robot.advance(bench.clock.now_ns())
+        breaks = [each for each in bench.heard.events if each.kind == "odometry_discontinuity"]
+        assert breaks
+        unknown_m = sum((each.data or {})["unknown_m"] for each in breaks)
+        assert pose_off_m(bench) <= unknown_m
+        # Its motors were let go, and it drives again.
+        assert min(bench.rim_speeds) > 0.2
 
 
 @pytest.mark.parametrize("held_s", [0.05, 0.1, 0.2])

@@ -70,6 +70,34 @@ def test_a_backlog_is_not_steady_until_it_has_arrived():
     assert arrivals.steady
 
 
+def test_lines_that_fill_the_wire_are_steady_only_behind_the_last_read_of_a_backlog():
+    arrivals, wire = Arrivals(), 2.0 * MS
+    for n in range(100):
+        arrivals.add(n * wire, wire)
+    came = 99 * wire + 300 * MS
+    # Four reads of 44 lines each, 1.5 ms apart: within each the lines look as if they just came.
+    for read in range(4):
+        for n in range(44):
+            arrivals.add(came + read * 1.5 * MS - (43 - n) * wire, wire)
+            assert not arrivals.steady
+    steady = []
+    for n in range(1, 60):
+        arrivals.add(came + 4.5 * MS + n * wire, wire)
+        steady.append(arrivals.steady)
+    assert not steady[0]
+    assert steady[-1]
+
+
+def test_lines_that_leave_the_wire_idle_are_steady_as_soon_as_their_rhythm_shows_it():
+    arrivals, wire = Arrivals(), 2.0 * MS
+    for n in range(100):
+        arrivals.add(n * 6.0 * MS, wire)
+    began = 99 * 6.0 * MS + 300 * MS
+    steady = [arrivals.add(began + n * 6.0 * MS, wire) and arrivals.steady for n in range(7)]
+    assert steady[-1]
+    assert not steady[3]
+
+
 def test_lines_that_stay_faster_for_half_a_second_are_the_new_rate_of_the_board():
     arrivals = Arrivals()
     for n in range(100):

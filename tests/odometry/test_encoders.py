@@ -302,6 +302,49 @@ def test_standing_at_zero_after_a_gap_proves_nothing(encoders):
     assert feed(encoders, (3, 0), 60_010, 60_010) == "gap_lost"
 
 
+TURNING = (0.3, 0.3)
+"""Rim speeds before a gap, m/s: 1,881 counts a second."""
+
+
+@pytest.mark.parametrize(
+    ("first", "counts", "outcome"),
+    [
+        (1_500, 2_821, "gap_kept"),  # went on as fast for 1.5 s
+        (1_500, 2_821 + 380, "gap_kept"),
+        (1_500, 2_821 + 500, "gap_lost"),  # farther than that
+        (1_500, 2_821 - 500, "gap_lost"),
+        (1_500, -1_400, "gap_lost"),  # the board was reset, and its wheels rolled out
+        (-2_821, 2_821, "gap_lost"),  # just where a reset leads as well
+        (-2_821 + 1_200, 2_821, "gap_kept"),  # too far for wheels that were let go
+    ],
+)
+def test_wheels_that_went_on_as_before_were_not_reset(encoders, first, counts, outcome):
+    feed(encoders, (first, first), 0, 0)
+    encoders.announce("gap", speeds_m_s=TURNING)
+    now = first + counts
+    feed(encoders, (now, now), 1_500, 1_500)
+    assert feed(encoders, (now, now), 1_501, 1_500) == outcome
+
+
+def test_wheels_that_stood_may_have_been_reset_near_zero(encoders):
+    feed(encoders, (200, 200), 0, 0)
+    encoders.announce("gap", speeds_m_s=(0.0, 0.0))
+    feed(encoders, (190, 200), 1_500, 1_500)
+    assert feed(encoders, (190, 200), 1_501, 1_500) == "gap_lost"
+
+
+def test_an_old_line_does_not_tell_how_far_the_wheels_went(encoders):
+    feed(encoders, (500, 500), 0, 0)
+    encoders.announce("gap", speeds_m_s=TURNING)
+    for n in range(4):
+        old = 500 + 19 * n
+        verdict = encoders.judge((old, old, 0, 0), (1_500 + n) * MS, 1_500 * MS, fresh=False)
+        assert verdict.outcome == "held"
+    feed(encoders, (3_321, 3_321), 1_510, 1_500)
+    assert feed(encoders, (3_321, 3_321), 1_511, 1_500) == "gap_kept"
+    assert encoders.totals == (2_821, 2_821)
+
+
 def test_a_gap_of_days_is_never_bridged(encoders):
     days_ms = 5 * 24 * 3600 * 1000
     feed(encoders, (500_000, 500_000), 0, 0)

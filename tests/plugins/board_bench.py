@@ -67,6 +67,9 @@ class BoardPort:
         if data:
             self._on_data(data)
 
+    def drop_input(self) -> None:
+        self._kept = b""
+
     def discard(self) -> None:
         """Nothing waits."""
 

@@ -73,6 +73,9 @@ class Board(Protocol):
     def rearm(self) -> None:
         """Send it again what it loses at a reset."""
 
+    def drop_input(self) -> None:
+        """Drop what it sent and was not read yet."""
+
 
 class Wheels:
     """The wheels, with or without a board to turn them.
@@ -255,6 +258,9 @@ class Wheels:
         A stop that is under way is sent again, and has its time again.
         """
         self.restart_check()
+        if self._board is not None:
+            # The kernel keeps the oldest lines. What was counted is in the newest one as well.
+            self._board.drop_input()
         self._waited_ns = now_ns + WAITED_NS
         self._stop_watch.restart(now_ns)
         if self._stop_watch.state == "stopping":

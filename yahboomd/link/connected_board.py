@@ -113,6 +113,10 @@ class ConnectedBoard:
         self.counters["rearmed_unheard"] += 1
         self._poller.arm()
 
+    def drop_input(self) -> None:
+        """Drop what the board sent and was not read yet."""
+        self._line.drop_input()
+
     @property
     def stop_sent(self) -> bool:
         """Whether the last command for the wheels is a stop, and nothing of it waits here."""

@@ -54,6 +54,9 @@ NOISY_NS = 10_000_000_000
 that was reset cuts a line or two; and a question without an answer is no damage, since a busy
 computer has such, too."""
 
+CUT_NS = 100_000_000
+"""A line that was cut because the process did not read comes within so long, and is no damage."""
+
 DAMAGES_MOST = 16
 """Damages of the last ten seconds are counted up to here."""
 
@@ -127,6 +130,7 @@ class Line:
         self._item: Item | None = None
         self._decoded: Decoded = Unrecognised(text="")
         self._damaged_ns: deque[int] = deque(maxlen=DAMAGES_MOST)
+        self._cut_until_ns = 0
         self._lost = False
         self._leaving = False
         self._at_rest = False
@@ -220,6 +224,11 @@ class Line:
             gathering.stir()
             if gathering.adjust(self._framer.held_bytes):
                 self.port.gather(gathering.least)
+
+    def drop_input(self) -> None:
+        """The process did not run: what was kept for it is old, and the rest was dropped."""
+        self._cut_until_ns = self.clock.now_ns() + CUT_NS
+        self.port.drop_input()
 
     async def ask(self, frame: bytes, answered: Answers, timeout_s: float) -> bool:
         """Send one frame and wait for its answer; whether it came."""
@@ -394,7 +403,7 @@ class Line:
         seen = self._framer.counters
         framed = seen.broken_frames + seen.discarded_bytes + seen.overlong + seen.bad_bytes
         damage, self._damage = self._damage, framed + self.counters.get("unrecognised", 0)
-        if damage != self._damage:
+        if damage != self._damage and now_ns >= self._cut_until_ns:
             self._damaged_ns.append(now_ns)
         elif not self._was_noisy:
             return

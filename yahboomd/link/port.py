@@ -96,6 +96,9 @@ class Port(Protocol):
     def read_now(self) -> None:
         """Deliver what is there now, however little."""
 
+    def drop_input(self) -> None:
+        """Drop what came and was not read yet."""
+
     def discard(self) -> None:
         """Drop what is not on the wire, where the driver can: it may cut a frame in half."""
 
@@ -236,6 +239,13 @@ class SerialPort(asyncio.Protocol):
         if self._lost:
             return 0
         return in_kernel(self._fd) + (self.pending if self._spilled else 0)
+
+    def drop_input(self) -> None:
+        """See :class:`Port`."""
+        # Of a port that is lost the event loop hears by itself.
+        if not self._lost:
+            with contextlib.suppress(termios.error):
+                termios.tcflush(self._fd, termios.TCIFLUSH)
 
     def discard(self) -> None:
         """See :class:`Port`."""

@@ -33,6 +33,10 @@ RUSH = 1.4
 """After a break, lines that come faster than this for so long were held back with others: when
 they left is not known, and the line is not steady."""
 
+READ_NS = 100_000_000
+"""Lines that fill the wire come from a backlog in the same rhythm: a read brings 89 ms of them, and
+only the next read shows that they had waited."""
+
 RUSH_MOST_NS = 500_000_000
 """No backlog takes longer to arrive; a board that keeps sending faster has changed its rate."""
 
@@ -65,8 +69,12 @@ class Arrivals:
         """The longest delay of a line after its tick: the gap between lines, and their delays."""
         return self.gap - 2.0 * self._edge
 
-    def add(self, arrival: float) -> float:
-        """Accept a line, and return when it left; never later than it came."""
+    def add(self, arrival: float, wire: float = 0.0) -> float:
+        """Accept a line, and return when it left; never later than it came.
+
+        Args:
+            wire: The time that its bytes take.
+        """
         if self._mean is None:
             self._mean = arrival
             return arrival
@@ -74,7 +82,7 @@ class Arrivals:
             self._paired = True
             self.gap = max(0.0, min(arrival - self._mean, BREAK_NS))
         if not self.steady:
-            return self._settle(arrival)
+            return self._settle(arrival, READ_NS if self.gap < RUSH * wire else SETTLE_NS)
         expected = self._mean + self.gap
         off = arrival - expected
         if abs(off) > BREAK_NS:
@@ -95,14 +103,14 @@ class Arrivals:
         self._edge = max(min(arrival - self._mean, self._edge * FADE), -EDGE_MAX_NS)
         return min(arrival, self._mean + self._edge)
 
-    def _settle(self, arrival: float) -> float:
+    def _settle(self, arrival: float, within: float) -> float:
         took = arrival - self._since
         if took < 0.0:
             # The next read of a backlog: bytes that came behind were taken off its arrival.
             self._since, self._lines = arrival, 0
         else:
             self._lines += 1
-            if took >= SETTLE_NS:
+            if took >= within:
                 if arrival - self._broken > RUSH_MOST_NS:
                     self.gap = took / self._lines
                 if self._lines * self.gap <= RUSH * took:

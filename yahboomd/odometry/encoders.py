@@ -49,6 +49,13 @@ ORIGIN: Counts = (0, 0, 0, 0)
 UNMISTAKABLE_TICKS = 64
 """Counters that come back unchanged to the tick, at least so far from zero, were not reset."""
 
+EXPECTED_M = 0.025
+EXPECTED_SHARE = 0.1
+"""Without a command the wheels go on as fast as before: the counters show it, give or take this."""
+
+ROLLED_S = 0.5
+"""A board that was reset lets its wheels go: they roll as far as they went in so long, at most."""
+
 Outcome: TypeAlias = Literal[
     "baseline",  # the first reading of all: counting starts here
     "travel",  # an ordinary step
@@ -95,7 +102,7 @@ class Encoders:
 
     __slots__ = (
         "_channels _ns_per_tick _ticks_per_m _zero _still _paces _pace _turned _last _suspect "
-        "_notice _unbroken totals"
+        "_notice _unbroken _went totals"
     ).split()
 
     def __init__(self, motors: tuple[Motor, ...], *, speed_max_m_s: float) -> None:
@@ -113,6 +120,7 @@ class Encoders:
         self._suspect: tuple[Counts, int, int] | None = None
         self._notice: Notice = "none"
         self._unbroken = False
+        self._went = self._still  # counts in a nanosecond before a gap
         self.totals: tuple[int, ...] = self._zero
 
     @property
@@ -120,16 +128,21 @@ class Encoders:
         """A step that was announced and is not settled yet."""
         return self._notice
 
-    def announce(self, notice: Notice, *, unbroken: bool = False) -> None:
+    def announce(
+        self, notice: Notice, *, unbroken: bool = False, speeds_m_s: tuple[float, ...] | None = None
+    ) -> None:
         """Remember a reset or a gap until two readings settle it; a reset outweighs a gap.
 
         Args:
             unbroken: The board was certainly not reset in that gap.
+            speeds_m_s: How fast the wheels were before it.
         """
         if self._last is not None and self._notice != "reset" and notice != "none":
             self._notice = notice
             self._unbroken = unbroken
             self._suspect = None
+            pairs = zip(speeds_m_s or self._still, self._ticks_per_m, strict=True)
+            self._went = tuple([speed * 1e-9 * per_m for speed, per_m in pairs])
 
     def least_ns(self, deltas: tuple[int, ...]) -> float:
         """The least time in which the wheels can travel so far, one tick of grace included."""
@@ -160,13 +173,16 @@ class Encoders:
         assert self._last is not None
         return Verdict(outcome="travel", ticks=self._last, deltas=self._zero)
 
-    def judge(self, ticks: Counts, sent_ns: int, elapsed_ns: float) -> Verdict:
+    def judge(
+        self, ticks: Counts, sent_ns: int, elapsed_ns: float, *, fresh: bool = True
+    ) -> Verdict:
         """The meaning of a reading; nothing is counted yet.
 
         Args:
             sent_ns: When the line left the board, as far as known.
             elapsed_ns: The longest time that may have passed on the board since the last accepted
                 reading.
+            fresh: The line just left the board.
 
         Returns:
             The verdict; hand it to :meth:`accept` unless it is ``held``.
@@ -198,7 +214,7 @@ class Encoders:
             self.since(last, ticks), ticks, sent_ns, elapsed_ns
         )
         self._suspect = (ticks, sent_ns, agreed)
-        return self._settle(last, ticks, elapsed_ns, agreed, sure)
+        return self._settle(last, ticks, elapsed_ns, agreed, sure=sure, fresh=fresh)
 
     def accept(self, verdict: Verdict) -> None:
         """Count the travel of a verdict and go on from its reading."""
@@ -293,8 +309,30 @@ class Encoders:
         least_ns = self.least_ns(self.since(then, ticks))
         return agreed if least_ns <= sent_ns - then_ns + AGREE_SLACK_NS else 0
 
+    def _expected(
+        self, travel: tuple[int, ...], from_zero: tuple[int, ...], elapsed_ns: float
+    ) -> bool:
+        """Whether the counters are where the wheels went in that time, and no reset led there."""
+        beyond = False
+        for delta, now, went, per_m in zip(
+            travel, from_zero, self._went, self._ticks_per_m, strict=True
+        ):
+            expected = went * elapsed_ns
+            if abs(delta - expected) > EXPECTED_M * per_m + EXPECTED_SHARE * abs(expected):
+                return False
+            rolled = EXPECTED_M * per_m + abs(went) * ROLLED_S * 1e9
+            beyond = beyond or (went != 0.0 and abs(now) > rolled)
+        return beyond
+
     def _settle(
-        self, last: Counts, ticks: Counts, elapsed_ns: float, agreed: int, sure: bool
+        self,
+        last: Counts,
+        ticks: Counts,
+        elapsed_ns: float,
+        agreed: int,
+        *,
+        sure: bool,
+        fresh: bool,
     ) -> Verdict:
         held = Verdict(outcome="held", ticks=ticks, deltas=self._zero)
         if agreed < AGREE_ANNOUNCED:
@@ -311,6 +349,11 @@ class Encoders:
             # Beyond half the range the counters may have gone round more than once.
             fits = self.least_ns(travel) <= room_ns < HALF * min(self._ns_per_tick)
             if untouched or (fits and (self._unbroken or not near_zero)):
+                return Verdict(outcome="gap_kept", ticks=ticks, deltas=travel)
+            if not fresh:
+                # It may be as old as the gap: how far the wheels should be is not known yet.
+                return held
+            if fits and self._expected(travel, from_zero, elapsed_ns):
                 return Verdict(outcome="gap_kept", ticks=ticks, deltas=travel)
             return Verdict(outcome="gap_lost", ticks=ticks, deltas=self._zero)
         announced = self._notice == "reset"

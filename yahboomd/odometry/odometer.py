@@ -278,7 +278,9 @@ class Odometer:
             encoders.announce("reset")
         elif reading.after_gap or sent_ns - self._heard_ns > SILENCE_NS:
             # A stream that ran before it was armed was on since the last reading that counted.
-            encoders.announce("gap", unbroken=reading.unbroken and self._armed <= 1)
+            encoders.announce(
+                "gap", unbroken=reading.unbroken and self._armed <= 1, speeds_m_s=self._speeds
+            )
         self._heard_ns = sent_ns
         # At the end of a session questions are asked of which no time is known.
         self._asked = self._asked or reading.requested_ns is not None
@@ -300,11 +302,13 @@ class Odometer:
             self._unmoved = self._unmoved + 1 if counts else 0
             return update
         self._unmoved = 0
+        fresh = True
         if encoders.notice == "none":
             elapsed_ns = clock.elapsed_at_most_ns(reading)
         else:
             elapsed_ns = clock.guess_ns(reading) - self._stamp_ns
-        verdict = encoders.judge(reading.ticks, sent_ns, elapsed_ns)
+            fresh = clock.fresh(reading)
+        verdict = encoders.judge(reading.ticks, sent_ns, elapsed_ns, fresh=fresh)
         if verdict.outcome != "held":
             self._armed = 0
         if verdict.outcome == "travel":

@@ -71,6 +71,10 @@ class PolledClock:
         """The stamp of a line after a break."""
         return self._stamp(reading)
 
+    def fresh(self, reading: EncoderReading) -> bool:  # noqa: ARG002
+        """An old answer disagrees with the next one, which tells."""
+        return True
+
     def pass_over(self, reading: EncoderReading) -> None:
         """A line came whose counts are not used."""
 

@@ -37,6 +37,12 @@ STEADY_NS = 500_000_000
 QUIET_TICKS = 1.5
 """Lines without a change are repeats, unless they go on for longer than this."""
 
+COUNTED_TICKS = 50
+"""Over a longer gap the pace of the counts does not tell how many ticks have passed."""
+
+SKIPPED_TICKS = 3.5
+"""A step within a backlog that has more of them ends behind lines that were dropped."""
+
 SOON = 0.3
 """Counts that change sooner after the last ones, in ticks, wait for the next line."""
 
@@ -58,7 +64,7 @@ class StreamedClock:
     __slots__ = (
         "renewal _each_line _age _lines _envelope _arrivals _meter _base_ns _stamp_ns _time "
         "_tick _pace _run_start _quiet _left_out _late_since _late_least _late_count _adrift "
-        "_broke"
+        "_broke _left _arrived"
     ).split()
 
     def __init__(
@@ -86,6 +92,8 @@ class StreamedClock:
         # Before a silence, where the time of the reading after it is not known: it came in a burst.
         self._adrift: float | None = None
         self._broke = False  # lines stayed away, and how late they are is not settled yet
+        self._left = 0.0  # when the line left that was looked at before it is stamped
+        self._arrived = False
 
     @property
     def locked(self) -> bool:
@@ -114,17 +122,33 @@ class StreamedClock:
         """The distance of a line's stamp behind the line where no tick shows."""
         return 0.5 * (self._age if self._each_line else period)
 
+    def fresh(self, reading: EncoderReading) -> bool:
+        """Whether a line just left, and did not wait in a backlog. It is handed over once more."""
+        if self._base_ns is None:
+            return True
+        self._left, self._arrived = self._arrive(reading), True
+        return self._arrivals.steady
+
+    def _arrive(self, reading: EncoderReading) -> float:
+        """Take in an arrival, once; when the line left."""
+        assert self._base_ns is not None
+        if self._arrived:
+            self._arrived = False
+            return self._left
+        wire = float(reading.received_ns - reading.sent_ns)
+        return self._arrivals.add(float(reading.sent_ns - self._base_ns), wire)
+
     def pass_over(self, reading: EncoderReading) -> None:
         """A line came whose counts are not used."""
         if self._base_ns is not None:
-            self._arrivals.add(float(reading.sent_ns - self._base_ns))
+            self._arrive(reading)
 
     def restart(self, reading: EncoderReading) -> Instant:
         """Go on after a break: the phase is unknown, the step is the time since the last stamp."""
         sent_ns = reading.sent_ns
         if self._base_ns is None:
             self._base_ns = sent_ns
-        return self._begin(sent_ns, self._arrivals.add(float(sent_ns - self._base_ns)))
+        return self._begin(sent_ns, self._arrive(reading))
 
     def _begin(self, sent_ns: int, left: float) -> Instant:
         self._pace = 0.0
@@ -154,10 +178,10 @@ class StreamedClock:
             reading: The first after the gap.
             ticks: The largest change of any counter since the last accepted reading.
         """
-        if not self.locked or self._base_ns is None:
+        if not self.locked or self._base_ns is None or ticks > COUNTED_TICKS * self._pace:
             return self.restart(reading)
         sent_ns = reading.sent_ns
-        left = self._arrivals.add(float(sent_ns - self._base_ns))
+        left = self._arrive(reading)
         instant = self._judge(sent_ns, left, ticks, 0.0)
         return instant if instant.step_ns else self._begin(sent_ns, left)
 
@@ -184,7 +208,7 @@ class StreamedClock:
             return self.restart(reading)
         sent_ns = reading.sent_ns
         arrival = float(sent_ns - self._base_ns)
-        left = self._arrivals.add(arrival)
+        left = self._arrive(reading)
         if self._arrivals.steady and not self._each_line:
             moved = abs(ticks - self._left_out)
             measured = self._meter.add(arrival, moved, self._arrivals.gap, self._arrivals.spread)
@@ -219,6 +243,9 @@ class StreamedClock:
         room = left - self._time
         none = Instant(self._stamp_ns, 0)
         if self._pace and (steady or self._envelope.settled):
+            if not steady and ticks > SKIPPED_TICKS * self._pace:
+                # What a backlog lost may have lasted longer than its counts tell.
+                return none
             passed = self._running(arrival, ticks, period)
             if ticks:
                 passed = max(passed, math.ceil(least_ns / period))

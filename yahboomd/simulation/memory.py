@@ -83,6 +83,9 @@ class MemoryPort:
     def gather(self, least: int) -> None:
         """Do nothing: bytes are handed over as they come, in the chunks of the impairments."""
 
+    def drop_input(self) -> None:
+        """Do nothing: no byte is kept."""
+
     def discard(self) -> None:
         """Do nothing: none waits."""
 
