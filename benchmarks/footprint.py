@@ -214,7 +214,7 @@ def _daemon(port: Path, endpoint: str, settings: list[str]) -> subprocess.Popen[
     more = [word for setting in settings for word in ("--set", setting)]
     return _yahboomd(
         # As by default it listens, and joins a router: both of its sessions are open.
-        *("run", "--port", str(port), "--set", f'zenoh.listen=["{free_endpoint()}"]'),
+        *("run", "--no-guard", "--port", str(port), "--set", f'zenoh.listen=["{free_endpoint()}"]'),
         *("--set", f'zenoh.connect=["{endpoint}"]'),
         *(
             "--set",

@@ -171,7 +171,9 @@ def daemon(
     arguments = [part for each in own for part in ("--set", each)]
     environ = {"STATE_DIRECTORY": str(where / (port + ".state"))}
     return Process(
-        *chosen, "run", "--port", str(where / port), *arguments, nice=nice, environ=environ
+        *(*chosen, "run", "--no-guard", "--port", str(where / port), *arguments),
+        nice=nice,
+        environ=environ,
     )
 
 

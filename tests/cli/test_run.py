@@ -128,7 +128,7 @@ def test_the_help_shows_how_to_start_and_where_it_is_reached() -> None:
 def test_a_second_daemon_on_the_listen_port_names_the_command_that_ends_the_first(
     started: Callable[..., Process], frozen: bool
 ) -> None:
-    first = started("--port", "/dev/not-there")
+    first = started("--port", "/dev/not-there", "--no-guard")
     first.says("Listening")
     pid = first.process.pid
     if frozen:

@@ -98,8 +98,8 @@ def test_the_port_on_the_command_line_tells_which_daemon_is_meant(tmp_path: Path
     assert may_drive(1, "", proc=proc)
 
 
-def test_a_suspended_daemon_is_continued_and_not_ended() -> None:
-    message, remedy = suspended(12, "yahboomd stop --release")
+def test_a_suspended_daemon_is_continued_and_not_ended(tmp_path: Path) -> None:
+    message, remedy = suspended(12, "yahboomd stop --release", proc=str(tmp_path))
     assert message == "yahboomd (pid 12) is suspended and cannot answer."
     assert remedy == (
         "Continue it with `fg` or `kill -CONT 12`, then repeat: yahboomd stop --release"

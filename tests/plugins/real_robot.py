@@ -81,6 +81,8 @@ class RealRobot:
         run: More arguments of ``yahboomd run``.
         port: Where the daemon looks for the board, if not where it is.
         environ: More of the daemon's environment.
+        guarded: Start the daemon's guard, too. A busy machine may starve a daemon for two seconds,
+            which its guard takes for a freeze.
     """
 
     def __init__(
@@ -91,6 +93,7 @@ class RealRobot:
         run: Sequence[str] = (),
         port: str | None = None,
         environ: dict[str, str] | None = None,
+        guarded: bool = False,
     ) -> None:
         self.folder = folder
         self.port = folder / "board"
@@ -98,7 +101,7 @@ class RealRobot:
         self.control_path = folder / "control"
         self.endpoint = free_endpoint()
         self._daemon_port = port or str(self.port)
-        self._run_arguments = tuple(run)
+        self._run_arguments = (*run, *(() if guarded else ("--no-guard",)))
         self._daemons: list[Process] = []
         self.environ: dict[str, str] = environ or {}
         self._tail = Tail(self.truth_path, TruthSample)

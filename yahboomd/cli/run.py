@@ -10,21 +10,29 @@ import re
 import sys
 from typing import TYPE_CHECKING
 
+from yahboomd.cli import run_guard
 from yahboomd.cli.child_reader import read_in_child
 from yahboomd.cli.shared_options import add_config_options, add_port_option, read_config
 from yahboomd.cli.unresponsive import FROZEN, process_state
 from yahboomd.errors import BusError, YahboomdError
 from yahboomd.link.replug import is_yahboomd
 
+_ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from yahboomd.config import Config
 
 DESCRIPTION = """\
 Own the board's serial port, drive its wheels from velocity commands on the Zenoh bus, and publish
 pose, twist, wheels, battery, status and events. It runs until SIGTERM, SIGINT or SIGHUP and stops
 the wheels first, as on any signal but SIGKILL, SIGSTOP, and those of a fault of the program
-(SIGSEGV, SIGBUS, SIGILL, SIGFPE, SIGABRT, SIGSYS, SIGTRAP): after these `yahboomd stop` stops them.
-A board that is not there is waited for.
+(SIGSEGV, SIGBUS, SIGILL, SIGFPE, SIGABRT, SIGSYS, SIGTRAP): after these its guard stops them, or
+the service manager. A board that is not there is waited for.
+
+The guard is a small process that opens no port while the daemon lives. It also kills a daemon that
+hangs, or is suspended by SIGSTOP, for 2 s.
 """
 
 EPILOG = """\
@@ -51,20 +59,30 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_port_option(parser)
     add_config_options(parser)
     parser.add_argument(
+        "--no-guard",
+        action="store_true",
+        help="start no process that stops the wheels if this one is killed or freezes: for "
+        "debuggers. A service with a watchdog has none",
+    )
+    parser.add_argument(
         "--namespace", metavar="NAME", help="prefix of every key, short for --set zenoh.namespace="
     )
 
 
 def run(args: argparse.Namespace) -> int:
     """Run until a signal ends it."""
+    pipe = None if args.no_guard or _has_watchdog(os.environ) else _start_guard()
     try:
-        return _serve(args)
+        return _serve(args, pipe)
     except YahboomdError:
         _warn_of_killed()
         raise
+    finally:
+        if pipe is not None:
+            os.close(pipe)
 
 
-def _serve(args: argparse.Namespace) -> int:
+def _serve(args: argparse.Namespace, guard: int | None) -> int:
     from yahboomd.config import Config
 
     wait = read_in_child(
@@ -84,7 +102,7 @@ def _serve(args: argparse.Namespace) -> int:
         log.warning("%s", warning)
 
     async def main() -> int:
-        daemon = Daemon(config, environ=os.environ, meanings=meanings)
+        daemon = Daemon(config, environ=os.environ, meanings=meanings, guard=guard)
         status = os.EX_OK
         try:
             await daemon.run()
@@ -116,6 +134,47 @@ def _serve(args: argparse.Namespace) -> int:
         raise _explained(error) from error
     finally:
         flush()
+
+
+def _has_watchdog(environ: Mapping[str, str]) -> bool:
+    """Whether a service manager does what the guard does."""
+    own = environ.get("WATCHDOG_PID", str(os.getpid())) == str(os.getpid())
+    return own and bool(environ.get("NOTIFY_SOCKET") and environ.get("WATCHDOG_USEC"))
+
+
+def _start_guard() -> int | None:
+    """Start the guard; the pipe to it, which does not block, or None and a warning."""
+    import subprocess
+
+    from yahboomd.config import runtime_folder
+
+    folder = runtime_folder(os.environ, user_id=os.getuid())
+    try:
+        reading, writing = os.pipe()
+        try:
+            guard = subprocess.Popen(  # noqa: S603 - a script of this package
+                [
+                    *(sys.executable, "-I", "-S", run_guard.__file__),
+                    *(str(reading), str(os.getpid()), str(folder)),
+                    os.pathsep.join((_ROOT, *sys.path)),
+                ],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                pass_fds=(reading,),
+                start_new_session=True,
+            )
+        finally:
+            os.close(reading)
+    except OSError as error:
+        run_guard.say(
+            f"The guard does not start ({error.strerror}): if this process is killed or freezes, "
+            "only `yahboomd stop` stops the wheels."
+        )
+        return None
+    os.set_blocking(writing, False)
+    # It ends after this process, which does not wait for it.
+    guard.returncode = 0
+    return writing
 
 
 def _read(args: argparse.Namespace) -> tuple[Config, tuple[str, ...], dict[str, tuple[str, str]]]:

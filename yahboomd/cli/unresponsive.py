@@ -35,8 +35,11 @@ def measuring(pid: int, *, proc: str = "/proc") -> str:
 
 
 def is_guard(pid: int, *, proc: str = "/proc") -> bool:
-    """Whether a process only lets motors go where a `setup` or a `tune` was killed."""
-    return "yahboomd.link.guard" in arguments(pid, proc=proc)[:4]
+    """Whether a process only stops wheels, after a `setup`, a `tune` or a daemon was killed."""
+    words = arguments(pid, proc=proc)[:4]
+    return "yahboomd.link.guard" in words or any(
+        word.endswith("yahboomd/cli/run_guard.py") for word in words
+    )
 
 
 def measured_ports(runtime: str, *, proc: str = "/proc") -> list[str]:
@@ -176,16 +179,20 @@ def may_drive(pid: int, port: str, *, proc: str = "/proc") -> bool:
     return not named or not port or os.path.realpath(named[-1]) == os.path.realpath(port)
 
 
-def suspended(pid: int, again: str) -> tuple[str, str]:
+def suspended(pid: int, again: str, *, proc: str = "/proc") -> tuple[str, str]:
     """Message and remedy for a suspended daemon.
 
     Args:
         again: The command to repeat once the daemon runs again.
     """
-    return (
-        f"yahboomd (pid {pid}) is suspended and cannot answer.",
-        f"Continue it with `fg` or `kill -CONT {pid}`, then repeat: {again}",
-    )
+    message = f"yahboomd (pid {pid}) is suspended and cannot answer."
+    if serial_ports(pid, proc=proc):
+        # One that suspended itself stopped the wheels, and let its port go.
+        message += " It has not let its port go: the wheels keep their last speed."
+        remedy = f"Stop them: yahboomd stop\nOr continue it with `fg` or `kill -CONT {pid}`"
+    else:
+        remedy = f"Continue it with `fg` or `kill -CONT {pid}`"
+    return message, f"{remedy}, then repeat: {again}"
 
 
 def unresponsive(name: str, pid: int, state: str, again: str) -> tuple[str, str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from msgspec import structs
@@ -127,11 +127,17 @@ def controller(
     )
 
 
-def opener(config: Config, clock: Clock, environ: Mapping[str, str] | None = None) -> Opener:
+def opener(
+    config: Config,
+    clock: Clock,
+    environ: Mapping[str, str] | None = None,
+    opened: Callable[[port_note.PortNote], None] = lambda _: None,
+) -> Opener:
     """Looks for the port at each attempt: a board that comes back may be elsewhere.
 
     Args:
         environ: Decides where to note how the port was opened, for the stop after a kill.
+        opened: Called with each note, from a thread.
     """
     serial = config.serial
     noting: threading.Thread | None = None
@@ -150,7 +156,10 @@ def opener(config: Config, clock: Clock, environ: Mapping[str, str] | None = Non
         if environ is not None and (noting is None or not noting.is_alive()):
             # A disk that hangs holds up no stop, and one thread at most.
             noting = threading.Thread(
-                target=_note, args=(options, config, environ), name="port-note", daemon=True
+                target=_note,
+                args=(options, config, environ, opened),
+                name="port-note",
+                daemon=True,
             )
             with contextlib.suppress(RuntimeError):
                 noting.start()
@@ -160,14 +169,18 @@ def opener(config: Config, clock: Clock, environ: Mapping[str, str] | None = Non
     return open_it
 
 
-def _note(options: PortOptions, config: Config, environ: Mapping[str, str]) -> None:
+def _note(
+    options: PortOptions,
+    config: Config,
+    environ: Mapping[str, str],
+    opened: Callable[[port_note.PortNote], None],
+) -> None:
     """Note how the port was opened, and which device it is."""
     folder = runtime_folder(environ, user_id=os.getuid())
     try:
         device = identify(os.stat(options.path))
-        check_folder(folder)
     except OSError:
-        # Unplugged just now: the session will hear of it. Or the folder is another user's.
+        # Unplugged just now: the session will hear of it.
         return
     note = port_note.PortNote(
         **structs.asdict(options),
@@ -176,6 +189,12 @@ def _note(options: PortOptions, config: Config, environ: Mapping[str, str]) -> N
         namespace=config.zenoh.namespace,
         listen=tuple(config.zenoh.listen),
     )
+    opened(note)
+    try:
+        check_folder(folder)
+    except OSError:
+        # It is another user's.
+        return
     port_note.write(note, str(folder))
 
 

@@ -48,6 +48,7 @@ class Daemon:
     Args:
         opener: Opens the port; made from the configuration unless given.
         meanings: The meaning of each parameter of ROS 2, and what it takes.
+        guard: The pipe to the process that stops the wheels if this one cannot; None without it.
     """
 
     def __init__(
@@ -58,12 +59,14 @@ class Daemon:
         clock: Clock | None = None,
         opener: Opener | None = None,
         meanings: Mapping[str, tuple[str, str]] | None = None,
+        guard: int | None = None,
     ) -> None:
         self._config = config
         self._meanings = meanings or {}
         self._environ = environ
         self._clock = clock or SystemClock()
-        self._opener = opener or assembly.opener(config, self._clock, environ)
+        self._notifier = Notifier(environ, guard)
+        self._opener = opener or assembly.opener(config, self._clock, environ, self._notifier.port)
         self._stop = asyncio.Event()
         self._signals = Signals(self.stop)
         self._status_due = asyncio.Event()
@@ -96,7 +99,7 @@ class Daemon:
         loop = asyncio.get_running_loop()
         self._signals.install()
         loop.set_exception_handler(self._uncaught)
-        notifier = Notifier(self._environ)
+        notifier = self._notifier
         bus = Bus(assembly.bus_options(self._config), clock=self._clock)
         try:
             opening = partial(self._open_bus, bus)
@@ -239,6 +242,7 @@ class Daemon:
 
     def _end_note(self) -> None:
         """Note that this process left standing wheels."""
+        self._notifier.standing()
         port_note.end(str(runtime_folder(self._environ, user_id=os.getuid())), os.getpid())
 
     async def _run_tasks(
@@ -277,7 +281,9 @@ class Daemon:
         if not self._signals.suspend.is_set():
             log.info("Continued before it was suspended.")
         elif supervisor.left_standing:
+            self._notifier.standing()
             self._signals.freeze()
+            self._notifier.alive()
         else:
             self._signals.resume()
             log.error(

@@ -41,6 +41,7 @@ complete -c yahboomd -n '__yahboomd_at run' -s h -l help -d 'show this help mess
 complete -c yahboomd -n '__yahboomd_at run' -l port -r -F -d 'serial port of the board, such as /dev/ttyUSB0'
 complete -c yahboomd -n '__yahboomd_at run' -l config -r -F -d 'configuration to read'
 complete -c yahboomd -n '__yahboomd_at run' -l set -x -d 'change one key, over file and environment'
+complete -c yahboomd -n '__yahboomd_at run' -l no-guard -d 'start no process that stops the wheels if this one is killed or freezes: for debuggers'
 complete -c yahboomd -n '__yahboomd_at run' -l namespace -x -d 'prefix of every key, short for --set zenoh.namespace='
 complete -c yahboomd -n '__yahboomd_at simulate' -s h -l help -d 'show this help message and exit'
 complete -c yahboomd -n '__yahboomd_at simulate' -l config -r -F -d 'configuration to read'

@@ -74,7 +74,7 @@ def test_another_namespace_is_named_by_those_that_are_in_use(
     wait_for(named, "the namespace of the daemon")
 
 
-def test_a_suspended_daemon_of_this_machine_is_named(
+def test_a_suspended_daemon_of_this_machine_is_named_with_what_its_wheels_do(
     one_robot: RealRobot, on_robot: Callable[..., int], capsys
 ) -> None:
     process = one_robot.daemon.process
@@ -84,7 +84,10 @@ def test_a_suspended_daemon_of_this_machine_is_named(
         assert on_robot("status", "--timeout", "0.2") == 69
     finally:
         process.send_signal(signal.SIGCONT)
-    assert f"yahboomd (pid {process.pid}) is suspended" in capsys.readouterr().err
+    words = capsys.readouterr().err
+    assert f"yahboomd (pid {process.pid}) is suspended" in words
+    assert "the wheels keep their last speed" in words
+    assert "Stop them: yahboomd stop\n" in words
 
 
 def test_a_robot_without_its_board_ends_with_4(real_robot, capsys) -> None:

@@ -1,0 +1,173 @@
+"""The guard of `yahboomd run`, beside real daemons on a simulated board."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from real_robot import DRIVER, RealRobot, wait_for
+
+from yahboomd.cli import run_guard
+from yahboomd.cli.run_guard import Watch
+from yahboomd.cli.unresponsive import is_guard
+from yahboomd.link import port_note
+from yahboomd.link.port_note import PortNote
+
+NOTE = PortNote("/dev/pts/0", 115200, True, False, False)
+PORT = f"PORT={port_note.text_of(NOTE)}\n".encode()
+
+
+@contextmanager
+def driven(robot: RealRobot) -> Iterator[None]:
+    """The robot while a program drives it."""
+    driver = subprocess.Popen(
+        [sys.executable, "-c", DRIVER, robot.endpoint, "cmd_vel"], stdout=subprocess.PIPE
+    )
+    try:
+        assert driver.stdout is not None
+        driver.stdout.readline()
+        wait_for(lambda: (truth := robot.truth()) and truth[-1].vx > 0.2, "it drives")
+        yield
+    finally:
+        driver.kill()
+        driver.communicate()
+
+
+def guards(daemon: int) -> list[int]:
+    """The guards that a process started."""
+    found = Path(f"/proc/{daemon}/task/{daemon}/children").read_text().split()
+    return [pid for pid in map(int, found) if is_guard(pid)]
+
+
+@pytest.fixture
+def guarded(real_robot: Callable[..., RealRobot], tmp_path: Path) -> RealRobot:
+    robot = real_robot(guarded=True, environ={"RUNTIME_DIRECTORY": str(tmp_path / "run")})
+    robot.daemon.says("Connected")
+    return robot
+
+
+@pytest.mark.realtime
+@pytest.mark.parametrize("name", ["SIGKILL", "SIGSEGV", "SIGSTOP"])
+def test_a_daemon_that_is_killed_crashes_or_freezes_in_motion_leaves_standing_wheels(
+    guarded: RealRobot, name: str, tmp_path: Path
+) -> None:
+    daemon = guarded.daemon
+    (guard,) = guards(daemon.pid)
+    # Whatever is sent to the daemon's job or terminal reaches no process of another session.
+    assert os.getsid(guard) == guard
+    with driven(guarded):
+        memory = Path(f"/proc/{guard}/status").read_text()
+        assert int(memory.partition("VmRSS:")[2].split()[0]) * 1024 < 12_000_000
+        daemon.process.send_signal(getattr(signal, name))
+        # Nothing but the guard ends a daemon that was stopped.
+        status = daemon.end_by_itself()
+        assert status == -(signal.SIGKILL if name == "SIGSTOP" else getattr(signal, name))
+        wait_for(lambda: "the wheels stand, " in daemon.output, "the guard reports them")
+        guarded.settled_truth()
+    why = "was frozen or starved for 2 s, and was killed" if name == "SIGSTOP" else "ended and left"
+    assert f"yahboomd (pid {daemon.pid}) {why}" in daemon.output
+    wait_for(lambda: not os.path.exists(f"/proc/{guard}"), "the guard ends")
+    assert all(note.ended for note in port_note.read(str(tmp_path / "run")))
+
+
+@pytest.mark.realtime
+def test_a_pause_of_daemon_and_guard_together_is_no_freeze_of_the_daemon(
+    guarded: RealRobot,
+) -> None:
+    """As where a whole machine, or a control group, stands still."""
+    pids = (*guards(guarded.daemon.pid), guarded.daemon.pid)
+    for pid in pids:
+        os.kill(pid, signal.SIGSTOP)
+    until_s = time.monotonic() + run_guard.BEATS_WITHIN_S + 0.5
+    wait_for(lambda: time.monotonic() > until_s, "the time in which a frozen one is killed")
+    for pid in reversed(pids):
+        os.kill(pid, signal.SIGCONT)
+    with driven(guarded):
+        assert guarded.daemon.alive
+    assert guarded.daemon.end() == 0
+
+
+@pytest.mark.realtime
+def test_a_daemon_whose_guard_was_killed_says_so_and_drives_on(guarded: RealRobot) -> None:
+    (guard,) = guards(guarded.daemon.pid)
+    os.kill(guard, signal.SIGKILL)
+    guarded.daemon.says("The guard has ended: ")
+    with driven(guarded):
+        assert guarded.daemon.alive
+    assert guarded.daemon.end() == 0
+
+
+@pytest.mark.realtime
+def test_an_end_in_order_needs_no_guard_and_one_that_suspends_with_standing_wheels_is_left_alone(
+    guarded: RealRobot,
+) -> None:
+    daemon = guarded.daemon
+    (guard,) = guards(daemon.pid)
+    with driven(guarded):
+        daemon.process.send_signal(signal.SIGTSTP)
+        wait_for(lambda: "State:\tT" in Path(f"/proc/{daemon.pid}/status").read_text(), "suspended")
+        until_s = time.monotonic() + run_guard.BEATS_WITHIN_S + 0.5
+        wait_for(lambda: time.monotonic() > until_s, "the time in which a frozen one is killed")
+        daemon.process.send_signal(signal.SIGCONT)
+        daemon.says("Continued.")
+    assert daemon.end() == 0
+    wait_for(lambda: not os.path.exists(f"/proc/{guard}"), "the guard ends")
+    assert "was killed" not in daemon.output
+    assert "a stop was sent" not in daemon.output.lower()
+
+
+@pytest.mark.realtime
+@pytest.mark.parametrize("how", ["an option", "a watchdog"])
+def test_no_guard_is_started_by_an_option_and_where_a_service_manager_watches(
+    real_robot: Callable[..., RealRobot], tmp_path: Path, how: str
+) -> None:
+    manager = {"NOTIFY_SOCKET": str(tmp_path / "notify"), "WATCHDOG_USEC": "2000000"}
+    robot = real_robot(guarded=how == "a watchdog", environ=manager if how == "a watchdog" else {})
+    robot.daemon.says("Connected")
+    assert guards(robot.daemon.pid) == []
+
+
+def test_beats_are_awaited_once_it_is_ready_and_until_the_wheels_stand() -> None:
+    watch = Watch()
+    assert (watch.beats, watch.standing, watch.note) == (False, True, None)
+    # In whatever pieces they come.
+    for byte in PORT:
+        watch.read(bytes([byte]))
+    assert (watch.beats, watch.standing, watch.note) == (False, False, NOTE)
+    watch.read(b"READY=1\n")
+    assert (watch.beats, watch.standing) == (True, False)
+    watch.read(b"STANDING=1\n")
+    assert (watch.beats, watch.standing) == (False, True)
+    watch.read(b"WATCHDOG=1\n")
+    assert (watch.beats, watch.standing) == (True, False)
+    # The wheels were not seen to stand.
+    watch.read(b"STOPPING=1\n")
+    assert (watch.beats, watch.standing) == (False, False)
+
+
+def test_a_daemon_that_never_had_a_port_leaves_nothing_to_stop() -> None:
+    watch = Watch()
+    watch.read(b"READY=1\nWATCHDOG=1\n")
+    assert (watch.beats, watch.standing) == (True, True)
+
+
+def test_a_terminal_that_takes_no_words_holds_up_no_stop(tmp_path: Path) -> None:
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    try:
+        while True:
+            os.write(writing, bytes(4096))
+    except BlockingIOError:
+        os.set_blocking(writing, True)
+    script = f"import {run_guard.__name__} as guard; guard.say('words')"
+    done = subprocess.run([sys.executable, "-c", script], stderr=writing, timeout=60, check=False)
+    assert done.returncode == 0
+    os.close(reading)
+    os.close(writing)
