@@ -108,6 +108,35 @@ async def test_a_fast_wheel_is_ended_by_its_counts_before_half_a_turn(dialect: s
     assert watched.driven_s[-1] < 0.4
 
 
+@pytest.mark.parametrize("ratio", [19.0, 30.0, 56.0])
+@on_virtual_time
+async def test_an_advance_comes_to_its_counts_in_pulses_of_half_a_turn_at_most(
+    ratio: float,
+) -> None:
+    board = LinkBench(ratio=ratio)
+    watched = Watched(board)
+    more = {"on_pulse": watched.mark, "ticks_per_revolution": 44.0 * 56.0, "least_ticks": 836.0}
+    async with pulses_on(board, **more) as (pulses, _):
+        await pulses.turn(1)
+        counts = await pulses.advance({1: 1}, 600.0)
+        # A fast wheel is not driven closer than it rolls.
+        assert 400 < counts[0] <= 660
+        assert counts[2] == 0
+        both = await pulses.advance({1: -1, 3: 1}, 200.0)
+        assert both[0] < -150 < 150 < both[2]
+        assert max(map(abs, await pulses.advance({1: 1}, 1e6))) <= 836.0
+    assert max(map(max, watched.rolled_m)) <= HALF_TURN_M
+
+
+@on_virtual_time
+async def test_an_advance_of_a_motor_that_does_not_turn_ends() -> None:
+    board = LinkBench()
+    board.robot.start(round(asyncio.get_running_loop().time() * NS_PER_S))
+    board.robot.set_faults("all", FAULTS["stalled"], now_ns=0)
+    async with pulses_on(board) as (pulses, _):
+        assert max(map(abs, await pulses.advance({1: 1, 3: 1}, 300.0))) < 20
+
+
 @pytest.mark.parametrize("dialect", ["streamed", "rosmaster"])
 @pytest.mark.parametrize("speed_m_s", [0.4, 1.15, 1.4])
 @on_virtual_time

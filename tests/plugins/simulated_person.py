@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import re
 from collections.abc import Callable
 
@@ -30,13 +31,23 @@ class SimulatedPerson:
 
     Attributes:
         questions: All that was asked.
-        others: Answers to questions that no truth answers, by their first words.
+        others: Answers to questions that no truth answers, by their first words; of several each
+            is given once, and the last one from then on.
+        looks: They look at the wheels again in the end.
+        lies: Wrong answers to the next questions that begin so.
+        turned: The most that any wheel turned between two questions, in turns.
         repair: What is done when a repair is asked for; None: the file is wanted as it is.
     """
 
     def __init__(self, bench: LinkBench) -> None:
         self.questions: list[str] = []
-        self.others = {
+        self.looks = False
+        self.lies: dict[str, list[str]] = {}
+        self.turned = 0.0
+        self._asked_at: dict[str, float] = {}
+        self._marked: dict[str, float] = {}
+        self._looked = ""
+        self.others: dict[str, str | list[str]] = {
             "Are all wheels off the ground?": "yes",
             "One stored value differs": "n",
         }
@@ -51,6 +62,21 @@ class SimulatedPerson:
         self.questions.append(question)
         # No question is asked while a wheel turns.
         assert max(map(abs, self._bench.rim_speeds)) < 0.03, question
+        now = self._travel()
+        for name, at in self._asked_at.items():
+            self.turned = max(self.turned, abs(self._turns(now[name] - at)))
+        self._asked_at = now
+        true = await self._true_answer(question, now)
+        for start, answers in self.lies.items():
+            if question.startswith(start) and answers:
+                return answers.pop(0)
+        if true is None:
+            raise Refused(f"nothing is known of {question!r}")
+        return true
+
+    async def _true_answer(self, question: str, now: dict[str, float]) -> str | None:
+        if self.looks and (answer := self._look(question, now)):
+            return answer
         if question.startswith("\nEnter, and M"):
             self._before = self._travel()
             return ""
@@ -76,8 +102,34 @@ class SimulatedPerson:
             return ""
         for start, answer in self.others.items():
             if question.startswith(start):
-                return answer
-        raise Refused(f"nothing is known of {question!r}")
+                if isinstance(answer, str):
+                    return answer
+                return answer.pop(0) if len(answer) > 1 else answer[0]
+        return None
+
+    def _look(self, question: str, now: dict[str, float]) -> str:
+        """What they see in the last look; empty for other questions."""
+        if question.startswith("y, and all wheels"):
+            self._marked = now
+            return "y"
+        moved = {name: self._turns(now[name] - at) for name, at in self._marked.items()}
+        if question.startswith("Did every wheel turn forward?"):
+            return "y" if all(each > 0.02 for each in moved.values()) else "n"
+        if found := re.match(r"\nTurn the mark of the (.*) wheel to its top", question):
+            self._marked, self._looked = now, found[1].replace(" ", "_")
+            return "y"
+        if question.startswith(("On its way", "Is the mark at the bottom now?")):
+            if any(name != self._looked and abs(each) > 0.02 for name, each in moved.items()):
+                return "w"
+            if question.startswith("On its way"):
+                return "y" if moved[self._looked] > 0.45 else "n"
+            return "y" if abs(moved[self._looked] - 0.5) < 0.05 else "n"
+        if question.startswith("How far did the wheel turn, in degrees?"):
+            return f"{round(360.0 * moved[self._looked], -1):g}"
+        return "y" if question.startswith("Take ") else ""
+
+    def _turns(self, travel_m: float) -> float:
+        return travel_m / (2.0 * math.pi * self._bench.robot.options.wheel_radius_m)
 
     async def _turn_by_hand(self, name: str) -> None:
         bench = self._bench

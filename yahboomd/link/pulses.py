@@ -1,15 +1,17 @@
 """Pulses of single motors without regulation: a wheel turns a little, whatever its encoder does.
 
-The law: a pulse lasts half a second at most, and no wheel turns by more than half a turn. It ends
-where any counter shows the bound; while no counter moves, it ends when the fastest motor there is
-would have turned so far. A pulse is an output, never a speed: the speed loop of the board would
+The law: a pulse lasts half a second at most, and no wheel turns by more than half a turn, even if
+its gear is faster than configured; in all pulses of one call no wheel turns by more than one. It
+ends where any counter shows the bound; while no counter moves, it ends when the fastest motor there
+is would have turned so far. A pulse is an output, never a speed: the speed loop of the board would
 drive a wheel whose encoder is dead or runs backward as fast as it can.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
 
 import msgspec
 
@@ -36,6 +38,14 @@ SHORTEST_S = 0.04
 
 SHOWN_TURNS = 0.1
 """A person sees a wheel that turns so far."""
+
+MOST_TURNS = 0.8
+"""Counted so far the pulses of one call end."""
+
+MOST_PULSES = 40
+
+NEAR_SHARE = 0.03
+"""An advance that comes so near is done."""
 
 MOVED_TURNS = 0.01
 """Less than that is no motion: gears have play."""
@@ -77,6 +87,7 @@ class Pulses:
     Args:
         line: An attended line, on which the wheels were stopped and the counters come.
         fastest_turns_per_s: No wheel turns faster at full output.
+        least_ticks: The fewest counts that a turn of a wheel may have; None: as many as usual.
         on_pulse: Called with True before each pulse, and with False when the wheels stand again.
     """
 
@@ -87,15 +98,17 @@ class Pulses:
         *,
         ticks_per_revolution: float,
         fastest_turns_per_s: float,
+        least_ticks: float | None = None,
         on_pulse: Callable[[bool], None] = lambda _on: None,
     ) -> None:
         self._line = line
         self._clock: Clock = line.clock
         self._dialect = dialect
         self._ticks = ticks_per_revolution
+        self._least = min(ticks_per_revolution, least_ticks or ticks_per_revolution)
         self._fastest = fastest_turns_per_s
         self._on_pulse = on_pulse
-        self._first = 0
+        self._first = self._working = 0
         self._news = asyncio.Event()
         line.on_counts = lambda _: self._news.set()
         # A brake would start the board's speed loop: the line leaves by letting the motors go.
@@ -114,47 +127,101 @@ class Pulses:
         Raises:
             BoardError: The board reset itself, a wheel does not stop, or no counts come.
         """
+        counted = 0.0
         for number in range(self._first, len(STEPS)):
             on_step()
-            pulse = await self._pulse(position, STEPS[number])
+            pulse, _ = await self._pulse({position: 1}, STEPS[number])
+            counted += pulse.turns * self._ticks
             if pulse.turns >= SHOWN_TURNS:
                 # The next motor is much like this one.
-                self._first = max(0, number - 2)
+                self._first, self._working = max(0, number - 2), number
+                break
+            if counted >= BOUND_TURNS * self._least:
                 break
         return pulse
+
+    @property
+    def most_counts(self) -> float:
+        """The counts of the longest :meth:`advance`."""
+        return MOST_TURNS * self._least
+
+    async def advance(
+        self, signs: Mapping[int, int], counts: float, on_step: Callable[[], None] = lambda: None
+    ) -> Counts:
+        """Turn motors forward until each has counted so far, in several pulses.
+
+        Args:
+            signs: For each motor, by its position, the sign of its output.
+            counts: :attr:`most_counts` at most.
+            on_step: Called before each pulse, while every wheel stands.
+
+        Returns:
+            What each counter changed by in all: less than asked for if a motor does not turn.
+
+        Raises:
+            BoardError: The board reset itself, a wheel does not stop, or no counts come.
+        """
+        counts = min(counts, self.most_counts)
+        number, rolls = self._working, 0.0
+        done = (0, 0, 0, 0)
+        for _ in range(MOST_PULSES):
+            ways = [abs(done[position - 1]) for position in signs]
+            left = counts - min(ways)
+            if left <= max(rolls, NEAR_SHARE * counts):
+                break
+            bound = min(left - rolls, self.most_counts - max(ways))
+            if bound <= 0.0 or number >= len(STEPS):
+                break
+            on_step()
+            pulse, rolls = await self._pulse(signs, STEPS[number], bound)
+            done = tuple(map(sum, zip(done, pulse.counts, strict=True)))  # type: ignore[assignment]
+            if min(abs(pulse.counts[each - 1]) for each in signs) < MOVED_TURNS * self._least:
+                number += 1
+        return done
 
     def limit_s(self, share: float) -> float:
         """The longest pulse of an output while no counter moves."""
         until_s = BLIND_TURNS / max(1e-9, self._fastest * _effect(share)) - ROLLS_S
         return min(LONGEST_S, max(SHORTEST_S, until_s))
 
-    async def _pulse(self, position: int, share: float) -> Pulse:
+    async def _pulse(
+        self, signs: Mapping[int, int], share: float, bound: float = math.inf
+    ) -> tuple[Pulse, float]:
+        """One pulse, and how far the fastest wheel rolled after it.
+
+        Args:
+            bound: Counted so far it ends, at the latest.
+        """
         line, clock, dialect = self._line, self._clock, self._dialect
         output = round(share * dialect.most_output)
-        outputs = tuple(output if each == position else 0 for each in range(1, CHANNELS + 1))
+        each = [output * signs.get(position, 0) for position in range(1, CHANNELS + 1)]
+        bound = min(bound, BOUND_TURNS * self._least)
+        motors = " and ".join(f"M{position}" for position in signs)
         resets = line.heard.resets
-        before = await self._standing(position, resets)
+        before = await self._standing(motors, resets)
         start_ns = clock.now_ns()
         self._on_pulse(True)
-        line.writer.velocity(dialect.outputs(outputs))
+        line.writer.velocity(dialect.outputs((each[0], each[1], each[2], each[3])))
         try:
             while True:
                 now_ns = clock.now_ns()
-                self._check_reset(position, resets)
+                self._check_reset(motors, resets)
                 turns = self._turns(before)
                 limit_s = LONGEST_S if turns >= MOVED_TURNS else self.limit_s(share)
                 end_ns = start_ns + nanoseconds(limit_s)
-                if turns >= BOUND_TURNS or now_ns >= end_ns:
+                if turns * self._ticks >= bound or now_ns >= end_ns:
                     break
                 await self._counted(end_ns)
         finally:
             self._cut()
-        if self._turns(before) < MOVED_TURNS:
+        ended = self._turns(before)
+        if ended < MOVED_TURNS:
             await sleep_until(clock, clock.now_ns() + nanoseconds(UNSEEN_S * _effect(share)))
-        after = await self._standing(position, resets)
+        after = await self._standing(motors, resets)
         self._on_pulse(False)
         a, b, c, d = (unwrapped(new - old) for new, old in zip(after, before, strict=True))
-        return Pulse(output=output, counts=(a, b, c, d), turns=self._turns(before))
+        turns = self._turns(before)
+        return Pulse(output=output, counts=(a, b, c, d), turns=turns), (turns - ended) * self._ticks
 
     def _turns(self, before: Counts) -> float:
         ticks = self._line.ticks
@@ -166,30 +233,30 @@ class Pulses:
         dialect = self._dialect
         self._line.writer.stop((dialect.cut or dialect.brake,) * CUTS)
 
-    def _check_reset(self, position: int, resets: int) -> None:
+    def _check_reset(self, motors: str, resets: int) -> None:
         if self._line.heard.resets != resets:
             raise BoardError(
-                f"{self._line.port.name}: the board reset itself while M{position} was tried.",
+                f"{self._line.port.name}: the board reset itself while {motors} was tried.",
                 remedy="Its supply is too weak: feed the motors from a battery, not from USB, and "
                 "charge it.",
             )
 
-    async def _standing(self, position: int, resets: int) -> Counts:
+    async def _standing(self, motors: str, resets: int) -> Counts:
         """Wait until every wheel stands; the counters then."""
         line, clock = self._line, self._clock
         line.watch.reset()
         end_ns = clock.now_ns() + nanoseconds(STAND_WITHIN_S)
         cut_ns = clock.now_ns() + nanoseconds(0.1)
         while not line.watch.standing:
-            self._check_reset(position, resets)
+            self._check_reset(motors, resets)
             if clock.now_ns() >= end_ns:
                 if line.watch.speed is None:
                     raise BoardError(
-                        f"{line.port.name}: M{position} was let go, and no counts come.",
+                        f"{line.port.name}: {motors} was let go, and no counts come.",
                         remedy="Is the cable long or noisy? Try `yahboomd probe`.",
                     )
                 raise BoardError(
-                    f"{line.port.name}: M{position} was let go, and a wheel turns.",
+                    f"{line.port.name}: {motors} was let go, and a wheel turns.",
                     remedy="Take your hands off the wheels. If one turns by itself, switch the "
                     "motors' supply off: its driver may be broken.",
                 )

@@ -15,6 +15,9 @@ NO_ENCODER_TYPE: Final = 4
 """The stored motor type that means: without encoder."""
 
 
+FASTEST_RATIO: Final = 19.0
+
+
 class MotorProfile(msgspec.Struct, frozen=True, kw_only=True):
     """A motor with its gear and wheel, as built.
 
@@ -34,6 +37,11 @@ class MotorProfile(msgspec.Struct, frozen=True, kw_only=True):
     def ticks_per_revolution(self) -> float:
         """Counts of one turn of the wheel."""
         return self.lines * self.ratio * EDGES_PER_LINE
+
+    @property
+    def least_ticks_per_revolution(self) -> float:
+        """The same if the wheel has the fastest gear that is sold, and the profile is wrong."""
+        return self.lines * min(self.ratio, FASTEST_RATIO) * EDGES_PER_LINE
 
     @property
     def wheel_radius_m(self) -> float:
@@ -78,3 +86,8 @@ PROFILES: Final[dict[str, MotorProfile]] = {
     for name, stored, lines, ratio, wheel_diameter_mm in _MOTORS
 }
 """The vendor's motors by name. The TT motor without encoder is none of them: no odometry."""
+
+
+def alike(profile: MotorProfile) -> tuple[MotorProfile, ...]:
+    """The vendor's motors for the boards that these are for."""
+    return tuple(each for each in PROFILES.values() if each.stored.keys() & profile.stored.keys())

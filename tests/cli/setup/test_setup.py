@@ -117,7 +117,11 @@ async def test_a_newcomer_is_led_to_a_file_with_which_the_robot_drives_as_asked(
             ways += 1
             way = "f" if rolled[moved[0]] > 0 else "b"
             await answer_newest(process, "Which way did", way, ways)
+    await answer(process, "y, and all wheels turn forward, a little:", "y")
+    await answer(process, "Did every wheel turn forward?", "y")
+    await answer(process, "Turn the mark of the left wheel to its top", "")
     assert await process.ended() == 0
+    assert "The gear was not checked." in process.screen
     assert "left         M4, mounted the other way round" in process.screen
     assert "right        M2" in process.screen
     path = tmp_path / "robot.toml"

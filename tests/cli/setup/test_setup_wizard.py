@@ -308,7 +308,7 @@ async def test_no_speed_is_ever_sent(given: Given) -> None:
 
 @on_virtual_time
 async def test_no_wheel_turns_unless_the_person_says_that_they_are_off_the_ground() -> None:
-    for answer in ("", "y", "no", "yes, nearly"):
+    for answer in ("n", "no", ["", "yes, nearly", "n"]):
         bench = LinkBench(drive="skid_steer", wiring=FOUR_WHEELS)
         person = SimulatedPerson(bench)
         person.others["Are all wheels off the ground?"] = answer

@@ -9,19 +9,31 @@ from yahboomd.errors import Refused
 
 
 class Says:
-    def __init__(self, answer: str) -> None:
-        self.answer = answer
+    def __init__(self, *answers: str) -> None:
+        self.answers = [*answers]
 
     async def line(self, question: str) -> str:
         assert question.endswith("[y/N]")
-        return self.answer
+        return self.answers.pop(0)
 
 
 @pytest.mark.parametrize(
-    ("answer", "agreed"), [("y", True), ("YES", True), ("", False), ("n", False), ("yep", False)]
+    ("answers", "agreed"),
+    [
+        (["y"], True),
+        (["YES"], True),
+        ([""], False),
+        (["n"], False),
+        (["yep", "y"], True),
+        (["yes, nearly", "no"], False),
+    ],
 )
-async def test_only_yes_is_yes(answer: str, agreed: bool) -> None:
-    assert await agrees(Says(answer), "Really?") is agreed
+async def test_only_yes_is_yes_and_what_is_neither_is_asked_again(
+    answers: list[str], agreed: bool
+) -> None:
+    person = Says(*answers)
+    assert await agrees(person, "Really?") is agreed
+    assert person.answers == []
 
 
 async def test_an_input_that_is_closed_is_refused(monkeypatch, capsys) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import textwrap
 from pathlib import Path
 
 import msgspec
 
 from yahboomd.calibration.wiring import Wiring, plain
 from yahboomd.cli.setup.description import Description
+from yahboomd.cli.setup.last_look import GearSeen
 from yahboomd.program import pasteable
 
 
@@ -16,6 +18,7 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         dialect: How the board is spoken to.
+        gear: Whether the wheels turn by as far as counted.
         imu: The board's inertial sensor; empty for none.
     """
 
@@ -23,6 +26,7 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
     dialect: str
     description: Description
     wiring: Wiring
+    gear: GearSeen = GearSeen()
     imu: str = ""
 
 
@@ -36,6 +40,7 @@ def result(found: Outcome, path: Path) -> str:
         "kinematics": found.description.kinematics,
         "motors": found.wiring.motors,
         "faults": found.wiring.faults,
+        "gear": found.gear.verdict,
         "imu": found.imu or None,
     }
     return msgspec.json.encode(facts).decode()
@@ -47,6 +52,8 @@ def next_steps(found: Outcome, path: Path) -> str:
     for motor in found.wiring.motors:
         way = ", mounted the other way round" if motor.sign < 0 else ""
         lines.append(f"  {plain(motor.wheel):<12} M{motor.position}{way}")
+    if found.gear.words:
+        lines += ["", *textwrap.wrap(found.gear.words, 96)]
     lines.append("")
     if found.wiring.faults:
         lines += ["Repair what was named first: the daemon cuts a wheel that does not obey.", ""]

@@ -25,11 +25,12 @@ _COMMENTS = {
 }
 
 
-def as_toml(description: Description, wiring: Wiring, *, port: str = "") -> str:
+def as_toml(description: Description, wiring: Wiring, *, port: str = "", gear: str = "") -> str:
     """The configuration of a robot.
 
     Args:
         port: The serial port; empty: yahboomd looks for it.
+        gear: What is to be said of the gear; empty if it fits.
     """
     lines = [
         "# A robot, written by `yahboomd setup`. What is not in here has its default, which",
@@ -39,7 +40,8 @@ def as_toml(description: Description, wiring: Wiring, *, port: str = "") -> str:
         lines += [f"# {line}" for line in textwrap.wrap(f"To be repaired: {fault.words}", 96)]
     if port:
         lines += ["", "[serial]", f"port = {inline(port)}"]
-    lines += ["", "[board]", *_keys(description.board)]
+    lines += ["", *(f"# {line}" for line in textwrap.wrap(gear, 96))]
+    lines += ["[board]", *_keys(description.board)]
     chassis = {
         "kinematics": description.kinematics,
         "wheel_radius_m": round(description.wheel_diameter_mm / 2000.0, 6),

@@ -119,7 +119,9 @@ def run(args: argparse.Namespace) -> int:
             found = await wizard.find(by_hand=args.by_hand)
         write_robot(
             path,
-            as_toml(found.description, found.wiring, port=config.serial.port),
+            as_toml(
+                found.description, found.wiring, port=config.serial.port, gear=found.gear.words
+            ),
             overwrite=overwrite,
         )
         print(result(found, path) if args.json else next_steps(found, path), flush=True)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import itertools
 import os
+import textwrap
+
+import msgspec
 
 from yahboomd.calibration.wiring import Wiring
 from yahboomd.cli.guarded import guarded
@@ -11,12 +14,20 @@ from yahboomd.cli.own_port import refuse_estop
 from yahboomd.cli.probe import probe_report, probe_text
 from yahboomd.cli.probe.probe_write import Printed
 from yahboomd.cli.setup.board_law import drivable
-from yahboomd.cli.setup.description import Given, ask_motors, ask_robot
+from yahboomd.cli.setup.description import Description, Given, ask_motors, ask_robot
+from yahboomd.cli.setup.last_look import FITS, GearSeen, LastLook
 from yahboomd.cli.setup.motor_turns import MOTOR_TURNS_PER_S, ByHand, ByOutput, Robot
 from yahboomd.cli.setup.outcome import Outcome
 from yahboomd.cli.setup.robot_drawing import wheels_of
 from yahboomd.cli.setup.robot_file import as_config
-from yahboomd.cli.setup.terminal_questions import Person, agrees, say, say_heading, say_points
+from yahboomd.cli.setup.terminal_questions import (
+    WIDTH,
+    Person,
+    agrees,
+    say,
+    say_heading,
+    say_points,
+)
 from yahboomd.clock import Clock
 from yahboomd.config import WHEELS, Config
 from yahboomd.errors import BoardSilent, Refused
@@ -85,15 +96,17 @@ class Wizard:
             say("No motor is turned." if by_hand else "This board takes speeds only.")
         else:
             await self._lifted()
-        wiring = await self._connected(
+        wiring, gear = await self._connected(
             Robot(description=description, wheels=wheels, ways=ways),
             by_hand=by_hand or not dialect.most_output,
         )
+        description, gear = await self._geared(description, gear)
         return Outcome(
             port=self._port,
             dialect=dialect.name,
             description=description,
             wiring=wiring,
+            gear=gear,
             imu=self._imu,
         )
 
@@ -124,8 +137,28 @@ class Wizard:
             wanted_dialect=self._config.serial.dialect,
         )
 
-    async def _fit(self, dialect: Dialect, found: Examination, profile: MotorProfile) -> None:
-        """Show what the board stores, and have it store what these motors need, if it is wanted."""
+    async def _geared(
+        self, description: Description, gear: GearSeen
+    ) -> tuple[Description, GearSeen]:
+        """The description with the motors that fit what was seen, if the person agrees."""
+        if gear.words:
+            say(f"\n{textwrap.fill(gear.words, WIDTH)}")
+        profile = gear.profile
+        if profile is None or not await agrees(self._person, f"Take {profile.name}?"):
+            return description, gear
+        dialect, found = await self._examine(profile.settings)
+        await self._fit(dialect, found, profile, turns=False)
+        board = {"profile": profile.name}
+        return msgspec.structs.replace(description, board=board, profile=profile), FITS
+
+    async def _fit(
+        self, dialect: Dialect, found: Examination, profile: MotorProfile, *, turns: bool = True
+    ) -> None:
+        """Show what the board stores, and have it store what these motors need, if it is wanted.
+
+        Args:
+            turns: Motors are about to be turned.
+        """
         report = self._report(found, profile, profile.settings)
         if report.settings:
             if self._given.profile is None:
@@ -138,12 +171,12 @@ class Wizard:
             say_points(report.problems)
             count = len(report.differing)
             values = "One stored value differs" if count == 1 else f"{count} stored values differ"
-            need = "No motor may turn before." if report.problems else "It does no harm."
+            need = "No motor may turn before." if report.problems and turns else "It does no harm."
             if await agrees(self._person, f"{values}. {need} Store the profile's in the board?"):
                 await storing.store(self._opener, self._clock, profile.settings, Printed())
                 _, found = await self._examine(profile.settings)
                 report = self._report(found, profile, profile.settings)
-        if report.problems:
+        if report.problems and turns:
             raise Refused(f"No motor is turned like this. {' '.join(report.problems)}")
 
     # The wheels.
@@ -152,11 +185,12 @@ class Wizard:
         say_heading("The wheels")
         say("Lift the robot: every wheel must turn freely, with nothing to be caught in it.")
         say("Keep a hand near the switch of the motors' supply.")
-        answer = await self._person.line("Are all wheels off the ground? Type yes:")
-        if answer.lower() != "yes":
+        if not await agrees(
+            self._person, "Are all wheels off the ground? Type yes:", hint="", blank=None
+        ):
             raise Refused("No motor was turned, and nothing was written.")
 
-    async def _connected(self, robot: Robot, *, by_hand: bool) -> Wiring:
+    async def _connected(self, robot: Robot, *, by_hand: bool) -> tuple[Wiring, GearSeen]:
         person, profile = self._person, robot.description.profile
         port = await self._opener()
         line = Line(port, self._clock, resend_s=RESEND_S)
@@ -167,16 +201,23 @@ class Wizard:
             line.let_go = True
             await handshake.await_reports(line, talk.dialect)
             if by_hand:
-                return await ByHand(talk, person, robot).find()
+                return await ByHand(talk, person, robot).find(), GearSeen()
             guard.watch_over(talk.dialect)
             pulses = Pulses(
                 line,
                 talk.dialect,
                 ticks_per_revolution=profile.ticks_per_revolution,
                 fastest_turns_per_s=MOTOR_TURNS_PER_S / profile.ratio,
+                least_ticks=profile.least_ticks_per_revolution,
                 on_pulse=guard.mark,
             )
-            return await ByOutput(talk, pulses, person, robot, self._may_turn).find()
+            by_output = ByOutput(talk, pulses, person, robot, self._may_turn)
+            last_look = LastLook(pulses, person, profile, self._may_turn)
+            while True:
+                wiring = await by_output.find()
+                gear = GearSeen() if wiring.faults else await last_look.look(wiring)
+                if gear is not None:
+                    return wiring, gear
 
     def _on_imu(self, reading: ImuReading) -> None:
         self._imu = reading.sensor.name

@@ -52,6 +52,23 @@ def say_points(points: Iterable[str]) -> None:
         say(textwrap.fill(words, WIDTH, initial_indent="  - ", subsequent_indent="    "))
 
 
-async def agrees(person: Person, question: str) -> bool:
-    """Ask a question that is denied by anything but yes."""
-    return (await person.line(f"{question} [y/N]")).lower() in {"y", "yes"}
+async def agrees(
+    person: Person, question: str, *, hint: str = " [y/N]", blank: bool | None = False
+) -> bool:
+    """Ask until the answer is yes or no.
+
+    Args:
+        blank: What an empty answer means; None: it is asked again.
+    """
+    while True:
+        answer = yes_or_no(await person.line(f"{question}{hint}"), blank=blank)
+        if answer is not None:
+            return answer
+        say("y or n, please.")
+
+
+def yes_or_no(answer: str, *, blank: bool | None = False) -> bool | None:
+    """What an answer means; None if it is neither."""
+    if not answer:
+        return blank
+    return {"y": True, "yes": True, "n": False, "no": False}.get(answer.lower())

@@ -237,8 +237,13 @@ class Tuning:
 
     async def _yes(self, question: str) -> bool:
         """Ask; without an answer it is no, and what was typed before counts for none."""
-        answer = await self._lines.ask(question, fresh=True)
-        return (answer or "").lower() in {"y", "yes"}
+        from yahboomd.cli.setup.terminal_questions import yes_or_no
+
+        while True:
+            answer = yes_or_no(await self._lines.ask(question, fresh=True) or "")
+            if answer is not None:
+                return answer
+            self.say("y or n, please.")
 
     async def _agree(self, wanted: BoardSettings, dialect: Dialect) -> bool:
         """Announce what is about to be written, and ask."""
