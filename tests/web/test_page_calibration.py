@@ -177,6 +177,13 @@ async def test_a_whole_calibration_is_written_where_the_robots_daemon_reads_it_a
         degrees = math.degrees(abs(end.theta - begin.theta)) - 360.0
         text = f"{degrees if run else metres:.4f}"
         assert (await use(page, "answer", question=number["id"], text=text))["ok"]
+        if not run:
+            beside = await question(page, "number", after=number["id"])
+            assert beside["name"] == "left"
+            left_m = (end.y - begin.y) * math.cos(begin.theta)
+            left_m -= (end.x - begin.x) * math.sin(begin.theta)
+            text = f"{1e3 * left_m:.1f}"
+            assert (await use(page, "answer", question=beside["id"], text=text))["ok"]
         if run < 2:
             asked = await question(page, "hold", after=asked["id"])
     shown = await page.one("calibration", page=None, verb="tape")

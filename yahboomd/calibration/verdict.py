@@ -27,6 +27,8 @@ SIDES_APART = 0.1
 LEAST_STRAIGHT_M = 1.0
 LEAST_SIDEWAYS_M = 0.5
 LEAST_TURN_RAD = 6.0
+STRAIGHT_RAD = 1.0
+"""A run that turned by less was driven straight."""
 
 _OBSERVE = {
     "scale": "drive a straight run of known length, 2 m or longer; closed squares do not show it",
@@ -60,7 +62,8 @@ def doubts(
     """
     found = []
     for run in runs:
-        if run.kind == "straight" and run.travel_m < LEAST_STRAIGHT_M:
+        straight = run.kind != "turn" and abs(run.turned_rad) < STRAIGHT_RAD
+        if straight and run.travel_m < LEAST_STRAIGHT_M:
             found.append(
                 f"A straight run of {run.travel_m:.2f} m is too short: drive "
                 f"{LEAST_STRAIGHT_M:g} m or more, better 5 m."

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -85,10 +86,14 @@ def test_a_whole_calibration_by_tape_with_the_button_held_writes_the_true_size(
     begin, asked = led.moved_through(asked, robot.settled_truth)
     end = robot.settled_truth()
     assert (asked["kind"], asked["name"], asked["unit"]) == ("number", "length", "m")
-    led.answer(asked, "far")
-    asked = led.question()
-    assert asked["wrong"] == "A number of metres, such as 1.987."
+    for wrong in ("far", "100", "0.1"):
+        led.answer(asked, wrong)
+        asked = led.question()
+        assert re.match(r"A number of metres, such as 1\.0\d\d: the counts", asked["wrong"])
     led.answer(asked, f"{math.hypot(end.x - begin.x, end.y - begin.y):.4f}")
+    asked = led.question()
+    assert (asked["name"], asked["unit"]) == ("left", "mm")
+    led.answer(asked)
     for _ in range(2):
         begin, asked = led.moved_through(led.question(), robot.settled_truth)
         end = robot.settled_truth()

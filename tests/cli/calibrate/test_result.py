@@ -58,6 +58,19 @@ def test_a_result_that_cannot_be_trusted_writes_nothing_and_says_why(
     assert not path.exists()
 
 
+def test_a_size_that_is_another_gear_names_the_profile_that_fits(tmp_path: Path, capsys) -> None:
+    geared = Fit(factors=Factors(0.536), std=GOOD.std, chi_squared=1.2, errors=GOOD.errors)
+    path = tmp_path / "calibration.toml"
+    with pytest.raises(Refused, match=r"0\.536 is 30/56: .* board\.profile = \"520-1:56\""):
+        conclude(geared, Config(), path, method="tape", dry_run=False, person=Answers())
+    own = Config.of({"chassis": {"ticks_per_revolution": 1320.0}})
+    with pytest.raises(Refused, match="radius would be") as refused:
+        conclude(geared, own, path, method="tape", dry_run=False, person=Answers())
+    assert "30/56" not in str(refused.value)
+    capsys.readouterr()
+    assert not path.exists()
+
+
 def test_only_the_distance_of_the_sides_of_a_mecanum_base_is_calibrated(tmp_path: Path) -> None:
     config = read(
         None, environ={}, overrides=["chassis.preset=mecanum", "chassis.wheel_base_m=0.15"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import math
 import sys
 from pathlib import Path
@@ -186,6 +187,18 @@ def _run(args: argparse.Namespace) -> int:
         check_writable(loaded.calibration_path)
 
     async def work(robot: AsyncRobot) -> int:
+        import asyncio
+
+        try:
+            return await lead(robot)
+        except asyncio.CancelledError:
+            words = await _ended(robot, drove=not args.by_hand)
+            # A terminal that is gone takes no words.
+            with contextlib.suppress(OSError):
+                print(words, file=sys.stderr)
+            raise
+
+    async def lead(robot: AsyncRobot) -> int:
         if not args.dialogue:
             from yahboomd.cli.calibrate.asking import Answers
 
@@ -201,6 +214,19 @@ def _run(args: argparse.Namespace) -> int:
     import signal
 
     return attend(args, work, source=args.source, signals=(*deadly(), signal.SIGTSTP))
+
+
+async def _ended(robot: AsyncRobot, *, drove: bool) -> str:
+    """Stop the robot, and see it stand; how that went."""
+    if not drove:
+        return "Ended: nothing was driven, and nothing was written."
+    robot.stop()
+    if await robot.standing():
+        return "Ended: the wheels were stopped and stand; nothing was written."
+    return (
+        "Ended: a stop was sent, but the wheels were not seen to stand. Look at them, or run "
+        "`yahboomd stop`. Nothing was written."
+    )
 
 
 def _undo(loaded: Loaded) -> int:

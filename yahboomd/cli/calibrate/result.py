@@ -6,7 +6,8 @@ import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from yahboomd.calibration.verdict import doubts, sideways_doubts
+from yahboomd.calibration.gear import another_gear
+from yahboomd.calibration.verdict import RADIUS, doubts, sideways_doubts
 from yahboomd.errors import Refused
 
 if TYPE_CHECKING:
@@ -52,6 +53,7 @@ def conclude(
         runs=runs,
         track=calibration.chassis.wheel_separation_multiplier,
     )
+    wrong += _gear_doubts(fit.factors.scale, config)
     if sideways is not None:
         wrong += sideways_doubts(sideways, sideways_runs)
     target = None if dry_run or wrong else path
@@ -80,6 +82,17 @@ def conclude(
         f"{restarting(tuple(config.zenoh.listen))} `yahboomd calibrate undo` takes it back."
     )
     return 0
+
+
+def _gear_doubts(scale: float, config: Config) -> list[str]:
+    """Whether wheels of this size, as a multiple of the configured one, have another gear."""
+    from yahboomd.protocol.profiles import alike
+
+    own, (least, most) = config.profile(), RADIUS
+    if least <= scale <= most or config.chassis.ticks_per_revolution is not None:
+        return []
+    words = another_gear(scale, own, alike(own))
+    return [words] if words else []
 
 
 def ratio_of(config: Config) -> float:

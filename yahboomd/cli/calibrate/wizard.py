@@ -46,11 +46,23 @@ HEADING = Number(
     good=lambda value: abs(value) <= 360.0,
     wrong="A number of degrees, or nothing.",
 )
-LENGTH = Number(
-    *("length", "How far did it truly go, in m?", "m"),
-    good=lambda value: 0.0 < value < 1000.0,
-    wrong="A number of metres, such as 1.987.",
-)
+
+LENGTH_RANGE = (0.25, 4.0)
+"""The true way, as a multiple of the counted one: no profile of the vendor's is further off."""
+
+
+def length(counted_m: float) -> Number:
+    """The question for the true way.
+
+    Args:
+        counted_m: The way by the counts: another unit is noticed at once.
+    """
+    least, most = (counted_m * each for each in LENGTH_RANGE)
+    return Number(
+        *("length", "How far did it truly go, in m?", "m"),
+        good=lambda value: least < value < most,
+        wrong=f"A number of metres, such as {counted_m:.3f}: the counts have about so many.",
+    )
 
 
 async def calibrate(
@@ -86,15 +98,17 @@ async def calibrate(
     wizard = _Wizard(Driver(robot, config, args.source, hold), person, args)
     beside: list[SidewaysRun] = []
     if args.verb == "tape":
-        runs = await wizard.by_tape()
+        # The rollers of a mecanum base bend it, too.
+        runs = await wizard.by_tape(bend=not config.kinematics().holonomic)
         if config.kinematics().holonomic:
             beside = await wizard.sideways()
-        method, free = "tape", PARTS[::2]
+        bent = any(run.kind == "pose" for run in runs)
+        method, free = "tape", PARTS if bent else PARTS[::2]
     else:
         runs = await wizard.by_squares()
         method, free = f"squares of {args.side:g} m", PARTS
     try:
-        # A tape does not see the ratio of the wheels: it stays what squares have found.
+        # Without a measured bend a tape does not see the ratio: it stays what squares have found.
         found = fit(runs, free=free, start=Factors(ratio=ratio_of(config)))
         factors, std = found.factors, found.std
         to_the_side = None
@@ -143,9 +157,9 @@ class _Wizard:
         self._person = person
         self._args = args
 
-    async def by_tape(self) -> list[Run]:
+    async def by_tape(self, *, bend: bool) -> list[Run]:
         args = self._args
-        runs = [await self._straight()]
+        runs = [await self._straight(bend=bend, heading=False)]
         for left in (True, False):
             way = "to the left" if left else "to the right"
             whole = 2.0 * math.pi * args.turns * (1.0 if left else -1.0)
@@ -171,8 +185,9 @@ class _Wizard:
                 sideways(metres, args.speed),
                 f"{args.sideways:g} m to the {way}, sideways: mark where the robot stands.",
             )
-            length = await self._length()
-            runs.append(SidewaysRun(*self._driver.gathered_sideways(), length, TAPE_STD_M))
+            steps = self._driver.gathered_sideways()
+            measured = await self._length(float(abs(steps[1].sum())))
+            runs.append(SidewaysRun(*steps, measured, TAPE_STD_M))
         return runs
 
     async def by_squares(self) -> list[Run]:
@@ -187,26 +202,35 @@ class _Wizard:
                 x = await self._metres("ahead", "How far ahead of its mark did it end, in mm?")
                 y = await self._metres("left", "How far to the left of its mark, in mm?")
                 runs.append(await self._end(x, y))
-        runs.append(await self._straight(bend=True))
+        runs.append(await self._straight(bend=True, heading=True))
         return runs
 
-    async def _end(self, x: float, y: float) -> Run:
-        """A run that ended there, as seen from its start, metres; asks for the heading."""
-        degrees = await self._person.number(HEADING)
+    async def _end(
+        self, x: float, y: float, *, heading: bool = True, beside_std_m: float = TAPE_STD_M
+    ) -> Run:
+        """A run that ended there, as seen from its start, metres; may ask for the heading."""
+        degrees = await self._person.number(HEADING) if heading else None
         measured: tuple[float, ...] = (x, y)
-        std: tuple[float, ...] = (TAPE_STD_M, TAPE_STD_M)
+        std: tuple[float, ...] = (TAPE_STD_M, beside_std_m)
         if degrees is not None:
             measured, std = (*measured, math.radians(degrees)), (*std, ANGLE_STD_RAD)
         return self._run("pose", measured, std)
 
-    async def _straight(self, *, bend: bool = False) -> Run:
-        """Drive a straight; with ``bend``, ask how far it bent: that makes the scale surer."""
+    async def _straight(self, *, bend: bool, heading: bool) -> Run:
+        """Drive a straight.
+
+        Args:
+            bend: Ask how far it bent, which shows the ratio of the wheels.
+            heading: Ask which way it points then; without it the line that it began along is only
+                as exact as a person sees an angle.
+        """
         metres = self._args.straight
         await self._move(
             straight(metres, self._args.speed),
             f"A straight of {metres:g} m: mark where the robot stands.",
         )
-        length = await self._length()
+        left_m, right_m, _ = self._driver.gathered()
+        far = await self._length(float(abs((left_m + right_m).sum()) / 2.0))
         if bend:
             left_mm = await self._person.number(
                 Number(
@@ -214,20 +238,22 @@ class _Wizard:
                     "How far to the left of its line did it end, in mm? (negative: to the right; "
                     "empty: not measured)",
                     unit="mm",
-                    good=lambda value: abs(value) < 1000.0 * length,
-                    wrong="A number of millimetres, or nothing.",
+                    good=lambda value: abs(value) < 1000.0 * far,
+                    wrong=f"A number of millimetres below {1000.0 * far:.0f}, or nothing.",
                 )
             )
             if left_mm is not None:
                 left = left_mm / 1000.0
-                return await self._end(math.sqrt(length * length - left * left), left)
-        return self._run("straight", (length,), (TAPE_STD_M,))
+                ahead = math.sqrt(far * far - left * left)
+                beside = TAPE_STD_M if heading else math.hypot(TAPE_STD_M, ANGLE_STD_RAD * far)
+                return await self._end(ahead, left, heading=heading, beside_std_m=beside)
+        return self._run("straight", (far,), (TAPE_STD_M,))
 
-    async def _length(self) -> float:
-        length = await self._person.number(LENGTH)
-        if length is None:
+    async def _length(self, counted_m: float) -> float:
+        found = await self._person.number(length(counted_m))
+        if found is None:
             raise Refused("Without a length there is nothing to calibrate by: nothing was written.")
-        return length
+        return found
 
     async def _metres(self, name: str, question: str) -> float:
         value = await self._person.number(
