@@ -41,7 +41,7 @@ examples:
 exit status:
   0    the robot obeyed to the end
   1    it did not, or not to the end: stopped for an emergency, a fault, no board, another source in
-       control; the message says which. The robot was stopped
+       control, or this process stood still; the message says which. The robot was stopped
   2    the arguments make no sense, such as no --for
   69   no daemon is there, or it was lost
   78   a mistake in the configuration
