@@ -239,9 +239,11 @@ def test_the_node_shows_in_a_native_graph_with_all_that_it_has(
     def seen():
         graph = native_node.graph()
         services = {service["name"] for service in graph["services"]}
-        return graph if f"/bot1{TRIGGERS[-1]}" in services else None
+        topics = {topic["name"] for topic in graph["topics"]}
+        wanted = {f"/bot1{topic}" for topic in OUT}
+        return graph if f"/bot1{TRIGGERS[-1]}" in services and wanted <= topics else None
 
-    graph = eventually(seen, "our services")
+    graph = eventually(seen, "our services and topics")
     assert {"name": "yahboomd", "namespace": "/bot1"} in graph["nodes"]
     topics = {topic["name"]: topic for topic in graph["topics"]}
     for topic, ros_type in OUT.items():
