@@ -8,13 +8,11 @@ written again.
 from __future__ import annotations
 
 import asyncio
-
-# The first use of to_thread would read this from a file, for which no descriptor may be left.
-import concurrent.futures.thread  # noqa: F401
 import contextlib
 import logging
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 from msgspec import structs
 
@@ -47,10 +45,11 @@ class LatchKeeper:
         self._file = file
         self._state = threading.Condition()
         self._by: str | None = None
-        self._wish = self._tried = self._done = 0
+        self._wish = self._tried = self._done = self._changed = 0
         self._working = self._restoring = False
         self._failing = False
         self._hangs = False
+        self._awaiting: list[Callable[[], object]] = []
 
     def load(self) -> str | None:
         """The origin of the latch that is on file; ``None`` where it is not engaged.
@@ -89,12 +88,36 @@ class LatchKeeper:
     @property
     def on_file(self) -> bool:
         """Whether the file is as the latch is."""
-        return self._done == self._wish
+        return self._done >= self._changed
+
+    @property
+    def wish(self) -> int:
+        """The number of the latest request."""
+        return self._wish
+
+    def has_done(self, wish: int) -> bool:
+        """Whether a request, or a later one, was carried out."""
+        return self._done >= wish
 
     def settled(self, within_s: float) -> bool:
-        """Wait until the file is as the latch is; whether it is."""
+        """Wait until the latest request is carried out; whether it is."""
         with self._state:
-            return self._state.wait_for(lambda: self.on_file, within_s)
+            wish = self._wish
+            return self._state.wait_for(lambda: self.has_done(wish), within_s)
+
+    def when_tried(self, wish: int, call: Callable[[], object]) -> None:
+        """Have something called after the next attempt, or now if the request is carried out."""
+        with self._state:
+            self._awaiting.append(call)
+            if self.has_done(wish):
+                self._call_awaiting()
+
+    def _call_awaiting(self) -> None:
+        awaiting, self._awaiting = self._awaiting, []
+        for call in awaiting:
+            # Its event loop may have ended.
+            with contextlib.suppress(RuntimeError):
+                call()
 
     def restore_file(self) -> None:
         """Have the file of an engaged latch written again where it was removed; returns at once."""
@@ -104,8 +127,9 @@ class LatchKeeper:
                 self._start()
 
     def _ask(self, by: str | None) -> int:
-        self._by = by
         self._wish += 1
+        if by != self._by:
+            self._by, self._changed = by, self._wish
         self._state.notify_all()
         self._start()
         return self._wish
@@ -120,7 +144,7 @@ class LatchKeeper:
     def _work(self) -> None:
         while True:
             with self._state:
-                if self.on_file and not self._restoring:
+                if self.has_done(self._wish) and not self._restoring:
                     self._working = False
                     return
                 self._restoring = False
@@ -137,9 +161,10 @@ class LatchKeeper:
                 self._tried = wish
                 self._hangs = False
                 # One that was on file may be gone, and cannot be written again.
-                self._done = wish if error is None else min(self._done, wish - 1)
+                self._done = wish if error is None else min(self._done, self._changed - 1)
                 self._log_outcome(by, error)
                 self._state.notify_all()
+                self._call_awaiting()
                 if error is not None:
                     self._await_another(wish)
 
@@ -185,7 +210,7 @@ class EstopLatch:
         self, file: LatchFile, now_ns: int, *, release: str = "yahboomd stop --release"
     ) -> None:
         self._keeper = LatchKeeper(file)
-        self._settling: asyncio.Future[bool] | None = None
+        self._tried: asyncio.Event | None = None
         self._restored_ns = now_ns
         by = self._keeper.load()
         remembered = None
@@ -242,16 +267,19 @@ class EstopLatch:
 
     async def on_file(self) -> bool:
         """Whether an engaged latch is on file, within half a second."""
-        if self._keeper.on_file:
-            return True
-        # However many ask while the disk hangs, one thread waits.
-        if self._settling is None or self._settling.done():
-            self._settling = asyncio.ensure_future(asyncio.to_thread(self.settle))
-        try:
-            return await asyncio.shield(self._settling)
-        except RuntimeError:
-            # No thread could be started to wait.
-            return False
+        keeper = self._keeper
+        wish = keeper.wish
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(SETTLE_S):
+                while not keeper.has_done(wish):
+                    # However many ask while the disk hangs, the thread that writes calls one.
+                    tried = self._tried
+                    if tried is None or tried.is_set():
+                        tried = self._tried = asyncio.Event()
+                        wake = asyncio.get_running_loop().call_soon_threadsafe
+                        keeper.when_tried(wish, partial(wake, tried.set))
+                    await tried.wait()
+        return keeper.has_done(wish)
 
     def release(self, moving: Sequence[str]) -> Release:
         """Release, unless it would start the robot or the file cannot be removed."""
