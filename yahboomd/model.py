@@ -23,6 +23,9 @@ Vector3: TypeAlias = tuple[float, float, float]
 Severity: TypeAlias = Literal["info", "warning", "error"]
 
 EventKind: TypeAlias = Literal[
+    "battery_empty",
+    "battery_good",
+    "battery_low",
     "battery_unanswered",
     "board_clock_period",
     "board_clock_unfit",

@@ -161,3 +161,17 @@ def test_a_path_with_a_byte_that_no_path_has_is_a_mistake(section, name):
     assert getattr(section.of({name: "/dev/x y"}), name) == "/dev/x y"
     with pytest.raises(ValidationError, match="a path has no byte 0"):
         section.of({name: "/dev/\0x"})
+
+
+@pytest.mark.parametrize(
+    ("board", "low_v"),
+    [
+        ({}, None),
+        ({"battery_low_v": 7.0}, 7.0),
+        ({"battery_curve": [[9.0, 0.0], [11.0, 0.2], [12.6, 1.0]]}, 10.0),
+        ({"battery_curve": [[9.0, 0.3], [12.6, 1.0]]}, 9.0),
+        ({"battery_curve": [[9.0, 0.0], [12.6, 1.0]], "battery_low_v": 0.0}, None),
+    ],
+)
+def test_a_battery_is_low_at_10_percent_of_its_curve_or_where_a_person_says(board, low_v):
+    assert Board.of(board).low_v() == low_v

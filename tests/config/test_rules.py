@@ -343,3 +343,13 @@ def test_the_way_to_the_side_belongs_to_mecanum_wheels() -> None:
     assert "belongs to a mecanum base" in lines["chassis.sideways_multiplier"]
     mecanum = {"preset": "mecanum", "wheel_base_m": 0.2, "sideways_multiplier": 0.9}
     assert found(chassis=mecanum) == {}
+
+
+def test_a_battery_is_low_before_it_is_empty_and_its_voltage_is_asked_for():
+    curve = [[9.6, 0.0], [10.5, 0.1], [12.6, 1.0]]
+    assert found(board={"battery_curve": curve, "battery_stop_v": 9.6}) == {}
+    lines = found(board={"battery_curve": curve, "battery_stop_v": 10.5})
+    assert lines == {"board.battery_stop_v": "expected less than battery_low_v (10.5), got 10.5"}
+    assert found(board={"battery_stop_v": 10.5}) == {}
+    lines = warned(board={"battery_low_v": 10.5, "battery_period_s": 0.0})
+    assert lines.keys() == {"board.battery_low_v"}

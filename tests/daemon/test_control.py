@@ -455,3 +455,33 @@ async def test_of_readings_that_came_together_the_last_speaks_for_all(tmp_path: 
         assert hear(42, followed=True) == 0
         assert hear(53, 20, followed=True) == 1
         assert hear(54, 20, followed=False) == 0
+
+
+@on_virtual_time
+async def test_an_empty_battery_ends_no_motion_and_refuses_the_next_one(
+    tmp_path: Path,
+) -> None:
+    limits = ("board.battery_low_v=7.0", "board.battery_stop_v=6.5")
+    async with robot(tmp_path, *limits) as bench:
+        await bench.ready()
+        await bench.drive(5.0, 0.3)
+        bench.robot.plant.battery_volts = 6.0
+        await bench.drive(40.0, 0.3)
+        assert min(bench.rim_speeds) > 0.2
+        assert "battery_empty" not in bench.heard.kinds
+        await asyncio.sleep(45.0)
+        assert bench.heard.kinds.count("battery_empty") == 1
+        await bench.drive(1.0, 0.3)
+        assert bench.standing
+        assert "battery_empty" in bench.intake.last_refusal
+        assert " V at rest, less than board.battery_stop_v = 6.5" in bench.controller.state()[1]
+        for source in ("cmd_vel/teleop", "cmd_vel/web"):
+            await bench.drive(2.0, 0.3, source=source)
+            assert bench.rim_speeds == pytest.approx([0.1] * 2, abs=0.02)
+            await asyncio.sleep(1.5)
+        # A new one: programs drive again.
+        bench.robot.plant.battery_volts = 8.4
+        await asyncio.sleep(50.0)
+        assert bench.heard.kinds[-1] == "battery_good"
+        await bench.drive(1.0, 0.3)
+        assert min(bench.rim_speeds) > 0.2

@@ -122,6 +122,7 @@ class RobotBench:
             holonomic=self.config.kinematics().holonomic,
             notice_pause=self.controller.notice_pause,
             step=self.controller.step_soon,
+            refusal=self.controller.motion_refusal,
             recorder=self.recorder,
         )
         self.supervisor = Supervisor(

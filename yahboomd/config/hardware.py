@@ -63,6 +63,9 @@ class Serial(Section):
     )
 
 
+LOW_CHARGE = 0.1
+"""A battery with less is low, where its curve is known."""
+
 BatteryPoint: TypeAlias = Annotated[
     tuple[float, float],
     Bounds(
@@ -120,6 +123,24 @@ class Board(Section):
         "straight lines join the points. Empty: the percentage is unknown. Three lithium-ion cells "
         "in series: [[9.6, 0.0], [10.5, 0.1], [11.1, 0.4], [11.7, 0.7], [12.6, 1.0]].",
     )
+    battery_low_v: float | None = key(
+        default=None,
+        ge=0.0,
+        le=100.0,
+        examples=[10.5],
+        description="Volts below which the battery is low, by the median of 30 s at rest: event, "
+        "status and page warn. Absent: where battery_curve gives 10 %, and never without a curve, "
+        "because a motor profile does not know its battery; 0: never.",
+    )
+    battery_stop_v: float | None = key(
+        default=None,
+        gt=0.0,
+        le=100.0,
+        examples=[9.6],
+        description="Volts below which the battery is empty, judged in the same way. No motion is "
+        "ended; programs begin none until it is charged, and a person at the keyboard or the page "
+        "drives at 0.1 m/s. Absent: never.",
+    )
     motor_type: int | None = key(
         default=None,
         ge=1,
@@ -160,6 +181,16 @@ class Board(Section):
         description="For profile custom: diameter of the wheel in millimetres, as the board "
         "stores it. Absent: from chassis.wheel_radius_m.",
     )
+
+    def low_v(self) -> float | None:
+        """The volts below which the battery is low; None for never."""
+        if self.battery_low_v is not None:
+            return self.battery_low_v or None
+        for (volts, charge), (next_volts, next_charge) in pairwise(self.battery_curve):
+            if charge < LOW_CHARGE <= next_charge:
+                share = (LOW_CHARGE - charge) / (next_charge - charge)
+                return round(volts + share * (next_volts - volts), 3)
+        return self.battery_curve[0][0] if self.battery_curve else None
 
 
 def _axes_problem(axes: str) -> str | None:

@@ -283,6 +283,20 @@ def rates(config: Config) -> Iterator[Finding]:
         yield Finding(publish, words, (poll, dialect))
 
 
+def battery(config: Config) -> Iterator[Finding]:
+    """A battery is low before it is empty, and somebody asks for its voltage."""
+    board, low = config.board, config.board.low_v()
+    stop: Place = ("board", "battery_stop_v")
+    beside: Place = ("board", "battery_low_v")
+    if board.battery_stop_v is not None and low is not None and board.battery_stop_v >= low:
+        words = f"expected less than battery_low_v ({number(low)}), got "
+        yield Finding(stop, f"{words}{number(board.battery_stop_v)}", (beside,))
+    for place, limit in ((beside, board.battery_low_v), (stop, board.battery_stop_v)):
+        if limit and board.battery_period_s == 0.0:
+            words = "a board that has to be asked is not, and its battery is never judged"
+            yield Finding(place, words, (("board", "battery_period_s"),), is_warning=True)
+
+
 def bus(config: Config) -> Iterator[Finding]:
     """The bus can be reached; a warning says when other machines can reach it."""
     zenoh = config.zenoh
@@ -367,6 +381,7 @@ RULES: tuple[Rule, ...] = (
     ramps,
     timeouts,
     rates,
+    battery,
     bus,
     names,
     ros,

@@ -96,6 +96,8 @@ def control_options(config: Config) -> ControlOptions:
         blind_s=max(BLIND_S, 3.0 / config.odometry.poll_rate_hz),
         release=release_command(config.zenoh.namespace, config.zenoh.listen),
         mounting=config.imu.mounting(),
+        battery_low_v=config.board.low_v(),
+        battery_stop_v=config.board.battery_stop_v,
     )
 
 

@@ -29,6 +29,7 @@ class CommandIntake:
         holonomic: Whether a sideways velocity means anything.
         notice_pause: Detects whether this process stood still; called before anything is offered.
         step: Runs a control step; called once for what arrived together.
+        refusal: The reason why a source begins no motion now, if there is one.
     """
 
     def __init__(
@@ -39,6 +40,7 @@ class CommandIntake:
         holonomic: bool,
         notice_pause: Callable[[], None],
         step: Callable[[], None],
+        refusal: Callable[[str], str] | None = None,
         recorder: Recorder | None = None,
     ) -> None:
         self._arbiter = arbiter
@@ -46,6 +48,7 @@ class CommandIntake:
         self._holonomic = holonomic
         self._notice_pause = notice_pause
         self._step = step
+        self._refusal = refusal
         self._recorder = recorder
         self.counters: Counter[str] = Counter()
         self._by_source: dict[str, Counter[str]] = {}
@@ -102,6 +105,9 @@ class CommandIntake:
             vy = 0.0
         sent_ns = command.stamp_ns or attached_ns
         twist = Twist2d(vx=command.vx, vy=vy, wz=command.wz)
+        if self._refusal is not None and not twist.is_zero and (why := self._refusal(source)):
+            self._refuse(source, "battery_empty", why, twist)
+            return
         # In this order: where this process is held up in between, a command seems no younger.
         waited_ns = self._clock.now_ns() - arrival.arrived_ns
         verdict = self._arbiter.offer(
@@ -121,12 +127,12 @@ class CommandIntake:
         else:
             self._refused(source, verdict.reason, verdict.detail, twist)
 
-    def _refuse(self, source: str, reason: str, detail: str) -> None:
+    def _refuse(self, source: str, reason: str, detail: str, twist: Twist2d = STANDSTILL) -> None:
         # What cannot be read was to be a command, and the next one may be one that can.
         self._arbiter.note_motion(source, self._clock.now_ns())
         self.counters[reason] += 1
         self._arbiter.note_refusal(self._clock.now_ns(), reason)
-        self._refused(source, reason, detail)
+        self._refused(source, reason, detail, twist)
 
     def _refused(self, source: str, reason: str, detail: str, twist: Twist2d = STANDSTILL) -> None:
         self.counters["refused"] += 1

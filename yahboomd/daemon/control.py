@@ -14,6 +14,7 @@ from typing import NoReturn
 
 import msgspec
 
+from yahboomd.bus.keys import CMD_VEL_TELEOP, CMD_VEL_WEB
 from yahboomd.clock import Clock, Schedule, nanoseconds, seconds
 from yahboomd.daemon.estop.latch import EstopLatch
 from yahboomd.daemon.estop.stop_reports import StopReports
@@ -24,6 +25,7 @@ from yahboomd.daemon.wheels import Wheels
 from yahboomd.drive import standing
 from yahboomd.drive.arbiter import Arbiter
 from yahboomd.drive.arbitration import Decision
+from yahboomd.drive.battery import CRAWL_M_S, BatteryWatch
 from yahboomd.drive.curve import Curve
 from yahboomd.drive.doubts import Doubts
 from yahboomd.drive.faults import Fault
@@ -61,6 +63,9 @@ can be sent, and a bound on what a flood of commands can cost."""
 IDLE_NS = 100_000_000
 """While the wheels stand and nothing commands them, the control step has to look for what changes
 by itself no more often. A command, a stop and a wheel that turns are not waited for."""
+
+PERSONS = (CMD_VEL_TELEOP, CMD_VEL_WEB)
+"""The sources by which people drive."""
 
 DOUBTFUL_S = 0.5
 """The standstill after a cut that may be the line's fault: the wheels roll out meanwhile."""
@@ -138,6 +143,7 @@ class Controller:
         self._blind_s = options.blind_s
         self._beats = Schedule(clock, self._period_ns)
         self.volts: float | None = None
+        self.battery_watch = BatteryWatch(options.battery_low_v, options.battery_stop_v)
         self.imu_sensor: str | None = None
         self._wait("No board yet.")
 
@@ -247,6 +253,8 @@ class Controller:
         if decision.twist.is_zero and (not decision.ramp or self._limiter.halted):
             self._stand(now_ns, at_once=not decision.ramp)
             return
+        if self.battery_watch.level == "empty":
+            limits = tuple(min(limit, CRAWL_M_S) for limit in limits)
         wish, too_tight = self._curve.steer(decision.twist)
         if too_tight:
             self.counters["too_tight"] += 1
@@ -260,6 +268,7 @@ class Controller:
         self._odometer.steer(self._curve.per_m, now_ns)
         speeds, _ = desaturate(wheel_speeds(kinematics, limited), limits)
         if any(speeds):
+            self.battery_watch.moves(now_ns)
             self._wheels.turn(speeds)
             if max(map(abs, speeds)) >= self._options.min_speed_m_s:
                 self._doubts.drive(nanoseconds(dt_s))
@@ -421,6 +430,12 @@ class Controller:
         """The voltage of the motors' supply."""
         self.volts = volts
         self._outputs.battery(volts)
+        if (event := self.battery_watch.read(volts, self._clock.now_ns())) is not None:
+            self.event(event)
+
+    def motion_refusal(self, source: str) -> str:
+        """The reason why this source begins no motion now; empty where it may."""
+        return self.battery_watch.refuses(source, PERSONS)
 
     def board_reset(self, version: str) -> None:
         """The board restarted: its motors are free, and its command is lost."""
@@ -443,6 +458,7 @@ class Controller:
         self._wheels.detach()
         self._limiter.halt()
         self._holds.drop(BOARD_RESET)
+        self.battery_watch.forget()
         self._wait(str(error))
         if was_connected:
             self.counters["disconnected"] += 1
@@ -552,6 +568,7 @@ class Controller:
             holonomic=self._options.kinematics.holonomic,
             release=self._options.release,
         )
-        if not found:
-            return state, f"{source_words(self._decision.driver)} drives."
-        return state, " ".join(reason.message for reason in found)
+        words = [reason.message for reason in found]
+        if not words:
+            words = [f"{source_words(self._decision.driver)} drives."]
+        return state, " ".join([*words, self.battery_watch.words]).rstrip()

@@ -33,6 +33,8 @@ class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
         min_speed_m_s: Commands below it prove nothing about counts that stay away.
         period_s: From one control step to the next.
         blind_s: The same as :data:`BLIND_S`, of a board that has to be asked for its counts.
+        battery_low_v: Volts at rest below which a warning is published; None for never.
+        battery_stop_v: Below it programs begin no motion; None for never.
         release: The command of a terminal that releases this robot's e-stop.
     """
 
@@ -48,6 +50,8 @@ class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
     min_speed_m_s: float = 0.08
     period_s: float = 0.02
     blind_s: float = BLIND_S
+    battery_low_v: float | None = None
+    battery_stop_v: float | None = None
     release: str = "yahboomd stop --release"
     mounting: Mounting = Mounting(AS_THEY_ARE, AS_THEY_ARE)
 

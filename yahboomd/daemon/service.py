@@ -173,6 +173,7 @@ class Daemon:
             holonomic=config.kinematics().holonomic,
             notice_pause=controller.notice_pause,
             step=controller.step_soon,
+            refusal=controller.motion_refusal,
             recorder=box.recorder,
         )
         supervisor = Supervisor(

@@ -111,6 +111,9 @@ class Status:
                 facts.update(row.named(settings.get(row.field)))
         if self._controller.volts is not None:
             facts["volts"] = self._controller.volts
+        battery = self._controller.battery_watch
+        if battery.level and battery.median_v is not None:
+            facts |= {"battery": battery.level, "volts_at_rest": round(battery.median_v, 2)}
         if self._controller.imu_sensor is not None:
             facts["imu"] = self._controller.imu_sensor
         return facts

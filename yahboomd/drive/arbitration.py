@@ -21,6 +21,7 @@ Reason: TypeAlias = Literal[
     "after_pause",
     "lower_priority",
     "not_standing",
+    "battery_empty",
 ]
 Why: TypeAlias = Literal["driving", "zero_command", "ended", "timed_out", "revoked", "no_command"]
 

@@ -223,6 +223,12 @@ KINDS: dict[EventKind, KindInfo] = {
     "stop_not_seen": KindInfo(
         ("error",), "A connection ended, and the wheels were not seen to stand."
     ),
+    "battery_low": KindInfo(("warning",), "The battery is low at rest (`board.battery_low_v`)."),
+    "battery_empty": KindInfo(
+        ("error",),
+        "The battery is empty at rest (`board.battery_stop_v`): programs begin no motion.",
+    ),
+    "battery_good": KindInfo(("info",), "The battery is neither low nor empty any more."),
     "battery_unanswered": KindInfo(
         ("warning",), "The board left three questions for the voltage in a row unanswered."
     ),

@@ -51,6 +51,7 @@ REFUSALS: dict[str, str] = {
     "after_pause": "it may have waited while yahboomd did not run",
     "lower_priority": "another source drives, with at least the same priority",
     "not_standing": "control passes down only once the wheels stand",
+    "battery_empty": "the battery is empty (`board.battery_stop_v`), and no person drives",
 }
 """Reasons to refuse a command, by the word under which they are counted."""
 
@@ -243,6 +244,15 @@ FIELDS: tuple[StatusField, ...] = (
         *("board", "gauge", "volts", "the latest voltage of the motors' supply"),
         unit="V",
         absent="no board is connected, or no voltage came yet",
+    ),
+    _fact(
+        *("board", "text", "battery", "good, low or empty, by the median of 30 s at rest"),
+        absent="no limit is set (`board.battery_low_v`), or it did not rest for 30 s yet",
+    ),
+    _fact(
+        *("board", "gauge", "volts_at_rest", "that median"),
+        unit="V",
+        absent="as `battery`",
     ),
     _fact(
         *("board", "text", "imu", "its inertial sensor"),

@@ -134,3 +134,11 @@ def test_every_value_is_text_that_people_read(diagnostics: Diagnostics) -> None:
         ("d", "x, y"),
         ("e [m/s]", "2"),
     ]
+
+
+@pytest.mark.parametrize(("battery", "level"), [("good", OK), ("low", WARN), ("empty", ERROR)])
+def test_a_low_battery_is_warned_of(diagnostics: Diagnostics, battery: str, level: int) -> None:
+    facts = {"dialect": "streamed", "battery": battery, "volts_at_rest": 10.2}
+    board = named(diagnostics.of(changed(board=facts)))["board"]
+    assert board.level == level
+    assert ("10.2 V at rest" in board.message) == (level != OK)

@@ -46,7 +46,12 @@ def board(view: View) -> str:
 
 def supply(view: View) -> str:
     """The battery."""
-    return "battery unknown" if view.volts is None else f"battery {view.volts:.1f} V"
+    return "battery unknown" if view.volts is None else f"battery {view.volts:.1f} V{_charge(view)}"
+
+
+def _charge(view: View) -> str:
+    level = None if view.status is None else view.status.board.get("battery")
+    return f", {level}" if level in {"low", "empty"} else ""
 
 
 def readings(view: View) -> str:
@@ -77,7 +82,7 @@ def counts(found: Sequence[Count], nothing: str) -> str:
 def status_text(view: View) -> str:
     """The status alone, a fact in each line; ends without a line break."""
     assert view.status is not None
-    volts = "" if view.volts is None else f", battery {view.volts:.1f} V"
+    volts = "" if view.volts is None else f", battery {view.volts:.1f} V{_charge(view)}"
     return _table(
         (
             *_state(view, view.status),
@@ -102,7 +107,7 @@ def snapshot(view: View, *, where: str) -> str:
                 (f"{name} wheel", f"{ticks} ticks, {speed:+.3f} m/s of {command:+.3f}")
                 for name, ticks, speed, command in view.wheel_rows
             ),
-            ("battery", "unknown" if view.volts is None else f"{view.volts:.2f} V"),
+            ("battery", "unknown" if view.volts is None else f"{view.volts:.2f} V{_charge(view)}"),
             ("board", board(view)),
             ("link", f"{readings(view)} · {counts(view.link, 'nothing lost or missed')}"),
             ("bus", f"{traffic(view)} · {routers(view)}"),

@@ -72,6 +72,9 @@ class Diagnostics:
         if before and worse:
             return WARN, f"The line is disturbed: {', '.join(worse)} since the last report."
         board = sample.board
+        if board.get("battery") in {"low", "empty"}:
+            level = WARN if board["battery"] == "low" else ERROR
+            return level, f"The battery is {board['battery']}: {board['volts_at_rest']} V at rest."
         version = f", firmware {board['version']}" if board.get("version") else ""
         return OK, f"Connected: dialect {board.get('dialect', 'unknown')}{version}."
 

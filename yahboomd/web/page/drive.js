@@ -102,7 +102,8 @@ function create(app) {
   }
 
   function text(why) {
-    if (deadman.held) return refusal() || "Driving. Let go to stop.";
+    const isEmpty = live.sample("status")?.board.battery === "empty";
+    if (deadman.held) return refusal() || `Driving${isEmpty ? " slowly: the battery is empty" : ""}. Let go to stop.`;
     if (lost && why && lost !== why) return `${lost} ${why}`;
     if (lost) return lost + (why ? "" : AGAIN);
     return why || "Ready. Touch the pad to drive.";

@@ -18,13 +18,16 @@ export function watchHeader(connection, live) {
       write(at("robot"), hello.robot || "yahboomd");
       document.title = hello.robot || "yahboomd";
     }
-    const { state, words, why } = summary(connection, live);
-    at("state").dataset.state = state;
-    write(at("state"), words);
-    write(at("why"), why);
+    const found = summary(connection, live);
+    at("state").dataset.state = found.state;
+    write(at("state"), found.words);
+    write(at("why"), found.why);
     write(at("driver"), who(live));
     const battery = live.sample("battery");
-    write(at("battery"), battery ? `${fixed(battery.volts, 1)} V` : "");
+    const charge = live.sample("status")?.board.battery ?? "";
+    const words = { low: " low", empty: " empty" }[charge] ?? "";
+    write(at("battery"), battery ? `${fixed(battery.volts, 1)} V${words}` : "");
+    at("battery").classList.toggle("low", Boolean(words));
     const delay = delayOf(live);
     write(at("delay"), delay ? `${Math.round(delay)} ms` : "");
     at("delay").title = "Network, there and back";

@@ -39,7 +39,9 @@ function create({ live, connection }) {
     if (element.hidden) return;
     const status = live.sample("status");
     const battery = live.sample("battery");
-    fact("Battery", battery ? `${fixed(battery.volts, 2)} V` : "not measured yet");
+    const { battery: charge, volts_at_rest: atRest } = status?.board ?? {};
+    const level = charge ? `, ${charge}: ${fixed(atRest, 1)} V at rest` : "";
+    fact("Battery", battery ? `${fixed(battery.volts, 2)} V${level}` : "not measured yet");
     if (status) {
       const { board } = status;
       fact("Board", board.port ? [board.dialect, board.version && `firmware ${board.version}`].filter(Boolean).join(", ") : "not connected");
