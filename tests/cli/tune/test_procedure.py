@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 
 import pytest
 from tuning_bench import TuningBench
 
 from yahboomd.cli.tune.procedure import ROUNDS, Procedure
 from yahboomd.errors import BoardError
+from yahboomd.simulation.motors import FAULTS
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 
@@ -230,3 +232,45 @@ async def test_a_wheel_that_does_not_follow_twice_is_named() -> None:
     with pytest.raises(BoardError, match=r"^right .* stood while another wheel turned"):
         await bench.procedure().examine()
     assert [line.startswith("right (M3) stood") for line in bench.said].count(True) == 1
+
+
+class Ends(list[str]):
+    """Ends a tuning when the steps with its first gains begin."""
+
+    def __init__(self, end: Callable[[], object]) -> None:
+        super().__init__()
+        self._end = end
+
+    def append(self, words: str) -> None:
+        super().append(words)
+        if words.startswith("step 2") and any("stored" in each for each in self):
+            self._end()
+
+
+@pytest.mark.parametrize("how", ["fault", "signal"])
+@on_virtual_time
+async def test_a_tuning_that_ends_early_leaves_the_board_as_it_was(how: str) -> None:
+    bench = TuningBench("520", "oscillates")
+    before = bench.link.robot.board.flash
+    task = asyncio.current_task()
+    assert task is not None
+    written: list[object] = []
+
+    def end() -> None:
+        written.append(bench.link.robot.board.flash)
+        if how == "signal":
+            task.cancel("SIGINT")
+        else:
+            now_ns = bench.link.clock.now_ns()
+            bench.link.robot.set_faults("left", FAULTS["encoder-dead"], now_ns=now_ns)
+
+    bench.said = Ends(end)
+    procedure = bench.procedure()
+    await procedure.examine()
+    with pytest.raises((BoardError, asyncio.CancelledError)):
+        await procedure.store(bench.agree, bench.save)
+    task.uncancel()
+    assert written[0] != before
+    assert procedure.restored
+    assert bench.link.robot.board.flash == before
+    assert not any(bench.link.rim_speeds)

@@ -23,7 +23,8 @@ from yahboomd.cli.stop import stop_port
 from yahboomd.cli.tune.procedure import SPARE_STEPS
 from yahboomd.cli.tune.saved import read_saved
 from yahboomd.cli.tune.tune import Tuning
-from yahboomd.errors import PortBusy, Refused
+from yahboomd.errors import BoardError, PortBusy, Refused
+from yahboomd.simulation.motors import FAULTS
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 pytestmark = pytest.mark.realtime
@@ -274,3 +275,28 @@ async def test_a_folder_that_takes_no_file_is_refused_before_a_wheel_turns(
             await tuning.tune(bench.procedure())
     driven = {frame for frame in bench.link.frames if frame.startswith((b"$pwm:", b"$spd:"))}
     assert bool(driven - {b"$pwm:0,0,0,0#", b"$spd:0,0,0,0#"}) == dry_run
+
+
+@on_virtual_time
+async def test_a_tuning_that_ends_early_says_that_the_board_has_its_own_values(
+    tmp_path, capsys
+) -> None:
+    bench, place = TuningBench("520", "oscillates"), tmp_path / "saved"
+    before = bench.link.robot.board.flash
+    args = argparse.Namespace(
+        yes=True, dry_run=False, json=False, output=tmp_path / "steps.svg", speed=0.4
+    )
+    tuning = Tuning(args, bench.config, "/dev/simulated", place)
+    procedure = bench.procedure()
+
+    def say(words: str) -> None:
+        if words.startswith("step 2") and bench.link.robot.board.flash != before:
+            now_ns = bench.link.clock.now_ns()
+            bench.link.robot.set_faults("left", FAULTS["encoder-dead"], now_ns=now_ns)
+
+    procedure._say = say
+    with pytest.raises(BoardError):
+        await tuning.tune(procedure)
+    assert "The board stores again what it had." in capsys.readouterr().err
+    assert read_saved(place).finished
+    assert bench.link.robot.board.flash == before

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Awaitable, Callable
 from functools import partial
 from typing import TypeVar
 
 import msgspec
 
+from yahboomd.cli.guarded import LeftTurning, LostInMotion
 from yahboomd.cli.tune.stand import Stand
 from yahboomd.cli.tune.traces import TICK_S, Traces, odd_one
 from yahboomd.cli.tune.tuning_result import DEAD_ZONE, GAINS, Result, Wheel, rank_of, tuned_of
 from yahboomd.cli.tune.wheel_faults import WheelFault
 from yahboomd.clock import Clock
 from yahboomd.config import Config
-from yahboomd.errors import BoardError
+from yahboomd.errors import BoardError, PortLost, YahboomdError
 from yahboomd.link import storing
 from yahboomd.link.port import Opener
+from yahboomd.link.vital_tasks import undisturbed
 from yahboomd.protocol.dialect import Dialect
 from yahboomd.protocol.settings import VERSION, BoardSettings, SettingWrite
 from yahboomd.tuning import dead_zone, loop_model, step_response
@@ -66,6 +69,9 @@ class Procedure:
 
     Args:
         speed_m_s: Of the steps; lowered where the board or the wheels cannot turn so fast.
+
+    Attributes:
+        restored: The tuning ended early, and the board has its own values again.
     """
 
     def __init__(
@@ -82,6 +88,7 @@ class Procedure:
         self._config = config
         self._say = say
         self.result = Result(speed_m_s=speed_m_s)
+        self.restored = False
         self._steps: list[list[Step]] = []
         self._dialect: Dialect | None = None
         self._stored: BoardSettings = {}
@@ -275,7 +282,8 @@ class Procedure:
     async def store(self, agree: Agree, save: Save) -> bool:
         """Store what is suggested, measure it, and again where it is not good enough.
 
-        Where the last one is no better than what the board had, that is stored again.
+        If the last one is no better than what the board had, that is stored again, and also if
+        it ends early while it has the port.
 
         Returns:
             Whether the board stores better values now.
@@ -292,19 +300,25 @@ class Procedure:
         save(self._dialect, self._stored)
         before = [wheel.before for wheel in result.wheels]
         best = (rank_of(before, trial=False), result.stored_before, before)
-        for number in range(ROUNDS):
-            await self._write(result.suggested)
-            async with Stand.open(self._opener, self._clock, self._config, self._say) as stand:
-                after: list[StepFigures | None] = [*await self._measure(stand, "after")]
-            rank = rank_of(after, trial=result.expected is None)
-            best = min(best, (rank, result.stored_now, after), key=lambda each: each[0])
-            if result.expected is not None and best[2] is after and not rank[0]:
-                break
-            if number < ROUNDS - 1:
-                self._suggest(result.expected.lambda_s * SLOWER if result.expected else 0.0)
-        _, stored, figures = best
-        if stored != result.stored_now:
-            await self._write(stored)
+        try:
+            for number in range(ROUNDS):
+                await self._write(result.suggested)
+                async with Stand.open(self._opener, self._clock, self._config, self._say) as stand:
+                    after: list[StepFigures | None] = [*await self._measure(stand, "after")]
+                rank = rank_of(after, trial=result.expected is None)
+                best = min(best, (rank, result.stored_now, after), key=lambda each: each[0])
+                if result.expected is not None and best[2] is after and not rank[0]:
+                    break
+                if number < ROUNDS - 1:
+                    self._suggest(result.expected.lambda_s * SLOWER if result.expected else 0.0)
+            _, stored, figures = best
+            if stored != result.stored_now:
+                await self._write(stored)
+        except (PortLost, LostInMotion, LeftTurning):
+            raise
+        except BaseException:
+            await undisturbed(self._restore())
+            raise
         if figures is before:
             result.notes.append(
                 f"None of {ROUNDS} sets of gains was better: the board has its own values again."
@@ -313,6 +327,12 @@ class Procedure:
         for wheel, each in zip(result.wheels, figures, strict=True):
             wheel.after = each
         return True
+
+    async def _restore(self) -> None:
+        """Store what the board had; an error of that is less than what ended the tuning."""
+        with contextlib.suppress(YahboomdError):
+            await self._write(self.result.stored_before)
+            self.restored = True
 
     async def _write(self, want: BoardSettings) -> None:
         result = self.result

@@ -168,6 +168,7 @@ class Tuning:
         self._lines = InputLines()
         self._wrote = False
         self._left_turning = False
+        self._procedure: Procedure | None = None
 
     def say(self, words: str) -> None:
         """Show progress, on standard error: standard output is the result."""
@@ -182,7 +183,11 @@ class Tuning:
         self._say_undo()
 
     def _say_undo(self) -> None:
-        if self._wrote:
+        if self._wrote and self._procedure is not None and self._procedure.restored:
+            # Before the words: a disk that does not take it is an error of its own.
+            self._finish()
+            self.say("The board stores again what it had.")
+        elif self._wrote:
             self.say(
                 "The board stores trial values now. `yahboomd tune --undo` stores again what it "
                 "had."
@@ -191,6 +196,7 @@ class Tuning:
     async def tune(self, procedure: Procedure) -> int:
         """Measure, suggest, store, and report."""
         args, result = self._args, procedure.result
+        self._procedure = procedure
         if not args.yes and not await self._yes(IN_THE_AIR.format(speed=args.speed)):
             raise Refused("The wheels have to be in the air: nothing was turned.")
         stored = True
