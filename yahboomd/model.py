@@ -5,6 +5,7 @@ Axes follow REP 103: x forward, y left, z up; a positive turn is counter-clockwi
 
 from __future__ import annotations
 
+import math
 from typing import Literal, TypeAlias
 
 import msgspec
@@ -83,6 +84,26 @@ class Twist2d(msgspec.Struct, frozen=True, kw_only=True):
 
 
 STANDSTILL = Twist2d()
+
+FASTEST_M_S = 100.0
+FASTEST_RAD_S = 1000.0
+"""No robot is faster. A command that is comes of a mistake, such as a division by nearly zero: it
+is refused, and not limited to full speed."""
+
+
+def velocity_problem(
+    vx: float, vy: float, wz: float
+) -> tuple[Literal["not_finite", "too_fast"], str] | None:
+    """Why a velocity is no command: the word under which it is counted, and a sentence."""
+    if not (math.isfinite(vx) and math.isfinite(vy) and math.isfinite(wz)):
+        return "not_finite", f"vx {vx:g}, vy {vy:g}, wz {wz:g} is not a finite velocity."
+    if max(abs(vx), abs(vy)) > FASTEST_M_S or abs(wz) > FASTEST_RAD_S:
+        words = (
+            f"vx {vx:g}, vy {vy:g} m/s, wz {wz:g} rad/s is faster than any robot: more than "
+            f"{FASTEST_M_S:g} m/s or {FASTEST_RAD_S:g} rad/s."
+        )
+        return "too_fast", words
+    return None
 
 
 class Pose2d(msgspec.Struct, frozen=True, kw_only=True):

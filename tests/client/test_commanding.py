@@ -81,11 +81,13 @@ async def test_a_robot_that_will_not_move_says_why(
     assert caplog.text.count("The robot does not move. Left wheel: no counts.") == 1
 
 
-async def test_a_velocity_that_is_not_finite_is_refused_at_once(fake_daemon: Any) -> None:
+async def test_a_velocity_that_no_robot_has_is_refused_at_once(fake_daemon: Any) -> None:
     daemon = await fake_daemon()
     async with connect(daemon.endpoint) as robot:
         with pytest.raises(ValueError, match="finite"):
             robot.drive(math.nan)
+        with pytest.raises(ValueError, match="faster than any robot"):
+            robot.drive(1e39)
         with pytest.raises(ValueError, match="for_s"):
             robot.drive(0.1, for_s=0.0)
         with pytest.raises(ValueError, match="PoseSample"):

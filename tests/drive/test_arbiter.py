@@ -250,6 +250,19 @@ def test_a_velocity_that_is_not_finite_is_refused(
     assert arbiter.counters["not_finite"] == 1
 
 
+@pytest.mark.parametrize("field", ["vx", "vy", "wz"])
+def test_a_velocity_out_of_all_proportion_is_refused_and_not_limited(
+    arbiter: Arbiter, field: str
+) -> None:
+    arbiter.offer("cmd_vel", FORWARD, 0)
+    most = 1000.0 if field == "wz" else 100.0
+    for value in (1e39, -1e39, 1e308, most * 1.001):
+        assert reason(arbiter.offer("cmd_vel", Twist2d(**{field: value}), MS)) == "too_fast"
+    assert arbiter.current(MS).twist == FORWARD
+    assert arbiter.counters["too_fast"] == 4
+    assert isinstance(arbiter.offer("cmd_vel", Twist2d(**{field: most}), MS), Accepted)
+
+
 def test_a_source_that_is_not_configured_is_refused(arbiter: Arbiter) -> None:
     assert reason(arbiter.offer("stranger", FORWARD, 0)) == "unknown_source"
     assert arbiter.current(0).driver is None

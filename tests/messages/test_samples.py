@@ -55,7 +55,14 @@ def test_refused_samples_are_refused_for_their_reason(name):
 
 def test_every_reason_has_a_sample_but_the_one_that_is_too_large():
     reasons = {sample.reason for sample in samples.REFUSED.values()}
-    assert reasons == {"no_velocity", "not_finite", "wrong_type", "malformed", "unknown_encoding"}
+    assert reasons == {
+        "no_velocity",
+        "not_finite",
+        "too_fast",
+        "wrong_type",
+        "malformed",
+        "unknown_encoding",
+    }
 
 
 def test_the_request_samples_are_taken():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import math
 from numbers import Real
 
 import msgspec
@@ -20,7 +19,7 @@ from yahboomd.clock import Clock, Pause, PauseWatch, Schedule, nanoseconds
 from yahboomd.errors import CommandEnded
 from yahboomd.messages.codecs import encode
 from yahboomd.messages.native import DRIVABLE, VelocityCommand
-from yahboomd.model import STANDSTILL, Twist2d
+from yahboomd.model import STANDSTILL, Twist2d, velocity_problem
 
 log = logging.getLogger("yahboomd.client")
 
@@ -152,8 +151,8 @@ class Commands:
 
     def drive(self, twist: Twist2d, for_s: float | None) -> bool:
         """Repeat a velocity; see ``AsyncRobot.drive``."""
-        if not all(map(math.isfinite, (twist.vx, twist.vy, twist.wz))):
-            raise ValueError(f"A velocity must be finite, not {twist}.")
+        if (problem := velocity_problem(twist.vx, twist.vy, twist.wz)) is not None:
+            raise ValueError(f"Not sent: {problem[1]}")
         if for_s is not None and not for_s > 0.0:
             raise ValueError(f"for_s must be positive, not {for_s}.")
         if self._closed or not self._connection.alive:

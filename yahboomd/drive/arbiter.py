@@ -15,7 +15,6 @@ as a copy or for its priority may be followed by one that is accepted.
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from typing import TYPE_CHECKING
 
@@ -28,7 +27,7 @@ from yahboomd.drive.deadman import OnTimeout
 from yahboomd.drive.standing import turning
 from yahboomd.drive.windows import SlidingCounts
 from yahboomd.errors import ConfigError
-from yahboomd.model import STANDSTILL, Twist2d
+from yahboomd.model import STANDSTILL, Twist2d, velocity_problem
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -115,8 +114,8 @@ class Arbiter:
         if line is None:
             why = "No configured source has that name."
             return self._refuse(now_ns, source, "unknown_source", why)
-        if not all(map(math.isfinite, (twist.vx, twist.vy, twist.wz))):
-            return self._refuse(now_ns, source, "not_finite", f"{twist} is not a finite velocity.")
+        if (problem := velocity_problem(twist.vx, twist.vy, twist.wz)) is not None:
+            return self._refuse(now_ns, source, *problem)
         if not twist.is_zero:
             line.note_motion(now_ns)
         age = line.admit(

@@ -14,6 +14,7 @@ from yahboomd.model import STANDSTILL, Twist2d
 Reason: TypeAlias = Literal[
     "unknown_source",
     "not_finite",
+    "too_fast",
     "stale",
     "out_of_order",
     "from_the_future",

@@ -21,11 +21,18 @@ from yahboomd.messages.native import (
     VelocityCommand,
 )
 from yahboomd.messages.set_pose import covariance_problem
+from yahboomd.model import velocity_problem
 
 NativeEncoding: TypeAlias = Literal["json", "msgpack"]
 Encoding: TypeAlias = Literal["json", "msgpack", "cdr"]
 Reason: TypeAlias = Literal[
-    "no_velocity", "not_finite", "wrong_type", "malformed", "oversize", "unknown_encoding"
+    "no_velocity",
+    "not_finite",
+    "too_fast",
+    "wrong_type",
+    "malformed",
+    "oversize",
+    "unknown_encoding",
 ]
 
 MAX_PAYLOAD_BYTES = 4096
@@ -249,6 +256,8 @@ def _from_cdr(payload: bytes) -> ReceivedCommand | Refusal:
         return Refusal("malformed", velocity)
     if not velocity.finite:
         return Refusal("not_finite", "a velocity that is not finite")
+    if (problem := velocity_problem(velocity.vx, velocity.vy, velocity.wz)) is not None:
+        return Refusal(*problem)
     return ReceivedCommand(
         vx=velocity.vx,
         vy=velocity.vy,
@@ -272,8 +281,8 @@ def _from_map(command: _Command, encoding: Encoding) -> ReceivedCommand | Refusa
     vx = 0.0 if isinstance(vx, msgspec.UnsetType) else vx
     vy = 0.0 if isinstance(vy, msgspec.UnsetType) else vy
     wz = 0.0 if isinstance(wz, msgspec.UnsetType) else wz
-    if not math.isfinite(vx + vy + wz):
-        return Refusal("not_finite", "a velocity that is not finite")
+    if (problem := velocity_problem(vx, vy, wz)) is not None:
+        return Refusal(*problem)
     stamp_ns, source = command.stamp_ns, command.source
     if stamp_ns is not None and not 0 <= stamp_ns <= INT64_MAX:
         return Refusal("wrong_type", "stamp_ns is no Unix time in nanoseconds")

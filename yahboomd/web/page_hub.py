@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import math
 from collections import deque
 from collections.abc import Awaitable, Callable, Coroutine, Mapping
 
@@ -16,7 +15,7 @@ from yahboomd.client.questions import Answer
 from yahboomd.clock import Clock, Schedule
 from yahboomd.messages.codecs import encode
 from yahboomd.messages.native import EventSample
-from yahboomd.model import Twist2d
+from yahboomd.model import Twist2d, velocity_problem
 from yahboomd.web.beats import LAPSE_NS, PERIOD_NS, Beats
 from yahboomd.web.page_commands import LATE, NOT_YOURS, PageCommands, Refusal
 from yahboomd.web.page_frames import (
@@ -66,7 +65,6 @@ CALIBRATES = Refusal(
     why="calibrating", text="A calibration drives the robot. End it to drive from here."
 )
 ANOTHERS = "Another page has control of the robot. Take control first."
-INVALID = Refusal(why="invalid", text="That is no velocity.")
 
 
 class PageHub:
@@ -210,8 +208,8 @@ class PageHub:
     def _drive(self, page: PageSession, frame: Drive) -> Refusal | None:
         if page.role != "driver":
             return VIEWER
-        if not all(map(math.isfinite, (frame.vx, frame.vy, frame.wz))):
-            return INVALID
+        if (problem := velocity_problem(frame.vx, frame.vy, frame.wz)) is not None:
+            return Refusal(why="invalid", text=problem[1])
         twist = Twist2d(vx=frame.vx, vy=frame.vy, wz=frame.wz)
         age_ns = self._beats.age_ns(frame.beat, page.joined)
         return self._commands.command(page.number, twist, age_ns)

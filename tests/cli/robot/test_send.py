@@ -217,10 +217,12 @@ def test_a_source_that_is_not_configured_is_refused_before_anything_is_sent(
         ["--vx", "0.1", "--for", "nan"],
         ["--vx", "0.1", "--for", "1e9"],
         ["--vx", "inf", "--for", "1"],
+        ["--vx", "1e39", "--for", "1"],
+        ["--wz", "-1001", "--for", "1"],
         ["--vx", "fast", "--for", "1"],
     ],
 )
-def test_a_time_and_finite_velocities_are_required(arguments: list[str], capsys) -> None:
+def test_a_time_and_velocities_of_a_robot_are_required(arguments: list[str], capsys) -> None:
     with pytest.raises(SystemExit) as left:
         main(["send", *arguments])
     assert left.value.code == 2

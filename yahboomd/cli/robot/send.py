@@ -17,6 +17,7 @@ from yahboomd.cli.shared_options import (
     take_negative_numbers,
 )
 from yahboomd.errors import NoDaemon
+from yahboomd.model import FASTEST_M_S, FASTEST_RAD_S
 
 if TYPE_CHECKING:
     from yahboomd.cli.robot.obedience import Obedience
@@ -52,12 +53,14 @@ exit status:
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    for flag, unit, words in (
-        ("--vx", "M_PER_S", "forward, in m/s"),
-        ("--vy", "M_PER_S", "to the left, in m/s; for mecanum wheels"),
-        ("--wz", "RAD_PER_S", "counter-clockwise, in rad/s"),
+    speed = number("a velocity up to 100 m/s", lambda value: abs(value) <= FASTEST_M_S)
+    turn = number("a velocity up to 1000 rad/s", lambda value: abs(value) <= FASTEST_RAD_S)
+    for flag, unit, read, words in (
+        ("--vx", "M_PER_S", speed, "forward, in m/s"),
+        ("--vy", "M_PER_S", speed, "to the left, in m/s; for mecanum wheels"),
+        ("--wz", "RAD_PER_S", turn, "counter-clockwise, in rad/s"),
     ):
-        parser.add_argument(flag, metavar=unit, type=number("a velocity"), help=words)
+        parser.add_argument(flag, metavar=unit, type=read, help=words)
     parser.add_argument(
         "--for",
         metavar="SECONDS",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import math
 import os
 import sys
 from typing import TYPE_CHECKING
@@ -19,6 +18,7 @@ from yahboomd.cli.shared_options import (
     number,
     read_config,
 )
+from yahboomd.model import FASTEST_M_S, FASTEST_RAD_S
 
 if TYPE_CHECKING:
     from yahboomd.bus.options import BusOptions
@@ -57,7 +57,8 @@ exit status:
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    speed = number("a speed above zero", lambda value: 0.0 < value < math.inf)
+    speed = number("a speed above 0, up to 100 m/s", lambda value: 0.0 < value <= FASTEST_M_S)
+    turn = number("a speed above 0, up to 1000 rad/s", lambda value: 0.0 < value <= FASTEST_RAD_S)
     parser.add_argument(
         "--linear",
         metavar="M_PER_S",
@@ -68,7 +69,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--angular",
         metavar="RAD_PER_S",
-        type=speed,
+        type=turn,
         default=1.0,
         help="turning speed to begin with, in rad/s (default: %(default)s)",
     )

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Literal, TypeAlias
 
-from yahboomd.model import Twist2d
+from yahboomd.model import FASTEST_M_S, FASTEST_RAD_S, Twist2d
 
 Wish: TypeAlias = Literal["move", "stop", "faster", "slower", "estop", "release", "quit"]
 
@@ -103,12 +103,12 @@ class Teleop:
     @property
     def linear_m_s(self) -> float:
         """Speed of the keys that drive."""
-        return self._linear_m_s * self._scale
+        return min(self._linear_m_s * self._scale, FASTEST_M_S)
 
     @property
     def angular_rad_s(self) -> float:
         """Speed of the keys that turn."""
-        return self._angular_rad_s * self._scale
+        return min(self._angular_rad_s * self._scale, FASTEST_RAD_S)
 
     def _hold(self, key: str, now_ns: int) -> None:
         gap_ns = now_ns - self._pressed_ns
