@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import itertools
-import mmap
 import os
 import platform
 import random
@@ -19,6 +18,7 @@ import sys
 import time
 import timeit
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 from benchmarks import latency, rig
@@ -57,7 +57,8 @@ def daemons(
 
 def each_record() -> None:
     """Print what one record costs, the least of many runs, in one process."""
-    ring = Ring(mmap.mmap(-1, SEGMENTS * SEGMENT_BYTES), 0, SEGMENT_BYTES)
+    file = os.memfd_create("ring")
+    ring = Ring(partial(os.pwrite, file), 0, SEGMENT_BYTES, SEGMENTS)
     recorder = Recorder(ring, time.monotonic_ns, time.time_ns)
     lines = itertools.cycle([b"$MAll:%d,%d,0,0#\r\n" % (n, n) for n in range(10_000, 10_100)])
     twist = Twist2d(vx=0.3)

@@ -110,7 +110,8 @@ __all__ = ["client", "real_robot", "virtual_time_run", "zenoh_router"]
 
 def _remove_rings(runtime: Path) -> None:
     """A ring outlives the folder that it belongs to, of an earlier run with the same name too."""
-    if (rings := ring_folder(runtime, os.getuid())) != runtime:
+    rings = ring_folder(runtime, os.getuid())
+    if rings is not None and rings != runtime:
         shutil.rmtree(rings, ignore_errors=True)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from made_boxes import HEADER, SEGMENT_BYTES
+from made_boxes import HEADER, SEGMENT_BYTES, into
 
 from yahboomd.blackbox.box_file import Header, encode_header
 from yahboomd.blackbox.ring import Ring
@@ -23,6 +23,6 @@ def memory() -> Callable[..., tuple[bytearray, Ring]]:
     def make(segments: int = 4) -> tuple[bytearray, Ring]:
         head = encode_header(HEADER)
         buffer = bytearray(head + bytes(segments * SEGMENT_BYTES))
-        return buffer, Ring(buffer, len(head), SEGMENT_BYTES)
+        return buffer, Ring(into(buffer), len(head), SEGMENT_BYTES, segments)
 
     return make

@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
+import contextlib
 import random
 
 import msgspec
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from made_boxes import HEADER, saved_box
+from made_boxes import HEADER, ring_of, saved_box
 
 from yahboomd.blackbox.box_file import (
     MAGIC,
+    PREFIX,
     NotABox,
     deflated,
     encode_header,
     read_box,
     read_header,
     robot_slug,
+    segments_of,
 )
-from yahboomd.blackbox.records import RECEIVED, REPEATED, Received
+from yahboomd.blackbox.records import RECEIVED, REPEATED, Ended, Received
 
 
 def filled(memory, count=300):
@@ -132,3 +135,26 @@ def test_the_header_is_read_without_the_records() -> None:
     assert read_header(data[:-20]) == read_box(data).header
     with pytest.raises(NotABox):
         read_header(b"text")
+
+
+def test_a_header_with_any_flipped_bit_is_read_or_refused() -> None:
+    """What a daemon left behind meets the writer of the next one: nothing else may come of it."""
+    data = ring_of((1.0, Received(data=b"$MAll:1,2,3,4#")), (0.5, Ended(reasons=("crash",))))
+    words = PREFIX.size + PREFIX.unpack_from(data)[2]
+    for at in range(words):
+        for bit in range(8):
+            flipped = bytearray(data)
+            flipped[at] ^= 1 << bit
+            with contextlib.suppress(NotABox):
+                read_box(bytes(flipped))
+                segments_of(bytes(flipped))
+
+
+def test_segments_with_flipped_bits_are_read_as_far_as_they_are_whole() -> None:
+    data = ring_of((1.0, Received(data=b"$MAll:1,2,3,4#")), (0.5, Ended(reasons=("crash",))))
+    begin = PREFIX.unpack_from(data)[1]
+    for at in range(begin, begin + 120):
+        for bit in range(8):
+            flipped = bytearray(data)
+            flipped[at] ^= 1 << bit
+            read_box(bytes(flipped))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import msgspec
 import pytest
 from hypothesis import given
@@ -62,3 +64,15 @@ def test_numbers_of_a_command_have_seven_digits() -> None:
 def test_no_bytes_whatever_raise(kind: int, payload: bytes) -> None:
     found = decode(kind, payload)
     assert found is None or isinstance(found, msgspec.Struct)
+
+
+@pytest.mark.parametrize("number", [3.5e38, -1e39, 1e308, math.inf, math.nan])
+def test_a_number_beyond_single_precision_is_recorded_all_the_same(number: float) -> None:
+    kind, payload = encode(
+        records.Command(source="cmd_vel", vx=number, vy=0.0, wz=-number, refused="x")
+    )
+    found = decode(kind, payload)
+    assert isinstance(found, records.Command)
+    assert not math.isfinite(found.vx)
+    assert not math.isfinite(found.wz)
+    assert found.refused == "x"

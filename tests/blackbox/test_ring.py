@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import random
 
-from yahboomd.blackbox.box_file import read_box
-from yahboomd.blackbox.records import COMMAND, RECEIVED, Received, encode
+from made_boxes import HEADER
+from msgspec import structs
+
+from yahboomd.blackbox.box_file import encode_header, read_box
+from yahboomd.blackbox.records import COMMAND, RECEIVED, encode
+from yahboomd.blackbox.ring import Ring
 
 SECOND_NS = 1_000_000_000
 
@@ -49,48 +53,57 @@ def test_what_is_larger_than_a_segment_is_left_out_and_counted(memory):
     assert ring.left_out == 1
 
 
-class Watched(bytearray):
-    """Bytes that keep what they were before every store."""
-
-    def __setitem__(self, key, value):
-        self.history.append(bytes(self))
-        super().__setitem__(key, value)
-
-
-def test_killed_between_any_two_stores_the_newest_record_alone_is_missing(memory):
+def test_killed_between_any_two_stores_every_record_is_there(memory):
     """The stores of a killed process are in the file up to some moment, in their order."""
-    plain, ring = memory(segments=2)
-    buffer = Watched(plain)
-    buffer.history = []
-    ring._buffer = buffer  # type: ignore[assignment]
+    buffer, ring = memory(segments=2)
+    images: list[bytes] = []
+    store = ring._store
+
+    def kept(data: bytes, at: int) -> None:
+        images.append(bytes(buffer))
+        store(data, at)
+
+    ring._store = kept
     sent = lines(150)
     whole = []
     for number, line in enumerate(sent):
-        before = len(buffer.history)
+        before = len(images)
         ring.write(RECEIVED, line, 1000 + number)
-        whole += [number] * (len(buffer.history) - before)
-    for number, image in zip(whole, buffer.history, strict=True):
-        kept = [record.meaning.data for record in read_box(image).records]
-        # What was written last is there, but for the record in the making.
-        assert kept == sent[number - len(kept) : number]
+        whole += [number] * (len(images) - before)
+    for number, image in zip(whole, images, strict=True):
+        found = [record.meaning.data for record in read_box(image).records]
+        assert found == sent[number - len(found) : number]
         if number > 60:
             # A segment is cleared before it is used again.
-            assert len(kept) > 20
+            assert len(found) > 20
 
 
-def test_a_torn_record_is_not_there_however_far_it_was_written(memory):
-    """The payload and the length are copied byte by byte."""
-    buffer, ring = memory()
-    ring.write(RECEIVED, b"first", 1)
-    before = bytes(buffer)
-    ring.write(RECEIVED, b"second", 2)
-    after = bytes(buffer)
-    changed = [at for at in range(len(before)) if before[at] != after[at]]
-    kind_at = changed[0]
-    for torn_at in range(kind_at + 1, changed[-1] + 2):
-        torn = bytearray(before)
-        torn[kind_at + 1 : torn_at] = after[kind_at + 1 : torn_at]
-        assert [each.meaning for each in read_box(bytes(torn)).records] == [Received(data=b"first")]
+def test_a_record_on_two_pages_is_not_there_until_all_of_it_is(memory):
+    """The kernel may be ended between two pages of one write."""
+    head = len(encode_header(HEADER))
+    buffer = bytearray(head + 2 * 8192)
+    stores: list[tuple[int, bytes]] = []
+
+    def store(data: bytes, at: int) -> None:
+        stores.append((at, data))
+        buffer[at : at + len(data)] = data
+
+    ring = Ring(store, head, 8192, 2)
+    for number in range(100):
+        stores.clear()
+        before = bytes(buffer)
+        ring.write(RECEIVED, b"x" * 97, number)
+        if len(stores) == 2 and number:
+            break
+    (at, rest), (kind_at, kind) = stores
+    assert (kind_at, len(kind), at) == (at - 1, 1, kind_at + 1)
+    torn = bytearray(before)
+    torn[at : at + len(rest)] = rest
+    header = structs.replace(HEADER, segment_bytes=8192)
+    image = encode_header(header)
+    torn[:head] = buffer[:head] = image
+    assert len(read_box(bytes(torn)).records) == number
+    assert len(read_box(bytes(buffer)).records) == number + 1
 
 
 def test_a_segment_says_that_it_was_begun(memory):

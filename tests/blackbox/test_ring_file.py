@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import errno
 import os
+import shutil
 import stat
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
-from yahboomd.blackbox.box_file import read_box
+from yahboomd.blackbox.box_file import encode_header, read_box
 from yahboomd.blackbox.records import Ended, Received, encode
 from yahboomd.blackbox.ring_file import (
     LEFT_MOST,
@@ -21,6 +23,8 @@ from yahboomd.blackbox.ring_file import (
     left_rings,
     ring_folder,
     rings,
+    set_aside,
+    sweep_folders,
 )
 
 
@@ -50,15 +54,15 @@ def test_the_ring_of_a_running_daemon_is_left_alone_and_that_of_a_dead_one_is_fo
     note(file)
     (path,) = rings(tmp_path)
     assert is_live(path)
-    with left_rings(tmp_path) as left:
+    with left_rings(tmp_path) as (left, _):
         assert left == []
     file.close(keep=True)
     assert not is_live(path)
-    with left_rings(tmp_path) as left:
+    with left_rings(tmp_path) as (left, _):
         (ring,) = left
         assert ring.reasons == ("killed",)
         # Two daemons that start do not save it twice.
-        with left_rings(tmp_path) as others:
+        with left_rings(tmp_path) as (others, _):
             assert others == []
         ring.remove()
     assert rings(tmp_path) == []
@@ -70,7 +74,7 @@ def test_a_ring_that_was_not_saved_says_why_it_is_to_be(tmp_path, header):
     file.ring.write(*encode(Ended(reasons=("crash", "estop"), error="RuntimeError: x")), 5)
     note(file)
     file.close(keep=True)
-    with left_rings(tmp_path) as left:
+    with left_rings(tmp_path) as (left, _):
         assert left[0].reasons == ("crash", "estop")
 
 
@@ -93,7 +97,7 @@ def test_a_daemon_that_fails_at_each_start_leaves_a_few_rings_the_first_among_th
         file.close(keep=True)
         path = next(each for each in rings(tmp_path) if each.stat().st_mtime > 1_000_000)
         os.utime(path, (number, number))
-    with left_rings(tmp_path) as left:
+    with left_rings(tmp_path) as (left, _):
         kept = [read_box(ring.data).records[0].meaning.data for ring in left]
     assert kept == [b"0", b"7", b"8", b"9"]
     assert len(rings(tmp_path)) == LEFT_MOST
@@ -142,6 +146,81 @@ def test_what_is_no_ring_is_left_alone(tmp_path, header):
     (tmp_path / "estop").write_text("{}")
     (tmp_path / "other.ring").write_text("")
     (tmp_path / "blackbox-link.ring").symlink_to(tmp_path / "estop")
-    with left_rings(tmp_path) as left:
+    with left_rings(tmp_path) as (left, _):
         assert left == []
     assert (tmp_path / "estop").exists()
+
+
+@pytest.mark.parametrize("cut", ["truncated", "emptied", "overwritten", "removed"])
+def test_a_file_that_another_process_cuts_costs_records_only(tmp_path, header, cut):
+    """A mapping of it would end the process (SIGBUS)."""
+    file = RingFile(tmp_path, header)
+    note(file, b"before")
+    (path,) = rings(tmp_path)
+    if cut == "truncated":
+        os.truncate(path, 4096)
+    elif cut == "emptied":
+        path.write_bytes(b"")
+    elif cut == "overwritten":
+        path.write_bytes(b"x" * 100)
+    else:
+        path.unlink()
+    for number in range(SEGMENTS * header.segment_bytes // 50):
+        note(file, b"%50d" % number)
+    # What was written since then is in the copy that is saved, once a new segment has begun.
+    box = read_box(encode_header(header) + file.segments())
+    assert box.records[-1].meaning == Received(data=b"%50d" % number)
+    file.close(keep=False)
+
+
+def strange_thing(folder: Path, kind: str) -> None:
+    path = folder / "blackbox-00000000.ring"
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "folder":
+        path.mkdir()
+    elif kind == "link":
+        path.symlink_to(folder / "nothing")
+    elif kind == "huge":
+        path.write_bytes(b"")
+        os.truncate(path, 8 << 30)
+    else:
+        os.mknod(path, stat.S_IFSOCK | 0o600)
+
+
+@pytest.mark.parametrize("kind", ["pipe", "folder", "link", "huge", "socket"])
+def test_what_only_has_the_name_of_a_ring_is_not_read(tmp_path, header, kind):
+    strange_thing(tmp_path, kind)
+    file = RingFile(tmp_path, header)
+    file.close(keep=True)
+    with left_rings(tmp_path) as (left, strange):
+        assert len(left) == 1
+        assert [path.name for path in strange] == ["blackbox-00000000.ring"]
+    set_aside(strange[0])
+    assert len(rings(tmp_path)) == 1
+    assert not is_live(strange[0])
+
+
+def test_folders_of_other_daemons_are_removed_when_they_are_a_day_old(header):
+    user, now_ns, day_s = os.getuid(), time.time_ns(), 86_400
+    own, empty, old, new = (
+        Path(f"/dev/shm/yahboomd-{user}-test{os.getpid()}{letter}") for letter in "abcd"
+    )
+    try:
+        for folder in (own, empty, old, new):
+            folder.mkdir()
+        for folder in (own, old, new):
+            RingFile(folder, header).close(keep=True)
+        for path in (*own.iterdir(), *old.iterdir(), own, empty, old):
+            os.utime(path, (now_ns / 1e9 - 2 * day_s,) * 2)
+        sweep_folders(own, user, now_ns)
+        assert [each.exists() for each in (own, empty, old, new)] == [True, False, False, True]
+        for folder in (own, new):
+            with left_rings(folder) as (left, _):
+                left[0].remove()
+        # Without a ring the folder goes, too.
+        assert not own.exists()
+        assert not new.exists()
+    finally:
+        for folder in (own, empty, old, new):
+            shutil.rmtree(folder, ignore_errors=True)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from made_boxes import into
 from robot_bench import RobotBench
 
 from yahboomd.blackbox import records
@@ -27,7 +28,7 @@ SEGMENT_BYTES = 16 * 1024
 def bench_and_image(folder: Path, dialect: str, overrides: list[str]):
     """A robot whose ring is so small that it goes round several times in a test."""
     buffer = bytearray(6 * SEGMENT_BYTES)
-    ring = Ring(buffer, 0, SEGMENT_BYTES)
+    ring = Ring(into(buffer), 0, SEGMENT_BYTES, 6)
     simulation = SimulationOptions(dialect=dialect)  # type: ignore[arg-type]
     bench = RobotBench(folder, overrides, simulation, ring=ring)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import msgspec
@@ -61,6 +62,15 @@ WALL_NS = 1_795_370_130_000_000_000
 """2026-11-22 17:55:30 UTC, at END_NS."""
 
 
+def into(buffer: bytearray) -> Callable[[bytes, int], None]:
+    """Stores to this buffer, as a ring stores to its file."""
+
+    def store(data: bytes, at: int) -> None:
+        buffer[at : at + len(data)] = data
+
+    return store
+
+
 def ring_of(*happened: tuple[float, Meaning]) -> bytes:
     """A ring with records, each so many seconds before the end."""
     header = msgspec.structs.replace(
@@ -68,7 +78,7 @@ def ring_of(*happened: tuple[float, Meaning]) -> bytes:
     )
     head = encode_header(header)
     buffer = bytearray(head + bytes(8 * SEGMENT_BYTES))
-    ring = Ring(buffer, len(head), SEGMENT_BYTES)
+    ring = Ring(into(buffer), len(head), SEGMENT_BYTES, 8)
     for before_s, meaning in happened:
         ring.write(*encode(meaning), END_NS - round(before_s * SECOND_NS))
     return bytes(buffer)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from board_bench import BoardPort
 from fault_bench import FaultBench
+from made_boxes import into
 
 from yahboomd import __version__
 from yahboomd.blackbox.box_file import (
@@ -221,7 +222,7 @@ def save(path: Path, bench: WireBench) -> None:
     """The bytes as a saved box, of one segment."""
     head = encode_header(header_of(bench))
     buffer = bytearray(head + bytes(SIZE))
-    ring = Ring(buffer, len(head), SIZE)
+    ring = Ring(into(buffer), len(head), SIZE, 1)
     for at_ns, meaning in bench.records:
         ring.write(*encode(meaning), at_ns)
     path.write_bytes(deflated(bytes(buffer)))

@@ -7,8 +7,8 @@ r"""The file of a black box: a header, then segments of records. The ring and sa
     u8 1 ...
 
 Segments are all of one size, which the header gives, and are reused in turn: their numbers tell
-their order. In a segment records follow each other until a kind of 0 or its end. A record's kind is
-the last byte of it that is written, so one that was cut short by a kill is not there. A saved file
+their order. In a segment records follow each other until a kind of 0 or its end. One that was cut
+short by a kill is not there: it has no kind. A saved file
 is compressed (gzip) and has ``saved`` in its header.
 """
 
@@ -142,6 +142,11 @@ def robot_slug(header: Header) -> str:
     return "-".join(re.sub("[^A-Za-z0-9]+", "-", each)[:20] for each in (namespace, port) if each)
 
 
+def segments_of(data: bytes) -> bytes:
+    """What follows the header of a ring that was read."""
+    return data[PREFIX.unpack_from(data)[1] :]
+
+
 def encode_header(header: Header) -> bytes:
     """The bytes up to the first segment."""
     words = msgspec.json.encode(header)
@@ -196,7 +201,7 @@ def _header(data: bytes) -> tuple[Header, int]:
     try:
         words = data[PREFIX.size : PREFIX.size + length]
         header = msgspec.json.decode(words, type=Header)
-    except msgspec.DecodeError as error:
+    except (msgspec.DecodeError, ValueError, RecursionError) as error:
         raise NotABox(f"The header of this black box is damaged: {error}.") from error
     if header.format != FORMAT or header.segment_bytes <= SEGMENT.size:
         raise NotABox(f"The format {header.format} of this black box is not known.")

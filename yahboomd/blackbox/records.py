@@ -33,6 +33,7 @@ Of what a person decided, and of what the daemon decided, :class:`Command`, :cla
 
 from __future__ import annotations
 
+import math
 import struct
 from typing import Any, NamedTuple, TypeAlias
 
@@ -259,6 +260,7 @@ MOMENT = struct.Struct("<q")
 READING_PAYLOAD = struct.Struct("<qqqB")
 STEERED_PAYLOAD = struct.Struct("<d")
 COMMAND_PAYLOAD = struct.Struct("<fffB")
+_SINGLE_MOST = 3.4028234663852886e38
 NEVER_NS = -1
 AFTER_RESET, AFTER_GAP, UNBROKEN = 1, 2, 4
 
@@ -302,18 +304,25 @@ def encode(meaning: Meaning) -> tuple[int, bytes]:
         return STEERED, STEERED_PAYLOAD.pack(meaning.curvature_per_m)
     if isinstance(meaning, Command):
         source = meaning.source.encode()[:255]
-        numbers = COMMAND_PAYLOAD.pack(meaning.vx, meaning.vy, meaning.wz, len(source))
+        numbers = COMMAND_PAYLOAD.pack(
+            _single(meaning.vx), _single(meaning.vy), _single(meaning.wz), len(source)
+        )
         return COMMAND, numbers + source + meaning.refused.encode()
     if isinstance(meaning, WallClock):
         return WALL_CLOCK, MOMENT.pack(meaning.wall_ns)
     return _KINDS[type(meaning)], msgspec.msgpack.encode(meaning)
 
 
+def _single(value: float) -> float:
+    """The number, or an infinity for one that single precision does not hold."""
+    return math.copysign(math.inf, value) if abs(value) > _SINGLE_MOST else value
+
+
 def decode(kind: int, payload: bytes) -> Meaning | None:
     """What a record's payload means; None where it is damaged or of a kind that is not known."""
     try:
         return _decode(kind, payload)
-    except (msgspec.DecodeError, struct.error, UnicodeDecodeError):
+    except (msgspec.DecodeError, struct.error, ValueError, RecursionError):
         return None
 
 

@@ -11,6 +11,7 @@ import errno
 import os
 import re
 import secrets
+import stat
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
@@ -61,7 +62,9 @@ def saved_boxes(folder: Path) -> list[SavedBox]:
     for path in paths:
         if (match := _NAME.fullmatch(path.name)) is not None:
             with contextlib.suppress(FileNotFoundError):
-                status = path.stat()
+                status = path.lstat()
+                if not stat.S_ISREG(status.st_mode):
+                    continue
                 number = int(match["number"])
                 found.append(SavedBox(number, path, status.st_size, status.st_mtime_ns))
     return sorted(found)
@@ -74,7 +77,10 @@ def box_bytes(path: Path) -> bytes:
         OSError: The file cannot be read.
         NotABox: It is larger than any box.
     """
-    with path.open("rb") as file:
+    # A pipe without a writer would be waited for.
+    with os.fdopen(os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK), "rb") as file:
+        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            raise NotABox("This is no black box of yahboomd, and no file.")
         data = file.read(INFLATED_MOST + 1)
     if len(data) > INFLATED_MOST:
         raise NotABox("This is no black box of yahboomd: it is larger than any.")

@@ -160,7 +160,7 @@ def places(environ: Mapping[str, str], own: Path | None) -> Places:
     denied = [folder for folder in every if folder.is_dir() and not os.access(folder, os.R_OK)]
     return Places(
         tuple(dict.fromkeys(saved)),
-        tuple(dict.fromkeys([*runtime, *beside])),
+        tuple(dict.fromkeys([*runtime, *(each for each in beside if each is not None)])),
         tuple(dict.fromkeys(denied)),
     )
 
