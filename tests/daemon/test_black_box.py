@@ -365,3 +365,45 @@ async def test_no_credentials_are_in_a_ring_or_a_box(tmp_path: Path) -> None:
 def test_the_disk_is_bounded() -> None:
     """In docs/black-box.md."""
     assert (disk.FILES_MOST, disk.BYTES_MOST >> 20) == (20, 8)
+
+
+@on_virtual_time
+async def test_what_was_left_damaged_is_set_aside_and_the_next_boxes_are_saved(
+    tmp_path: Path,
+) -> None:
+    """A pipe and a huge file are not waited for; a damaged header ends no thread."""
+    with rig_in(tmp_path) as first:
+        await asyncio.sleep(0.1)
+        file = RingFile(first.rings, header(first.config, first.clock))
+        file.close(keep=True)
+    (ring,) = rings(first.rings)
+    damaged = bytearray(ring.read_bytes())
+    damaged[40] = 0xFF
+    ring.write_bytes(damaged)
+    os.mkfifo(first.rings / "blackbox-1.ring")
+    (first.rings / "blackbox-2.ring").mkdir()
+    (first.rings / "blackbox-3.ring").write_bytes(b"")
+    os.truncate(first.rings / "blackbox-3.ring", 8 << 30)
+    with rig_in(tmp_path) as rig:
+        rig.event("estop")
+        await rig.until(1)
+        await asyncio.sleep(3 * AGAIN_S)
+        status = rig.box.status_values()
+        assert rig.reasons == [("estop",)]
+        assert status["blackbox_failures"] == 4
+        assert (status["blackbox_recording"], status["blackbox_saving"]) == (1, 1)
+        assert len(rings(rig.rings)) == 1
+        assert len(list(rig.rings.glob("*.ring-damaged"))) == 4
+
+
+@on_virtual_time
+async def test_without_memory_for_it_no_box_is_kept_and_the_status_tells(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr("yahboomd.daemon.black_box.ring_folder", lambda *_: None)
+    rig = Rig(tmp_path)
+    assert rig.box.recorder is None
+    assert rig.box.status_values()["blackbox_recording"] == 0
+    assert "tmpfs" in caplog.text
+    rig.event("estop")
+    rig.box.close(None)

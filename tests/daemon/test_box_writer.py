@@ -10,6 +10,7 @@ from pathlib import Path
 from msgspec import structs
 
 from yahboomd.blackbox.box_file import Saved, read_box
+from yahboomd.blackbox.records import Ended, encode
 from yahboomd.blackbox.ring_file import RingFile, rings
 from yahboomd.clock import SystemClock
 from yahboomd.config import read
@@ -51,7 +52,7 @@ async def test_its_thread_goes_behind_a_preferred_daemon_and_is_not_starved() ->
         seen.append(nice)
         done.set()
 
-    writer._start(job, ended)
+    writer._start(job, ended, lambda _: 0)
     await done.wait()
     assert seen == [max(0, own)]
 
@@ -99,3 +100,26 @@ async def test_a_ring_that_cannot_be_saved_stays_and_one_that_is_none_goes(tmp_p
     ring.write_bytes(b"no ring")
     assert (await outcome_of(writer.adopt)).path is None
     assert rings(tmp_path) == []
+
+
+async def test_a_job_that_raises_is_counted_and_the_next_box_is_written(tmp_path: Path) -> None:
+    writer = BoxWriter(tmp_path / "boxes", tmp_path, CLOCK)
+    unnamed = structs.replace(HEADER, saved=Saved(reasons=(), at_ns=5, wall_ns=5))
+    found = await outcome_of(lambda done: writer.save(unnamed, b"", done))
+    assert found.path is None
+    assert "IndexError" in found.problem
+    assert (writer.failures, writer.busy, writer.works) == (1, False, False)
+    found = await outcome_of(lambda done: writer.save(SAVED, b"", done))
+    assert found.path is not None
+    assert writer.works
+
+
+async def test_reasons_of_a_damaged_ring_name_no_other_folder(tmp_path: Path) -> None:
+    file = RingFile(tmp_path, HEADER)
+    file.ring.write(*encode(Ended(reasons=("../../x",))), 7)
+    file.close(keep=True)
+    writer = BoxWriter(tmp_path / "boxes", tmp_path, CLOCK)
+    found = await outcome_of(writer.adopt)
+    assert found.path is not None
+    assert found.path.parent == tmp_path / "boxes"
+    assert found.path.name.endswith("_killed.blackbox")

@@ -6,12 +6,22 @@ import contextlib
 import io
 import logging
 import os
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from yahboomd.daemon.logs import KINDS, LINES, WINDOW_S, WRITTEN, RepeatFilter, configure, flush
+from yahboomd.daemon.logs import (
+    KINDS,
+    LINES,
+    WINDOW_S,
+    WRITTEN,
+    PatientHandler,
+    RepeatFilter,
+    configure,
+    flush,
+)
 
 
 @pytest.fixture
@@ -180,3 +190,33 @@ def test_memory_does_not_grow_with_ever_new_lines() -> None:
     for number in range(5 * KINDS):
         log.say(0.0, f"kind {'x' * number}")
     assert len(log._filter._kinds) == KINDS
+
+
+def test_a_line_that_cannot_be_written_raises_nothing_and_the_next_ones_are(
+    tmp_path: Path,
+) -> None:
+    with (tmp_path / "log").open("w") as stream:
+        handler = PatientHandler(stream)
+        handler.addFilter(RepeatFilter())
+        wrong = logging.LogRecord("x", logging.INFO, "f", 1, "%d wheels", ("four",), None)
+        right = logging.LogRecord("x", logging.INFO, "f", 1, "%d wheels", (4,), None)
+        handler.handle(wrong)
+        handler.handle(right)
+        handler.flush()
+    assert handler.broken == 1
+    lines = (tmp_path / "log").read_text().splitlines()
+    assert "%d wheels" in lines[0]
+    assert lines[1] == "4 wheels"
+
+
+def test_without_room_for_its_thread_a_line_raises_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(_self: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(threading.Thread, "start", refused)
+    with (tmp_path / "log").open("w") as stream:
+        handler = PatientHandler(stream)
+        handler.handle(logging.LogRecord("x", logging.INFO, "f", 1, "words", None, None))
+    assert handler.broken == 1

@@ -7,6 +7,7 @@ import contextlib
 import itertools
 import json
 import socket
+import threading
 from collections.abc import AsyncIterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -17,7 +18,7 @@ import zenoh
 from zenoh_fixtures import PATIENCE_S, eventually, free_endpoint
 
 from yahboomd.bus import keys
-from yahboomd.bus.publishers import PRIORITIES
+from yahboomd.bus.publishers import PRIORITIES, BusPublisher
 from yahboomd.clock import Schedule, SystemClock
 from yahboomd.config import read
 from yahboomd.daemon.key_table import OUTPUTS
@@ -151,6 +152,105 @@ async def test_a_command_below_the_namespace_moves_the_wheels(running: Running) 
     await running.state("standing")
     await running.drive()
     await eventually(lambda: running.decoded("pose")[-1]["x"] > 0.05)
+
+
+def fastest_m_s(running: Running) -> float:
+    return max(abs(motor.speed_m_s) for motor in running.robot.plant.motors)
+
+
+async def follow_and_stop(running: Running) -> None:
+    """The wheels follow a command, an emergency stop, and a command after its release."""
+    await running.drive()
+    assert (await running.ask("yahboomd/estop"))["success"]
+    await eventually(lambda: fastest_m_s(running) == 0.0)
+
+    async def released() -> bool:
+        return bool((await running.ask("yahboomd/estop/reset"))["success"])
+
+    while not await released():
+        await asyncio.sleep(0.05)
+    await running.drive()
+
+
+async def test_a_velocity_beyond_all_robots_is_refused_and_counted_and_the_daemon_lives(
+    running: Running,
+) -> None:
+    await running.state("standing")
+    numbers = ("1e39", "-3.5e38", "1e308", "101")
+    for number in numbers:
+        running.session.put("bot1/cmd_vel", f'{{"vx": {number}}}'.encode())
+    await eventually(lambda: running.decoded("status")[-1]["command"]["too_fast"] == len(numbers))
+    assert fastest_m_s(running) == 0.0
+    assert not running.task.done()
+    assert running.decoded("status")[-1]["command"]["blackbox_recording"] == 1
+    await follow_and_stop(running)
+
+
+@pytest.mark.parametrize("error", [RuntimeError("x"), OSError(28, "No space left on device")])
+async def test_what_only_records_may_fail_and_the_wheels_follow_and_stop(
+    running: Running, error: Exception
+) -> None:
+    """Each of them is switched off, counted and named in the status, as long as there is one."""
+    await running.state("standing")
+    await running.drive()
+
+    def fail(*_: object, **__: object) -> None:
+        raise error
+
+    daemon = running.daemon
+    box, publisher, ros2 = daemon._box, daemon._publisher, daemon._ros2
+    assert box._file is not None
+    assert ros2 is not None
+    box._file.ring._store = fail
+    for part in (publisher, ros2):
+        for name in ("estimate", "imu", "battery", "event"):
+            setattr(part, name, fail)
+    ros2.status = fail  # type: ignore[method-assign]
+    await follow_and_stop(running)
+    await eventually(lambda: running.decoded("status")[-1]["command"]["recorder_failures"] >= 4)
+    status = running.decoded("status")[-1]["command"]
+    for name in ("The black box", "The pose on the bus", "The events on the bus"):
+        assert f"{name}: {type(error).__name__}" in status["recorders_off"]
+    assert (status["blackbox_recording"], status["blackbox_saving"]) == (0, 0)
+    publisher.status = fail  # type: ignore[method-assign]
+    daemon._controller.state = fail  # type: ignore[method-assign]
+    await follow_and_stop(running)
+    # Also while it ends.
+    daemon.stop("the test")
+    await running.task
+    assert daemon.left_standing
+    assert fastest_m_s(running) == 0.0
+
+
+async def test_a_bus_that_takes_no_samples_holds_up_neither_command_nor_stop(
+    running: Running,
+) -> None:
+    """Zenoh's thread is held for as long as it takes to drive and stop twice."""
+    await running.state("standing")
+    held, gate = threading.Event(), threading.Event()
+
+    def hold(*_: object, **__: object) -> None:
+        held.set()
+        gate.wait(PATIENCE_S)
+
+    publisher = running.daemon._publisher
+    every = [
+        publisher._status,
+        publisher._events,
+        *(each for each, _ in publisher._reading_outlets),
+    ]
+    try:
+        for each in every:
+            assert isinstance(each, BusPublisher)
+            for outlet in each._outlets:
+                outlet.put = hold
+        await eventually(held.is_set)
+        for _ in range(2):
+            await follow_and_stop(running)
+        # 256 samples wait, and the others are lost.
+        await eventually(lambda: sum(each.counters.errors for each in every) > 0)
+    finally:
+        gate.set()
 
 
 async def test_a_command_outside_the_namespace_moves_nothing(running: Running) -> None:

@@ -15,6 +15,7 @@ from yahboomd.bus.presence import Neighbour
 from yahboomd.clock import LoopClock
 from yahboomd.config import Config
 from yahboomd.daemon.black_box import BlackBox
+from yahboomd.daemon.recorders import Recorders
 from yahboomd.daemon.status_sample import Status
 from yahboomd.messages.status_fields import ZEROS
 from yahboomd.simulation.virtual_time import on_virtual_time
@@ -43,6 +44,7 @@ def status(bench: RobotBench) -> Status:
         supervisor=bench.supervisor,
         bus=bus,
         box=BlackBox(OFF, bench.clock, {}),
+        recorders=Recorders(),
         more_bus_facts=lambda: {"stamps_held_back": 1},
     )
 

@@ -59,8 +59,11 @@ Declaration = TypeVar("Declaration", bound=Declared)
 class Bus:
     """The robot's place on the bus, on a running event loop."""
 
-    def __init__(self, options: BusOptions, *, clock: Clock | None = None) -> None:
+    def __init__(
+        self, options: BusOptions, *, clock: Clock | None = None, aside: bool = False
+    ) -> None:
         self.options = options
+        self._publishing = Sender("bus-samples") if aside else None
         self._clock = clock or SystemClock()
         self._sessions: list[zenoh.Session] = []
         self._inbox: Inbox | None = None
@@ -152,8 +155,9 @@ class Bus:
             lambda: [(link.src, link.dst) for session in sessions for link in session.info.links()]
         )
         answering = self._answering
-        for sender in (answering.acknowledgements, answering.answers):
-            sender.close(self.options.close_timeout_s / 6)
+        for sender in (answering.acknowledgements, self._publishing, answering.answers):
+            if sender is not None:
+                sender.close(self.options.close_timeout_s / 6)
         for session in sessions:
             session.close()
 
@@ -223,6 +227,7 @@ class Bus:
                 priority=priority,
                 express=express,
                 cache=cache,
+                sender=self._publishing,
             )
         )
 

@@ -31,11 +31,15 @@ from yahboomd.daemon.assembly import odometer_settings
 from yahboomd.daemon.box_writer import BoxWriter, Outcome
 from yahboomd.daemon.folder import prepare_folder
 from yahboomd.daemon.process import without_age
+from yahboomd.daemon.recorders import Recorders
 from yahboomd.link.tap import NO_TAP, Tap
 from yahboomd.messages.native import ServiceReply, StatusSample
 from yahboomd.model import Event, EventKind
 
 log = logging.getLogger(__name__)
+
+NAME = "The black box"
+"""By this it is reported if it fails."""
 
 REASONS: dict[EventKind, str] = {
     "estop": "estop",
@@ -69,8 +73,15 @@ class BlackBox:
         recorder: Takes what is recorded; None where nothing is.
     """
 
-    def __init__(self, config: Config, clock: Clock, environ: Mapping[str, str]) -> None:
+    def __init__(
+        self,
+        config: Config,
+        clock: Clock,
+        environ: Mapping[str, str],
+        recorders: Recorders | None = None,
+    ) -> None:
         self._clock = clock
+        self._recorders = recorders or Recorders()
         self._header = header(config, clock)
         self._file: RingFile | None = None
         self.recorder: Recorder | None = None
@@ -82,17 +93,24 @@ class BlackBox:
         self._asked: list[asyncio.Future[Outcome]] = []
         folder = ring_folder(runtime_folder(environ, user_id=os.getuid()), os.getuid())
         self._writer = BoxWriter(
-            blackbox_folder(config, environ, None, user_id=os.getuid()), folder, clock
+            blackbox_folder(config, environ, None, user_id=os.getuid()),
+            folder or Path(os.devnull),
+            clock,
         )
-        self._alarm = clock.alarm(self._save)
+        self._alarm = clock.alarm(self._recorders.guarded(NAME, self._save))
         if config.blackbox.enabled:
-            self._open(folder)
+            self._recorders.call(NAME, self._open, folder)
 
-    def _open(self, folder: Path) -> None:
+    def _open(self, folder: Path | None) -> None:
         clock = self._clock
+        if folder is None:
+            log.warning(
+                "No black box is kept: neither the runtime folder nor /dev/shm is in memory "
+                "(tmpfs). The robot drives as ever."
+            )
+            return
         try:
-            prepare_folder(folder)
-            self._file = RingFile(folder, self._header)
+            self._file = self._made(folder)
         except OSError as error:
             log.warning(
                 "No black box is kept: %s cannot be used for it (%s). The robot drives as ever.",
@@ -100,8 +118,23 @@ class BlackBox:
                 error.strerror or error,
             )
             return
-        self.recorder = Recorder(self._file.ring, clock.now_ns, clock.wall_ns)
-        self._writer.find_rings(self._looked)
+        recorder = Recorder(self._file.ring, clock.now_ns, clock.wall_ns)
+        self._recorders.guard(NAME, recorder)
+        self.recorder = recorder
+        self._writer.find_rings(self._recorders.guarded(NAME, self._looked))
+
+    def _made(self, folder: Path) -> RingFile:
+        prepare_folder(folder)
+        try:
+            return RingFile(folder, self._header)
+        except FileNotFoundError:
+            # Another daemon ended, and removed the folder because it was empty.
+            prepare_folder(folder)
+            return RingFile(folder, self._header)
+
+    @property
+    def _recording(self) -> bool:
+        return self.recorder is not None and self._recorders.works(NAME)
 
     @property
     def tap(self) -> Tap:
@@ -112,7 +145,8 @@ class BlackBox:
         """For the status."""
         writer, file = self._writer, self._file
         return {
-            "blackbox_recording": int(self.recorder is not None),
+            "blackbox_recording": int(self._recording),
+            "blackbox_saving": int(self._recording and writer.works),
             "blackbox_saved": writer.saved,
             "blackbox_failures": writer.failures,
             "blackbox_left_out": 0 if file is None else file.ring.left_out,
@@ -123,7 +157,7 @@ class BlackBox:
 
     def event(self, event: Event) -> None:
         """Something happened; some of it has the box saved."""
-        if self.recorder is None:
+        if self.recorder is None or not self._recording:
             return
         self.recorder.event(event)
         if (reason := REASONS.get(event.kind)) is not None:
@@ -138,9 +172,11 @@ class BlackBox:
 
     async def save_now(self) -> ServiceReply:
         """Save it because a client asks for it. Returns what came of it."""
-        if self.recorder is None:
+        if not self._recording:
             return ServiceReply(
-                success=False, message="No black box is kept: see blackbox.enabled."
+                success=False,
+                message="No black box is kept: see blackbox.enabled, and recorders_off in the "
+                "status.",
             )
         wait_s = self._wait_s()
         self._trigger(ASKED, 0.0)
@@ -191,12 +227,12 @@ class BlackBox:
             return
         self._saved_ns = self._clock.now_ns()
         if not self._reasons:
-            self._writer.adopt(partial(self._finished, ()))
+            self._writer.adopt(self._recorders.guarded(NAME, partial(self._finished, ())))
             return
         reasons, self._reasons = tuple(self._reasons), []
         self._saving = reasons
         asked, self._asked = tuple(self._asked), []
-        done = partial(self._finished, asked)
+        done = self._recorders.guarded(NAME, partial(self._finished, asked))
         self._writer.save(self._image(reasons), file.segments(), done)
 
     def _image(self, reasons: tuple[str, ...]) -> Header:

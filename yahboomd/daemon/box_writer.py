@@ -21,10 +21,17 @@ from yahboomd.blackbox.box_file import (
     encode_header,
     read_box,
     robot_slug,
+    segments_of,
 )
-from yahboomd.blackbox.ring_file import LeftRing, left_rings
+from yahboomd.blackbox.ring_file import (
+    SET_ASIDE,
+    LeftRing,
+    left_rings,
+    set_aside,
+    sweep_folders,
+)
 from yahboomd.blackbox.saved_boxes import save_box, saved_boxes
-from yahboomd.clock import Clock
+from yahboomd.clock import Clock, nanoseconds
 from yahboomd.daemon.folder import prepare_folder
 
 log = logging.getLogger(__name__)
@@ -34,6 +41,8 @@ Result = TypeVar("Result")
 END_S = 0.7
 """The end of the daemon waits so long for a box that is being written, once the wheels stand. The
 watchdog of the service, which is not fed meanwhile, would end it after 2 s."""
+
+STUCK_S = 10.0
 
 USUAL_NICE = 0
 """The thread goes behind the loop of a daemon of higher priority, and no further: it holds the
@@ -71,6 +80,7 @@ class BoxWriter:
         self._clock = clock
         self._thread: threading.Thread | None = None
         self._failing = False
+        self._began_ns = 0
         self.saved = self.failures = self.left = 0
 
     @property
@@ -78,23 +88,33 @@ class BoxWriter:
         """Whether something is being written."""
         return self._thread is not None
 
+    @property
+    def works(self) -> bool:
+        """Whether boxes can be saved: the last one was, and no disk has hung for 10 s."""
+        stuck = self.busy and self._clock.now_ns() - self._began_ns > nanoseconds(STUCK_S)
+        return not (stuck or self._failing)
+
     def find_rings(self, done: Callable[[int | None], None]) -> None:
         """Count the rings that earlier daemons left, and find the newest saved box.
 
         Args:
             done: Called on the loop with the time of the newest box, Unix nanoseconds.
         """
+        wall_ns = self._clock.wall_ns()
 
         def job() -> int | None:
-            with left_rings(self._rings) as left:
+            sweep_folders(self._rings, os.geteuid(), wall_ns)
+            with left_rings(self._rings) as (left, strange):
                 self.left = len(left)
+            for path in strange:
+                self._damaged(path, "it is no file of this user, or larger than any ring")
             if self._folder is None:
                 return None
             with contextlib.suppress(OSError):
                 return max((box.written_ns for box in saved_boxes(self._folder)), default=None)
             return None
 
-        self._start(job, done)
+        self._start(job, done, lambda _: None)
 
     def save(self, header: Header, segments: bytes, done: Callable[[Outcome], None]) -> None:
         """Write a box.
@@ -103,14 +123,14 @@ class BoxWriter:
             header: Why it is saved is in it.
             segments: The copy of the ring.
         """
-        self._start(lambda: self._write(header, segments), done)
+        self._start(lambda: self._write(header, segments), done, self._failed)
 
     def adopt(self, done: Callable[[Outcome], None]) -> None:
         """Write a ring that was left behind as a box, and remove it."""
         wall_ns = self._clock.wall_ns()
 
         def job() -> Outcome:
-            with left_rings(self._rings) as left:
+            with left_rings(self._rings) as (left, _):
                 self.left = max(0, len(left) - 1)
                 return (
                     self._adopted(left[0], wall_ns)
@@ -118,7 +138,7 @@ class BoxWriter:
                     else Outcome(None, "there is none any more")
                 )
 
-        self._start(job, done)
+        self._start(job, done, self._failed)
 
     def save_last(self, header: Header, segments: bytes) -> bool:
         """Write a box while the daemon ends; whether it was written in 0.7 s."""
@@ -137,7 +157,18 @@ class BoxWriter:
         self._thread.join(END_S)
         return not self._thread.is_alive()
 
-    def _start(self, job: Callable[[], Result], done: Callable[[Result], None]) -> None:
+    def _start(
+        self,
+        job: Callable[[], Result],
+        done: Callable[[Result], None],
+        instead: Callable[[str], Result],
+    ) -> None:
+        """Do a job in the thread.
+
+        Args:
+            done: Called on the loop with its result.
+            instead: Returns what counts as the result of a job that raised, and reports it.
+        """
         loop = asyncio.get_running_loop()
 
         def ended(result: Result) -> None:
@@ -149,13 +180,22 @@ class BoxWriter:
             with contextlib.suppress(OSError):
                 nice = max(USUAL_NICE, os.getpriority(os.PRIO_PROCESS, 0))
                 os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), nice)
-            result = job()
+            try:
+                result = job()
+            except Exception as error:  # noqa: BLE001 - whatever it is, the next box is written
+                result = instead(f"{type(error).__name__}: {error}"[:200])
             # The loop may be closed by now.
             with contextlib.suppress(RuntimeError):
                 loop.call_soon_threadsafe(ended, result)
 
+        self._began_ns = self._clock.now_ns()
         self._thread = threading.Thread(target=work, name="black-box", daemon=True)
-        self._thread.start()
+        try:
+            self._thread.start()
+        except RuntimeError as error:
+            # There is room for no more threads.
+            self._thread = None
+            done(instead(str(error)))
 
     def _write(self, header: Header, segments: bytes) -> Outcome:
         assert header.saved is not None
@@ -183,13 +223,23 @@ class BoxWriter:
             header = read_box(ring.data).header
             saved = Saved(reasons=ring.reasons, at_ns=0, wall_ns=wall_ns)
         except NotABox as error:
-            ring.remove()
-            return Outcome(None, str(error))
-        begin = len(encode_header(header))
-        outcome = self._write(structs.replace(header, saved=saved), ring.data[begin:])
+            return self._damaged(ring.path, str(error))
+        outcome = self._write(structs.replace(header, saved=saved), segments_of(ring.data))
         if outcome.path is not None:
             ring.remove()
         return outcome
+
+    def _damaged(self, path: Path, words: str) -> Outcome:
+        """Set aside what cannot be saved: no later start meets it again."""
+        set_aside(path)
+        self.failures += 1
+        log.warning(
+            "%s was left by an earlier daemon and cannot be saved (%s): it is now %s there.",
+            path,
+            words,
+            path.with_suffix(SET_ASIDE).name,
+        )
+        return Outcome(None, words)
 
     def _failed(self, words: str) -> Outcome:
         self.failures += 1

@@ -52,6 +52,24 @@ class PatientHandler(logging.Handler):
         self._lines: queue.Queue[str] = queue.Queue(LINES)
         self._thread: threading.Thread | None = None
         self.lost = 0
+        self.all_lost = 0
+        self.broken = 0
+
+    def handle(self, record: logging.LogRecord) -> bool:
+        """Take a line; never raises: what logs may be about to stop wheels.
+
+        A line that cannot be written as it is (its arguments do not fit its words) is counted, and
+        its words are written.
+        """
+        try:
+            return super().handle(record)
+        except Exception as error:  # noqa: BLE001 - a line is worth less than what logs it
+            self.broken += 1
+            with contextlib.suppress(Exception):
+                words = f"(a line was lost: {type(error).__name__}) {record.msg!r:.200}\n"
+                self._lines.put_nowait(words)
+                self._begin()
+            return False
 
     def emit(self, record: logging.LogRecord) -> None:
         """Queue a line; never waits."""
@@ -59,9 +77,13 @@ class PatientHandler(logging.Handler):
             self._lines.put_nowait(self.format(record) + "\n")
         except queue.Full:
             self.lost += 1
+        self._begin()
+
+    def _begin(self) -> None:
         if self._thread is None:
-            self._thread = threading.Thread(target=self._run, name="log", daemon=True)
-            self._thread.start()
+            thread = threading.Thread(target=self._run, name="log", daemon=True)
+            thread.start()
+            self._thread = thread
 
     def flush(self) -> None:
         """Wait until all is written, a second at most."""
@@ -77,6 +99,7 @@ class PatientHandler(logging.Handler):
         while True:
             line = self._lines.get()
             lost, self.lost = self.lost, 0
+            self.all_lost += lost
             if lost:
                 line = f"({lost} lines were lost here: they were not read)\n{line}"
             # A reader that is gone cannot be warned.
@@ -130,6 +153,16 @@ def configure(level: str, environ: Mapping[str, str], stream: TextIO) -> None:
     root.propagate = False
     # asyncio reports uncaught errors; such a line must reach the same reader.
     logging.getLogger("asyncio").handlers[:] = [handler]
+
+
+def status_values() -> dict[str, int]:
+    """Lines that were lost, and lines that could not be written as they were."""
+    handlers = logging.getLogger("yahboomd").handlers
+    ours = [each for each in handlers if isinstance(each, PatientHandler)]
+    return {
+        "log_lines_lost": sum(each.all_lost + each.lost for each in ours),
+        "log_lines_broken": sum(each.broken for each in ours),
+    }
 
 
 def flush() -> None:

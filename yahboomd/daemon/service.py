@@ -16,7 +16,7 @@ from yahboomd.bus.publishers import BusPublisher
 from yahboomd.clock import Clock, SystemClock, nanoseconds
 from yahboomd.config import Config, runtime_folder
 from yahboomd.daemon import assembly
-from yahboomd.daemon.black_box import BlackBox
+from yahboomd.daemon.black_box import NAME, BlackBox
 from yahboomd.daemon.bus_presence import BusPresence
 from yahboomd.daemon.commands import ClockWatch, CommandIntake, PoseIntake
 from yahboomd.daemon.control import Controller
@@ -24,6 +24,7 @@ from yahboomd.daemon.estop.local_stop import LocalStop
 from yahboomd.daemon.key_table import OUTPUTS
 from yahboomd.daemon.process import Notifier, Signals, open_bus
 from yahboomd.daemon.publisher import Publisher
+from yahboomd.daemon.recorders import Recorders
 from yahboomd.daemon.requests import Operator, Services
 from yahboomd.daemon.ros2_graphs import ros2_plane
 from yahboomd.daemon.ros2_graphs.ros2_samples import RosPublisher
@@ -70,6 +71,7 @@ class Daemon:
         self._stop = asyncio.Event()
         self._signals = Signals(self.stop)
         self._status_due = asyncio.Event()
+        self._recorders = Recorders()
         self._ros2: RosPublisher | None = None
         self._callback_failed = asyncio.Event()
         self._took_over = False
@@ -100,7 +102,7 @@ class Daemon:
         self._signals.install()
         loop.set_exception_handler(self._uncaught)
         notifier = self._notifier
-        bus = Bus(assembly.bus_options(self._config), clock=self._clock)
+        bus = Bus(assembly.bus_options(self._config), clock=self._clock, aside=True)
         try:
             opening = partial(self._open_bus, bus)
             if await open_bus(opening, notifier=notifier, clock=self._clock, stop=self._stop):
@@ -148,6 +150,7 @@ class Daemon:
 
     async def _serve(self, bus: Bus, notifier: Notifier) -> None:
         config, clock = self._config, self._clock
+        recorders = self._recorders
         arbiter = assembly.arbiter(config)
         self._stamps = WallStamps(clock, self._clock_stepped)
         self._publisher = Publisher(
@@ -161,7 +164,7 @@ class Daemon:
             motor_names=tuple(motor.name for motor in config.motors()),
         )
         latch = self._latch = assembly.latch(config, clock, self._environ)
-        box = self._box = BlackBox(config, clock, self._environ)
+        box = self._box = BlackBox(config, clock, self._environ, recorders)
         controller = assembly.controller(
             config, clock, arbiter=arbiter, latch=latch, outputs=self, recorder=box.recorder
         )
@@ -195,6 +198,7 @@ class Daemon:
             supervisor=supervisor,
             bus=bus,
             box=box,
+            recorders=recorders,
             more_bus_facts=lambda: {**self._publisher.status_values(), **local.status_values()},
         )
         services = Services(
@@ -233,7 +237,7 @@ class Daemon:
             fault = group
             raise
         finally:
-            box.close(fault)
+            recorders.call(NAME, box.close, fault)
             local.close()
             controller.close()
             latch.settle()
@@ -308,15 +312,17 @@ class Daemon:
         alarm = self._clock.alarm(self._status_due.set)
         try:
             while True:
-                self._stamps.follow()
-                sample = status.sample()
-                self._box.status(sample)
-                self._publisher.status(sample)
-                if self._ros2 is not None:
-                    self._ros2.status(sample)
-                self._clocks.report(self._clock.now_ns())
+                call = self._recorders.call
+                call("The watch on the wall clock", self._stamps.follow)
+                if (sample := call("The status", status.sample)) is not None:
+                    call(NAME, self._box.status, sample)
+                    call("The status on the bus", self._publisher.status, sample)
+                    if self._ros2 is not None:
+                        call("The status for ROS 2", self._ros2.status, sample)
+                    words = f"{sample.state}: {sample.why}"
+                    call("The status for the service manager", notifier.status, words)
+                call("The watch on senders' clocks", self._clocks.report, self._clock.now_ns())
                 self._latch.restore_file(self._clock.now_ns())
-                notifier.status(f"{sample.state}: {sample.why}")
                 alarm.set(self._clock.now_ns() + nanoseconds(STATUS_EVERY_S))
                 self._status_due.clear()
                 await self._status_due.wait()
@@ -342,29 +348,33 @@ class Daemon:
     def estimate(self, estimate: OdometryEstimate, command_m_s: tuple[float, ...]) -> None:
         """A new reading."""
         self._local.observe(estimate.motor_speed_m_s)
-        stamp_ns = self._publisher.estimate(estimate, command_m_s)
+        publish, call = self._publisher, self._recorders.call
+        stamp_ns = call("The pose on the bus", publish.estimate, estimate, command_m_s)
         if stamp_ns is not None and self._ros2 is not None:
-            self._ros2.estimate(estimate, stamp_ns)
+            call("The pose for ROS 2", self._ros2.estimate, estimate, stamp_ns)
 
     def imu(self, estimate: ImuEstimate) -> None:
         """A sample of the inertial sensor."""
-        stamp_ns = self._publisher.imu(estimate)
-        if self._ros2 is not None:
-            self._ros2.imu(estimate, stamp_ns)
+        call = self._recorders.call
+        stamp_ns = call("The inertial sensor on the bus", self._publisher.imu, estimate)
+        if stamp_ns is not None and self._ros2 is not None:
+            call("The inertial sensor for ROS 2", self._ros2.imu, estimate, stamp_ns)
 
     def battery(self, volts: float) -> None:
         """The voltage."""
-        stamp_ns = self._publisher.battery(volts)
-        if self._ros2 is not None:
-            self._ros2.battery(volts, stamp_ns)
+        call = self._recorders.call
+        stamp_ns = call("The voltage on the bus", self._publisher.battery, volts)
+        if stamp_ns is not None and self._ros2 is not None:
+            call("The voltage for ROS 2", self._ros2.battery, volts, stamp_ns)
 
     def event(self, event: Event) -> None:
         """Something happened."""
-        self._box.event(event)
-        stamp_ns = self._publisher.event(event)
+        call = self._recorders.call
+        call(NAME, self._box.event, event)
+        stamp_ns = call("The events on the bus", self._publisher.event, event)
         # An emergency stop over the local socket may come before the bus is set up.
-        if self._ros2 is not None:
-            self._ros2.event(event, stamp_ns)
+        if stamp_ns is not None and self._ros2 is not None:
+            call("The events for ROS 2 (/rosout)", self._ros2.event, event, stamp_ns)
 
     def _clock_stepped(self, event: Event) -> None:
         self._controller.event(event)

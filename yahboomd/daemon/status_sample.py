@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from yahboomd.bus.bus import Bus
 from yahboomd.clock import Clock, nanoseconds
+from yahboomd.daemon import logs
 from yahboomd.daemon.black_box import BlackBox
 from yahboomd.daemon.commands import CommandIntake
 from yahboomd.daemon.control import Controller
+from yahboomd.daemon.recorders import Recorders
 from yahboomd.daemon.stamps import STEP_S
 from yahboomd.daemon.supervisor import Supervisor
 from yahboomd.messages.native import StatusSample
@@ -53,6 +55,7 @@ class Status:
         supervisor: Supervisor,
         bus: Bus,
         box: BlackBox,
+        recorders: Recorders,
         more_bus_facts: Callable[[], dict[str, Any]],
     ) -> None:
         self._clock = clock
@@ -61,6 +64,7 @@ class Status:
         self._supervisor = supervisor
         self._bus = bus
         self._box = box
+        self._recorders = recorders
         self._more_bus_facts = more_bus_facts
         self._state: str | None = None
         self._since_ns = 0
@@ -86,15 +90,23 @@ class Status:
             since_ns=self._state_since.of(self._since_ns, offset_ns),
             why=why,
             board=self.board(),
-            link={**ZEROS["link"], **self._supervisor.status_values()},
+            link={**ZEROS["link"], **self._counted("link", self._supervisor.status_values)},
             command={
                 **ZEROS["command"],
-                **self._intake.status_values(),
-                **self._controller.status_values(),
-                **self._box.status_values(),
+                **self._counted("commands", self._intake.status_values),
+                **self._counted("control path", self._controller.status_values),
+                **self._counted("black box", self._box.status_values),
+                **self._recorders.status_values(),
+                **logs.status_values(),
             },
-            bus=self.bus(),
+            bus=self._counted("bus", self.bus),
         )
+
+    def _counted(self, what: str, values: Callable[[], Mapping[str, Any]]) -> Mapping[str, Any]:
+        found: Mapping[str, Any] = self._recorders.call(
+            f"The status of the {what}", values, default={}
+        )
+        return found
 
     def board(self) -> dict[str, Any]:
         """The board's answers about itself; empty while none is there."""

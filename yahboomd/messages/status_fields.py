@@ -39,6 +39,7 @@ class StatusField(msgspec.Struct, frozen=True, kw_only=True):
 REFUSALS: dict[str, str] = {
     "no_velocity": "it holds none of the velocities",
     "not_finite": "it holds NaN, an infinity, or a number beyond what a double holds",
+    "too_fast": "it is faster than any robot: over 100 m/s or 1,000 rad/s",
     "wrong_type": "a field has another type, or the stamp is no time",
     "malformed": "it is cut short, has bytes behind its end, or is no such encoding at all",
     "oversize": "payload and attachment have more than 4096 bytes; it is not read",
@@ -144,6 +145,11 @@ _COMMAND = {
     "blackbox_saved": "black boxes that were saved",
     "blackbox_failures": "black boxes that could not be saved",
     "blackbox_left_out": "records that were too large for the black box",
+    "recorder_failures": (
+        "parts that only record, publish or show, and were switched off because they failed"
+    ),
+    "log_lines_lost": "lines of the log that were lost because nothing read them",
+    "log_lines_broken": "lines of the log that could not be written as they were meant",
     "events": "events that were published",
     "events_suppressed": "events that were left out: more than five of one kind in a second",
     "odometry_readings": "readings that reached odometry",
@@ -262,6 +268,14 @@ FIELDS: tuple[StatusField, ...] = (
     *_counters("command", _ACCOUNT | _COMMAND),
     _fact("command", "gauge", "estop_not_on_file", "1 while an engaged e-stop is not on file"),
     _fact("command", "gauge", "blackbox_recording", "1 while the black box is kept"),
+    _fact(
+        *("command", "gauge", "blackbox_saving"),
+        "1 while black boxes can be saved; 0 if the last one could not be, or takes over 10 s",
+    ),
+    _fact(
+        *("command", "text", "recorders_off"),
+        "what was switched off because it failed, and why; empty: nothing was",
+    ),
     _fact("command", "text", "blackbox_last", "the newest saved black box; empty: none was saved"),
     _fact(
         *("command", "gauge", "board_tick_ns"),

@@ -79,7 +79,7 @@ export class Counters {
 
   #counts(group, name) {
     const kind = this.#meanings[group]?.[name]?.kind;
-    return kind ? kind === "counter" : !/^(board_tick_ns|neighbours|estop_not_on_file|blackbox_recording)$/.test(name);
+    return kind ? kind === "counter" : !/^(board_tick_ns|neighbours|estop_not_on_file|blackbox_recording|blackbox_saving)$/.test(name);
   }
 
   #meaning(name) {
