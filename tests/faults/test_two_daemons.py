@@ -79,6 +79,8 @@ def test_a_query_with_wildcards_stops_the_robots_of_all_namespaces_and_one_for_e
     joined = ["--set", f'zenoh.connect=["{zenoh_router.endpoint}"]']
     names = ("bot1", "bot2")
     robots = [real_robot(run=[*joined, "--set", f"zenoh.namespace={name}"]) for name in names]
+    for robot in robots:
+        robot.daemon.says("Connected")
     session = client("client", zenoh_router.endpoint, "nothing").session
 
     def both(selector: str, success: bool, key: str = "yahboomd/estop") -> bool:

@@ -110,7 +110,8 @@ OFFERS: dict[str, Offer] = {
     keys.ESTOP: Offer(
         request=EstopRequest,
         ros_type=ros2.SET_BOOL,
-        does="engages the emergency stop, and acknowledges that it was sent",
+        does="engages the emergency stop, and acknowledges that it was sent; "
+        "wildcards may stand before the last part of its key",
     ),
     keys.ESTOP_RESET: Offer(
         ros_type=ros2.TRIGGER,
