@@ -8,7 +8,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from made_boxes import HEADER, ring_of, saved_box
+from made_boxes import HEADER, into, ring_of, saved_box
 from robot_bench import RobotBench
 
 from yahboomd.blackbox import records
@@ -187,7 +187,8 @@ async def why_after(
     head, size = encode_header(HEADER), HEADER.segment_bytes
     buffer = bytearray(head + bytes(64 * size))
     options = SimulationOptions(**simulation)  # type: ignore[arg-type]
-    bench = RobotBench(folder, overrides, options, ring=Ring(buffer, len(head), size))
+    ring = Ring(into(buffer), len(head), size, 64)
+    bench = RobotBench(folder, overrides, options, ring=ring)
     assert bench.recorder is not None
     recorder, publish = bench.recorder, bench.heard.event
 
