@@ -133,15 +133,21 @@ async def test_a_stop_without_a_board_is_answered_at_once_with_the_reason(tmp_pa
 async def test_a_fault_is_reported_after_the_bytes_of_its_cut(tmp_path: Path, dialect: str) -> None:
     async with Watched(tmp_path, dialect) as bench:
         await bench.ready()
-        await bench.drive(0.5, 0.3)
-        faults = MotorFaults(encoder_dead=True)
-        bench.robot.set_faults("left", faults, now_ns=bench.clock.now_ns())
-        for step in range(200):
-            bench.command(0.3 + step / 2000)
-            await asyncio.sleep(0.011)
-            assert bench.stopped or bench.controller.state()[0] != "fault"
-        assert bench.controller.state()[0] == "fault"
-        assert all(stopped for kind, stopped in bench.reported if kind in {"no_counts", "estop"})
+        for phase_ms in range(0, 12, 2):
+            for dead in (False, True):
+                faults = MotorFaults(encoder_dead=dead)
+                bench.robot.set_faults("left", faults, now_ns=bench.clock.now_ns())
+                await bench.drive(0.0 if dead else 0.5, 0.3)
+            await asyncio.sleep(phase_ms / 1000)
+            step = 0
+            while bench.controller.state()[0] != "fault":
+                bench.command(0.3 + (step := step + 1) / 2000)
+                await asyncio.sleep(0.005)
+                assert bench.stopped or bench.controller.state()[0] != "fault"
+            await asyncio.sleep(1.1)
+            assert bench.operator.release_estop()[0]
+        faults_seen = [stopped for kind, stopped in bench.reported if kind == "no_counts"]
+        assert faults_seen == [True] * 6
 
 
 @on_virtual_time

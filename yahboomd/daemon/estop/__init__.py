@@ -1,2 +1,1 @@
-"""The emergency stop: engaged and remembered (`latch`), over a Unix socket (`local_stop`), and
-reported once it was sent (`stop_reports`)."""
+"""The emergency stop: its latch, its local socket, and reports that follow its bytes."""
