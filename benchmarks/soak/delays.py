@@ -27,7 +27,15 @@ QUEUE_S = 0.4
 def frozen(course: Course) -> None:
     """The daemon's process does not run for less than the watchdog waits, then goes on."""
     for_s = course.random.uniform(0.3, 1.9)
-    reverses = for_s > TIMEOUT_S + 0.2 and course.random.random() < 0.5
+    _freeze(course, for_s, reverses=for_s > TIMEOUT_S + 0.2 and course.random.random() < 0.5)
+
+
+def frozen_full(course: Course) -> None:
+    """Frozen for so long that the kernel's buffer is full: what comes after that is lost."""
+    _freeze(course, course.random.uniform(1.2, 1.9), reverses=False)
+
+
+def _freeze(course: Course, for_s: float, *, reverses: bool) -> None:
     course.move(0.3, 0.0)
     life = course.manager.life
     frozen_ns = course.manager.freeze()

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import time
 
 from benchmarks.soak.course import BRAKE_S, NEAR_ZERO, Course
 from benchmarks.soak.processes import WATCHDOG_S, Helper
 from benchmarks.soak.tail import Order, is_stop
+from yahboomd.blackbox.ring_file import ring_folder, rings
+from yahboomd.config import runtime_folder
 
 TIMEOUT_S = 0.5
 RAMP_S = 0.25
@@ -128,6 +131,25 @@ def sigkill(course: Course) -> None:
     course.stands(since_ns, 1.0 + BRAKE_S)
 
 
+def damaged_rings(course: Course) -> None:
+    """Killed, and beside its ring lie two that are damaged: the next daemon drives all the same."""
+    user_id = os.getuid()
+    folder = ring_folder(runtime_folder(os.environ, user_id=user_id), user_id)
+    whole = next((path.read_bytes() for path in rings(folder)), b"")
+    flipped = bytearray(whole[:4096] or b"?")
+    for _ in range(8):
+        flipped[course.random.randrange(len(flipped))] ^= 1 << course.random.randrange(8)
+    damaged = [folder / f"soak-{os.getpid()}-{number}.ring" for number in range(2)]
+    for path, data in zip(damaged, (bytes(flipped), course.random.randbytes(4096)), strict=True):
+        path.write_bytes(data)
+    try:
+        sigkill(course)
+        time.sleep(1.0)
+    finally:
+        for path in damaged:
+            path.unlink(missing_ok=True)
+
+
 def sigstop(course: Course) -> None:
     """The daemon hangs; the watchdog ends it."""
     course.move()
@@ -156,6 +178,17 @@ def brown_out(course: Course) -> None:
     _counts_from_zero(course)
     off_s = course.random.choice([0.02, 0.1, 0.4])
     _after_reset(course, course.board.do(f"brown-out {off_s}"))
+
+
+def dip(course: Course) -> None:
+    """The supply dips for so long that a stop is due meanwhile: no wheel is accused."""
+    course.move()
+    _counts_from_zero(course)
+    since_ns = course.board.do(f"brown-out {course.random.choice([0.3, 0.6, 0.8])}")
+    course.stands(since_ns, 1.0)
+    time.sleep(2.0)
+    if course.app.events_since(since_ns, "stop_not_obeyed"):
+        course.unexpected("a wheel is accused of disobeying a stop", since_ns)
 
 
 def _counts_from_zero(course: Course) -> None:

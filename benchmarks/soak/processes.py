@@ -164,6 +164,8 @@ class Board:
             [
                 *(sys.executable, "-m", "yahboomd", "simulate", "--dialect", dialect),
                 *("--link", str(self.port), "--seed", str(seed), "--ticks", INITIAL_TICKS),
+                # Every other board fills the wire with its lines, if it streams them.
+                *("--stream-pace", "wire" if seed % 2 else "measured"),
                 # The ten seconds of a real one would be most of the run.
                 *("--start-up", "0.3"),
                 *("--truth", str(self._files[0]), "--heard", str(self._files[1])),

@@ -31,6 +31,7 @@ FAULTS: dict[str, Fault] = {
     "wheel stalled": injections.stalled,
     "wheel turned": injections.turning,
     "frozen process": delays.frozen,
+    "frozen with a full buffer": delays.frozen_full,
     "burst": delays.burst,
     "another tick": delays.another_tick,
     "lost answers": delays.lost_answers,
@@ -44,6 +45,7 @@ FAULTS: dict[str, Fault] = {
 RESETS: dict[str, Fault] = {
     "board reset": injections.reset,
     "brown-out": injections.brown_out,
+    "dip of the supply": injections.dip,
     "reset loop": injections.reset_loop,
     "board hangs": injections.board_hangs,
 }
@@ -53,6 +55,7 @@ ENDING: dict[str, Fault] = {
     "SIGTERM": injections.sigterm,
     "SIGTERM in an output stall": delays.sigterm_in_output_stall,
     "SIGKILL": injections.sigkill,
+    "damaged rings": injections.damaged_rings,
     "SIGSTOP": injections.sigstop,
     "another signal": attacks.other_signal,
 }

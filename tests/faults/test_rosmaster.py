@@ -322,3 +322,18 @@ def test_a_real_one_is_found_again_after_the_plug_was_out_and_keeps_its_pose(
     truth = real.settled_truth()
     pose = app.pose_at(truth)
     assert math.hypot(pose["x"] - truth.x, pose["y"] - truth.y) < 0.008
+
+
+@pytest.mark.parametrize("fault", ["mute 0.35", "mute 0.5", "hold 0.5"])
+@on_virtual_time
+async def test_a_gap_that_is_shorter_than_its_start_is_no_reset(tmp_path: Path, fault: str) -> None:
+    async with robot(tmp_path, start_up_s=10.6) as bench:
+        await bench.ready()
+        await bench.drive(2.0, 0.3)
+        # The counters come nearer to zero, as after a reset.
+        await bench.drive(1.0, -0.3)
+        for _ in range(3):
+            bench.do(fault)
+            await bench.drive(0.6, -0.3)
+        await bench.drive(1.0, -0.3)
+        assert "board_reset" not in bench.heard.kinds

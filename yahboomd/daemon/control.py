@@ -141,6 +141,7 @@ class Controller:
         self.stop_reports = StopReports(clock, self._stop_outcome)
         self._period_ns = nanoseconds(options.period_s)
         self._blind_s = options.blind_s
+        self._starts_s = 0.0
         self._beats = Schedule(clock, self._period_ns)
         self.volts: float | None = None
         self.battery_watch = BatteryWatch(options.battery_low_v, options.battery_stop_v)
@@ -353,6 +354,7 @@ class Controller:
         self.imu_sensor = None
         dialect = identity.dialect
         self._blind_s = self._options.blind_s if dialect.poll is not None else BLIND_S
+        self._starts_s = dialect.starts_within_s
         self._odometer.set_sample_period(
             dialect.sample_period_ns,
             each_line=dialect.renews_with_each_line,
@@ -390,8 +392,13 @@ class Controller:
         update = self._odometer.update(reading)
         for event in update.events:
             self.event(event)
-            paused = self._pauses.just_ended(reading.received_ns)
-            self._resets.interrupted(event, reading.ticks, self._raw_ticks, paused=paused)
+            self._resets.interrupted(
+                event,
+                reading.ticks,
+                self._raw_ticks,
+                paused=self._pauses.just_ended(reading.received_ns),
+                silent_s=self._starts_s / 2.0,
+            )
         if (estimate := update.estimate) is None:
             return
         now_ns = self._seen_ns = self._clock.now_ns()

@@ -108,7 +108,13 @@ class Resets:
         self._restarted(f"The board reset itself (firmware {version})")
 
     def interrupted(
-        self, event: Event, ticks: Counts, before: Counts, *, paused: bool = False
+        self,
+        event: Event,
+        ticks: Counts,
+        before: Counts,
+        *,
+        paused: bool = False,
+        silent_s: float = 0.0,
     ) -> None:
         """Check for a reset: a break in the counts may be all that is seen of it.
 
@@ -117,11 +123,15 @@ class Resets:
             ticks: What the board counts now.
             before: What it counted last.
             paused: This process did not run meanwhile, which explains a gap without a reset.
+            silent_s: After a reset the board is silent for so long at least: a shorter gap is none.
         """
-        cause = (event.data or {}).get("cause")
+        data = event.data or {}
+        cause = data.get("cause")
         # After a silence the odometer cannot count from zero, but zero is where they came from.
         fell = max(map(abs, ticks)) < max(map(abs, before))
-        gap_by_reset = cause == "gap_lost" and fell and self._wheels.in_motion and not paused
+        gap_s = data.get("gap_s")
+        may_be = not paused and isinstance(gap_s, float) and gap_s >= silent_s
+        gap_by_reset = cause == "gap_lost" and fell and self._wheels.in_motion and may_be
         if cause == "reset_unseen" or gap_by_reset:
             if self._wheels.noisy:
                 # Digits that were lost on their way look the same: they do not add up to a loop.
