@@ -115,8 +115,8 @@ class LastLook:
         whole = HALF * self._profile.ticks_per_revolution
         while True:
             await self._choice(
-                f"\nTurn the mark of the {wheel} wheel to its top by hand. Then y, and the wheel "
-                "turns forward by half a turn:",
+                f"\nTurn the mark of the {wheel} wheel to its top; then y, and it turns by half a "
+                "turn:",
                 "y",
             )
             stages = math.ceil(whole / self._pulses.most_counts)
