@@ -7,6 +7,7 @@ from collections.abc import Callable
 import pytest
 from chromium import Page
 from page_bench import LONG, PageBench
+from real_robot import wait_for
 
 pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("browser")]
 
@@ -159,6 +160,21 @@ def test_a_second_finger_anywhere_stops_and_the_first_drives_again_only_when_lif
     bench.stops_after(page.lift)
 
 
+def test_texts_that_grow_while_the_thumb_is_down_neither_move_the_pad_nor_end_the_drive(
+    bench: PageBench, page: Page
+) -> None:
+    before = page.middle(".pad")
+    bench.press(page)
+    for place in ("header", "footer", ".drive .line"):
+        grows = "const p = document.createElement('p'); p.style.height = '9rem'"
+        page.evaluate(f"{{ {grows}; document.querySelector('{place}').append(p); }}")
+    assert page.middle(".pad") == pytest.approx(before, abs=1.0)
+    moves = len(bench.motions())
+    wait_for(lambda: len(bench.motions()) > moves + 5, "it drives on")
+    assert page.says_driving()
+    bench.stops_after(page.lift)
+
+
 def test_the_pad_does_not_move_under_the_thumb_whatever_the_page_says(
     bench: PageBench, page: Page
 ) -> None:
@@ -239,3 +255,18 @@ def test_a_menu_that_takes_the_keys_away_stops_the_robot(bench: PageBench, page:
         )
     )  # fmt: skip
     page.key("KeyW", down=False)
+
+
+@LONG
+def test_a_velocity_out_of_all_proportion_is_refused_with_the_reason_and_nothing_is_sent(
+    make_bench: Callable[..., PageBench],
+) -> None:
+    fast = ("limits.angular.velocity=9000",)
+    bench = make_bench(run=tuple(word for each in fast for word in ("--set", each)))
+    with bench.page() as page:
+        bench.ready(page)
+        page.touch(bench.place(page, 0.99, 0.0))
+        page.says(".words", "rad/s, more than any robot drives")
+        bench.stays()
+        assert not any(frame["type"] == "drive" for _, frame in bench.sent_by(page))
+        page.lift()

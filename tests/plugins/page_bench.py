@@ -45,6 +45,7 @@ class PageBench:
         folder: For all files.
         browser: It opens the pages.
         simulate: More arguments of ``yahboomd simulate``.
+        run: More arguments of ``yahboomd run``.
         listen: The address of the server; another one than loopback demands tokens.
     """
 
@@ -54,11 +55,12 @@ class PageBench:
         browser: Chromium,
         *,
         simulate: tuple[str, ...] = (),
+        run: tuple[str, ...] = (),
         listen: str = "127.0.0.1",
     ) -> None:
         self.browser = browser
         heard = folder / "heard"
-        self.robot = RealRobot(folder, simulate=["--heard", str(heard), *simulate])
+        self.robot = RealRobot(folder, simulate=["--heard", str(heard), *simulate], run=run)
         self._wire = Tail(heard, Heard)
         self._moved_ns: list[int] = []
         self.port = int(free_endpoint().rsplit(":", 1)[1])

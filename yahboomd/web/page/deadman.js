@@ -6,6 +6,7 @@ const SPACING_MS = 20; // A finger moves more often than that; the server takes 
 const ZEROS_MS = 1000;
 const STALLED_MS = 250; // This page did not run for so long: nothing that it held counts any more.
 const ZERO = { vx: 0, vy: 0, wz: 0 };
+const MOST = { vx: [100, "m/s"], vy: [100, "m/s"], wz: [1000, "rad/s"] }; // Out of all proportion beyond, NaN too.
 
 export class Deadman {
   #velocity = null; // While held.
@@ -42,7 +43,7 @@ export class Deadman {
 
   /** Begin to drive, at a velocity that `move` changes; false, with the reason passed on, where it may not. */
   hold(velocity) {
-    const why = document.hidden ? "The page is hidden." : this.obstacle();
+    const why = document.hidden ? "The page is hidden." : excess(velocity) || this.obstacle();
     if (why) {
       this.onLetGo(why);
       return false;
@@ -72,7 +73,7 @@ export class Deadman {
 
   #mayGoOn() {
     const late = performance.now() - this.#tickedAt - PERIOD_MS;
-    const why = late > STALLED_MS ? "This page stood still for a moment." : this.obstacle();
+    const why = late > STALLED_MS ? "This page stood still for a moment." : excess(this.#velocity) || this.obstacle();
     if (why) this.letGo(why);
     return !why;
   }
@@ -90,4 +91,13 @@ export class Deadman {
   #send(velocity) {
     if (this.connection.drive(velocity)) this.#sentAt = performance.now();
   }
+}
+
+/** Why a velocity cannot be meant, or "". It is refused, and not driven as fast as the robot can. */
+function excess(velocity) {
+  for (const [axis, [most, unit]] of Object.entries(MOST)) {
+    if (axis in velocity && !(Math.abs(velocity[axis]) <= most))
+      return `This would be ${velocity[axis]} ${unit}, more than any robot drives: check its [limits]. Nothing was sent.`;
+  }
+  return "";
 }

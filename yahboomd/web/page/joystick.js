@@ -3,6 +3,7 @@
 import { el } from "./dom.js";
 
 const DEAD = 0.08; // Of the radius: a thumb that rests drives nowhere.
+const BESIDE = "header, nav, footer, .drive > *"; // Their texts change while the pad is held.
 const SHIFT = 1; // Pixels that layout may round.
 
 export class Joystick {
@@ -55,14 +56,26 @@ export class Joystick {
     this.#pointer = null;
     if (pointer !== null && this.element.hasPointerCapture(pointer)) this.element.releasePointerCapture(pointer);
     this.element.classList.remove("held");
+    this.#pin(false);
     this.show(0, 0);
+  }
+
+  /** While it is held nothing beside it changes its height: a longer text must not move the pad. */
+  #pin(isHeld) {
+    const all = [...document.querySelectorAll(BESIDE)];
+    const heights = all.map((each) => (isHeld ? `${each.getBoundingClientRect().height}px` : ""));
+    all.forEach((each, index) => (each.style.height = heights[index]));
   }
 
   #press(event) {
     // A finger that is not the first has another one beside it.
     if (this.#pointer !== null || !event.isPrimary || event.button !== 0) return;
+    this.#pin(true);
     this.#box = this.element.getBoundingClientRect();
-    if (!this.onPress(...this.#place(event))) return;
+    if (!this.onPress(...this.#place(event))) {
+      this.#pin(false);
+      return;
+    }
     this.#pointer = event.pointerId;
     this.element.setPointerCapture(event.pointerId);
     this.element.classList.add("held");
