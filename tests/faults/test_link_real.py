@@ -235,7 +235,9 @@ def test_a_port_that_takes_nothing_keeps_the_daemon_neither_from_its_work_nor_fr
         for _ in range(30):
             app.session.put("cmd_vel", DRIVE)
             time.sleep(0.05)
-        assert app.ask("yahboomd/estop")["success"]
+        # The kernel may take the stop, or the connection may be about to be given up.
+        answer = app.ask("yahboomd/estop")
+        assert answer["success"] or "It could not be sent, because" in answer["message"]
         began_s = time.monotonic()
         assert robot.daemon.end() == os.EX_TEMPFAIL
         print(f"ended {time.monotonic() - began_s:.1f} s after SIGTERM, with the port stuck")

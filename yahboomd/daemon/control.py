@@ -455,7 +455,7 @@ class Controller:
         # It arms the board as well, to see the wheels stand.
         self._odometer.armed()
         self._limiter.halt()
-        self._wait("The connection to the board is being ended, which stops the wheels.")
+        self._wait("The connection to the board is being ended, with a stop.")
         self._outputs.changed()
 
     def unavailable(self, error: YahboomdError) -> None:
