@@ -19,7 +19,7 @@ from yahboomd.link.port import Opener, Port, PortOptions, open_port
 from yahboomd.link.port_errors import holders
 from yahboomd.model import NS_PER_S
 
-GUARD_ENDS_WITHIN_NS = 3 * NS_PER_S
+GUARD_ENDS_WITHIN_NS = 5 * NS_PER_S
 RETRY_S = 0.05
 
 

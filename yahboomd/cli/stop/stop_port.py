@@ -35,8 +35,9 @@ if TYPE_CHECKING:
     from yahboomd.config import Config
     from yahboomd.link.takeover import TakeoverReport
 
-MEASURING_ENDS_WITHIN_S = 5.0
-"""``setup`` and ``tune`` stop the wheels, see them stand, and let the port go."""
+MEASURING_ENDS_WITHIN_S = 10.0
+"""``setup`` and ``tune`` stop the wheels, see them stand, restore the board's values, and let the
+port go."""
 
 _SIGNALS = (
     *(signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP),
