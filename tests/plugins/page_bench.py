@@ -198,9 +198,9 @@ class PageBench:
     def recover(self) -> None:
         """As it was at first: the network is good, nothing is engaged, no page has control."""
         self.network.delay_s, self.network.held, self.network.refuses = 0.0, False, False
-        if self.application.latest("status")["state"] != "standing":
-            reset = "yahboomd/estop/reset"
-            wait_for(lambda: self.application.ask(reset)["success"], "the stop is released")
+        # Whatever the newest status is: one that was engaged just now may not be in it yet.
+        reset = "yahboomd/estop/reset"
+        wait_for(lambda: self.application.ask(reset)["success"], "the stop is released")
 
     def sent_by(self, page: Page) -> list[tuple[float, dict[str, Any]]]:
         """The frames that a page sent to the server, with their moments in seconds."""

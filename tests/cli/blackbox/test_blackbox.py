@@ -34,6 +34,8 @@ def blackbox(
     folder.mkdir(parents=True)
     monkeypatch.setenv("STATE_DIRECTORY", str(folder.parent))
     monkeypatch.setattr("yahboomd.cli.blackbox.box_places.SERVICES", "/no/such/*")
+    # Other robots may run on this machine.
+    monkeypatch.setattr("yahboomd.cli.blackbox.box_places.folders", lambda environ: [])
     for reason in ("disconnected", "estop"):
         save_box(folder, BOX, reason=reason, wall_ns=1_795_370_130_000_000_000)
 
