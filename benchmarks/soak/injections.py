@@ -150,6 +150,30 @@ def damaged_rings(course: Course) -> None:
             path.unlink(missing_ok=True)
 
 
+def recorders_fail(course: Course) -> None:
+    """Whatever only records raises, one part after the other: it drives, and stops at an e-stop."""
+    course.move()
+    since_ns = time.monotonic_ns()
+    fuse = course.manager.fuse
+    fuse.touch()
+    try:
+        if not course.wait(
+            lambda: (s := course.app.status) and s.command["recorder_failures"], 5.0
+        ):
+            course.unexpected("no recorder is switched off")
+        course.move()
+        engage(course, "e-stop")
+    finally:
+        fuse.unlink()
+    if course.manager.life.began_ns > since_ns:
+        course.fail("a recorder ended the daemon")
+    # What was switched off works again in the next one.
+    life = course.manager.life
+    course.manager.signal(signal.SIGTERM)
+    if not course.wait(lambda: life.status is not None, 10.0) or life.status != 0:
+        course.unexpected(f"the daemon ended with {life.status}")
+
+
 def sigstop(course: Course) -> None:
     """The daemon hangs; the watchdog ends it."""
     course.move()

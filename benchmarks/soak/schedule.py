@@ -56,6 +56,7 @@ ENDING: dict[str, Fault] = {
     "SIGTERM in an output stall": delays.sigterm_in_output_stall,
     "SIGKILL": injections.sigkill,
     "damaged rings": injections.damaged_rings,
+    "recorders fail": injections.recorders_fail,
     "SIGSTOP": injections.sigstop,
     "another signal": attacks.other_signal,
 }

@@ -1,0 +1,83 @@
+"""``yahboomd run`` whose recorders fail once each, from the moment that a file appears.
+
+    python -m benchmarks.soak.failing_daemon FILE run ...
+
+Only the soak knows it: the exceptions are those that a full disk and a mistake in a recorder raise.
+"""
+
+from __future__ import annotations
+
+import errno
+import itertools
+import os
+import re
+import sys
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from yahboomd.cli.main import main
+from yahboomd.daemon.recorders import Recorders
+
+SPARED = re.compile(r"The (pose|events) on the bus|The status(?! for)")
+"""The soak judges by these."""
+
+ERRORS: tuple[BaseException, ...] = (
+    OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)),
+    OverflowError("float too large to pack with f format"),
+    MemoryError(),
+)
+
+
+class Fuse:
+    """Decides which call of a recorder raises."""
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+        self._lit = False
+        self._failed: set[str] = set()
+        self._errors = itertools.cycle(ERRORS)
+        threading.Thread(target=self._watch, daemon=True).start()
+
+    def _watch(self) -> None:
+        while not os.path.exists(self._path):
+            time.sleep(0.1)
+        self._lit = True
+
+    def burn(self, name: str) -> None:
+        """Raise, if this recorder has not yet."""
+        if self._lit and not SPARED.match(name) and name not in self._failed:
+            self._failed.add(name)
+            raise next(self._errors)
+
+
+def fit(fuse: Fuse) -> None:
+    """Have every call of a recorder pass the fuse."""
+    call, guarded = Recorders.call, Recorders.guarded
+
+    def burning(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        def run(*arguments: object, **named: object) -> Any:  # noqa: ANN401 - as the function
+            fuse.burn(name)
+            return function(*arguments, **named)
+
+        return run
+
+    def call_burning(
+        self: Recorders,
+        name: str,
+        function: Callable[..., Any],
+        *arguments: object,
+        default: object = None,
+    ) -> Any:  # noqa: ANN401 - as the function
+        return call(self, name, burning(name, function), *arguments, default=default)
+
+    Recorders.call = call_burning  # type: ignore[method-assign]
+    Recorders.guarded = lambda self, name, function: guarded(  # type: ignore[method-assign]
+        self, name, burning(name, function)
+    )
+
+
+if __name__ == "__main__":
+    fit(Fuse(sys.argv[1]))
+    sys.exit(main(sys.argv[2:]))
