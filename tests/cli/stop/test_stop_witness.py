@@ -12,7 +12,7 @@ import pytest
 from zenoh_fixtures import free_endpoint
 
 from yahboomd.cli.main import main
-from yahboomd.cli.stop.stop_witness import believed, holds, made_by_root
+from yahboomd.cli.stop.stop_witness import believed, holds, made_by_root, settled
 
 FOREIGN, OTHER = 65534, 65533
 
@@ -20,7 +20,13 @@ as_root = pytest.mark.skipif(os.geteuid() != 0, reason="only root has several us
 
 STRANGER = """
 import json, os, socket, sys
-path, port, uid, held = *sys.argv[1:3], *map(int, sys.argv[3:])
+path, port, uid, held, turned = *sys.argv[1:3], *map(int, sys.argv[3:])
+if turned:
+    _, own = os.openpty()
+    asked, port = port, path + ".d/port"
+    os.mkdir(path + ".d")
+    os.chown(path + ".d", uid, uid)
+    os.symlink(asked, port)
 if held:
     fd = os.open(port, os.O_RDWR | os.O_NOCTTY)
 listening = socket.socket(socket.AF_UNIX)
@@ -40,6 +46,9 @@ while True:
         lines = [{"engaged": True, "message": "Engaged."}, {"stood": True, "fastest_m_s": 0.0}]
     connection.sendall("".join(json.dumps(line) + "\\n" for line in lines).encode())
     connection.close()
+    if turned and len(lines) == 2:
+        os.unlink(port)
+        os.symlink(os.ttyname(own), port)
 """
 
 
@@ -64,11 +73,14 @@ def folder(request: pytest.FixtureRequest) -> Iterator[Path]:
 
 @pytest.fixture
 def stranger(folder: Path, held_port: str) -> Iterator[Callable[..., int]]:
-    """Starts a process of another user that claims the port: ``stranger(uid, held=True)``."""
+    """Starts a process of another user that claims the port: ``stranger(uid, held=True)``.
+
+    With ``turned`` it names a link, which leads to a port of its own after it has answered.
+    """
     started: list[subprocess.Popen[str]] = []
 
-    def start(uid: int, *, held: bool = False) -> int:
-        words = (str(folder / "stop.sock"), held_port, str(uid), str(int(held)))
+    def start(uid: int, *, held: bool = False, turned: bool = False) -> int:
+        words = (str(folder / "stop.sock"), held_port, str(uid), str(int(held)), str(int(turned)))
         started.append(
             subprocess.Popen(
                 [sys.executable, "-c", STRANGER, *words],
@@ -156,6 +168,29 @@ def test_other_users_believe_their_own_daemon_and_that_of_a_folder_which_root_ma
     )
     assert done.returncode == status, done.stderr
     assert ("The wheels stand." in done.stdout) is (status == 0)
+
+
+@as_root
+@pytest.mark.realtime
+def test_a_link_that_its_user_leads_from_the_port_to_one_of_theirs_proves_nothing(
+    stranger, folder: Path, held_port: str, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    stranger(FOREIGN, turned=True)
+    monkeypatch.setenv("RUNTIME_DIRECTORY", str(folder))
+    assert main(["stop", *options(held_port)]) != 0
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert "This proves nothing" in output.err
+
+
+def test_a_place_is_settled_if_only_root_can_lead_its_name_elsewhere(
+    folder: Path, held_port: str
+) -> None:
+    link = folder / "link"
+    link.symlink_to(held_port)
+    assert settled(str(link)) == settled(held_port) == held_port
+    (folder / "file").touch()
+    assert settled(str(folder / "file")) == settled("/nonexistent/file") == ""
 
 
 @as_root

@@ -14,7 +14,7 @@ from glob import glob
 from typing import Any, NamedTuple
 
 from yahboomd.cli.stop.stop_talk import Talk, converse
-from yahboomd.cli.stop.stop_witness import believed, holds
+from yahboomd.cli.stop.stop_witness import believed, holds, settled
 from yahboomd.link import port_note
 from yahboomd.link.port_note import PortNote
 from yahboomd.program import pasteable, plain, release_command
@@ -271,11 +271,15 @@ def _robot(talk: Talk) -> LocalDaemon:
     facts = talk.lines[0] if talk.lines else {}
     if facts.get("daemon") != "yahboomd":
         return LocalDaemon(talk.path, talk.pid, silent=True, uid=talk.uid)
+    ports = _texts(facts.get("ports"))
+    if talk.uid not in {0, os.geteuid()}:
+        # A link of another user leads to the port that is asked for, and later to one of theirs.
+        ports = tuple(settled(port) or port for port in ports)
     return LocalDaemon(
         talk.path,
         talk.pid,
         namespace=str(facts.get("namespace", "")),
-        ports=_texts(facts.get("ports")),
+        ports=ports,
         listen=_texts(facts.get("listen")),
         uid=talk.uid,
     )

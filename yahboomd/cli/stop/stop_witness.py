@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Sequence
+from stat import S_ISDIR
 
 from yahboomd.link.port_identity import is_pseudo
 
@@ -17,7 +18,7 @@ def believed(pid: int, uid: int | None, socket: str, ports: Sequence[str]) -> bo
     """Whether a process that answers is believed.
 
     Root is, the caller, the owner of a folder that only root can have made, and a process that is
-    seen to hold every port that it names.
+    seen to hold every port that it names, by names that only root can lead elsewhere.
 
     Args:
         pid: The process; 0 where it is in another PID namespace.
@@ -29,8 +30,27 @@ def believed(pid: int, uid: int | None, socket: str, ports: Sequence[str]) -> bo
         return False
     if uid in {0, os.geteuid()} or made_by_root(os.path.dirname(socket), uid):
         return True
-    # The id may have been given again since.
-    return bool(ports) and _user_of(pid) == uid and all(holds(pid, port) for port in ports)
+    # The id may have been given again since, and a link of theirs may lead elsewhere by now.
+    return (
+        bool(ports)
+        and _user_of(pid) == uid
+        and all(settled(port) == port and holds(pid, port) for port in ports)
+    )
+
+
+def settled(port: str) -> str:
+    """The place to which a name leads, if root alone can change that place; else empty."""
+    place = folder = os.path.realpath(port)
+    # From the top: who may write to a folder can replace all below it.
+    above = [folder := os.path.dirname(folder) for _ in range(place.count("/"))]
+    try:
+        for folder in reversed(above):
+            status = os.lstat(folder)
+            if not S_ISDIR(status.st_mode) or status.st_uid != 0 or status.st_mode & 0o022:
+                return ""
+    except OSError:
+        return ""
+    return place
 
 
 def made_by_root(folder: str, owner: int) -> bool:
