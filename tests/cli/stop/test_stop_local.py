@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import asyncio
 import contextlib
 import os
@@ -11,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.cli.stop import stop_local
+from yahboomd.cli.stop import stop, stop_local
 from yahboomd.cli.stop.stop_local import (
     LocalDaemon,
     LocalStops,
@@ -107,6 +108,20 @@ async def test_every_daemon_is_stopped_where_none_is_named(daemon, environ) -> N
     }
     assert all("The wheels stand." in words for _, _, words in outcomes)
     assert stops.silent == []
+
+
+async def test_a_variable_that_names_no_robot_leaves_no_daemon_out(
+    daemon, environ, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = await daemon("bot1")
+    monkeypatch.setenv("RUNTIME_DIRECTORY", environ["RUNTIME_DIRECTORY"])
+    monkeypatch.setenv("YAHBOOMD_LOG__LEVEL", "error")
+    monkeypatch.setenv("YAHBOOMD_OF_ANOTHER_PROGRAM", "1")
+    args = argparse.Namespace(port=None, namespace=None, config=None, overrides=[])
+    stops = LocalStops()
+    await asyncio.to_thread(stop._stop_locally, args, stops)
+    await asyncio.to_thread(stops.outcomes)
+    assert made.stops == 1
 
 
 async def test_one_that_is_not_named_is_left_alone(daemon, environ) -> None:

@@ -56,8 +56,8 @@ if TYPE_CHECKING:
 NOT_STANDING = 1
 """The exit status where the wheels were not shown to stand."""
 
-PREFIX = "YAHBOOMD_"
-"""The prefix of variables that configure."""
+NAMING = ("YAHBOOMD_SERIAL_", "YAHBOOMD_ZENOH_")
+"""Prefixes of variables that name a robot; others leave none out."""
 
 DESCRIPTION = """\
 Stop the wheels, and see that they stand. A running daemon engages its emergency stop, and keeps it
@@ -266,7 +266,7 @@ def _stop_locally(args: argparse.Namespace, local: LocalStops) -> Config | None:
     """
     from yahboomd.cli.stop.stop_local import Wanted, find
 
-    named = args.config or args.overrides or any(name.startswith(PREFIX) for name in os.environ)
+    named = args.config or args.overrides or any(name.startswith(NAMING) for name in os.environ)
     wanted = Wanted(port=args.port or "", namespace=args.namespace)
     config = None
     if named and not args.port:
