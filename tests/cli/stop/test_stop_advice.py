@@ -8,7 +8,7 @@ import shlex
 from zenoh_fixtures import free_endpoint
 
 from yahboomd.cli.main import whole_parser
-from yahboomd.cli.stop.stop_advice import no_answer, not_found, silent, this_command
+from yahboomd.cli.stop.stop_advice import no_answer, not_found, not_released, silent, this_command
 from yahboomd.cli.stop.stop_local import LocalDaemon, LocalStops
 from yahboomd.config import Config
 from yahboomd.errors import NoDaemon, PortMissing
@@ -38,6 +38,17 @@ def test_a_daemon_that_does_not_answer_is_named_with_what_ends_it() -> None:
 def test_where_nothing_listens_the_error_stays() -> None:
     error = NoDaemon("No daemon answers.", remedy="Start it.")
     assert no_answer(error, parsed(), (free_endpoint(),)) is error
+
+
+def test_a_release_by_port_names_the_daemon_on_that_port_and_no_other() -> None:
+    robots = [
+        LocalDaemon(f"/run/{name}", GONE, ports=(f"/dev/{name}",), listen=(f"tcp/{name}:1",))
+        for name in ("a", "b")
+    ]
+    error = NoDaemon("No daemon answers.", remedy="Start it.")
+    found = not_released(error, parsed("--release", "--port", "/dev/b"), robots, (free_endpoint(),))
+    assert "`yahboomd stop --release --connect tcp/b:1`" in found.remedy
+    assert "tcp/a:1" not in found.remedy
 
 
 def test_a_missing_port_and_a_missing_daemon_are_one_error_with_its_exit_code() -> None:

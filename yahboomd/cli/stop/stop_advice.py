@@ -29,7 +29,7 @@ def not_released(
     error: BusError, args: argparse.Namespace, found: list[LocalDaemon], endpoints: tuple[str, ...]
 ) -> BusError:
     """Explain why no daemon answers, by the one of this machine that is meant, and no other."""
-    from yahboomd.cli.stop.stop_local import there
+    from yahboomd.cli.stop.stop_local import Wanted, there
 
     meant = [robot.pid for robot in found if robot.silent and not args.connect]
     if args.port:
@@ -47,9 +47,12 @@ def not_released(
                 f"{error.message} yahboomd (pid {pid}) runs here and does not answer{doing}.",
                 remedy=f"Repeat it: {again}\nWhere that does not help, end it: kill {pid}",
             )
-    if args.port or args.connect:
+    if args.connect:
         return error
-    others = there([robot for robot in found if not robot.silent], "stop --release")
+    wanted = Wanted(port=args.port or "")
+    others = there(
+        [robot for robot in found if not robot.silent and wanted.fits(robot)], "stop --release"
+    )
     return type(error)(error.message, remedy=others or error.remedy)
 
 
