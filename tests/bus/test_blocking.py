@@ -131,6 +131,34 @@ def test_a_stuck_thread_bounds_the_queue_and_does_not_hold_the_caller():
     assert sender.close(20)
 
 
+def test_work_that_raises_loses_itself_alone():
+    class Panic(BaseException):
+        """As Zenoh's library raises it."""
+
+    def panic():
+        raise Panic
+
+    sender, done = Sender("panicking-sender"), []
+    for work in (panic, panic, lambda: done.append(1)):
+        assert sender.send(work)
+    assert sender.close(20)
+    assert done == [1]
+
+
+def test_without_room_for_a_thread_work_is_refused_and_the_next_one_is_done(monkeypatch):
+    def no_room(_thread):
+        raise RuntimeError("can't start new thread")
+
+    sender, done = Sender("roomless-sender"), []
+    with monkeypatch.context() as limited:
+        limited.setattr(threading.Thread, "start", no_room)
+        assert not sender.send(lambda: done.append(1))
+        assert sender.close(20)
+    assert sender.send(lambda: done.append(2))
+    assert sender.close(20)
+    assert done == [2]
+
+
 def test_it_ends_well_while_its_first_call_comes_from_another_thread():
     for _ in range(300):
         sender = Sender("first-sender")

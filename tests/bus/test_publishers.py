@@ -11,6 +11,7 @@ from zenoh_fixtures import eventually, free_endpoint, late_subscriber
 from yahboomd.bus import keys
 from yahboomd.bus.bus import Bus
 from yahboomd.bus.options import BusOptions
+from yahboomd.bus.publishers import BusPublisher
 
 pytestmark = pytest.mark.realtime
 
@@ -61,6 +62,22 @@ async def test_put_after_the_end_is_counted_and_not_raised(bus):
     assert not publisher.put(b"x")
     assert not publisher.put(b"x")
     assert publisher.counters.errors == 2
+
+
+class PanickingOutlet:
+    """As Zenoh's library: a panic is no Exception."""
+
+    matching = True
+
+    def put(self, _payload, attachment):
+        raise BaseException(f"panicked with {attachment}")
+
+
+def test_put_that_panics_is_counted_and_not_raised():
+    publisher = BusPublisher(keys.POSE, encoding="", priority="data", express=False, cache=0)
+    publisher._outlets.append(PanickingOutlet())
+    assert not publisher.put(b"x")
+    assert publisher.counters.errors == 1
 
 
 PATIENT = """

@@ -8,12 +8,15 @@ from __future__ import annotations
 
 import asyncio
 import atexit
+import logging
 import queue
 import threading
 from collections.abc import Callable
 from typing import TypeVar
 
 from yahboomd.clock import SystemClock, nanoseconds, seconds
+
+log = logging.getLogger(__name__)
 
 Result = TypeVar("Result")
 
@@ -115,18 +118,24 @@ class Sender:
         self._work: queue.Queue[Callable[[], object] | None] = queue.Queue(_WAITING)
         self._thread: threading.Thread | None = None
         self._lock = threading.Lock()
+        self._failed = False
 
     def send(self, work: Callable[[], object]) -> bool:
-        """Have ``work``, which must not raise, done by the thread; from any thread.
+        """Have ``work`` done by the thread; from any thread. What it raises is logged, once.
 
         Returns:
-            False when too much waits already: it will not be done.
+            False when too much waits already, or there is no room for a thread now: it will not be
+            done.
         """
         with self._lock:
             if self._thread is None:
                 # A daemon: stuck in a full connection, it does not keep the process from ending.
-                self._thread = threading.Thread(target=self._run, name=self._name, daemon=True)
-                self._thread.start()
+                thread = threading.Thread(target=self._run, name=self._name, daemon=True)
+                try:
+                    thread.start()
+                except RuntimeError:
+                    return False
+                self._thread = thread
         try:
             self._work.put_nowait(work)
         except queue.Full:
@@ -153,4 +162,10 @@ class Sender:
 
     def _run(self) -> None:
         while (work := self._work.get()) is not None:
-            work()
+            try:
+                work()
+            except BaseException:
+                # A panic of Zenoh's is no Exception. Whatever comes next still goes out.
+                if not self._failed:
+                    log.exception("A call of %s failed; others go on", self._name)
+                self._failed = True
