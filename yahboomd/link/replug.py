@@ -41,12 +41,12 @@ def seize_again(note: PortNote) -> Seized | None:
     if path is None:
         return None
     try:
-        now = note._replace(path=path, device=identify(os.stat(path)))
-        return seize(**now.options(), patience_s=0.0)
+        device = identify(os.stat(path))
+        return seize(**note._replace(path=path, device=device).options(), patience_s=0.0)
     except OSError as error:
         # Gone again, root's alone until udev has set its group, or held.
         if error.errno in _HELD:
-            for pid in _ours(path):
+            for pid in _ours(device.number):
                 raise TakenByOurs(path, pid) from None
         return None
 
@@ -77,9 +77,8 @@ def _path_of(note: PortNote) -> str | None:
     return found
 
 
-def _ours(path: str) -> list[int]:
-    """The processes of this program that have a port, or may: another user's cannot be seen."""
-    device = os.stat(path).st_rdev
+def _ours(device: int) -> list[int]:
+    """The processes of this program that have a device, or may: another user's cannot be seen."""
     found = []
     for pid in (int(name) for name in os.listdir("/proc") if name.isdigit()):
         if pid == os.getpid() or not is_yahboomd(pid):
