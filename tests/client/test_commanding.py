@@ -208,3 +208,17 @@ async def test_a_source_that_the_daemon_does_not_know_is_named_with_what_adds_it
         robot.drive(0.1, for_s=60.0)
         await eventually(lambda: "accepts no commands on cmd_vel/mine" in caplog.text)
     assert """--set 'command.sources."cmd_vel/mine".priority=10'""" in caplog.text
+
+
+async def test_a_daemon_that_was_lost_is_not_one_that_accepts_no_commands(
+    fake_daemon: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    daemon = await fake_daemon()
+    async with connect(daemon.endpoint) as robot:
+        robot.drive(0.1, for_s=math.inf)
+        # For longer than a source without a subscriber takes to be known.
+        await eventually(lambda: robot.counters.published > 25)
+        await daemon.stop()
+        assert not await robot.finished()
+    assert "is gone" in caplog.text
+    assert "accepts no commands" not in caplog.text

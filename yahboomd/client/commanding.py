@@ -27,7 +27,7 @@ SOON_NS = 5_000_000
 """New commands are published at once, but not more often than this."""
 
 HEARD_NS = 1_000_000_000
-"""After so long it is known whether the daemon subscribes to the key."""
+"""After so long without a subscriber it is known that the daemon takes no commands on the key."""
 
 SILENCE_S = {keys.CMD_VEL_TELEOP: 0.3, keys.CMD_VEL_WEB: 0.3}
 """The silence after which a daemon stops the robot, by source, as it is configured by default."""
@@ -247,13 +247,16 @@ class Commands:
 
     async def _repeat_until_idle(self) -> None:
         schedule = Schedule(self._clock, self._period_ns)
-        begun_ns = self._clock.now_ns()
+        heard_ns = self._clock.now_ns()
         try:
             while not self._repeater.idle:
                 await schedule.beat()
                 self._end_after(self._pauses.detect())
                 self._publish()
-                if not self.heard and self._clock.now_ns() - begun_ns > HEARD_NS:
+                if self.heard:
+                    heard_ns = self._clock.now_ns()
+                # A daemon that is lost is unheard a moment before it is known to be gone.
+                elif self._clock.now_ns() - heard_ns > HEARD_NS:
                     self._warn(
                         f"The daemon accepts no commands on {self._source}. Start it with "
                         f"--set 'command.sources.\"{self._source}\".priority=10'."
