@@ -121,7 +121,8 @@ class ConnectedBoard:
     def stop_sent(self) -> bool:
         """Whether the last command for the wheels is a stop, and nothing of it waits here."""
         line = self._line
-        return not (line.writer.stopping or self._turning or line.port.queued())
+        # What is written to a port that is gone goes nowhere, and nothing of it waits.
+        return not (line.lost or line.writer.stopping or self._turning or line.port.queued())
 
     @property
     def port_name(self) -> str:

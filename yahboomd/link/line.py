@@ -250,6 +250,11 @@ class Line:
         return self.report
 
     @property
+    def lost(self) -> bool:
+        """Whether the port went away."""
+        return self._lost
+
+    @property
     def damages(self) -> int:
         """The chunks that came damaged in the last ten seconds, up to 16."""
         damaged_ns, since_ns = self._damaged_ns, self.clock.now_ns() - NOISY_NS

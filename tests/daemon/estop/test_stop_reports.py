@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,7 @@ from yahboomd.model import Event
 from yahboomd.protocol.registry import DIALECTS
 from yahboomd.simulation.motors import MotorFaults
 from yahboomd.simulation.options import SimulationOptions
-from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.simulation.virtual_time import VirtualTimeLoop, on_virtual_time
 
 AFTER_MS = range(0, 40, 5)
 """From a command to the stop: the line is free, or waits for the distance between two frames."""
@@ -112,6 +113,46 @@ async def test_a_stop_on_a_port_that_takes_no_output_is_answered_with_the_reason
         assert "It could not be sent, because" in answer.message
         (words,) = [each.message for each in bench.heard.events if each.kind == "estop"]
         assert words == answer.message
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@on_virtual_time
+async def test_a_stop_that_waited_in_a_frozen_process_is_answered_once_it_was_sent(
+    tmp_path: Path, dialect: str
+) -> None:
+    async with Watched(tmp_path, dialect) as bench:
+        await bench.ready()
+        await bench.drive(0.4, 0.3)
+        written = len(bench.frames)
+        bench.command(0.31)
+        await bench.until(lambda: len(bench.frames) > written)
+        words = bench.operator.engage_estop("a test")
+        assert not bench.stopped
+        assert any(bench.latch.settle() for _ in range(40))
+        asking = asyncio.create_task(bench.operator.acknowledged(words))
+        await asyncio.sleep(0)
+        loop = asyncio.get_running_loop()
+        assert isinstance(loop, VirtualTimeLoop)
+        loop.freeze(2 * WITHIN_S)
+        assert (await asking).success
+        assert bench.stopped
+        assert ("estop", True) in bench.reported
+        (event,) = [each for each in bench.heard.events if each.kind == "estop"]
+        assert event.message == words
+
+
+@on_virtual_time
+async def test_a_stop_whose_write_finds_the_port_gone_was_not_sent(tmp_path: Path) -> None:
+    async with Watched(tmp_path, "streamed") as bench:
+        await bench.ready()
+        await bench.drive(0.5, 0.3)
+        # As long as nothing else notices: a write is the first to.
+        port = bench.port
+        assert port is not None
+        port.write = lambda _: port._memory.on_lost(OSError(errno.EIO, "gone"))  # type: ignore[method-assign]
+        answer = await bench.operator.acknowledged(bench.operator.engage_estop("a test"))
+        assert not answer.success
+        assert "It could not be sent, because no board is connected: " in answer.message
 
 
 @on_virtual_time

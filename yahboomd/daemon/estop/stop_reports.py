@@ -14,9 +14,11 @@ from typing import NamedTuple
 from yahboomd.clock import Clock, nanoseconds
 
 WITHIN_S = 0.5
-"""The longest that a report waits."""
+"""The longest that a report waits, while this process runs."""
 
 LOOK_NS = 1_000_000
+LATE_NS = 50_000_000
+"""If a look comes later, this process did not run, and could not send either."""
 
 
 class _Report(NamedTuple):
@@ -37,6 +39,7 @@ class StopReports:
         self._clock = clock
         self._outcome = outcome
         self._reports: list[_Report] = []
+        self._looked_ns = 0
         self._alarm = clock.alarm(self._settle)
 
     @property
@@ -51,8 +54,8 @@ class StopReports:
             tell: Takes a sentence on why the stop was not sent; empty if it was.
             news: The robot was not stopped before.
         """
-        until_ns = self._clock.now_ns() + nanoseconds(WITHIN_S)
-        self._reports.append(_Report(until_ns, tell, news))
+        self._settle()
+        self._reports.append(_Report(self._looked_ns + nanoseconds(WITHIN_S), tell, news))
         self._settle()
 
     async def sent(self) -> str:
@@ -73,6 +76,9 @@ class StopReports:
 
     def _settle(self, *, ends: bool = False) -> None:
         outcome, now_ns = self._outcome(), self._clock.now_ns()
+        late_ns, self._looked_ns = now_ns - self._looked_ns - LATE_NS, now_ns
+        if late_ns > 0:
+            self._reports = [e._replace(until_ns=e.until_ns + late_ns) for e in self._reports]
         if outcome is None:
             outcome = f"the port has not taken it within {WITHIN_S:g} s"
             due = [each for each in self._reports if ends or now_ns >= each.until_ns]
