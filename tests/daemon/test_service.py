@@ -201,6 +201,7 @@ async def test_what_only_records_may_fail_and_the_wheels_follow_and_stop(
     box, publisher, ros2 = daemon._box, daemon._publisher, daemon._ros2
     assert box._file is not None
     assert ros2 is not None
+    ring = box._file._path
     box._file.ring._store = fail
     for part in (publisher, ros2):
         for name in ("estimate", "imu", "battery", "event"):
@@ -220,6 +221,8 @@ async def test_what_only_records_may_fail_and_the_wheels_follow_and_stop(
     await running.task
     assert daemon.left_standing
     assert fastest_m_s(running) == 0.0
+    # A ring that is left tells the next start that this daemon was killed.
+    assert not ring.exists()
 
 
 async def test_a_bus_that_takes_no_samples_holds_up_neither_command_nor_stop(

@@ -237,7 +237,8 @@ class Daemon:
             fault = group
             raise
         finally:
-            recorders.call(NAME, box.close, fault)
+            # Of one that was switched off, too: a ring that is left is one of a killed daemon.
+            recorders.call("The end of the black box", box.close, fault)
             local.close()
             controller.close()
             latch.settle()
