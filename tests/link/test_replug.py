@@ -63,8 +63,9 @@ def note_of(path: Path | str) -> PortNote:
 
 def test_a_device_that_came_back_is_stopped_at_once(board: Board, link: Path) -> None:
     lost = note_of(link)
-    os.close(board.master)
+    # The other way round it may get the same number within the same tick of the kernel's clock.
     back = Board(link)
+    os.close(board.master)
     seized = seize_again(lost)
     assert seized is not None
     assert seized.path == str(link)
