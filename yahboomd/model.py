@@ -177,8 +177,9 @@ class EncoderReading(msgspec.Struct, frozen=True, kw_only=True):
             earlier than the request's arrival on the board. Monotonic nanoseconds.
         after_reset: The first reading since the board reset itself: counters started from zero.
         after_gap: The first reading since the port was (re)opened.
-        unbroken: Counts came by themselves before this connection switched the stream on. A reset
-            switches it off, so there was none since it was switched on last.
+        unbroken: Counts came by themselves: before this connection switched the stream on, or after
+            a pause of this process. A reset switches it off, so there was none since it was
+            switched on last.
         requested_ns: When the request that this answers was on the board, as far as the wire shows
             (written, plus its transfer time); None for a board that streams, or where not known.
             Takes the receiving side's jitter off the stamp. Monotonic nanoseconds.

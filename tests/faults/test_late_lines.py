@@ -212,6 +212,26 @@ async def test_a_pause_costs_no_travel_though_the_kernel_dropped_the_newest_line
             assert off < 0.03 + 3.0 * math.sqrt(estimate.twist_covariance[0])
 
 
+@pytest.mark.parametrize("pace", ["measured", "wire"])
+@pytest.mark.parametrize("for_s", [0.5, 0.9, 1.5, 10.0])
+@on_virtual_time
+async def test_after_a_pause_a_stream_that_ran_on_shows_that_nothing_is_unknown(
+    tmp_path: Path, for_s: float, pace: str
+) -> None:
+    async with ReadingBench(tmp_path, stream_pace=pace, initial_ticks=NEAR) as bench:
+        await bench.ready()
+        # Counters that stand at zero would be there after a reset, too.
+        await asyncio.sleep(2.0)
+        freeze(for_s)
+        await asyncio.sleep(1.0)
+        assert "paused" in bench.heard.kinds
+        assert "odometry_discontinuity" not in bench.heard.kinds
+        await bench.drive(1.0, 0.3)
+        bench.robot.advance(bench.clock.now_ns())
+        assert pose_off_m(bench) < 0.015
+        assert math.sqrt(bench.heard.estimates[-1].pose_covariance[0]) < 0.05
+
+
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("command", ["freeze", "hold"])
 @pytest.mark.parametrize("for_s", [0.2, 0.3, 0.35, 0.5, 0.7, 0.9])

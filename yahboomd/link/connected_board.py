@@ -174,7 +174,7 @@ class ConnectedBoard:
 
     def _said(self, decoded: Decoded, notice: Notice) -> None:
         if notice != "none":
-            self._poller.unbroken = False
+            self._poller.may_have_been_reset()
         if isinstance(decoded, Battery):
             # A board that tells it unasked does so all the time: once in a period is enough.
             if not self._volts_heard:

@@ -13,7 +13,7 @@ from typing import NoReturn
 
 import msgspec
 
-from yahboomd.clock import PAUSE_NS, Clock, Schedule, seconds
+from yahboomd.clock import PAUSE_NS, Clock, Schedule, nanoseconds, seconds
 from yahboomd.errors import BoardSilent
 from yahboomd.link.port import Port
 from yahboomd.link.tap import NO_TAP, Tap
@@ -26,6 +26,9 @@ REARM_AFTER_S = 0.25
 
 WATCH_NS = 50_000_000
 """To see that a stream still comes, one need not look as often as others are asked."""
+
+ARMED_AFTER_S = 1.0
+"""What switches the stream on was sent, and has arrived, after so long."""
 
 SILENT_AFTER_S = 1.0
 """No counts for so long: the board is gone, whatever the port says."""
@@ -46,7 +49,8 @@ class Poller:
         tap: Notes readings that their bytes do not show whole.
 
     Attributes:
-        unbroken: As given, until the first reading has carried it.
+        unbroken: As given, until the first reading has carried it; then whether the stream ran on
+            through a pause of this process.
     """
 
     def __init__(
@@ -76,6 +80,8 @@ class Poller:
         self._after_reset = False
         self._after_gap = True
         self.unbroken = unbroken
+        self._ends_by_reset = dialect.poll is None and not dialect.listen_ns
+        self._came_ns = 0
         self._tap = tap
         self.counters: Counter[str] = Counter()
 
@@ -85,11 +91,21 @@ class Poller:
         self._heard_ns = self._clock.now_ns()
         self.arm()
 
+    def may_have_been_reset(self) -> None:
+        """The board sent words that it sends when it starts."""
+        self.unbroken = False
+        self._came_ns = 0
+
     def reading(self, reading: EncoderReading) -> None:
         """Counts arrived."""
         self._heard_ns = reading.received_ns
         self.counters["readings"] += 1
         noted = reading.requested_ns is not None
+        if reading.received_ns - self._came_ns > nanoseconds(REARM_AFTER_S) and not self._after_gap:
+            # This process did not run. A stream that was on, and was not switched on since, ran on.
+            on_ns = self._came_ns - self._rearmed_ns
+            self.unbroken = self._ends_by_reset and on_ns > nanoseconds(ARMED_AFTER_S)
+        self._came_ns = reading.received_ns
         if self._after_gap or self._after_reset or self.unbroken:
             noted = True
             reading = msgspec.structs.replace(
