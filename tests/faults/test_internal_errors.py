@@ -46,21 +46,6 @@ async def test_an_error_in_the_control_path_ends_the_daemon_with_the_wheels_at_r
     await inner.ends_by_itself_at_rest()
 
 
-@pytest.mark.parametrize("what", ["estimate", "status", "battery"])
-async def test_a_sample_that_cannot_be_published_ends_the_daemon_with_the_wheels_at_rest(
-    inner: Any, monkeypatch: pytest.MonkeyPatch, what: str
-) -> None:
-    await inner.driven()
-    monkeypatch.setattr(inner.daemon._publisher, what, broken)
-    # The voltage is asked for every five seconds.
-    for _ in range(200):
-        if inner.task.done():
-            break
-        inner.session.put("cmd_vel", b'{"vx": 0.3}')
-        await asyncio.sleep(0.05)
-    await inner.ends_by_itself_at_rest()
-
-
 async def test_a_callback_of_the_bus_that_fails_ends_the_daemon_with_the_wheels_at_rest(
     inner: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -77,7 +62,9 @@ async def test_an_estop_whose_event_cannot_be_published_stops_the_wheels_all_the
     await inner.driven()
     monkeypatch.setattr(inner.daemon._publisher, "event", broken)
     inner.session.put("yahboomd/estop", b"")
-    await inner.ends_by_itself_at_rest()
+    await eventually(lambda: inner.standing)
+    assert not inner.task.done()
+    assert inner.daemon._controller.state()[0] == "estopped"
 
 
 async def test_a_service_that_fails_answers_and_the_robot_drives_on(

@@ -48,7 +48,7 @@ async def test_examining_writes_no_setting_and_moves_nothing(dialect: str) -> No
     board = LinkBench(dialect=dialect)
     await examine(board.open, board.clock, WANT)
     rosmaster = registry.DIALECTS["rosmaster"]
-    of_others = {rosmaster.resync, rosmaster.cut}
+    of_others = {rosmaster.resync, rosmaster.surest_stop}
     assert of_others <= set(board.frames)
     board.ports[-1].written[:] = [
         (at_ns, data) for at_ns, data in board.ports[-1].written if data not in of_others

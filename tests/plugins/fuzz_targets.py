@@ -34,6 +34,7 @@ from yahboomd.messages.native import INT64_MAX, MAX_LABEL, SetPoseRequest, Veloc
 from yahboomd.messages.rcl_interfaces import ParameterServer
 from yahboomd.messages.ros2 import parse_attachment
 from yahboomd.messages.set_pose import decode_pose
+from yahboomd.model import FASTEST_M_S, FASTEST_RAD_S
 from yahboomd.protocol.dialect import (
     Battery,
     Decoded,
@@ -53,7 +54,10 @@ from yahboomd.protocol.settings import BoardSettings, writes
 
 Target = Callable[[bytes], None]
 
-REASONS = {"no_velocity", "not_finite", "wrong_type", "malformed", "oversize", "unknown_encoding"}
+REASONS = {
+    *("no_velocity", "not_finite", "too_fast", "wrong_type"),
+    *("malformed", "oversize", "unknown_encoding"),
+}
 
 
 def framer(data: bytes) -> None:
@@ -196,7 +200,8 @@ def command(data: bytes) -> None:
         _is_refusal(found, data)
         return
     assert len(data) <= MAX_PAYLOAD_BYTES
-    assert all(map(math.isfinite, (found.vx, found.vy, found.wz)))
+    assert max(abs(found.vx), abs(found.vy)) <= FASTEST_M_S
+    assert abs(found.wz) <= FASTEST_RAD_S
     assert found.stamp_ns is None or 0 < found.stamp_ns <= INT64_MAX
     assert found.source is None or len(found.source) <= MAX_LABEL
     assert found.encoding == encoding_of(data)
