@@ -328,5 +328,4 @@ CAUSES: dict[str, tuple[Happens, dict[str, object], tuple[str, ...], str]] = {
 async def test_every_cause_is_named(tmp_path: Path, cause: str) -> None:
     happens, simulation, overrides, words = CAUSES[cause]
     why = await why_after(tmp_path, happens, *overrides, **simulation)  # type: ignore[arg-type]
-    print(why)
     assert words in why

@@ -89,7 +89,9 @@ def test_a_whole_calibration_by_tape_with_the_button_held_writes_the_true_size(
     for wrong in ("far", "100", "0.1"):
         led.answer(asked, wrong)
         asked = led.question()
-        assert re.match(r"A number of metres, such as 1\.0\d\d: the counts", asked["wrong"])
+        assert re.match(
+            r"A number of metres near 1\.0\d\d, which the wheels counted", asked["wrong"]
+        )
     led.answer(asked, f"{math.hypot(end.x - begin.x, end.y - begin.y):.4f}")
     asked = led.question()
     assert (asked["name"], asked["unit"]) == ("left", "mm")

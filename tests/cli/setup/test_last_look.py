@@ -100,6 +100,7 @@ async def test_an_input_that_ends_in_the_last_look_loses_no_answer() -> None:
     person.looks = False
     found = await set_up(bench, known("520"), person=person)
     assert found.gear.verdict == "not checked"
+    assert connected(found) == true_wiring(bench)
 
 
 @on_virtual_time
@@ -113,6 +114,7 @@ async def test_an_answer_that_makes_no_sense_is_asked_for_again() -> None:
     }
     found = await set_up(bench, known("520"), person=person)
     assert found.gear.verdict == "fits"
+    assert not any(person.lies.values())
 
 
 def test_wheels_that_were_not_all_looked_at_leave_the_gear_unchecked() -> None:

@@ -61,7 +61,8 @@ def length(counted_m: float) -> Number:
     return Number(
         *("length", "How far did it truly go, in m?", "m"),
         good=lambda value: least < value < most,
-        wrong=f"A number of metres, such as {counted_m:.3f}: the counts have about so many.",
+        wrong=f"A number of metres near {counted_m:.3f}, which the wheels counted; an empty answer "
+        "ends it here.",
     )
 
 
