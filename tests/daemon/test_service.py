@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import io
 import itertools
 import json
+import logging
 import socket
 import threading
 from collections.abc import AsyncIterator, Mapping
@@ -22,6 +24,7 @@ from yahboomd.bus.publishers import PRIORITIES, BusPublisher
 from yahboomd.clock import Schedule, SystemClock
 from yahboomd.config import read
 from yahboomd.daemon.key_table import OUTPUTS
+from yahboomd.daemon.logs import PatientHandler
 from yahboomd.daemon.service import Daemon
 from yahboomd.errors import BusError
 from yahboomd.simulation.memory import MemoryPort
@@ -158,6 +161,10 @@ def fastest_m_s(running: Running) -> float:
     return max(abs(motor.speed_m_s) for motor in running.robot.plant.motors)
 
 
+HELD_S = 10.0
+"""The time for which a thread that others must not wait for is held."""
+
+
 async def follow_and_stop(running: Running) -> None:
     """The wheels follow a command, an emergency stop, and a command after its release."""
     await running.drive()
@@ -225,10 +232,10 @@ async def test_what_only_records_may_fail_and_the_wheels_follow_and_stop(
     assert not ring.exists()
 
 
-async def test_a_bus_that_takes_no_samples_holds_up_neither_command_nor_stop(
+async def test_a_bus_and_a_log_that_take_nothing_hold_up_neither_command_nor_stop(
     running: Running,
 ) -> None:
-    """Zenoh's thread is held for as long as it takes to drive and stop twice."""
+    """The threads of the bus and of the log are held for ten seconds, while it drives and stops."""
     await running.state("standing")
     held, gate = threading.Event(), threading.Event()
 
@@ -236,6 +243,11 @@ async def test_a_bus_that_takes_no_samples_holds_up_neither_command_nor_stop(
         held.set()
         gate.wait(PATIENCE_S)
 
+    class Unread(io.StringIO):
+        write = hold  # type: ignore[assignment]
+
+    handler = PatientHandler(Unread())
+    logging.getLogger("yahboomd").addHandler(handler)
     publisher = running.daemon._publisher
     every = [
         publisher._status,
@@ -248,12 +260,15 @@ async def test_a_bus_that_takes_no_samples_holds_up_neither_command_nor_stop(
             for outlet in each._outlets:
                 outlet.put = hold
         await eventually(held.is_set)
-        for _ in range(2):
+        until_s = asyncio.get_running_loop().time() + HELD_S
+        while asyncio.get_running_loop().time() < until_s:
             await follow_and_stop(running)
+        assert handler._lines.unfinished_tasks > 0
         # 256 samples wait, and the others are lost.
         await eventually(lambda: sum(each.counters.errors for each in every) > 0)
     finally:
         gate.set()
+        logging.getLogger("yahboomd").removeHandler(handler)
 
 
 async def test_a_command_outside_the_namespace_moves_nothing(running: Running) -> None:
