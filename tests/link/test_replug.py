@@ -13,7 +13,7 @@ import pytest
 
 from yahboomd.link.port_identity import identify
 from yahboomd.link.port_note import PortNote
-from yahboomd.link.replug import TakenByOurs, seize_again
+from yahboomd.link.replug import TakenByOurs, drives, seize_again
 from yahboomd.protocol.first_words import FIRST_WORDS
 
 HOLD = """
@@ -91,6 +91,24 @@ def test_a_device_that_is_away_is_no_error(board: Board, link: Path) -> None:
     lost = note_of(link)
     link.unlink()
     assert seize_again(lost._replace(device=lost.device._replace(node="gone"))) is None
+
+
+@pytest.mark.parametrize(
+    ("words", "driving"),
+    [
+        (("python3", "/usr/bin/yahboomd", "run", "--port", "/dev/ttyUSB0"), True),
+        (("python3", "-m", "yahboomd", "stop"), True),
+        (("python3", "/usr/bin/yahboomd", "monitor"), False),
+        (("python3", "/usr/bin/yahboomd", "web", "--listen"), False),
+        (("cat", "run"), False),
+    ],
+)
+def test_of_processes_that_cannot_be_looked_into_those_that_open_a_port_count(
+    tmp_path: Path, words: tuple[str, ...], driving: bool
+) -> None:
+    (tmp_path / "12").mkdir()
+    (tmp_path / "12" / "cmdline").write_bytes(b"".join(each.encode() + b"\0" for each in words))
+    assert drives(12, proc=str(tmp_path)) is driving
 
 
 @pytest.mark.realtime

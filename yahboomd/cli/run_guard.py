@@ -85,7 +85,7 @@ def guard(fd: int, daemon: int, folder: str) -> None:
         daemon: Its process, whose child this one is.
         folder: Its runtime folder.
     """
-    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT):
+    for number in signal.valid_signals() - {signal.SIGKILL, signal.SIGSTOP, signal.SIGCHLD}:
         # What ends a whole service, or a whole session, ends the daemon, and that this process.
         signal.signal(number, signal.SIG_IGN)
     watch = Watch()

@@ -21,6 +21,9 @@ LOOK_S = 0.1
 _HELD = (errno.EBUSY, errno.EAGAIN)
 
 
+_OPENING = frozenset({"run", "stop", "setup", "tune", "probe"})
+
+
 class TakenByOurs(Exception):
     """Another process of this program has the port: it stops the wheels as it begins."""
 
@@ -65,6 +68,11 @@ def is_yahboomd(pid: int, *, proc: str = "/proc") -> bool:
     return "yahboomd" in (os.path.basename(word) for word in arguments(pid, proc=proc)[:3])
 
 
+def drives(pid: int, *, proc: str = "/proc") -> bool:
+    """Whether a process runs a command of this program that opens the port of a board."""
+    return is_yahboomd(pid, proc=proc) and not _OPENING.isdisjoint(arguments(pid, proc=proc)[:4])
+
+
 def _path_of(note: PortNote) -> str | None:
     device = note.device
     if device is None:
@@ -89,7 +97,7 @@ def _ours(device: int) -> list[int]:
                     if os.stat(f"/proc/{pid}/fd/{fd}").st_rdev == device:
                         found.append(pid)
         except PermissionError:
-            found.append(pid)
+            found += [pid] if drives(pid) else []
         except OSError:
             continue
     return found

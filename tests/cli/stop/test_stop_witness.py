@@ -13,6 +13,7 @@ from zenoh_fixtures import free_endpoint
 
 from yahboomd.cli.main import main
 from yahboomd.cli.stop.stop_witness import believed, holds, made_by_root, settled
+from yahboomd.config import read
 
 FOREIGN, OTHER = 65534, 65533
 
@@ -20,9 +21,11 @@ as_root = pytest.mark.skipif(os.geteuid() != 0, reason="only root has several us
 
 STRANGER = """
 import json, os, socket, sys
-path, port, uid, held, turned = *sys.argv[1:3], *map(int, sys.argv[3:])
+path, port, uid, held, turned, namespace = *sys.argv[1:3], *map(int, sys.argv[3:6]), sys.argv[6]
+_, own = os.openpty()
+if namespace:
+    port = os.ttyname(own)
 if turned:
-    _, own = os.openpty()
     asked, port = port, path + ".d/port"
     os.mkdir(path + ".d")
     os.chown(path + ".d", uid, uid)
@@ -41,7 +44,7 @@ print("ready", flush=True)
 while True:
     connection, _ = listening.accept()
     if connection.recv(100) == b"status\\n":
-        lines = [{"daemon": "yahboomd", "namespace": "", "ports": [port], "listen": []}]
+        lines = [{"daemon": "yahboomd", "namespace": namespace, "ports": [port], "listen": []}]
     else:
         lines = [{"engaged": True, "message": "Engaged."}, {"stood": True, "fastest_m_s": 0.0}]
     connection.sendall("".join(json.dumps(line) + "\\n" for line in lines).encode())
@@ -75,12 +78,14 @@ def folder(request: pytest.FixtureRequest) -> Iterator[Path]:
 def stranger(folder: Path, held_port: str) -> Iterator[Callable[..., int]]:
     """Starts a process of another user that claims the port: ``stranger(uid, held=True)``.
 
-    With ``turned`` it names a link, which leads to a port of its own after it has answered.
+    With ``turned`` it names a link, which leads to a port of its own after it has answered; as a
+    ``robot`` it has a namespace, and names a port of its own.
     """
     started: list[subprocess.Popen[str]] = []
 
-    def start(uid: int, *, held: bool = False, turned: bool = False) -> int:
-        words = (str(folder / "stop.sock"), held_port, str(uid), str(int(held)), str(int(turned)))
+    def start(uid: int, *, held: bool = False, turned: bool = False, robot: str = "") -> int:
+        how = (str(int(held)), str(int(turned)), robot)
+        words = (str(folder / "stop.sock"), held_port, str(uid), *how)
         started.append(
             subprocess.Popen(
                 [sys.executable, "-c", STRANGER, *words],
@@ -181,6 +186,24 @@ def test_a_link_that_its_user_leads_from_the_port_to_one_of_theirs_proves_nothin
     output = capsys.readouterr()
     assert output.out == ""
     assert "This proves nothing" in output.err
+
+
+@as_root
+@pytest.mark.realtime
+def test_another_users_robot_that_stands_hides_no_held_port(
+    stranger, folder: Path, held_port: str, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    stranger(FOREIGN, robot="other_robot")
+    monkeypatch.setenv("RUNTIME_DIRECTORY", str(folder))
+    file = folder / "config.toml"
+    file.write_text(
+        f'serial.port = "{held_port}"\nzenoh = {{listen = ["{free_endpoint()}"], connect = []}}\n'
+    )
+    monkeypatch.setitem(read.__kwdefaults__, "standard_path", file)
+    assert main(["stop", "--namespace", "other_robot"]) == 1
+    output = capsys.readouterr()
+    assert "The wheels stand." in output.out
+    assert held_port in output.err
 
 
 def test_a_place_is_settled_if_only_root_can_lead_its_name_elsewhere(

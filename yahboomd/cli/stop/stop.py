@@ -29,6 +29,7 @@ from yahboomd.cli.stop.stop_advice import (
 from yahboomd.cli.stop.stop_port import (
     configuration,
     needs_no_configuration,
+    port_of,
     print_report,
     readable_configuration,
     seize_measured_ports,
@@ -169,7 +170,7 @@ def _everywhere(args: argparse.Namespace) -> bool:
     if first:
         # Before anything else is imported or asked: a port that is free is the fastest way.
         seized, trouble = _try_port(args, None)
-    from yahboomd.cli.stop.stop_local import LocalStops, covered, unproved, vouched_for
+    from yahboomd.cli.stop.stop_local import LocalStops, covered, drives, unproved, vouched_for
 
     local = LocalStops()
     config = _stop_locally(args, local)
@@ -200,8 +201,15 @@ def _everywhere(args: argparse.Namespace) -> bool:
         if each not in outcomes:
             warn(unproved(each))
     doubted = [each for each in found if each not in outcomes and not vouched_for(each, boards)]
-    if verdicts and len(verdicts) == len(of_the_dead) and isinstance(trouble, PortBusy):
-        # The configured port is held, and nothing that answers has stopped its board.
+    if (
+        verdicts
+        and all(each.robot.uid not in {0, os.geteuid()} for each in outcomes)
+        and isinstance(trouble, PortBusy)
+        and (answer is None or answer.daemons <= len(outcomes))
+        and not drives(local.answering, port_of(args, config))
+    ):
+        # The configured port is held, and nothing that answers has stopped its board: other users'
+        # robots may stand, which says nothing of this one.
         verdicts.append(_report_busy(args, config, endpoints))
     if verdicts:
         troubles = [str(silent(robot, args)) for robot in local.silent]

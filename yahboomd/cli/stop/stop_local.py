@@ -184,6 +184,15 @@ def vouched_for(outcome: Outcome, paths: Iterable[str]) -> bool:
     return bool(ports) and all(any(same_port(port, path) for path in paths) for port in ports)
 
 
+def drives(robots: Iterable[LocalDaemon], path: str) -> bool:
+    """Whether one of these daemons has a port, or is believed that it has."""
+    return any(
+        holds(robot.pid, path)
+        or (robot.believed and any(same_port(port, path) for port in robot.ports))
+        for robot in robots
+    )
+
+
 def unproved(outcome: Outcome) -> str:
     """Report the words of a process that is not believed, as its user's."""
     robot = outcome.robot

@@ -163,6 +163,21 @@ def seize_noted(note: PortNote) -> Seized | None:
     )
 
 
+def port_of(args: argparse.Namespace, config: Config | None) -> str:
+    """The port that is named, or found.
+
+    Raises:
+        LinkError: There is none.
+        ConfigError: Several ports could be the board's.
+    """
+    path: str = args.port or (config.serial.port if config is not None else "")
+    if path:
+        return path
+    from yahboomd.link.discovery import candidates, choose
+
+    return choose("", candidates())
+
+
 def seize_port(
     args: argparse.Namespace,
     config: Config | None,
@@ -182,11 +197,7 @@ def seize_port(
         LinkError: It cannot be opened.
         ConfigError: Several ports could be the board's.
     """
-    path: str = args.port or (config.serial.port if config is not None else "")
-    if not path:
-        from yahboomd.link.discovery import candidates, choose
-
-        path = choose("", candidates())
+    path = port_of(args, config)
     options: dict[str, Any] = {}
     if config is not None:
         options = {
