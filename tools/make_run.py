@@ -79,9 +79,10 @@ def main() -> int:
                         return 1
                     time.sleep(0.05)
                 sys.stdout.write(f"A simulated board is at {link}, and yahboomd starts on it.\n")
-                # The e-stop of a simulated robot goes with it.
-                latch = f"estop.latch_file={Path(folder) / 'estop'}"
-                return _drive(str(link), more, endpoints, args.listen, ("--set", latch))
+                # The e-stop of a simulated robot goes with it, and so do its wheels: a guard would
+                # only report that they may turn.
+                own = ("--no-guard", "--set", f"estop.latch_file={Path(folder) / 'estop'}")
+                return _drive(str(link), more, endpoints, args.listen, own)
             except KeyboardInterrupt:
                 return 128 + signal.SIGINT
             finally:
