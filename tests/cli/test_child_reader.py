@@ -146,7 +146,7 @@ def test_a_reader_that_waits_for_a_pipe_ends_with_the_process_that_it_reads_for(
 ) -> None:
     fifo = tmp_path / "config"
     os.mkfifo(fifo)
-    command = [sys.executable, "-m", "yahboomd", "run", "--config", str(fifo)]
+    command = [sys.executable, "-m", "yahboomd", "run", "--no-guard", "--config", str(fifo)]
     with subprocess.Popen(command) as parent:
         children = Path(f"/proc/{parent.pid}/task/{parent.pid}/children")
         child = int(wait_for(children.read_text, "a process that reads"))
