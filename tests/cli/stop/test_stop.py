@@ -229,6 +229,8 @@ def test_a_running_daemon_is_stopped_and_drives_again_when_it_is_released(
 def test_a_suspended_daemon_is_named_by_release_and_by_stop_and_no_other_is_offered(
     real_robot, capsys, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    # It is asked twice, and never answers.
+    monkeypatch.setattr(stop_local, "STATUS_WITHIN_S", 10.0)
     monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path / "run"))
     robot, other = real_robot(), real_robot()
     for each in (robot, other):
