@@ -6,6 +6,7 @@ Without them nothing is tried, and the last line says so.
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import subprocess
 import sys
@@ -30,9 +31,18 @@ def main() -> int:
     if not (target / "librosfw.so").exists() and subprocess.call(["sh", build, target]) != 0:
         print("firmware: NOT tried: the Rosmaster firmware was not compiled (see above; gcc?).")
         return 0
+    image = FOLDER / "four_channel/FourWay_Motor_STM32.hex"
+    lacking = "" if image.exists() else f"there is no {image}; {WHERE}"
+    if importlib.util.find_spec("unicorn") is None:
+        lacking = "unicorn, the emulator, is not installed here"
     call = [sys.executable, "-m", "pytest", "tests/firmware", "-q", *sys.argv[1:]]
     ended = subprocess.call(call, cwd=TREE)
-    print("firmware: tried" if ended == 0 else "firmware: tried, and FAILED")
+    if ended:
+        print("firmware: tried, and FAILED")
+    elif lacking:
+        print(f"firmware: NOT tried on the four-channel board: {lacking}.")
+    else:
+        print("firmware: tried")
     return ended
 
 

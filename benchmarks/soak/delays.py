@@ -31,7 +31,7 @@ def frozen(course: Course) -> None:
 
 
 def frozen_full(course: Course) -> None:
-    """Frozen for so long that the kernel's buffer is full: what comes after that is lost."""
+    """Frozen until the kernel's buffer is full: lines that come after that are lost."""
     _freeze(course, course.random.uniform(1.2, 1.9), reverses=False)
 
 

@@ -167,7 +167,7 @@ def recorders_fail(course: Course) -> None:
         fuse.unlink()
     if course.manager.life.began_ns > since_ns:
         course.fail("a recorder ended the daemon")
-    # What was switched off works again in the next one.
+    # The next daemon has all of its recorders again.
     life = course.manager.life
     course.manager.signal(signal.SIGTERM)
     if not course.wait(lambda: life.status is not None, 10.0) or life.status != 0:
@@ -205,7 +205,7 @@ def brown_out(course: Course) -> None:
 
 
 def dip(course: Course) -> None:
-    """The supply dips for so long that a stop is due meanwhile: no wheel is accused."""
+    """The supply dips until after a stop was due: no wheel is accused."""
     course.move()
     _counts_from_zero(course)
     since_ns = course.board.do(f"brown-out {course.random.choice([0.3, 0.6, 0.8])}")
