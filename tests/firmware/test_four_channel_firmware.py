@@ -5,12 +5,11 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 from board_bench import LinkBench
 from fault_bench import FaultBench
-from vendor_firmware import instead_of_simulated, missing
+from vendor_firmware import MOTORS, instead_of_simulated, missing
 
 from yahboomd.clock import LoopClock
 from yahboomd.link.stopping import stop_unidentified
@@ -18,16 +17,6 @@ from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 pytestmark = pytest.mark.skipif(bool(missing()), reason=missing())
-
-MOTORS: dict[str, dict[str, Any]] = {
-    "35 %, quick": {"motor_dead_zone": 1260, "time_constant_s": 0.05, "max_speed_m_s": 1.05},
-    "40 %": {"motor_dead_zone": 1440, "time_constant_s": 0.1, "max_speed_m_s": 1.15},
-    "44 %, slow": {"motor_dead_zone": 1584, "time_constant_s": 0.2, "max_speed_m_s": 0.70},
-    "50 %": {"motor_dead_zone": 1800, "time_constant_s": 0.1, "max_speed_m_s": 1.40},
-    "54 %, 550 rev/min": {"motor_dead_zone": 1944, "time_constant_s": 0.06, "max_speed_m_s": 1.93},
-    "44 %, lazy": {"motor_dead_zone": 1584, "time_constant_s": 0.3, "max_speed_m_s": 1.15},
-}
-"""Motors by the share of the output at which they begin to turn."""
 
 
 @pytest.fixture(autouse=True)

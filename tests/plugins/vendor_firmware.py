@@ -35,6 +35,17 @@ STORES_S = 0.4
 """Longer than any command of the four-channel board takes, a factory reset left aside."""
 
 
+MOTORS: dict[str, dict[str, Any]] = {
+    "35 %, quick": {"motor_dead_zone": 1260, "time_constant_s": 0.05, "max_speed_m_s": 1.05},
+    "40 %": {"motor_dead_zone": 1440, "time_constant_s": 0.1, "max_speed_m_s": 1.15},
+    "44 %, slow": {"motor_dead_zone": 1584, "time_constant_s": 0.2, "max_speed_m_s": 0.70},
+    "50 %": {"motor_dead_zone": 1800, "time_constant_s": 0.1, "max_speed_m_s": 1.40},
+    "54 %, 550 rev/min": {"motor_dead_zone": 1944, "time_constant_s": 0.06, "max_speed_m_s": 1.93},
+    "44 %, lazy": {"motor_dead_zone": 1584, "time_constant_s": 0.3, "max_speed_m_s": 1.15},
+}
+"""Motors by the share of the output at which they begin to turn."""
+
+
 def missing() -> str:
     """Why the four-channel board's firmware cannot run here; empty where it can."""
     if not (FOLDER / IMAGE).exists():
