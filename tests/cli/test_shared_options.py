@@ -2,14 +2,12 @@ from __future__ import annotations
 
 import argparse
 import tomllib
-from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from yahboomd.cli import shared_options
-from yahboomd.config import read
 from yahboomd.errors import ConfigError
 
 
@@ -94,20 +92,6 @@ def test_an_endpoint_that_cannot_work_is_refused_as_an_option(parse, capsys):
 )
 def test_any_text_is_quoted_as_toml(text):
     assert tomllib.loads(f"text = {shared_options.quoted(text)}")["text"] == text
-
-
-def test_a_client_takes_namespace_and_file_from_the_configuration(tmp_path: Path) -> None:
-    (tmp_path / "zenoh.json5").write_text("{}")
-    config = read(
-        None,
-        environ={},
-        overrides=["zenoh.namespace=bot1", f"zenoh.config={tmp_path / 'zenoh.json5'}"],
-    ).config
-    made = shared_options.client_options(("tcp/10.0.0.1:7447",), config)
-    assert made.connect == ("tcp/10.0.0.1:7447",)
-    assert made.namespace == "bot1"
-    assert made.config_file == tmp_path / "zenoh.json5"
-    assert not made.enforces
 
 
 @pytest.mark.parametrize("text", ["-1", "nan", "3601", "soon", ""])

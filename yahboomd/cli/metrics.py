@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from yahboomd import __version__
+from yahboomd.cli.daemon_address import client_options
 from yahboomd.cli.shared_options import (
     add_connect_option,
     add_set_option,
-    client_options,
     daemon_endpoints,
     read_config,
 )

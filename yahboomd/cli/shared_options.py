@@ -10,10 +10,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from yahboomd.cli.daemon_address import configured_endpoints
 from yahboomd.errors import ConfigError, Refused
 
 if TYPE_CHECKING:
-    from yahboomd.bus.options import BusOptions
     from yahboomd.config import Config, Loaded
 
 
@@ -163,31 +163,8 @@ def robot_arguments(args: argparse.Namespace) -> tuple[str, ...]:
 
 
 def daemon_endpoints(args: argparse.Namespace, config: Config) -> tuple[str, ...]:
-    """The endpoint of the daemon: as given, else where the configuration has it listen.
-
-    An address that means "every interface" is reached on this machine.
-    """
-    if getattr(args, "connect", None):
-        return tuple(args.connect)
-    own = (
-        endpoint.replace("/0.0.0.0:", "/127.0.0.1:").replace("/[::]:", "/[::1]:")
-        for endpoint in (config.zenoh.listen if config.zenoh.mode != "client" else ())
-    )
-    return tuple(dict.fromkeys((*own, *config.zenoh.connect)))
-
-
-def client_options(endpoints: tuple[str, ...], config: Config) -> BusOptions:
-    """A client of the daemon that a configuration describes."""
-    import logging
-
-    from yahboomd.client import connecting
-
-    # Commands report in their own words what the client would log.
-    logging.getLogger("yahboomd.client").addHandler(logging.NullHandler())
-    zenoh = config.zenoh
-    return connecting.client_options(
-        endpoints, namespace=zenoh.namespace, zenoh_file=zenoh.config or None
-    )
+    """The endpoints of the daemon: those of ``--connect``, else those of its configuration."""
+    return tuple(getattr(args, "connect", None) or configured_endpoints(config))
 
 
 def _endpoint(text: str) -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import argparse
 import os
+import shlex
 import signal
 import socket
 import subprocess
@@ -12,7 +14,7 @@ from pathlib import Path
 import pytest
 from real_robot import free_endpoint, wait_for
 
-from yahboomd.cli.main import main
+from yahboomd.cli.main import main, whole_parser
 from yahboomd.cli.stop import stop, stop_local, stop_port
 from yahboomd.cli.stop.stop_port import describe
 from yahboomd.cli.unresponsive import process_state
@@ -333,3 +335,29 @@ def test_the_help_says_that_a_stop_which_names_nothing_ends_every_setup_and_tune
         main(["stop", "--help"])
     words = " ".join(capsys.readouterr().out.split())
     assert "names nothing also ends every `setup` and `tune` of this machine" in words
+
+
+def parsed(*words: str) -> argparse.Namespace:
+    return whole_parser().parse_args(["stop", *words])
+
+
+def test_a_named_port_needs_no_configuration_unless_one_is_named(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    port = ("--port", "/dev/board")
+    assert stop._needs_no_configuration(parsed(*port))
+    assert not stop._needs_no_configuration(parsed())
+    assert not stop._needs_no_configuration(parsed(*port, "--set", "serial.dtr=false"))
+    assert not stop._needs_no_configuration(parsed(*port, "--config", "robot.toml"))
+    monkeypatch.setenv("YAHBOOMD_SERIAL__DTR", "false")
+    assert not stop._needs_no_configuration(parsed(*port))
+
+
+def test_the_command_to_repeat_has_every_option_that_was_given() -> None:
+    words = ["--release", "--namespace", "bot 1", "--connect", "tcp/x:1", "--connect", "tcp/y:1"]
+    words += ["--port", "/dev/a", "--set", "log.level=debug"]
+    asked = stop._asked(parsed(*words))
+    repeated = shlex.split(asked.again)
+    assert repeated[:2] == ["yahboomd", "stop"]
+    assert parsed(*repeated[2:]) == parsed(*words)
+    assert asked[:3] == ("/dev/a", "bot 1", ("tcp/x:1", "tcp/y:1"))

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import argparse
-import shlex
-
 from zenoh_fixtures import free_endpoint
 
-from yahboomd.cli.main import whole_parser
-from yahboomd.cli.stop.stop_advice import no_answer, not_found, not_released, silent, this_command
+from yahboomd.cli.stop.stop_advice import StopOptions, no_answer, not_found, not_released, silent
 from yahboomd.cli.stop.stop_local import LocalDaemon, LocalStops
 from yahboomd.config import Config
 from yahboomd.errors import NoDaemon, PortMissing
@@ -17,27 +13,18 @@ GONE = 4_194_305
 """No process has such an id: the kernel's largest is one less."""
 
 
-def parsed(*words: str) -> argparse.Namespace:
-    return whole_parser().parse_args(["stop", *words])
-
-
-def test_the_command_to_repeat_has_every_option_that_was_given() -> None:
-    words = ["--release", "--namespace", "bot 1", "--connect", "tcp/x:1", "--connect", "tcp/y:1"]
-    words += ["--set", "log.level=debug"]
-    repeated = shlex.split(this_command(parsed(*words)))
-    assert repeated[:2] == ["yahboomd", "stop"]
-    assert parsed(*repeated[2:]) == parsed(*words)
-
-
 def test_a_daemon_that_does_not_answer_is_named_with_what_ends_it() -> None:
-    error = silent(LocalDaemon("/run/a", GONE, silent=True), parsed("--port", "/dev/a"))
+    error = silent(
+        LocalDaemon("/run/a", GONE, silent=True),
+        StopOptions(port="/dev/a", again="yahboomd stop --port /dev/a"),
+    )
     assert error.message == f"yahboomd (pid {GONE}) does not answer."
     assert f"kill -9 {GONE}; yahboomd stop --port /dev/a" in error.remedy
 
 
 def test_where_nothing_listens_the_error_stays() -> None:
     error = NoDaemon("No daemon answers.", remedy="Start it.")
-    assert no_answer(error, parsed(), (free_endpoint(),)) is error
+    assert no_answer(error, StopOptions(), (free_endpoint(),)) is error
 
 
 def test_a_release_by_port_names_the_daemon_on_that_port_and_no_other() -> None:
@@ -46,7 +33,7 @@ def test_a_release_by_port_names_the_daemon_on_that_port_and_no_other() -> None:
         for name in ("a", "b")
     ]
     error = NoDaemon("No daemon answers.", remedy="Start it.")
-    found = not_released(error, parsed("--release", "--port", "/dev/b"), robots, (free_endpoint(),))
+    found = not_released(error, StopOptions(port="/dev/b"), robots, (free_endpoint(),))
     assert "`yahboomd stop --release --connect tcp/b:1`" in found.remedy
     assert "tcp/a:1" not in found.remedy
 

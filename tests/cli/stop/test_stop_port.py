@@ -16,7 +16,6 @@ from yahboomd.cli.stop import stop_port
 from yahboomd.cli.stop.stop_port import (
     describe,
     end,
-    needs_no_configuration,
     print_report,
     seize_noted_ports,
     seize_port,
@@ -81,22 +80,11 @@ def test_success_goes_to_the_output_and_failure_where_errors_go(
     assert output.err.startswith("yahboomd: /dev/board")
 
 
-def test_a_named_port_needs_no_configuration_unless_one_is_named(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    assert needs_no_configuration(options(port="/dev/board"))
-    assert not needs_no_configuration(options())
-    assert not needs_no_configuration(options(port="/dev/board", overrides=["serial.dtr=false"]))
-    assert not needs_no_configuration(options(port="/dev/board", config="robot.toml"))
-    monkeypatch.setenv("YAHBOOMD_SERIAL__DTR", "false")
-    assert not needs_no_configuration(options(port="/dev/board"))
-
-
 def test_what_is_no_port_is_explained() -> None:
     with pytest.raises(PortMissing, match="/nonexistent: there is no such port"):
-        seize_port(options(port="/nonexistent"), None)
+        seize_port("/nonexistent", None)
     with pytest.raises(LinkError, match="/dev/null: this is no serial port"):
-        seize_port(options(port="/dev/null"), None)
+        seize_port("/dev/null", None)
 
 
 def test_a_port_that_hangs_up_right_after_its_first_stop_is_reported_as_lost(
@@ -155,6 +143,5 @@ def test_a_port_that_a_living_neighbour_holds_is_no_trouble_and_a_frozen_ones_is
     for path, name in (("/dev/free", ""), ("/dev/held", "bot1")):
         note = PortNote(path, 115200, True, False, False, pid=os.getpid() + len(name))
         assert port_note.write(note._replace(namespace=name), str(tmp_path))
-    args = argparse.Namespace(port=None, overrides=[])
-    assert seize_noted_ports(args) == [free]
+    assert seize_noted_ports() == [free]
     assert ("/dev/held is held" in capsys.readouterr().err) is warned

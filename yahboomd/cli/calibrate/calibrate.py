@@ -43,8 +43,27 @@ exit status:
   130  Ctrl-C; the robot was stopped and nothing was written
 """
 
+RUNS = {
+    "method": "verb",
+    "straight_m": "straight",
+    "speed_m_s": "speed",
+    "turn_rad_s": "turn_speed",
+    "turns": "turns",
+    "sideways_m": "sideways",
+    "side_m": "side",
+    "count": "count",
+    "by_hand": "by_hand",
+    "dry_run": "dry_run",
+    "source": "source",
+}
+"""The option of each field of ``RunOptions``."""
+
 _positive = number("a number above 0", lambda value: math.isfinite(value) and value > 0.0)
-_count = number("a whole number from 1 to 50", lambda n: n in range(1, 51))
+_whole = number("a whole number from 1 to 50", lambda n: n in range(1, 51))
+
+
+def _count(text: str) -> int:
+    return int(_whole(text))
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -174,7 +193,9 @@ def _run(args: argparse.Namespace) -> int:
     if args.verb == "poses":
         return _by_poses(loaded, args)
 
-    from yahboomd.cli.calibrate.wizard import calibrate
+    import msgspec
+
+    from yahboomd.cli.calibrate.wizard import RunOptions, calibrate
     from yahboomd.cli.robot.attended import attend
     from yahboomd.config.calibration_file import check_writable
     from yahboomd.daemon.process import deadly
@@ -185,6 +206,11 @@ def _run(args: argparse.Namespace) -> int:
 
     if not args.dry_run and loaded.calibration_path is not None:
         check_writable(loaded.calibration_path)
+
+    given = {
+        field: getattr(args, option) for field, option in RUNS.items() if hasattr(args, option)
+    }
+    options = msgspec.convert(given, RunOptions)
 
     async def work(robot: AsyncRobot) -> int:
         import asyncio
@@ -202,14 +228,14 @@ def _run(args: argparse.Namespace) -> int:
         if not args.dialogue:
             from yahboomd.cli.calibrate.asking import Answers
 
-            return await calibrate(robot, loaded, args, Answers(as_json=args.json))
+            return await calibrate(robot, loaded, options, Answers(as_json=args.json))
         from yahboomd.cli.calibrate.dialogue import Dialogue
         from yahboomd.cli.calibrate.hold import Hold
         from yahboomd.clock import SystemClock
 
         hold = Hold(SystemClock(), robot.stop) if args.held else None
         dialogue = Dialogue(hold)
-        return await dialogue.lead(calibrate(robot, loaded, args, dialogue, hold))
+        return await dialogue.lead(calibrate(robot, loaded, options, dialogue, hold))
 
     import signal
 

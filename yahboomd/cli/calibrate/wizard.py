@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
+
+import msgspec
 
 from yahboomd.bus import keys
 from yahboomd.cli.calibrate.asking import Number
@@ -47,6 +48,34 @@ HEADING = Number(
     wrong="A number of degrees, or nothing.",
 )
 
+
+class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """The runs of a calibration.
+
+    Attributes:
+        straight_m: Length of the straight run.
+        turns: Turns in place each way, by tape.
+        sideways_m: Way of a mecanum base to either side, by tape.
+        side_m: Of a square.
+        count: Squares each way.
+        by_hand: Drive nothing: a person moves the robot.
+        dry_run: Show the result, write nothing.
+        source: The key to command on.
+    """
+
+    method: Literal["tape", "squares"] = "tape"
+    straight_m: float = 2.0
+    speed_m_s: float = 0.2
+    turn_rad_s: float = 0.8
+    turns: int = 5
+    sideways_m: float = 1.0
+    side_m: float = 2.0
+    count: int = 5
+    by_hand: bool = False
+    dry_run: bool = False
+    source: str = keys.CMD_VEL
+
+
 LENGTH_RANGE = (0.25, 4.0)
 """The true way, as a multiple of the counted one: no profile of the vendor's is further off."""
 
@@ -69,7 +98,7 @@ def length(counted_m: float) -> Number:
 async def calibrate(
     robot: AsyncRobot,
     loaded: Loaded,
-    args: argparse.Namespace,
+    options: RunOptions,
     person: Person,
     hold: Hold | None = None,
 ) -> int:
@@ -91,14 +120,14 @@ async def calibrate(
     from yahboomd.cli.calibrate.result import conclude, ratio_of
 
     config = await config_of(robot, loaded)
-    if args.verb == "squares" and config.kinematics().holonomic:
+    if options.method == "squares" and config.kinematics().holonomic:
         raise Refused(
             "A mecanum base is calibrated by tape: its slip hides the ratio of the wheels. "
             "`yahboomd calibrate tape`"
         )
-    wizard = _Wizard(Driver(robot, config, args.source, hold), person, args)
+    wizard = _Wizard(Driver(robot, config, options.source, hold), person, options)
     beside: list[SidewaysRun] = []
-    if args.verb == "tape":
+    if options.method == "tape":
         # The rollers of a mecanum base bend it, too.
         runs = await wizard.by_tape(bend=not config.kinematics().holonomic)
         if config.kinematics().holonomic:
@@ -107,7 +136,7 @@ async def calibrate(
         method, free = "tape", PARTS if bent else PARTS[::2]
     else:
         runs = await wizard.by_squares()
-        method, free = f"squares of {args.side:g} m", PARTS
+        method, free = f"squares of {options.side_m:g} m", PARTS
     try:
         # Without a measured bend a tape does not see the ratio: it stays what squares have found.
         found = fit(runs, free=free, start=Factors(ratio=ratio_of(config)))
@@ -127,7 +156,7 @@ async def calibrate(
         runs=runs,
         sideways=to_the_side,
         sideways_runs=beside,
-        dry_run=args.dry_run,
+        dry_run=options.dry_run,
         person=person,
     )
 
@@ -153,20 +182,20 @@ async def config_of(robot: AsyncRobot, loaded: Loaded) -> Config:
 
 
 class _Wizard:
-    def __init__(self, driver: Driver, person: Person, args: argparse.Namespace) -> None:
+    def __init__(self, driver: Driver, person: Person, options: RunOptions) -> None:
         self._driver = driver
         self._person = person
-        self._args = args
+        self._options = options
 
     async def by_tape(self, *, bend: bool) -> list[Run]:
-        args = self._args
+        options = self._options
         runs = [await self._straight(bend=bend, heading=False)]
         for left in (True, False):
             way = "to the left" if left else "to the right"
-            whole = 2.0 * math.pi * args.turns * (1.0 if left else -1.0)
+            whole = 2.0 * math.pi * options.turns * (1.0 if left else -1.0)
             await self._move(
-                turns(whole, args.turn_speed),
-                f"Turn {args.turns:g} times {way}: mark which way the robot points.",
+                turns(whole, options.turn_rad_s),
+                f"Turn {options.turns:g} times {way}: mark which way the robot points.",
             )
             beyond = await self._person.number(BEYOND)
             assert beyond is not None
@@ -178,13 +207,13 @@ class _Wizard:
         """Runs of a mecanum base to either side."""
         from yahboomd.calibration.sideways import SidewaysRun
 
-        args, runs = self._args, []
+        options, runs = self._options, []
         for left in (True, False):
             way = "left" if left else "right"
-            metres = args.sideways if left else -args.sideways
+            metres = options.sideways_m if left else -options.sideways_m
             await self._move(
-                sideways(metres, args.speed),
-                f"{args.sideways:g} m to the {way}, sideways: mark where the robot stands.",
+                sideways(metres, options.speed_m_s),
+                f"{options.sideways_m:g} m to the {way}, sideways: mark where the robot stands.",
             )
             steps = self._driver.gathered_sideways()
             measured = await self._length(float(abs(steps[1].sum())))
@@ -192,13 +221,13 @@ class _Wizard:
         return runs
 
     async def by_squares(self) -> list[Run]:
-        args, runs = self._args, []
+        options, runs = self._options, []
         for left in (True, False):
             way = "left" if left else "right"
-            for count in range(1, int(args.count) + 1):
+            for count in range(1, options.count + 1):
                 await self._move(
-                    square(args.side, args.speed, args.turn_speed, left=left),
-                    f"Square {count} of {args.count:g} to the {way}: put the robot on its mark.",
+                    square(options.side_m, options.speed_m_s, options.turn_rad_s, left=left),
+                    f"Square {count} of {options.count:g} to the {way}: put the robot on its mark.",
                 )
                 x = await self._metres("ahead", "How far ahead of its mark did it end, in mm?")
                 y = await self._metres("left", "How far to the left of its mark, in mm?")
@@ -225,9 +254,9 @@ class _Wizard:
             heading: Ask which way it points then; without it the line that it began along is only
                 as exact as a person sees an angle.
         """
-        metres = self._args.straight
+        metres = self._options.straight_m
         await self._move(
-            straight(metres, self._args.speed),
+            straight(metres, self._options.speed_m_s),
             f"A straight of {metres:g} m: mark where the robot stands.",
         )
         left_m, right_m, _ = self._driver.gathered()
@@ -273,7 +302,7 @@ class _Wizard:
     async def _move(self, legs: list[Leg], words: str) -> None:
         """Announce a shape, wait for the person, and drive it or have it driven by hand."""
         person, driver = self._person, self._driver
-        if self._args.by_hand:
+        if self._options.by_hand:
             await driver.begin()
             person.say(f"{words} Then move it so.")
             await driver.by_hand(

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, TypeAlias
 import msgspec
 
 from yahboomd.bus import keys
-from yahboomd.cli.shared_options import client_options
+from yahboomd.cli.daemon_address import client_options
 from yahboomd.client import AsyncRobot
 from yahboomd.client.streams import read_sample
 from yahboomd.config import Config

@@ -12,10 +12,10 @@ from collections.abc import Awaitable, Callable, Iterable
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from yahboomd.cli.daemon_address import client_options
 from yahboomd.cli.shared_options import (
     add_bus_options,
     add_config_options,
-    client_options,
     daemon_endpoints,
     read_config,
     seconds,

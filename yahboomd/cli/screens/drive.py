@@ -8,12 +8,12 @@ import os
 import sys
 from typing import TYPE_CHECKING
 
+from yahboomd.cli.daemon_address import client_options
 from yahboomd.cli.shared_options import (
     add_bus_options,
     add_config_options,
     add_source_option,
     check_source,
-    client_options,
     daemon_endpoints,
     number,
     read_config,

@@ -129,6 +129,15 @@ def system_of(args: argparse.Namespace) -> System:
     )
 
 
+def shared_plan(system: System) -> list[install_plan.PlannedFile]:
+    """Man pages and completions, unless dpkg installed them."""
+    if system.packaged:
+        return []
+    from yahboomd.cli.shell.shared_files import shared_files
+
+    return install_plan.shared_plan(system.root, shared_files())
+
+
 def run(args: argparse.Namespace) -> int:
     """Install, or print what would be done."""
     return install(
@@ -160,7 +169,7 @@ def install(
     print(f"Installing {unit}, which runs {system.program}:")
     for file in files:
         _put(file, dry=system.dry)
-    _put_shared(install_plan.shared_plan(system.root, packaged=system.packaged), dry=system.dry)
+    _put_shared(shared_plan(system), dry=system.dry)
     if system.live:
         status = _start(system, unit, files)
         return _start_web(system, files, listen) or status if web else status

@@ -32,6 +32,7 @@ FILES: Mapping[str, str] = {
 SHARE = "usr/local/share"
 """The folder where man and the shells look for what an administrator installed."""
 
+FISH_SHARED = "fish/vendor_completions.d/yahboomd.fish"
 FISH = "etc/fish/completions/yahboomd.fish"
 """fish looks below /usr/local only where XDG_DATA_DIRS names it, which it does not over SSH."""
 
@@ -103,16 +104,16 @@ def planned_files(root: Path, program: Path, *, packaged: bool) -> list[PlannedF
     return files
 
 
-def shared_plan(root: Path, *, packaged: bool) -> list[PlannedFile]:
-    """Man pages and completions, which the service does without; arguments as above."""
-    if packaged:
-        return []
-    from yahboomd.cli.shell.completions import PLACES
-    from yahboomd.cli.shell.shared_files import shared_files
+def shared_plan(root: Path, texts: Mapping[str, str]) -> list[PlannedFile]:
+    """Man pages and completions, which the service does without.
 
-    texts = {f"{SHARE}/{name}": text for name, text in shared_files().items()}
-    texts[FISH] = texts.pop(f"{SHARE}/{PLACES['fish']}")
-    return [_planned(root / place, text) for place, text in texts.items()]
+    Args:
+        texts: By their paths below a folder ``share``.
+    """
+    places = {FISH_SHARED: FISH}
+    return [
+        _planned(root / places.get(name, f"{SHARE}/{name}"), text) for name, text in texts.items()
+    ]
 
 
 def instance_file(root: Path, name: str, port: str) -> PlannedFile:

@@ -7,7 +7,14 @@ import os
 from pathlib import Path
 
 from yahboomd.cli.service import install_plan
-from yahboomd.cli.service.install import UDEV, System, add_system_options, complain, system_of
+from yahboomd.cli.service.install import (
+    UDEV,
+    System,
+    add_system_options,
+    complain,
+    shared_plan,
+    system_of,
+)
 
 DESCRIPTION = """\
 Stop the service, the wheels first, and remove unit, udev rule, user file, man pages and
@@ -60,7 +67,7 @@ def uninstall(system: System, *, instance: str | None = None) -> int:
         _remove(system.root / place, dry=system.dry)
     if (system.root / install_plan.WEB_LISTEN).exists():
         _remove(system.root / install_plan.WEB_LISTEN, dry=system.dry)
-    for file in install_plan.shared_plan(system.root, packaged=system.packaged):
+    for file in shared_plan(system):
         if file.path.exists():
             _remove(file.path, dry=system.dry)
     if system.live:

@@ -19,6 +19,7 @@ from yahboomd.cli.shared_options import (
     read_config,
 )
 from yahboomd.cli.stop.stop_advice import (
+    StopOptions,
     no_answer,
     not_found,
     not_released,
@@ -27,11 +28,8 @@ from yahboomd.cli.stop.stop_advice import (
     warn_of_suspended,
 )
 from yahboomd.cli.stop.stop_port import (
-    configuration,
-    needs_no_configuration,
     port_of,
     print_report,
-    readable_configuration,
     seize_measured_ports,
     seize_noted,
     seize_noted_ports,
@@ -57,7 +55,8 @@ if TYPE_CHECKING:
 NOT_STANDING = 1
 """The exit status where the wheels were not shown to stand."""
 
-NAMING = ("YAHBOOMD_SERIAL_", "YAHBOOMD_ZENOH_")
+SERIAL = "YAHBOOMD_SERIAL_"
+NAMING = (SERIAL, "YAHBOOMD_ZENOH_")
 """Prefixes of variables that name a robot; others leave none out."""
 
 DESCRIPTION = """\
@@ -131,11 +130,52 @@ def _release(args: argparse.Namespace) -> int:
     try:
         words = release(endpoints, config, port=args.port or "")
     except NoDaemon as error:
-        raise not_released(error, args, found, endpoints) from error
+        raise not_released(error, _asked(args), found, endpoints) from error
     wanted = Wanted(namespace=config.zenoh.namespace, listen=endpoints)
     answered = [robot for robot in found if not robot.silent and wanted.fits(robot)]
     print(f"{answered[0].name}: {words}" if len(answered) == 1 else words)
     return os.EX_OK
+
+
+def _needs_no_configuration(args: argparse.Namespace) -> bool:
+    """Whether the port is named, and nothing else configures how it is opened."""
+    configured = (
+        args.config or args.overrides or any(name.startswith(SERIAL) for name in os.environ)
+    )
+    return bool(args.port) and not configured
+
+
+def _configuration(args: argparse.Namespace) -> Config:
+    """The configuration, or the defaults: a broken file must not keep the wheels turning."""
+    from yahboomd.config import Config
+
+    return _readable_configuration(args) or Config()
+
+
+def _readable_configuration(args: argparse.Namespace) -> Config | None:
+    """The configuration; None, and a warning, for a broken one."""
+    try:
+        return read_config(args).config
+    except ConfigError as error:
+        warn(f"{error}\nStopping with the defaults instead.")
+        return None
+
+
+def _asked(args: argparse.Namespace) -> StopOptions:
+    import shlex
+
+    words = ["yahboomd", "stop", *(["--release"] if args.release else [])]
+    for option in ("port", "namespace", "config"):
+        value = getattr(args, option)
+        words += [f"--{option}", str(value)] if value else []
+    words += [word for each in args.connect or () for word in ("--connect", each)]
+    words += [word for each in args.overrides for word in ("--set", each)]
+    return StopOptions(
+        port=args.port or "",
+        namespace=args.namespace or "",
+        connect=tuple(args.connect or ()),
+        again=shlex.join(words),
+    )
 
 
 def _status(stood: bool) -> int:
@@ -143,21 +183,21 @@ def _status(stood: bool) -> int:
 
 
 def _direct(args: argparse.Namespace) -> bool:
-    seized = seize_noted_ports(args)
+    seized = [] if args.port or args.overrides else seize_noted_ports()
     if not seized:
-        config = None if needs_no_configuration(args) else configuration(args)
-        seized = [seize_port(args, config)]
+        config = None if _needs_no_configuration(args) else _configuration(args)
+        seized = [seize_port(args.port, config)]
     return _print_reports(_on_ports(seized))
 
 
 def _bus(args: argparse.Namespace) -> bool:
-    config = configuration(args)
+    config = _configuration(args)
     endpoints = daemon_endpoints(args, config)
     _, answer, _ = _stop([], config, endpoints)
     if answer is None:
         from yahboomd.cli.stop.stop_client import no_daemon
 
-        raise no_answer(no_daemon(endpoints), args, endpoints)
+        raise no_answer(no_daemon(endpoints), _asked(args), endpoints)
     print(answer.words)
     return answer.stood
 
@@ -166,7 +206,7 @@ def _everywhere(args: argparse.Namespace) -> bool:
     """The port where it is free, the daemons of this machine by their sockets, and the bus."""
     seized: list[Seized] = []
     trouble: YahboomdError | None = None
-    first = needs_no_configuration(args)
+    first = _needs_no_configuration(args)
     if first:
         # Before anything else is imported or asked: a port that is free is the fastest way.
         seized, trouble = _try_port(args, None)
@@ -175,11 +215,11 @@ def _everywhere(args: argparse.Namespace) -> bool:
     local = LocalStops()
     config = _stop_locally(args, local)
     if not first:
-        config = config or configuration(args)
+        config = config or _configuration(args)
         seized, trouble = _try_port(args, config)
         if local.wanted == type(local.wanted)():
             seized += seize_measured_ports(config)
-    config = config or configuration(args)
+    config = config or _configuration(args)
     of_the_dead = _seize_noted(local)
     endpoints = daemon_endpoints(args, config)
     reports, answer, found = _stop(
@@ -206,14 +246,14 @@ def _everywhere(args: argparse.Namespace) -> bool:
         and all(each.robot.uid not in {0, os.geteuid()} for each in outcomes)
         and isinstance(trouble, PortBusy)
         and (answer is None or answer.daemons <= len(outcomes))
-        and not drives(local.answering, port_of(args, config))
+        and not drives(local.answering, port_of(args.port, config))
     ):
         # The configured port is held, and nothing that answers has stopped its board: other users'
         # robots may stand, which says nothing of this one.
         verdicts.append(_report_busy(args, config, endpoints))
     if verdicts:
-        troubles = [str(silent(robot, args)) for robot in local.silent]
-        warn_of_suspended(local, args)
+        troubles = [str(silent(robot, _asked(args))) for robot in local.silent]
+        warn_of_suspended(local, _asked(args))
         if local.wanted == type(local.wanted)():
             troubles += unreached(local, endpoints if answer is not None else ())
         for words in troubles:
@@ -223,14 +263,14 @@ def _everywhere(args: argparse.Namespace) -> bool:
     if not isinstance(trouble, PortBusy):
         suspects += local.unknown
     if suspects:
-        raise silent(suspects[0], args)
+        raise silent(suspects[0], _asked(args))
     if not isinstance(trouble, PortBusy):
         if doubted:
             return False
         assert trouble is not None
         raise not_found(trouble, config, endpoints, local)
     # No daemon answers: the process that held the port may have been about to end.
-    stand = _print_reports(_on_ports([seize_port(args, config, asked=endpoints)]))
+    stand = _print_reports(_on_ports([seize_port(args.port, config, asked=endpoints)]))
     return stand and not doubted
 
 
@@ -239,7 +279,7 @@ def _try_port(
 ) -> tuple[list[Seized], YahboomdError | None]:
     """Seize the port if it is free; else why it cannot be seized."""
     try:
-        return [seize_port(args, config, patience_s=0.0)], None
+        return [seize_port(args.port, config, patience_s=0.0)], None
     except (LinkError, ConfigError) as error:
         return [], error
 
@@ -260,7 +300,7 @@ def _seize_noted(local: LocalStops) -> list[Seized]:
 
 def _report_busy(args: argparse.Namespace, config: Config, endpoints: tuple[str, ...]) -> bool:
     try:
-        return _print_reports(_on_ports([seize_port(args, config, asked=endpoints)]))
+        return _print_reports(_on_ports([seize_port(args.port, config, asked=endpoints)]))
     except LinkError as error:
         warn(str(error))
         return False
@@ -278,7 +318,7 @@ def _stop_locally(args: argparse.Namespace, local: LocalStops) -> Config | None:
     wanted = Wanted(port=args.port or "", namespace=args.namespace)
     config = None
     if named and not args.port:
-        config = readable_configuration(args)
+        config = _readable_configuration(args)
         if config is not None:
             zenoh = config.zenoh
             wanted = Wanted(config.serial.port, zenoh.namespace, zenoh.listen)

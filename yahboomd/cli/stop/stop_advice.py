@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import argparse
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from yahboomd.cli.stop.stop_port import warn
 from yahboomd.cli.unresponsive import (
@@ -25,44 +24,58 @@ if TYPE_CHECKING:
     from yahboomd.config import Config
 
 
+class StopOptions(NamedTuple):
+    """The options of a stop that name its robot.
+
+    Attributes:
+        connect: The endpoints; empty for those of the configuration.
+        again: The same command, to be typed again.
+    """
+
+    port: str = ""
+    namespace: str = ""
+    connect: tuple[str, ...] = ()
+    again: str = "yahboomd stop"
+
+
 def not_released(
-    error: BusError, args: argparse.Namespace, found: list[LocalDaemon], endpoints: tuple[str, ...]
+    error: BusError, asked: StopOptions, found: list[LocalDaemon], endpoints: tuple[str, ...]
 ) -> BusError:
     """Explain why no daemon answers, by the one of this machine that is meant, and no other."""
     from yahboomd.cli.stop.stop_local import Wanted, there
 
-    meant = [robot.pid for robot in found if robot.silent and not args.connect]
-    if args.port:
-        meant = [pid for pid in meant if may_drive(pid, args.port)]
+    meant = [robot.pid for robot in found if robot.silent and not asked.connect]
+    if asked.port:
+        meant = [pid for pid in meant if may_drive(pid, asked.port)]
     if (pid := listener(endpoints)) is not None and is_yahboomd(pid):
         meant.insert(0, pid)
-    again = this_command(args)
+    again = asked.again
     for pid in meant:
         if (state := process_state(pid)) in FROZEN:
             message, remedy = suspended(pid, again)
             return type(error)(message, remedy=remedy)
-        if pid != 0 and not args.namespace:
+        if pid != 0 and not asked.namespace:
             doing = f" (state {state})" if state else ""
             return type(error)(
                 f"{error.message} yahboomd (pid {pid}) runs here and does not answer{doing}.",
                 remedy=f"Repeat it: {again}\nWhere that does not help, end it: kill {pid}",
             )
-    if args.connect:
+    if asked.connect:
         return error
-    wanted = Wanted(port=args.port or "")
+    wanted = Wanted(port=asked.port)
     others = there(
         [robot for robot in found if not robot.silent and wanted.fits(robot)], "stop --release"
     )
     return type(error)(error.message, remedy=others or error.remedy)
 
 
-def no_answer(error: BusError, args: argparse.Namespace, endpoints: tuple[str, ...]) -> BusError:
+def no_answer(error: BusError, asked: StopOptions, endpoints: tuple[str, ...]) -> BusError:
     """Explain why no daemon answers, where it is one of this machine."""
     pid = listener(endpoints)
     if pid is None or not is_yahboomd(pid):
         return error
     ports = serial_ports(pid)
-    again = f"yahboomd stop --port {ports[0]}" if ports else this_command(args)
+    again = f"yahboomd stop --port {ports[0]}" if ports else asked.again
     message, remedy = unresponsive(f"yahboomd (pid {pid})", pid, process_state(pid), again)
     return type(error)(message, remedy=remedy)
 
@@ -82,12 +95,10 @@ def not_found(
     )
 
 
-def silent(robot: LocalDaemon, args: argparse.Namespace) -> LinkError:
+def silent(robot: LocalDaemon, asked: StopOptions) -> LinkError:
     """The error where this daemon does not answer."""
     state = process_state(robot.pid)
-    message, remedy = unresponsive(
-        f"yahboomd (pid {robot.pid})", robot.pid, state, this_command(args)
-    )
+    message, remedy = unresponsive(f"yahboomd (pid {robot.pid})", robot.pid, state, asked.again)
     return LinkError(message, remedy=remedy)
 
 
@@ -99,26 +110,13 @@ def unreached(local: LocalStops, over_bus: tuple[str, ...] = ()) -> list[str]:
     return [words for pid in daemons() if pid not in known and (words := reaching(pid))]
 
 
-def warn_of_suspended(local: LocalStops, args: argparse.Namespace) -> None:
+def warn_of_suspended(local: LocalStops, asked: StopOptions) -> None:
     """Warn of suspended daemons that this stop did not reach and that may have closed the port."""
     for robot in local.unknown:
         frozen = process_state(robot.pid) in FROZEN
-        if frozen and may_drive(robot.pid, args.port or ""):
+        if frozen and may_drive(robot.pid, asked.port):
             warn(
                 f"yahboomd (pid {robot.pid}) is suspended: no emergency stop is engaged in it, and "
                 "once continued it obeys new commands. To engage one, continue it with `fg` or "
-                f"`kill -CONT {robot.pid}`, then repeat: {this_command(args)}"
+                f"`kill -CONT {robot.pid}`, then repeat: {asked.again}"
             )
-
-
-def this_command(args: argparse.Namespace) -> str:
-    """This command, to be typed again."""
-    import shlex
-
-    words = ["yahboomd", "stop", *(["--release"] if args.release else [])]
-    for option in ("port", "namespace", "config"):
-        value = getattr(args, option)
-        words += [f"--{option}", str(value)] if value else []
-    words += [word for each in args.connect or () for word in ("--connect", each)]
-    words += [word for each in args.overrides for word in ("--set", each)]
-    return shlex.join(words)

@@ -8,7 +8,7 @@ import contextlib
 import msgspec
 
 from yahboomd.bus import keys
-from yahboomd.cli.shared_options import client_options
+from yahboomd.cli.daemon_address import client_options
 from yahboomd.cli.stop.stop_local import same_port, verdict
 from yahboomd.cli.words import listed
 from yahboomd.client import AsyncRobot

@@ -5,7 +5,6 @@ Slow imports are made where they are needed: see :mod:`yahboomd.link.seize`.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import errno
 import os
@@ -15,7 +14,6 @@ import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from yahboomd.cli.shared_options import read_config
 from yahboomd.cli.unresponsive import (
     FROZEN,
     is_guard,
@@ -25,7 +23,7 @@ from yahboomd.cli.unresponsive import (
     true_names,
     unresponsive,
 )
-from yahboomd.errors import ConfigError, LinkError, PortBusy
+from yahboomd.errors import LinkError, PortBusy
 from yahboomd.link import port_identity, port_note
 from yahboomd.link.port_note import PortNote
 from yahboomd.link.seize import PATIENCE_S, RETRY_S, OtherDevice, Seized, seize
@@ -56,31 +54,7 @@ def undisturbed() -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def needs_no_configuration(args: argparse.Namespace) -> bool:
-    """Whether the port is named, and nothing else configures how it is opened."""
-    configured = (
-        args.config or args.overrides or any(name.startswith(_SERIAL) for name in os.environ)
-    )
-    return bool(args.port) and not configured
-
-
-def configuration(args: argparse.Namespace) -> Config:
-    """The configuration, or the defaults: a broken file must not keep the wheels turning."""
-    from yahboomd.config import Config
-
-    return readable_configuration(args) or Config()
-
-
-def readable_configuration(args: argparse.Namespace) -> Config | None:
-    """The configuration; None, and a warning, for a broken one."""
-    try:
-        return read_config(args).config
-    except ConfigError as error:
-        warn(f"{error}\nStopping with the defaults instead.")
-        return None
-
-
-def seize_noted_ports(args: argparse.Namespace) -> list[Seized]:
+def seize_noted_ports() -> list[Seized]:
     """Seize the port of each killed daemon, as its note in the runtime folder says.
 
     ``ExecStopPost=`` of the service needs it. Where no note leads to a port, the
@@ -90,7 +64,7 @@ def seize_noted_ports(args: argparse.Namespace) -> list[Seized]:
     Raises:
         LinkError: A path is another device's by now, and the board's is not there.
     """
-    notes = [] if args.port or args.overrides else port_note.read(port_note.folder_of(os.environ))
+    notes = port_note.read(port_note.folder_of(os.environ))
     # Those of daemons that ended in order only where there is no other.
     waiting = [note for note in notes if not note.ended] or notes
     several = len(waiting) > 1
@@ -163,14 +137,14 @@ def seize_noted(note: PortNote) -> Seized | None:
     )
 
 
-def port_of(args: argparse.Namespace, config: Config | None) -> str:
-    """The port that is named, or found.
+def port_of(port: str | None, config: Config | None) -> str:
+    """The port: the one that is named, else the configured one, else the only one there is.
 
     Raises:
         LinkError: There is none.
         ConfigError: Several ports could be the board's.
     """
-    path: str = args.port or (config.serial.port if config is not None else "")
+    path = port or (config.serial.port if config is not None else "")
     if path:
         return path
     from yahboomd.link.discovery import candidates, choose
@@ -179,7 +153,7 @@ def port_of(args: argparse.Namespace, config: Config | None) -> str:
 
 
 def seize_port(
-    args: argparse.Namespace,
+    port: str | None,
     config: Config | None,
     *,
     patience_s: float = PATIENCE_S,
@@ -188,8 +162,8 @@ def seize_port(
     """Seize the port, which sends the first stop; a `setup` or `tune` that holds it is ended.
 
     Args:
-        args: May name the port.
-        config: How it is opened; None for the defaults, with the port that ``args`` names.
+        port: Its path; None for the configured one.
+        config: How it is opened; None for the defaults.
         patience_s: How long to try again while another process holds it.
         asked: Where a daemon was asked on the bus, and did not answer.
 
@@ -197,7 +171,7 @@ def seize_port(
         LinkError: It cannot be opened.
         ConfigError: Several ports could be the board's.
     """
-    path = port_of(args, config)
+    path = port_of(port, config)
     options: dict[str, Any] = {}
     if config is not None:
         options = {
@@ -222,7 +196,7 @@ def seize_measured_ports(config: Config | None) -> list[Seized]:
     seized = []
     for path in measured_ports(os.environ.get("RUNTIME_DIRECTORY", "").split(":")[0]):
         try:
-            seized.append(seize_port(argparse.Namespace(port=path), config, patience_s=0.0))
+            seized.append(seize_port(path, config, patience_s=0.0))
         except LinkError as error:
             warn(str(error))
     return seized
@@ -342,6 +316,3 @@ def _readers(port: str) -> tuple[str, ...]:
 def warn(words: str) -> None:
     """Print a warning to standard error."""
     print(f"yahboomd: {pasteable(readable(words))}", file=sys.stderr)
-
-
-_SERIAL = "YAHBOOMD_SERIAL_"

@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from yahboomd.cli.child_reader import read_in_child
+from yahboomd.cli.daemon_address import client_options
 from yahboomd.cli.shared_options import (
     add_bus_options,
     add_config_options,
     add_source_option,
     check_source,
-    client_options,
     daemon_endpoints,
     read_config,
     robot_arguments,
