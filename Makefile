@@ -29,18 +29,18 @@ help: ## this list
 	  /^[a-z-]+:.*## /{printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 .PHONY: help
 
-$(VENV)/.run: pyproject.toml tools/bootstrap.py
-	@$(PYTHON) tools/bootstrap.py $(VENV) monitor,web
+$(VENV)/.run: pyproject.toml make/bootstrap.py
+	@$(PYTHON) make/bootstrap.py $(VENV) monitor,web
 	@touch $@
 
-$(VENV)/.dev: pyproject.toml tools/bootstrap.py
-	@$(PYTHON) tools/bootstrap.py $(VENV) dev
+$(VENV)/.dev: pyproject.toml make/bootstrap.py
+	@$(PYTHON) make/bootstrap.py $(VENV) dev
 	@touch $@ $(VENV)/.run
 
 ##@ Use it
 .PHONY: run
 run: $(VENV)/.run ## start daemon and page: on a simulated board, or on a real one with PORT=/dev/... (ARGS=--listen: for phones)
-	@exec $(PY) tools/make_run.py $(if $(PORT),--port $(PORT)) $(ARGS)
+	@exec $(PY) make/make_run.py $(if $(PORT),--port $(PORT)) $(ARGS)
 
 ##@ Check a change
 .PHONY: quick single-rooms test check lint types imports schemas schemas-check
@@ -66,17 +66,17 @@ imports: $(VENV)/.dev ## which room may import which
 	$(BIN)/lint-imports
 
 schemas: $(VENV)/.dev ## write schemas/, generated pages of docs/, man pages and completions
-	$(PY) -m yahboomd.messages.generate schemas
-	$(PY) -m yahboomd.daemon.asyncapi schemas
-	$(PY) -m yahboomd.messages.reference_pages events > docs/events.md
-	$(PY) -m yahboomd.messages.reference_pages status > docs/status.md
+	$(PY) -m yahboomd.tools.schemas.generate schemas
+	$(PY) -m yahboomd.tools.schemas.asyncapi schemas
+	$(PY) -m yahboomd.tools.schemas.reference_pages events > docs/events.md
+	$(PY) -m yahboomd.tools.schemas.reference_pages status > docs/status.md
 	$(PY) -m yahboomd config reference > docs/configuration.md
 	$(PY) -m yahboomd config reference --toml > config.toml
 	$(PY) -m yahboomd.cli.shell.shared_files share
 
 schemas-check: $(VENV)/.dev
-	$(PY) -m yahboomd.messages.generate --check schemas
-	$(PY) -m yahboomd.daemon.asyncapi --check schemas
+	$(PY) -m yahboomd.tools.schemas.generate --check schemas
+	$(PY) -m yahboomd.tools.schemas.asyncapi --check schemas
 
 ##@ Suites that need other languages, or more time (.ci/run runs their short forms)
 .PHONY: interop interop-figures generators asyncapi clients browser firmware metrics fuzz mutants soak alarms
@@ -102,30 +102,30 @@ browser: $(VENV)/.dev ## the page in a real Chromium, by touch and keys (root in
 	@tests/browser/install.sh || echo "browser: what is not there is named above; its tests are skipped"
 	$(if $(SHORT),,YAHBOOMD_BROWSER=1) $(PYTEST) tests/browser $(ARGS)
 
-$(VENV)/.firmware: pyproject.toml tools/bootstrap.py $(VENV)/.dev
-	@$(PYTHON) tools/bootstrap.py $(VENV) firmware || echo "firmware: there is no unicorn here; the four-channel board is left out"
+$(VENV)/.firmware: pyproject.toml make/bootstrap.py $(VENV)/.dev
+	@$(PYTHON) make/bootstrap.py $(VENV) firmware || echo "firmware: there is no unicorn here; the four-channel board is left out"
 	@touch $@
 
 firmware: $(VENV)/.firmware ## the control path on the vendors' own firmwares, whose files YAHBOOMD_FIRMWARE names (SHORT=1: the same)
-	@$(PY) tools/firmware.py $(ARGS)
+	@$(PY) make/firmware.py $(ARGS)
 
 metrics: $(VENV)/.dev ## real Prometheus scrapes a real daemon: the page, alerts and the dashboard's queries (apt install prometheus)
 	$(PYTEST) tests/metrics tests/prometheus tests/cli/test_metrics.py tests/cli/test_robot_poll.py $(ARGS)
 
-$(VENV)/.fuzz: pyproject.toml tools/bootstrap.py
-	@$(PYTHON) tools/bootstrap.py $(VENV) fuzz || \
+$(VENV)/.fuzz: pyproject.toml make/bootstrap.py
+	@$(PYTHON) make/bootstrap.py $(VENV) fuzz || \
 	  { echo "yahboomd: atheris, the fuzzer, has wheels for CPython 3.11 to 3.13 on x86-64 Linux." >&2; exit 1; }
 	@touch $@
 
 fuzz: $(VENV)/.fuzz ## fuzz every reader of foreign bytes: MINUTES=8 SEED=1
-	@exec $(PY) tools/fuzz.py --minutes $(MINUTES) --seed $(SEED) $(ARGS)
+	@exec $(PY) make/fuzz.py --minutes $(MINUTES) --seed $(SEED) $(ARGS)
 
-$(VENV)/.mutants: pyproject.toml tools/bootstrap.py $(VENV)/.dev
-	@$(PYTHON) tools/bootstrap.py $(VENV) mutants
+$(VENV)/.mutants: pyproject.toml make/bootstrap.py $(VENV)/.dev
+	@$(PYTHON) make/bootstrap.py $(VENV) mutants
 	@touch $@
 
 mutants: $(VENV)/.mutants ## do tests notice one-token changes? ROOM=drive SAMPLE=120 SEED=1 (pure rooms; minutes to hours)
-	@exec $(PY) tools/mutants.py $(ROOM) --sample $(SAMPLE) --seed $(SEED) $(ARGS)
+	@exec $(PY) make/mutants.py $(ROOM) --sample $(SAMPLE) --seed $(SEED) $(ARGS)
 
 soak: $(VENV)/.run ## daemon and simulated board through all faults: MINUTES=60 SEED=1
 	@exec $(PY) -m benchmarks.soak --minutes $(MINUTES) --seed $(SEED) $(ARGS)
@@ -135,12 +135,12 @@ alarms: $(VENV)/.dev ## false alarms and cut times on virtual time, random drivi
 
 .PHONY: wirings
 wirings: $(VENV)/.dev ## `setup` on all 384 ways to connect four motors, each with a drive afterwards (ten minutes)
-	YAHBOOMD_EVERY_WIRING=1 $(PYTEST) $(PARALLEL) -q tests/cli/setup/test_setup_wizard.py -k four_wheels
+	YAHBOOMD_EVERY_WIRING=1 $(PYTEST) $(PARALLEL) -q tests/tools/setup/test_setup_wizard.py -k four_wheels
 
 ##@ Measure
 .PHONY: bench bench-short ratios black-box footprint page-figures calibration tuning tuning-kills estop-kills picture
 $(VENV)/.bench: $(VENV)/.dev
-	@$(PYTHON) tools/bootstrap.py $(VENV) uvloop || echo "bench: there is no uvloop here; its rows are left out"
+	@$(PYTHON) make/bootstrap.py $(VENV) uvloop || echo "bench: there is no uvloop here; its rows are left out"
 	@touch $@
 
 bench: $(VENV)/.bench ## measure exactness, latency, throughput, cost and fleet; write docs/benchmarks.md and docs/benchmarks/ (30 minutes; ARGS=--resume continues)
@@ -168,16 +168,16 @@ calibration: $(VENV)/.dev ## how well `calibrate` finds 400 random robots that a
 	@$(PY) -m benchmarks.random_robots $(ARGS)
 
 tuning: $(VENV)/.dev ## `tune` on every motor profile from every bad start, the table of docs/tuning.md (five minutes)
-	$(PYTEST) $(PARALLEL) -rP tests/cli/tune/all_profiles.py $(ARGS)
+	$(PYTEST) $(PARALLEL) -rP tests/tools/tune/all_profiles.py $(ARGS)
 
 tuning-kills: $(VENV)/.dev ## `tune` killed at random moments, also with the supply lost within a write; then --undo (RUNS=60: ten minutes)
-	RUNS=$(or $(RUNS),60) $(PYTEST) $(PARALLEL) -rP tests/cli/tune/killed_runs.py $(ARGS)
+	RUNS=$(or $(RUNS),60) $(PYTEST) $(PARALLEL) -rP tests/tools/tune/killed_runs.py $(ARGS)
 
 estop-kills: $(VENV)/.dev ## daemons killed right after they reported an emergency stop; what did the board hear? (RUNS=1000: half an hour)
 	RUNS=$(or $(RUNS),1000) SEED=$(SEED) $(PYTEST) -n 3 -rP tests/daemon/estop/estop_killed_runs.py $(ARGS)
 
 picture: $(VENV)/.dev ## drive the simulated robot, and draw docs/images/path.png
-	$(PY) tools/picture.py $(ARGS)
+	$(PY) make/picture.py $(ARGS)
 
 ##@ Package and system
 .PHONY: deb system-test plug-test
@@ -185,10 +185,10 @@ deb: ## build the Debian package for this machine's distribution, into dist/
 	@$(PYTHON) packaging/build_deb.py $(ARGS)
 
 system-test: $(VENV)/.dev ## the installed service under a real systemd, in a container (root; SUITE=trixie, SHORT=1)
-	@$(PY) tools/system_test.py $(if $(SUITE),--suite $(SUITE)) $(if $(SHORT),--short --if-possible) $(ARGS)
+	@$(PY) make/system_test.py $(if $(SUITE),--suite $(SUITE)) $(if $(SHORT),--short --if-possible) $(ARGS)
 
 plug-test: $(VENV)/.dev ## what plugging a board in does, on a real kernel in an emulated PC (root; five minutes)
-	@$(PY) tools/plug_test.py $(if $(SUITE),--suite $(SUITE)) $(ARGS)
+	@$(PY) make/plug_test.py $(if $(SUITE),--suite $(SUITE)) $(ARGS)
 
 ##@ Tidy
 .PHONY: clean

@@ -34,8 +34,8 @@ from benchmarks.paths import (
 )
 from benchmarks.recorded import DRIVES, record
 from benchmarks.report import Section, method, number
-from yahboomd.odometry.covariance import NOISE_M, Covariance
-from yahboomd.odometry.integrator import Integrator
+from yahboomd.core.odometry.covariance import NOISE_M, Covariance
+from yahboomd.core.odometry.integrator import Integrator
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -32,12 +32,7 @@ import msgspec
 from fault_bench import CUT, FaultBench
 
 from yahboomd.simulation import virtual_time
-from yahboomd.simulation.options import (
-    PLAIN_GAIN,
-    QUICK_GAIN,
-    ImpairmentOptions,
-    SimulationOptions,
-)
+from yahboomd.simulation.options import PLAIN_GAIN, QUICK_GAIN, ImpairmentOptions, SimulationOptions
 
 MS = 1_000_000
 ALARMS = (

@@ -10,13 +10,13 @@ Stacks = dict[tuple[str, ...], int]
 
 WIDTH, ROW = 1200, 17
 COLOURS = {
-    "yahboomd.link": "#f4a261",
-    "yahboomd.protocol": "#e9c46a",
-    "yahboomd.odometry": "#2a9d8f",
-    "yahboomd.drive": "#8ab17d",
-    "yahboomd.daemon": "#e76f51",
-    "yahboomd.messages": "#90a8ed",
-    "yahboomd.bus": "#c77dff",
+    "yahboomd.core.link": "#f4a261",
+    "yahboomd.core.protocol": "#e9c46a",
+    "yahboomd.core.odometry": "#2a9d8f",
+    "yahboomd.core.drive": "#8ab17d",
+    "yahboomd.core.daemon": "#e76f51",
+    "yahboomd.core.messages": "#90a8ed",
+    "yahboomd.core.bus": "#c77dff",
     "yahboomd": "#f7b9a6",
     "asyncio": "#bbbbbb",
     "selectors": "#dddddd",

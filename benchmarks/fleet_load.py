@@ -31,7 +31,7 @@ from zenoh.handlers import Callback, RingChannel
 
 from benchmarks.report import quantile
 from benchmarks.rig import client, client_config
-from yahboomd.messages.native import PoseSample
+from yahboomd.core.messages.native import PoseSample
 
 POSE_HZ = 50
 TICK_S = 0.002

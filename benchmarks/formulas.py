@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.paths import RADIUS_M, TRACK_M, Array
-from yahboomd.model import Kinematics, Motor
-from yahboomd.odometry.integrator import Integrator
+from yahboomd.core.model import Kinematics, Motor
+from yahboomd.core.odometry.integrator import Integrator
 
 Counted = NDArray[np.int64]
 Places = tuple[Array, Array, Array]

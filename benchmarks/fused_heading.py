@@ -20,9 +20,9 @@ from typing import NamedTuple
 
 import msgspec
 
-from yahboomd.drive.kinematics import KINEMATICS
-from yahboomd.model import EncoderReading, ImuReading, ImuSensor, Motor, Twist2d
-from yahboomd.odometry.odometer import Odometer
+from yahboomd.core.drive.kinematics import KINEMATICS
+from yahboomd.core.model import EncoderReading, ImuReading, ImuSensor, Motor, Twist2d
+from yahboomd.core.odometry.odometer import Odometer
 from yahboomd.simulation.imu import SENSORS, Imu
 
 TRACK_M, RADIUS_M, TICKS = 0.15, 0.0335, 1320

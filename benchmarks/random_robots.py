@@ -16,8 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from yahboomd.calibration.least_squares import SLIP_M_PER_SQRT_M, fit
-from yahboomd.calibration.runs import Factors, Floats, Path, Run, path
+from yahboomd.tools.calibrate.estimates.least_squares import SLIP_M_PER_SQRT_M, fit
+from yahboomd.tools.calibrate.estimates.runs import Factors, Floats, Path, Run, path
 
 TRACK_M = 0.17
 STEP_M = 0.01

@@ -8,11 +8,11 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from benchmarks.paths import RADIUS_M, TRACK_M
-from yahboomd.clock import LoopClock
-from yahboomd.link.connected_board import ConnectedBoard
-from yahboomd.link.handshake import Identity
-from yahboomd.link.session import Session, SessionOptions
-from yahboomd.model import Counts, EncoderReading, Event, ImuReading, Pose2d
+from yahboomd.core.clock import LoopClock
+from yahboomd.core.link.connected_board import ConnectedBoard
+from yahboomd.core.link.handshake import Identity
+from yahboomd.core.link.session import Session, SessionOptions
+from yahboomd.core.model import Counts, EncoderReading, Event, ImuReading, Pose2d
 from yahboomd.simulation import virtual_time
 from yahboomd.simulation.memory import MemoryPort
 from yahboomd.simulation.options import SimulationOptions

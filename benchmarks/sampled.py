@@ -20,7 +20,7 @@ EVERY_S = 0.001
 
 
 def name_of(frame: FrameType) -> str:
-    """Module and function, such as ``yahboomd.link.writer:Writer._pump``."""
+    """Module and function, such as ``yahboomd.core.link.writer:Writer._pump``."""
     module = frame.f_globals.get("__name__", "?")
     return f"{module}:{frame.f_code.co_qualname}"
 

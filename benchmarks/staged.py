@@ -15,13 +15,13 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from yahboomd.bus.inbox import Inbox, Lane
 from yahboomd.cli.main import main
-from yahboomd.daemon.commands import CommandIntake
-from yahboomd.daemon.control import Controller
-from yahboomd.daemon.wheels import Wheels
-from yahboomd.link.port import SerialPort
-from yahboomd.link.writer import Writer
+from yahboomd.core.bus.inbox import Inbox, Lane
+from yahboomd.core.daemon.commands import CommandIntake
+from yahboomd.core.daemon.control import Controller
+from yahboomd.core.daemon.wheels import Wheels
+from yahboomd.core.link.port import SerialPort
+from yahboomd.core.link.writer import Writer
 
 STAGES: dict[str, tuple[type, str]] = {
     "hop to the event loop": (Lane, "offer"),

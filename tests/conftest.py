@@ -19,7 +19,7 @@ from hypothesis import HealthCheck, settings
 from real_robot import client, real_robot
 from zenoh_fixtures import zenoh_router
 
-from yahboomd.blackbox.ring_file import ring_folder
+from yahboomd.core.blackbox.ring_file import ring_folder
 from yahboomd.simulation import virtual_time
 
 # A shell ignores these for what it starts in the background, `nohup` the first one, and every
@@ -123,12 +123,12 @@ def patience() -> Iterator[None]:
     """
     with pytest.MonkeyPatch.context() as patch:
         for name in (
-            "yahboomd.daemon.box_writer.END_S",
-            "yahboomd.daemon.estop.latch.LOAD_WITHIN_S",
-            "yahboomd.daemon.estop.latch.RELEASE_WITHIN_S",
-            "yahboomd.daemon.estop.latch.SETTLE_S",
-            "yahboomd.daemon.estop.local_stop.OPEN_WITHIN_S",
-            "yahboomd.daemon.logs.FLUSH_S",
+            "yahboomd.core.daemon.box_writer.END_S",
+            "yahboomd.core.daemon.estop.latch.LOAD_WITHIN_S",
+            "yahboomd.core.daemon.estop.latch.RELEASE_WITHIN_S",
+            "yahboomd.core.daemon.estop.latch.SETTLE_S",
+            "yahboomd.core.daemon.estop.local_stop.OPEN_WITHIN_S",
+            "yahboomd.core.daemon.logs.FLUSH_S",
             "yahboomd.simulation.virtual_time.REAL_PATIENCE_S",
         ):
             patch.setattr(name, 60.0)

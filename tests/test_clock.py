@@ -10,7 +10,7 @@ import select
 
 import pytest
 
-from yahboomd.clock import (
+from yahboomd.core.clock import (
     Clock,
     LoopClock,
     Pause,

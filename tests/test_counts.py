@@ -4,7 +4,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from yahboomd.counts import CountHistory, slowest, unwrapped
+from yahboomd.core.counts import CountHistory, slowest, unwrapped
 
 MS = 1_000_000
 S = 1000 * MS

@@ -7,8 +7,8 @@ import os
 
 import pytest
 
-from yahboomd import errors
-from yahboomd.errors import ConfigError, LinkError, PortDenied, YahboomdError, shortage
+from yahboomd.core import errors
+from yahboomd.core.errors import ConfigError, LinkError, PortDenied, YahboomdError, shortage
 
 
 def test_what_a_person_reads_is_the_message_and_the_remedy() -> None:

@@ -8,8 +8,8 @@ import math
 import msgspec
 import pytest
 
-from yahboomd import model
-from yahboomd.model import (
+from yahboomd.core import model
+from yahboomd.core.model import (
     CHANNELS,
     NS_PER_S,
     STANDSTILL,

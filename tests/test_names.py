@@ -5,7 +5,7 @@ import zenoh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.names import (
+from yahboomd.core.names import (
     endpoint_problem,
     host_and_port,
     is_local,

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from yahboomd.cli.shell import command_tree
-from yahboomd.config import Config
-from yahboomd.protocol.dialect import Dialect
-from yahboomd.protocol.first_words import FIRST_WORDS
-from yahboomd.protocol.registry import DIALECTS
+from yahboomd.core.config import Config
+from yahboomd.core.protocol.dialect import Dialect
+from yahboomd.core.protocol.first_words import FIRST_WORDS
+from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.simulation.boards import BOARDS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -108,9 +108,9 @@ def test_the_page_lists_all_that_a_board_takes_and_every_board_has_it() -> None:
     listed = set(re.findall(r"`((?:\w+/)+[\w.-]*)`", ANOTHER_BOARD.partition("Adding one")[2]))
     taken = set()
     for name, dialect in DIALECTS.items():
-        room = type(dialect).__module__.split(".")[2]
+        room = type(dialect).__module__.split(".")[3]
         places = {
-            "protocol/BOARD/": ROOT / "yahboomd" / "protocol" / room,
+            "core/protocol/BOARD/": ROOT / "yahboomd/core/protocol" / room,
             "simulation/BOARD/": ROOT / "yahboomd" / "simulation" / room,
             "tests/protocol/BOARD/captures/connect-DIALECT.txt": ROOT
             / f"tests/protocol/{room}/captures/connect-{name}.txt",
@@ -120,8 +120,8 @@ def test_the_page_lists_all_that_a_board_takes_and_every_board_has_it() -> None:
         assert name in FIRST_WORDS
         assert f"\n## `{name}`\n" in (ROOT / "docs" / "protocol.md").read_text()
         taken |= set(places)
-    rows = {"protocol/registry.py", "protocol/first_words.py", "simulation/boards.py"}
-    rows |= {"messages/status_fields.py", "protocol/profiles.py"}
+    rows = {"core/protocol/registry.py", "core/protocol/first_words.py", "simulation/boards.py"}
+    rows |= {"core/messages/status_fields.py", "core/protocol/profiles.py"}
     tests = {"tests/plugins/fault_bench.py", "tests/plugins/binary_dialect.py"}
     assert listed == taken | rows | tests | {"docs/protocol.md"}
 

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd import program
-from yahboomd.config import Config
+from yahboomd.core import program
+from yahboomd.core.config import Config
 
 
 @pytest.fixture
@@ -56,12 +56,12 @@ def test_another_one_on_the_path_is_not_meant(own: Path, monkeypatch: pytest.Mon
 def test_an_extra_is_installed_into_the_environment_that_runs_and_from_its_own_source(
     own: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    source = Path(program.__file__).parent.parent
+    source = Path(program.__file__).parents[2]
     assert program.install_command("web") == (f".venv/bin/python -m pip install '{source}[web]'")
     monkeypatch.setattr("sys.executable", f"{source}/.venv/bin/python")
     monkeypatch.chdir(source)
     assert program.install_command("web") == ".venv/bin/python -m pip install '.[web]'"
-    monkeypatch.setattr(program, "__file__", str(own.with_name("yahboomd") / "program.py"))
+    monkeypatch.setattr(program, "__file__", str(own.with_name("yahboomd") / "core/program.py"))
     assert program.install_command("web").endswith("install 'yahboomd[web]'")
     # A service's folder: its words are read elsewhere.
     monkeypatch.chdir("/")

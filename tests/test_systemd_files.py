@@ -174,7 +174,7 @@ def test_the_pages_tokens_are_for_its_own_user_and_it_listens_on_loopback() -> N
 
 
 def test_both_ids_of_the_chip_are_known_to_the_rule() -> None:
-    from yahboomd.link.discovery import CH340_IDS, UDEV_NAME
+    from yahboomd.core.link.discovery import CH340_IDS, UDEV_NAME
 
     text = (SYSTEMD / "95-yahboomd.rules").read_text()
     for vendor, product in CH340_IDS:

@@ -29,9 +29,9 @@ from benchmarks.soak.schedule import (
     Turn,
     segments,
 )
-from yahboomd.blackbox.box_file import read_box
-from yahboomd.blackbox.saved_boxes import BYTES_MOST, FILES_MOST, box_bytes, saved_boxes
-from yahboomd.errors import YahboomdError
+from yahboomd.core.blackbox.box_file import read_box
+from yahboomd.core.blackbox.saved_boxes import BYTES_MOST, FILES_MOST, box_bytes, saved_boxes
+from yahboomd.core.errors import YahboomdError
 
 RSS_GROWTH_MB = 30.0
 

@@ -13,7 +13,7 @@ import zenoh
 
 from benchmarks.soak.children import session
 from benchmarks.soak.poses import PoseWatch
-from yahboomd.messages.native import (
+from yahboomd.core.messages.native import (
     EventSample,
     PoseSample,
     ServiceReply,

@@ -16,7 +16,7 @@ from benchmarks.soak.poses import SEPARATION_M, error, way_covariance
 from benchmarks.soak.processes import Board, ServiceManager, Stalls
 from benchmarks.soak.tail import Order, is_stop
 from benchmarks.soak.waiting import Waiting
-from yahboomd.messages.native import PoseSample
+from yahboomd.core.messages.native import PoseSample
 from yahboomd.simulation.truth import TruthSample
 
 LOOK_S = 0.01

@@ -18,7 +18,7 @@ from collections.abc import Callable
 from typing import Any
 
 from yahboomd.cli.main import main
-from yahboomd.daemon.recorders import Recorders
+from yahboomd.core.daemon.recorders import Recorders
 
 SPARED = re.compile(r"The (pose|events) on the bus|The status(?! for)")
 """The soak judges by these."""

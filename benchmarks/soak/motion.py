@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 
 from benchmarks.soak.poses import error, way_covariance
-from yahboomd.messages.native import PoseSample, TwistSample
+from yahboomd.core.messages.native import PoseSample, TwistSample
 from yahboomd.simulation.truth import TruthSample
 
 LATE_S = 0.05

@@ -6,8 +6,8 @@ import math
 
 import msgspec
 
-from yahboomd.messages.native import PoseSample
-from yahboomd.model import Matrix3
+from yahboomd.core.messages.native import PoseSample
+from yahboomd.core.model import Matrix3
 
 V_MAX_M_S = 2.0
 """A rim speed that no wheel reaches: the daemon's default."""

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 
 from benchmarks.soak.tail import STANDING_M_S
-from yahboomd.messages.native import EventSample
+from yahboomd.core.messages.native import EventSample
 from yahboomd.simulation.truth import TruthSample
 
 ALARMS = ("runaway_against", "runaway_fast", "no_counts")

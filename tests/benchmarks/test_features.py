@@ -4,8 +4,8 @@ import re
 from pathlib import Path
 
 from benchmarks.features import FEATURES
-from yahboomd.drive.kinematics import KINEMATICS
-from yahboomd.protocol.registry import DIALECTS
+from yahboomd.core.drive.kinematics import KINEMATICS
+from yahboomd.core.protocol.registry import DIALECTS
 
 ROOT = Path(__file__).resolve().parents[2]
 OURS = {what: ours for what, _, ours in FEATURES}

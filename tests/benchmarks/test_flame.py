@@ -5,10 +5,10 @@ from xml.etree import ElementTree
 from benchmarks import flame
 
 LINES = """\
-x:main;asyncio.base_events:BaseEventLoop._run_once;yahboomd.link.writer:Writer._pump 3
-x:main;asyncio.base_events:BaseEventLoop._run_once;yahboomd.link.writer:Writer._pump;os:write 2
+x:main;asyncio.base_events:BaseEventLoop._run_once;yahboomd.core.link.writer:Writer._pump 3
+x:main;asyncio.base_events:BaseEventLoop._run_once;yahboomd.core.link.writer:Writer._pump;os:write 2
 x:main;asyncio.base_events:BaseEventLoop._run_once;selectors:EpollSelector.select 9
-x:main;yahboomd.config:load 4
+x:main;yahboomd.core.config:load 4
 """
 
 
@@ -16,8 +16,8 @@ def test_waiting_and_what_came_before_the_loop_do_not_count(tmp_path) -> None:
     (tmp_path / "stacks").write_text(LINES)
     stacks = flame.read(tmp_path / "stacks")
     assert sum(stacks.values()) == 5
-    assert flame.by_room(stacks) == {"yahboomd.link": 5}
-    assert flame.by_function(stacks) == {"yahboomd.link.writer:Writer._pump": 5}
+    assert flame.by_room(stacks) == {"yahboomd.core.link": 5}
+    assert flame.by_function(stacks) == {"yahboomd.core.link.writer:Writer._pump": 5}
 
 
 def test_the_graph_is_svg_and_names_the_functions(tmp_path) -> None:

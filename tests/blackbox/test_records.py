@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.blackbox import records
-from yahboomd.blackbox.records import decode, encode
-from yahboomd.model import Event, Pose2d
+from yahboomd.core.blackbox import records
+from yahboomd.core.blackbox.records import decode, encode
+from yahboomd.core.model import Event, Pose2d
 
 ALL = [
     records.Opened(port="/dev/ttyUSB0", byte_ns=86_805),

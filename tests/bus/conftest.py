@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import pytest
 from zenoh_fixtures import PATIENCE_S, free_endpoint, zenoh_app, zenoh_router
 
-from yahboomd.bus.bus import Bus
-from yahboomd.bus.options import BusOptions
+from yahboomd.core.bus.bus import Bus
+from yahboomd.core.bus.options import BusOptions
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator

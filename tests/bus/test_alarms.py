@@ -5,9 +5,9 @@ import pytest
 import zenoh
 from zenoh_fixtures import eventually
 
-from yahboomd.bus import keys
-from yahboomd.bus.alarms import READ_BYTES, Alarm
-from yahboomd.bus.inbox import Inbox
+from yahboomd.core.bus import keys
+from yahboomd.core.bus.alarms import READ_BYTES, Alarm
+from yahboomd.core.bus.inbox import Inbox
 
 pytestmark = pytest.mark.realtime
 

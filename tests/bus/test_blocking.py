@@ -8,7 +8,7 @@ import threading
 import pytest
 from zenoh_fixtures import eventually
 
-from yahboomd.bus.blocking import Sender, bounded
+from yahboomd.core.bus.blocking import Sender, bounded
 
 
 async def test_result_of_the_call_is_returned():
@@ -82,7 +82,7 @@ async def test_a_cancellation_that_comes_with_the_result_is_kept_and_so_is_the_r
 
 LEFT_INSIDE_ZENOH = """
 import asyncio, time, zenoh
-from yahboomd.bus.blocking import bounded
+from yahboomd.core.bus.blocking import bounded
 config = zenoh.Config()
 config.insert_json5("mode", '"client"')
 config.insert_json5("connect", '{endpoints: ["tcp/127.0.0.1:1"], timeout_ms: 300}')

@@ -11,11 +11,11 @@ import pytest
 import zenoh
 from zenoh_fixtures import PATIENCE_S, eventually, free_endpoint
 
-from yahboomd.bus import keys
-from yahboomd.bus.bus import Bus
-from yahboomd.bus.options import BusOptions
-from yahboomd.bus.services import Response, Service
-from yahboomd.errors import BusError
+from yahboomd.core.bus import keys
+from yahboomd.core.bus.bus import Bus
+from yahboomd.core.bus.options import BusOptions
+from yahboomd.core.bus.services import Response, Service
+from yahboomd.core.errors import BusError
 
 pytestmark = pytest.mark.realtime
 
@@ -233,9 +233,9 @@ async def test_a_bus_that_is_not_open_says_so():
 
 PROGRAM = """
 import asyncio, sys
-from yahboomd.bus.options import BusOptions
-from yahboomd.bus.services import Response, Service
-from yahboomd.bus.bus import Bus
+from yahboomd.core.bus.options import BusOptions
+from yahboomd.core.bus.services import Response, Service
+from yahboomd.core.bus.bus import Bus
 
 async def main():
     options = BusOptions(

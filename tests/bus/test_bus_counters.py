@@ -1,9 +1,9 @@
 import pytest
 from zenoh_fixtures import eventually
 
-from yahboomd.bus import keys
-from yahboomd.bus.bus_counters import summed_counters
-from yahboomd.bus.services import Response
+from yahboomd.core.bus import keys
+from yahboomd.core.bus.bus_counters import summed_counters
+from yahboomd.core.bus.services import Response
 
 pytestmark = pytest.mark.realtime
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from zenoh_fixtures import eventually
 
-from yahboomd.bus.inbox import Inbox, Lane, carried_bytes
+from yahboomd.core.bus.inbox import Inbox, Lane, carried_bytes
 
 pytestmark = pytest.mark.realtime
 

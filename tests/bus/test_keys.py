@@ -1,5 +1,5 @@
-from yahboomd.bus import keys
-from yahboomd.names import name_problem
+from yahboomd.core.bus import keys
+from yahboomd.core.names import name_problem
 
 
 def test_namespace_goes_in_front_of_every_key():

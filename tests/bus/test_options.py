@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.bus.options import BusOptions, admitted, zenoh_config
-from yahboomd.errors import BusError
+from yahboomd.core.bus.options import BusOptions, admitted, zenoh_config
+from yahboomd.core.errors import BusError
 
 
 def read(config, key):

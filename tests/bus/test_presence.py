@@ -3,10 +3,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from zenoh_fixtures import eventually, free_endpoint
 
-from yahboomd.bus import keys
-from yahboomd.bus.bus import Bus
-from yahboomd.bus.options import BusOptions
-from yahboomd.bus.presence import MOST_TOKENS, TokenChange, TokenWatch, stamp_id, stamper
+from yahboomd.core.bus import keys
+from yahboomd.core.bus.bus import Bus
+from yahboomd.core.bus.options import BusOptions
+from yahboomd.core.bus.presence import MOST_TOKENS, TokenChange, TokenWatch, stamp_id, stamper
 
 pytestmark = pytest.mark.realtime
 

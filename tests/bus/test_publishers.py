@@ -8,10 +8,10 @@ import pytest
 import zenoh
 from zenoh_fixtures import eventually, free_endpoint, late_subscriber
 
-from yahboomd.bus import keys
-from yahboomd.bus.bus import Bus
-from yahboomd.bus.options import BusOptions
-from yahboomd.bus.publishers import BusPublisher
+from yahboomd.core.bus import keys
+from yahboomd.core.bus.bus import Bus
+from yahboomd.core.bus.options import BusOptions
+from yahboomd.core.bus.publishers import BusPublisher
 
 pytestmark = pytest.mark.realtime
 

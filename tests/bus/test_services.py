@@ -4,9 +4,9 @@ import threading
 import pytest
 from zenoh_fixtures import PATIENCE_S, eventually
 
-from yahboomd.bus import keys
-from yahboomd.bus.bus import LARGE
-from yahboomd.bus.services import LATER, Response
+from yahboomd.core.bus import keys
+from yahboomd.core.bus.bus import LARGE
+from yahboomd.core.bus.services import LATER, Response
 
 pytestmark = pytest.mark.realtime
 

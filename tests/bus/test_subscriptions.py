@@ -6,11 +6,11 @@ import pytest
 import zenoh
 from zenoh_fixtures import eventually, free_endpoint
 
-from yahboomd.bus import keys
-from yahboomd.bus.bus import Bus
-from yahboomd.bus.inbox import Inbox
-from yahboomd.bus.options import BusOptions
-from yahboomd.bus.subscriptions import FLOOD, RING, Subscription
+from yahboomd.core.bus import keys
+from yahboomd.core.bus.bus import Bus
+from yahboomd.core.bus.inbox import Inbox
+from yahboomd.core.bus.options import BusOptions
+from yahboomd.core.bus.subscriptions import FLOOD, RING, Subscription
 
 pytestmark = pytest.mark.realtime
 

@@ -3,7 +3,7 @@
 import pytest
 from zenoh_fixtures import eventually
 
-from yahboomd.bus.survey import LONGEST_REPLY, MOST_REPLIES
+from yahboomd.core.bus.survey import LONGEST_REPLY, MOST_REPLIES
 
 pytestmark = pytest.mark.realtime
 

@@ -10,11 +10,11 @@ import pytest
 import zenoh
 from zenoh_fixtures import eventually, free_endpoint, late_subscriber
 
-from yahboomd.bus import keys
-from yahboomd.bus.bus import Bus
-from yahboomd.bus.options import BusOptions, zenoh_config
-from yahboomd.bus.zenoh_sessions import hang_up_stuck, open_failure, open_uplink, port_holder
-from yahboomd.errors import BusError
+from yahboomd.core.bus import keys
+from yahboomd.core.bus.bus import Bus
+from yahboomd.core.bus.options import BusOptions, zenoh_config
+from yahboomd.core.bus.zenoh_sessions import hang_up_stuck, open_failure, open_uplink, port_holder
+from yahboomd.core.errors import BusError
 
 
 @pytest.fixture

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from yahboomd.calibration.gear import another_gear, fits, fitting
-from yahboomd.protocol.profiles import PROFILES, alike
+from yahboomd.core.protocol.profiles import PROFILES, alike
+from yahboomd.tools.calibrate.estimates.gear import another_gear, fits, fitting
 
 KNOWN = alike(PROFILES["520"])
 

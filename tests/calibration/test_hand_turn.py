@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.calibration.hand_turn import GRAVITY_M_S2, Mounted, judge
-from yahboomd.model import ImuReading, ImuSensor, Vector3
-from yahboomd.odometry.imu_axes import Mounting, axes_problem
+from yahboomd.core.model import ImuReading, ImuSensor, Vector3
+from yahboomd.core.odometry.imu_axes import Mounting, axes_problem
+from yahboomd.tools.calibrate.estimates.hand_turn import GRAVITY_M_S2, Mounted, judge
 
 SENSOR = ImuSensor(
     name="any",

@@ -20,9 +20,9 @@ from benchmarks.random_robots import (
     summary,
     turned,
 )
-from yahboomd.calibration.least_squares import PARTS, SLIP_M_PER_SQRT_M, Unseen, fit
-from yahboomd.calibration.runs import Factors, Run
-from yahboomd.calibration.verdict import unseen
+from yahboomd.tools.calibrate.estimates.least_squares import PARTS, SLIP_M_PER_SQRT_M, Unseen, fit
+from yahboomd.tools.calibrate.estimates.runs import Factors, Run
+from yahboomd.tools.calibrate.estimates.verdict import unseen
 
 
 @given(scale=st.floats(0.95, 1.05), ratio=st.floats(0.98, 1.02), track=st.floats(0.9, 1.1))

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from yahboomd.calibration.runs import Factors, Run, path
+from yahboomd.tools.calibrate.estimates.runs import Factors, Run, path
 
 
 def run(left: list[float], right: list[float]) -> Run:

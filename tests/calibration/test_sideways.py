@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from yahboomd.calibration.least_squares import SLIP_M_PER_SQRT_M, Unseen
-from yahboomd.calibration.sideways import SidewaysRun, fit_sideways
+from yahboomd.tools.calibrate.estimates.least_squares import SLIP_M_PER_SQRT_M, Unseen
+from yahboomd.tools.calibrate.estimates.sideways import SidewaysRun, fit_sideways
 
 STEPS = 200
 SURE = {"scale": 1.0, "track": 1.0, "scale_std": 0.0}

@@ -9,10 +9,10 @@ import pytest
 from calibration_runs import exact, squares_and_straight
 
 from benchmarks.random_robots import TRACK_M, straight, turned
-from yahboomd.calibration.least_squares import fit
-from yahboomd.calibration.runs import Factors, Run
-from yahboomd.calibration.sideways import Sideways, SidewaysRun
-from yahboomd.calibration.verdict import doubts, sideways_doubts
+from yahboomd.tools.calibrate.estimates.least_squares import fit
+from yahboomd.tools.calibrate.estimates.runs import Factors, Run
+from yahboomd.tools.calibrate.estimates.sideways import Sideways, SidewaysRun
+from yahboomd.tools.calibrate.estimates.verdict import doubts, sideways_doubts
 
 
 def test_a_mistyped_measurement_is_noticed() -> None:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.calibration.wiring import HandTurn, Turn, judge, judge_by_hand, plain
+from yahboomd.tools.calibrate.estimates.wiring import HandTurn, Turn, judge, judge_by_hand, plain
 
 WHEELS = ("front_left", "rear_left", "front_right", "rear_right")
 TICKS = 1320.0

@@ -13,8 +13,8 @@ START = """
 import os, sys, threading
 from pathlib import Path
 from yahboomd.cli.child_reader import read_in_child
-from yahboomd.config import Config
-from yahboomd.errors import ConfigError
+from yahboomd.core.config import Config
+from yahboomd.core.errors import ConfigError
 """
 
 

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from yahboomd.cli.main import main
-from yahboomd.config import reference
+from yahboomd.tools.schemas import reference
 
 
 @pytest.fixture

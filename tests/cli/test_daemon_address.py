@@ -2,8 +2,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from yahboomd.cli.daemon_address import client_options, configured_endpoints
-from yahboomd.config import read
+from yahboomd.core.config import read
+from yahboomd.tools.robot.daemon_address import client_options, configured_endpoints
 
 
 def test_a_client_takes_namespace_and_file_from_the_configuration(tmp_path: Path) -> None:

@@ -8,12 +8,12 @@ from collections.abc import Iterator
 
 import pytest
 
-from yahboomd.cli.guarded import guarded
-from yahboomd.clock import SystemClock
-from yahboomd.config import Config
-from yahboomd.errors import PortLost
-from yahboomd.link.port import PortOptions, open_port
-from yahboomd.link.port_identity import identify
+from yahboomd.core.clock import SystemClock
+from yahboomd.core.config import Config
+from yahboomd.core.errors import PortLost
+from yahboomd.core.link.port import PortOptions, open_port
+from yahboomd.core.link.port_identity import identify
+from yahboomd.tools.port.guarded import guarded
 
 
 @pytest.fixture

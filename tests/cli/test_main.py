@@ -14,8 +14,8 @@ from zenoh_fixtures import free_endpoint
 
 from yahboomd import __version__
 from yahboomd.cli import main as cli
-from yahboomd.errors import ConfigError, PortDenied, PortMissing
-from yahboomd.program import COMMANDS, install_command
+from yahboomd.core.errors import ConfigError, PortDenied, PortMissing
+from yahboomd.core.program import COMMANDS, install_command
 
 
 @pytest.fixture
@@ -23,7 +23,7 @@ def command(monkeypatch):
     """Put a command in the place of ``drive`` that does what the test says."""
 
     def install(body, options=()):
-        module = types.ModuleType("yahboomd.cli.screens.drive")
+        module = types.ModuleType("yahboomd.cli.drive")
 
         def add_options(parser):
             for option in options:
@@ -32,7 +32,7 @@ def command(monkeypatch):
         module.DESCRIPTION, module.EPILOG = "The keys are W A S D.", ""
         module.add_options = add_options
         module.run = body
-        monkeypatch.setitem(sys.modules, "yahboomd.cli.screens.drive", module)
+        monkeypatch.setitem(sys.modules, "yahboomd.cli.drive", module)
 
     return install
 
@@ -72,7 +72,7 @@ def test_the_daemon_loads_none_of_the_libraries_that_it_has_no_use_for():
         "import sys; from yahboomd.cli.main import main\n"
         "try: main(['run', '--help'])\n"
         "except SystemExit: pass\n"
-        "import yahboomd.daemon.service\n"
+        "import yahboomd.core.daemon.service\n"
         "loaded = {name for name, module in sys.modules.items() if module is not None}\n"
         "unused = {'_ssl', '_hashlib', 'rich', 'numpy', 'matplotlib', 'http', 'xml',\n"
         "          'pydantic_core', 'pydantic', 'importlib.metadata', 'email', 'zipfile'}\n"
@@ -183,7 +183,7 @@ def test_a_missing_module_that_is_no_extra_is_a_bug(command):
     [
         ("rich", install_command("monitor")),
         ("zenoh", "needs the Python package zenoh"),
-        ("yahboomd.cli.screens.drive", "is not part of this installation"),
+        ("yahboomd.cli.drive", "is not part of this installation"),
     ],
 )
 def test_a_command_that_cannot_be_imported_is_a_sentence(monkeypatch, capsys, missing, words):
@@ -199,11 +199,11 @@ def test_a_reader_that_leaves_is_no_error(tmp_path):
     # More than a pipe holds, so that writing meets the closed end in any case.
     script = (
         "import sys, types; from yahboomd.cli import main as cli\n"
-        "module = types.ModuleType('yahboomd.cli.screens.drive')\n"
+        "module = types.ModuleType('yahboomd.cli.drive')\n"
         "module.DESCRIPTION = module.EPILOG = ''\n"
         "module.add_options = lambda parser: None\n"
         "module.run = lambda args: print('x' * 10_000_000) or 0\n"
-        "sys.modules['yahboomd.cli.screens.drive'] = module\n"
+        "sys.modules['yahboomd.cli.drive'] = module\n"
         "sys.exit(cli.main(['drive']))"
     )
     with subprocess.Popen(
@@ -378,11 +378,11 @@ def test_a_bug_keeps_its_traceback_and_its_status_while_a_thread_runs():
     script = (
         "import sys, threading, types; from yahboomd.cli import main as cli\n"
         "threading.Thread(target=threading.Event().wait, daemon=True).start()\n"
-        "module = types.ModuleType('yahboomd.cli.screens.drive')\n"
+        "module = types.ModuleType('yahboomd.cli.drive')\n"
         "module.DESCRIPTION = module.EPILOG = ''\n"
         "module.add_options = lambda parser: None\n"
         "module.run = lambda args: 1 / 0\n"
-        "sys.modules['yahboomd.cli.screens.drive'] = module\n"
+        "sys.modules['yahboomd.cli.drive'] = module\n"
         "sys.argv[1:] = ['drive']\n"
         "sys.exit(cli.main())"
     )

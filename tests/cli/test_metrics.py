@@ -15,8 +15,8 @@ from metrics_exporter import Exporter, Labels, exporter
 from real_robot import Client, Process, RealRobot, free_endpoint, wait_for
 
 from yahboomd.cli.main import main
-from yahboomd.messages.status_fields import FIELDS
-from yahboomd.metrics.robot_metrics import metric_name
+from yahboomd.core.messages.status_fields import FIELDS
+from yahboomd.tools.metrics.robot_metrics import metric_name
 
 __all__ = ["exporter"]
 

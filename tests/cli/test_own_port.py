@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.cli.own_port import opener_of, refuse_estop, with_hints
-from yahboomd.clock import SystemClock
-from yahboomd.config import Config
-from yahboomd.daemon.estop.latch_file import LatchFile
-from yahboomd.errors import ConfigError, PortBusy, PortLost, PortMissing, Refused
+from yahboomd.core.clock import SystemClock
+from yahboomd.core.config import Config
+from yahboomd.core.daemon.estop.latch_file import LatchFile
+from yahboomd.core.errors import ConfigError, PortBusy, PortLost, PortMissing, Refused
+from yahboomd.tools.port.own_port import opener_of, refuse_estop, with_hints
 
 
 def test_a_port_without_an_emergency_stop_is_free_to_turn_wheels(tmp_path: Path) -> None:
@@ -70,7 +70,7 @@ async def test_a_program_that_ends_while_it_is_looked_at_is_no_reason_to_give_up
         board.kill_owner()
         return (name,)
 
-    monkeypatch.setattr("yahboomd.cli.own_port.holders", ending)
+    monkeypatch.setattr("yahboomd.tools.port.own_port.holders", ending)
     port = await opener_of(board.port, Config(), SystemClock())()
     port.close()
 

@@ -10,16 +10,16 @@ import msgspec
 import pytest
 from zenoh_fixtures import eventually, free_endpoint
 
-from yahboomd.bus import keys
-from yahboomd.bus.bus import Bus
-from yahboomd.bus.options import BusOptions
-from yahboomd.bus.services import Request, Response
-from yahboomd.cli import robot_poll
-from yahboomd.cli.robot_poll import ALIVE_S, RobotPoll
-from yahboomd.clock import SystemClock, nanoseconds
-from yahboomd.errors import BusError
-from yahboomd.messages.codecs import encode
-from yahboomd.messages.native import ServiceReply
+from yahboomd.core.bus import keys
+from yahboomd.core.bus.bus import Bus
+from yahboomd.core.bus.options import BusOptions
+from yahboomd.core.bus.services import Request, Response
+from yahboomd.core.clock import SystemClock, nanoseconds
+from yahboomd.core.errors import BusError
+from yahboomd.core.messages.codecs import encode
+from yahboomd.core.messages.native import ServiceReply
+from yahboomd.tools.metrics import robot_poll
+from yahboomd.tools.metrics.robot_poll import ALIVE_S, RobotPoll
 
 pytestmark = pytest.mark.realtime
 

@@ -12,10 +12,10 @@ import pytest
 from real_robot import Process, free_endpoint, wait_for
 
 from yahboomd.cli.main import main
-from yahboomd.cli.unresponsive import process_state
-from yahboomd.daemon.service import Daemon
-from yahboomd.link import port_note
-from yahboomd.link.port_note import PortNote
+from yahboomd.core.daemon.service import Daemon
+from yahboomd.core.link import port_note
+from yahboomd.core.link.port_note import PortNote
+from yahboomd.tools.stop.unresponsive import process_state
 
 pytestmark = pytest.mark.realtime
 

@@ -14,11 +14,11 @@ from pathlib import Path
 import pytest
 from real_robot import DRIVER, RealRobot, wait_for
 
-from yahboomd.cli import run_guard
-from yahboomd.cli.run_guard import Watch
-from yahboomd.cli.unresponsive import is_guard
-from yahboomd.link import port_note
-from yahboomd.link.port_note import PortNote
+from yahboomd.core.link import port_note
+from yahboomd.core.link.port_note import PortNote
+from yahboomd.tools.port import run_guard
+from yahboomd.tools.port.run_guard import Watch
+from yahboomd.tools.stop.unresponsive import is_guard
 
 NOTE = PortNote("/dev/pts/0", 115200, True, False, False)
 PORT = f"PORT={port_note.text_of(NOTE)}\n".encode()

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from yahboomd.cli import shared_options
-from yahboomd.errors import ConfigError
+from yahboomd.core.errors import ConfigError
 
 
 @pytest.fixture

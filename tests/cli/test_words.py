@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.cli import words
+from yahboomd.tools.terminal import words
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 from fake_daemon import fake_daemon
 
-from yahboomd import program
+from yahboomd.core import program
 
 __all__ = ["fake_daemon"]
 

@@ -15,9 +15,6 @@ import msgspec
 import pytest
 from zenoh_fixtures import PATIENCE_S, eventually, free_endpoint
 
-from yahboomd.bus import keys
-from yahboomd.bus.alarms import READ_BYTES
-from yahboomd.bus.subscriptions import Subscription
 from yahboomd.client import (
     AsyncRobot,
     BusError,
@@ -32,8 +29,11 @@ from yahboomd.client import (
 from yahboomd.client.async_robot import estop_payload
 from yahboomd.client.connecting import client_options
 from yahboomd.client.streams import KEYS
-from yahboomd.clock import SystemClock
-from yahboomd.messages.codecs import estop_by
+from yahboomd.core.bus import keys
+from yahboomd.core.bus.alarms import READ_BYTES
+from yahboomd.core.bus.subscriptions import Subscription
+from yahboomd.core.clock import SystemClock
+from yahboomd.core.messages.codecs import estop_by
 
 pytestmark = pytest.mark.realtime
 

@@ -14,7 +14,7 @@ from zenoh_fixtures import PATIENCE_S, eventually
 
 from yahboomd.client import AsyncRobot, CommandEnded, PoseSample, StatusSample, connect
 from yahboomd.client.connecting import client_options
-from yahboomd.clock import SystemClock
+from yahboomd.core.clock import SystemClock
 
 pytestmark = pytest.mark.realtime
 

@@ -8,14 +8,14 @@ import daemon_samples
 import pytest
 from zenoh_fixtures import PATIENCE_S, eventually, free_endpoint
 
-from yahboomd.bus import keys
-from yahboomd.bus.bus import Bus
-from yahboomd.bus.options import BusOptions
 from yahboomd.client.connecting import client_options
 from yahboomd.client.connection import Connection
-from yahboomd.clock import SystemClock
-from yahboomd.errors import BusError, NoDaemon
-from yahboomd.messages.codecs import encode
+from yahboomd.core.bus import keys
+from yahboomd.core.bus.bus import Bus
+from yahboomd.core.bus.options import BusOptions
+from yahboomd.core.clock import SystemClock
+from yahboomd.core.errors import BusError, NoDaemon
+from yahboomd.core.messages.codecs import encode
 
 pytestmark = pytest.mark.realtime
 

@@ -6,13 +6,13 @@ from typing import Any
 import pytest
 from zenoh_fixtures import PATIENCE_S
 
-from yahboomd.bus import keys
-from yahboomd.bus.bus import Bus
-from yahboomd.bus.options import BusOptions
-from yahboomd.bus.services import Response
 from yahboomd.client.questions import Answer, ask, read_answers, silence_of
-from yahboomd.messages.codecs import encode
-from yahboomd.messages.native import ServiceReply
+from yahboomd.core.bus import keys
+from yahboomd.core.bus.bus import Bus
+from yahboomd.core.bus.options import BusOptions
+from yahboomd.core.bus.services import Response
+from yahboomd.core.messages.codecs import encode
+from yahboomd.core.messages.native import ServiceReply
 
 
 def client(endpoint: str) -> Bus:

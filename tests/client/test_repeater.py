@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from yahboomd.client.repeater import ZEROS_NS, Repeater
-from yahboomd.model import STANDSTILL, Twist2d
+from yahboomd.core.model import STANDSTILL, Twist2d
 
 FORWARD = Twist2d(vx=0.2)
 LEFT = Twist2d(wz=0.5)

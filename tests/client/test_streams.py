@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec import structs
 
-from yahboomd.bus.subscriptions import Arrival
 from yahboomd.client.streams import KEYS, Samples, depth_of, read_sample
-from yahboomd.messages import cdr_samples, samples
-from yahboomd.messages.codecs import encode
-from yahboomd.messages.native import MESSAGES, EventSample, PoseSample, StatusSample
+from yahboomd.core.bus.subscriptions import Arrival
+from yahboomd.core.messages.codecs import encode
+from yahboomd.core.messages.native import MESSAGES, EventSample, PoseSample, StatusSample
+from yahboomd.tools.schemas import cdr_samples, samples
 
 
 @pytest.mark.parametrize("encoding", ["json", "msgpack"])

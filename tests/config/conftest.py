@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.config import Loaded, read
-from yahboomd.errors import ConfigError
+from yahboomd.core.config import Loaded, read
+from yahboomd.core.errors import ConfigError
 
 Write = Callable[[str], Path]
 Complaints = Callable[..., list[str]]

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.config import read
-from yahboomd.config.calibration_file import (
+from yahboomd.core.config import read
+from yahboomd.core.config.calibration_file import (
     Calibration,
     Multipliers,
     check_writable,
@@ -18,8 +18,8 @@ from yahboomd.config.calibration_file import (
     undo_calibration,
     write_calibration,
 )
-from yahboomd.config.models import Config, calibration_path
-from yahboomd.errors import ConfigError
+from yahboomd.core.config.models import Config, calibration_path
+from yahboomd.core.errors import ConfigError
 
 
 def calibration(track: float = 1.05, config: Config | None = None) -> Calibration:

@@ -3,8 +3,8 @@ from __future__ import annotations
 import pytest
 from pydantic import ValidationError
 
-from yahboomd.config.driving import AxisLimits, Command, Estop, Faults, Limits
-from yahboomd.drive import limiter
+from yahboomd.core.config.driving import AxisLimits, Command, Estop, Faults, Limits
+from yahboomd.core.drive import limiter
 
 
 def test_the_default_limits_are_those_of_the_limiter_without_jerk():

@@ -5,10 +5,10 @@ from dataclasses import FrozenInstanceError
 import pytest
 from pydantic import ValidationError
 
-from yahboomd.config.hardware import PRESETS, Board, Chassis, MotorEntry, Serial, preset_motors
-from yahboomd.config.models import WHEELS
-from yahboomd.protocol.profiles import PROFILES
-from yahboomd.protocol.registry import DIALECTS
+from yahboomd.core.config.hardware import PRESETS, Board, Chassis, MotorEntry, Serial, preset_motors
+from yahboomd.core.config.models import WHEELS
+from yahboomd.core.protocol.profiles import PROFILES
+from yahboomd.core.protocol.registry import DIALECTS
 
 
 def test_the_defaults_are_the_articles_robot():

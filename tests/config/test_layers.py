@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from yahboomd.config.layers import LARGEST_FILE_BYTES, NOWHERE, Layers, toml_value
+from yahboomd.core.config.layers import LARGEST_FILE_BYTES, NOWHERE, Layers, toml_value
 
 
 def words(layers: Layers) -> list[str]:

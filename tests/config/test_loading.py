@@ -7,8 +7,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from yahboomd.config import Config, read, read_foreign
-from yahboomd.errors import ConfigError
+from yahboomd.core.config import Config, read, read_foreign
+from yahboomd.core.errors import ConfigError
 
 
 def test_a_config_with_five_mistakes_names_all_five(complaints):

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from yahboomd.config.mistakes import shown
+from yahboomd.core.config.mistakes import shown
 
 
 def nested() -> list:

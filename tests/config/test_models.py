@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.config import WHEELS, Config
-from yahboomd.drive.arbitration import Source
-from yahboomd.drive.kinematics import KINEMATICS
-from yahboomd.errors import ConfigError
-from yahboomd.model import Motor
-from yahboomd.protocol.profiles import PROFILES
+from yahboomd.core.config import WHEELS, Config
+from yahboomd.core.drive.arbitration import Source
+from yahboomd.core.drive.kinematics import KINEMATICS
+from yahboomd.core.errors import ConfigError
+from yahboomd.core.model import Motor
+from yahboomd.core.protocol.profiles import PROFILES
 
 
 def config(**sections) -> Config:

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 from pydantic import ValidationError
 
-from yahboomd.config.outputs import Log, Odometry, Ros2, Zenoh
+from yahboomd.core.config.outputs import Log, Odometry, Ros2, Zenoh
 
 
 def test_the_bus_listens_on_this_machine_only():

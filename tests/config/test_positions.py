@@ -5,7 +5,7 @@ import tomllib
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.config.positions import key_lines
+from yahboomd.core.config.positions import key_lines
 
 TEXT = '''\
 # a comment with [brackets] and "quotes

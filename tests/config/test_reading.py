@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.config.reading import read_named
+from yahboomd.core.config.reading import read_named
 
 
 def test_a_file_is_read_up_to_the_limit(tmp_path: Path) -> None:

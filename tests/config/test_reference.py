@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.config import Config, read
-from yahboomd.config.reference import as_toml, default_toml, markdown, summary
+from yahboomd.core.config import Config, read
+from yahboomd.tools.schemas.reference import as_toml, default_toml, markdown, summary
 
 ROOT = Path(__file__).parents[2]
 

@@ -2,9 +2,9 @@ from __future__ import annotations
 
 import pytest
 
-from yahboomd.config.models import Config
-from yahboomd.config.rules import RULES, findings
-from yahboomd.config.values import dotted
+from yahboomd.core.config.models import Config
+from yahboomd.core.config.rules import RULES, findings
+from yahboomd.core.config.values import dotted
 
 MECANUM = {
     "front_left": [{"position": 1}],

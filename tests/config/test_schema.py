@@ -8,9 +8,9 @@ import jsonschema
 import pytest
 from pydantic import Field, TypeAdapter
 
-from yahboomd.config.reference import default_toml
-from yahboomd.config.schema import as_json, constraint, entry_table, node_at, places, takes
-from yahboomd.config.values import Positive, Sign
+from yahboomd.core.config.schema import as_json, constraint, entry_table, node_at, places, takes
+from yahboomd.core.config.values import Positive, Sign
+from yahboomd.tools.schemas.reference import default_toml
 
 
 def test_the_schema_accepts_the_default_file_and_refuses_a_mistake():

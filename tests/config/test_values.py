@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
-from yahboomd.config.values import (
+from yahboomd.core.config.values import (
     Endpoint,
     Frame,
     FramePrefix,

@@ -9,8 +9,8 @@ from real_robot import client, real_robot
 from ros_oracle import Oracle
 from zenoh_fixtures import ZenohApp, free_endpoint, zenoh_app
 
-from yahboomd.bus.bus import Bus
-from yahboomd.bus.options import BusOptions
+from yahboomd.core.bus.bus import Bus
+from yahboomd.core.bus.options import BusOptions
 
 __all__ = ["client", "real_robot", "zenoh_app"]
 

@@ -9,14 +9,14 @@ from urllib.parse import quote
 
 import pytest
 
-from yahboomd.clock import LoopClock, SystemClock
-from yahboomd.config import Config, read
-from yahboomd.daemon import assembly
-from yahboomd.daemon.estop.latch_file import LatchFile
-from yahboomd.errors import PortMissing
-from yahboomd.link import port_note
-from yahboomd.link.port_identity import identify
-from yahboomd.link.port_note import PortNote
+from yahboomd.core.clock import LoopClock, SystemClock
+from yahboomd.core.config import Config, read
+from yahboomd.core.daemon import assembly
+from yahboomd.core.daemon.estop.latch_file import LatchFile
+from yahboomd.core.errors import PortMissing
+from yahboomd.core.link import port_note
+from yahboomd.core.link.port_identity import identify
+from yahboomd.core.link.port_note import PortNote
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 

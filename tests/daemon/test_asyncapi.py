@@ -11,13 +11,13 @@ from typing import Any, get_args
 import pytest
 from jsonschema import Draft202012Validator
 
-from yahboomd.bus import keys
-from yahboomd.daemon import asyncapi
-from yahboomd.daemon.key_table import INPUTS, OFFERS, OUTPUTS, ROS_TOPICS
-from yahboomd.messages.codecs import Reason
-from yahboomd.messages.event_kinds import EVENTS, KINDS
-from yahboomd.messages.native import MESSAGES
-from yahboomd.messages.status_fields import FIELDS
+from yahboomd.core.bus import keys
+from yahboomd.core.daemon.key_table import INPUTS, OFFERS, OUTPUTS, ROS_TOPICS
+from yahboomd.core.messages.codecs import Reason
+from yahboomd.core.messages.native import MESSAGES
+from yahboomd.core.messages.status_fields import FIELDS
+from yahboomd.tools.schemas import asyncapi
+from yahboomd.tools.schemas.event_kinds import EVENTS, KINDS
 
 ROOT = Path(__file__).parents[2]
 SCHEMAS = ROOT / "schemas"

@@ -14,18 +14,18 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.blackbox import saved_boxes as disk
-from yahboomd.blackbox.box_file import Box, read_box
-from yahboomd.blackbox.records import Decision, Ended, Happened
-from yahboomd.blackbox.ring_file import RingFile, ring_folder, rings
-from yahboomd.blackbox.saved_boxes import saved_boxes
-from yahboomd.clock import LoopClock
-from yahboomd.config import read
-from yahboomd.daemon.black_box import AGAIN_S, REASONS, BlackBox, header
-from yahboomd.link.tap import NO_TAP
-from yahboomd.messages.event_kinds import KINDS
-from yahboomd.model import Event, EventKind
+from yahboomd.core.blackbox import saved_boxes as disk
+from yahboomd.core.blackbox.box_file import Box, read_box
+from yahboomd.core.blackbox.records import Decision, Ended, Happened
+from yahboomd.core.blackbox.ring_file import RingFile, ring_folder, rings
+from yahboomd.core.blackbox.saved_boxes import saved_boxes
+from yahboomd.core.clock import LoopClock
+from yahboomd.core.config import read
+from yahboomd.core.daemon.black_box import AGAIN_S, REASONS, BlackBox, header
+from yahboomd.core.link.tap import NO_TAP
+from yahboomd.core.model import Event, EventKind
 from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.tools.schemas.event_kinds import KINDS
 
 
 class Prompt(threading.Thread):
@@ -39,7 +39,7 @@ class Prompt(threading.Thread):
 @pytest.fixture(autouse=True)
 def prompt_disk(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     if "hangs" not in request.node.name:
-        monkeypatch.setattr("yahboomd.daemon.box_writer.threading.Thread", Prompt)
+        monkeypatch.setattr("yahboomd.core.daemon.box_writer.threading.Thread", Prompt)
 
 
 class Rig:
@@ -181,7 +181,7 @@ async def test_a_disk_that_fails_is_counted_reported_once_and_holds_up_nothing(
         # The writer of another test may end late.
         warned = [each for each in caplog.records if str(rig.folder) in each.getMessage()]
         assert [(each.name, each.levelno) for each in warned] == [
-            ("yahboomd.daemon.box_writer", logging.WARNING)
+            ("yahboomd.core.daemon.box_writer", logging.WARNING)
         ]
         rig.folder.unlink()
         rig.event("estop")
@@ -200,8 +200,8 @@ async def test_a_disk_that_hangs_delays_neither_the_loop_nor_the_end(
         freed.wait(60.0)
         raise OSError("late")
 
-    monkeypatch.setattr("yahboomd.daemon.box_writer.save_box", hang)
-    monkeypatch.setattr("yahboomd.daemon.box_writer.END_S", 0.05)
+    monkeypatch.setattr("yahboomd.core.daemon.box_writer.save_box", hang)
+    monkeypatch.setattr("yahboomd.core.daemon.box_writer.END_S", 0.05)
     with rig_in(tmp_path) as rig:
         while rig.box._writer.busy:
             await asyncio.sleep(0.01)
@@ -308,7 +308,7 @@ async def test_a_crash_within_a_minute_of_another_is_left_for_the_next_start(
 
 @on_virtual_time
 async def test_who_drives_and_why_it_stands_is_in_it(tmp_path: Path) -> None:
-    from yahboomd.messages.native import StatusSample
+    from yahboomd.core.messages.native import StatusSample
 
     def sample(why: str) -> StatusSample:
         return StatusSample(
@@ -401,7 +401,7 @@ async def test_what_was_left_damaged_is_set_aside_and_the_next_boxes_are_saved(
 async def test_without_memory_for_it_no_box_is_kept_and_the_status_tells(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr("yahboomd.daemon.black_box.ring_folder", lambda *_: None)
+    monkeypatch.setattr("yahboomd.core.daemon.black_box.ring_folder", lambda *_: None)
     rig = Rig(tmp_path)
     assert rig.box.recorder is None
     assert rig.box.status_values()["blackbox_recording"] == 0

@@ -9,13 +9,13 @@ from pathlib import Path
 
 from msgspec import structs
 
-from yahboomd.blackbox.box_file import Saved, read_box
-from yahboomd.blackbox.records import Ended, encode
-from yahboomd.blackbox.ring_file import RingFile, rings
-from yahboomd.clock import SystemClock
-from yahboomd.config import read
-from yahboomd.daemon.black_box import header
-from yahboomd.daemon.box_writer import BoxWriter, Outcome
+from yahboomd.core.blackbox.box_file import Saved, read_box
+from yahboomd.core.blackbox.records import Ended, encode
+from yahboomd.core.blackbox.ring_file import RingFile, rings
+from yahboomd.core.clock import SystemClock
+from yahboomd.core.config import read
+from yahboomd.core.daemon.black_box import header
+from yahboomd.core.daemon.box_writer import BoxWriter, Outcome
 
 CLOCK = SystemClock()
 HEADER = header(read(None, environ={}, overrides=[]).config, CLOCK)

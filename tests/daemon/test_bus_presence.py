@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 from zenoh_fixtures import eventually, free_endpoint
 
-from yahboomd.bus.bus import Bus
-from yahboomd.bus.options import BusOptions
-from yahboomd.bus.presence import TokenChange
-from yahboomd.daemon.bus_presence import BusPresence
-from yahboomd.model import Event
+from yahboomd.core.bus.bus import Bus
+from yahboomd.core.bus.options import BusOptions
+from yahboomd.core.bus.presence import TokenChange
+from yahboomd.core.daemon.bus_presence import BusPresence
+from yahboomd.core.model import Event
 
 pytestmark = pytest.mark.realtime
 

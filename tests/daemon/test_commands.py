@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 from robot_bench import RobotBench
 
-from yahboomd.bus import keys
-from yahboomd.bus.subscriptions import Arrival
-from yahboomd.daemon.commands import ClockWatch, CommandIntake, PoseIntake
-from yahboomd.drive.arbiter import Arbiter
-from yahboomd.drive.arbitration import Source
-from yahboomd.messages.set_pose import pose_message
-from yahboomd.messages.status_fields import REFUSALS
-from yahboomd.model import Event
+from yahboomd.core.bus import keys
+from yahboomd.core.bus.subscriptions import Arrival
+from yahboomd.core.daemon.commands import ClockWatch, CommandIntake, PoseIntake
+from yahboomd.core.drive.arbiter import Arbiter
+from yahboomd.core.drive.arbitration import Source
+from yahboomd.core.messages.set_pose import pose_message
+from yahboomd.core.messages.status_fields import REFUSALS
+from yahboomd.core.model import Event
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 MS = 1_000_000

@@ -12,7 +12,7 @@ import pytest
 from real_robot import wait_for
 from robot_bench import RobotBench, steps_of
 
-from yahboomd.model import EncoderReading, Pose2d
+from yahboomd.core.model import EncoderReading, Pose2d
 from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.motors import MotorFaults
 from yahboomd.simulation.options import SimulationOptions

@@ -6,16 +6,16 @@ from collections.abc import Mapping
 
 import pytest
 
-from yahboomd.config import read
-from yahboomd.daemon import assembly
-from yahboomd.daemon.fit import ControlOptions, Fit, fit, no_board
-from yahboomd.drive.faults import Action, Fault, FaultKind
-from yahboomd.drive.kinematics import differential
-from yahboomd.link.handshake import Identity
-from yahboomd.model import Motor
-from yahboomd.protocol.profiles import PROFILES
-from yahboomd.protocol.registry import DIALECTS
-from yahboomd.protocol.settings import BoardSettings
+from yahboomd.core.config import read
+from yahboomd.core.daemon import assembly
+from yahboomd.core.daemon.fit import ControlOptions, Fit, fit, no_board
+from yahboomd.core.drive.faults import Action, Fault, FaultKind
+from yahboomd.core.drive.kinematics import differential
+from yahboomd.core.link.handshake import Identity
+from yahboomd.core.model import Motor
+from yahboomd.core.protocol.profiles import PROFILES
+from yahboomd.core.protocol.registry import DIALECTS
+from yahboomd.core.protocol.settings import BoardSettings
 
 
 def options(overrides: Mapping[str, str]) -> ControlOptions:

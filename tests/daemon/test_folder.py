@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.daemon.estop.latch_file import LatchFile
-from yahboomd.daemon.folder import check_folder, prepare_folder
+from yahboomd.core.daemon.estop.latch_file import LatchFile
+from yahboomd.core.daemon.folder import check_folder, prepare_folder
 
 
 @pytest.fixture

@@ -6,14 +6,14 @@ from typing import Any
 
 import pytest
 
-from yahboomd.bus import keys
-from yahboomd.daemon.key_table import INPUTS, OFFERS, OUTPUTS, ROS_TOPICS
-from yahboomd.daemon.requests import Services
-from yahboomd.messages import cdr_samples
-from yahboomd.messages.event_kinds import EVENTS
-from yahboomd.messages.native import MESSAGES, ServiceReply
-from yahboomd.messages.rcl_interfaces import ParameterServer
-from yahboomd.messages.ros2 import TYPE_HASHES
+from yahboomd.core.bus import keys
+from yahboomd.core.daemon.key_table import INPUTS, OFFERS, OUTPUTS, ROS_TOPICS
+from yahboomd.core.daemon.requests import Services
+from yahboomd.core.messages.native import MESSAGES, ServiceReply
+from yahboomd.core.messages.rcl_interfaces import ParameterServer
+from yahboomd.core.messages.ros2 import TYPE_HASHES
+from yahboomd.tools.schemas import cdr_samples
+from yahboomd.tools.schemas.event_kinds import EVENTS
 
 
 def test_every_key_is_in_the_table():

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.daemon.logs import (
+from yahboomd.core.daemon.logs import (
     KINDS,
     LINES,
     WINDOW_S,

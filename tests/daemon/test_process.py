@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.clock import LoopClock
-from yahboomd.daemon.process import (
+from yahboomd.core.clock import LoopClock
+from yahboomd.core.daemon.process import (
     BACK_OFF_S,
     ENDING,
     KILLING,
@@ -25,7 +25,7 @@ from yahboomd.daemon.process import (
     name_of,
     open_bus,
 )
-from yahboomd.errors import BusError
+from yahboomd.core.errors import BusError
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 

@@ -14,11 +14,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from robot_bench import Heard, RobotBench
 
-from yahboomd.clock import LoopClock
-from yahboomd.daemon.publisher import EVENTS_A_SECOND, Events, Pace, Publisher
-from yahboomd.daemon.stamps import WallStamps
-from yahboomd.messages.event_kinds import KINDS
-from yahboomd.model import (
+from yahboomd.core.clock import LoopClock
+from yahboomd.core.daemon.publisher import EVENTS_A_SECOND, Events, Pace, Publisher
+from yahboomd.core.daemon.stamps import WallStamps
+from yahboomd.core.model import (
     Event,
     EventKind,
     ImuEstimate,
@@ -29,6 +28,7 @@ from yahboomd.model import (
     Twist2d,
 )
 from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.tools.schemas.event_kinds import KINDS
 
 
 def event(kind: EventKind = "board_reset") -> Event:

@@ -12,15 +12,15 @@ import pytest
 from made_boxes import into
 from robot_bench import RobotBench
 
-from yahboomd.blackbox import records
-from yahboomd.blackbox.box_file import encode_header, read_box
-from yahboomd.blackbox.ring import Ring
-from yahboomd.cli.replay.replayed_poses import PoseReplay
-from yahboomd.daemon.black_box import header
-from yahboomd.model import Pose2d
-from yahboomd.protocol.registry import DIALECTS
+from yahboomd.core.blackbox import records
+from yahboomd.core.blackbox.box_file import encode_header, read_box
+from yahboomd.core.blackbox.ring import Ring
+from yahboomd.core.daemon.black_box import header
+from yahboomd.core.model import Pose2d
+from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.tools.replay.replayed_poses import PoseReplay
 
 SEGMENT_BYTES = 16 * 1024
 

@@ -6,7 +6,7 @@ import logging
 
 import pytest
 
-from yahboomd.daemon.recorders import Recorders
+from yahboomd.core.daemon.recorders import Recorders
 
 
 class Panic(BaseException):

@@ -14,15 +14,15 @@ import pytest
 from robot_bench import RobotBench
 
 from yahboomd import __version__
-from yahboomd.bus import keys
-from yahboomd.bus.presence import Neighbour
-from yahboomd.bus.services import TOO_MANY, Request, Response
-from yahboomd.daemon.estop import latch
-from yahboomd.daemon.estop.latch_file import LatchFile
-from yahboomd.daemon.requests import Services
-from yahboomd.messages import cdr
-from yahboomd.messages.native import BatterySample, ServiceReply
-from yahboomd.model import Pose2d
+from yahboomd.core.bus import keys
+from yahboomd.core.bus.presence import Neighbour
+from yahboomd.core.bus.services import TOO_MANY, Request, Response
+from yahboomd.core.daemon.estop import latch
+from yahboomd.core.daemon.estop.latch_file import LatchFile
+from yahboomd.core.daemon.requests import Services
+from yahboomd.core.messages import cdr
+from yahboomd.core.messages.native import BatterySample, ServiceReply
+from yahboomd.core.model import Pose2d
 from yahboomd.simulation.motors import MotorFaults
 from yahboomd.simulation.virtual_time import on_virtual_time
 

@@ -19,14 +19,14 @@ import pytest
 import zenoh
 from zenoh_fixtures import PATIENCE_S, eventually, free_endpoint
 
-from yahboomd.bus import keys
-from yahboomd.bus.publishers import PRIORITIES, BusPublisher
-from yahboomd.clock import Schedule, SystemClock
-from yahboomd.config import read
-from yahboomd.daemon.key_table import OUTPUTS
-from yahboomd.daemon.logs import PatientHandler
-from yahboomd.daemon.service import Daemon
-from yahboomd.errors import BusError
+from yahboomd.core.bus import keys
+from yahboomd.core.bus.publishers import PRIORITIES, BusPublisher
+from yahboomd.core.clock import Schedule, SystemClock
+from yahboomd.core.config import read
+from yahboomd.core.daemon.key_table import OUTPUTS
+from yahboomd.core.daemon.logs import PatientHandler
+from yahboomd.core.daemon.service import Daemon
+from yahboomd.core.errors import BusError
 from yahboomd.simulation.memory import MemoryPort
 from yahboomd.simulation.robot import SimulatedRobot
 

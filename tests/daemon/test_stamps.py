@@ -6,9 +6,9 @@ import itertools
 
 import pytest
 
-from yahboomd.clock import Alarm
-from yahboomd.daemon.stamps import WallStamps
-from yahboomd.model import Event
+from yahboomd.core.clock import Alarm
+from yahboomd.core.daemon.stamps import WallStamps
+from yahboomd.core.model import Event
 
 MS = 1_000_000
 S = 1000 * MS

@@ -11,13 +11,13 @@ import pytest
 from robot_bench import RobotBench
 from status_check import assert_registered
 
-from yahboomd.bus.presence import Neighbour
-from yahboomd.clock import LoopClock
-from yahboomd.config import Config
-from yahboomd.daemon.black_box import BlackBox
-from yahboomd.daemon.recorders import Recorders
-from yahboomd.daemon.status_sample import Status
-from yahboomd.messages.status_fields import ZEROS
+from yahboomd.core.bus.presence import Neighbour
+from yahboomd.core.clock import LoopClock
+from yahboomd.core.config import Config
+from yahboomd.core.daemon.black_box import BlackBox
+from yahboomd.core.daemon.recorders import Recorders
+from yahboomd.core.daemon.status_sample import Status
+from yahboomd.core.messages.status_fields import ZEROS
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 

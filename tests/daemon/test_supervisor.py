@@ -11,11 +11,18 @@ import pytest
 from board_bench import LinkBench
 from robot_bench import RobotBench
 
-from yahboomd.clock import LoopClock
-from yahboomd.daemon.supervisor import BACK_OFF_S, Supervisor, storing_opener
-from yahboomd.errors import BoardError, LinkError, PortDenied, PortLost, PortMissing, YahboomdError
-from yahboomd.model import Event
-from yahboomd.protocol.profiles import PROFILES
+from yahboomd.core.clock import LoopClock
+from yahboomd.core.daemon.supervisor import BACK_OFF_S, Supervisor, storing_opener
+from yahboomd.core.errors import (
+    BoardError,
+    LinkError,
+    PortDenied,
+    PortLost,
+    PortMissing,
+    YahboomdError,
+)
+from yahboomd.core.model import Event
+from yahboomd.core.protocol.profiles import PROFILES
 from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.motors import FAULTS
 from yahboomd.simulation.options import SimulationOptions

@@ -6,11 +6,11 @@ from collections import Counter
 
 import pytest
 
-from yahboomd.daemon.fit import Fit
-from yahboomd.daemon.wheels import Wheels
-from yahboomd.drive.kinematics import differential
-from yahboomd.model import Counts, Motor
-from yahboomd.protocol.per_motor import per_motor
+from yahboomd.core.daemon.fit import Fit
+from yahboomd.core.daemon.wheels import Wheels
+from yahboomd.core.drive.kinematics import differential
+from yahboomd.core.model import Counts, Motor
+from yahboomd.core.protocol.per_motor import per_motor
 
 MS = 1_000_000
 MOTORS = (

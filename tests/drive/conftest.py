@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from yahboomd.drive.arbitration import Source
-from yahboomd.drive.kinematics import differential, mecanum
-from yahboomd.model import Kinematics
+from yahboomd.core.drive.arbitration import Source
+from yahboomd.core.drive.kinematics import differential, mecanum
+from yahboomd.core.model import Kinematics
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.drive.age import Age, AgeJudge
+from yahboomd.core.drive.age import Age, AgeJudge
 
 MS = 1_000_000
 S = 1000 * MS

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.drive.arbiter import Arbiter
-from yahboomd.drive.arbitration import Accepted, Refused, Source
-from yahboomd.errors import ConfigError
-from yahboomd.model import STANDSTILL, Twist2d
+from yahboomd.core.drive.arbiter import Arbiter
+from yahboomd.core.drive.arbitration import Accepted, Refused, Source
+from yahboomd.core.errors import ConfigError
+from yahboomd.core.model import STANDSTILL, Twist2d
 
 MS = 1_000_000
 S = 1000 * MS

@@ -4,9 +4,9 @@ from typing import get_args
 
 import pytest
 
-from yahboomd.drive.age import AgeRefusal
-from yahboomd.drive.arbitration import Accepted, Decision, Reason, Refused, Source
-from yahboomd.model import STANDSTILL
+from yahboomd.core.drive.age import AgeRefusal
+from yahboomd.core.drive.arbitration import Accepted, Decision, Reason, Refused, Source
+from yahboomd.core.model import STANDSTILL
 
 
 def test_the_default_decision_is_standstill_without_a_driver() -> None:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.drive.backlog import MOST, BacklogGate, Verdict
+from yahboomd.core.drive.backlog import MOST, BacklogGate, Verdict
 
 MS = 1_000_000
 S = 1000 * MS

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from yahboomd.drive.battery import BatteryWatch
-from yahboomd.model import Event
+from yahboomd.core.drive.battery import BatteryWatch
+from yahboomd.core.model import Event
 
 S = 1_000_000_000
 

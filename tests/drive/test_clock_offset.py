@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.drive.clock_offset import ClockOffset
+from yahboomd.core.drive.clock_offset import ClockOffset
 
 MS = 1_000_000
 S = 1000 * MS

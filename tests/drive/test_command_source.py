@@ -2,10 +2,10 @@ from __future__ import annotations
 
 import pytest
 
-from yahboomd.drive.age import Age, StampPolicy
-from yahboomd.drive.arbitration import Source
-from yahboomd.drive.command_source import CommandSource
-from yahboomd.model import STANDSTILL, Twist2d
+from yahboomd.core.drive.age import Age, StampPolicy
+from yahboomd.core.drive.arbitration import Source
+from yahboomd.core.drive.command_source import CommandSource
+from yahboomd.core.model import STANDSTILL, Twist2d
 
 MS = 1_000_000
 S = 1000 * MS

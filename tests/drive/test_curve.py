@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.drive.curve import Curve
-from yahboomd.drive.kinematics import ackermann, differential
-from yahboomd.drive.limiter import AxisLimits, Limiter
-from yahboomd.model import STANDSTILL, Twist2d
+from yahboomd.core.drive.curve import Curve
+from yahboomd.core.drive.kinematics import ackermann, differential
+from yahboomd.core.drive.limiter import AxisLimits, Limiter
+from yahboomd.core.model import STANDSTILL, Twist2d
 
 R2 = ackermann(separation_m=0.1911, base_m=0.23537, steering_max_rad=math.pi / 4.0)
 RADIUS_M = 0.23537

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.drive.deadman import Deadman
-from yahboomd.errors import ConfigError
-from yahboomd.model import NS_PER_S
+from yahboomd.core.drive.deadman import Deadman
+from yahboomd.core.errors import ConfigError
+from yahboomd.core.model import NS_PER_S
 
 
 def test_nothing_has_been_commanded_before_the_first_command() -> None:

@@ -3,8 +3,8 @@ from __future__ import annotations
 import pytest
 from msgspec import structs
 
-from yahboomd.drive.doubts import Doubts
-from yahboomd.drive.faults import Fault
+from yahboomd.core.drive.doubts import Doubts
+from yahboomd.core.drive.faults import Fault
 
 MS = 1_000_000
 RUNAWAY = Fault(kind="runaway_fast", motor="left", message="It runs.", action="cut")

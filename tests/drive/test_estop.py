@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from yahboomd.drive.estop import EmergencyStop, Latched
+from yahboomd.core.drive.estop import EmergencyStop, Latched
 
 
 def test_engaging_latches_with_reason_and_author() -> None:

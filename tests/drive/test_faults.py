@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from yahboomd.drive.faults import Action, Fault
+from yahboomd.core.drive.faults import Action, Fault
 
 
 def test_a_fault_becomes_an_event_that_names_the_wheel() -> None:

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from yahboomd.drive.holds import BOARD_RESET, FAULT, WAITING_FOR_BOARD, Hold, Holds, ResetWatch
+from yahboomd.core.drive.holds import BOARD_RESET, FAULT, WAITING_FOR_BOARD, Hold, Holds, ResetWatch
 
 S = 1_000_000_000
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.drive.kinematics import (
+from yahboomd.core.drive.kinematics import (
     KINEMATICS,
     ackermann,
     desaturate,
@@ -17,8 +17,8 @@ from yahboomd.drive.kinematics import (
     motor_speeds,
     wheel_speeds,
 )
-from yahboomd.errors import ConfigError
-from yahboomd.model import Kinematics, Motor, Twist2d
+from yahboomd.core.errors import ConfigError
+from yahboomd.core.model import Kinematics, Motor, Twist2d
 
 SPEEDS = st.floats(-3.0, 3.0)
 ANY = st.floats(allow_nan=True, allow_infinity=True)

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.drive.limiter import AxisLimits, Limiter
-from yahboomd.errors import ConfigError
-from yahboomd.model import STANDSTILL, Twist2d
+from yahboomd.core.drive.limiter import AxisLimits, Limiter
+from yahboomd.core.errors import ConfigError
+from yahboomd.core.model import STANDSTILL, Twist2d
 
 DEFAULT = AxisLimits(velocity=1.0, acceleration=2.5, deceleration=5.0)
 RATES = st.none() | st.floats(0.1, 20.0)

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.drive.faults import Fault
-from yahboomd.drive.limiter import AxisLimits, Limiter
-from yahboomd.drive.motor_watch import MotorWatch
-from yahboomd.drive.wheels_check import WheelsCheck
-from yahboomd.model import Twist2d
+from yahboomd.core.drive.faults import Fault
+from yahboomd.core.drive.limiter import AxisLimits, Limiter
+from yahboomd.core.drive.motor_watch import MotorWatch
+from yahboomd.core.drive.wheels_check import WheelsCheck
+from yahboomd.core.model import Twist2d
 
 MS = 1_000_000
 S = 1000 * MS

@@ -3,12 +3,12 @@ from __future__ import annotations
 import pytest
 from msgspec import structs
 
-from yahboomd.drive.arbitration import Decision, Why
-from yahboomd.drive.estop import Latched
-from yahboomd.drive.holds import BOARD_RESET, FAULT, WAITING_FOR_BOARD, Hold
-from yahboomd.drive.limiter import AxisLimits
-from yahboomd.drive.standing import reasons, state_of
-from yahboomd.model import Twist2d
+from yahboomd.core.drive.arbitration import Decision, Why
+from yahboomd.core.drive.estop import Latched
+from yahboomd.core.drive.holds import BOARD_RESET, FAULT, WAITING_FOR_BOARD, Hold
+from yahboomd.core.drive.limiter import AxisLimits
+from yahboomd.core.drive.standing import reasons, state_of
+from yahboomd.core.model import Twist2d
 
 S = 1_000_000_000
 LATCHED = Latched(reason="button pressed", by="yahboomd/estop", since_ns=S)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.drive.stop_watch import StopWatch
+from yahboomd.core.drive.stop_watch import StopWatch
 
 MS = 1_000_000
 T0 = 7_000 * MS

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.drive.faults import Fault
-from yahboomd.drive.motor_watch import MotorWatch
-from yahboomd.drive.wheels_check import WheelsCheck
+from yahboomd.core.drive.faults import Fault
+from yahboomd.core.drive.motor_watch import MotorWatch
+from yahboomd.core.drive.wheels_check import WheelsCheck
 
 MS = 1_000_000
 S = 1000 * MS
@@ -186,7 +186,7 @@ def test_a_check_that_rests_finds_what_one_that_never_rests_does(data: st.DataOb
     with pytest.MonkeyPatch.context() as patch:
         for n, count in enumerate(counts):
             for check, kept, rests in zip((resting, awake), found, (20, 10**9), strict=True):
-                patch.setattr("yahboomd.drive.wheels_check.RESTING", rests)
+                patch.setattr("yahboomd.core.drive.wheels_check.RESTING", rests)
                 if n == 0 or n in commands:
                     speed = commands.get(n, 0.0)
                     check.command(n * 20 * MS, None if speed is None else [speed, speed])

@@ -3,7 +3,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.drive.windows import SLICES, SlidingCounts, SlidingMinimum
+from yahboomd.core.drive.windows import SLICES, SlidingCounts, SlidingMinimum
 
 WINDOW_NS = 1000
 SLICE_NS = WINDOW_NS // SLICES

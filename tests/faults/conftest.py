@@ -14,9 +14,9 @@ from board_bench import BoardPort
 from fault_bench import is_stop, orders_of
 from zenoh_fixtures import eventually, free_endpoint
 
-from yahboomd.clock import SystemClock
-from yahboomd.config import read
-from yahboomd.daemon.service import Daemon
+from yahboomd.core.clock import SystemClock
+from yahboomd.core.config import read
+from yahboomd.core.daemon.service import Daemon
 from yahboomd.simulation.robot import SimulatedRobot
 
 

@@ -15,7 +15,7 @@ from fault_bench import DIALECTS, MS, FaultBench, first_stop_ns, is_stop
 from real_robot import Client, RealRobot, wait_for
 from stalled_relay import StalledRelay
 
-from yahboomd.bus.subscriptions import Arrival
+from yahboomd.core.bus.subscriptions import Arrival
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 

@@ -15,7 +15,7 @@ from typing import get_args
 import pytest
 from fault_bench import DIALECTS, FaultBench
 
-from yahboomd.drive.faults import FaultKind
+from yahboomd.core.drive.faults import FaultKind
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 

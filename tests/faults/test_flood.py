@@ -20,7 +20,7 @@ from fault_bench import DIALECTS, MS, RATES_HZ, FaultBench, first_stop_ns
 from real_robot import DRIVER, Client, RealRobot, wait_for
 
 from benchmarks.soak.tail import Wire, is_stop
-from yahboomd.bus.subscriptions import RING
+from yahboomd.core.bus.subscriptions import RING
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 

@@ -19,7 +19,7 @@ from fault_bench import (
     assert_no_jump,
 )
 
-from yahboomd.model import Event
+from yahboomd.core.model import Event
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 

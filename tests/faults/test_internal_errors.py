@@ -15,8 +15,8 @@ import pytest
 from robot_bench import steps_of
 from zenoh_fixtures import eventually
 
-from yahboomd.clock import Schedule
-from yahboomd.daemon.estop import latch
+from yahboomd.core.clock import Schedule
+from yahboomd.core.daemon.estop import latch
 
 pytestmark = pytest.mark.realtime
 
@@ -51,7 +51,7 @@ async def test_a_callback_of_the_bus_that_fails_ends_the_daemon_with_the_wheels_
 ) -> None:
     await inner.driven()
     # The decoder of commands fails: the control step alone would not notice.
-    monkeypatch.setattr("yahboomd.daemon.commands.decode_command", broken)
+    monkeypatch.setattr("yahboomd.core.daemon.commands.decode_command", broken)
     inner.session.put("cmd_vel", b'{"vx": 0.3}')
     await inner.ends_by_itself_at_rest()
 

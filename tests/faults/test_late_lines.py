@@ -17,9 +17,9 @@ import pytest
 from board_bench import BoardPort
 from fault_bench import DIALECTS, FaultBench, assert_no_jump
 
-from yahboomd.link.port import READ_BYTES
-from yahboomd.model import Counts, EncoderReading, OdometryEstimate
-from yahboomd.odometry.odometer import Odometer, Update
+from yahboomd.core.link.port import READ_BYTES
+from yahboomd.core.model import Counts, EncoderReading, OdometryEstimate
+from yahboomd.core.odometry.odometer import Odometer, Update
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.truth import TruthSample
 from yahboomd.simulation.virtual_time import VirtualTimeLoop, on_virtual_time

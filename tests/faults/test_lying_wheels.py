@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from fault_bench import CUT, DIALECTS, MS, STREAMS, SUREST, FaultBench, is_stop
 
-from yahboomd.protocol.first_words import FIRST_WORDS
+from yahboomd.core.protocol.first_words import FIRST_WORDS
 from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.motors import MotorFaults
 from yahboomd.simulation.options import SimulationOptions, Wiring

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from fault_bench import DIALECTS, FaultBench, assert_covariance_grows, assert_no_jump
 
-from yahboomd.model import OdometryEstimate
+from yahboomd.core.model import OdometryEstimate
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.truth import pose_at
 from yahboomd.simulation.virtual_time import on_virtual_time

@@ -10,7 +10,7 @@ from typing import Literal
 import pytest
 from robot_bench import RobotBench
 
-from yahboomd.clock import seconds
+from yahboomd.core.clock import seconds
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 

@@ -11,8 +11,8 @@ from board_bench import LinkBench
 from fault_bench import FaultBench
 from vendor_firmware import MOTORS, instead_of_simulated, missing
 
-from yahboomd.clock import LoopClock
-from yahboomd.link.stopping import stop_unidentified
+from yahboomd.core.clock import LoopClock
+from yahboomd.core.link.stopping import stop_unidentified
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 

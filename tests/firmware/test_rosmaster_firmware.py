@@ -5,18 +5,18 @@ from __future__ import annotations
 import pytest
 from vendor_firmware import rosmaster, rosmaster_missing
 
-from yahboomd.protocol.dialect import Setting
-from yahboomd.protocol.first_words import FIRST_WORDS
-from yahboomd.protocol.registry import DIALECTS
-from yahboomd.protocol.rosmaster.functions import (
+from yahboomd.core.protocol.dialect import Setting
+from yahboomd.core.protocol.first_words import FIRST_WORDS
+from yahboomd.core.protocol.registry import DIALECTS
+from yahboomd.core.protocol.rosmaster.functions import (
     AUTO_REPORT,
     IN_MEMORY,
     MOTOR_PID,
     TABLE,
     request,
 )
-from yahboomd.protocol.rosmaster.packets import PacketFramer, frame
-from yahboomd.protocol.settings import BoardSettings, writes
+from yahboomd.core.protocol.rosmaster.packets import PacketFramer, frame
+from yahboomd.core.protocol.settings import BoardSettings, writes
 
 pytestmark = pytest.mark.skipif(bool(rosmaster_missing()), reason=rosmaster_missing())
 

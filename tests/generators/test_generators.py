@@ -15,8 +15,8 @@ from pathlib import Path
 import pytest
 from installations import CACHE, installed, needs, npm_packages, run
 
-from yahboomd.messages.event_kinds import EVENTS
-from yahboomd.messages.native import MESSAGES
+from yahboomd.core.messages.native import MESSAGES
+from yahboomd.tools.schemas.event_kinds import EVENTS
 
 SCHEMAS = Path(__file__).resolve().parents[2] / "schemas"
 GOLDEN = SCHEMAS / "samples" / "json"

@@ -17,7 +17,7 @@ from real_robot import RealRobot
 from ros_peers import HERE, Bridge, Event, Peer, built, ros_node, start_peer, until
 from zenoh_fixtures import free_endpoint
 
-from yahboomd.messages import cdr, ros2
+from yahboomd.core.messages import cdr, ros2
 
 LASER = 'ros2.static_transforms=[{parent="base_link",child="laser",x=0.1,yaw=1.5707963267948966}]'
 

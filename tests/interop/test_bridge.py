@@ -5,7 +5,7 @@ import threading
 import pytest
 import zenoh
 
-from yahboomd.messages import cdr, ros2
+from yahboomd.core.messages import cdr, ros2
 
 pytestmark = pytest.mark.realtime
 

@@ -19,8 +19,8 @@ from pathlib import Path
 import pytest
 from ros_peers import CACHE, built, free_domain
 
-from yahboomd.cli.ros_files.robot_model import urdf
-from yahboomd.config import Config
+from yahboomd.core.config import Config
+from yahboomd.tools.ros_files.robot_model import urdf
 
 pytestmark = pytest.mark.realtime
 

@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from real_robot import Client, wait_for
 
-from yahboomd.bus.services import TOO_MANY
+from yahboomd.core.bus.services import TOO_MANY
 
 pytestmark = pytest.mark.realtime
 

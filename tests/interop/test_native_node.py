@@ -6,7 +6,7 @@ import time
 import pytest
 import zenoh
 
-from yahboomd.messages import cdr, ros2
+from yahboomd.core.messages import cdr, ros2
 
 pytestmark = pytest.mark.realtime
 

@@ -5,7 +5,7 @@ import math
 import pytest
 from zenoh_fixtures import free_endpoint
 
-from yahboomd.messages import ros2
+from yahboomd.core.messages import ros2
 
 pytestmark = pytest.mark.realtime
 

@@ -6,13 +6,13 @@ import subprocess
 import pytest
 from ros_peers import HERE, built
 
-from yahboomd.config import read
-from yahboomd.daemon.ros2_graphs.ros2_parameters import parameter_meanings, parameter_server
-from yahboomd.messages import ros2
-from yahboomd.messages.cdr_samples import CDR
-from yahboomd.messages.native import SetPoseRequest
-from yahboomd.messages.rcl_interfaces import log
-from yahboomd.messages.set_pose import decode_pose
+from yahboomd.core.config import read
+from yahboomd.core.daemon.ros2_graphs.ros2_parameters import parameter_meanings, parameter_server
+from yahboomd.core.messages import ros2
+from yahboomd.core.messages.native import SetPoseRequest
+from yahboomd.core.messages.rcl_interfaces import log
+from yahboomd.core.messages.set_pose import decode_pose
+from yahboomd.tools.schemas.cdr_samples import CDR
 
 DISTROS = ("jazzy", "kilted")
 PARAMETER = {"name": "command.timeout_s", "value": {"type": 3, "double_value": 9.0}}

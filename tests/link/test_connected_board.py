@@ -8,9 +8,9 @@ import itertools
 import pytest
 from board_bench import Bench, BoardPort
 
-from yahboomd.link import connected_board
-from yahboomd.link.line import DAMAGES_MOST, NOISY_DAMAGES
-from yahboomd.link.session import SessionOptions
+from yahboomd.core.link import connected_board
+from yahboomd.core.link.line import DAMAGES_MOST, NOISY_DAMAGES
+from yahboomd.core.link.session import SessionOptions
 from yahboomd.simulation.options import ImpairmentOptions, SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 

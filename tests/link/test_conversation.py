@@ -8,9 +8,9 @@ from collections.abc import AsyncIterator
 import pytest
 from board_bench import LinkBench
 
-from yahboomd.link.conversation import Conversation
-from yahboomd.link.line import Line
-from yahboomd.protocol.profiles import PROFILES
+from yahboomd.core.link.conversation import Conversation
+from yahboomd.core.link.line import Line
+from yahboomd.core.protocol.profiles import PROFILES
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 WANT = PROFILES["520"].settings

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.errors import BoardSilent, LinkError, PortBusy, PortDenied, PortMissing
-from yahboomd.link.diagnosis import busy, hints, what_was_heard
-from yahboomd.link.discovery import Candidate
-from yahboomd.link.line import Heard
-from yahboomd.protocol.dialect import FramerCounters
+from yahboomd.core.errors import BoardSilent, LinkError, PortBusy, PortDenied, PortMissing
+from yahboomd.core.link.discovery import Candidate
+from yahboomd.core.link.line import Heard
+from yahboomd.core.protocol.dialect import FramerCounters
+from yahboomd.tools.stop.diagnosis import busy, hints, what_was_heard
 
 NOWHERE = Path("/nonexistent/sysfs")
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.errors import ConfigError, PortMissing
-from yahboomd.link.discovery import Candidate, candidates, choose, on_board, without_driver
+from yahboomd.core.errors import ConfigError, PortMissing
+from yahboomd.core.link.discovery import Candidate, candidates, choose, on_board, without_driver
 
 NOWHERE = "/nonexistent/yahboom_driver"
 

@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from yahboomd.link.gathering import ALIKE, UNCHANGED, Gathering
+from yahboomd.core.link.gathering import ALIKE, UNCHANGED, Gathering
 
 
 class Reader:

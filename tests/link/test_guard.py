@@ -11,8 +11,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from yahboomd.errors import BoardError
-from yahboomd.link.guard import Guard
+from yahboomd.core.errors import BoardError
+from yahboomd.tools.port.guard import Guard
 
 pytestmark = pytest.mark.realtime
 
@@ -20,7 +20,7 @@ STOP = b"$pwm:0,0,0,0#"
 
 WATCHED = """
 import sys, time
-from yahboomd.link.guard import Guard
+from yahboomd.tools.port.guard import Guard
 guard = Guard.start(int(sys.argv[1]), b"$pwm:0,0,0,0#")
 for mark in sys.argv[2]:
     guard.mark(mark == "+")

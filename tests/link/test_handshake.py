@@ -7,17 +7,17 @@ import asyncio
 import pytest
 from board_bench import Bench, LinkBench
 
-from yahboomd.clock import LoopClock
-from yahboomd.errors import BoardSilent
-from yahboomd.link import handshake
-from yahboomd.link.conversation import Conversation
-from yahboomd.link.line import Line
-from yahboomd.link.port import byte_time_ns
-from yahboomd.link.session import SessionOptions
-from yahboomd.link.start_notices import Notice
-from yahboomd.protocol.dialect import Dialect
-from yahboomd.protocol.profiles import PROFILES
-from yahboomd.protocol.registry import DIALECTS
+from yahboomd.core.clock import LoopClock
+from yahboomd.core.errors import BoardSilent
+from yahboomd.core.link import handshake
+from yahboomd.core.link.conversation import Conversation
+from yahboomd.core.link.line import Line
+from yahboomd.core.link.port import byte_time_ns
+from yahboomd.core.link.session import SessionOptions
+from yahboomd.core.link.start_notices import Notice
+from yahboomd.core.protocol.dialect import Dialect
+from yahboomd.core.protocol.profiles import PROFILES
+from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.options import ImpairmentOptions, SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.link import latency_timer
-from yahboomd.link.latency_timer import describe, latency_ms
+from yahboomd.core.link import latency_timer
+from yahboomd.core.link.latency_timer import describe, latency_ms
 
 
 @pytest.fixture

@@ -8,16 +8,16 @@ import itertools
 import pytest
 from board_bench import BoardPort, LinkBench
 
-from yahboomd.clock import LoopClock
-from yahboomd.errors import BoardSilent, PortLost
-from yahboomd.link.conversation import Conversation
-from yahboomd.link.gathering import ALIKE, UNCHANGED
-from yahboomd.link.line import KEPT_BYTES, Line
-from yahboomd.link.start_notices import Notice
-from yahboomd.model import Counts, EncoderReading
-from yahboomd.protocol.dialect import Battery, Decoded, Unrecognised
-from yahboomd.protocol.profiles import PROFILES
-from yahboomd.protocol.registry import DIALECTS
+from yahboomd.core.clock import LoopClock
+from yahboomd.core.errors import BoardSilent, PortLost
+from yahboomd.core.link.conversation import Conversation
+from yahboomd.core.link.gathering import ALIKE, UNCHANGED
+from yahboomd.core.link.line import KEPT_BYTES, Line
+from yahboomd.core.link.start_notices import Notice
+from yahboomd.core.model import Counts, EncoderReading
+from yahboomd.core.protocol.dialect import Battery, Decoded, Unrecognised
+from yahboomd.core.protocol.profiles import PROFILES
+from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 COUNTS = b"$MAll:1,2,3,4#\r\n"

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.link.outbox import Lane, Outbox, Request
+from yahboomd.core.link.outbox import Lane, Outbox, Request
 
 
 def request(frame: bytes) -> Request:

@@ -16,9 +16,9 @@ from collections.abc import AsyncIterator, Callable, Iterator
 import pytest
 import serial_asyncio
 
-from yahboomd.clock import SystemClock
-from yahboomd.errors import LinkError, PortBusy, PortLost, PortMissing
-from yahboomd.link.port import (
+from yahboomd.core.clock import SystemClock
+from yahboomd.core.errors import LinkError, PortBusy, PortLost, PortMissing
+from yahboomd.core.link.port import (
     MAX_PENDING,
     PortOptions,
     SerialPort,
@@ -27,8 +27,8 @@ from yahboomd.link.port import (
     byte_time_ns,
     open_port,
 )
-from yahboomd.link.port_errors import holders, lost
-from yahboomd.link.seize import FIRST_WORDS, seize
+from yahboomd.core.link.port_errors import holders, lost
+from yahboomd.core.link.seize import FIRST_WORDS, seize
 
 pytestmark = pytest.mark.realtime
 

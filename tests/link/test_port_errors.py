@@ -8,8 +8,8 @@ import pty
 
 import pytest
 
-from yahboomd.errors import LinkError, PortBusy, PortDenied, PortMissing
-from yahboomd.link.port_errors import explained, holders, lost
+from yahboomd.core.errors import LinkError, PortBusy, PortDenied, PortMissing
+from yahboomd.core.link.port_errors import explained, holders, lost
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.link.port_identity import Device, find, identify, same
+from yahboomd.core.link.port_identity import Device, find, identify, same
 
 BOARD = Device(os.makedev(188, 0), "6:1034", "1-2 1a86:7523")
 

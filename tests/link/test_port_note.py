@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.link.port_identity import Device
-from yahboomd.link.port_note import PortNote, end, folder_of, read, write
+from yahboomd.core.link.port_identity import Device
+from yahboomd.core.link.port_note import PortNote, end, folder_of, read, write
 
 DEVICE = Device(48128, "6:1034", "1-2 1a86:7523")
 NOTE = PortNote("/dev/yahboom_driver", 115200, True, False, False, DEVICE)
@@ -139,7 +139,7 @@ def test_a_damaged_note_is_left_out(tmp_path: Path, text: str) -> None:
 
 def test_reading_it_loads_nothing_that_takes_long() -> None:
     code = (
-        "import sys; import yahboomd.link.port_note; "
+        "import sys; import yahboomd.core.link.port_note; "
         "print(*sorted({'asyncio', 'pydantic', 'zenoh', 'msgspec', 'serial'} & set(sys.modules)))"
     )
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

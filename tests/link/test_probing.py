@@ -7,11 +7,11 @@ from board_bench import LinkBench
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from yahboomd.link.probing import DRIFT_TICKS, compare, examine, reopen
-from yahboomd.protocol import registry
-from yahboomd.protocol.profiles import PROFILES
+from yahboomd.core.protocol import registry
+from yahboomd.core.protocol.profiles import PROFILES
 from yahboomd.simulation.motors import FAULTS
 from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.tools.port.probing import DRIFT_TICKS, compare, examine, reopen
 
 DIALECTS = ["streamed", "polled"]
 WANT = PROFILES["520"].settings

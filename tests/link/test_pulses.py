@@ -11,15 +11,15 @@ from typing import Any
 import pytest
 from board_bench import LinkBench
 
-from yahboomd.errors import BoardError
-from yahboomd.link import handshake
-from yahboomd.link.conversation import Conversation
-from yahboomd.link.line import Line
-from yahboomd.link.pulses import LONGEST_S, SHOWN_TURNS, STEPS, Pulses
-from yahboomd.model import NS_PER_S
+from yahboomd.core.errors import BoardError
+from yahboomd.core.link import handshake
+from yahboomd.core.link.conversation import Conversation
+from yahboomd.core.link.line import Line
+from yahboomd.core.model import NS_PER_S
 from yahboomd.simulation.motors import FAULTS, MotorFaults, joined
 from yahboomd.simulation.options import FOUR_WHEELS
 from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.tools.port.pulses import LONGEST_S, SHOWN_TURNS, STEPS, Pulses
 
 TICKS = 1320.0
 FASTEST = 200.0 / 30.0

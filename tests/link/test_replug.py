@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.link.port_identity import identify
-from yahboomd.link.port_note import PortNote
-from yahboomd.link.replug import TakenByOurs, drives, seize_again
-from yahboomd.protocol.first_words import FIRST_WORDS
+from yahboomd.core.link.port_identity import identify
+from yahboomd.core.link.port_note import PortNote
+from yahboomd.core.protocol.first_words import FIRST_WORDS
+from yahboomd.tools.stop.replug import TakenByOurs, drives, seize_again
 
 HOLD = """
 import fcntl, os, sys

@@ -17,9 +17,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from yahboomd.link import seize as seizing
-from yahboomd.link.seize import FIRST_WORDS, SPACING_S, seize
-from yahboomd.protocol.registry import connect_spacing_ns, connect_stop
+from yahboomd.core.link import seize as seizing
+from yahboomd.core.link.seize import FIRST_WORDS, SPACING_S, seize
+from yahboomd.core.protocol.registry import connect_spacing_ns, connect_stop
 
 
 class Device:
@@ -53,7 +53,7 @@ def test_the_first_words_are_those_of_the_protocol() -> None:
 
 def test_nothing_that_takes_long_is_imported_before_the_first_stop() -> None:
     script = (
-        "import sys, yahboomd.cli.main, yahboomd.cli.stop.stop\n"
+        "import sys, yahboomd.cli.main, yahboomd.cli.stop\n"
         "slow = {'asyncio', 'serial', 'msgspec', 'pydantic', 'zenoh', 'ctypes', 'tomllib'}\n"
         "print(sorted(slow & set(sys.modules)))"
     )
@@ -152,9 +152,9 @@ def test_a_port_that_takes_no_output_does_not_hold_us_for_ever(device: Device) -
 def test_a_pseudo_terminal_whose_owner_was_killed_can_be_taken_without_being_root() -> None:
     script = (
         "import asyncio, os, signal, sys\n"
-        "from yahboomd.clock import SystemClock\n"
-        "from yahboomd.link.port import PortOptions, open_port\n"
-        "from yahboomd.link.seize import seize\n"
+        "from yahboomd.core.clock import SystemClock\n"
+        "from yahboomd.core.link.port import PortOptions, open_port\n"
+        "from yahboomd.core.link.seize import seize\n"
         "if os.geteuid() == 0:\n"
         "    os.setgid(65534)\n"
         "    os.setuid(65534)\n"

@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 from board_bench import Bench
 
-from yahboomd.errors import BoardError, BoardSilent, PortLost
-from yahboomd.link import latency_timer
-from yahboomd.link.session import SessionOptions
-from yahboomd.model import EncoderReading
-from yahboomd.protocol.profiles import PROFILES
-from yahboomd.protocol.registry import connect_stop
+from yahboomd.core.errors import BoardError, BoardSilent, PortLost
+from yahboomd.core.link import latency_timer
+from yahboomd.core.link.session import SessionOptions
+from yahboomd.core.model import EncoderReading
+from yahboomd.core.protocol.profiles import PROFILES
+from yahboomd.core.protocol.registry import connect_stop
 from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.motors import MotorFaults
 from yahboomd.simulation.options import ImpairmentOptions, SimulationOptions

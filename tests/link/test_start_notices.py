@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from yahboomd.link.start_notices import LATEST_ANSWER_NS, StartNotices
-from yahboomd.protocol.four_channel.texts import decode_text
+from yahboomd.core.link.start_notices import LATEST_ANSWER_NS, StartNotices
+from yahboomd.core.protocol.four_channel.texts import decode_text
 
 ANSWER = ("read_flash:OK!", "Motor_Version:1.7.3", "Motor_type:1", "Dead_Zone:1600")
 

@@ -8,18 +8,18 @@ from collections.abc import Iterator
 import pytest
 from kernel_queue import Line, QueueingPort
 
-from yahboomd.clock import LoopClock
-from yahboomd.link import stopping
-from yahboomd.link.stopping import (
+from yahboomd.core.clock import LoopClock
+from yahboomd.core.link import stopping
+from yahboomd.core.link.stopping import (
     STAND_WITHIN_S,
     StandstillWatch,
     StopReport,
     bring_to_rest,
     stop_unidentified,
 )
-from yahboomd.protocol.dialect import Totals
-from yahboomd.protocol.four_channel.framing import RESYNC, Framer
-from yahboomd.protocol.registry import DIALECTS
+from yahboomd.core.protocol.dialect import Totals
+from yahboomd.core.protocol.four_channel.framing import RESYNC, Framer
+from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.simulation.motors import MotorFaults
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot

@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 from board_bench import LinkBench
 
-from yahboomd.errors import BoardError, ConfigError
-from yahboomd.link.storing import STORE_ATTEMPTS, Progress, Step, Storing, store
-from yahboomd.protocol.dialect import Dialect
-from yahboomd.protocol.profiles import PROFILES
-from yahboomd.protocol.settings import BoardSettings, SettingWrite
+from yahboomd.core.errors import BoardError, ConfigError
+from yahboomd.core.link.storing import STORE_ATTEMPTS, Progress, Step, Storing, store
+from yahboomd.core.protocol.dialect import Dialect
+from yahboomd.core.protocol.profiles import PROFILES
+from yahboomd.core.protocol.settings import BoardSettings, SettingWrite
 from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.motors import FAULTS
 from yahboomd.simulation.options import ImpairmentOptions

@@ -7,7 +7,7 @@ import asyncio
 import pytest
 from board_bench import LinkBench
 
-from yahboomd.link.takeover import TakeoverReport, take_over
+from yahboomd.core.link.takeover import TakeoverReport, take_over
 from yahboomd.simulation.motors import FAULTS
 from yahboomd.simulation.options import ImpairmentOptions
 from yahboomd.simulation.virtual_time import on_virtual_time

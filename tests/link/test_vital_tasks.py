@@ -6,8 +6,8 @@ import asyncio
 
 import pytest
 
-from yahboomd.errors import BoardSilent, PortLost
-from yahboomd.link.vital_tasks import VitalTasks, undisturbed
+from yahboomd.core.errors import BoardSilent, PortLost
+from yahboomd.core.link.vital_tasks import VitalTasks, undisturbed
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 

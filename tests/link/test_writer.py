@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from yahboomd.errors import PortLost
-from yahboomd.link.writer import Spacing, Writer
-from yahboomd.protocol.dialect import Battery, CommandLost, Totals
+from yahboomd.core.errors import PortLost
+from yahboomd.core.link.writer import Spacing, Writer
+from yahboomd.core.protocol.dialect import Battery, CommandLost, Totals
 
 MS = 1_000_000
 COUNTS = Totals(ticks=(0, 0, 0, 0))

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.messages import cdr
-from yahboomd.messages.codecs import (
+from yahboomd.core.messages import cdr
+from yahboomd.core.messages.codecs import (
     MAX_PAYLOAD_BYTES,
     ReceivedCommand,
     Refusal,
@@ -26,7 +26,7 @@ from yahboomd.messages.codecs import (
     is_not_pressed,
     is_release_attempt,
 )
-from yahboomd.messages.native import (
+from yahboomd.core.messages.native import (
     MAX_LABEL,
     EstopRequest,
     PoseSample,

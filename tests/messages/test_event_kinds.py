@@ -9,9 +9,9 @@ from typing import get_args
 import msgspec
 import pytest
 
-from yahboomd.drive.faults import FaultKind
-from yahboomd.messages.event_kinds import EVENTS, KINDS, PausedData
-from yahboomd.model import EventKind, Severity
+from yahboomd.core.drive.faults import FaultKind
+from yahboomd.core.model import EventKind, Severity
+from yahboomd.tools.schemas.event_kinds import EVENTS, KINDS, PausedData
 
 SOURCE = Path(__file__).parents[2] / "yahboomd"
 

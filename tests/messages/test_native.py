@@ -8,9 +8,9 @@ import msgspec
 import pytest
 from msgspec import structs
 
-from yahboomd.messages import native
-from yahboomd.messages.codecs import encode
-from yahboomd.model import Event, OdometryEstimate, Pose2d, Twist2d
+from yahboomd.core.messages import native
+from yahboomd.core.messages.codecs import encode
+from yahboomd.core.model import Event, OdometryEstimate, Pose2d, Twist2d
 
 FIELDS = {
     "VelocityCommand": "vx vy wz stamp_ns source",

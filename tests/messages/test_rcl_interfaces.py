@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.messages import cdr, ros2
-from yahboomd.messages.rcl_interfaces import LEVELS, ParameterServer, log
+from yahboomd.core.messages import cdr, ros2
+from yahboomd.core.messages.rcl_interfaces import LEVELS, ParameterServer, log
 
 VALUES = {
     "serial.port": "/dev/ttyUSB0",

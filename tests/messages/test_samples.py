@@ -5,8 +5,8 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from yahboomd.messages import cdr, cdr_samples, samples
-from yahboomd.messages.codecs import (
+from yahboomd.core.messages import cdr
+from yahboomd.core.messages.codecs import (
     ReceivedCommand,
     Refusal,
     decode_command,
@@ -14,7 +14,8 @@ from yahboomd.messages.codecs import (
     encode,
     is_release_attempt,
 )
-from yahboomd.messages.native import MESSAGES
+from yahboomd.core.messages.native import MESSAGES
+from yahboomd.tools.schemas import cdr_samples, samples
 
 
 def test_every_native_message_has_a_sample():

@@ -5,18 +5,13 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from yahboomd.drive.kinematics import differential
-from yahboomd.messages.codecs import Refusal, decode_set_pose
-from yahboomd.messages.native import (
-    MAX_PLACE_M,
-    MAX_THETA_RAD,
-    MAX_VARIANCE,
-    SetPoseRequest,
-)
-from yahboomd.messages.set_pose import covariance_problem, decode_pose, pose_message
-from yahboomd.model import Motor
-from yahboomd.odometry.covariance import Covariance
-from yahboomd.odometry.integrator import Arc
+from yahboomd.core.drive.kinematics import differential
+from yahboomd.core.messages.codecs import Refusal, decode_set_pose
+from yahboomd.core.messages.native import MAX_PLACE_M, MAX_THETA_RAD, MAX_VARIANCE, SetPoseRequest
+from yahboomd.core.messages.set_pose import covariance_problem, decode_pose, pose_message
+from yahboomd.core.model import Motor
+from yahboomd.core.odometry.covariance import Covariance
+from yahboomd.core.odometry.integrator import Arc
 
 UNIT = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 

@@ -6,11 +6,12 @@ import re
 from pathlib import Path
 from typing import get_args
 
-from yahboomd.drive import arbitration, faults
-from yahboomd.messages import codecs
-from yahboomd.messages.status_fields import FIELDS, REFUSALS, ZEROS
+from yahboomd.core.drive import arbitration, faults
+from yahboomd.core.messages import codecs
+from yahboomd.core.messages.status_fields import FIELDS, REFUSALS, ZEROS
 
 SOURCE = Path(__file__).parents[2] / "yahboomd"
+CORE = SOURCE / "core"
 ROOMS = ("bus", "daemon", "drive", "link", "odometry")
 COUNTED = re.compile(r'(?:counters|found)\["(\w+)"\] [+-]?= ')
 
@@ -20,7 +21,7 @@ def counted() -> set[str]:
     return {
         name
         for room in ROOMS
-        for path in (SOURCE / room).rglob("*.py")
+        for path in (CORE / room).rglob("*.py")
         for name in COUNTED.findall(path.read_text())
     }
 

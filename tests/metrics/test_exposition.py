@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from prometheus_client.openmetrics.parser import text_string_to_metric_families as parse_openmetrics
 from prometheus_client.parser import text_string_to_metric_families as parse_classic
 
-from yahboomd.metrics.exposition import MAX_LABEL, Exposition, wants_openmetrics
+from yahboomd.tools.metrics.exposition import MAX_LABEL, Exposition, wants_openmetrics
 
 
 def test_the_official_parser_reads_each_kind_with_its_unit_and_meaning() -> None:

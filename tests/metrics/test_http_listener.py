@@ -11,9 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from zenoh_fixtures import eventually
 
-from yahboomd.errors import ListenError
-from yahboomd.metrics import http_listener
-from yahboomd.metrics.http_listener import MAX_HEAD, MAX_OPEN, OUTCOMES, MetricsListener, Place
+from yahboomd.core.errors import ListenError
+from yahboomd.tools.metrics import http_listener
+from yahboomd.tools.metrics.http_listener import (
+    MAX_HEAD,
+    MAX_OPEN,
+    OUTCOMES,
+    MetricsListener,
+    Place,
+)
 
 LOCAL = Place(host="127.0.0.1", port=0)
 PAGE = "up 1\n"

@@ -10,10 +10,10 @@ import pytest
 from prometheus_client.openmetrics.parser import text_string_to_metric_families
 
 from yahboomd.client.streams import read_sample
-from yahboomd.messages.native import StatusSample
-from yahboomd.messages.status_fields import FIELDS
-from yahboomd.metrics.exposition import Exposition
-from yahboomd.metrics.robot_metrics import (
+from yahboomd.core.messages.native import StatusSample
+from yahboomd.core.messages.status_fields import FIELDS
+from yahboomd.tools.metrics.exposition import Exposition
+from yahboomd.tools.metrics.robot_metrics import (
     FRESH_NS,
     MAX_SERIES,
     PAGE_KEPT_NS,

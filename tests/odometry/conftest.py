@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import pytest
 
-from yahboomd.model import EncoderReading, Kinematics, Motor
+from yahboomd.core.model import EncoderReading, Kinematics, Motor
 
 TRACK_M = 0.17
 RADIUS_M = 0.0335

@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from yahboomd.odometry.arrivals import BREAK_NS, Arrivals
+from yahboomd.core.odometry.arrivals import BREAK_NS, Arrivals
 
 MS = 1e6
 

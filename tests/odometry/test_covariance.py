@@ -8,16 +8,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.drive.kinematics import mecanum
-from yahboomd.model import Pose2d
-from yahboomd.odometry.covariance import (
+from yahboomd.core.drive.kinematics import mecanum
+from yahboomd.core.model import Pose2d
+from yahboomd.core.odometry.covariance import (
     SIDEWAYS_M_S,
     TURN_VARIANCE_MAX,
     Covariance,
     with_heading,
 )
-from yahboomd.odometry.integrator import Arc, Integrator
-from yahboomd.odometry.velocity import Window
+from yahboomd.core.odometry.integrator import Arc, Integrator
+from yahboomd.core.odometry.velocity import Window
 
 STEP_NS = 20_000_000
 ARC = Arc(0.01, 0.0, 1.0, 0.0, 0.1)

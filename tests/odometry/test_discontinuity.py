@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.odometry import discontinuity
+from yahboomd.core.odometry import discontinuity
 
 OUTCOMES = sorted(discontinuity.COUNTERS)
 SPEED_MAX = 2.0

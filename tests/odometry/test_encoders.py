@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.counts import HALF, WRAP
-from yahboomd.odometry.encoders import Encoders
+from yahboomd.core.counts import HALF, WRAP
+from yahboomd.core.odometry.encoders import Encoders
 
 MS = 1_000_000
 int32 = st.integers(-HALF, HALF - 1)

@@ -4,7 +4,13 @@ import random
 
 import pytest
 
-from yahboomd.odometry.envelope import BLOCK, BLOCKS_MAX, SETTLED_ANYHOW, SETTLED_BLOCKS, Envelope
+from yahboomd.core.odometry.envelope import (
+    BLOCK,
+    BLOCKS_MAX,
+    SETTLED_ANYHOW,
+    SETTLED_BLOCKS,
+    Envelope,
+)
 
 PERIOD = 10e6
 MS = 1e6

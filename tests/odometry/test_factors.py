@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from yahboomd.errors import ConfigError
-from yahboomd.odometry.factors import motor_factors
+from yahboomd.core.errors import ConfigError
+from yahboomd.core.odometry.factors import motor_factors
 
 
 def test_one_tick_of_one_wheel_is_half_a_tick_forward_and_a_turn(kit):

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 
 import pytest
 
-from yahboomd.odometry.gyro import (
+from yahboomd.core.odometry.gyro import (
     CORNER,
     FROZEN_SAMPLES,
     PROBATION_NS,

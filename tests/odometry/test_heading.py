@@ -8,9 +8,9 @@ from random import Random
 import msgspec
 import pytest
 
-from yahboomd.messages.event_kinds import KINDS
-from yahboomd.model import Event, ImuReading, ImuSensor
-from yahboomd.odometry.heading import TURN_SLIP, Heading
+from yahboomd.core.model import Event, ImuReading, ImuSensor
+from yahboomd.core.odometry.heading import TURN_SLIP, Heading
+from yahboomd.tools.schemas.event_kinds import KINDS
 
 CYCLE_NS = 41_000_000
 TICK = 1e-3

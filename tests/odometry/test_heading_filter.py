@@ -8,7 +8,7 @@ from random import Random
 import numpy as np
 import pytest
 
-from yahboomd.odometry.heading_filter import BIAS_RAD_S, LATE_S, HeadingFilter
+from yahboomd.core.odometry.heading_filter import BIAS_RAD_S, LATE_S, HeadingFilter
 
 DT_S = 0.04
 NOISE = (1e-3 * DT_S) ** 2

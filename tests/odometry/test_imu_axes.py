@@ -7,8 +7,8 @@ from random import Random
 
 import pytest
 
-from yahboomd.model import ImuReading, ImuSensor, Twist2d
-from yahboomd.odometry.imu_axes import Mounting, axes_problem
+from yahboomd.core.model import ImuReading, ImuSensor, Twist2d
+from yahboomd.core.odometry.imu_axes import Mounting, axes_problem
 from yahboomd.simulation.imu import GRAVITY_M_S2, Imu, ImuOptions
 
 SENSOR = ImuSensor(

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.model import Pose2d
-from yahboomd.odometry.integrator import SERIES_BELOW, Integrator, sinc
+from yahboomd.core.model import Pose2d
+from yahboomd.core.odometry.integrator import SERIES_BELOW, Integrator, sinc
 
 STEP_NS = 50_000_000
 

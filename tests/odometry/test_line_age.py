@@ -5,7 +5,7 @@ from random import Random
 
 import pytest
 
-from yahboomd.odometry.line_age import ENOUGH, LineAge
+from yahboomd.core.odometry.line_age import ENOUGH, LineAge
 
 MS = 1_000_000
 LINE_NS, TICK_NS = 41 * MS, 10 * MS

@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from yahboomd.counts import HALF, WRAP
-from yahboomd.errors import ConfigError
-from yahboomd.model import EncoderReading, ImuReading, ImuSensor, Pose2d
-from yahboomd.odometry import snapshot
-from yahboomd.odometry.discontinuity import RESET_SPEED_M_S
-from yahboomd.odometry.odometer import Odometer
+from yahboomd.core.counts import HALF, WRAP
+from yahboomd.core.errors import ConfigError
+from yahboomd.core.model import EncoderReading, ImuReading, ImuSensor, Pose2d
+from yahboomd.core.odometry import snapshot
+from yahboomd.core.odometry.discontinuity import RESET_SPEED_M_S
+from yahboomd.core.odometry.odometer import Odometer
 
 MS = 1_000_000
 START_NS = 1_000_000_000_000
@@ -897,7 +897,7 @@ def test_wheels_that_stand_on_for_long_leave_no_trace_in_what_follows(kit, sampl
                 if chance.random() < 0.01:
                     for rig in (kept, spared):
                         rig.odometer.set_pose(Pose2d(x=1.0, y=2.0, theta=0.5))
-                patch.setattr("yahboomd.odometry.odometer.RESTS", 10**9)
+                patch.setattr("yahboomd.core.odometry.odometer.RESTS", 10**9)
                 one = kept.feed(left, right, after_ms=after_ms)
                 patch.undo()
                 other = spared.feed(left, right, after_ms=after_ms)

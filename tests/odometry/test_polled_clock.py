@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from yahboomd.model import EncoderReading
-from yahboomd.odometry.polled_clock import Instant, PolledClock
+from yahboomd.core.model import EncoderReading
+from yahboomd.core.odometry.polled_clock import Instant, PolledClock
 
 MS = 1_000_000
 START_NS = 1_000_000_000_000

@@ -7,9 +7,9 @@ import random
 
 import pytest
 
-from yahboomd.model import EncoderReading, ImuReading, ImuSensor, Pose2d
-from yahboomd.odometry.odometer import Odometer
-from yahboomd.odometry.snapshot import NotAState, restore, save
+from yahboomd.core.model import EncoderReading, ImuReading, ImuSensor, Pose2d
+from yahboomd.core.odometry.odometer import Odometer
+from yahboomd.core.odometry.snapshot import NotAState, restore, save
 
 MS = 1_000_000
 START_NS = 1_000_000_000_000

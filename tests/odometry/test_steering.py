@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from yahboomd.odometry.steering import ARRIVES_NS, Steering
+from yahboomd.core.odometry.steering import ARRIVES_NS, Steering
 
 BASE_M = 0.235
 MS = 1_000_000

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from yahboomd.model import EncoderReading
-from yahboomd.odometry.streamed_clock import StreamedClock
+from yahboomd.core.model import EncoderReading
+from yahboomd.core.odometry.streamed_clock import StreamedClock
 
 MS = 1_000_000
 TICK_NS = 10 * MS

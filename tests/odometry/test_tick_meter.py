@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from yahboomd.odometry.tick_meter import Measured, TickMeter, TickPeriod
+from yahboomd.core.odometry.tick_meter import Measured, TickMeter, TickPeriod
 
 MS = 1e6
 

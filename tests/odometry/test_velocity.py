@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from yahboomd.odometry.velocity import Velocity
+from yahboomd.core.odometry.velocity import Velocity
 
 MS = 1_000_000
 

@@ -9,7 +9,7 @@ from random import Random
 
 import msgspec
 
-from yahboomd.model import Counts
+from yahboomd.core.model import Counts
 from yahboomd.simulation.board import BOOT_NS, NEVER, Emit
 from yahboomd.simulation.boards import BoardKind
 from yahboomd.simulation.imu import Imu, ImuOptions

@@ -28,9 +28,9 @@ from contextlib import contextmanager
 import msgspec
 from binary_board import BINARY_BOARD
 
-from yahboomd.errors import BoardError
-from yahboomd.model import ImuSensor, Kinematics, Motor
-from yahboomd.protocol.dialect import (
+from yahboomd.core.errors import BoardError
+from yahboomd.core.model import ImuSensor, Kinematics, Motor
+from yahboomd.core.protocol.dialect import (
     Battery,
     Decoded,
     Dialect,
@@ -45,10 +45,10 @@ from yahboomd.protocol.dialect import (
     Unrecognised,
     VersionLine,
 )
-from yahboomd.protocol.first_words import FIRST_WORDS
-from yahboomd.protocol.profiles import MotorProfile
-from yahboomd.protocol.registry import DIALECTS
-from yahboomd.protocol.settings import BoardSettings, StoredSetting
+from yahboomd.core.protocol.first_words import FIRST_WORDS
+from yahboomd.core.protocol.profiles import MotorProfile
+from yahboomd.core.protocol.registry import DIALECTS
+from yahboomd.core.protocol.settings import BoardSettings, StoredSetting
 from yahboomd.simulation.boards import BOARDS
 
 START = 0xA5
@@ -117,7 +117,7 @@ class PacketFramer:
 
 
 class Body(msgspec.Struct, frozen=True, kw_only=True):
-    """A motion as the velocity of the body; see :class:`~yahboomd.protocol.dialect.Motion`."""
+    """A motion as the velocity of the body; see :class:`~yahboomd.core.protocol.dialect.Motion`."""
 
     kinematics: Kinematics
     units_per_m_s: float

@@ -6,12 +6,12 @@ import asyncio
 from collections.abc import Callable
 from typing import Any, Self
 
-from yahboomd.clock import LoopClock
-from yahboomd.link.connected_board import ConnectedBoard
-from yahboomd.link.handshake import Identity
-from yahboomd.link.port import byte_time_ns
-from yahboomd.link.session import Session, SessionOptions
-from yahboomd.model import Counts, EncoderReading, Event, ImuReading
+from yahboomd.core.clock import LoopClock
+from yahboomd.core.link.connected_board import ConnectedBoard
+from yahboomd.core.link.handshake import Identity
+from yahboomd.core.link.port import byte_time_ns
+from yahboomd.core.link.session import Session, SessionOptions
+from yahboomd.core.model import Counts, EncoderReading, Event, ImuReading
 from yahboomd.simulation.memory import MemoryPort
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from benchmarks.random_robots import SIDE_M, STRAIGHT_M, TRACK_M, square, straight
-from yahboomd.calibration.runs import Factors, Run, path
+from yahboomd.tools.calibrate.estimates.runs import Factors, Run, path
 
 TRUE = Factors(scale=1.04, ratio=0.985, track=0.92)
 

@@ -7,11 +7,9 @@ from typing import Any
 
 import msgspec
 
-from yahboomd.bus import keys
-from yahboomd.cli.screens.dashboard import Dashboard
-from yahboomd.messages import samples
-from yahboomd.messages.codecs import NativeEncoding, encode
-from yahboomd.messages.native import (
+from yahboomd.core.bus import keys
+from yahboomd.core.messages.codecs import NativeEncoding, encode
+from yahboomd.core.messages.native import (
     BatterySample,
     EventSample,
     PoseSample,
@@ -19,6 +17,8 @@ from yahboomd.messages.native import (
     TwistSample,
     WheelsSample,
 )
+from yahboomd.tools.schemas import samples
+from yahboomd.tools.screens.dashboard import Dashboard
 
 STAMP_NS = 1_700_000_000_000_000_000
 NS_PER_S = 1_000_000_000

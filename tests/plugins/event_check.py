@@ -7,8 +7,8 @@ from typing import Any
 
 import msgspec
 
-from yahboomd.messages.event_kinds import KINDS
-from yahboomd.messages.native import EventSample
+from yahboomd.core.messages.native import EventSample
+from yahboomd.tools.schemas.event_kinds import KINDS
 
 
 def assert_registered(event: Mapping[str, Any]) -> None:

@@ -15,14 +15,14 @@ import msgspec
 import pytest
 from zenoh_fixtures import PATIENCE_S, free_endpoint
 
-from yahboomd.bus import keys
-from yahboomd.bus.bus import Bus
-from yahboomd.bus.options import BusOptions
-from yahboomd.bus.publishers import BusPublisher
-from yahboomd.bus.services import Request, Response
-from yahboomd.bus.subscriptions import Arrival
-from yahboomd.messages.codecs import encode
-from yahboomd.messages.native import ServiceReply, StatusSample
+from yahboomd.core.bus import keys
+from yahboomd.core.bus.bus import Bus
+from yahboomd.core.bus.options import BusOptions
+from yahboomd.core.bus.publishers import BusPublisher
+from yahboomd.core.bus.services import Request, Response
+from yahboomd.core.bus.subscriptions import Arrival
+from yahboomd.core.messages.codecs import encode
+from yahboomd.core.messages.native import ServiceReply, StatusSample
 
 PATIENT: dict[str, Any] = {"command": {"timeout_s": 60.0}}
 """A daemon that waits for its sources: a busy machine makes its clients pause."""

@@ -10,7 +10,7 @@ import daemon_samples
 import zenoh
 from real_robot import free_endpoint, wait_for
 
-from yahboomd.messages.codecs import encode
+from yahboomd.core.messages.codecs import encode
 
 
 class FakeRobot:

@@ -13,8 +13,8 @@ from binary_dialect import BINARY
 from board_bench import BoardPort
 from robot_bench import RobotBench
 
-from yahboomd.model import OdometryEstimate
-from yahboomd.protocol.rosmaster.rosmaster import Rosmaster
+from yahboomd.core.model import OdometryEstimate
+from yahboomd.core.protocol.rosmaster.rosmaster import Rosmaster
 from yahboomd.simulation.console import execute
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.truth import TruthSample

@@ -18,10 +18,10 @@ from typing import Any
 
 import msgspec
 
-from yahboomd.config import Config, read
-from yahboomd.errors import BoardError, ConfigError
-from yahboomd.messages.cdr import HEADER_LE
-from yahboomd.messages.codecs import (
+from yahboomd.core.config import Config, read
+from yahboomd.core.errors import BoardError, ConfigError
+from yahboomd.core.messages.cdr import HEADER_LE
+from yahboomd.core.messages.codecs import (
     MAX_PAYLOAD_BYTES,
     Refusal,
     decode_command,
@@ -30,12 +30,12 @@ from yahboomd.messages.codecs import (
     encoding_of,
     is_release_attempt,
 )
-from yahboomd.messages.native import INT64_MAX, MAX_LABEL, SetPoseRequest, VelocityCommand
-from yahboomd.messages.rcl_interfaces import ParameterServer
-from yahboomd.messages.ros2 import parse_attachment
-from yahboomd.messages.set_pose import decode_pose
-from yahboomd.model import FASTEST_M_S, FASTEST_RAD_S
-from yahboomd.protocol.dialect import (
+from yahboomd.core.messages.native import INT64_MAX, MAX_LABEL, SetPoseRequest, VelocityCommand
+from yahboomd.core.messages.rcl_interfaces import ParameterServer
+from yahboomd.core.messages.ros2 import parse_attachment
+from yahboomd.core.messages.set_pose import decode_pose
+from yahboomd.core.model import FASTEST_M_S, FASTEST_RAD_S
+from yahboomd.core.protocol.dialect import (
     Battery,
     Decoded,
     Deltas,
@@ -45,12 +45,18 @@ from yahboomd.protocol.dialect import (
     Totals,
     VersionLine,
 )
-from yahboomd.protocol.four_channel.framing import MAX_HELD_BYTES, RESYNC, Frame, Framer, TextLine
-from yahboomd.protocol.four_channel.polled import MAX_SPEED
-from yahboomd.protocol.four_channel.stored import units_per_m_s
-from yahboomd.protocol.profiles import PROFILES
-from yahboomd.protocol.registry import DIALECTS
-from yahboomd.protocol.settings import BoardSettings, writes
+from yahboomd.core.protocol.four_channel.framing import (
+    MAX_HELD_BYTES,
+    RESYNC,
+    Frame,
+    Framer,
+    TextLine,
+)
+from yahboomd.core.protocol.four_channel.polled import MAX_SPEED
+from yahboomd.core.protocol.four_channel.stored import units_per_m_s
+from yahboomd.core.protocol.profiles import PROFILES
+from yahboomd.core.protocol.registry import DIALECTS
+from yahboomd.core.protocol.settings import BoardSettings, writes
 
 Target = Callable[[bytes], None]
 

@@ -9,7 +9,7 @@ from typing import Any
 from board_bench import BoardPort
 from fault_bench import FaultBench
 
-from yahboomd.errors import PortMissing
+from yahboomd.core.errors import PortMissing
 from yahboomd.simulation.robot import SimulatedRobot
 
 FULL = 11520.0

@@ -12,8 +12,8 @@ import os
 import signal
 import sys
 
-from yahboomd.config import read
-from yahboomd.daemon.service import Daemon
+from yahboomd.core.config import read
+from yahboomd.core.daemon.service import Daemon
 
 PR_SET_PDEATHSIG = 1
 

@@ -32,9 +32,9 @@ HEAVY = (
 
 LONG = (
     "tests/whole/test_page",
-    "tests/cli/calibrate",
-    "tests/cli/tune",
-    "tests/cli/setup",
+    "tests/tools/calibrate",
+    "tests/tools/tune",
+    "tests/tools/setup",
     "tests/test_end_to_end",
     "tests/faults/test_link_real",
 )

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from yahboomd.bus import keys
-from yahboomd.recording.mcap_files import Channel, McapFiles
+from yahboomd.core.bus import keys
+from yahboomd.tools.record.mcap_files import Channel, McapFiles
 
 POSE = Channel(keys.POSE, "json", "PoseSample", "jsonschema", '{"type": "object"}')
 BEGIN_NS = 1_700_000_000_000_000_000

@@ -1,4 +1,4 @@
-"""The captures of `tests/cli/replay/captures`: short drives of simulated boards, as black boxes.
+"""The captures of `tests/tools/replay/captures`: short drives of simulated boards, as black boxes.
 
 `PYTHONPATH=.:tests/plugins python tests/plugins/replay_captures.py` makes them again, with their
 golden poses. They begin with a fresh odometer and hold no later state of it, so that they can be
@@ -16,13 +16,13 @@ from pathlib import Path
 import msgspec
 from wire_records import WireBench, save
 
-from yahboomd.blackbox.records import Anchor, Record
-from yahboomd.cli.replay.replayed_poses import KINDS
-from yahboomd.model import OdometryEstimate, Pose2d
+from yahboomd.core.blackbox.records import Anchor, Record
+from yahboomd.core.model import OdometryEstimate, Pose2d
 from yahboomd.simulation import virtual_time
 from yahboomd.simulation.options import ImpairmentOptions
+from yahboomd.tools.replay.replayed_poses import KINDS
 
-FOLDER = Path(__file__).parents[1] / "cli" / "replay" / "captures"
+FOLDER = Path(__file__).parents[1] / "tools" / "replay" / "captures"
 
 HEADINGS = {"streamed": "wheels", "polled": "wheels", "rosmaster": "fused"}
 """The boards, each with the heading that it is recorded with."""

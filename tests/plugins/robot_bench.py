@@ -11,21 +11,21 @@ import msgspec
 from board_bench import BoardPort
 from event_check import assert_registered
 
-from yahboomd.blackbox.recorder import Recorder
-from yahboomd.blackbox.ring import Ring
-from yahboomd.bus.subscriptions import Arrival
-from yahboomd.clock import LoopClock
-from yahboomd.config import Config, read
-from yahboomd.daemon import assembly
-from yahboomd.daemon.commands import CommandIntake
-from yahboomd.daemon.control import Controller
-from yahboomd.daemon.requests import Operator
-from yahboomd.daemon.supervisor import Supervisor
-from yahboomd.errors import PortMissing
-from yahboomd.link.tap import NO_TAP
-from yahboomd.messages.codecs import encode
-from yahboomd.messages.native import VelocityCommand
-from yahboomd.model import Event, ImuEstimate, OdometryEstimate
+from yahboomd.core.blackbox.recorder import Recorder
+from yahboomd.core.blackbox.ring import Ring
+from yahboomd.core.bus.subscriptions import Arrival
+from yahboomd.core.clock import LoopClock
+from yahboomd.core.config import Config, read
+from yahboomd.core.daemon import assembly
+from yahboomd.core.daemon.commands import CommandIntake
+from yahboomd.core.daemon.control import Controller
+from yahboomd.core.daemon.requests import Operator
+from yahboomd.core.daemon.supervisor import Supervisor
+from yahboomd.core.errors import PortMissing
+from yahboomd.core.link.tap import NO_TAP
+from yahboomd.core.messages.codecs import encode
+from yahboomd.core.messages.native import VelocityCommand
+from yahboomd.core.model import Event, ImuEstimate, OdometryEstimate
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
 

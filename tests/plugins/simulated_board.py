@@ -16,7 +16,7 @@ from yahboomd.simulation.truth import TruthSample, read_truth
 
 _DRIVER = """
 import itertools, os, select, sys
-from yahboomd.link.seize import seize
+from yahboomd.core.link.seize import seize
 port = seize(sys.argv[1])
 print("driving", flush=True)
 # Again and again: on a busy machine two frames may come as one, and the second is lost.

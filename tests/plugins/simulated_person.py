@@ -9,15 +9,15 @@ from collections.abc import Callable
 
 from board_bench import LinkBench
 
-from yahboomd.calibration.wiring import WiredMotor, Wiring
-from yahboomd.cli.setup.description import Description, Given
-from yahboomd.cli.setup.outcome import Outcome
-from yahboomd.cli.setup.robot_drawing import CORNERS
-from yahboomd.cli.setup.setup_wizard import Wizard
-from yahboomd.config import WHEELS, Config
-from yahboomd.errors import Refused
-from yahboomd.protocol.profiles import PROFILES
+from yahboomd.core.config import WHEELS, Config
+from yahboomd.core.errors import Refused
+from yahboomd.core.protocol.profiles import PROFILES
 from yahboomd.simulation.motors import FAULTS, HEALTHY, MotorFaults, joined
+from yahboomd.tools.calibrate.estimates.wiring import WiredMotor, Wiring
+from yahboomd.tools.setup.description import Description, Given
+from yahboomd.tools.setup.outcome import Outcome
+from yahboomd.tools.setup.robot_drawing import CORNERS
+from yahboomd.tools.setup.setup_wizard import Wizard
 
 SEEN_M = 0.003
 """A wheel that rolled so far was seen to turn: five degrees."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from yahboomd.messages.status_fields import FIELDS, REFUSALS, FieldKind
+from yahboomd.core.messages.status_fields import FIELDS, REFUSALS, FieldKind
 
 TYPES: dict[FieldKind, tuple[type, ...]] = {
     "counter": (int,),

@@ -9,17 +9,17 @@ from typing import Any
 import msgspec
 from board_bench import LinkBench
 
-from yahboomd.cli.simulated_robot import as_configured
-from yahboomd.cli.tune.procedure import Procedure
-from yahboomd.cli.tune.stand import Stand
-from yahboomd.cli.tune.traces import TICK_S
-from yahboomd.cli.tune.tuning_result import Result
-from yahboomd.config import Config, read
-from yahboomd.protocol.dialect import Dialect
-from yahboomd.protocol.settings import BoardSettings
+from yahboomd.core.config import Config, read
+from yahboomd.core.protocol.dialect import Dialect
+from yahboomd.core.protocol.settings import BoardSettings
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
-from yahboomd.tuning.step_response import StepFigures, figures
+from yahboomd.tools.replay.simulated_robot import as_configured
+from yahboomd.tools.tune.estimates.step_response import StepFigures, figures
+from yahboomd.tools.tune.procedure import Procedure
+from yahboomd.tools.tune.stand import Stand
+from yahboomd.tools.tune.traces import TICK_S
+from yahboomd.tools.tune.tuning_result import Result
 
 SPEED_M_S = 0.4
 

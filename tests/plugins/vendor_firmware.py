@@ -20,7 +20,7 @@ from random import Random
 from types import ModuleType
 from typing import Any
 
-from yahboomd.model import CHANNELS, Counts
+from yahboomd.core.model import CHANNELS, Counts
 from yahboomd.simulation.board import Emit
 from yahboomd.simulation.boards import BOARDS, BoardKind
 from yahboomd.simulation.four_channel.flash import FlashContent

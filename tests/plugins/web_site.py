@@ -19,7 +19,7 @@ from websockets.exceptions import ConnectionClosed
 from zenoh_fixtures import PATIENCE_S, eventually
 
 from yahboomd.client.connecting import client_options
-from yahboomd.clock import SystemClock
+from yahboomd.core.clock import SystemClock
 from yahboomd.web.entry_tokens import Tokens
 from yahboomd.web.page_files import FOLDER, page_files
 from yahboomd.web.page_hub import PageHub

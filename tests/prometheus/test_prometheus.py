@@ -19,8 +19,8 @@ import pytest
 from metrics_exporter import Exporter, exporter
 from real_robot import Client, RealRobot, free_endpoint, wait_for
 
-from yahboomd.messages.status_fields import FIELDS
-from yahboomd.metrics.robot_metrics import PREFIX, metric_name
+from yahboomd.core.messages.status_fields import FIELDS
+from yahboomd.tools.metrics.robot_metrics import PREFIX, metric_name
 
 __all__ = ["exporter"]
 
@@ -254,7 +254,7 @@ NAME = re.compile(r"\byahboomd_[a-z0-9_]*[a-z0-9]\b")
 
 
 def known_names() -> set[str]:
-    source = (EXAMPLES.parent / "yahboomd/metrics/robot_metrics.py").read_text()
+    source = (EXAMPLES.parent / "yahboomd/tools/metrics/robot_metrics.py").read_text()
     made = re.findall(r'(?:_gauge|_set|\s)\(\s*(?:"(?:counter|info)", )?"(\w+)"', source)
     fixed = set(NAME.findall(source)) | {f"{PREFIX}{name}" for name in made}
     of_fields = {metric_name(field) for field in FIELDS if field.kind != "text"}

@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from yahboomd.protocol.four_channel.framing import Frame, Framer, TextLine
+from yahboomd.core.protocol.four_channel.framing import Frame, Framer, TextLine
 
 HERE = Path(__file__).parent
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.protocol.dialect import (
+from yahboomd.core.protocol.dialect import (
     Battery,
     CommandLost,
     Deltas,
@@ -21,9 +21,9 @@ from yahboomd.protocol.dialect import (
     Unused,
     VersionLine,
 )
-from yahboomd.protocol.profiles import PROFILES
-from yahboomd.protocol.registry import DIALECTS
-from yahboomd.protocol.settings import writes
+from yahboomd.core.protocol.profiles import PROFILES
+from yahboomd.core.protocol.registry import DIALECTS
+from yahboomd.core.protocol.settings import writes
 
 MEANINGS = (
     Battery,

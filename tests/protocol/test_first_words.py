@@ -1,7 +1,7 @@
 from __future__ import annotations
 
-from yahboomd.protocol.first_words import FIRST_WORDS, SPACING_S
-from yahboomd.protocol.registry import DIALECTS, connect_spacing_ns, connect_stop
+from yahboomd.core.protocol.first_words import FIRST_WORDS, SPACING_S
+from yahboomd.core.protocol.registry import DIALECTS, connect_spacing_ns, connect_stop
 
 
 def test_the_first_words_are_what_the_dialects_say_of_themselves():

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.model import Kinematics, Motor
-from yahboomd.protocol.per_motor import PerMotor, per_motor
+from yahboomd.core.model import Kinematics, Motor
+from yahboomd.core.protocol.per_motor import PerMotor, per_motor
 
 TWO_SIDES = Kinematics(
     name="differential",

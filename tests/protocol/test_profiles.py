@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from yahboomd.protocol.profiles import PROFILES
-from yahboomd.protocol.registry import DIALECTS, check_storable
+from yahboomd.core.protocol.profiles import PROFILES
+from yahboomd.core.protocol.registry import DIALECTS, check_storable
 
 
 @pytest.mark.parametrize(

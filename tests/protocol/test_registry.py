@@ -7,18 +7,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.errors import ConfigError
-from yahboomd.protocol.dialect import Setting, VersionLine
-from yahboomd.protocol.four_channel.framing import RESYNC, Framer
-from yahboomd.protocol.profiles import PROFILES
-from yahboomd.protocol.registry import (
+from yahboomd.core.errors import ConfigError
+from yahboomd.core.protocol.dialect import Setting, VersionLine
+from yahboomd.core.protocol.four_channel.framing import RESYNC, Framer
+from yahboomd.core.protocol.profiles import PROFILES
+from yahboomd.core.protocol.registry import (
     DIALECTS,
     check_storable,
     connect_spacing_ns,
     connect_stop,
     identify,
 )
-from yahboomd.protocol.settings import is_complete
+from yahboomd.core.protocol.settings import is_complete
 
 
 def heard(*chunks):

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from yahboomd.errors import ConfigError
-from yahboomd.protocol.settings import StoredSetting, check_storable, is_complete, writes
+from yahboomd.core.errors import ConfigError
+from yahboomd.core.protocol.settings import StoredSetting, check_storable, is_complete, writes
 
 
 def row(field, **more):

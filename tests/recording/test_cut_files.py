@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
-from yahboomd.recording.cut_files import Cut, copy_whole, parts, read_from_front
-from yahboomd.recording.mcap_files import NATIVE, Channel, McapFiles
+from yahboomd.tools.record.cut_files import Cut, copy_whole, parts, read_from_front
+from yahboomd.tools.record.mcap_files import NATIVE, Channel, McapFiles
 
 POSES = Channel("pose", "json", "PoseSample", "jsonschema", "{}")
 EVENTS = Channel("events", "json", "", "", "")

@@ -11,7 +11,7 @@ import pytest
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader, make_reader
 
-from yahboomd.recording.mcap_files import CHUNK_BYTES, Channel, McapFiles
+from yahboomd.tools.record.mcap_files import CHUNK_BYTES, Channel, McapFiles
 
 POSE = Channel("yahboomd/pose", "json", "PoseSample", "jsonschema", '{"type": "object"}')
 BOOL = Channel("/estopped", "cdr", "std_msgs/msg/Bool", "ros2msg", "bool data\n", "- depth: 1")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
-from yahboomd.daemon.key_table import INPUTS, ROS_TOPICS
-from yahboomd.recording.ros_definitions import definition
+from yahboomd.core.daemon.key_table import INPUTS, ROS_TOPICS
+from yahboomd.tools.record.ros_definitions import definition
 
 TYPES = {topic.ros_type for topic in ROS_TOPICS.values()} | {
     ros_type for each in INPUTS.values() for ros_type in each.ros_types

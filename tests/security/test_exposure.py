@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from real_robot import Client, RealRobot
 
-from yahboomd.config import Config
+from yahboomd.core.config import Config
 
 pytestmark = pytest.mark.realtime
 

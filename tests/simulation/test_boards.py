@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from yahboomd.errors import ConfigError
-from yahboomd.protocol.registry import DIALECTS
+from yahboomd.core.errors import ConfigError
+from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.simulation.boards import BOARDS
 from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.options import SimulationOptions

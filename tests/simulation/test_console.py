@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from yahboomd.errors import ConfigError
+from yahboomd.core.errors import ConfigError
 from yahboomd.simulation.console import COMMANDS, HELP, execute, serve_control
 from yahboomd.simulation.motors import FAULTS
 from yahboomd.simulation.truth import TruthSample

@@ -9,7 +9,7 @@ from statistics import fmean, stdev
 import msgspec
 import pytest
 
-from yahboomd.model import STANDSTILL, Twist2d
+from yahboomd.core.model import STANDSTILL, Twist2d
 from yahboomd.simulation.imu import GRAVITY_M_S2, MPU9250, SENSORS, Imu, ImuOptions
 
 S = 1_000_000_000

@@ -5,7 +5,7 @@ import errno
 
 import pytest
 
-from yahboomd.errors import PortBusy, PortMissing
+from yahboomd.core.errors import PortBusy, PortMissing
 from yahboomd.simulation.memory import MemoryPort
 from yahboomd.simulation.options import ImpairmentOptions, SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot

@@ -7,14 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.simulation.motors import (
-    FAULTS,
-    PWM_MAX,
-    Motor,
-    MotorFaults,
-    MotorLaw,
-    joined,
-)
+from yahboomd.simulation.motors import FAULTS, PWM_MAX, Motor, MotorFaults, MotorLaw, joined
 
 LAW = MotorLaw(max_speed_m_s=1.15, dead_zone=1950, time_constant_s=0.06, ticks_per_metre=6000.0)
 

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from yahboomd.errors import ConfigError
+from yahboomd.core.errors import ConfigError
 from yahboomd.simulation.options import (
     FOUR_WHEELS,
     ImpairmentOptions,

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.errors import ConfigError
+from yahboomd.core.errors import ConfigError
 from yahboomd.simulation.port_link import claim, point, unpoint
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from yahboomd.errors import ConfigError
+from yahboomd.core.errors import ConfigError
 from yahboomd.simulation.heard import read_heard
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.pty import BACKLOG_NS, READ_BYTES, RobotPort, serve

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from yahboomd.errors import ConfigError
+from yahboomd.core.errors import ConfigError
 from yahboomd.simulation.motors import FAULTS, MotorFaults
 from yahboomd.simulation.options import ImpairmentOptions, SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from yahboomd.clock import LoopClock, Schedule
+from yahboomd.core.clock import LoopClock, Schedule
 from yahboomd.simulation import virtual_time
 from yahboomd.simulation.virtual_time import (
     START_NS,

@@ -6,7 +6,7 @@ import pytest
 
 from benchmarks.soak.motion import MARGIN_M_S, Track, pose_excess_m, twist_excess_m_s
 from benchmarks.soak.tail import Truth
-from yahboomd.messages.native import PoseSample, TwistSample
+from yahboomd.core.messages.native import PoseSample, TwistSample
 from yahboomd.simulation.truth import TruthSample
 
 MS = 1_000_000

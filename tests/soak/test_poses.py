@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.soak.poses import PoseWatch, error, way_covariance
-from yahboomd.messages.native import PoseSample
+from yahboomd.core.messages.native import PoseSample
 
 UNSURE = ((0.04, 0.001, -0.002), (0.001, 0.03, 0.004), (-0.002, 0.004, 0.02))
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from benchmarks.soak.wheel_events import shown
-from yahboomd.messages.native import EventSample
+from yahboomd.core.messages.native import EventSample
 from yahboomd.simulation.truth import TruthSample
 
 EVENT_NS = 1_000_000_000

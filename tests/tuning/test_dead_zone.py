@@ -6,7 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.tuning.dead_zone import MARGIN_SHARE, MOVED_COUNTS, made_up_for, turning_output
+from yahboomd.tools.tune.estimates.dead_zone import (
+    MARGIN_SHARE,
+    MOVED_COUNTS,
+    made_up_for,
+    turning_output,
+)
 
 
 @given(st.integers(0, 3000), st.sampled_from([1, -1]))

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from yahboomd.simulation.speed_loop import SpeedLoop, Tuning
-from yahboomd.tuning.loop_model import Gains, LoopModel, Step, _shifted, fit, run
-from yahboomd.tuning.suggestion import suggest
+from yahboomd.tools.tune.estimates.loop_model import Gains, LoopModel, Step, _shifted, fit, run
+from yahboomd.tools.tune.estimates.suggestion import suggest
 
 TICK_S = 0.01
 MOTOR = LoopModel(gain=2.8, lag_s=0.06, gap=200.0, fastest=1150.0)

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.tuning.step_response import (
+from yahboomd.tools.tune.estimates.step_response import (
     BAND,
     figures,
     mean,

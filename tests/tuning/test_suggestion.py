@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.tuning.loop_model import LoopModel, run
-from yahboomd.tuning.suggestion import LAMBDAS, OFF, formula, suggest
+from yahboomd.tools.tune.estimates.loop_model import LoopModel, run
+from yahboomd.tools.tune.estimates.suggestion import LAMBDAS, OFF, formula, suggest
 
 TICK_S = 0.01
 MOTOR = LoopModel(gain=2.8, lag_s=0.06, gap=20.0, fastest=1150.0)

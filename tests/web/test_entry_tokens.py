@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.errors import ConfigError
+from yahboomd.core.errors import ConfigError
 from yahboomd.web.entry_tokens import FILE, Tokens, make_tokens, read_tokens
 
 

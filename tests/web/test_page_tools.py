@@ -12,7 +12,7 @@ from real_robot import RealRobot
 from web_site import Site
 from zenoh_fixtures import eventually, free_endpoint
 
-from yahboomd.clock import SystemClock
+from yahboomd.core.clock import SystemClock
 from yahboomd.web.page_frames import Tool
 from yahboomd.web.page_tools import PageTools, ToolSettings
 

@@ -11,14 +11,14 @@ import pytest
 import zenoh
 from zenoh_fixtures import eventually
 
-from yahboomd.bus import keys
-from yahboomd.bus.bus import Bus
 from yahboomd.client.connecting import client_options
-from yahboomd.clock import SystemClock
-from yahboomd.config import Config
-from yahboomd.messages.codecs import encode
-from yahboomd.messages.native import ServiceReply
-from yahboomd.model import Twist2d
+from yahboomd.core.bus import keys
+from yahboomd.core.bus.bus import Bus
+from yahboomd.core.clock import SystemClock
+from yahboomd.core.config import Config
+from yahboomd.core.messages.codecs import encode
+from yahboomd.core.messages.native import ServiceReply
+from yahboomd.core.model import Twist2d
 from yahboomd.web.robot_feed import RobotFeed, daemon_part, limits_of, takes
 
 pytestmark = pytest.mark.realtime

@@ -14,10 +14,10 @@ import pytest
 from web_site import TOKENS, ZERO
 from zenoh_fixtures import eventually, free_endpoint
 
-from yahboomd.cli.web.own_certificate import make_certificate
-from yahboomd.daemon.process_limits import allow_files
-from yahboomd.errors import ConfigError, ListenError
+from yahboomd.core.daemon.process_limits import allow_files
+from yahboomd.core.errors import ConfigError, ListenError
 from yahboomd.web import web_server
+from yahboomd.web.own_certificate import make_certificate
 from yahboomd.web.web_server import FILES, MAX_OPEN, Certificate, Connection, listen
 
 pytestmark = pytest.mark.realtime

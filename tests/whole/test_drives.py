@@ -10,9 +10,9 @@ import pytest
 from fault_bench import TICK_M, FaultBench
 from robot_bench import RobotBench
 
-from yahboomd.messages.codecs import encode
-from yahboomd.messages.native import VelocityCommand
-from yahboomd.model import Twist2d
+from yahboomd.core.messages.codecs import encode
+from yahboomd.core.messages.native import VelocityCommand
+from yahboomd.core.model import Twist2d
 from yahboomd.simulation.options import SimulationOptions, Wiring
 from yahboomd.simulation.truth import TruthSample
 from yahboomd.simulation.virtual_time import on_virtual_time

@@ -10,7 +10,7 @@ import pytest
 from estop_kills import KillableRobot
 from real_robot import Client, RealRobot, wait_for
 
-from yahboomd.protocol.registry import DIALECTS
+from yahboomd.core.protocol.registry import DIALECTS
 
 pytestmark = pytest.mark.realtime
 

@@ -18,20 +18,20 @@ from binary_dialect import BINARY, registered
 from board_bench import Bench, LinkBench
 from fault_bench import FaultBench, is_stop
 
-from yahboomd.cli.probe.probe_report import report
-from yahboomd.cli.probe.probe_text import text
-from yahboomd.clock import LoopClock
-from yahboomd.link.probing import examine
-from yahboomd.link.stopping import stop_unidentified
-from yahboomd.link.storing import store
-from yahboomd.protocol.first_words import FIRST_WORDS
-from yahboomd.protocol.profiles import PROFILES
-from yahboomd.protocol.registry import DIALECTS, connect_stop
+from yahboomd.core.clock import LoopClock
+from yahboomd.core.link.stopping import stop_unidentified
+from yahboomd.core.link.storing import store
+from yahboomd.core.protocol.first_words import FIRST_WORDS
+from yahboomd.core.protocol.profiles import PROFILES
+from yahboomd.core.protocol.registry import DIALECTS, connect_stop
 from yahboomd.simulation.imu import MPU9250, ImuOptions
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.robot import SimulatedRobot
 from yahboomd.simulation.rosmaster.rosmaster_board import RosmasterStored
 from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.tools.port.probing import examine
+from yahboomd.tools.probe.probe_report import report
+from yahboomd.tools.probe.probe_text import text
 
 ALL = [*DIALECTS, "binary"]
 BODIES = ("rosmaster", "binary")

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 from board_bench import Recorder
 
-from yahboomd.clock import SystemClock
-from yahboomd.link.port import Port, PortOptions, open_port
-from yahboomd.link.session import Session, SessionOptions
+from yahboomd.core.clock import SystemClock
+from yahboomd.core.link.port import Port, PortOptions, open_port
+from yahboomd.core.link.session import Session, SessionOptions
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.pty import PtyPort
 from yahboomd.simulation.robot import SimulatedRobot

@@ -12,13 +12,13 @@ import pytest
 from fault_bench import TICK_M, FaultBench, Kept
 from ros_oracle import Oracle
 
-from yahboomd.daemon.publisher import Publisher
-from yahboomd.daemon.ros2_graphs.ros2_plane import topics
-from yahboomd.daemon.ros2_graphs.ros2_samples import RosPublisher, Spread
-from yahboomd.daemon.stamps import WallStamps
-from yahboomd.messages import cdr
-from yahboomd.messages.ros2 import Qos
-from yahboomd.model import OdometryEstimate, Twist2d
+from yahboomd.core.daemon.publisher import Publisher
+from yahboomd.core.daemon.ros2_graphs.ros2_plane import topics
+from yahboomd.core.daemon.ros2_graphs.ros2_samples import RosPublisher, Spread
+from yahboomd.core.daemon.stamps import WallStamps
+from yahboomd.core.messages import cdr
+from yahboomd.core.messages.ros2 import Qos
+from yahboomd.core.model import OdometryEstimate, Twist2d
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 

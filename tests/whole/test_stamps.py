@@ -11,9 +11,9 @@ import msgspec
 import pytest
 from fault_bench import FaultBench, Kept
 
-from yahboomd.daemon.publisher import Publisher
-from yahboomd.daemon.stamps import WallStamps
-from yahboomd.messages.native import PoseSample
+from yahboomd.core.daemon.publisher import Publisher
+from yahboomd.core.daemon.stamps import WallStamps
+from yahboomd.core.messages.native import PoseSample
 from yahboomd.simulation.options import ImpairmentOptions, SimulationOptions
 from yahboomd.simulation.virtual_time import on_virtual_time
 

@@ -11,7 +11,7 @@ from typing import TypeVar
 
 import msgspec
 
-from yahboomd.errors import ConfigError, LimitError, YahboomdError, shortage
+from yahboomd.core.errors import ConfigError, LimitError, YahboomdError, shortage
 
 T = TypeVar("T")
 

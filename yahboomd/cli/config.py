@@ -7,10 +7,10 @@ import json
 import sys
 from dataclasses import asdict
 
-from yahboomd.cli.ros_files.node_parameters import PARAMETERS
-from yahboomd.cli.ros_files.robot_model import urdf
-from yahboomd.cli.ros_files.yaml_text import as_yaml
 from yahboomd.cli.shared_options import add_config_options, read_config
+from yahboomd.tools.ros_files.node_parameters import PARAMETERS
+from yahboomd.tools.ros_files.robot_model import urdf
+from yahboomd.tools.ros_files.yaml_text import as_yaml
 
 DESCRIPTION = "Check, show and explain the configuration. Nothing is opened or moved."
 
@@ -87,7 +87,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out one verb."""
-    from yahboomd.config import reference, schema
+    from yahboomd.core.config import schema
+    from yahboomd.tools.schemas import reference
 
     match args.verb:
         case "check":

@@ -21,26 +21,8 @@ from types import ModuleType
 from typing import NoReturn, Protocol, TypeAlias, cast
 
 from yahboomd import __version__
-from yahboomd.errors import YahboomdError, shortage
-from yahboomd.program import COMMANDS, install_command, pasteable, readable
-
-FOLDERS = {
-    "stop": "stop",
-    **dict.fromkeys(("monitor", "drive"), "screens"),
-    **dict.fromkeys(("status", "pose", "send", "call", "events"), "robot"),
-    "probe": "probe",
-    "setup": "setup",
-    "calibrate": "calibrate",
-    "record": "record",
-    "blackbox": "blackbox",
-    "plot": "plot",
-    "replay": "replay",
-    "web": "web",
-    "tune": "tune",
-    **dict.fromkeys(("install", "uninstall"), "service"),
-    "completions": "shell",
-}
-"""The folder of each command that has one; the others are modules of this room itself."""
+from yahboomd.core.errors import YahboomdError, shortage
+from yahboomd.core.program import COMMANDS, install_command, pasteable, readable
 
 EXTRAS = {
     "rich": "monitor",
@@ -272,7 +254,7 @@ def _spare_openssl() -> None:
 
 
 def _module(name: str) -> str:
-    return ".".join(filter(None, ("yahboomd.cli", FOLDERS.get(name), name)))
+    return ".".join(filter(None, ("yahboomd.cli", "shell" if name == "completions" else "", name)))
 
 
 def _missing(command: str, error: ModuleNotFoundError) -> str:

@@ -12,19 +12,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from yahboomd import __version__
-from yahboomd.cli.daemon_address import client_options
 from yahboomd.cli.shared_options import (
     add_connect_option,
     add_set_option,
     daemon_endpoints,
     read_config,
 )
-from yahboomd.errors import ConfigError
+from yahboomd.core.errors import ConfigError
+from yahboomd.tools.robot.daemon_address import client_options
 
 if TYPE_CHECKING:
-    from yahboomd.bus.options import BusOptions
-    from yahboomd.cli.robot_poll import RobotPoll
-    from yahboomd.metrics.http_listener import Place
+    from yahboomd.core.bus.options import BusOptions
+    from yahboomd.tools.metrics.http_listener import Place
+    from yahboomd.tools.metrics.robot_poll import RobotPoll
 
 DEFAULT_PLACE = "127.0.0.1:9448"
 REPORT_S = 1.0
@@ -97,7 +97,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Serve until a signal ends it."""
-    from yahboomd.metrics.http_listener import Place
+    from yahboomd.tools.metrics.http_listener import Place
 
     place = Place.of(args.listen)
     if place is None:
@@ -132,10 +132,10 @@ def _robots(args: argparse.Namespace) -> dict[str, BusOptions]:
 
 
 async def _serve(robots: dict[str, BusOptions], place: Place, names: list[str]) -> int:
-    from yahboomd.cli.robot_poll import RobotPoll
-    from yahboomd.clock import SystemClock
-    from yahboomd.metrics.http_listener import PATH, MetricsListener
-    from yahboomd.metrics.robot_metrics import Page
+    from yahboomd.core.clock import SystemClock
+    from yahboomd.tools.metrics.http_listener import PATH, MetricsListener
+    from yahboomd.tools.metrics.robot_metrics import Page
+    from yahboomd.tools.metrics.robot_poll import RobotPoll
 
     ended = asyncio.Event()
     loop = asyncio.get_running_loop()

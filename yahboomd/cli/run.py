@@ -10,19 +10,19 @@ import re
 import sys
 from typing import TYPE_CHECKING
 
-from yahboomd.cli import run_guard
 from yahboomd.cli.child_reader import read_in_child
 from yahboomd.cli.shared_options import add_config_options, add_port_option, read_config
-from yahboomd.cli.unresponsive import FROZEN, process_state
-from yahboomd.errors import BusError, YahboomdError
-from yahboomd.link.replug import is_yahboomd
+from yahboomd.core.errors import BusError, YahboomdError
+from yahboomd.tools.port import run_guard
+from yahboomd.tools.stop.replug import is_yahboomd
+from yahboomd.tools.stop.unresponsive import FROZEN, process_state
 
 _ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from yahboomd.config import Config
+    from yahboomd.core.config import Config
 
 DESCRIPTION = """\
 Own the board's serial port, drive its wheels from velocity commands on the Zenoh bus, and publish
@@ -83,16 +83,16 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _serve(args: argparse.Namespace, guard: int | None) -> int:
-    from yahboomd.config import Config
+    from yahboomd.core.config import Config
 
     wait = read_in_child(
         lambda: _read(args), tuple[Config, tuple[str, ...], dict[str, tuple[str, str]]]
     )
     # Imported while the child reads.
-    from yahboomd.daemon.logs import configure, flush
-    from yahboomd.daemon.process import die_of
-    from yahboomd.daemon.process_limits import make_room
-    from yahboomd.daemon.service import Daemon
+    from yahboomd.core.daemon.logs import configure, flush
+    from yahboomd.core.daemon.process import die_of
+    from yahboomd.core.daemon.process_limits import make_room
+    from yahboomd.core.daemon.service import Daemon
 
     config, warnings, meanings = wait()
     configure(config.log.level, os.environ, sys.stderr)
@@ -146,7 +146,7 @@ def _start_guard() -> int | None:
     """Start the guard; the pipe to it, which does not block, or None and a warning."""
     import subprocess
 
-    from yahboomd.config import runtime_folder
+    from yahboomd.core.config import runtime_folder
 
     folder = runtime_folder(os.environ, user_id=os.getuid())
     try:
@@ -182,7 +182,7 @@ def _read(args: argparse.Namespace) -> tuple[Config, tuple[str, ...], dict[str, 
     loaded = read_config(args)
     meanings = {}
     if loaded.config.ros2.rmw_zenoh:
-        from yahboomd.daemon.ros2_graphs.ros2_parameters import parameter_meanings
+        from yahboomd.core.daemon.ros2_graphs.ros2_parameters import parameter_meanings
 
         meanings = parameter_meanings(loaded.config)
     return loaded.config, loaded.warnings, meanings
@@ -190,9 +190,9 @@ def _read(args: argparse.Namespace) -> tuple[Config, tuple[str, ...], dict[str, 
 
 def _warn_of_killed() -> None:
     """Name the ports of daemons that were killed: one that does not start stops no wheels."""
-    from yahboomd.cli.stop.stop_local import Wanted, notes
-    from yahboomd.cli.stop.stop_port import warn
-    from yahboomd.link.port_errors import holders
+    from yahboomd.core.link.port_errors import holders
+    from yahboomd.tools.stop.stop_local import Wanted, notes
+    from yahboomd.tools.stop.stop_port import warn
 
     for note in notes(os.environ, Wanted(), ()):
         if os.path.exists(note.path) and not (process_state(note.pid) or holders(note.path)):

@@ -10,11 +10,11 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from yahboomd.cli.daemon_address import configured_endpoints
-from yahboomd.errors import ConfigError, Refused
+from yahboomd.core.errors import ConfigError, Refused
+from yahboomd.tools.robot.daemon_address import configured_endpoints
 
 if TYPE_CHECKING:
-    from yahboomd.config import Config, Loaded
+    from yahboomd.core.config import Config, Loaded
 
 
 NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?(deg)?$")
@@ -80,7 +80,7 @@ def add_source_option(parser: argparse.ArgumentParser, default: str) -> None:
 
 def check_source(args: argparse.Namespace) -> None:
     """Raise if the key of ``--source`` cannot be one."""
-    from yahboomd.names import name_problem
+    from yahboomd.core.names import name_problem
 
     if problem := name_problem(args.source):
         raise ConfigError(f"--source {args.source}: {problem}.")
@@ -139,7 +139,7 @@ def read_config(args: argparse.Namespace, environ: Mapping[str, str] | None = No
         ConfigError: Naming every mistake.
     """
     # pydantic takes a tenth of a second to import: not for --help.
-    from yahboomd.config import read
+    from yahboomd.core.config import read
 
     overrides = list(args.overrides)
     for option, key in (("port", "serial.port"), ("namespace", "zenoh.namespace")):
@@ -168,7 +168,7 @@ def daemon_endpoints(args: argparse.Namespace, config: Config) -> tuple[str, ...
 
 
 def _endpoint(text: str) -> str:
-    from yahboomd.names import endpoint_problem
+    from yahboomd.core.names import endpoint_problem
 
     if problem := endpoint_problem(text):
         raise argparse.ArgumentTypeError(f"{text!r} cannot be used: {problem}.")

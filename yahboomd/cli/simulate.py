@@ -11,9 +11,9 @@ from pathlib import Path
 
 import msgspec
 
-from yahboomd import program
 from yahboomd.cli.shared_options import add_config_options, read_config
-from yahboomd.errors import ConfigError
+from yahboomd.core import program
+from yahboomd.core.errors import ConfigError
 from yahboomd.simulation.boards import BOARDS
 from yahboomd.simulation.console import HELP
 from yahboomd.simulation.options import (
@@ -239,7 +239,7 @@ async def _serve(robot: SimulatedRobot, args: argparse.Namespace) -> int:
 def _options(args: argparse.Namespace) -> SimulationOptions:
     robot = _given(args)
     if args.config or args.overrides:
-        from yahboomd.cli.simulated_robot import as_configured
+        from yahboomd.tools.replay.simulated_robot import as_configured
 
         robot = as_configured(read_config(args).config, robot)
     if not args.flash:

@@ -10,8 +10,8 @@ from yahboomd.client.connecting import connect
 from yahboomd.client.plain_robot import Robot
 from yahboomd.client.questions import Answer
 from yahboomd.client.streams import Samples
-from yahboomd.errors import BusError, CommandEnded, NoDaemon, Refused, YahboomdError
-from yahboomd.messages.native import (
+from yahboomd.core.errors import BusError, CommandEnded, NoDaemon, Refused, YahboomdError
+from yahboomd.core.messages.native import (
     BatterySample,
     EventSample,
     ImuSample,
@@ -21,7 +21,7 @@ from yahboomd.messages.native import (
     TwistSample,
     WheelsSample,
 )
-from yahboomd.model import Twist2d
+from yahboomd.core.model import Twist2d
 
 __all__ = [
     "Answer",

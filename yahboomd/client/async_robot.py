@@ -13,11 +13,6 @@ from typing import Any, Self, TypeVar
 
 import msgspec
 
-from yahboomd.bus import keys
-from yahboomd.bus.alarms import READ_BYTES
-from yahboomd.bus.bus import Bus
-from yahboomd.bus.options import BusOptions
-from yahboomd.bus.subscriptions import Arrival
 from yahboomd.client.commanding import Commands, Counters, number
 from yahboomd.client.connection import MAX_BYTES, Connection
 from yahboomd.client.endings import Endings
@@ -31,17 +26,17 @@ from yahboomd.client.streams import (
     key_of,
     read_sample,
 )
-from yahboomd.clock import Clock, SystemClock, seconds
-from yahboomd.errors import BusError, NoDaemon, Refused
-from yahboomd.messages.codecs import encode
-from yahboomd.messages.native import (
-    EstopRequest,
-    SetPoseRequest,
-    StatusSample,
-    WheelsSample,
-)
-from yahboomd.model import Twist2d
-from yahboomd.names import name_problem
+from yahboomd.core.bus import keys
+from yahboomd.core.bus.alarms import READ_BYTES
+from yahboomd.core.bus.bus import Bus
+from yahboomd.core.bus.options import BusOptions
+from yahboomd.core.bus.subscriptions import Arrival
+from yahboomd.core.clock import Clock, SystemClock, seconds
+from yahboomd.core.errors import BusError, NoDaemon, Refused
+from yahboomd.core.messages.codecs import encode
+from yahboomd.core.messages.native import EstopRequest, SetPoseRequest, StatusSample, WheelsSample
+from yahboomd.core.model import Twist2d
+from yahboomd.core.names import name_problem
 
 log = logging.getLogger("yahboomd.client")
 

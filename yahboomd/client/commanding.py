@@ -9,17 +9,17 @@ from numbers import Real
 import msgspec
 import zenoh
 
-from yahboomd.bus import keys
-from yahboomd.bus.blocking import bounded
-from yahboomd.bus.publishers import BusPublisher
 from yahboomd.client.connection import Connection
 from yahboomd.client.repeater import Repeater
 from yahboomd.client.streams import reason
-from yahboomd.clock import Clock, Pause, PauseWatch, Schedule, nanoseconds
-from yahboomd.errors import CommandEnded
-from yahboomd.messages.codecs import encode
-from yahboomd.messages.native import DRIVABLE, VelocityCommand
-from yahboomd.model import STANDSTILL, Twist2d, velocity_problem
+from yahboomd.core.bus import keys
+from yahboomd.core.bus.blocking import bounded
+from yahboomd.core.bus.publishers import BusPublisher
+from yahboomd.core.clock import Clock, Pause, PauseWatch, Schedule, nanoseconds
+from yahboomd.core.errors import CommandEnded
+from yahboomd.core.messages.codecs import encode
+from yahboomd.core.messages.native import DRIVABLE, VelocityCommand
+from yahboomd.core.model import STANDSTILL, Twist2d, velocity_problem
 
 log = logging.getLogger("yahboomd.client")
 

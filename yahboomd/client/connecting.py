@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from yahboomd.bus import keys
-from yahboomd.bus.options import BusOptions
 from yahboomd.client.async_robot import DEADMAN_S, ENDPOINT, RATE_HZ, WAIT_S, AsyncRobot
+from yahboomd.core.bus import keys
+from yahboomd.core.bus.options import BusOptions
 
 
 def client_options(

@@ -11,18 +11,18 @@ import asyncio
 import logging
 from collections.abc import Callable
 
-from yahboomd.bus import keys
-from yahboomd.bus.blocking import bounded
-from yahboomd.bus.bus import Bus
-from yahboomd.bus.keys import full_key
-from yahboomd.bus.options import BusOptions, zenoh_config
-from yahboomd.bus.presence import NeighbourChange, TokenChange
-from yahboomd.bus.subscriptions import Arrival
 from yahboomd.client.streams import read_sample
-from yahboomd.clock import Clock, nanoseconds
-from yahboomd.errors import BusError, NoDaemon
-from yahboomd.messages.native import StatusSample
-from yahboomd.names import is_local
+from yahboomd.core.bus import keys
+from yahboomd.core.bus.blocking import bounded
+from yahboomd.core.bus.bus import Bus
+from yahboomd.core.bus.keys import full_key
+from yahboomd.core.bus.options import BusOptions, zenoh_config
+from yahboomd.core.bus.presence import NeighbourChange, TokenChange
+from yahboomd.core.bus.subscriptions import Arrival
+from yahboomd.core.clock import Clock, nanoseconds
+from yahboomd.core.errors import BusError, NoDaemon
+from yahboomd.core.messages.native import StatusSample
+from yahboomd.core.names import is_local
 
 log = logging.getLogger("yahboomd.client")
 

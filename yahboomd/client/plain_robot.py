@@ -17,14 +17,14 @@ from typing import Any, Concatenate, ParamSpec, Self, TypeVar
 
 import msgspec
 
-from yahboomd.bus import keys
 from yahboomd.client.async_robot import DEADMAN_S, ENDPOINT, RATE_HZ, WAIT_S, AsyncRobot
 from yahboomd.client.commanding import Counters
 from yahboomd.client.connecting import connect
 from yahboomd.client.endings import Endings, shorten
 from yahboomd.client.streams import NewestSamples, Samples
-from yahboomd.errors import BusError, NoDaemon
-from yahboomd.model import Twist2d
+from yahboomd.core.bus import keys
+from yahboomd.core.errors import BusError, NoDaemon
+from yahboomd.core.model import Twist2d
 
 log = logging.getLogger("yahboomd.client")
 

@@ -8,9 +8,9 @@ from typing import Any
 import msgspec
 import zenoh
 
-from yahboomd.bus.blocking import bounded
 from yahboomd.client.streams import read_sample
-from yahboomd.messages.native import ServiceReply
+from yahboomd.core.bus.blocking import bounded
+from yahboomd.core.messages.native import ServiceReply
 
 GRACE_S = 0.5
 """A query that has not ended so long after its own timeout never will."""

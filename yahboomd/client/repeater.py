@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Literal, TypeAlias
 
-from yahboomd.model import STANDSTILL, Twist2d
+from yahboomd.core.model import STANDSTILL, Twist2d
 
 ZEROS_NS = 300_000_000
 """For so long zeros follow motion. At 20 Hz these are seven, of which one has to arrive."""

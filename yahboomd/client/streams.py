@@ -19,11 +19,11 @@ import msgspec
 from msgspec import structs
 from zenoh.handlers import RingChannel
 
-from yahboomd.bus import keys
-from yahboomd.bus.bus import Bus
-from yahboomd.bus.subscriptions import Arrival
-from yahboomd.messages.codecs import encoding_of
-from yahboomd.messages.native import (
+from yahboomd.core.bus import keys
+from yahboomd.core.bus.bus import Bus
+from yahboomd.core.bus.subscriptions import Arrival
+from yahboomd.core.messages.codecs import encoding_of
+from yahboomd.core.messages.native import (
     BatterySample,
     EventSample,
     ImuSample,
@@ -34,7 +34,7 @@ from yahboomd.messages.native import (
     TwistSample,
     WheelsSample,
 )
-from yahboomd.program import pasteable, plain
+from yahboomd.core.program import pasteable, plain
 
 Message = TypeVar("Message", bound=msgspec.Struct)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol, TypeAlias, runtime_checkable
 
-from yahboomd.model import Counts
+from yahboomd.core.model import Counts
 
 Emit: TypeAlias = Callable[[bytes, int], None]
 """Receives a board's bytes, with the time at which the first one leaves."""

@@ -8,7 +8,7 @@ from typing import Final
 
 import msgspec
 
-from yahboomd.errors import ConfigError
+from yahboomd.core.errors import ConfigError
 from yahboomd.simulation.board import Board, Emit
 from yahboomd.simulation.four_channel.flash import FlashContent
 from yahboomd.simulation.four_channel.polled_board import PolledBoard

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import TypeAlias
 
-from yahboomd.model import Pose2d, Twist2d
+from yahboomd.core.model import Pose2d, Twist2d
 from yahboomd.simulation.options import DriveName, Wiring
 
 Share: TypeAlias = tuple[float, float, float]

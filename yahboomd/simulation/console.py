@@ -13,9 +13,9 @@ from typing import TypeAlias
 
 import msgspec
 
-from yahboomd.clock import nanoseconds
-from yahboomd.errors import ConfigError
-from yahboomd.model import CHANNELS
+from yahboomd.core.clock import nanoseconds
+from yahboomd.core.errors import ConfigError
+from yahboomd.core.model import CHANNELS
 from yahboomd.simulation.board import FlashWriter
 from yahboomd.simulation.motors import FAULTS, HEALTHY
 from yahboomd.simulation.robot import SimulatedRobot

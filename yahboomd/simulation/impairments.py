@@ -6,7 +6,7 @@ from random import Random
 
 import msgspec
 
-from yahboomd.clock import nanoseconds
+from yahboomd.core.clock import nanoseconds
 from yahboomd.simulation.options import ImpairmentOptions
 
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from yahboomd.model import Twist2d, Vector3
+from yahboomd.core.model import Twist2d, Vector3
 
 GRAVITY_M_S2 = 9.80665
 FIELD_AHEAD_T, FIELD_UP_T = 20e-6, -44e-6

@@ -10,8 +10,8 @@ import errno
 import os
 from collections.abc import Callable
 
-from yahboomd.errors import PortBusy, PortMissing
-from yahboomd.model import NS_PER_S
+from yahboomd.core.errors import PortBusy, PortMissing
+from yahboomd.core.model import NS_PER_S
 from yahboomd.simulation.robot import SimulatedRobot
 from yahboomd.simulation.wire import transfer_ns
 

@@ -6,8 +6,8 @@ from typing import Literal, TypeAlias
 
 import msgspec
 
-from yahboomd.errors import ConfigError
-from yahboomd.model import CHANNELS, Counts
+from yahboomd.core.errors import ConfigError
+from yahboomd.core.model import CHANNELS, Counts
 
 DriveName: TypeAlias = Literal["differential", "skid_steer", "mecanum"]
 Corner: TypeAlias = Literal["left", "right", "front_left", "rear_left", "front_right", "rear_right"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from random import Random
 
-from yahboomd.model import CHANNELS, Counts
+from yahboomd.core.model import CHANNELS, Counts
 from yahboomd.simulation.chassis import Chassis, shares
 from yahboomd.simulation.motors import PWM_MAX, Motor, MotorLaw
 from yahboomd.simulation.options import SimulationOptions, Wiring

@@ -8,7 +8,7 @@ import os
 import socket
 from pathlib import Path
 
-from yahboomd.errors import ConfigError
+from yahboomd.core.errors import ConfigError
 
 
 def claim(link: Path) -> socket.socket:

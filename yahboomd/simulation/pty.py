@@ -21,8 +21,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Protocol, TypeVar
 
-from yahboomd.clock import Alarm, SystemClock
-from yahboomd.errors import ConfigError
+from yahboomd.core.clock import Alarm, SystemClock
+from yahboomd.core.errors import ConfigError
 from yahboomd.simulation.console import execute, serve_control
 from yahboomd.simulation.heard import HeardWriter
 from yahboomd.simulation.lines import LinesWriter

@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable
 from random import Random
 
-from yahboomd.clock import nanoseconds
+from yahboomd.core.clock import nanoseconds
 from yahboomd.simulation.board import NEVER, Board
 from yahboomd.simulation.boards import make_board
 from yahboomd.simulation.impairments import Impairments

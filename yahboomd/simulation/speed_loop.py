@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import msgspec
 
-from yahboomd.model import CHANNELS, Counts
+from yahboomd.core.model import CHANNELS, Counts
 from yahboomd.simulation.motors import PWM_MAX
 from yahboomd.simulation.options import QUICK_GAIN
 from yahboomd.simulation.plant import Plant

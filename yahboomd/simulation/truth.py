@@ -11,7 +11,7 @@ from pathlib import Path
 
 import msgspec
 
-from yahboomd.model import Counts, Pose2d
+from yahboomd.core.model import Counts, Pose2d
 from yahboomd.simulation.lines import LinesWriter, read_lines
 
 FLUSH_SAMPLES = 20

@@ -14,7 +14,7 @@ import selectors
 from collections.abc import Callable, Coroutine, Mapping
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
-from yahboomd.model import NS_PER_S
+from yahboomd.core.model import NS_PER_S
 
 if TYPE_CHECKING:
     from _typeshed import FileDescriptorLike

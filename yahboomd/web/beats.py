@@ -10,7 +10,7 @@ from __future__ import annotations
 import secrets
 from collections import deque
 
-from yahboomd.clock import Clock
+from yahboomd.core.clock import Clock
 
 PERIOD_NS = 50_000_000
 

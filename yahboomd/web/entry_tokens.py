@@ -16,7 +16,7 @@ from pathlib import Path
 
 import msgspec
 
-from yahboomd.errors import ConfigError
+from yahboomd.core.errors import ConfigError
 from yahboomd.web.page_frames import Role
 
 FILE = "web-tokens.json"

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from yahboomd.clock import Clock
+from yahboomd.core.clock import Clock
 from yahboomd.web.child_command import output_of
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,79}")

@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from yahboomd.clock import Clock
+from yahboomd.core.clock import Clock
 from yahboomd.web.child_command import Child, output_of
 from yahboomd.web.page_frames import part
 

@@ -16,8 +16,8 @@ from collections.abc import Callable
 
 import msgspec
 
-from yahboomd.clock import Clock
-from yahboomd.model import STANDSTILL, Twist2d
+from yahboomd.core.clock import Clock
+from yahboomd.core.model import STANDSTILL, Twist2d
 from yahboomd.web.beats import LAPSE_NS, PERIOD_NS
 
 ZEROS_NS = 1_000_000_000

@@ -9,13 +9,13 @@ from collections.abc import Awaitable, Callable, Coroutine, Mapping
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from yahboomd import __version__
-from yahboomd.bus import keys
-from yahboomd.bus.options import BusOptions
 from yahboomd.client.questions import Answer
-from yahboomd.clock import Clock, Schedule
-from yahboomd.messages.codecs import encode
-from yahboomd.messages.native import EventSample
-from yahboomd.model import Twist2d, velocity_problem
+from yahboomd.core.bus import keys
+from yahboomd.core.bus.options import BusOptions
+from yahboomd.core.clock import Clock, Schedule
+from yahboomd.core.messages.codecs import encode
+from yahboomd.core.messages.native import EventSample
+from yahboomd.core.model import Twist2d, velocity_problem
 from yahboomd.web.beats import LAPSE_NS, PERIOD_NS, Beats
 from yahboomd.web.page_commands import LATE, NOT_YOURS, PageCommands, Refusal
 from yahboomd.web.page_frames import (

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from yahboomd.clock import Clock, seconds
+from yahboomd.core.clock import Clock, seconds
 from yahboomd.web.child_command import END_S, Child
 from yahboomd.web.page_frames import part
 

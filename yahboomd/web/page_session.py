@@ -8,8 +8,8 @@ from collections.abc import Mapping
 
 from starlette.websockets import WebSocket
 
-from yahboomd.clock import Clock
-from yahboomd.model import NS_PER_S
+from yahboomd.core.clock import Clock
+from yahboomd.core.model import NS_PER_S
 from yahboomd.web.page_frames import Role, part
 
 QUEUED = 64

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import msgspec
 
-from yahboomd.clock import Clock
+from yahboomd.core.clock import Clock
 from yahboomd.web.page_boxes import PageBoxes
 from yahboomd.web.page_calibration import PageCalibration
 from yahboomd.web.page_frames import Hold, Tool

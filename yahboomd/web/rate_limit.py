@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import ipaddress
 
-from yahboomd.clock import Clock
-from yahboomd.model import NS_PER_S
+from yahboomd.core.clock import Clock
+from yahboomd.core.model import NS_PER_S
 
 ADDRESSES = 1024
 """Addresses that are remembered; the one that failed least lately is forgotten for another."""

@@ -9,17 +9,17 @@ from typing import Any
 
 import msgspec
 
-from yahboomd.bus import keys
-from yahboomd.bus.options import BusOptions
-from yahboomd.bus.publishers import BusPublisher
-from yahboomd.bus.subscriptions import Arrival
 from yahboomd.client.commanding import ENCODING
 from yahboomd.client.connection import MAX_BYTES, Connection
 from yahboomd.client.questions import Answer, ask, read_answers
 from yahboomd.client.streams import STATES, Newest, read_sample, reason
-from yahboomd.clock import Clock
-from yahboomd.messages.codecs import encode
-from yahboomd.messages.native import (
+from yahboomd.core.bus import keys
+from yahboomd.core.bus.options import BusOptions
+from yahboomd.core.bus.publishers import BusPublisher
+from yahboomd.core.bus.subscriptions import Arrival
+from yahboomd.core.clock import Clock
+from yahboomd.core.messages.codecs import encode
+from yahboomd.core.messages.native import (
     BatterySample,
     EstopRequest,
     EventSample,
@@ -30,7 +30,7 @@ from yahboomd.messages.native import (
     VelocityCommand,
     WheelsSample,
 )
-from yahboomd.model import Twist2d
+from yahboomd.core.model import Twist2d
 from yahboomd.web.page_commands import Refusal
 from yahboomd.web.page_frames import part, sample_part
 

@@ -16,8 +16,8 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket
 
-from yahboomd.clock import Clock
-from yahboomd.messages.status_fields import FIELDS, StatusField
+from yahboomd.core.clock import Clock
+from yahboomd.core.messages.status_fields import FIELDS, StatusField
 from yahboomd.web.entry_tokens import Tokens
 from yahboomd.web.page_downloads import Downloads
 from yahboomd.web.page_files import PageFile

@@ -25,7 +25,7 @@ from uvicorn.protocols.utils import get_remote_addr
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.frames import Frame
 
-from yahboomd.errors import ConfigError, ListenError
+from yahboomd.core.errors import ConfigError, ListenError
 from yahboomd.web.page_downloads import is_download
 from yahboomd.web.page_frames import MAX_BYTES
 from yahboomd.web.web_application import HEADERS

@@ -10,13 +10,7 @@ import sys
 
 import msgspec
 
-from yahboomd.client import (
-    NoDaemon,
-    PoseSample,
-    Robot,
-    ServiceReply,
-    StatusSample,
-)
+from yahboomd.client import NoDaemon, PoseSample, Robot, ServiceReply, StatusSample
 
 ROBOT = os.environ.get("ROBOT", "tcp/127.0.0.1:7448")
 NAMESPACE = os.environ.get("NAMESPACE", "")

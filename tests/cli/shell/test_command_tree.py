@@ -7,7 +7,7 @@ import argparse
 import pytest
 
 from yahboomd.cli.shell.command_tree import Command, describe, whole
-from yahboomd.program import COMMANDS
+from yahboomd.core.program import COMMANDS
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from completing_shell import Shell, shell
 from yahboomd.cli.main import main
 from yahboomd.cli.shell.command_tree import whole
 from yahboomd.cli.shell.completions import SCRIPTS
-from yahboomd.program import COMMANDS
+from yahboomd.core.program import COMMANDS
 
 __all__ = ["shell"]
 

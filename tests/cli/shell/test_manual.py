@@ -8,10 +8,10 @@ import subprocess
 
 import pytest
 
-from yahboomd import errors
 from yahboomd.cli.shell.command_tree import Command, whole
 from yahboomd.cli.shell.manual import STATUSES, exit_statuses, pages, sections
-from yahboomd.program import COMMANDS
+from yahboomd.core import errors
+from yahboomd.core.program import COMMANDS
 
 
 @pytest.fixture(scope="module")

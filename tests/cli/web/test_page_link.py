@@ -8,7 +8,10 @@ from pathlib import Path
 import pytest
 import segno
 
-from yahboomd.cli.web.page_link import (
+from yahboomd.core.errors import ConfigError
+from yahboomd.tools.metrics.http_listener import Place
+from yahboomd.web.entry_tokens import Tokens
+from yahboomd.web.page_link import (
     SERVED,
     announce,
     last_served,
@@ -18,9 +21,6 @@ from yahboomd.cli.web.page_link import (
     qr_lines,
     reachable_hosts,
 )
-from yahboomd.errors import ConfigError
-from yahboomd.metrics.http_listener import Place
-from yahboomd.web.entry_tokens import Tokens
 
 
 def test_the_token_is_in_the_fragment() -> None:

@@ -17,7 +17,7 @@ import pytest
 from real_robot import Process, free_endpoint
 
 from yahboomd.cli.main import main
-from yahboomd.cli.web.web import state_folder
+from yahboomd.cli.web import state_folder
 
 pytestmark = pytest.mark.realtime
 

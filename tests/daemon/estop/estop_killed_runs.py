@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from estop_kills import KillableRobot
 
-from yahboomd.protocol.registry import DIALECTS
+from yahboomd.core.protocol.registry import DIALECTS
 
 RUNS = int(os.environ.get("RUNS", "30"))
 SEED = int(os.environ.get("SEED", "1"))

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 from real_robot import wait_for
 
-from yahboomd.daemon.estop import latch as latch_module
-from yahboomd.daemon.estop.latch import EstopLatch, LatchKeeper
-from yahboomd.daemon.estop.latch_file import LatchFile
+from yahboomd.core.daemon.estop import latch as latch_module
+from yahboomd.core.daemon.estop.latch import EstopLatch, LatchKeeper
+from yahboomd.core.daemon.estop.latch_file import LatchFile
 
 
 class Disk(LatchFile):
@@ -338,8 +338,8 @@ def test_with_all_descriptors_taken_it_is_answered_that_the_latch_is_not_on_file
     script = """
 import asyncio, os, resource, sys
 from pathlib import Path
-from yahboomd.daemon.estop.latch import EstopLatch
-from yahboomd.daemon.estop.latch_file import LatchFile
+from yahboomd.core.daemon.estop.latch import EstopLatch
+from yahboomd.core.daemon.estop.latch_file import LatchFile
 
 async def main():
     latch = EstopLatch(LatchFile(Path(sys.argv[1])), 0)

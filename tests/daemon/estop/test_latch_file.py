@@ -11,12 +11,12 @@ from urllib.parse import quote
 
 import pytest
 
-from yahboomd.daemon.estop.latch_file import LatchFile, engaged_in
+from yahboomd.core.daemon.estop.latch_file import LatchFile, engaged_in
 
 FULL = """
 import sys
 from pathlib import Path
-from yahboomd.daemon.estop.latch_file import LatchFile
+from yahboomd.core.daemon.estop.latch_file import LatchFile
 folder = Path(sys.argv[1])
 (folder / "everything").write_bytes(b"") if sys.argv[2] == "names" else None
 try:

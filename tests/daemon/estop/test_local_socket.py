@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.daemon.estop.local_socket import Listening, Peer, listen, peer_of
+from yahboomd.core.daemon.estop.local_socket import Listening, Peer, listen, peer_of
 
 
 def connects(path: Path) -> bool:

@@ -16,10 +16,10 @@ from typing import Any
 import pytest
 from zenoh_fixtures import PATIENCE_S, eventually
 
-from yahboomd.daemon.estop import local_stop
-from yahboomd.daemon.estop.local_socket import Listening
-from yahboomd.daemon.estop.local_stop import MAX_SILENT, MAX_WATCHING, LocalStop
-from yahboomd.messages.native import ServiceReply
+from yahboomd.core.daemon.estop import local_stop
+from yahboomd.core.daemon.estop.local_socket import Listening
+from yahboomd.core.daemon.estop.local_stop import MAX_SILENT, MAX_WATCHING, LocalStop
+from yahboomd.core.messages.native import ServiceReply
 
 pytestmark = pytest.mark.realtime
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 from robot_bench import RobotBench
 
-from yahboomd.clock import LoopClock
-from yahboomd.daemon.estop.stop_reports import WITHIN_S, StopReports
-from yahboomd.model import Event
-from yahboomd.protocol.registry import DIALECTS
+from yahboomd.core.clock import LoopClock
+from yahboomd.core.daemon.estop.stop_reports import WITHIN_S, StopReports
+from yahboomd.core.model import Event
+from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.simulation.motors import MotorFaults
 from yahboomd.simulation.options import SimulationOptions
 from yahboomd.simulation.virtual_time import VirtualTimeLoop, on_virtual_time

@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from yahboomd.daemon.ros2_graphs.ros2_diagnostics import (
+from yahboomd.core.daemon.ros2_graphs.ros2_diagnostics import (
     ERROR,
     OK,
     STALE,
@@ -15,8 +15,8 @@ from yahboomd.daemon.ros2_graphs.ros2_diagnostics import (
     Diagnostics,
     levels,
 )
-from yahboomd.messages.cdr import Diagnostic
-from yahboomd.messages.native import StatusSample
+from yahboomd.core.messages.cdr import Diagnostic
+from yahboomd.core.messages.native import StatusSample
 
 S = 1_000_000_000
 FULL = StatusSample(

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from ros_oracle import Oracle
 
-from yahboomd.config import read
-from yahboomd.daemon.ros2_graphs.ros2_parameters import parameter_meanings, parameter_server
+from yahboomd.core.config import read
+from yahboomd.core.daemon.ros2_graphs.ros2_parameters import parameter_meanings, parameter_server
 
 SECRET = "hunter2"
 

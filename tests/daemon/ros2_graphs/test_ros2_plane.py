@@ -13,10 +13,10 @@ from real_robot import PATIENCE_S, Client, RealRobot, wait_for
 from ros_oracle import Oracle
 from zenoh_fixtures import late_subscriber
 
-from yahboomd.config import read
-from yahboomd.daemon.ros2_graphs.ros2_plane import topics
-from yahboomd.messages import cdr, ros2
-from yahboomd.messages.set_pose import pose_message
+from yahboomd.core.config import read
+from yahboomd.core.daemon.ros2_graphs.ros2_plane import topics
+from yahboomd.core.messages import cdr, ros2
+from yahboomd.core.messages.set_pose import pose_message
 
 pytestmark = pytest.mark.realtime
 

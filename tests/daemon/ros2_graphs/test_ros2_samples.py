@@ -10,17 +10,12 @@ import msgspec
 import pytest
 from ros_oracle import Oracle
 
-from yahboomd.clock import LoopClock
-from yahboomd.daemon.ros2_graphs.ros2_samples import (
-    Placed,
-    RosPublisher,
-    Spread,
-    Topics,
-)
-from yahboomd.messages import ros2
-from yahboomd.messages.native import StatusSample
-from yahboomd.messages.ros2 import Qos
-from yahboomd.model import (
+from yahboomd.core.clock import LoopClock
+from yahboomd.core.daemon.ros2_graphs.ros2_samples import Placed, RosPublisher, Spread, Topics
+from yahboomd.core.messages import ros2
+from yahboomd.core.messages.native import StatusSample
+from yahboomd.core.messages.ros2 import Qos
+from yahboomd.core.model import (
     Event,
     ImuEstimate,
     ImuReading,

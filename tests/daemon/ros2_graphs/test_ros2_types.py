@@ -8,10 +8,10 @@ import pytest
 import zenoh
 from zenoh_fixtures import ZenohApp, eventually
 
-from yahboomd.bus.bus import Bus
-from yahboomd.daemon.ros2_graphs.ros2_types import TypeWatch
-from yahboomd.messages import ros2
-from yahboomd.messages.ros2 import Node, Qos
+from yahboomd.core.bus.bus import Bus
+from yahboomd.core.daemon.ros2_graphs.ros2_types import TypeWatch
+from yahboomd.core.messages import ros2
+from yahboomd.core.messages.ros2 import Node, Qos
 
 pytestmark = pytest.mark.realtime
 

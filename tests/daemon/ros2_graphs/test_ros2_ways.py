@@ -8,13 +8,13 @@ import pytest
 import zenoh
 from zenoh_fixtures import ZenohApp, eventually, late_subscriber
 
-from yahboomd.bus.bus import Bus
-from yahboomd.bus.options import BusOptions
-from yahboomd.bus.subscriptions import Arrival
-from yahboomd.daemon.ros2_graphs.ros2_ways import AttachedOutlet, BridgeWay, NativeWay
-from yahboomd.messages import cdr, ros2
-from yahboomd.messages.native import ServiceReply
-from yahboomd.messages.ros2 import Qos
+from yahboomd.core.bus.bus import Bus
+from yahboomd.core.bus.options import BusOptions
+from yahboomd.core.bus.subscriptions import Arrival
+from yahboomd.core.daemon.ros2_graphs.ros2_ways import AttachedOutlet, BridgeWay, NativeWay
+from yahboomd.core.messages import cdr, ros2
+from yahboomd.core.messages.native import ServiceReply
+from yahboomd.core.messages.ros2 import Qos
 
 pytestmark = pytest.mark.realtime
 LATCHED = Qos(latched=True, depth=1)

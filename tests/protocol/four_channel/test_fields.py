@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.protocol.four_channel.fields import (
+from yahboomd.core.protocol.four_channel.fields import (
     INT32_MAX,
     INT32_MIN,
     command,

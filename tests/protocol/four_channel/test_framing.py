@@ -5,7 +5,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import asdict, replace
 
-from yahboomd.protocol.four_channel.framing import MAX_HELD_BYTES, RESYNC, Frame, Framer, TextLine
+from yahboomd.core.protocol.four_channel.framing import (
+    MAX_HELD_BYTES,
+    RESYNC,
+    Frame,
+    Framer,
+    TextLine,
+)
 
 FRAGMENTS = (
     b"$",

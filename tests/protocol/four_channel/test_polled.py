@@ -4,10 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.protocol.dialect import CommandLost, Totals, Unrecognised
-from yahboomd.protocol.four_channel.framing import Framer
-from yahboomd.protocol.four_channel.polled import Polled
-from yahboomd.protocol.profiles import PROFILES
+from yahboomd.core.protocol.dialect import CommandLost, Totals, Unrecognised
+from yahboomd.core.protocol.four_channel.framing import Framer
+from yahboomd.core.protocol.four_channel.polled import Polled
+from yahboomd.core.protocol.profiles import PROFILES
 
 POLLED = Polled()
 int32 = st.integers(-(2**31), 2**31 - 1)

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.errors import BoardError, ConfigError
-from yahboomd.protocol.four_channel.stored import TABLE, findings, units_per_m_s
-from yahboomd.protocol.profiles import PROFILES
-from yahboomd.protocol.settings import (
+from yahboomd.core.errors import BoardError, ConfigError
+from yahboomd.core.protocol.four_channel.stored import TABLE, findings, units_per_m_s
+from yahboomd.core.protocol.profiles import PROFILES
+from yahboomd.core.protocol.settings import (
     BoardSettings,
     SettingWrite,
     check_storable,

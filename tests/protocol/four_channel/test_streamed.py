@@ -4,16 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.protocol.dialect import (
-    Battery,
-    Deltas,
-    Speeds,
-    Totals,
-    Unrecognised,
-)
-from yahboomd.protocol.four_channel.framing import Framer
-from yahboomd.protocol.four_channel.streamed import Streamed
-from yahboomd.protocol.profiles import PROFILES
+from yahboomd.core.protocol.dialect import Battery, Deltas, Speeds, Totals, Unrecognised
+from yahboomd.core.protocol.four_channel.framing import Framer
+from yahboomd.core.protocol.four_channel.streamed import Streamed
+from yahboomd.core.protocol.profiles import PROFILES
 
 STREAMED = Streamed()
 int32 = st.integers(-(2**31), 2**31 - 1)

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.protocol.dialect import CommandLost, Reply, Setting, Unrecognised, VersionLine
-from yahboomd.protocol.four_channel.texts import decode_text
+from yahboomd.core.protocol.dialect import CommandLost, Reply, Setting, Unrecognised, VersionLine
+from yahboomd.core.protocol.four_channel.texts import decode_text
 
 
 @pytest.mark.parametrize(

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.drive.kinematics import KINEMATICS
-from yahboomd.errors import BoardError
-from yahboomd.model import Motor
-from yahboomd.protocol.rosmaster.cars import CARS, body
+from yahboomd.core.drive.kinematics import KINEMATICS
+from yahboomd.core.errors import BoardError
+from yahboomd.core.model import Motor
+from yahboomd.core.protocol.rosmaster.cars import CARS, body
 from yahboomd.simulation.rosmaster.car_types import CAR_TYPES
 
 MECANUM = KINEMATICS["mecanum"](separation_m=0.17, base_m=0.16)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.protocol.dialect import (
+from yahboomd.core.protocol.dialect import (
     Battery,
     Inertial,
     Setting,
@@ -15,8 +15,8 @@ from yahboomd.protocol.dialect import (
     Unused,
     VersionLine,
 )
-from yahboomd.protocol.profiles import PROFILES
-from yahboomd.protocol.rosmaster.functions import (
+from yahboomd.core.protocol.profiles import PROFILES
+from yahboomd.core.protocol.rosmaster.functions import (
     ICM20948,
     MPU9250,
     READ_SETTINGS,
@@ -25,8 +25,8 @@ from yahboomd.protocol.rosmaster.functions import (
     findings,
     motion,
 )
-from yahboomd.protocol.rosmaster.packets import Packet, PacketFramer, Words
-from yahboomd.protocol.settings import writes
+from yahboomd.core.protocol.rosmaster.packets import Packet, PacketFramer, Words
+from yahboomd.core.protocol.settings import writes
 
 GOOD = {"version": "3.5", "car_type": 1, "pid": (0.8, 0.06, 0.5)}
 

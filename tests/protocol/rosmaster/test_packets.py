@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.protocol.rosmaster.packets import (
+from yahboomd.core.protocol.rosmaster.packets import (
     LINE_MOST,
     RESYNC,
     Packet,

@@ -4,13 +4,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yahboomd.drive.kinematics import KINEMATICS
-from yahboomd.errors import BoardError
-from yahboomd.model import Motor
-from yahboomd.protocol.profiles import NO_ENCODER_TYPE, PROFILES
-from yahboomd.protocol.rosmaster.functions import ICM20948, MPU9250
-from yahboomd.protocol.rosmaster.packets import PacketFramer, Words, frame
-from yahboomd.protocol.rosmaster.rosmaster import Rosmaster
+from yahboomd.core.drive.kinematics import KINEMATICS
+from yahboomd.core.errors import BoardError
+from yahboomd.core.model import Motor
+from yahboomd.core.protocol.profiles import NO_ENCODER_TYPE, PROFILES
+from yahboomd.core.protocol.rosmaster.functions import ICM20948, MPU9250
+from yahboomd.core.protocol.rosmaster.packets import PacketFramer, Words, frame
+from yahboomd.core.protocol.rosmaster.rosmaster import Rosmaster
 
 ROSMASTER = Rosmaster()
 TWO = KINEMATICS["differential"](separation_m=0.15)

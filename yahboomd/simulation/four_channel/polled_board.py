@@ -11,7 +11,7 @@ import math
 from collections import deque
 from random import Random
 
-from yahboomd.model import CHANNELS, Counts
+from yahboomd.core.model import CHANNELS, Counts
 from yahboomd.simulation.board import BOOT_NS, NEVER, Emit
 from yahboomd.simulation.four_channel.flash import whole
 from yahboomd.simulation.options import SimulationOptions

@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from random import Random
 
-from yahboomd.clock import nanoseconds
-from yahboomd.model import CHANNELS, Counts
+from yahboomd.core.clock import nanoseconds
+from yahboomd.core.model import CHANNELS, Counts
 from yahboomd.simulation.board import BOOT_NS, NEVER, Emit
 from yahboomd.simulation.four_channel.flash import (
     SETTINGS,

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import msgspec
 
-from yahboomd.model import CHANNELS
+from yahboomd.core.model import CHANNELS
 
 STEERING_LIMIT_DEG = 45
 

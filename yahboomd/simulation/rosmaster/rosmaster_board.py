@@ -18,8 +18,8 @@ from random import Random
 
 import msgspec
 
-from yahboomd.clock import nanoseconds
-from yahboomd.model import CHANNELS, Counts
+from yahboomd.core.clock import nanoseconds
+from yahboomd.core.model import CHANNELS, Counts
 from yahboomd.simulation.board import BOOT_NS, NEVER, Emit
 from yahboomd.simulation.imu import SENSORS, Imu
 from yahboomd.simulation.options import SimulationOptions

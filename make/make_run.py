@@ -1,0 +1,149 @@
+"""`make run`: the daemon on a real port, or on a simulated board that ends with it."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shlex
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+PATIENCE_S = 15.0
+
+PASSED_ON = (signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1, signal.SIGUSR2)
+"""Passed on to the daemon, which stops the wheels and ends; then this and the board end."""
+
+PAGE = "127.0.0.1:8480"
+PAGE_FOR_PHONES = "0.0.0.0:8480"
+
+HINT = """\
+
+Now, in a second terminal, in this folder ({folder}):
+  .venv/bin/yahboomd drive{options}      drive it with the keyboard
+  .venv/bin/yahboomd monitor{options}    watch it
+Ctrl-C ends it here.
+
+"""
+
+
+def main() -> int:
+    from yahboomd.cli.shared_options import add_config_options, daemon_endpoints, read_config
+    from yahboomd.core.errors import ConfigError
+    from yahboomd.core.program import pasteable, readable
+
+    parser = argparse.ArgumentParser(
+        prog="make run", description=__doc__, usage="make run [PORT=/dev/...] [ARGS='...']"
+    )
+    parser.add_argument("--port", help="the board's serial port; without it, one is simulated")
+    parser.add_argument(
+        "--listen",
+        metavar="ADDRESS:PORT",
+        nargs="?",
+        default=PAGE,
+        const=PAGE_FOR_PHONES,
+        help="serve the page to phones, too; prints the link and a QR code",
+    )
+    args, more = parser.parse_known_args()
+    shared = argparse.ArgumentParser(add_help=False)
+    add_config_options(shared)
+    shared.add_argument("--namespace")
+    options, _ = shared.parse_known_args(more)
+    try:
+        config = read_config(options).config
+    except ConfigError as error:
+        sys.stderr.write(f"yahboomd: {pasteable(readable(str(error)))}\n")
+        return error.exit_code
+    endpoints = daemon_endpoints(options, config)
+    # Until the daemon is there: whatever started meanwhile is ended.
+    for number in PASSED_ON:
+        signal.signal(number, lambda number, _: sys.exit(128 + number))
+    if args.port:
+        return _drive(args.port, more, endpoints, args.listen)
+    with tempfile.TemporaryDirectory(prefix="yahboomd-") as folder:
+        link = Path(folder) / "board"
+        with subprocess.Popen(
+            [*_yahboomd(), "simulate", "--link", str(link), *_robot(options, link)],
+            stdout=subprocess.DEVNULL,
+            # Ctrl-C goes to the daemon: the board must live until the wheels are stopped.
+            start_new_session=True,
+        ) as board:
+            try:
+                deadline = time.monotonic() + PATIENCE_S
+                while not link.exists():
+                    if board.poll() is not None or time.monotonic() > deadline:
+                        sys.stderr.write("yahboomd: the simulated board did not start.\n")
+                        return 1
+                    time.sleep(0.05)
+                sys.stdout.write(f"A simulated board is at {link}, and yahboomd starts on it.\n")
+                # The e-stop of a simulated robot goes with it, and so do its wheels: a guard would
+                # only report that they may turn.
+                own = ("--no-guard", "--set", f"estop.latch_file={Path(folder) / 'estop'}")
+                return _drive(str(link), more, endpoints, args.listen, own)
+            except KeyboardInterrupt:
+                return 128 + signal.SIGINT
+            finally:
+                board.terminate()
+
+
+def _robot(options: argparse.Namespace, link: Path) -> list[str]:
+    """The options of `simulate` that give the board the motors and chassis of the daemon."""
+    words = ["--config", str(options.config)] if options.config else []
+    sets = (*options.overrides, f"serial.port={link}")
+    return [*words, *(word for each in sets for word in ("--set", each))]
+
+
+def _drive(
+    port: str,
+    more: list[str],
+    endpoints: tuple[str, ...],
+    listen: str,
+    own: tuple[str, ...] = (),
+) -> int:
+    """Run the daemon, and the page and how to drive it once it listens.
+
+    Args:
+        port: The board's.
+        more: Options of the daemon; other commands need them, too, to reach it.
+        endpoints: Where it listens.
+        listen: Where the page is served.
+        own: Further options of the daemon.
+    """
+    from yahboomd.tools.stop.unresponsive import listener
+
+    daemon = subprocess.Popen([*_yahboomd(), "run", "--port", port, *own, *more])
+    for number in PASSED_ON:
+        signal.signal(number, lambda number, _: daemon.send_signal(number))
+    deadline = time.monotonic() + PATIENCE_S
+    invited = False
+    page: subprocess.Popen[bytes] | None = None
+    while True:
+        try:
+            if not invited and (listener(endpoints) == daemon.pid or time.monotonic() > deadline):
+                invited = True
+                options = "".join(f" {shlex.quote(word)}" for word in more)
+                sys.stdout.write(HINT.format(folder=Path.cwd(), options=options))
+                sys.stdout.flush()
+                page = subprocess.Popen([*_yahboomd(), "web", "--listen", listen, *more])
+            status = daemon.wait(None if invited else 0.05)
+            if page is not None:
+                page.terminate()
+                page.wait()
+            return status if status >= 0 else 128 - status
+        except subprocess.TimeoutExpired:
+            continue
+        except KeyboardInterrupt:
+            # It reached the daemon as well, which stops the wheels first.
+            continue
+
+
+def _yahboomd() -> list[str]:
+    return [sys.executable, "-m", "yahboomd"]
+
+
+if __name__ == "__main__":
+    os.chdir(Path(__file__).resolve().parent.parent)
+    sys.exit(main())

@@ -1,0 +1,136 @@
+"""A person turns a simulated robot by hand, on virtual time; its sensor tells how it is mounted."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import AsyncIterator
+from random import Random
+
+import msgspec
+import pytest
+
+from yahboomd.core.config import Config
+from yahboomd.core.errors import Refused
+from yahboomd.core.messages.native import ImuSample
+from yahboomd.core.model import STANDSTILL, ImuReading, ImuSensor, Twist2d
+from yahboomd.simulation.imu import MPU9250, Imu
+from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.tools.calibrate.estimates.hand_turn import Mounted
+from yahboomd.tools.calibrate.imu_by_hand import show_mounted, turn_by_hand
+from yahboomd.tools.schemas.samples import NATIVE
+from yahboomd.tools.terminal.asking import Answers
+
+SENSOR = ImuSensor(
+    name="mpu9250",
+    gyro_limit_rad_s=8.7,
+    gyro_noise_rad_s=1e-3,
+    acceleration_limit_m_s2=20.0,
+    acceleration_noise_m_s2=0.01,
+)
+
+
+class Bench:
+    """A robot on the floor, a sensor on it, and a person beside it who does as asked."""
+
+    enter = "Enter"
+
+    def __init__(self, config: Config, *, axes: str, turns: float, silent: bool = False) -> None:
+        self.config = config
+        self.turns = turns
+        self.silent = silent
+        self.questions: list[str] = []
+        self.wz = 0.0
+        self.lose = False
+        options = msgspec.structs.replace(MPU9250, axes=axes, gyro_scale=0.0, warming_k=0.0)
+        self._imu = Imu(options, Random(1))
+
+    def stream(self) -> AsyncIterator[ImuSample]:
+        return self._samples()
+
+    async def _samples(self) -> AsyncIterator[ImuSample]:
+        loop, template = asyncio.get_running_loop(), NATIVE["ImuSample"]
+        while True:
+            await asyncio.sleep(1000.0 if self.silent else 0.3 if self.lose else 0.04)
+            now_ns = round(loop.time() * 1e9)
+            twist = Twist2d(wz=self.wz) if self.wz else STANDSTILL
+            shown = self._imu.sample(now_ns, twist, 0.0)
+            reading = self.config.imu.mounting().along_base(
+                ImuReading(
+                    sensor=SENSOR,
+                    sent_ns=now_ns,
+                    gyro_rad_s=shown.gyro_rad_s,
+                    acceleration_m_s2=shown.acceleration_m_s2,
+                )
+            )
+            assert isinstance(template, ImuSample)
+            yield msgspec.structs.replace(
+                template,
+                stamp_ns=now_ns,
+                gyro_rad_s=reading.gyro_rad_s,
+                acceleration_m_s2=reading.acceleration_m_s2,
+            )
+
+    async def confirm(self, name: str, words: str) -> None:
+        self.questions.append(words)
+        if name == "turned":
+            self.wz = 2.0
+            await asyncio.sleep(self.turns * math.pi)
+            self.wz = 0.0
+        await asyncio.sleep(0.5)
+
+    async def run(self, turns: float = 3) -> Mounted:
+        return await turn_by_hand(self.stream, self, self.config, turns)
+
+
+@on_virtual_time
+async def test_a_sensor_that_is_mounted_as_configured_is_right_and_its_scale_is_found(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    config = Config()
+    found = await Bench(config, axes="x y z", turns=3.0).run()
+    assert (found.axes, found.gyro_axes) == ("x y z", "")
+    assert found.gyro_scale == pytest.approx(1.0, abs=5e-3)
+    show_mounted(found, config, Answers())
+    out, err = capsys.readouterr()
+    assert out.startswith('[imu]\naxes = "x y z"\ngyro_scale = ')
+    assert "right" in err
+
+
+@on_virtual_time
+async def test_one_on_its_back_is_found_and_what_is_printed_makes_it_right(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    config = Config()
+    found = await Bench(config, axes="x -y -z", turns=3.0).run()
+    assert found.axes.split()[2] == "-z"
+    show_mounted(found, config, Answers())
+    out, err = capsys.readouterr()
+    assert "wrong" in err
+    given = Config.of({"imu": {"axes": found.axes, "gyro_axes": found.gyro_axes}})
+    again = await Bench(given, axes="x -y -z", turns=3.0).run()
+    show_mounted(again, given, Answers())
+    assert "right" in capsys.readouterr().err
+    assert f'axes = "{found.axes}"' in out
+
+
+@on_virtual_time
+async def test_other_turns_than_asked_for_are_refused() -> None:
+    with pytest.raises(Refused, match=r"[12]\.\d+ turns, and 3 were asked for"):
+        await Bench(Config(), axes="x y z", turns=2.0).run()
+
+
+@on_virtual_time
+async def test_a_board_without_a_sensor_is_refused_before_anything_is_asked() -> None:
+    bench = Bench(Config(), axes="x y z", turns=3.0, silent=True)
+    with pytest.raises(Refused, match="no samples"):
+        await bench.run()
+    assert bench.questions == []
+
+
+@on_virtual_time
+async def test_lost_samples_are_refused() -> None:
+    bench = Bench(Config(), axes="x y z", turns=3.0)
+    bench.lose = True
+    with pytest.raises(Refused, match="lost"):
+        await bench.run()

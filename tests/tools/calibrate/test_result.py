@@ -1,0 +1,87 @@
+"""A result in words, as JSON and as the file; refused ones write nothing."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from yahboomd.core.config import Config, read
+from yahboomd.core.errors import Refused
+from yahboomd.tools.calibrate.estimates.least_squares import Fit
+from yahboomd.tools.calibrate.estimates.runs import Factors
+from yahboomd.tools.calibrate.result import conclude
+from yahboomd.tools.terminal.asking import Answers
+
+GOOD = Fit(
+    factors=Factors(1.02, 1.01, 0.95),
+    std=Factors(1e-3, 1e-4, 2e-3),
+    chi_squared=1.2,
+    errors=((0.001, 0.002),),
+)
+BAD = Fit(factors=Factors(1.5), std=GOOD.std, chi_squared=1.2, errors=((0.001, 0.002),))
+
+
+def test_a_good_result_is_written_and_read_back(tmp_path: Path, capsys) -> None:
+    path = tmp_path / "state" / "calibration.toml"
+    assert conclude(GOOD, Config(), path, method="tape", dry_run=False, person=Answers()) == 0
+    out, err = capsys.readouterr()
+    assert "radius left         1.00000     1.01493" in out
+    assert f"Written to {path}" in err
+    chassis = read(None, environ={"STATE_DIRECTORY": str(path.parent)}).config.chassis
+    assert chassis.wheel_separation_multiplier == 0.95
+    ratio = chassis.wheel_radius_multiplier["right"] / chassis.wheel_radius_multiplier["left"]
+    assert ratio == pytest.approx(1.01, abs=2e-6)
+
+
+def test_a_dry_run_writes_nothing(tmp_path: Path, capsys) -> None:
+    path = tmp_path / "calibration.toml"
+    assert (
+        conclude(GOOD, Config(), path, method="tape", dry_run=True, person=Answers(as_json=True))
+        == 0
+    )
+    facts = json.loads(capsys.readouterr().out)
+    assert (facts["written"], facts["refused"]) == (None, [])
+    assert not path.exists()
+
+
+def test_a_result_that_cannot_be_trusted_writes_nothing_and_says_why(
+    tmp_path: Path, capsys
+) -> None:
+    path = tmp_path / "calibration.toml"
+    with pytest.raises(Refused, match=r"The left wheels' radius would be 1\.500"):
+        conclude(BAD, Config(), path, method="tape", dry_run=False, person=Answers(as_json=True))
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["written"] is None
+    assert len(facts["refused"]) == 2
+    assert not path.exists()
+
+
+def test_a_size_that_is_another_gear_names_the_profile_that_fits(tmp_path: Path, capsys) -> None:
+    geared = Fit(factors=Factors(0.536), std=GOOD.std, chi_squared=1.2, errors=GOOD.errors)
+    path = tmp_path / "calibration.toml"
+    with pytest.raises(Refused, match=r"0\.536 is 30/56: .* board\.profile = \"520-1:56\""):
+        conclude(geared, Config(), path, method="tape", dry_run=False, person=Answers())
+    own = Config.of({"chassis": {"ticks_per_revolution": 1320.0}})
+    with pytest.raises(Refused, match="radius would be") as refused:
+        conclude(geared, own, path, method="tape", dry_run=False, person=Answers())
+    assert "30/56" not in str(refused.value)
+    capsys.readouterr()
+    assert not path.exists()
+
+
+def test_only_the_distance_of_the_sides_of_a_mecanum_base_is_calibrated(tmp_path: Path) -> None:
+    config = read(
+        None, environ={}, overrides=["chassis.preset=mecanum", "chassis.wheel_base_m=0.15"]
+    ).config
+    path = tmp_path / "calibration.toml"
+    conclude(GOOD, config, path, method="tape", dry_run=False, person=Answers())
+    found = read(
+        None,
+        environ={"STATE_DIRECTORY": str(tmp_path)},
+        overrides=["chassis.preset=mecanum", "chassis.wheel_base_m=0.15"],
+    ).config
+    # Half of both sums is 0.95 times as long.
+    turning = config.kinematics().inverse[3][2]
+    assert found.kinematics().inverse[3][2] == pytest.approx(0.95 * turning, rel=1e-5)

@@ -1,0 +1,69 @@
+"""Ticks of single motors as the travel of two sides, and how long a leg may last."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from yahboomd.core.config import read
+from yahboomd.core.drive.kinematics import wheel_speeds
+from yahboomd.core.model import Twist2d
+from yahboomd.tools.calibrate.shapes import Leg, Sides, sideways, square
+
+
+def config(preset: str):
+    overrides = [f"chassis.preset={preset}"]
+    if preset == "mecanum":
+        overrides.append("chassis.wheel_base_m=0.2")
+    return read(None, environ={}, overrides=overrides).config
+
+
+@pytest.mark.parametrize("preset", ["2wd", "4wd", "mecanum"])
+def test_a_side_is_the_mean_of_its_motors_without_any_calibration(preset: str) -> None:
+    made = config(preset)
+    multipliers = {made.kinematics().wheels[0]: 1.2}
+    calibrated = replace(made, chassis=replace(made.chassis, wheel_radius_multiplier=multipliers))
+    motors = calibrated.motors()
+    wheels = calibrated.kinematics().wheels
+    per_turn = made.ticks_per_revolution()
+    moved = [per_turn if wheels[motor.wheel].endswith("left") else 0.0 for motor in motors]
+    sides = Sides(calibrated, [motor.name for motor in motors])
+    left, right = sides.travel([[0.0] * len(motors), moved])
+    assert left[0] == pytest.approx(2.0 * math.pi * made.radius_m(wheels[0]))
+    assert right[0] == 0.0
+
+
+def test_a_leg_is_done_by_the_counts_and_lasts_no_longer_than_it_says() -> None:
+    back = Leg(-0.2, 0.0, 1.0)
+    assert back.done(-0.5, -0.5, 0.2) == 0.5
+    assert back.limit_s == pytest.approx(12.5)
+    right = Leg(0.0, -1.0, math.pi)
+    assert right.done(0.1, -0.1, 0.2) == pytest.approx(1.0)
+
+
+def test_a_square_ends_as_it_began() -> None:
+    legs = square(2.0, 0.2, 1.0, left=False)
+    assert sum(math.copysign(leg.amount, leg.wz) for leg in legs if leg.wz) == pytest.approx(
+        -2.0 * math.pi
+    )
+    assert [leg.amount for leg in legs if leg.vx] == [2.0] * 4
+
+
+def test_a_mecanum_base_counts_its_way_to_the_side_and_turns_by_wheels_and_axles() -> None:
+    made = config("mecanum")
+    motors, kinematics = made.motors(), made.kinematics()
+    sides = Sides(made, [motor.name for motor in motors])
+    assert sides.separation_m == pytest.approx(0.15 + 0.2)
+    wish = Twist2d(vx=0.1, vy=0.3, wz=0.5)
+    per_m = motors[0].ticks_per_revolution / (2.0 * math.pi * motors[0].radius_m)
+    ticks = [0.0] * 4, [speed * per_m for speed in wheel_speeds(kinematics, wish)]
+    left, right = sides.travel(ticks)
+    assert (left[0] + right[0]) / 2.0 == pytest.approx(0.1)
+    assert (right[0] - left[0]) / sides.separation_m == pytest.approx(0.5)
+    assert sides.to_the_left(ticks)[0] == pytest.approx(0.3)
+    (leg,) = sideways(-1.0, 0.2)
+    assert (leg.vx, leg.vy, leg.wz, leg.amount) == (0.0, -0.2, 0.0, 1.0)
+    assert leg.done(0.0, 0.0, 1.0, to_the_left_m=-0.4) == 0.4
+    assert leg.limit_s == pytest.approx(12.5)

@@ -1,0 +1,23 @@
+from __future__ import annotations
+
+from command_fixtures import (
+    _is_on_the_path,
+    fake_daemon,
+    on_robot,
+    one_robot,
+    patience,
+    simulated_board,
+    terminal,
+    yahboomd,
+)
+
+__all__ = [
+    "_is_on_the_path",
+    "fake_daemon",
+    "on_robot",
+    "one_robot",
+    "patience",
+    "simulated_board",
+    "terminal",
+    "yahboomd",
+]

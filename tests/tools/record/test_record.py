@@ -1,0 +1,242 @@
+"""`yahboomd record` beside a real daemon: nothing lost, killed without harm, refused in words."""
+
+from __future__ import annotations
+
+import argparse
+import io
+import json
+import os
+import shutil
+import signal
+import struct
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from mcap.exceptions import McapError
+from mcap.reader import NonSeekingReader, make_reader
+from real_robot import RealRobot, wait_for
+from rosbags.highlevel import AnyReader
+
+from yahboomd.cli.main import main
+from yahboomd.cli.record import Recorder, size
+from yahboomd.core.bus.subscriptions import Arrival
+from yahboomd.tools.record.mcap_files import McapFiles
+from yahboomd.tools.record.recorded_topics import Recorded
+
+pytestmark = pytest.mark.xdist_group("one_robot")
+
+
+def start(robot: RealRobot, *arguments: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "yahboomd", "record", *arguments, "--connect", robot.endpoint],
+        text=True,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+
+
+def drive(on_robot: Callable[..., int], *how: str) -> None:
+    """Drive to the end; again, where a busy machine held the board up and the daemon stopped."""
+    wait_for(lambda: on_robot("send", *how) == os.EX_OK, "it drives")
+
+
+@pytest.mark.realtime
+def test_a_recording_has_all_samples_and_other_readers_read_them(
+    one_robot: RealRobot, on_robot: Callable[..., int], tmp_path: Path
+) -> None:
+    folder = tmp_path / "run"
+    process = start(one_robot, str(folder), "--json")
+    wait_for(lambda: list(folder.glob("*.mcap")), "it records")
+    drive(on_robot, "--vx", "0.2", "--wz", "0.5", "--for", "2")
+    one_robot.settled_truth()
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 0, err
+    facts = json.loads(out)
+    assert facts["lost"] == facts["unreadable"] == 0
+
+    with (folder / "native_0.mcap").open("rb") as stream:
+        native = [
+            (channel.topic, json.loads(message.data))
+            for _, channel, message in make_reader(stream).iter_messages()
+        ]
+    poses = [sample for topic, sample in native if topic == "yahboomd/pose"]
+    assert len(poses) > 20
+    assert [each["seq"] for each in poses] == list(
+        range(poses[0]["seq"], poses[0]["seq"] + len(poses))
+    )
+    assert any(topic == "cmd_vel" and sample.get("vx") == 0.2 for topic, sample in native)
+
+    with AnyReader([folder]) as reader:
+        odometry = [
+            reader.deserialize(raw, connection.msgtype)
+            for connection, _, raw in reader.messages()
+            if connection.topic == "/odom"
+        ]
+        types = {connection.topic: connection.msgtype for connection in reader.connections}
+    assert {"/odom", "/tf", "/joint_states", "/diagnostics", "/estopped"} <= set(types)
+    assert odometry[-1].pose.pose.position.x == pytest.approx(poses[-1]["x"], abs=0.05)
+
+
+@pytest.mark.realtime
+def test_an_attached_recorder_ends_whole_with_its_input(
+    one_robot: RealRobot, tmp_path: Path
+) -> None:
+    folder = tmp_path / "run"
+    process = start(one_robot, str(folder), "--attached", "--json")
+    part = folder / "native_0.mcap"
+    wait_for(lambda: part.exists() and part.stat().st_size > 20_000, "a chunk is written")
+    # Nothing but its input ends here, as when the program that started it is killed.
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 0, err
+    assert json.loads(out)["lost"] == 0
+    with part.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    assert summary.statistics.message_count > 0
+
+
+@pytest.mark.realtime
+def test_a_recorder_that_is_killed_leaves_what_it_has_written(
+    one_robot: RealRobot, on_robot: Callable[..., int], tmp_path: Path
+) -> None:
+    folder = tmp_path / "run"
+    process = start(one_robot, str(folder))
+    part = folder / "native_0.mcap"
+    drive(on_robot, "--wz", "1", "--for", "1")
+    wait_for(lambda: part.exists() and part.stat().st_size > 20_000, "a chunk is written")
+    process.kill()
+    process.communicate()
+    found = 0
+    try:
+        reader = NonSeekingReader(io.BytesIO(part.read_bytes()))
+        for _ in reader.iter_messages(log_time_order=False):
+            found += 1
+    except (McapError, ValueError, EOFError, struct.error):
+        pass
+    assert found > 100
+    one_robot.settled_truth()
+
+    assert on_robot("record", str(folder), "--recover") == 0
+    with (tmp_path / "run-recovered" / "native_0.mcap").open("rb") as stream:
+        assert sum(1 for _ in make_reader(stream).iter_messages()) == found
+    with AnyReader([tmp_path / "run-recovered"]) as reader:
+        assert reader.message_count > 0
+        assert sum(1 for _ in reader.messages()) == reader.message_count
+    assert part.stat().st_size > 20_000
+    # What was recovered is not written over.
+    assert on_robot("record", str(folder), "--recover") == 1
+
+
+@pytest.mark.realtime
+def test_a_folder_that_exists_is_left_alone(
+    one_robot: RealRobot, on_robot: Callable[..., int], tmp_path: Path, capsys
+) -> None:
+    assert on_robot("record", str(tmp_path), "--for", "1") == 1
+    assert "Name a new folder" in capsys.readouterr().err
+    assert list(tmp_path.glob("*.mcap")) == []
+
+
+def test_what_is_no_recording_is_not_recovered(tmp_path: Path, capsys) -> None:
+    assert main(["record", str(tmp_path), "--recover"]) == 1
+    assert "has no recording" in capsys.readouterr().err
+    assert main(["record", "--recover"]) == 2
+
+
+def arrival(payload: bytes, dropped: int = 0, arrived_ns: int = 0) -> Arrival:
+    return Arrival(
+        key="yahboomd/pose",
+        payload=payload,
+        stamp_ns=None,
+        arrived_ns=arrived_ns,
+        dropped=dropped,
+    )
+
+
+def test_samples_whose_moments_are_out_of_order_are_recorded_as_they_came(tmp_path: Path) -> None:
+    native, ros = McapFiles(tmp_path, "native"), McapFiles(tmp_path, "ros2", is_bag=True)
+    recorder = Recorder(native, ros, lambda at_ns: at_ns + 1000)
+    topic = Recorded("yahboomd/pose", "yahboomd/pose", message="PoseSample")
+    moments = enumerate((10, 30, 20, 40))
+    recorder.take(topic, [arrival(b'{"seq": %d}' % n, arrived_ns=at) for n, at in moments])
+    recorder.end()
+    with (tmp_path / "native_0.mcap").open("rb") as stream:
+        found = [
+            (message.sequence, message.log_time)
+            for _, _, message in make_reader(stream).iter_messages()
+        ]
+    assert found == [(0, 1010), (1, 1030), (2, 1030), (3, 1040)]
+
+
+def test_a_gap_in_the_numbers_is_counted_as_lost_and_a_new_daemon_is_not(tmp_path: Path) -> None:
+    native, ros = McapFiles(tmp_path, "native"), McapFiles(tmp_path, "ros2", is_bag=True)
+    recorder = Recorder(native, ros, lambda at_ns: at_ns + 1)
+    topic = Recorded("yahboomd/pose", "yahboomd/pose", message="PoseSample")
+    recorder.take(topic, [arrival(b'{"seq": %d}' % number) for number in (5, 6, 9, 1, 2)])
+    recorder.take(topic, [arrival(b"no message")])
+    facts = recorder.end()
+    assert (facts["messages"], facts["lost"], facts["unreadable"]) == (5, 2, 1)
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [
+        b'{"seq": ',
+        b'{"seq": "x"}',
+        b'{"seq": -1}',
+        b'{"seq": 4294967296}',
+        b'{"x": ' + b"[" * 100_000,
+        b"\x81\xa1x" + b"\x91" * 100_000,
+    ],
+)
+def test_what_another_client_publishes_costs_no_other_sample(
+    tmp_path: Path, payload: bytes
+) -> None:
+    native, ros = McapFiles(tmp_path, "native"), McapFiles(tmp_path, "ros2", is_bag=True)
+    recorder = Recorder(native, ros, lambda at_ns: at_ns + 1)
+    topic = Recorded("cmd_vel", "cmd_vel", message="VelocityCommand")
+    recorder.take(topic, [arrival(payload), arrival(b'{"vx": 0.1}')])
+    facts = recorder.end()
+    assert (facts["messages"], facts["unreadable"]) == (1, 1)
+
+
+@pytest.mark.parametrize("lost", ["disk", "folder"])
+def test_a_disk_that_is_full_or_lost_at_the_end_is_named_and_spares_the_other_files(
+    tmp_path: Path, lost: str
+) -> None:
+    native, ros = McapFiles(tmp_path, "native"), McapFiles(tmp_path, "ros2", is_bag=True)
+    recorder = Recorder(native, ros, lambda at_ns: at_ns + 1)
+    poses = Recorded("yahboomd/pose", "yahboomd/pose", message="PoseSample")
+    stopped = Recorded("estopped", "/estopped", ros_type="std_msgs/msg/Bool")
+    recorder.take(poses, [arrival(b'{"seq": 1}')])
+    recorder.take(stopped, [arrival(b"\0\1\0\0\1\0\0\0")])
+    if lost == "disk":
+        full = os.open("/dev/full", os.O_WRONLY)
+        os.dup2(full, native._stream._fd)
+        os.close(full)
+    else:
+        shutil.rmtree(tmp_path)
+    facts = recorder.end()
+    assert facts["messages"] == 2
+    assert recorder.problem.startswith("The recording ends: No s")
+    if lost == "disk":
+        with AnyReader([tmp_path]) as reader:
+            assert reader.message_count == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"), [("500M", 500_000_000), ("2g", 2_000_000_000), ("1.5GB", 1_500_000_000)]
+)
+def test_sizes_are_read_as_people_write_them(text: str, expected: int) -> None:
+    assert size(text) == expected
+
+
+@pytest.mark.parametrize("text", ["", "lots", "-1M", "100k", "1.2.3M", "9" * 400])
+def test_what_is_no_size_is_refused(text: str) -> None:
+    with pytest.raises(argparse.ArgumentTypeError, match="such as 500M"):
+        size(text)

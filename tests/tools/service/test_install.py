@@ -1,0 +1,302 @@
+"""`yahboomd install`: into a folder, and what it would run on a live system."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from yahboomd.cli import install as command
+from yahboomd.cli.install import System, install
+from yahboomd.cli.main import main
+from yahboomd.tools.service import install_plan
+
+UNIT = "etc/systemd/system/yahboomd.service"
+
+
+class Commands:
+    """Stands for the machine: remembers what was run; what is in ``failing`` fails."""
+
+    def __init__(self, *failing: str) -> None:
+        self.ran: list[str] = []
+        self._failing = failing
+
+    def __call__(self, words: Sequence[str]) -> int:
+        self.ran.append(" ".join(words))
+        return 1 if words[1] in self._failing else 0
+
+
+def system(root: Path, run: Commands, **changes: object) -> System:
+    usual = System(
+        root=root,
+        program=Path("/opt/robot/bin/yahboomd"),
+        packaged=False,
+        live=False,
+        run=run,
+        dry=False,
+    )
+    return usual._replace(**changes)  # type: ignore[arg-type]
+
+
+def tree(root: Path) -> dict[str, bytes]:
+    return {
+        str(path.relative_to(root)): path.read_bytes()
+        for path in root.rglob("*")
+        if path.is_file() and not path.is_symlink()
+    }
+
+
+@pytest.fixture
+def as_root(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(command.os, "geteuid", lambda: 0)
+
+
+def test_the_command_line_installs_into_a_folder(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["install", "--root", str(tmp_path)]) == 0
+    assert (tmp_path / UNIT).stat().st_mode & 0o777 == 0o644
+    assert (tmp_path / "etc/yahboomd/config.toml").exists()
+    assert "Nothing is started" in capsys.readouterr().out
+
+
+def test_a_file_that_cannot_be_written_is_a_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "root").touch()
+    assert main(["install", "--root", str(tmp_path / "root")]) == 1
+    assert f"{tmp_path}/root/etc/" in (said := capsys.readouterr().err)
+    assert "cannot be written: Not a directory. Look at the disk" in said
+
+
+def test_a_dry_run_changes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = Commands()
+    assert install(system(tmp_path, run, dry=True, live=True)) == 0
+    said = capsys.readouterr().out
+    assert tree(tmp_path) == {}
+    assert run.ran == []
+    assert f"would write  {tmp_path / UNIT}" in said
+    assert "would run    systemctl enable yahboomd.service" in said
+
+
+def test_a_second_time_changes_nothing_and_says_so(
+    tmp_path: Path, as_root: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = Commands()
+    install(system(tmp_path, run, live=True))
+    (tmp_path / "etc/yahboomd/config.toml").write_text("# mine\n")
+    before = tree(tmp_path)
+    first = run.ran[:]
+    run.ran.clear()
+    capsys.readouterr()
+
+    assert install(system(tmp_path, run, live=True)) == 0
+
+    assert tree(tmp_path) == before
+    assert "kept, it is yours" in capsys.readouterr().out
+    # A robot that drives is not stopped for nothing.
+    assert "systemctl restart yahboomd.service" in first
+    assert "systemctl restart yahboomd.service" not in run.ran
+    assert "systemctl start yahboomd.service" in run.ran
+
+
+def test_the_manager_reads_the_files_before_it_starts_anything(
+    tmp_path: Path, as_root: None
+) -> None:
+    run = Commands()
+    install(system(tmp_path, run, live=True))
+    order = [
+        run.ran.index(each)
+        for each in (
+            f"systemd-sysusers {tmp_path}/etc/sysusers.d/yahboomd.conf",
+            "systemctl daemon-reload",
+            "systemctl enable yahboomd.service",
+            "systemctl restart yahboomd.service",
+        )
+    ]
+    assert order == sorted(order)
+
+
+def test_man_pages_and_completions_are_put_in_place_and_restart_nothing(
+    tmp_path: Path, as_root: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    install(system(tmp_path, Commands(), live=True))
+    share = tmp_path / "usr/local/share"
+    assert (share / "man/man1/yahboomd-stop.1").read_text().startswith(".TH YAHBOOMD")
+    (share / "zsh/site-functions/_yahboomd").write_text("of an older version\n")
+    fish = tmp_path / "etc/fish/completions/yahboomd.fish"
+    fish.unlink()
+    capsys.readouterr()
+    run = Commands()
+
+    assert install(system(tmp_path, run, live=True)) == 0
+
+    assert (share / "zsh/site-functions/_yahboomd").read_text().startswith("#compdef yahboomd")
+    assert fish.read_text().startswith("#")
+    assert f"unchanged    {share}/man/man1" in capsys.readouterr().out
+    assert "systemctl start yahboomd.service" in run.ran
+
+
+def test_a_folder_for_man_pages_that_cannot_be_written_hinders_no_installation(
+    tmp_path: Path, as_root: None, monkeypatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    usual = command._writable
+    monkeypatch.setattr(command, "_writable", lambda path: "usr" not in path.parts and usual(path))
+    assert install(system(tmp_path, Commands(), live=True)) == 0
+    assert "left out     " in capsys.readouterr().out
+    assert not (tmp_path / "usr").exists()
+    assert (tmp_path / UNIT).exists()
+
+
+def test_it_says_where_to_look(
+    tmp_path: Path, as_root: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    install(system(tmp_path, Commands(), live=True))
+    said = capsys.readouterr().out
+    assert "systemctl status yahboomd" in said
+    assert "journalctl -u yahboomd -f" in said
+    assert "/etc/yahboomd/config.toml" in said
+
+
+def test_a_service_that_does_not_start_is_no_success(
+    tmp_path: Path, as_root: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert install(system(tmp_path, Commands("restart"), live=True)) == 1
+    assert "does not run yet" in capsys.readouterr().err
+
+
+def test_without_root_nothing_is_touched(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(command.os, "geteuid", lambda: 1000)
+    run = Commands()
+    assert install(system(tmp_path, run, live=True)) == 77
+    assert tree(tmp_path) == {}
+    assert run.ran == []
+    assert "sudo" in capsys.readouterr().err
+
+
+def test_an_instance_gets_its_configuration_and_its_service(tmp_path: Path, as_root: None) -> None:
+    run = Commands()
+    assert install(system(tmp_path, run, live=True), instance="front", port="/dev/ttyUSB3") == 0
+    assert 'port = "/dev/ttyUSB3"' in (tmp_path / "etc/yahboomd/front.toml").read_text()
+    assert "systemctl enable yahboomd@front.service" in run.ran
+    assert "systemctl enable yahboomd.service" not in run.ran
+
+
+def test_beside_the_debian_package_only_the_instance_is_written(
+    tmp_path: Path, as_root: None
+) -> None:
+    run = Commands()
+    done = install(
+        system(tmp_path, run, live=True, packaged=True), instance="front", port="/dev/ttyUSB3"
+    )
+    assert done == 0
+    assert set(tree(tmp_path)) == {"etc/yahboomd/front.toml"}
+
+
+@pytest.mark.parametrize(
+    ("instance", "port", "words"),
+    [
+        (None, "/dev/ttyUSB0", "--port is for --instance"),
+        ("front", None, "needs its --port"),
+        ("../x", "/dev/ttyUSB0", "--instance takes a name"),
+        ("front", "ttyUSB0", "--port takes an absolute path"),
+        ("front", '/dev/"', "--port takes an absolute path"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_words(
+    tmp_path: Path,
+    instance: str | None,
+    port: str | None,
+    words: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert install(system(tmp_path, Commands()), instance=instance, port=port) == 78
+    assert words in capsys.readouterr().err
+    assert tree(tmp_path) == {}
+
+
+def test_a_program_that_the_services_user_cannot_read_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = Commands()
+    program = Path("/home/pi/.local/share/uv/tools/yahboomd/bin/yahboomd")
+    done = install(system(Path("/"), run, dry=True)._replace(program=program))
+    assert done == 78
+    said = capsys.readouterr().err
+    assert str(program) in said
+    assert "UV_TOOL_DIR=/opt/uv/tools" in said
+
+
+def test_the_page_is_started_where_it_is_asked_for_and_reached_from_this_machine_alone(
+    tmp_path: Path, as_root: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = Commands()
+    install(system(tmp_path, run, live=True))
+    assert not any("yahboomd-web" in each for each in run.ran)
+    assert install(system(tmp_path, run, live=True), web=True) == 0
+    assert run.ran[-2:] == [
+        "systemctl enable yahboomd-web.service",
+        "systemctl start yahboomd-web.service",
+    ]
+    assert not (tmp_path / install_plan.WEB_LISTEN).exists()
+    assert "http://127.0.0.1:8480/" in capsys.readouterr().out
+
+
+def test_the_page_is_reached_from_elsewhere_where_a_person_says_so(
+    tmp_path: Path, as_root: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = Commands()
+    assert install(system(tmp_path, run, live=True), web=True, listen="0.0.0.0:8480") == 0
+    text = (tmp_path / install_plan.WEB_LISTEN).read_text()
+    assert 'Environment="WEB_OPTIONS=--listen 0.0.0.0:8480"' in text
+    assert "IPAddressDeny=\n" in text
+    assert "sudo yahboomd web --show-link" in capsys.readouterr().out
+    assert run.ran.index("systemctl daemon-reload") < len(run.ran) - 2
+    again = Commands()
+    install(system(tmp_path, again, live=True, packaged=True), web=True, listen="0.0.0.0:9000")
+    assert again.ran[-3:] == [
+        "systemctl daemon-reload",
+        "systemctl enable yahboomd-web.service",
+        "systemctl restart yahboomd-web.service",
+    ]
+
+
+def test_a_page_that_is_not_served_is_no_success(
+    tmp_path: Path, as_root: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class WithoutPage(Commands):
+        def __call__(self, words: Sequence[str]) -> int:
+            super().__call__(words)
+            return int(words[-1] == "yahboomd-web.service")
+
+    assert install(system(tmp_path, WithoutPage(), live=True), web=True) == 1
+    assert "journalctl -u yahboomd-web" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("web", "listen", "instance", "words"),
+    [
+        (False, "0.0.0.0:8480", None, "--listen is for --web"),
+        (True, "here", None, "--listen takes an address and a port"),
+        (True, '0.0.0.0:8480"', None, "--listen takes an address and a port"),
+        (True, None, "front", "--web is for one board"),
+    ],
+)
+def test_a_page_that_cannot_be_is_refused_in_words(
+    tmp_path: Path,
+    web: bool,
+    listen: str | None,
+    instance: str | None,
+    words: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    port = "/dev/ttyUSB0" if instance else None
+    done = install(
+        system(tmp_path, Commands()), web=web, listen=listen, instance=instance, port=port
+    )
+    assert done == 78
+    assert words in capsys.readouterr().err
+    assert tree(tmp_path) == {}

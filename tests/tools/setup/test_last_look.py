@@ -1,0 +1,124 @@
+"""A last look finds wrong answers and wrong gears, on virtual time, before the file is written."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from board_bench import LinkBench
+from simulated_person import SimulatedPerson, connected, set_up, true_wiring
+
+from yahboomd.core.protocol.profiles import PROFILES
+from yahboomd.simulation.options import FOUR_WHEELS, TWO_WHEELS
+from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.tools.setup.description import Given
+from yahboomd.tools.setup.last_look import judged
+from yahboomd.tools.setup.outcome import Outcome
+from yahboomd.tools.setup.robot_file import as_toml
+
+
+def known(profile: str, kinematics: str = "differential") -> Given:
+    return Given(
+        profile=profile,
+        kinematics=kinematics,
+        wheel_diameter_mm=67.0,
+        wheel_separation_mm=150.0,
+    )
+
+
+def robot(**options: Any) -> tuple[LinkBench, SimulatedPerson]:
+    bench = LinkBench(**{"wiring": TWO_WHEELS, **options})
+    person = SimulatedPerson(bench)
+    person.looks = True
+    person.others["2 stored values differ"] = "n"
+    return bench, person
+
+
+def written(found: Outcome) -> str:
+    return as_toml(found.description, found.wiring, gear=found.gear.words)
+
+
+@pytest.mark.parametrize("drive", ["differential", "skid_steer"])
+@on_virtual_time
+async def test_a_robot_that_is_as_described_is_seen_to_be(drive: str) -> None:
+    bench, person = robot(drive=drive, wiring=FOUR_WHEELS if drive == "skid_steer" else TWO_WHEELS)
+    found = await set_up(bench, known("520", drive), person=person)
+    assert found.gear.verdict == "fits"
+    assert "gear was not checked" not in written(found)
+    assert "Is the mark at the bottom now?" in "".join(person.questions)
+
+
+@pytest.mark.parametrize("profile", ["520", "520-1:19", "520-1:56", "l520"])
+@pytest.mark.parametrize("true", ["520", "520-1:19", "520-1:56", "l520"])
+@on_virtual_time
+async def test_a_profile_with_another_gear_is_replaced_by_the_one_that_fits(
+    profile: str, true: str
+) -> None:
+    bench, person = robot(ratio=PROFILES[true].ratio)
+    found = await set_up(bench, known(profile), person=person)
+    assert found.description.board == {"profile": true}
+    assert found.gear.verdict == "fits"
+    assert connected(found) == true_wiring(bench)
+    assert person.turned <= 1.0
+
+
+@on_virtual_time
+async def test_a_gear_that_fits_no_profile_is_written_with_the_reason() -> None:
+    bench, person = robot(ratio=90.0)
+    found = await set_up(bench, known("520"), person=person)
+    assert found.gear.verdict == "does not fit"
+    assert "None of the profiles fits" in " ".join(written(found).split("\n# "))
+
+
+@pytest.mark.parametrize(
+    "lies", [{"Which way did": ["b"]}, {"Which wheel turned?": ["2", "0", "1"]}], ids=str
+)
+@on_virtual_time
+async def test_a_wrong_answer_is_found_before_the_file_is_written(
+    lies: dict[str, list[str]],
+) -> None:
+    bench, person = robot()
+    person.lies = {question: [*answers] for question, answers in lies.items()}
+    found = await set_up(bench, known("520"), person=person)
+    assert connected(found) == true_wiring(bench)
+    assert sum("M1 turns" in each for each in person.questions) == 2
+
+
+@pytest.mark.parametrize("last", ["y, and all", "Did every", "\nTurn the mark", "Is the mark"])
+@on_virtual_time
+async def test_unanswered_the_file_has_a_line_that_the_gear_was_not_checked(last: str) -> None:
+    bench, person = robot()
+    person.lies = {last: [""]}
+    found = await set_up(bench, known("520"), person=person)
+    assert found.gear.verdict == "not checked"
+    assert "# The gear was not checked." in written(found)
+
+
+@on_virtual_time
+async def test_an_input_that_ends_in_the_last_look_loses_no_answer() -> None:
+    bench, person = robot()
+    person.looks = False
+    found = await set_up(bench, known("520"), person=person)
+    assert found.gear.verdict == "not checked"
+    assert connected(found) == true_wiring(bench)
+
+
+@on_virtual_time
+async def test_an_answer_that_makes_no_sense_is_asked_for_again() -> None:
+    bench, person = robot()
+    person.lies = {
+        "Are all wheels": ["sure"],
+        "y, and all wheels": ["what"],
+        "Did every wheel": ["perhaps"],
+        "Is the mark": ["nearly"],
+    }
+    found = await set_up(bench, known("520"), person=person)
+    assert found.gear.verdict == "fits"
+    assert not any(person.lies.values())
+
+
+def test_wheels_that_were_not_all_looked_at_leave_the_gear_unchecked() -> None:
+    own = PROFILES["520"]
+    assert judged([1320.0], own, whole=False).verdict == "not checked"
+    assert judged([], own, whole=False).verdict == "not checked"
+    assert judged([1320.0, 2464.0], own, whole=True).profile == PROFILES["520-1:56"]

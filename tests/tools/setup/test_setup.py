@@ -1,0 +1,385 @@
+"""`yahboomd setup` as a process on a simulated board: a newcomer's way, and every end."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from real_robot import Process, wait_for
+from zenoh_fixtures import eventually, free_endpoint
+
+from benchmarks.soak.processes import DAEMON_NICE, prefer
+from yahboomd.cli.main import main
+from yahboomd.core.daemon.estop.latch_file import LatchFile
+
+pytestmark = pytest.mark.realtime
+
+KNOWN = (
+    *("--profile", "520", "--kinematics", "differential"),
+    *("--wheel-diameter", "67", "--wheel-separation", "150"),
+)
+
+
+class Board:
+    """A simulated board that can be asked for its truth at once."""
+
+    def __init__(self, simulated_board: Callable[..., Any], folder: Path, *options: str) -> None:
+        self._control = folder / "control"
+        self.board = simulated_board("--control", str(self._control), *options)
+        self.port: str = self.board.port
+
+    def do(self, command: str) -> str:
+        with socket.socket(socket.AF_UNIX) as control:
+            control.connect(str(self._control))
+            control.sendall(f"{command}\n".encode())
+            answer = control.makefile().readline()
+        assert answer.startswith("ok"), answer
+        return answer.removeprefix("ok").strip()
+
+    def truth(self) -> dict[str, Any]:
+        found: dict[str, Any] = json.loads(self.do("pose"))
+        return found
+
+    def turns(self) -> bool:
+        return max(map(abs, self.truth()["speed_m_s"])) > 0.1
+
+    def stands(self) -> bool:
+        return max(map(abs, self.truth()["speed_m_s"])) < 0.01
+
+
+@pytest.fixture
+def board(simulated_board, tmp_path, monkeypatch) -> Callable[..., Board]:
+    monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path / "run"))
+    return lambda *options: Board(simulated_board, tmp_path, *options)
+
+
+async def turned(process: Any, board: Board, name: str) -> list[float]:
+    """Let the next motor turn; how far each wheel rolled."""
+    await process.shows(f"Enter, and {name} turns:")
+    before = board.truth()["travel_m"]
+    count = process.written.count("Which wheel turned?")
+    process.type("\n")
+    await eventually(
+        lambda: (
+            process.written.count("Which wheel turned?") > count
+            or process.process.poll() is not None
+        )
+    )
+    assert process.written.count("Which wheel turned?") > count, process.screen
+    after = board.truth()["travel_m"]
+    return [new - old for new, old in zip(after, before, strict=True)]
+
+
+async def answer(process: Any, question: str, text: str) -> None:
+    await process.shows(question)
+    process.type(f"{text}\n")
+
+
+async def answer_newest(process: Any, question: str, text: str, count: int) -> None:
+    """Answer a question that is asked for the ``count``-th time."""
+    await eventually(lambda: process.written.count(question) >= count)
+    process.type(f"{text}\n")
+
+
+def preferred(process: Any) -> Any:
+    """Pulses are in real time, as a daemon drives."""
+    prefer(process.process, DAEMON_NICE)
+    return process
+
+
+async def test_a_newcomer_is_led_to_a_file_with_which_the_robot_drives_as_asked(
+    board, terminal, yahboomd, tmp_path
+) -> None:
+    robot = board("--plugs=-4,2", "--flash", "dead_zone=1900")
+    process = preferred(terminal("setup", "--port", robot.port, columns=100, lines=50))
+    await answer(process, "Motors: (1 to 7)", "520")
+    await answer(process, "Drive: (1 to 4)", "1")
+    await answer(process, "Diameter of the driven wheels, mm (Enter: 67):", "")
+    await answer(process, "middle of the right ones, mm:", "150")
+    await answer(process, "Are all wheels off the ground? Type yes:", "yes")
+    ways = 0
+    for wheels, name in enumerate(("M1", "M2", "M3", "M4"), start=1):
+        rolled = await turned(process, robot, name)
+        moved = [number for number, way in enumerate(rolled) if abs(way) > 0.003]
+        await answer_newest(
+            process, "Which wheel turned?", str(moved[0] + 1) if moved else "0", wheels
+        )
+        if moved:
+            ways += 1
+            way = "f" if rolled[moved[0]] > 0 else "b"
+            await answer_newest(process, "Which way did", way, ways)
+    await answer(process, "y, and all wheels turn forward, a little:", "y")
+    await answer(process, "Did every wheel turn forward?", "y")
+    await answer(process, "Turn the mark of the left wheel to its top", "")
+    assert await process.ended() == 0
+    assert "The gear was not checked." in process.screen
+    assert "left         M4, mounted the other way round" in process.screen
+    assert "right        M2" in process.screen
+    path = tmp_path / "robot.toml"
+    assert "yahboomd config check --config robot.toml" in process.screen
+    assert main(["config", "check", "--config", str(path)]) == 0
+    assert [name for name in os.listdir(tmp_path) if "robot.toml" in name] == ["robot.toml"]
+
+    endpoint = free_endpoint()
+    latch = f"estop.latch_file={tmp_path / 'estop'}"
+    options = ("--set", f'zenoh.listen=["{endpoint}"]', "--set", "zenoh.connect=[]")
+    daemon = Process("run", "--config", str(path), *options, "--set", latch)
+    try:
+        prefer(daemon.process, DAEMON_NICE)
+        await asyncio.to_thread(daemon.says, "Connected to")
+
+        async def driven(*velocity: str) -> tuple[float, float]:
+            """The way ahead and the turn to the left, truly."""
+            before = robot.truth()
+            # A machine that is busy for 0.3 s stops the robot, and this command with it.
+            for _ in range(20):
+                done = await asyncio.to_thread(
+                    yahboomd, "send", "--connect", endpoint, "--for", "1.5", *velocity
+                )
+                if done.returncode == 0:
+                    break
+            after = robot.truth()
+            rolled = zip(after["travel_m"], before["travel_m"], strict=True)
+            ahead = sum(new - old for new, old in rolled) / 2.0
+            return ahead, after["theta"] - before["theta"]
+
+        ahead, turn = await driven("--vx", "0.3")
+        assert ahead > 0.15
+        assert abs(turn) < 0.1
+        ahead, turn = await driven("--wz", "1")
+        assert turn > 0.5
+        assert abs(ahead) < 0.05
+    finally:
+        daemon.end()
+
+
+def scripted(robot: Board, folder: Path, text: str, *options: str) -> subprocess.CompletedProcess:
+    command = [sys.executable, "-m", "yahboomd", "setup", "--port", robot.port, *KNOWN, *options]
+    with subprocess.Popen(
+        command,
+        cwd=folder,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        prefer(process, DAEMON_NICE)
+        out, err = process.communicate(text)
+    return subprocess.CompletedProcess(command, process.returncode, out, err)
+
+
+ANSWERS = "n\nyes\n\n1\nf\n\n0\n\n2\nf\n"
+"""Store nothing; the wheels are lifted; M1 left, M2 none, M3 right, both forward."""
+
+
+def test_a_program_answers_on_standard_input_and_reads_one_line_of_json(board, tmp_path) -> None:
+    robot = board()
+    done = scripted(robot, tmp_path, ANSWERS, "--json", "--output", "bot.toml")
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found["motors"] == [
+        {"wheel": "left", "position": 1, "sign": 1},
+        {"wheel": "right", "position": 3, "sign": 1},
+    ]
+    assert (found["file"], found["faults"], found["dialect"]) == ("bot.toml", [], "streamed")
+    assert main(["config", "check", "--config", str(tmp_path / "bot.toml")]) == 0
+
+
+def test_input_that_ends_early_writes_nothing_and_leaves_the_wheels_at_rest(
+    board, tmp_path
+) -> None:
+    robot = board()
+    done = scripted(robot, tmp_path, "n\nyes\n\n")
+    assert done.returncode == 1
+    assert "nothing was written" in done.stderr
+    assert not (tmp_path / "robot.toml").exists()
+    wait_for(robot.stands, "the wheels stand")
+
+
+def test_a_file_that_is_there_is_replaced_only_when_asked_for(board, tmp_path) -> None:
+    robot = board()
+    path = tmp_path / "robot.toml"
+    path.write_text("# mine\n")
+    done = scripted(robot, tmp_path, "n\n")
+    assert done.returncode == 1
+    assert "robot.toml is there already" in done.stderr
+    assert "--output FILE" in done.stderr
+    assert path.read_text() == "# mine\n"
+    assert scripted(robot, tmp_path, ANSWERS, "--overwrite").returncode == 0
+    assert "[chassis.motors]" in path.read_text()
+
+
+def test_an_engaged_emergency_stop_is_refused_before_the_port_is_opened(board, tmp_path) -> None:
+    robot = board()
+    folder = tmp_path / "run"
+    folder.mkdir()
+    LatchFile(folder / f"estop@{robot.port.replace('/', '%2F')}").engage("a person")
+    done = scripted(robot, tmp_path, ANSWERS)
+    assert done.returncode == 1
+    assert "emergency stop is engaged" in done.stderr
+    assert "yahboomd stop --release" in done.stderr
+    assert not (tmp_path / "robot.toml").exists()
+
+
+def test_a_port_that_a_daemon_owns_is_refused_with_words_and_the_daemon_drives_on(
+    board, tmp_path
+) -> None:
+    robot = board()
+    listen = ("--set", f'zenoh.listen=["{free_endpoint()}"]', "--set", "zenoh.connect=[]")
+    daemon = Process("run", "--port", robot.port, *listen)
+    try:
+        daemon.says("Connected to")
+        done = scripted(robot, tmp_path, ANSWERS)
+        assert done.returncode == 69
+        assert "A yahboomd daemon owns the board" in done.stderr
+        assert f"kill {daemon.process.pid}" in done.stderr
+        assert daemon.process.poll() is None
+        assert "Lost" not in daemon.output
+    finally:
+        daemon.end()
+
+
+@pytest.mark.parametrize(
+    ("option", "words"),
+    [
+        (("--profile", "521"), "--profile knows no '521'; there are 520"),
+        (("--kinematics", "hover"), "--kinematics knows no 'hover'"),
+    ],
+)
+def test_what_it_does_not_know_is_named(capsys, option, words) -> None:
+    assert main(["setup", *option]) == 78
+    assert words in capsys.readouterr().err
+
+
+SLOW = ("--lines", "1", "--flash", "dead_zone=1900")
+"""Few counts: the pulses last as long as any."""
+
+
+async def pulsing(
+    board: Callable[..., Board], terminal: Any, robot: Board | None = None
+) -> tuple[Board, Any]:
+    """A robot whose left wheel turns at this moment, by a pulse of setup."""
+    robot = robot or board(*SLOW)
+    process = preferred(terminal("setup", "--port", robot.port, *KNOWN))
+    await answer(process, "Are all wheels off the ground? Type yes:", "yes")
+    answered = dict.fromkeys(("Enter, and M1 turns:", "Which wheel turned?"), 0)
+
+    def turns() -> bool:
+        for question, text in zip(answered, ("\n", "a\n"), strict=True):
+            # Again, where this test was held up for as long as the pulse was.
+            if process.written.count(question) > answered[question]:
+                answered[question] += 1
+                process.type(text)
+        return robot.turns() or process.process.poll() is not None
+
+    await eventually(turns)
+    assert process.process.poll() is None, process.screen
+    return robot, process
+
+
+@pytest.mark.parametrize("how", ["ctrl-c", "SIGTERM", "hang-up"])
+async def test_however_it_is_ended_in_a_pulse_the_wheels_stand_and_no_file_is_there(
+    board, terminal, yahboomd, tmp_path, how
+) -> None:
+    robot, process = await pulsing(board, terminal)
+    if how == "ctrl-c":
+        process.type("\x03")
+        assert await process.ended() == 130
+    elif how == "SIGTERM":
+        process.process.terminate()
+        assert await process.ended() == 143
+    else:
+        process.hang_up()
+        await eventually(lambda: process.process.poll() is not None)
+    await eventually(robot.stands)
+    assert not list(tmp_path.glob("*robot.toml*"))
+    assert not list(tmp_path.glob(".robot.toml*"))
+    # The port is free again.
+    stopped = await asyncio.to_thread(yahboomd, "stop", "--direct", "--port", robot.port)
+    assert stopped.returncode == 0, stopped.stderr
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+async def test_killed_or_hung_in_a_pulse_the_wheels_are_stopped_by_the_guard(
+    board, terminal, tmp_path, number
+) -> None:
+    robot, process = await pulsing(board, terminal)
+    process.process.send_signal(number)
+    await eventually(robot.stands)
+    assert not (tmp_path / "robot.toml").exists()
+
+
+async def unplugged(board: Callable[..., Board], terminal: Any) -> tuple[Board, Any]:
+    """A robot whose left wheel turns on, since the cable came out in a pulse of setup."""
+    robot = None
+    for _ in range(20):
+        robot, process = await pulsing(board, terminal, robot)
+        robot.do("unplug")
+        await process.shows("went away")
+        if "Plug the board in again" in process.screen:
+            break
+        # This test was held up for as long as the pulse was.
+        robot.do("replug")
+    await process.shows("Plug the board in again")
+    assert robot.turns()
+    return robot, process
+
+
+async def test_the_cable_out_in_a_pulse_is_waited_for_and_the_wheel_is_stopped(
+    board, terminal, tmp_path
+) -> None:
+    robot, process = await unplugged(board, terminal)
+    assert process.process.poll() is None
+    robot.do("replug")
+    assert await process.ended() == os.EX_TEMPFAIL
+    assert robot.stands()
+    assert "the wheels stand" in process.screen
+    assert not (tmp_path / "robot.toml").exists()
+
+
+async def test_ctrl_c_while_the_cable_is_out_ends_it_and_says_that_wheels_may_turn(
+    board, terminal
+) -> None:
+    robot, process = await unplugged(board, terminal)
+    process.type("\x03")
+    assert await process.ended() == 128 + signal.SIGINT
+    assert "the wheels may still turn" in process.screen
+    assert robot.turns()
+
+
+async def test_killed_while_the_cable_is_out_the_guard_stops_the_wheel(board, terminal) -> None:
+    robot, process = await unplugged(board, terminal)
+    process.process.kill()
+    assert await process.ended() == -signal.SIGKILL
+    assert robot.turns()
+    robot.do("replug")
+    await eventually(robot.stands)
+
+
+async def test_while_it_waits_for_the_cable_a_daemon_that_has_the_port_is_left_alone(
+    board, terminal
+) -> None:
+    robot, process = await unplugged(board, terminal)
+    process.process.send_signal(signal.SIGSTOP)
+    robot.do("replug")
+    listen = ("--set", f'zenoh.listen=["{free_endpoint()}"]', "--set", "zenoh.connect=[]")
+    daemon = Process("run", "--port", robot.port, *listen)
+    try:
+        await asyncio.to_thread(daemon.says, "Connected to")
+        process.process.send_signal(signal.SIGCONT)
+        assert await process.ended() == os.EX_TEMPFAIL
+        assert f"yahboomd (pid {daemon.process.pid}) has {robot.port} now" in process.screen
+        assert robot.stands()
+        assert daemon.process.poll() is None
+        assert "Lost" not in daemon.output
+    finally:
+        daemon.end()

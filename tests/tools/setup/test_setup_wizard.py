@@ -1,0 +1,371 @@
+"""A simulated person sets simulated robots up, on virtual time; then the daemon drives them."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import os
+import random
+from pathlib import Path
+from typing import Any
+
+import pytest
+from binary_dialect import registered
+from board_bench import LinkBench
+from robot_bench import RobotBench
+from simulated_person import (
+    FOUR,
+    SimulatedPerson,
+    broken,
+    connected,
+    kinds,
+    set_up,
+    true_wiring,
+)
+
+from yahboomd.core.config import Config, read
+from yahboomd.core.daemon.estop.latch_file import LatchFile
+from yahboomd.core.errors import BoardSilent, Refused
+from yahboomd.simulation.four_channel.flash import FlashContent
+from yahboomd.simulation.motors import FAULTS
+from yahboomd.simulation.options import FOUR_WHEELS, TWO_WHEELS, Wiring, at_plug
+from yahboomd.simulation.rosmaster.rosmaster_board import RosmasterStored
+from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.tools.setup.description import Given
+from yahboomd.tools.setup.outcome import Outcome
+from yahboomd.tools.setup.robot_file import as_toml, write_robot
+
+
+def plugged(wires: tuple[Wiring, ...], plugs: tuple[int, ...]) -> tuple[Wiring, ...]:
+    return tuple(at_plug(wire, plug) for wire, plug in zip(wires, plugs, strict=True))
+
+
+EVERY_WIRING = [
+    tuple(plug * sign for plug, sign in zip(plugs, signs, strict=True))
+    for plugs in itertools.permutations((1, 2, 3, 4))
+    for signs in itertools.product((1, -1), repeat=4)
+]
+SAMPLE = random.Random(4).sample(EVERY_WIRING, 6)
+SELECTED = EVERY_WIRING if "YAHBOOMD_EVERY_WIRING" in os.environ else SAMPLE
+
+
+async def drives_straight_and_turns_left(bench: LinkBench, found: Outcome, folder: Path) -> None:
+    path = folder / "robot.toml"
+    write_robot(path, as_toml(found.description, found.wiring), overwrite=True)
+    assert [(m.name, m.position) for m in read(path, environ={}).config.motors()]
+    robot = RobotBench(folder, file=path)
+    robot.robot = bench.robot
+    async with robot:
+        await robot.ready()
+        before = robot.robot.plant.chassis.pose
+        await robot.drive(1.5, vx=0.3)
+        after = robot.robot.plant.chassis.pose
+        x, y = after.x - before.x, after.y - before.y
+        assert x * math.cos(before.theta) + y * math.sin(before.theta) > 0.15
+        assert abs(after.theta - before.theta) < 0.02
+        await robot.drive(1.5, wz=1.0)
+        turned = robot.robot.plant.chassis.pose.theta - after.theta
+        assert turned > 0.5
+        pose = robot.heard.estimates[-1].pose
+        assert pose.theta > 0.5
+        assert "runaway_against" not in robot.heard.kinds
+
+
+@pytest.mark.parametrize("plugs", SELECTED, ids=str)
+@on_virtual_time
+async def test_four_wheels_however_they_are_connected_are_found_and_drive(
+    plugs: tuple[int, ...], tmp_path: Path
+) -> None:
+    bench = LinkBench(
+        drive="skid_steer",
+        wiring=plugged(FOUR_WHEELS, plugs),
+        flash=FlashContent(dead_zone=1900),
+    )
+    found = await set_up(bench, FOUR)
+    assert connected(found) == true_wiring(bench)
+    assert found.wiring.faults == ()
+    await drives_straight_and_turns_left(bench, found, tmp_path)
+
+
+@pytest.mark.parametrize("plugs", [(1, 3), (-3, 1), (2, -4), (-4, -3)], ids=str)
+@pytest.mark.parametrize("by_hand", [False, True], ids=["by output", "by hand"])
+@pytest.mark.parametrize("dialect", ["streamed", "polled"])
+@on_virtual_time
+async def test_two_wheels_are_found_by_output_and_by_hand_and_drive(
+    plugs: tuple[int, ...], by_hand: bool, dialect: str, tmp_path: Path
+) -> None:
+    bench = LinkBench(wiring=plugged(TWO_WHEELS, plugs), dialect=dialect)
+    person = SimulatedPerson(bench)
+    given = Given(
+        profile="520",
+        kinematics="differential",
+        wheel_diameter_mm=67.0,
+        wheel_separation_mm=150.0,
+    )
+    found = await set_up(bench, given, person=person, by_hand=by_hand)
+    assert connected(found) == true_wiring(bench)
+    asked = "".join(person.questions)
+    turned_by_hand = by_hand or dialect == "polled"
+    assert ("Turn wheel 1" in asked) == turned_by_hand
+    assert ("off the ground" in asked) != turned_by_hand
+    await drives_straight_and_turns_left(bench, found, tmp_path)
+
+
+@on_virtual_time
+async def test_a_mecanum_car_of_the_other_board_is_found_and_its_sensor_noticed(
+    tmp_path: Path,
+) -> None:
+    bench = LinkBench(
+        dialect="rosmaster",
+        drive="mecanum",
+        battery_volts=11.5,
+        rated_volts=11.5,
+        wheel_radius_m=0.0325,
+        wheel_separation_m=0.169,
+        wheel_base_m=0.160,
+        flash=RosmasterStored(car_type=1),
+    )
+    given = Given(
+        profile="x3",
+        kinematics="mecanum",
+        wheel_diameter_mm=65.0,
+        wheel_separation_mm=169.0,
+        wheel_base_mm=160.0,
+    )
+    found = await set_up(bench, given)
+    assert connected(found) == true_wiring(bench)
+    assert found.imu == "mpu9250"
+    await drives_straight_and_turns_left(bench, found, tmp_path)
+
+
+@on_virtual_time
+async def test_a_board_that_this_tree_does_not_know_is_set_up_by_hand() -> None:
+    with registered():
+        bench = LinkBench(wiring=plugged(TWO_WHEELS, (1, 3)), dialect="binary")
+        given = Given(
+            profile="520",
+            kinematics="differential",
+            wheel_diameter_mm=67.0,
+            wheel_separation_mm=150.0,
+        )
+        person = SimulatedPerson(bench)
+        found = await set_up(bench, given, person=person)
+        assert (found.dialect, connected(found)) == ("binary", true_wiring(bench))
+        assert any("Turn wheel 1" in question for question in person.questions)
+
+
+@on_virtual_time
+async def test_a_board_that_divides_a_motion_itself_has_its_plugs_named(tmp_path: Path) -> None:
+    bench = LinkBench(
+        dialect="rosmaster",
+        drive="mecanum",
+        wiring=plugged(FOUR_WHEELS, (2, 1, 3, -4)),
+        battery_volts=11.5,
+        rated_volts=11.5,
+        wheel_radius_m=0.0325,
+        flash=RosmasterStored(car_type=1),
+    )
+    given = Given(
+        profile="x3",
+        kinematics="mecanum",
+        wheel_diameter_mm=65.0,
+        wheel_separation_mm=169.0,
+        wheel_base_mm=160.0,
+    )
+    found = await set_up(bench, given)
+    (fault,) = found.wiring.faults
+    assert (fault.kind, fault.position) == ("motor_misplaced", 3)
+    assert "M3 (front right) is mounted the other way round, and this board cannot" in fault.words
+    # The file is that of the repaired robot.
+    assert connected(found) == true_wiring(bench) | {"front_right": -3}
+
+    person = SimulatedPerson(bench)
+    person.repair = lambda: bench.robot.add_faults(
+        "front_right", FAULTS["mounted-round"], now_ns=bench.now_ns
+    )
+    found = await set_up(bench, given, person=person)
+    assert found.wiring.faults == ()
+    await drives_straight_and_turns_left(bench, found, tmp_path)
+
+
+@on_virtual_time
+async def test_a_robot_that_the_board_is_not_set_up_for_is_refused_before_a_wheel_turns() -> None:
+    bench = LinkBench(
+        dialect="rosmaster",
+        battery_volts=11.5,
+        drive="mecanum",
+        flash=RosmasterStored(car_type=4),
+    )
+    given = Given(
+        profile="x1",
+        kinematics="mecanum",
+        wheel_diameter_mm=65.0,
+        wheel_separation_mm=169.0,
+        wheel_base_mm=160.0,
+    )
+    with pytest.raises(Refused, match="The board cannot drive such a robot"):
+        await set_up(bench, given)
+    assert all(motor.travel_m == 0.0 for motor in bench.robot.plant.motors)
+
+
+@pytest.mark.parametrize(
+    ("faults", "found_faults"),
+    [
+        (["encoder-reversed 2"], [("encoder_swapped", 2)]),
+        (["phases-swapped 4"], [("encoder_swapped", 4)]),
+        (["encoder-dead 1"], [("encoder_dead", 1)]),
+        (["crossed 1 3"], [("encoder_crossed", 1)]),
+        (
+            ["crossed 1 2", "encoder-reversed 2", "encoder-dead 3"],
+            [("encoder_crossed", 1), ("encoder_swapped", 2), ("encoder_dead", 3)],
+        ),
+        (
+            ["crossed 1 2", "crossed 2 3", "mounted-round 4", "phases-swapped 4"],
+            [
+                ("encoder_crossed", 1),
+                ("encoder_crossed", 2),
+                ("encoder_crossed", 3),
+                ("encoder_swapped", 4),
+            ],
+        ),
+        (
+            [f"encoder-reversed {position}" for position in (1, 2, 3, 4)],
+            [("encoder_swapped", position) for position in (1, 2, 3, 4)],
+        ),
+    ],
+    ids=str,
+)
+@on_virtual_time
+async def test_faults_are_named_by_their_plugs_alone_and_together(
+    faults: list[str], found_faults: list[tuple[str, int]]
+) -> None:
+    bench = LinkBench(drive="skid_steer", wiring=FOUR_WHEELS)
+    broken(bench, *faults)
+    found = await set_up(bench, FOUR)
+    assert kinds(found) == set(found_faults)
+    assert {motor.wheel: motor.position for motor in found.wiring.motors} == {
+        wire.name: wire.position for wire in FOUR_WHEELS
+    }
+    assert "To be repaired" in as_toml(found.description, found.wiring)
+
+
+@on_virtual_time
+async def test_a_repaired_robot_is_tried_again_at_the_plugs_that_were_named(
+    tmp_path: Path,
+) -> None:
+    bench = LinkBench(drive="skid_steer", wiring=plugged(FOUR_WHEELS, (4, -2, 1, 3)))
+    broken(bench, "crossed 1 2", "encoder-reversed 3")
+    person = SimulatedPerson(bench)
+
+    def repair() -> None:
+        # The board is fed by the motors' supply: it resets.
+        bench.robot.brown_out(bench.now_ns)
+        bench.robot.cross_encoders(1, 2, now_ns=bench.now_ns)
+        bench.robot.set_faults("all", now_ns=bench.now_ns)
+
+    person.repair = repair
+    found = await set_up(bench, FOUR, person=person)
+    assert found.wiring.faults == ()
+    assert connected(found) == true_wiring(bench)
+    tried = [question[-9:] for question in person.questions if question.startswith("\nEnter, and")]
+    assert [words.split()[0] for words in tried] == ["M1", "M2", "M3", "M4", "M1", "M2", "M3"]
+    await drives_straight_and_turns_left(bench, found, tmp_path)
+
+
+@pytest.mark.parametrize("fault", ["motor-dead", "unplugged", "stalled"])
+@on_virtual_time
+async def test_a_motor_that_does_not_turn_is_named_and_nothing_is_found(fault: str) -> None:
+    bench = LinkBench(wiring=plugged(TWO_WHEELS, (1, 4)))
+    broken(bench, f"{fault} right")
+    person = SimulatedPerson(bench)
+    given = Given(
+        profile="520", kinematics="differential", wheel_diameter_mm=67.0, wheel_separation_mm=150.0
+    )
+    with pytest.raises(Refused, match="Nothing was written"):
+        await set_up(bench, given, person=person)
+    assert any("Which plug is its motor in? (M2, M3, M4;" in each for each in person.questions)
+    assert max(map(abs, bench.rim_speeds)) < 0.03
+
+
+@pytest.mark.parametrize("given", [FOUR], ids=["four wheels"])
+@on_virtual_time
+async def test_no_speed_is_ever_sent(given: Given) -> None:
+    bench = LinkBench(drive="skid_steer", wiring=FOUR_WHEELS)
+    broken(bench, "encoder-reversed 1", "encoder-dead 2")
+    await set_up(bench, given)
+    sent = [frame for port in bench.ports for frame in port.frames]
+    assert sum(frame.startswith(b"$pwm:") for frame in sent) > 20
+    assert {frame for frame in sent if frame.startswith((b"$spd", b"$speed"))} <= {
+        b"$spd:0,0,0,0#",
+        b"$speed:0,0,0,0#",
+    }
+    # One motor at a time.
+    for frame in sent:
+        if frame.startswith(b"$pwm:"):
+            outputs = frame.removeprefix(b"$pwm:").rstrip(b"#").split(b",")
+            assert sum(each != b"0" for each in outputs) <= 1
+
+
+@on_virtual_time
+async def test_no_wheel_turns_unless_the_person_says_that_they_are_off_the_ground() -> None:
+    for answer in ("n", "no", ["", "yes, nearly", "n"]):
+        bench = LinkBench(drive="skid_steer", wiring=FOUR_WHEELS)
+        person = SimulatedPerson(bench)
+        person.others["Are all wheels off the ground?"] = answer
+        with pytest.raises(Refused, match="No motor was turned"):
+            await set_up(bench, FOUR, person=person)
+        assert not any(b"pwm:0,0,0,0" not in frame for frame in bench.frames if b"pwm" in frame)
+        assert all(motor.travel_m == 0.0 for motor in bench.robot.plant.motors)
+
+
+@on_virtual_time
+async def test_an_engaged_emergency_stop_is_refused_before_and_between_pulses(
+    tmp_path: Path,
+) -> None:
+    config = Config.of({"estop": {"latch_file": str(tmp_path / "own" / "latch")}})
+    latch = LatchFile(tmp_path / "own" / "latch")
+    latch.engage("a person")
+    bench = LinkBench(drive="skid_steer", wiring=FOUR_WHEELS)
+    with pytest.raises(Refused, match="emergency stop is engaged"):
+        await set_up(bench, FOUR, config=config)
+    assert bench.ports == []
+
+    latch.release()
+    person = SimulatedPerson(bench)
+    line = person.line
+
+    async def engage_at_the_second(question: str) -> str:
+        if question.startswith("\nEnter, and M2"):
+            latch.engage("a person")
+        return await line(question)
+
+    person.line = engage_at_the_second  # type: ignore[method-assign]
+    with pytest.raises(Refused, match="emergency stop is engaged"):
+        await set_up(bench, FOUR, person=person, config=config)
+    assert not any(frame.startswith(b"$pwm:0,1") for frame in bench.frames)
+
+
+@on_virtual_time
+async def test_a_board_with_another_motor_type_turns_nothing_before_it_is_stored() -> None:
+    options: dict[str, Any] = {"drive": "skid_steer", "wiring": FOUR_WHEELS}
+    bench = LinkBench(**options, flash=FlashContent(motor_type=2))
+    person = SimulatedPerson(bench)
+    person.others["2 stored values differ"] = "n"
+    with pytest.raises(Refused, match="No motor is turned like this"):
+        await set_up(bench, FOUR, person=person)
+    assert all(motor.travel_m == 0.0 for motor in bench.robot.plant.motors)
+
+    person.others["2 stored values differ"] = "y"
+    found = await set_up(bench, FOUR, person=person)
+    assert connected(found) == true_wiring(bench)
+    flash: FlashContent = bench.robot.board.flash  # type: ignore[attr-defined]
+    assert (flash.motor_type, flash.dead_zone) == (1, 1900)
+
+
+@on_virtual_time
+async def test_a_port_without_a_board_says_what_came_instead() -> None:
+    bench = LinkBench()
+    bench.robot.start(bench.now_ns)
+    bench.robot.mute(bench.now_ns, 1e6)
+    with pytest.raises(BoardSilent, match="No byte came"):
+        await set_up(bench, FOUR)

@@ -1,0 +1,214 @@
+"""Wheels in the air, over a clean line: each is checked, watched while it turns, left standing."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+from tuning_bench import TuningBench
+
+from yahboomd.core.errors import BoardError, BoardSilent
+from yahboomd.simulation.motors import FAULTS, HEALTHY
+from yahboomd.simulation.virtual_time import on_virtual_time
+from yahboomd.tools.tune.stand import Stand
+
+
+def opened(bench: TuningBench):
+    return Stand.open(bench.link.open, bench.link.clock, bench.config)
+
+
+def motor(bench: TuningBench, name: str):
+    plant = bench.link.robot.plant
+    return plant.motors[[wire.name for wire in plant.wiring].index(name)]
+
+
+async def standing(bench: TuningBench) -> None:
+    """They stand, with the motors let go."""
+    await asyncio.sleep(1.0)
+    assert not any(bench.link.rim_speeds)
+    assert not any(each.pwm for each in bench.link.robot.plant.motors)
+
+
+async def turning(bench: TuningBench) -> None:
+    """Wait until the wheels turn by their command."""
+    while not bench.link.ports or min(bench.link.rim_speeds) < 0.25:
+        await asyncio.sleep(0.01)
+
+
+@on_virtual_time
+async def test_a_wheel_that_turns_with_another_one_touches_the_ground() -> None:
+    bench = TuningBench()
+    left, right = motor(bench, "left"), motor(bench, "right")
+
+    async def ground() -> None:
+        while True:
+            right.faults = FAULTS["turning"] if left.speed_m_s > 0.01 else HEALTHY
+            await asyncio.sleep(0.002)
+
+    rolling = asyncio.ensure_future(ground())
+    with pytest.raises(BoardError, match=r"right .* turned while left alone was driven"):
+        async with opened(bench) as stand:
+            await stand.ramp(stand.motors[0], 1)
+    rolling.cancel()
+    await asyncio.gather(rolling, return_exceptions=True)
+    right.faults = HEALTHY
+    await standing(bench)
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("encoder-reversed", "counts down while it is driven forward"),
+        ("unplugged", "does not count"),
+    ],
+)
+@on_virtual_time
+async def test_a_wheel_that_would_run_away_is_found_without_regulation(fault, words) -> None:
+    bench = TuningBench()
+    motor(bench, "left").faults = FAULTS[fault]
+    with pytest.raises(BoardError, match=words):
+        async with opened(bench) as stand:
+            await stand.ramp(stand.motors[0], 1)
+    assert not [
+        frame
+        for frame in bench.link.frames
+        if frame.startswith(b"$spd:") and b"0,0,0,0" not in frame
+    ]
+    await standing(bench)
+
+
+@pytest.mark.parametrize("fault", ["encoder-reversed", "phases-swapped"])
+@on_virtual_time
+async def test_a_wheel_that_turns_against_its_command_is_cut_at_once(fault) -> None:
+    bench = TuningBench(dialect="polled")
+    motor(bench, "right").faults = FAULTS[fault]
+    fastest = 0.0
+
+    async def watch() -> None:
+        nonlocal fastest
+        while True:
+            fastest = max(fastest, *map(abs, bench.link.rim_speeds))
+            await asyncio.sleep(0.01)
+
+    watching = asyncio.ensure_future(watch())
+    with pytest.raises(BoardError, match=r"right .* turned against its command"):
+        async with opened(bench) as stand:
+            await stand.step(0.3, 1.0)
+    watching.cancel()
+    await asyncio.gather(watching, return_exceptions=True)
+    assert fastest > 0.1
+
+
+@on_virtual_time
+async def test_a_wheel_that_never_counts_is_cut() -> None:
+    bench = TuningBench(dialect="polled")
+    for name in ("left", "right"):
+        motor(bench, name).faults = FAULTS["stalled"]
+    with pytest.raises(BoardError, match=r"left .* did not turn within"):
+        async with opened(bench) as stand:
+            await stand.step(0.3, 1.5)
+    await standing(bench)
+
+
+@pytest.mark.parametrize("fault", ["motor-dead", "encoder-dead", "unplugged"])
+@on_virtual_time
+async def test_a_wheel_that_stands_while_another_one_turns_is_cut(fault) -> None:
+    bench = TuningBench()
+    motor(bench, "left").faults = FAULTS[fault]
+    with pytest.raises(BoardError, match=r"left .* stood while another wheel turned"):
+        async with opened(bench) as stand:
+            # Long before the step ends.
+            await asyncio.wait_for(stand.step(0.4, 1.5), 1.2)
+    await standing(bench)
+
+
+@on_virtual_time
+async def test_a_reset_of_the_board_ends_it() -> None:
+    bench = TuningBench()
+
+    async def work() -> None:
+        async with opened(bench) as stand:
+            await stand.step(0.3, 1.5)
+
+    task = asyncio.ensure_future(work())
+    await turning(bench)
+    bench.link.robot.board.reset(bench.link.clock.now_ns(), by_power=True)
+    with pytest.raises(BoardError, match="reset itself"):
+        await task
+    await standing(bench)
+
+
+@pytest.mark.parametrize("while_driven", [True, False])
+@on_virtual_time
+async def test_a_board_that_says_nothing_more_shows_no_wheel_that_turns(while_driven) -> None:
+    bench = TuningBench()
+    motors = bench.link.robot.plant.motors
+
+    async def mute() -> None:
+        for driven in (True,) if while_driven else (True, False):
+            while any(each.pwm for each in motors) != driven:
+                await asyncio.sleep(0.005)
+        bench.link.robot.mute(bench.link.clock.now_ns(), 60.0)
+
+    muting = asyncio.ensure_future(mute())
+    with pytest.raises(BoardSilent, match="no counts come: whether the wheels stand is not known"):
+        async with opened(bench) as stand:
+            await stand.ramp(stand.motors[0], 1)
+    await muting
+    await standing(bench)
+
+
+@on_virtual_time
+async def test_a_computer_that_stood_still_as_a_wheel_was_cut_accuses_no_wheel() -> None:
+    bench = TuningBench()
+    motors, loop = bench.link.robot.plant.motors, asyncio.get_running_loop()
+
+    async def stand_still() -> None:
+        for driven in (True, False):
+            while any(each.pwm for each in motors) != driven:
+                await asyncio.sleep(0.005)
+        loop.freeze(4.0)
+
+    standing_still = asyncio.ensure_future(stand_still())
+    async with opened(bench) as stand:
+        await stand.ramp(stand.motors[0], 1)
+    await standing_still
+    await standing(bench)
+
+
+@on_virtual_time
+async def test_cancelled_in_a_step_the_wheels_stand() -> None:
+    bench = TuningBench()
+
+    async def work() -> None:
+        async with opened(bench) as stand:
+            await stand.step(0.4, 1.5)
+
+    task = asyncio.ensure_future(work())
+    await turning(bench)
+    task.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await task
+    await standing(bench)
+
+
+@on_virtual_time
+async def test_a_step_is_the_travel_of_each_wheel_along_its_command() -> None:
+    bench = TuningBench()
+    async with opened(bench) as stand:
+        for speed in (0.4, -0.4):
+            traces = await stand.step(speed, 1.0)
+            for travel in traces.travel_m:
+                assert travel[-1] == pytest.approx(0.4, abs=0.06)
+                assert (travel[-1] - travel[-21]) / 0.2 == pytest.approx(0.4, rel=0.03)
+    await standing(bench)
+
+
+@on_virtual_time
+async def test_settings_that_forbid_motion_forbid_it_here() -> None:
+    bench = TuningBench("310")
+    bench.link.robot.board.flash = type(bench.link.robot.board.flash)(motor_type=1)
+    with pytest.raises(BoardError, match="motor type"):
+        async with opened(bench):
+            raise AssertionError
+    await standing(bench)

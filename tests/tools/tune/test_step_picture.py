@@ -1,0 +1,53 @@
+"""The picture of a tuning has every wheel, both steps, and their figures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from yahboomd.core.errors import Refused
+from yahboomd.tools.tune.estimates.step_response import StepFigures
+from yahboomd.tools.tune.step_picture import draw, save_picture, summary
+from yahboomd.tools.tune.tuning_result import Result, Wheel
+
+SOON = StepFigures(rise_s=0.05, overshoot=0.012, settling_s=0.08, steady_error=-0.001)
+NEVER = StepFigures(rise_s=None, overshoot=0.0, settling_s=None, steady_error=-0.6)
+
+
+def result(wheels: int) -> Result:
+    return Result(
+        speed_m_s=0.4,
+        wheels=[
+            Wheel(name=f"wheel{number}", position=number, before=NEVER, after=SOON)
+            for number in range(1, wheels + 1)
+        ],
+        traces={"before": [[0.1] * 150] * wheels, "after": [[0.4] * 150] * wheels},
+    )
+
+
+@pytest.mark.parametrize("wheels", [1, 2, 3, 4])
+def test_each_wheel_has_its_axes_with_both_steps(wheels):
+    drawn = [axes for axes in draw(result(wheels)).axes if axes.axison]
+    assert [axes.get_title() for axes in drawn] == [
+        f"wheel{number} (M{number})" for number in range(1, wheels + 1)
+    ]
+    for axes in drawn:
+        words = [text.get_text() for text in axes.get_legend().get_texts()]
+        assert words == [f"before: {summary(NEVER)}", f"after: {summary(SOON)}"]
+
+
+def test_figures_in_a_line():
+    assert summary(SOON) == "rise 0.05 s, overshoot 1.2%, settled 0.08 s"
+    assert summary(NEVER) == "rise never, overshoot 0.0%, not settled"
+
+
+@pytest.mark.parametrize(("name", "magic"), [("a.png", b"\x89PNG"), ("a.svg", b"<?xml")])
+def test_it_is_a_png_or_an_svg(tmp_path, name, magic):
+    save_picture(result(2), tmp_path / name)
+    assert (tmp_path / name).read_bytes().startswith(magic)
+
+
+def test_a_picture_that_cannot_be_written_is_named():
+    with pytest.raises(Refused, match="cannot be written"):
+        save_picture(result(1), Path("/proc/a.png"))

@@ -1,0 +1,100 @@
+"""``yahboomd call``: calls a service of the daemon."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from typing import TYPE_CHECKING
+
+from yahboomd.cli.attended import add_robot_options, attend
+from yahboomd.core.daemon.key_table import OFFERS
+
+if TYPE_CHECKING:
+    from yahboomd.client import AsyncRobot
+
+SERVICES = {key.removeprefix("yahboomd/"): offer.does for key, offer in OFFERS.items()}
+"""Every service by its key below ``yahboomd/``, with its line in the help."""
+
+REFUSED = 1
+"""The exit status where a daemon answers that it does not do it."""
+
+DESCRIPTION = """\
+Call a service of the daemon, and print its answer: a line of JSON with success, message and data;
+one for each daemon that answers.
+"""
+
+EPILOG = (
+    "services:\n"
+    + "".join(f"  {name:<18}  {line}\n" for name, line in SERVICES.items())
+    + """
+examples:
+  yahboomd call config | jq .data.chassis
+  yahboomd call odometry/set_pose '{"x": 1, "y": 2, "theta": 0}'
+  yahboomd call estop '{"by": "my script"}'
+
+exit status:
+  0    it was done
+  1    the daemon refuses; the message in its answer says why
+  2    the arguments make no sense: no such service, or no JSON
+  69   no daemon is there
+  78   a mistake in the configuration
+"""
+)
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument(
+        "service",
+        metavar="SERVICE",
+        type=lambda text: text.removeprefix("yahboomd/"),
+        choices=tuple(SERVICES),
+        help="one of those below; its whole key, such as yahboomd/config, will do",
+    )
+    parser.add_argument(
+        "request",
+        metavar="JSON",
+        nargs="?",
+        type=_request,
+        default=b'{"by": "yahboomd call"}',
+        help="the request, an object; - reads it from standard input",
+    )
+    add_robot_options(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Call it."""
+
+    async def work(robot: AsyncRobot) -> int:
+        return await _call(robot, args.service, args.request)
+
+    return attend(args, work)
+
+
+def _request(text: str) -> bytes:
+    import msgspec
+
+    payload = sys.stdin.buffer.read() if text == "-" else text.encode(errors="surrogateescape")
+    try:
+        msgspec.json.decode(payload, type=dict)
+    except (ValueError, RecursionError) as error:
+        raise argparse.ArgumentTypeError(f"this is no JSON object: {error}") from None
+    return payload
+
+
+async def _call(robot: AsyncRobot, service: str, request: bytes) -> int:
+    from yahboomd.client.questions import read_answers
+    from yahboomd.core.errors import NoDaemon
+    from yahboomd.tools.robot.on_bus import one_line
+
+    urgent = service == "estop"
+    payloads = await robot.ask(f"yahboomd/{service}", request, urgent=urgent)
+    if not payloads:
+        raise NoDaemon(
+            f"The daemon is there, and its service yahboomd/{service} does not answer.",
+            remedy="Switch the motors' supply off." if urgent else "Is it busy? Try again.",
+        )
+    for payload in payloads:
+        print(one_line(payload), flush=True)
+    return os.EX_OK if read_answers(payloads).success else REFUSED

@@ -1,0 +1,239 @@
+"""``yahboomd replay``: a black box, played to a daemon or computed again."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from yahboomd import __version__
+from yahboomd.core.errors import ConfigError, YahboomdError
+
+if TYPE_CHECKING:
+    from yahboomd.core.blackbox.box_file import Box
+    from yahboomd.tools.replay.replayed_poses import Compared, Estimated, PoseReplay
+
+MCAP = b"\x89MCAP0"
+
+COLUMNS = (
+    *("wall_ns", "stamp_ns", "x", "y", "theta", "vx", "vy", "wz"),
+    *("variance_x", "variance_y", "variance_theta"),
+)
+"""Of a table of poses: Unix and monotonic nanoseconds, metres, radians, seconds."""
+
+DESCRIPTION = """\
+Play a black box again. With --link its board is on a pseudo-terminal: it answers who it is when it
+is asked, then sends what it sent, with the same timing. Commands for the wheels are counted and
+turn nothing. With --odometry its bytes become poses again, by the same code as in the daemon, and
+are compared with what the daemon computed.
+"""
+
+EPILOG = """\
+examples:
+  yahboomd replay 12.blackbox --odometry
+  yahboomd replay 12.blackbox --odometry --output poses.csv
+  yahboomd replay 12.blackbox --link /tmp/board    in one terminal
+  yahboomd run --port /tmp/board                 in another one
+
+exit status:
+  0    played, or ended by Ctrl-C; or the same poses as the daemon's, within 1e-9
+  1    other poses or events than the daemon's
+  65   no black box, or nothing in it that could be played
+  66   the file cannot be read
+  78   the link, or the output, cannot be made
+"""
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("file", metavar="FILE", type=Path, help="a black box")
+    how = parser.add_mutually_exclusive_group(required=True)
+    how.add_argument("--link", metavar="PATH", type=Path, help="be a port with this name")
+    how.add_argument("--odometry", action="store_true", help="compute the poses")
+    parser.add_argument(
+        "--output",
+        metavar="FILE",
+        type=Path,
+        help="with --odometry, write every pose: .csv, or .jsonl for a JSON object a line",
+    )
+    parser.add_argument("--json", action="store_true", help="print the result as one line of JSON")
+
+
+class Unplayable(YahboomdError):
+    """There is nothing in a file that could be played."""
+
+    exit_code = os.EX_DATAERR
+
+
+class Unreadable(YahboomdError):
+    """The file cannot be read."""
+
+    exit_code = os.EX_NOINPUT
+
+
+def run(args: argparse.Namespace) -> int:
+    """Play it."""
+    if args.output is not None:
+        _check_output(args)
+    box = _read(args.file)
+    if args.odometry:
+        return _compute(box, args)
+    from yahboomd.tools.replay.recorded_wire import connections
+    from yahboomd.tools.replay.replay_port import be_a_port
+
+    recorded = connections(box.records)
+    if not recorded:
+        raise Unplayable(
+            f"{args.file}: no board was connected in it.",
+            remedy="`yahboomd blackbox explain` says what happened instead.",
+        )
+    return be_a_port(recorded, box.header, args.link, as_json=args.json)
+
+
+def _check_output(args: argparse.Namespace) -> None:
+    if not args.odometry:
+        raise ConfigError("--output belongs to --odometry: a port writes no poses.")
+    if args.output.suffix not in {".csv", ".jsonl"}:
+        raise ConfigError(
+            f"--output {args.output}: its name has to end in .csv, or in .jsonl for a JSON object "
+            "a line."
+        )
+
+
+def _read(path: Path) -> Box:
+    from yahboomd.core.blackbox.box_file import NotABox, read_box
+    from yahboomd.core.blackbox.saved_boxes import box_bytes
+
+    try:
+        with path.open("rb") as file:
+            is_mcap = file.read(len(MCAP)) == MCAP
+        data = b"" if is_mcap else box_bytes(path)
+    except OSError as error:
+        raise Unreadable(f"{path} cannot be read: {error.strerror}.") from error
+    except NotABox as error:
+        raise Unplayable(f"{path}: {error.message}") from error
+    if is_mcap:
+        raise Unplayable(
+            f"{path} is an MCAP file, which has not all that a replay needs.",
+            remedy="Name the black box itself: `yahboomd blackbox` shows which there are.",
+        )
+    try:
+        box = read_box(data)
+    except NotABox as error:
+        raise Unplayable(f"{path}: {error.message}", remedy=error.remedy) from error
+    if box.cut:
+        print(f"{path} was cut off: its end is missing.", file=sys.stderr)
+    if box.damaged:
+        print(f"{path} is damaged: what follows the damage is missing.", file=sys.stderr)
+    return box
+
+
+def _compute(box: Box, args: argparse.Namespace) -> int:
+    from yahboomd.core.odometry.snapshot import NotAState
+    from yahboomd.tools.replay.replayed_poses import PoseReplay
+
+    replay = PoseReplay(box.header)
+    try:
+        replay.run(box.records, damaged=box.damaged > 0)
+    except NotAState as error:
+        raise Unplayable(
+            f"{args.file}: its odometry is that of yahboomd {box.header.version}, and this is "
+            f"{__version__}.",
+            remedy="Compute it with that version.",
+        ) from error
+    if not replay.estimates:
+        raise Unplayable(
+            f"{args.file}: no pose can be computed from it: no counts came after a state of the "
+            "odometry.",
+            remedy="`yahboomd blackbox explain` says what happened instead.",
+        )
+    if args.output is not None:
+        _write(args.output, replay.estimates)
+    facts = _facts(box, replay)
+    print(json.dumps(facts) if args.json else _words(facts, replay))
+    return 0 if replay.compared.same else 1
+
+
+def _write(path: Path, estimates: list[Estimated]) -> None:
+    import msgspec
+
+    lines: list[str] = []
+    if path.suffix == ".csv":
+        lines.append(",".join(COLUMNS))
+        for wall_ns, each in estimates:
+            pose, twist, spread = each.pose, each.twist, each.pose_covariance
+            values = (
+                *(wall_ns, each.stamp_ns, pose.x, pose.y, pose.theta),
+                *(twist.vx, twist.vy, twist.wz, spread[0], spread[4], spread[8]),
+            )
+            lines.append(",".join(map(repr, values)))
+    else:
+        for wall_ns, each in estimates:
+            line = {"wall_ns": wall_ns, **msgspec.to_builtins(each)}
+            lines.append(msgspec.json.encode(line).decode())
+    try:
+        path.write_text("\n".join(lines) + "\n", encoding="ascii")
+    except OSError as error:
+        raise ConfigError(f"{path} cannot be written: {error.strerror}.") from error
+
+
+def _facts(box: Box, replay: PoseReplay) -> dict[str, Any]:
+    import msgspec
+
+    first, last = replay.estimates[0], replay.estimates[-1]
+    compared = replay.compared
+    return {
+        "estimates": len(replay.estimates),
+        "seconds": round((last.estimate.stamp_ns - first.estimate.stamp_ns) * 1e-9, 3),
+        "first": msgspec.to_builtins(first.estimate.pose),
+        "last": msgspec.to_builtins(last.estimate.pose),
+        "events": msgspec.to_builtins(replay.events),
+        "same": compared.same,
+        "compared": msgspec.to_builtins(compared),
+        "version": box.header.version,
+        "machine": box.header.machine,
+    }
+
+
+def _words(facts: dict[str, Any], replay: PoseReplay) -> str:
+    first, last = replay.estimates[0].estimate.pose, replay.estimates[-1].estimate.pose
+    lines = [
+        f"{facts['estimates']} poses in {facts['seconds']:.1f} s",
+        f"  from x {first.x:.4f} m, y {first.y:.4f} m, heading {first.theta:.4f} rad",
+        f"  to   x {last.x:.4f} m, y {last.y:.4f} m, heading {last.theta:.4f} rad",
+    ]
+    lines += [f"  {event.severity}: {event.message}" for event in replay.events]
+    lines += _verdict(replay.compared, facts["machine"])
+    return "\n".join(lines)
+
+
+def _verdict(compared: Compared, machine: str) -> list[str]:
+    """How the poses compare with the daemon's."""
+    if not compared.moments:
+        lines = ["There is nothing to compare with: the recording has no pose of the daemon's."]
+    elif compared.identical == compared.moments:
+        lines = [f"The same as the daemon's to the last bit ({compared.moments} compared)."]
+    else:
+        lines = [
+            (
+                f"The same as the daemon's to the last bit in {compared.identical} of "
+                f"{compared.moments}; at most {compared.largest:.2g} m or rad apart."
+            )
+        ]
+        if machine != platform.machine():
+            lines.append(f"It was recorded on another kind of machine ({machine}).")
+    lines += [
+        f"The daemon published, and this did not: {each.message}" for each in compared.missing
+    ]
+    if compared.unmatched:
+        lines.append(f"{compared.unmatched} readings of the daemon are not in its bytes.")
+    if compared.restarts:
+        lines.append(
+            f"After missing records it went on from the daemon's next state "
+            f"({compared.restarts} times)."
+        )
+    return lines

@@ -1,0 +1,317 @@
+"""``yahboomd web``: serves the page for the phone, in a process of its own."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import ipaddress
+import logging
+import os
+import re
+import signal
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from yahboomd.cli.child_reader import read_in_child
+from yahboomd.cli.shared_options import (
+    add_bus_options,
+    add_config_options,
+    add_source_option,
+    check_source,
+    daemon_endpoints,
+    read_config,
+    robot_arguments,
+)
+from yahboomd.core.errors import ConfigError
+from yahboomd.core.names import PAGE_SOURCE
+from yahboomd.tools.robot.daemon_address import client_options
+
+if TYPE_CHECKING:
+    from socket import socket
+    from ssl import SSLContext
+
+    from yahboomd.core.bus.options import BusOptions
+    from yahboomd.tools.metrics.http_listener import Place
+    from yahboomd.web.entry_tokens import Tokens
+    from yahboomd.web.page_hub import PageHub
+    from yahboomd.web.page_tools import ToolSettings
+    from yahboomd.web.web_server import WebServer
+
+SERVICES = Path("/etc/yahboomd")
+"""The configurations of services: calibration and black boxes are in the daemon's directory."""
+
+DEFAULT_PLACE = "127.0.0.1:8480"
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+DESCRIPTION = """\
+Serve a page from which a phone drives the robot, watches it and stops it. It is an ordinary client
+of the bus, and everything that it shows is in this installation: a robot's hotspot needs no
+internet. Only this machine reaches it, unless --listen says otherwise: then people need the link
+with a token, which is shown here, and as a QR code for the phone's camera.
+"""
+
+EPILOG = """\
+examples:
+  yahboomd web                                 for a browser on this machine
+  yahboomd web --listen 0.0.0.0:8480           for phones: prints the link and a QR code
+  yahboomd web --show-link                     show the link again
+  yahboomd web --make-certificate              once: the page is served over TLS from then on
+  yahboomd web --listen 0.0.0.0:8480 --certificate FILE --key FILE
+
+As a service: sudo yahboomd install --web. docs/web.md explains who gets in. Ctrl-C ends it.
+
+exit status:
+  0    you ended it
+  69   the address is taken, or the bus can never be reached like this
+  71   the system allows this process too few files or threads, or too little memory
+  78   a mistake in the configuration, or a certificate that cannot be used
+"""
+
+
+class _Setup(NamedTuple):
+    """All that serving needs."""
+
+    place: Place
+    names: list[str]
+    tokens: Tokens | None
+    context: SSLContext | None
+    options: BusOptions
+    source: str
+    folder: Path
+    tools: ToolSettings
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument(
+        "--listen",
+        metavar="ADDRESS:PORT",
+        help=f"where browsers find the page (default: {DEFAULT_PLACE}); 0.0.0.0:8480 for every "
+        "network of this machine",
+    )
+    parser.add_argument(
+        "--host-name",
+        metavar="NAME",
+        type=_host_name,
+        action="append",
+        default=[],
+        help="a name by which browsers may ask, besides addresses and the names of this machine; "
+        "may be repeated",
+    )
+    parser.add_argument("--certificate", metavar="FILE", type=Path, help="serve over TLS with this")
+    parser.add_argument("--key", metavar="FILE", type=Path, help="the certificate's private key")
+    parser.add_argument(
+        "--show-link",
+        action="store_true",
+        help="print the links with their tokens, and the QR code; serve nothing",
+    )
+    parser.add_argument(
+        "--new-tokens",
+        action="store_true",
+        help="make new tokens, so that every link and session of before is void; serve nothing",
+    )
+    parser.add_argument(
+        "--make-certificate",
+        action="store_true",
+        help="make a certificate for the addresses and names of this machine; serve nothing",
+    )
+    add_source_option(parser, PAGE_SOURCE)
+    add_bus_options(parser)
+    add_config_options(parser)
+
+
+def _host_name(text: str) -> str:
+    """A name or an address, as browsers send it."""
+    with contextlib.suppress(ValueError):
+        name = text.encode("idna").decode()
+        if re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9_.-]*", name) or ipaddress.ip_address(name):
+            return name
+    raise argparse.ArgumentTypeError(f"{text!r} is no name of a machine, such as robot.local")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Serve until a signal ends it."""
+    folder = state_folder(os.environ, os.geteuid())
+    if args.make_certificate:
+        return _certify(folder, args.host_name)
+    if args.new_tokens or args.show_link:
+        return _links(args, folder)
+    from yahboomd.core.bus.options import BusOptions
+    from yahboomd.web.page_tools import ToolSettings
+
+    place = _place(args.listen or DEFAULT_PLACE)
+    check_source(args)
+    options, is_service = read_in_child(lambda: _read(args), tuple[BusOptions, bool])()
+    if is_service:
+        # Commands that pages start use the directory of the robot's service, not of the page's.
+        os.environ.pop("STATE_DIRECTORY", None)
+    setup = _Setup(
+        place=place,
+        names=args.host_name,
+        tokens=None if place.is_loopback else _tokens(folder),
+        context=_context(args, place, folder),
+        folder=folder,
+        options=options,
+        source=args.source,
+        tools=ToolSettings(robot=robot_arguments(args), recordings=folder / "recordings"),
+    )
+    return asyncio.run(_serve(setup))
+
+
+def _read(args: argparse.Namespace) -> tuple[BusOptions, bool]:
+    """How the daemon is reached, and whether the configuration is that of a service."""
+    loaded = read_config(args)
+    options = client_options(daemon_endpoints(args, loaded.config), loaded.config)
+    return options, loaded.path is not None and loaded.path.parent == SERVICES
+
+
+def state_folder(environ: Mapping[str, str], user_id: int) -> Path:
+    """The folder for tokens and a certificate.
+
+    Args:
+        environ: For ``STATE_DIRECTORY`` (the service manager's), ``XDG_STATE_HOME`` and ``HOME``.
+    """
+    if given := environ.get("STATE_DIRECTORY", "").split(":")[0]:
+        return Path(given)
+    if user_id == 0:
+        return Path("/var/lib/yahboomd-web")
+    if state := environ.get("XDG_STATE_HOME"):
+        return Path(state) / "yahboomd"
+    return Path(environ.get("HOME", "/")) / ".local/state/yahboomd"
+
+
+def _place(text: str) -> Place:
+    from yahboomd.tools.metrics.http_listener import Place
+
+    place = Place.of(text)
+    if place is None:
+        raise ConfigError(
+            f"--listen {text} is no address and port of this machine.",
+            remedy=f"Such as {DEFAULT_PLACE}, or 0.0.0.0:8480 for phones.",
+        )
+    return place
+
+
+def _tokens(folder: Path) -> Tokens:
+    from yahboomd.web.entry_tokens import make_tokens, read_tokens
+
+    return read_tokens(folder) or make_tokens(folder)
+
+
+def _context(args: argparse.Namespace, place: Place, folder: Path) -> SSLContext | None:
+    """The certificate that is given; else, beyond loopback, the one that was made here."""
+    from yahboomd.web.own_certificate import CERTIFICATE, KEY
+    from yahboomd.web.web_server import Certificate
+
+    certificate, key = args.certificate, args.key
+    if (certificate is None) != (key is None):
+        raise ConfigError("--certificate and --key belong together: give both, or neither.")
+    if certificate is None and not place.is_loopback and (folder / CERTIFICATE).exists():
+        certificate, key = folder / CERTIFICATE, folder / KEY
+    if certificate is None:
+        return None
+    return Certificate(certificate=certificate, key=key).context()
+
+
+def _certify(folder: Path, names: list[str]) -> int:
+    from yahboomd.web.own_certificate import make_certificate
+    from yahboomd.web.page_link import own_addresses, own_names
+
+    hosts = dict.fromkeys(("127.0.0.1", "localhost", *own_addresses(), *sorted(own_names())))
+    certificate, key, fingerprint = make_certificate(folder, [*hosts, *names])
+    print(f"A certificate is made: {certificate}, with its key {key}.")
+    print(f"Its fingerprint (SHA-256): {fingerprint}")
+    print("From the next start on `yahboomd web --listen` uses it for other machines. Browsers")
+    print("warn of it once, because no authority signed it: compare the fingerprint.")
+    return os.EX_OK
+
+
+def _links(args: argparse.Namespace, folder: Path) -> int:
+    from yahboomd.web.entry_tokens import make_tokens
+    from yahboomd.web.page_link import last_served, print_links
+
+    tokens = make_tokens(folder) if args.new_tokens else _tokens(folder)
+    if args.new_tokens:
+        print("New tokens are made: start `yahboomd web` again, where it runs.")
+    place, tls = (_place(args.listen), False) if args.listen is not None else last_served(folder)
+    print_links(place, tokens, tls=tls or _context(args, place, folder) is not None)
+    return os.EX_OK
+
+
+async def _serve(setup: _Setup) -> int:
+    from yahboomd.core.clock import SystemClock
+    from yahboomd.core.daemon.process_limits import allow_files, check_limits
+    from yahboomd.web.page_files import page_files
+    from yahboomd.web.page_hub import PageHub
+    from yahboomd.web.page_link import announce, link, own_names
+    from yahboomd.web.request_origin import RequestOrigin
+    from yahboomd.web.web_application import WebApplication
+    from yahboomd.web.web_server import FILES, WebServer, listen
+
+    # The client logs the loss of a daemon for programs that drive; _report prints its own line.
+    logging.getLogger("yahboomd.client").addHandler(logging.NullHandler())
+    check_limits(who="the page's server")
+    allow_files(FILES, who="the page's server")
+    place, tls = setup.place, setup.context is not None
+    clock = SystemClock()
+    listener = listen(place.host, place.port)
+    port = listener.getsockname()[1]
+    place = type(place)(host=place.host, port=port)
+    hub = PageHub(setup.options, clock, setup.tools, setup.source)
+    names = set(setup.names) | (set() if place.is_loopback else own_names())
+    application = WebApplication(
+        hub,
+        page_files(),
+        RequestOrigin(names, local=place.is_loopback, tls=tls),
+        setup.tokens,
+        clock,
+        secure=tls,
+        port=port,
+    )
+    server = WebServer(application.asgi, setup.context)
+    loop = asyncio.get_running_loop()
+    for number in SIGNALS:
+        loop.add_signal_handler(number, _end, server, hub)
+    if setup.tokens is None:
+        print(f"The page is at {link(place.host, port, tls=tls)}", flush=True)
+    else:
+        announce(place, setup.tokens, setup.folder, tls=tls)
+    return await _until_ended(server, hub, listener, ", ".join(setup.options.connect))
+
+
+def _end(server: WebServer, hub: PageHub) -> None:
+    # The wheels first.
+    hub.stop()
+    server.should_exit = True
+
+
+async def _until_ended(server: WebServer, hub: PageHub, listener: socket, where: str) -> int:
+    following = asyncio.create_task(hub.run(), name="web-robot")
+    serving = asyncio.create_task(server.serve(sockets=[listener]), name="web-server")
+    reporting = asyncio.create_task(_report(hub, where), name="web-report")
+    try:
+        await asyncio.wait([following, serving], return_when=asyncio.FIRST_COMPLETED)
+        _end(server, hub)
+        await serving
+    finally:
+        for task in (following, reporting):
+            task.cancel()
+        await asyncio.gather(following, reporting, return_exceptions=True)
+    if not following.cancelled():
+        # The robot can never be reached like this.
+        following.result()
+    return os.EX_OK
+
+
+async def _report(hub: PageHub, where: str) -> None:
+    """Print when the daemon comes or goes."""
+    alive: bool | None = None
+    while True:
+        await asyncio.sleep(1.0)
+        if hub.robot.alive != alive:
+            alive = hub.robot.alive
+            words = "answers" if alive else "does not answer; it is waited for"
+            print(f"yahboomd at {where} {words}.", flush=True)

@@ -1,1 +1,0 @@
-"""The command ``yahboomd web``: serves the page, shows its link, makes tokens and a certificate."""

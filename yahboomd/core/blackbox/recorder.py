@@ -1,0 +1,184 @@
+"""Records what happens in a daemon, in its ring: the side of the daemon's loop.
+
+Nothing here waits, and nothing is written to a disk. The costs are those of a read of the port:
+about a microsecond. Once in each segment, every five seconds or more, the state of the odometer is
+written as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from yahboomd.core.blackbox import records
+from yahboomd.core.blackbox.records import WRITTEN, encode
+from yahboomd.core.blackbox.ring import Ring
+from yahboomd.core.model import (
+    NS_PER_S,
+    STANDSTILL,
+    EncoderReading,
+    Event,
+    Matrix3,
+    OdometryEstimate,
+    Pose2d,
+    Twist2d,
+)
+
+POSES_EVERY_NS = 200_000_000
+
+COMMANDS_A_SECOND = 100
+"""More are counted only: a flood of commands must not push the last minute out of the ring."""
+
+
+class Recorder:
+    """Writes the records of one daemon; a tap on its line.
+
+    Args:
+        ring: Where they go.
+        now_ns: Monotonic time.
+        wall_ns: Unix time.
+
+    Attributes:
+        odometer_state: Returns the state of the odometer, for anchors.
+        received: Bytes came in one read, at a moment.
+        due: An anchor is to be written at the next moment at which that is possible.
+    """
+
+    def __init__(self, ring: Ring, now_ns: Callable[[], int], wall_ns: Callable[[], int]) -> None:
+        self._ring = ring
+        self._now_ns = now_ns
+        self._wall_ns = wall_ns
+        self._port = self._dialect = ""
+        self._byte_ns = 0
+        self._decision: records.Decision | None = None
+        self._second_ns = 0
+        self._commands = 0
+        self._posed_ns = 0
+        self.odometer_state: Callable[[], bytes] | None = None
+        # A read of the port is the most frequent of all: without a call in between.
+        self.received = ring.write_read
+        self.due = False
+        ring.on_turned = self._look
+
+    def record(self, meaning: records.Meaning) -> None:
+        """Write a record of something that is rare."""
+        kind, payload = encode(meaning)
+        self._ring.write(kind, payload, self._now_ns())
+
+    # The tap.
+
+    def _look(self) -> None:
+        """Whether an anchor is to be written."""
+        self.due = self._ring.turned and bool(self._dialect)
+
+    def opened(self, port: str, byte_ns: int) -> None:
+        """A port was opened."""
+        self._port, self._byte_ns = port, byte_ns
+        self._dialect = ""
+        self.due = False
+        if self._ring.turned:
+            self.settled()
+        self.record(records.Opened(port=port, byte_ns=byte_ns))
+
+    def settled(self) -> None:
+        """Write an anchor, and what else makes a segment readable without those before it."""
+        if self.odometer_state is None:
+            return
+        self._ring.turned = self.due = False
+        self.record(records.WallClock(wall_ns=self._wall_ns()))
+        if self._decision is not None:
+            self.record(self._decision)
+        self.record(
+            records.Anchor(
+                port=self._port,
+                byte_ns=self._byte_ns,
+                dialect=self._dialect,
+                state=self.odometer_state(),
+            )
+        )
+
+    def written(self, data: bytes) -> None:
+        """Bytes were written."""
+        self._ring.write(WRITTEN, data, self._now_ns())
+
+    def identified(self, dialect: str, settings: dict[str, Any] | None) -> None:
+        """The board is known."""
+        self._dialect = dialect
+        self._look()
+        self.record(records.Identified(dialect=dialect, settings=settings))
+
+    def closed(self) -> None:
+        """The port was closed."""
+        self._port = self._dialect = ""
+        self.due = False
+        self.record(records.Closed())
+
+    # The odometer's other inputs.
+
+    def noted(self, reading: EncoderReading) -> None:
+        """A reading is handed to the odometer, of which its bytes do not show all."""
+        self.record(
+            records.Reading(
+                received_ns=reading.received_ns,
+                requested_ns=reading.requested_ns,
+                earliest_ns=reading.earliest_ns,
+                after_reset=reading.after_reset,
+                after_gap=reading.after_gap,
+                unbroken=reading.unbroken,
+            )
+        )
+
+    def estimate(self, estimate: OdometryEstimate) -> None:
+        """The odometer made an estimate; its pose is recorded now and then."""
+        if estimate.stamp_ns - self._posed_ns >= POSES_EVERY_NS:
+            self._posed_ns = estimate.stamp_ns
+            self.record(records.Posed(stamp_ns=estimate.stamp_ns, pose=estimate.pose))
+
+    def renewal(self, period_ns: int | None, *, each_line: bool, age_ns: int) -> None:
+        """The board's clock was chosen."""
+        self.record(records.Renewal(period_ns=period_ns, each_line=each_line, age_ns=age_ns))
+
+    def armed(self) -> None:
+        """The board was asked to stream."""
+        self.record(records.Armed())
+
+    def pose_set(self, pose: Pose2d, covariance: Matrix3 | None) -> None:
+        """The pose was set."""
+        self.record(records.PoseSet(pose=pose, covariance=covariance))
+
+    def steered(self, curvature_per_m: float, now_ns: int) -> None:
+        """A car was commanded to drive this curve."""
+        kind, payload = encode(records.Steered(curvature_per_m=curvature_per_m))
+        self._ring.write(kind, payload, now_ns)
+
+    # Commands and decisions.
+
+    def command(self, source: str, twist: Twist2d = STANDSTILL, refused: str = "") -> None:
+        """A command was accepted or refused; one that could not be read has no twist."""
+        now_ns = self._now_ns()
+        if now_ns - self._second_ns >= NS_PER_S:
+            self._count_lost()
+            self._second_ns, self._commands = now_ns, 0
+        self._commands += 1
+        if self._commands > COMMANDS_A_SECOND:
+            return
+        self.record(
+            records.Command(source=source, vx=twist.vx, vy=twist.vy, wz=twist.wz, refused=refused)
+        )
+
+    def _count_lost(self) -> None:
+        if (lost := self._commands - COMMANDS_A_SECOND) > 0:
+            self.record(records.Lost(what="commands", count=lost))
+
+    def decision(self, state: str, driver: str, why: str) -> None:
+        """Who drives, and why the robot stands; recorded when it changed."""
+        decision = records.Decision(state=state, driver=driver, why=why)
+        if decision != self._decision:
+            self._decision = decision
+            self.record(decision)
+
+    def event(self, event: Event) -> None:
+        """Something happened."""
+        if event.kind == "clock_stepped":
+            self.record(records.WallClock(wall_ns=self._wall_ns()))
+        self.record(records.Happened(event=event))

@@ -1,0 +1,154 @@
+"""The folder of saved black boxes: bounded in files and bytes, each written whole or not at all.
+
+The first one is kept, and the newest ones: what began a series of faults is worth as much as its
+end. Every call may block for as long as the disk does.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import re
+import secrets
+import stat
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import NamedTuple
+
+from yahboomd.core.blackbox.box_file import INFLATED_MOST, NotABox
+from yahboomd.core.model import NS_PER_S
+
+FILES_MOST = 20
+BYTES_MOST = 8 << 20
+
+ROOM_BYTES = 16 << 20
+"""A disk with less room is left alone: what else the robot writes is worth more."""
+
+SUFFIX = ".blackbox"
+_NAME = re.compile(
+    r"(?P<number>\d{6,})_(?P<stamp>\d{8}T\d{6}Z)_(?P<reason>[a-z_]+)"
+    r"(\.(?P<robot>[A-Za-z0-9-]+))?\.blackbox"
+)
+_UNFINISHED = ".unfinished-"
+_UNFINISHED_NS = 600 * NS_PER_S
+
+
+class SavedBox(NamedTuple):
+    """A saved box.
+
+    Attributes:
+        number: They are counted on from each other.
+        written_ns: When it was written, by its file; Unix nanoseconds.
+    """
+
+    number: int
+    path: Path
+    size: int
+    written_ns: int
+
+
+def saved_boxes(folder: Path) -> list[SavedBox]:
+    """The boxes in a folder, the oldest first.
+
+    Raises:
+        OSError: The folder cannot be read.
+    """
+    found = []
+    try:
+        paths = list(folder.iterdir())
+    except FileNotFoundError:
+        return []
+    for path in paths:
+        if (match := _NAME.fullmatch(path.name)) is not None:
+            with contextlib.suppress(FileNotFoundError):
+                status = path.lstat()
+                if not stat.S_ISREG(status.st_mode):
+                    continue
+                number = int(match["number"])
+                found.append(SavedBox(number, path, status.st_size, status.st_mtime_ns))
+    return sorted(found)
+
+
+def box_bytes(path: Path) -> bytes:
+    """The bytes of a ring or a saved box.
+
+    Raises:
+        OSError: The file cannot be read.
+        NotABox: It is larger than any box.
+    """
+    # A pipe without a writer would be waited for.
+    with os.fdopen(os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK), "rb") as file:
+        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            raise NotABox("This is no black box of yahboomd, and no file.")
+        data = file.read(INFLATED_MOST + 1)
+    if len(data) > INFLATED_MOST:
+        raise NotABox("This is no black box of yahboomd: it is larger than any.")
+    return data
+
+
+def save_box(folder: Path, data: bytes, *, reason: str, wall_ns: int, robot: str = "") -> Path:
+    """Write a box, and remove others until there is room for it; returns its file.
+
+    Args:
+        folder: An existing folder.
+        reason: In a word.
+        robot: Its name, for the file's.
+
+    Raises:
+        OSError: The disk is full, gone or read-only. Nothing is left of it.
+    """
+    _sweep(folder, wall_ns)
+    room = os.statvfs(folder)
+    if room.f_bavail * room.f_frsize < ROOM_BYTES:
+        raise OSError(errno.ENOSPC, f"less than {ROOM_BYTES >> 20} MiB are free", str(folder))
+    _make_room(folder, len(data))
+    stamp = datetime.fromtimestamp(wall_ns * 1e-9, UTC).strftime("%Y%m%dT%H%M%SZ")
+    unfinished = folder / f"{_UNFINISHED}{secrets.token_hex(4)}"
+    try:
+        _write(unfinished, data)
+        number = max((box.number for box in saved_boxes(folder)), default=0)
+        while True:
+            number += 1
+            path = folder / f"{number:06}_{stamp}_{reason}{robot and f'.{robot}'}{SUFFIX}"
+            # Another daemon may save into the same folder.
+            if any(box.number == number for box in saved_boxes(folder)):
+                continue
+            with contextlib.suppress(FileExistsError):
+                os.link(unfinished, path)
+                break
+    finally:
+        with contextlib.suppress(OSError):
+            os.unlink(unfinished)
+    return path
+
+
+def _write(path: Path, data: bytes) -> None:
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+    fd = os.open(path, flags, 0o640)
+    try:
+        os.fchmod(fd, 0o640)
+        view = memoryview(data)
+        while view:
+            view = view[os.write(fd, view) :]
+        os.fsync(fd)
+    finally:
+        os.close(fd)
+
+
+def _make_room(folder: Path, size: int) -> None:
+    """Remove from the second one on: the first one stays."""
+    boxes = saved_boxes(folder)
+    while len(boxes) > 1 and (
+        len(boxes) >= FILES_MOST or sum(box.size for box in boxes) + size > BYTES_MOST
+    ):
+        with contextlib.suppress(FileNotFoundError):
+            boxes.pop(1).path.unlink()
+
+
+def _sweep(folder: Path, wall_ns: int) -> None:
+    """Remove what a daemon that was killed left half written."""
+    for path in folder.glob(f"{_UNFINISHED}*"):
+        with contextlib.suppress(FileNotFoundError):
+            if wall_ns - path.stat().st_mtime_ns > _UNFINISHED_NS:
+                path.unlink()

@@ -1,0 +1,110 @@
+"""Keys on which every sample and every query counts, unless it is recognised as harmless.
+
+The decision is made in Zenoh's thread as the payload arrives, and nothing of it is kept but that
+decision. So a flood of harmless payloads cannot push an alarm out of a queue, and an alarm never
+waits for the loop to read what came before it. What is too long to be a harmless payload raises the
+alarm unread.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+import zenoh
+from zenoh.handlers import Callback
+
+from yahboomd.core.bus.inbox import MAX_BYTES, Inbox, Lane
+
+READ_BYTES = 64
+"""The longest payload that is read; the longest honest harmless one has about 30 bytes."""
+
+Harmless: TypeAlias = Callable[[bytes], bool]
+"""Whether a payload raises no alarm. Pure and quick: it is called in Zenoh's threads."""
+
+
+def is_unread(carrier: zenoh.Sample | zenoh.Query) -> bool:
+    """Whether it carries so much that it raises an alarm unread."""
+    # Each look at a part of a message costs as much as reading a short payload does.
+    payload, attachment = carrier.payload, carrier.attachment
+    size = 0 if payload is None else len(payload)
+    if size > READ_BYTES:
+        return True
+    return attachment is not None and size + len(attachment) > MAX_BYTES
+
+
+def raises_alarm(carrier: zenoh.Sample | zenoh.Query, harmless: Harmless) -> bool:
+    """Whether a sample raises an alarm; one that is empty, or that an error keeps unread, does."""
+    payload = carrier.payload
+    if payload is None or is_unread(carrier):
+        return True
+    try:
+        return not harmless(payload.to_bytes())
+    except Exception:  # noqa: BLE001 - raised in Zenoh's thread it would lose the alarm
+        return True
+
+
+def is_named(key: str, selector: str) -> bool:
+    """Whether a query asks for an alarm's key, and not for everything.
+
+    Wildcards may stand before the last part, so that one query stops several robots. The last part
+    itself has to be written out: programs that list a network ask for ``**`` or ``yahboomd/*``. A
+    key outside the namespace (``/``) ends in a type that many keys share, and takes its full name.
+
+    Args:
+        key: As declared, below the namespace.
+    """
+    return not key.startswith("/") and selector.rpartition("/")[2] == key.rpartition("/")[2]
+
+
+class Alarm:
+    """A subscriber to one such key. Made by ``Bus.alarm``, which explains the arguments.
+
+    Unlike a subscription's, its samples never go into a ring of Zenoh's, which drops unread what it
+    has no room for.
+    """
+
+    def __init__(
+        self,
+        key: str,
+        raised: Callable[[int, int], None],
+        ignored: Callable[[int], None],
+        *,
+        harmless: Harmless,
+        idle: Callable[[int], None],
+        asks_nothing: Harmless,
+        inbox: Inbox,
+    ) -> None:
+        self.key = key
+        self._harmless = harmless
+        self._asks_nothing = asks_nothing
+        # An entry says whether its payload went unread. Where a lane is full its entries are
+        # merged: one that is left raises the alarm for all, and their number is kept.
+        self._alarms: Lane[bool] = inbox.lane(
+            lambda batch, merged: raised(len(batch) + merged, sum(batch)), urgent=True
+        )
+        self._ignored = _counting(inbox, ignored)
+        self._idle = _counting(inbox, idle)
+
+    def attach(self, session: zenoh.Session) -> None:
+        """Subscribe in this session too."""
+        alarms, ignored, idle = self._alarms, self._ignored, self._idle
+        harmless, asks_nothing = self._harmless, self._asks_nothing
+
+        def silent(payload: bytes) -> bool:
+            return harmless(payload) or asks_nothing(payload)
+
+        def arrived(sample: zenoh.Sample) -> None:
+            if raises_alarm(sample, silent):
+                alarms.offer(is_unread(sample))
+            elif asks_nothing(sample.payload.to_bytes()):
+                idle.offer(None)
+            else:
+                ignored.offer(None)
+
+        session.declare_subscriber(self.key, Callback(arrived, indirect=False))
+
+
+def _counting(inbox: Inbox, count: Callable[[int], None]) -> Lane[None]:
+    """A lane of which only the number of entries matters."""
+    return inbox.lane(lambda batch, merged: count(len(batch) + merged), depth=1)

@@ -1,0 +1,391 @@
+"""The bus: opened and closed within bounds, and all that is declared on it.
+
+The loop owns everything here. Zenoh's threads touch nothing but the inbox.
+
+By default there are two sessions of Zenoh's under it, and whatever is declared is declared in both:
+a router on loopback, to which clients and peers on the machine connect, and a client of the
+machine's usual router, as soon as that is there (:mod:`.zenoh_sessions`). An application that
+connects to both gets and gives every sample twice; it should connect to one.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import threading
+from collections.abc import Callable
+from typing import Protocol, Self, TypeVar
+
+import zenoh
+
+from yahboomd.core.bus.alarms import Alarm, Harmless
+from yahboomd.core.bus.blocking import Sender, bounded
+from yahboomd.core.bus.bus_counters import summed_counters
+from yahboomd.core.bus.inbox import DEPTH, MAX_BYTES, Inbox
+from yahboomd.core.bus.keys import full_key
+from yahboomd.core.bus.options import BusOptions, zenoh_config
+from yahboomd.core.bus.presence import (
+    Neighbour,
+    NeighbourChange,
+    Neighbours,
+    Token,
+    TokenChange,
+    TokenWatch,
+)
+from yahboomd.core.bus.publishers import BusPublisher, PriorityName
+from yahboomd.core.bus.services import Answering, Fallback, Handler, Service
+from yahboomd.core.bus.subscriptions import Arrival, Subscription
+from yahboomd.core.bus.survey import Survey
+from yahboomd.core.bus.zenoh_sessions import hang_up_stuck, open_failure, open_uplink
+from yahboomd.core.clock import Clock, SystemClock
+from yahboomd.core.errors import BusError
+
+log = logging.getLogger(__name__)
+
+LARGE = 2
+"""Queries kept at once that carry more than services take, to be refused in words."""
+
+
+class Declared(Protocol):
+    """Something that is declared in every session."""
+
+    def attach(self, session: zenoh.Session) -> None:
+        """Declare it in this session too."""
+
+
+Declaration = TypeVar("Declaration", bound=Declared)
+
+
+class Bus:
+    """The robot's place on the bus, on a running event loop."""
+
+    def __init__(
+        self, options: BusOptions, *, clock: Clock | None = None, aside: bool = False
+    ) -> None:
+        self.options = options
+        self._publishing = Sender("bus-samples") if aside else None
+        self._clock = clock or SystemClock()
+        self._sessions: list[zenoh.Session] = []
+        self._inbox: Inbox | None = None
+        self._uplink: asyncio.Task[None] | None = None
+        self._closed = True
+        # Two: an e-stop's acknowledgement does not wait behind an answer for an application that
+        # froze.
+        self._answering = Answering(
+            answers=Sender("bus-answers"),
+            acknowledgements=Sender("bus-acknowledgements"),
+            large=threading.Semaphore(LARGE),
+        )
+        self._neighbours = Neighbours()
+        self._declared: list[Declared] = [self._neighbours]
+
+    async def open(self) -> None:
+        """Open the session; it listens from then on, and joins what it is to join by itself.
+
+        Raises:
+            BusError: It cannot be opened as configured.
+        """
+        config = zenoh_config(self.options)
+        try:
+            session = await bounded(
+                lambda: zenoh.open(config),
+                timeout_s=self.options.open_timeout_s,
+                name="bus-open",
+                late=lambda session: session.close(),
+            )
+        except TimeoutError as error:
+            raise BusError(
+                f"The Zenoh session did not open within {self.options.open_timeout_s:g} s.",
+                remedy="In the Zenoh configuration a connect.timeout_ms of -1 waits for ever, and "
+                "so does a certificate or key that is a pipe.",
+            ) from error
+        except zenoh.ZError as error:
+            raise open_failure(error, self.options) from error
+        self._inbox = Inbox()
+        self._neighbours.begin(self._inbox)
+        self._attach(session)
+        if self.options.has_uplink:
+            self._uplink = asyncio.create_task(self._join(), name="bus-uplink")
+
+    async def close(self) -> bool:
+        """Answer what is pending and close the sessions, within bounds; safe to call twice.
+
+        Returns:
+            Whether they are closed. Where not, a thread is left inside Zenoh, and Python's ordinary
+            exit would hang or abort: end the process by ``os._exit``.
+        """
+        inbox, self._inbox = self._inbox, None
+        if inbox is None:
+            return self._closed
+        self._closed = False
+        try:
+            if self._uplink is not None:
+                self._uplink.cancel()
+                await asyncio.gather(self._uplink, return_exceptions=True)
+            for each in self._declared:
+                if isinstance(each, Subscription):
+                    each.close()
+            tasks = [
+                task
+                for each in self._declared
+                if isinstance(each, Service)
+                for task in each.close()
+            ]
+            await asyncio.gather(*tasks, return_exceptions=True)
+            sessions, self._sessions = self._sessions, []
+            await bounded(
+                lambda: self._close(sessions),
+                timeout_s=self.options.close_timeout_s,
+                name="bus-close",
+            )
+            self._closed = True
+        except TimeoutError:
+            log.warning(
+                "The Zenoh session did not close within %g s; it is left behind",
+                self.options.close_timeout_s,
+            )
+        except zenoh.ZError as error:
+            log.warning("The Zenoh session did not close well: %s", error)
+        finally:
+            inbox.close(leak=not self._closed)
+        return self._closed
+
+    def _close(self, sessions: list[zenoh.Session]) -> None:
+        hang_up_stuck(
+            lambda: [(link.src, link.dst) for session in sessions for link in session.info.links()]
+        )
+        answering = self._answering
+        for sender in (answering.acknowledgements, self._publishing, answering.answers):
+            if sender is not None:
+                sender.close(self.options.close_timeout_s / 6)
+        for session in sessions:
+            session.close()
+
+    async def _join(self) -> None:
+        session = await open_uplink(self.options)
+        try:
+            self._attach(session)
+        except zenoh.ZError:
+            log.exception("The router at %s cannot be used", ", ".join(self.options.connect))
+
+    def _attach(self, session: zenoh.Session) -> None:
+        self._sessions.append(session)
+        for each in self._declared:
+            each.attach(session)
+
+    def _declare(self, declaration: Declaration) -> Declaration:
+        # A client subscribes again and again.
+        self._declared = [
+            each for each in self._declared if not (isinstance(each, Subscription) and each.closed)
+        ]
+        for session in self._sessions:
+            declaration.attach(session)
+        self._declared.append(declaration)
+        return declaration
+
+    async def __aenter__(self) -> Self:
+        await self.open()
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self.close()
+
+    @property
+    def zid(self) -> str:
+        """The id of the session that listens."""
+        self._ready()
+        return str(self._sessions[0].zid())
+
+    @property
+    def neighbours(self) -> tuple[Neighbour, ...]:
+        """The sessions that this one is connected to."""
+        return self._neighbours.now()
+
+    def status_values(self) -> dict[str, int]:
+        """See :func:`yahboomd.core.bus.bus_counters.summed_counters`."""
+        return summed_counters(self._declared)
+
+    def key(self, name: str) -> str:
+        """A key in full: below the namespace, unless ``name`` begins with ``/``."""
+        return full_key(self.options.namespace, name)
+
+    def publisher(
+        self,
+        key: str,
+        *,
+        encoding: str = "",
+        priority: PriorityName = "data_high",
+        express: bool = False,
+        cache: int = 0,
+    ) -> BusPublisher:
+        """Declare a publisher; see :class:`BusPublisher`."""
+        self._ready()
+        return self._declare(
+            BusPublisher(
+                self.key(key),
+                encoding=encoding or "zenoh/bytes",
+                priority=priority,
+                express=express,
+                cache=cache,
+                sender=self._publishing,
+            )
+        )
+
+    def subscribe(
+        self,
+        key: str,
+        handler: Callable[[list[Arrival]], None],
+        *,
+        depth: int = DEPTH,
+        max_bytes: int = MAX_BYTES,
+        keep_oversize: bool = False,
+        gather_s: float = 0.0,
+    ) -> Subscription:
+        """Have samples delivered to ``handler`` on the loop, oldest first, all pending at once.
+
+        Args:
+            key: The key, without wildcards.
+            handler: Takes at most ``depth`` arrivals in a call. Where more came, the oldest were
+                dropped and the first of the batch says how many.
+            depth: Samples kept for it.
+            max_bytes: The most that payload and attachment may have together; larger samples are
+                counted and not kept.
+            keep_oversize: Deliver also those that are too large, without their payload.
+            gather_s: Deliver so late, for half of the work: no Python runs when a sample comes.
+                The time of its arrival is then its stamp, where that fits, and ``depth`` samples
+                may come meanwhile.
+        """
+        return self._declare(
+            Subscription(
+                key,
+                self.key(key),
+                handler,
+                inbox=self._ready(),
+                now_ns=self._clock.now_ns,
+                stamp_ns=self._neighbours.sent_ns,
+                wall_ns=self._clock.wall_ns,
+                depth=depth,
+                max_bytes=max_bytes,
+                keep_oversize=keep_oversize,
+                gather_s=gather_s,
+            )
+        )
+
+    def alarm(
+        self,
+        key: str,
+        raised: Callable[[int, int], None],
+        ignored: Callable[[int], None],
+        *,
+        harmless: Harmless,
+        idle: Callable[[int], None],
+        asks_nothing: Harmless,
+    ) -> Alarm:
+        """Have every sample on ``key`` raise an alarm, unless it is recognised as harmless.
+
+        Args:
+            key: The key, without wildcards.
+            raised: Called on the loop before everything else, with the number of alarms since its
+                last call, and how many of them went unread because they were too long.
+            ignored: Called on the loop with the number of harmless samples.
+            harmless: Recognises their payloads; called in Zenoh's threads.
+            idle: Called on the loop with the number of samples that ask for nothing.
+            asks_nothing: Recognises their payloads; called in Zenoh's threads.
+        """
+        return self._declare(
+            Alarm(
+                self.key(key),
+                raised,
+                ignored,
+                harmless=harmless,
+                idle=idle,
+                asks_nothing=asks_nothing,
+                inbox=self._ready(),
+            )
+        )
+
+    def serve(
+        self,
+        key: str,
+        handler: Handler,
+        *,
+        fallback: Fallback,
+        pending: int = 16,
+        max_bytes: int = MAX_BYTES,
+        wildcards: bool = False,
+        harmless: Harmless | None = None,
+        complete: bool = True,
+    ) -> Service:
+        """Answer queries on ``key``; every query gets an answer, unless it carries too much.
+
+        Args:
+            key: The key, without wildcards.
+            handler: Answers on the loop, at once or as a coroutine.
+            fallback: Makes the answer where the handler does not: it failed, too much is pending,
+                the request is too large or was not meant for this key alone.
+            pending: Queries that wait for the loop; more are answered by the fallback.
+            max_bytes: The most that payload and attachment may have together. Few larger queries
+                are kept at once; the others end without an answer.
+            wildcards: Whether a query on ``**`` and the like may reach the handler.
+            harmless: Makes it the service of an alarm, which every query raises whose payload this
+                does not recognise: those are delivered before everything else, those that are too
+                large without their payload.
+            complete: Declared as complete: an asker who does not ask for all reaches it alone.
+                Where it is not, such an asker reaches all services of that key.
+        """
+        return self._declare(
+            Service(
+                key,
+                self.key(key),
+                handler,
+                fallback,
+                wildcards=wildcards,
+                harmless=harmless,
+                answering=self._answering,
+                inbox=self._ready(),
+                now_ns=self._clock.now_ns,
+                pending=pending,
+                max_bytes=max_bytes,
+                complete=complete,
+            )
+        )
+
+    def token(self, key: str) -> Token:
+        """Declare a liveliness token, alive as long as the bus.
+
+        For several holders of one key see :func:`yahboomd.core.bus.keys.holder_key`.
+        """
+        self._ready()
+        return self._declare(Token(self.key(key)))
+
+    def watch_tokens(
+        self, pattern: str, handler: Callable[[list[TokenChange]], None]
+    ) -> TokenWatch:
+        """Have tokens that match ``pattern`` reported, those that exist already first.
+
+        The session's own tokens are among them.
+        """
+        return self._declare(TokenWatch(self.key(pattern), handler, self._ready()))
+
+    def survey(self, selector: str, handler: Callable[[list[bytes]], None]) -> Survey:
+        """Prepare a question to other sessions; see :class:`Survey`."""
+        return self._declare(Survey(self.key(selector), handler, self._ready()))
+
+    def watch_neighbours(self, handler: Callable[[list[NeighbourChange]], None]) -> None:
+        """Have connections reported that are made or lost from now on."""
+        self._neighbours.watch(handler)
+
+    @property
+    def session(self) -> zenoh.Session:
+        """The (first) session itself, for clients that ask and may wait.
+
+        Raises:
+            BusError: It is not open.
+        """
+        self._ready()
+        return self._sessions[0]
+
+    def _ready(self) -> Inbox:
+        if self._inbox is None:
+            raise BusError("The bus is not open.")
+        return self._inbox

@@ -1,0 +1,70 @@
+"""A question to other sessions that is asked again and again, and never waits for its answers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+import zenoh
+from zenoh.handlers import Callback
+
+from yahboomd.core.bus.inbox import Inbox, Lane
+
+MOST_REPLIES = 64
+"""Answers kept of a round; anybody may send any number of them."""
+
+LONGEST_REPLY = 16_384
+"""Bytes of an answer; longer ones are left out."""
+
+ROUND_S = 2.0
+"""The longest that a round takes."""
+
+Round: TypeAlias = tuple[int, list[bytes]]
+"""The number of a session of ours, and the answers that came there."""
+
+
+class Survey:
+    """Made by ``Bus.survey``.
+
+    Args:
+        selector: The key expression in full.
+        handler: Takes the answers of the latest round in each session, on the loop.
+    """
+
+    def __init__(self, selector: str, handler: Callable[[list[bytes]], None], inbox: Inbox) -> None:
+        self._selector = selector
+        self._handler = handler
+        self._lane: Lane[Round] = inbox.lane(self._deliver, depth=8)
+        self._sessions: list[zenoh.Session] = []
+        self._latest: dict[int, list[bytes]] = {}
+
+    def attach(self, session: zenoh.Session) -> None:
+        """Ask in this session too."""
+        self._sessions.append(session)
+
+    def ask(self) -> None:
+        """Begin a round."""
+        for index, session in enumerate(self._sessions):
+            self._ask(index, session)
+
+    def _ask(self, index: int, session: zenoh.Session) -> None:
+        answers: list[bytes] = []
+
+        def answered(reply: zenoh.Reply) -> None:
+            sample = reply.ok
+            if sample is None or len(answers) >= MOST_REPLIES:
+                return
+            if len(sample.payload) <= LONGEST_REPLY:
+                answers.append(sample.payload.to_bytes())
+
+        session.get(
+            self._selector,
+            Callback(answered, lambda: self._lane.offer((index, answers)), indirect=False),
+            target=zenoh.QueryTarget.ALL,
+            timeout=ROUND_S,
+            congestion_control=zenoh.CongestionControl.DROP,
+        )
+
+    def _deliver(self, rounds: list[Round], _lost: int) -> None:
+        self._latest.update(rounds)
+        self._handler([answer for answers in self._latest.values() for answer in answers])

@@ -1,0 +1,11 @@
+"""Configuration: ``config.toml``, ``YAHBOOMD_…`` variables and ``--set`` as one checked value.
+
+:func:`read` reads all three and reports every mistake at once, with file, line and key. `hardware`,
+`driving` and `outputs` have the keys and their defaults, `rules` what keys must agree on; the
+reference page is written from them.
+"""
+
+from yahboomd.core.config.loading import STANDARD_PATH, Loaded, read, read_foreign
+from yahboomd.core.config.models import WHEELS, Config, runtime_folder
+
+__all__ = ["STANDARD_PATH", "WHEELS", "Config", "Loaded", "read", "read_foreign", "runtime_folder"]

@@ -1,0 +1,194 @@
+"""The file that `yahboomd calibrate` writes: a layer over ``config.toml``, with where it is from.
+
+It counts for the robot that it was made for: the wheels' nominal size, their distance and their
+counts stand in it, and where the configuration says otherwise, it is ignored with a warning.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import tomllib
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated, TypeAlias
+
+from yahboomd.core.config.models import CALIBRATION, Config
+from yahboomd.core.config.reading import read_named
+from yahboomd.core.config.values import Bounds, Section, inline
+from yahboomd.core.errors import ConfigError
+
+PREVIOUS = "calibration.previous.toml"
+
+LARGEST_BYTES = 100_000
+
+Multiplier: TypeAlias = Annotated[float, Bounds({"ge": 0.1, "le": 10.0})]
+
+
+class Geometry(Section):
+    """The robot that a calibration was made for, as configured."""
+
+    kinematics: str
+    wheel_separation_m: float
+    wheel_radius_m: float
+    ticks_per_revolution: float
+    wheel_base_m: float | None = None
+    """Of a mecanum base, whose turns depend on it."""
+
+
+class Multipliers(Section):
+    """The keys of ``[chassis]`` that are calibrated."""
+
+    wheel_radius_multiplier: dict[str, Multiplier]
+    wheel_separation_multiplier: Multiplier
+    sideways_multiplier: Multiplier | None = None
+    """Of a mecanum base."""
+
+
+class Calibration(Section):
+    """One calibration.
+
+    Attributes:
+        made: The date, and the time of day in UTC.
+        method: How it was measured, in a few words.
+        residual: What is left over, in words for people.
+        before: What it replaced.
+    """
+
+    made: str
+    method: str
+    residual: str
+    geometry: Geometry
+    chassis: Multipliers
+    before: Multipliers
+
+
+def geometry_of(config: Config) -> Geometry:
+    """The robot as configured, without its calibration."""
+    mecanum = config.kinematics_name() == "mecanum"
+    return Geometry(
+        kinematics=config.kinematics_name(),
+        wheel_base_m=config.chassis.wheel_base_m if mecanum else None,
+        wheel_separation_m=config.chassis.wheel_separation_m,
+        wheel_radius_m=config.chassis.wheel_radius_m or config.profile().wheel_radius_m,
+        ticks_per_revolution=config.ticks_per_revolution(),
+    )
+
+
+def read_calibration(path: Path) -> Calibration:
+    """Read a calibration file.
+
+    Raises:
+        ConfigError: It cannot be used; the message says why.
+    """
+    from pydantic import ValidationError
+
+    try:
+        raw = read_named(path, LARGEST_BYTES, wait_s=0.0)
+        return Calibration.of(tomllib.loads(raw.decode()))
+    except OSError as error:
+        raise ConfigError(f"{path} cannot be read: {error.strerror}.") from error
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = ".".join(map(str, first["loc"]))
+        raise ConfigError(f"{path} is no calibration: {place}: {first['msg']}.") from error
+    except (ValueError, RecursionError) as error:
+        raise ConfigError(f"{path} is no calibration: {error}.") from error
+
+
+def difference(calibration: Calibration, config: Config) -> str:
+    """The part of the robot that changed since, in words; empty where none did."""
+    then, now = calibration.geometry, geometry_of(config)
+    changed = [
+        f"chassis.{name} was {inline(getattr(then, name))} and is {inline(getattr(now, name))}"
+        for name in vars(then)
+        if getattr(then, name) not in (getattr(now, name), None)
+    ]
+    return "; ".join(changed)
+
+
+def write_calibration(path: Path, calibration: Calibration) -> None:
+    """Write it whole or not at all; the one before is kept for :func:`undo_calibration`.
+
+    Raises:
+        ConfigError: The folder cannot be written to.
+    """
+    lines = [
+        "# Written by `yahboomd calibrate`, and read over config.toml. `yahboomd calibrate undo`",
+        "# takes it back; removing this file does too.",
+    ]
+    for key, value in calibration.as_data().items():
+        if isinstance(value, dict):
+            lines += ["", f"[{key}]", *(f"{name} = {inline(each)}" for name, each in value.items())]
+        else:
+            lines.append(f"{key} = {inline(value)}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(
+            "w", dir=path.parent, prefix=f".{CALIBRATION}.", delete=False, encoding="utf-8"
+        ) as file:
+            try:
+                file.write("\n".join(lines) + "\n")
+                file.flush()
+                os.fsync(file.fileno())
+                # The daemon's user reads it too.
+                os.fchmod(file.fileno(), 0o644)
+                with suppress(FileNotFoundError):
+                    path.replace(path.with_name(PREVIOUS))
+                os.replace(file.name, path)
+            except BaseException:
+                os.unlink(file.name)
+                raise
+    except OSError as error:
+        raise _unwritable(path, error.strerror) from error
+
+
+def check_writable(path: Path) -> None:
+    """Raise where the file could not be written: a person is spared to measure for nothing.
+
+    Raises:
+        ConfigError: The folder cannot be written to, or made.
+    """
+    folder = path.parent
+    while not folder.exists() and folder != folder.parent:
+        folder = folder.parent
+    if not (folder.is_dir() and os.access(folder, os.W_OK | os.X_OK)):
+        raise _unwritable(path, f"no permission for {folder}")
+
+
+def undo_calibration(path: Path) -> bool:
+    """Take the newest calibration back: the one before it counts again, if there was one.
+
+    Returns:
+        Whether there was anything to take back.
+
+    Raises:
+        ConfigError: The folder cannot be written to, or the file is no calibration.
+    """
+    if os.path.lexists(path):
+        # A name that was mistyped must not cost another file.
+        try:
+            read_calibration(path)
+        except ConfigError as error:
+            words = f"If it is a calibration that was damaged: `rm {path}`, then undo again."
+            raise ConfigError(str(error), remedy=words) from error
+    try:
+        path.with_name(PREVIOUS).replace(path)
+    except FileNotFoundError:
+        try:
+            path.unlink()
+        except FileNotFoundError:
+            return False
+        except OSError as error:
+            raise _unwritable(path, error.strerror) from error
+    except OSError as error:
+        raise _unwritable(path, error.strerror) from error
+    return True
+
+
+def _unwritable(path: Path, why: str | None) -> ConfigError:
+    return ConfigError(
+        f"{path} cannot be written: {why}.",
+        remedy="Run the same command with sudo, or name another file: "
+        "`--set chassis.calibration_file=/path/to/calibration.toml`.",
+    )

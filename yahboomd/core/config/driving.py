@@ -1,0 +1,157 @@
+"""The sections on motion: limits, commands, faults, emergency stop."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from yahboomd.core.config.values import AbsolutePath, Over, Positive, Section, SourceKey, key
+from yahboomd.core.drive import limiter as drive
+
+
+class AxisLimits(Section):
+    """The limits of one axis; without a jerk, the acceleration may change at once."""
+
+    velocity: Positive | None = key(
+        default=None, description="Greatest speed: m/s (linear), rad/s (angular)."
+    )
+    acceleration: Positive | None = key(
+        default=None, description="Greatest gain of speed: m/s^2, rad/s^2."
+    )
+    deceleration: Positive | None = key(
+        default=None, description="Greatest loss of speed: m/s^2, rad/s^2."
+    )
+    jerk: Positive | None = key(
+        default=None, description="Greatest change of acceleration: m/s^3, rad/s^3."
+    )
+
+    def noun(self) -> drive.AxisLimits:
+        """The limits of the axis for the limiter."""
+        return drive.AxisLimits(
+            velocity=self.velocity,
+            acceleration=self.acceleration,
+            deceleration=self.deceleration,
+            jerk=self.jerk,
+        )
+
+
+LINEAR = AxisLimits(velocity=1.0, acceleration=2.5, deceleration=5.0)
+ANGULAR = AxisLimits(velocity=6.0, acceleration=12.0, deceleration=24.0)
+
+
+class Limits(Section):
+    """Limits of the base's motion.
+
+    Each entry that is given replaces its default, and the others stay. To drive without a ramp,
+    give an acceleration that no base reaches, such as 1e6.
+    """
+
+    # Lowering the speed must not remove the ramps.
+    linear: Annotated[AxisLimits, Over(LINEAR)] = key(
+        default=LINEAR,
+        description="Forward and sideways: m/s, m/s^2, m/s^2, m/s^3.",
+    )
+    angular: Annotated[AxisLimits, Over(ANGULAR)] = key(
+        default=ANGULAR,
+        description="Turning: rad/s, rad/s^2, rad/s^2, rad/s^3.",
+    )
+
+
+class Source(Section):
+    """One key that may command the wheels."""
+
+    priority: int = key(
+        default=10,
+        ge=-1_000_000,
+        le=1_000_000,
+        description="The larger number wins; among equals the source in control keeps it.",
+    )
+    timeout_s: float | None = key(
+        default=None,
+        gt=0.0,
+        le=60.0,
+        description="Seconds until this source's silence stops the wheels. Absent: "
+        "command.timeout_s.",
+    )
+
+
+class Command(Section):
+    """The sources of commands, the age of a command, and the stop when commands end."""
+
+    timeout_s: float = key(
+        default=0.5,
+        gt=0.0,
+        le=60.0,
+        description="Seconds of command silence until the wheels stop, by themselves.",
+    )
+    on_timeout: Literal["ramp", "halt"] = key(
+        default="ramp",
+        description="How the wheels stop after timeout_s, and when another source takes over: "
+        "within the limits, or at once. Every other stop is immediate.",
+    )
+    rate_hz: float = key(
+        default=50.0,
+        ge=1.0,
+        le=1000.0,
+        description="Control steps per second, 10 at least; a new command also runs one "
+        "immediately.",
+    )
+    resend_s: float = key(
+        default=0.1,
+        gt=0.0,
+        le=10.0,
+        description="Seconds after which an unchanged speed is sent again, because the board may "
+        "lose one.",
+    )
+    stamps: Literal["relative", "absolute", "ignore"] = key(
+        default="relative",
+        description="How the age of a command is computed from its stamp. relative: by the "
+        "source's own clock, which need not agree with this machine's; absolute: by this "
+        "machine's clock; ignore: every command counts as new.",
+    )
+    at_rest: Literal["hold", "release"] = key(
+        default="hold",
+        description="Once the wheels stand: hold them, or let them go.",
+    )
+    sources: dict[SourceKey, Source] = key(
+        default={
+            "cmd_vel": Source(priority=10),
+            "cmd_vel/teleop": Source(priority=100, timeout_s=0.3),
+            "cmd_vel/web": Source(priority=50, timeout_s=0.3),
+        },
+        description="The keys, below the namespace, on which velocity commands arrive. Given in "
+        "a file, they replace the default ones.",
+    )
+
+
+class Faults(Section):
+    """Reactions when wheels and commands disagree.
+
+    A wheel that runs away, or turns against its command, is always cut.
+    """
+
+    stall: Literal["stop", "report"] = key(
+        default="stop",
+        description="When a wheel stands against its command: stop the base, or only report it.",
+    )
+    turns_without_command: Literal["stop", "report"] = key(
+        default="report",
+        description="When a wheel turns though none was commanded (a hand, a slope): stop, or "
+        "only report it.",
+    )
+    min_speed_m_s: float = key(
+        default=0.08,
+        gt=0.0,
+        le=1.0,
+        description="Commanded rim speed in m/s below which missing counts prove nothing.",
+    )
+
+
+class Estop(Section):
+    """The emergency stop's memory."""
+
+    latch_file: AbsolutePath = key(
+        default="",
+        description="File that remembers an engaged emergency stop over a restart. Empty: estop "
+        "in $RUNTIME_DIRECTORY, else in /run/yahboomd (root), $XDG_RUNTIME_DIR/yahboomd or "
+        "/tmp/yahboomd-<user id>; with the namespace and the port in its name.",
+    )

@@ -1,0 +1,421 @@
+"""The sections on hardware: serial port, board, chassis."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from typing import Annotated, TypeAlias
+
+from yahboomd.core.config.values import (
+    AnyPath,
+    Bounds,
+    Checked,
+    Choice,
+    Frame,
+    MotorName,
+    Positive,
+    Section,
+    Sign,
+    key,
+)
+from yahboomd.core.drive.kinematics import KINEMATICS
+from yahboomd.core.odometry.imu_axes import AS_THEY_ARE, Mounting, axes_problem
+from yahboomd.core.protocol.profiles import PROFILES
+from yahboomd.core.protocol.registry import DIALECTS
+
+CUSTOM = "custom"
+"""The profile whose figures are in the configuration."""
+
+
+class Serial(Section):
+    """The serial port of the board."""
+
+    port: AnyPath = key(
+        default="",
+        description="Device of the board, such as /dev/ttyUSB0. Empty: /dev/yahboom_driver, else "
+        "the only CH340 (1a86:7522, 1a86:7523) on USB; with none or several, they are listed and "
+        "nothing is opened. Not a pseudo-terminal of a relay (socat, ser2net): where that sends "
+        "slowly, stops come seconds late.",
+    )
+    baudrate: int = key(
+        default=115200,
+        ge=1200,
+        le=4_000_000,
+        description="Bits per second; the board's firmware supports only 115200.",
+    )
+    dialect: Annotated[str, Choice(("auto",), DIALECTS)] = key(
+        default="auto",
+        description="The board's protocol. auto detects it, after stopping the wheels.",
+    )
+    dtr: bool = key(
+        default=True,
+        description="Level of DTR, set before the port opens; the board wires it to its reset.",
+    )
+    rts: bool = key(
+        default=False,
+        description="Level of RTS, set before the port opens; asserted at a reset, it leaves the "
+        "board silent.",
+    )
+    hangup_on_close: bool = key(
+        default=False,
+        description="Whether closing the port drops DTR (HUPCL), which may reset the board, and "
+        "its counters with it.",
+    )
+
+
+LOW_CHARGE = 0.1
+"""A battery with less is low, where its curve is known."""
+
+BatteryPoint: TypeAlias = Annotated[
+    tuple[float, float],
+    Bounds(
+        {"strict": False},
+        {"$comment": "a pair [volts, charge from 0 to 1]", "items": {"type": "number"}},
+    ),
+]
+
+
+def _curve_problem(curve: tuple[BatteryPoint, ...]) -> str | None:
+    if len(curve) == 1:
+        return "one point is no curve; give two at least, or none"
+    if any(not 0.0 <= charge <= 1.0 for _, charge in curve):
+        return "each charge, the second number of a pair, is from 0 to 1"
+    pairs = list(pairwise(curve))
+    if any(volts >= next_volts for (volts, _), (next_volts, _) in pairs):
+        return "the volts, the first number of each pair, rise from point to point"
+    if any(charge > next_charge for (_, charge), (_, next_charge) in pairs):
+        return "the charge does not fall while the volts rise"
+    return None
+
+
+def _encoder_problem(profile: str) -> str | None:
+    if profile.startswith("tt") and profile not in PROFILES:
+        return "a TT motor without encoder gives no odometry"
+    return None
+
+
+class Board(Section):
+    """The motors that the board is set up for."""
+
+    profile: Annotated[str, Checked("", _encoder_problem), Choice((*PROFILES, CUSTOM))] = key(
+        default="520",
+        description="The motors: encoder lines, gear ratio and wheel of the vendor's kits. tt is "
+        "the TT motor with encoder; without one there is no odometry. x1, x3, x3-plus, r2 and "
+        "sunrise are the Rosmaster cars, with the car type that their board stores. custom takes "
+        "the figures from the keys below.",
+    )
+    write_settings: bool = key(
+        default=False,
+        description="Whether connecting writes settings that differ from the profile to the "
+        "board's flash, while the wheels are at rest. If false, nothing is written: a different "
+        "motor type, or a zero, refuses motion and names `yahboomd probe --write`.",
+    )
+    battery_period_s: float = key(
+        default=5.0,
+        ge=0.0,
+        le=3600.0,
+        description="Seconds between requests for the battery's voltage; 0: never.",
+    )
+    battery_curve: Annotated[tuple[BatteryPoint, ...], Checked("", _curve_problem)] = key(
+        default=(),
+        strict=False,
+        description="Charge of the battery by its voltage, rising, for the percentage in ROS 2; "
+        "straight lines join the points. Empty: the percentage is unknown. Three lithium-ion cells "
+        "in series: [[9.6, 0.0], [10.5, 0.1], [11.1, 0.4], [11.7, 0.7], [12.6, 1.0]].",
+    )
+    battery_low_v: float | None = key(
+        default=None,
+        ge=0.0,
+        le=100.0,
+        examples=[10.5],
+        description="Volts below which the battery is low, by the median of 30 s at rest: event, "
+        "status and page warn. Absent: where battery_curve gives 10 %, and never without a curve, "
+        "because a motor profile does not know its battery; 0: never.",
+    )
+    battery_stop_v: float | None = key(
+        default=None,
+        gt=0.0,
+        le=100.0,
+        examples=[9.6],
+        description="Volts below which the battery is empty, judged in the same way. No motion is "
+        "ended; programs begin none until it is charged, and a person at the keyboard or the page "
+        "drives at 0.1 m/s. Absent: never.",
+    )
+    motor_type: int | None = key(
+        default=None,
+        ge=1,
+        le=4,
+        examples=[1],
+        description="For profile custom: the board's motor type, 1 = 520, 2 = 310, 3 = TT with "
+        "encoder. Absent: 1.",
+    )
+    deadzone: int | None = key(
+        default=None,
+        ge=0,
+        le=3600,
+        examples=[1900],
+        description="For profile custom: PWM units below which the motor does not turn. "
+        "Absent: what the board stores.",
+    )
+    lines: int | None = key(
+        default=None,
+        ge=1,
+        le=10_000,
+        examples=[11],
+        description="For profile custom: encoder lines in one turn of the motor's own shaft. "
+        "Absent: 11.",
+    )
+    ratio: float | None = key(
+        default=None,
+        ge=1.0,
+        le=1000.0,
+        examples=[30.0],
+        description="For profile custom: turns of the motor in one turn of the wheel. The board "
+        "keeps its whole part. Absent: from chassis.ticks_per_revolution.",
+    )
+    wheel_diameter_mm: float | None = key(
+        default=None,
+        ge=1.0,
+        le=1000.0,
+        examples=[67.0],
+        description="For profile custom: diameter of the wheel in millimetres, as the board "
+        "stores it. Absent: from chassis.wheel_radius_m.",
+    )
+
+    def low_v(self) -> float | None:
+        """The volts below which the battery is low; None for never."""
+        if self.battery_low_v is not None:
+            return self.battery_low_v or None
+        for (volts, charge), (next_volts, next_charge) in pairwise(self.battery_curve):
+            if charge < LOW_CHARGE <= next_charge:
+                share = (LOW_CHARGE - charge) / (next_charge - charge)
+                return round(volts + share * (next_volts - volts), 3)
+        return self.battery_curve[0][0] if self.battery_curve else None
+
+
+def _axes_problem(axes: str) -> str | None:
+    return axes_problem(axes, rotation=True)
+
+
+def _gyro_axes_problem(axes: str) -> str | None:
+    return axes_problem(axes, rotation=False) if axes else None
+
+
+class Imu(Section):
+    """The board's inertial sensor, where it has one: how it is mounted and calibrated.
+
+    What is published lies along the axes of the base: forward, left, up.
+    """
+
+    axes: Annotated[str, Checked("", _axes_problem)] = key(
+        default=AS_THEY_ARE,
+        description="The sensor's axes that point forward, left and up, such as x -y -z.",
+    )
+    gyro_axes: Annotated[str, Checked("", _gyro_axes_problem)] = key(
+        default="",
+        description="The same for the gyro, where the board gives it other signs. Empty: as axes. "
+        "A positive turn is counter-clockwise, seen from above.",
+    )
+    gyro_scale: float | None = key(
+        default=None,
+        ge=0.5,
+        le=2.0,
+        examples=[1.0],
+        description="The true turn, for each turn that the gyro shows; calibrated to 0.1 %. "
+        "Absent: 1, with the tolerance of the sensor's datasheet in the covariance.",
+    )
+    frame_id: Frame = key(
+        default="imu_link", description="Frame of the samples; its axes are those of the base."
+    )
+
+    def mounting(self) -> Mounting:
+        """The mounting and the calibration of the sensor."""
+        return Mounting(self.axes, self.gyro_axes or self.axes, gyro_factor=self.gyro_scale or 1.0)
+
+
+class MotorEntry(Section):
+    """One motor of a wheel."""
+
+    position: int = key(
+        ge=1, le=4, description="Its connector on the board, M1 to M4 (the article's A to D)."
+    )
+    command_sign: Sign = key(
+        default=1, description="-1 where a positive command turns the wheel backward."
+    )
+    encoder_sign: Sign = key(
+        default=1, description="-1 where the counts fall while the wheel rolls forward."
+    )
+    name: MotorName | None = key(
+        default=None,
+        description="Its name in messages. Absent: the wheel's name, numbered where the wheel "
+        "has several motors.",
+    )
+
+
+MotorEntries: TypeAlias = Annotated[
+    tuple[MotorEntry, ...], Bounds({"min_length": 1, "max_length": 4, "strict": False})
+]
+
+
+PRESET_NAMES = ("2wd", "4wd", "mecanum", "ackermann")
+
+
+class Chassis(Section):
+    """The geometry of the base, and which motor turns which wheel.
+
+    Wheels are `left` and `right` (differential, skid_steer, ackermann), or `front_left`,
+    `rear_left`, `front_right` and `rear_right` (mecanum). Motors that are given
+    replace all default motors. With a preset, each replaces the motor of its position, and the
+    others stay: `preset = "4wd"` and
+    `motors.right = [{ position = 4, command_sign = -1, encoder_sign = -1 }]`.
+    """
+
+    preset: Annotated[str, Choice(("", *PRESET_NAMES))] = key(
+        default="",
+        description="Sets kinematics and motors in one word. "
+        "2wd: the article's, left on M1, right on M3. 4wd: the vendor's, skid steer, M1 left "
+        "front, M2 left rear, M3 right front, M4 right rear. mecanum: the same places. ackermann: "
+        "a car that steers, rear wheels left on M2, right on M4.",
+    )
+    kinematics: Annotated[str, Choice(tuple(KINEMATICS))] = key(
+        default="differential",
+        description="How the base moves. skid_steer: several motors on each side. ackermann: a car "
+        "that steers, driven by its rear wheels.",
+    )
+    wheel_separation_m: float = key(
+        default=0.150,
+        gt=0.0,
+        le=5.0,
+        description="Metres from the left wheels' middle to the right wheels'.",
+    )
+    wheel_base_m: float | None = key(
+        default=None,
+        gt=0.0,
+        le=5.0,
+        examples=[0.170],
+        description="Metres from the front axle to the rear one; for mecanum and ackermann, which "
+        "need it.",
+    )
+    steering_max_rad: float | None = key(
+        default=None,
+        gt=0.0,
+        le=1.4,
+        examples=[0.785],
+        description="For ackermann: the largest angle of the steering, in radians. With the wheel "
+        "base it gives the tightest curve. Absent: 0.785, 45 degrees.",
+    )
+    wheel_radius_m: float | None = key(
+        default=None,
+        gt=0.0,
+        le=1.0,
+        examples=[0.0325],
+        description="Metres from the axle to the rim. Absent: the profile's. The article's is "
+        "0.0325, the 520 kit's 0.0335.",
+    )
+    ticks_per_revolution: float | None = key(
+        default=None,
+        ge=1.0,
+        le=1_000_000.0,
+        examples=[1320],
+        description="Counts in one turn of the wheel. Absent: the profile's, lines x ratio x 4.",
+    )
+    command_scale: float = key(
+        default=1.0,
+        ge=0.1,
+        le=10.0,
+        description="The article's SCALE_FACTOR as a multiplier of 1000 units per m/s: above 1 "
+        "where the wheels turn slower than commanded.",
+    )
+    wheel_radius_multiplier: dict[str, Positive] = key(
+        default={"left": 1.0, "right": 1.0},
+        description="Calibration of each wheel's radius, by wheel; one that is missing is 1.",
+    )
+    wheel_separation_multiplier: float = key(
+        default=1.0,
+        ge=0.1,
+        le=10.0,
+        description="Calibration of the track; a skid-steer base acts as if it were 1.3 to 1.9 "
+        "times as wide as it is.",
+    )
+    sideways_multiplier: float = key(
+        default=1.0,
+        ge=0.1,
+        le=10.0,
+        description="Calibration of the way to the side of a mecanum base, for each metre that its "
+        "wheels count; slip of the rollers makes it 0.8 to 0.95.",
+    )
+    calibration_file: AnyPath = key(
+        default="",
+        description="The file that `yahboomd calibrate` writes and that goes over the three "
+        "multipliers. Empty: calibration.toml in the state directory, /var/lib/yahboomd for the "
+        "service.",
+    )
+    motors: dict[str, MotorEntries] = key(
+        default={"left": (MotorEntry(position=1),), "right": (MotorEntry(position=3),)},
+        description="The motors of each wheel.",
+    )
+
+
+PRESETS: dict[str, tuple[str, dict[str, tuple[MotorEntry, ...]]]] = {
+    "2wd": (
+        "differential",
+        {"left": (MotorEntry(position=1),), "right": (MotorEntry(position=3),)},
+    ),
+    "4wd": (
+        "skid_steer",
+        {
+            "left": (
+                MotorEntry(position=1, name="front_left"),
+                MotorEntry(position=2, name="rear_left"),
+            ),
+            "right": (
+                MotorEntry(position=3, name="front_right"),
+                MotorEntry(position=4, name="rear_right"),
+            ),
+        },
+    ),
+    "mecanum": (
+        "mecanum",
+        {
+            "front_left": (MotorEntry(position=1),),
+            "rear_left": (MotorEntry(position=2),),
+            "front_right": (MotorEntry(position=3),),
+            "rear_right": (MotorEntry(position=4),),
+        },
+    ),
+    "ackermann": (
+        "ackermann",
+        {"left": (MotorEntry(position=2),), "right": (MotorEntry(position=4),)},
+    ),
+}
+"""Kinematics and motors of the known builds: the article's, and the vendor's with four wheels."""
+
+
+def given_motors(chassis: Chassis) -> dict[str, tuple[MotorEntry, ...]]:
+    """The wheels whose motors differ from the default.
+
+    A key from ``--set`` copies the default of its whole table: equal motors were not given.
+    """
+    default = Chassis().motors
+    return {
+        wheel: entries for wheel, entries in chassis.motors.items() if entries != default.get(wheel)
+    }
+
+
+def preset_motors(chassis: Chassis) -> dict[str, tuple[MotorEntry, ...]]:
+    """The preset's motors, each replaced by the given one of the same position."""
+    given = given_motors(chassis)
+    return {
+        wheel: tuple(
+            next(
+                (
+                    entry if entry.name else replace(entry, name=usual.name)
+                    for entry in given.get(wheel, ())
+                    if entry.position == usual.position
+                ),
+                usual,
+            )
+            for usual in entries
+        )
+        for wheel, entries in PRESETS[chassis.preset][1].items()
+    }

@@ -1,0 +1,70 @@
+"""pydantic's errors in the words of a person who writes TOML, with what was probably meant."""
+
+from __future__ import annotations
+
+import difflib
+from typing import TYPE_CHECKING
+
+from yahboomd.core.config import schema
+from yahboomd.core.config.layers import toml_value
+from yahboomd.core.config.schema import ANY
+from yahboomd.core.config.values import Place, dotted, inline
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
+
+_NO_QUOTES = " (a number takes no quotes)"
+_HINTS = {
+    "string_type": " (text needs quotes)",
+    "tuple_type": " (a list stands in [ ])",
+    "int_type": _NO_QUOTES,
+    "float_type": _NO_QUOTES,
+}
+
+
+def place_of(error: ErrorDetails) -> Place:
+    """The place of an error of pydantic's; an error in a name itself is at that name."""
+    return tuple(part for part in error["loc"] if part != "[key]")
+
+
+def words_for(error: ErrorDetails) -> str:
+    """Say what was expected at the place of an error, and what is there."""
+    place, value = place_of(error), error["input"]
+    if error["type"] == "unexpected_keyword_argument":
+        return _unknown(place)
+    if error["type"] == "text":
+        return f"{error['msg']}, got {shown(value)}"
+    takes = schema.takes(schema.node_at(place))
+    if error["type"] == "missing":
+        return f"missing; expected {takes}"
+    hint = _HINTS.get(error["type"], "")
+    if hint == _NO_QUOTES and (not isinstance(value, str) or toml_value(value) == value):
+        hint = ""
+    return f"expected {takes}, got {shown(value)}{hint}"
+
+
+def shown(value: object) -> str:
+    """A value as TOML writes it, cut where it is long."""
+    try:
+        text = inline(value)
+    except (ValueError, RecursionError):
+        return "a value too long to show"
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _unknown(place: Place) -> str:
+    """Say that there is no such key, and suggest one: the same elsewhere, or one like it."""
+    *table, name = place
+    words = f"unknown {'key' if table else 'section'}"
+    known = list(schema.node_at(tuple(table))["properties"])
+    homes = [home[:-1] for home in schema.places() if home[-1] == name]
+    inside = [home for home in homes if ANY in home and home[:1] == place[:1]]
+    if inside:
+        entries = dotted(inside[0][: inside[0].index(ANY)])
+        keys = ", ".join(schema.node_at(inside[0])["properties"])
+        return f'{words}; "{name}" belongs to each entry of {entries}, {{ {keys} }}'
+    if close := difflib.get_close_matches(str(name).lower(), known, n=1):
+        return f'{words}; did you mean "{close[0]}"?'
+    if sections := [f"[{home[0]}]" for home in homes if len(home) == 1]:
+        return f'{words}; "{name}" belongs to {" or ".join(sections)}'
+    return f"{words}; known here: {', '.join(known)}"

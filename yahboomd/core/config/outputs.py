@@ -1,0 +1,201 @@
+"""The sections on output: odometry, Zenoh, ROS 2, log."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from yahboomd.core.config.values import (
+    AbsolutePath,
+    Endpoint,
+    Frame,
+    FramePrefix,
+    Joint,
+    Key,
+    Section,
+    SourceKey,
+    Topic,
+    key,
+)
+
+
+class Odometry(Section):
+    """Rates, frames and noise of the odometry."""
+
+    poll_rate_hz: float = key(
+        default=50.0,
+        gt=0.0,
+        le=1000.0,
+        description="Questions for the counters in a second, where the board has to be asked, 5 at "
+        "least; one that streams sends them by itself, new ones every 10 ms.",
+    )
+    publish_rate_hz: float = key(
+        default=50.0,
+        gt=0.0,
+        le=1000.0,
+        description="Greatest number of pose and twist samples per second.",
+    )
+    frame_id: Frame = key(default="odom", description="Frame of the pose.")
+    child_frame_id: Frame = key(
+        default="base_link", description="Frame of the twist: the base itself."
+    )
+    max_wheel_speed_m_s: float = key(
+        default=2.0,
+        gt=0.0,
+        le=50.0,
+        description="Rim speed in m/s that no wheel reaches, even downhill; counts that would need "
+        "more are ignored.",
+    )
+    heading: Literal["wheels", "fused"] = key(
+        default="wheels",
+        description="The source of the heading. fused: wheels and gyro, where the board has one; "
+        "see that imu.axes are right first.",
+    )
+    travel_noise_m: float = key(
+        default=0.0032,
+        gt=0.0,
+        le=1.0,
+        description="Standard deviation, in metres, of a wheel's measured travel after one metre "
+        "rolled; its square grows with the distance, and with it the covariance. A hard floor "
+        "without slip: 0.0032.",
+    )
+
+    @property
+    def noise_m(self) -> float:
+        """Variance of a wheel's travel per metre rolled, in m^2 per m."""
+        return self.travel_noise_m**2
+
+
+class Zenoh(Section):
+    """The bus: how applications reach the daemon, and the namespace of its keys."""
+
+    mode: Literal["router", "peer", "client"] = key(
+        default="router",
+        description="A router serves clients and peers alike; a client needs one to connect to.",
+    )
+    listen: tuple[Endpoint, ...] = key(
+        default=("tcp/127.0.0.1:7448",),
+        strict=False,
+        description="Where applications reach the daemon. Any program there can drive: beyond "
+        "this machine, use TLS and access control.",
+    )
+    connect: tuple[Endpoint, ...] = key(
+        default=("tcp/127.0.0.1:7447",),
+        strict=False,
+        description="Routers to join when they are reachable; nothing waits for them. Any program "
+        "at such a router can drive.",
+    )
+    namespace: Key = key(
+        default="", description="Prefix of every key, such as bot1; the name of this robot."
+    )
+    encoding: Literal["json", "msgpack"] = key(
+        default="json", description="Encoding of the native samples."
+    )
+    config: AbsolutePath = key(
+        default="",
+        description="A Zenoh JSON5 file for everything else: TLS, users, access control.",
+    )
+
+
+class StaticTransform(Section):
+    """A frame that is fixed to another, such as a laser to the base."""
+
+    parent: Frame = key(description="The frame that it is fixed to.")
+    child: Frame = key(description="The frame that is placed.")
+    x: float = key(default=0.0, description="Metres forward from the parent.")
+    y: float = key(default=0.0, description="Metres to the left.")
+    z: float = key(default=0.0, description="Metres up.")
+    roll: float = key(default=0.0, description="Radians about x, the parent's; applied first.")
+    pitch: float = key(default=0.0, description="Radians about y, the parent's.")
+    yaw: float = key(default=0.0, description="Radians about z, the parent's; applied last.")
+
+
+class Ros2(Section):
+    """The ROS 2 plane: topics for zenoh-bridge-ros2dds, or for rmw_zenoh's own graphs."""
+
+    bridge: bool = key(
+        default=True, description="Publish CDR on plain keys, for zenoh-bridge-ros2dds."
+    )
+    rmw_zenoh: bool = key(
+        default=False, description="Appear as a node of rmw_zenoh, without a bridge."
+    )
+    distro: Literal["humble", "iron", "jazzy", "kilted", "rolling"] = key(
+        default="jazzy", description="The distribution of the ROS 2 graph."
+    )
+    domain_id: int = key(
+        default=0, ge=0, le=232, description="ROS_DOMAIN_ID of the rmw_zenoh graph."
+    )
+    stamped_commands: tuple[SourceKey, ...] = key(
+        default=(),
+        strict=False,
+        description="Command keys that are TwistStamped in ROS 2, such as cmd_vel for Nav2 of "
+        "Kilted; all others are Twist. A topic carries one type.",
+    )
+    odom: bool = key(default=True, description="Publish nav_msgs/Odometry.")
+    publish_tf: bool = key(
+        default=True,
+        description="Publish the transform from odom to base_link; off where another node, such "
+        "as robot_localization, does.",
+    )
+    joint_states: bool = key(default=True, description="Publish sensor_msgs/JointState.")
+    imu: bool = key(
+        default=True, description="Publish sensor_msgs/Imu, where the board has a sensor."
+    )
+    battery_state: bool = key(default=True, description="Publish sensor_msgs/BatteryState.")
+    diagnostics: bool = key(
+        default=True, description="Publish diagnostic_msgs/DiagnosticArray, once a second."
+    )
+    odom_topic: Topic = key(default="odom", description="Topic of the odometry.")
+    joint_states_topic: Topic = key(
+        default="joint_states", description="Topic of the joint states."
+    )
+    imu_topic: Topic = key(
+        default="imu",
+        description="Where the inertial sensor is published: as data_raw and data below it.",
+    )
+    battery_state_topic: Topic = key(
+        default="battery_state", description="Topic of the battery's state."
+    )
+    diagnostics_topic: Topic = key(default="diagnostics", description="Topic of the diagnostics.")
+    frame_prefix: FramePrefix = key(
+        default="",
+        description="Prefix of every frame in ROS 2, used literally, such as bot1/; independent of "
+        "the namespace.",
+    )
+    joint_names: dict[str, Joint] = key(
+        default={},
+        description="Joint of each motor, by the motor's name; one that is missing is "
+        "<motor>_wheel_joint.",
+    )
+    hardware_id: str = key(
+        default="",
+        description="Name of this robot in diagnostics. Empty: zenoh.namespace, else the name of "
+        "this machine.",
+    )
+    static_transforms: tuple[StaticTransform, ...] = key(
+        default=(),
+        strict=False,
+        description="Frames for /tf_static, where no robot_state_publisher publishes them.",
+    )
+
+
+class BlackBox(Section):
+    """The black box: what happened in the last minute, to see why the robot stopped."""
+
+    enabled: bool = key(
+        default=True,
+        description="Keep the last minute in memory, and save it at each fault, emergency stop, "
+        "disconnect and crash.",
+    )
+    folder: AbsolutePath = key(
+        default="",
+        description="Where it is saved. Empty: blackbox in the state directory.",
+    )
+
+
+class Log(Section):
+    """The log."""
+
+    level: Literal["debug", "info", "warning", "error"] = key(
+        default="info",
+        description="The least serious line that is written; debug shows every frame.",
+    )

@@ -1,0 +1,224 @@
+"""Builds objects from the configuration: the only place that knows both."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import threading
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from msgspec import structs
+
+from yahboomd.core.blackbox.box_file import OdometerSettings
+from yahboomd.core.blackbox.recorder import Recorder
+from yahboomd.core.bus.options import BusOptions
+from yahboomd.core.clock import Clock
+from yahboomd.core.config import Config, runtime_folder
+from yahboomd.core.daemon.control import Controller
+from yahboomd.core.daemon.estop.latch import EstopLatch
+from yahboomd.core.daemon.estop.latch_file import LatchFile
+from yahboomd.core.daemon.fit import BLIND_S, ControlOptions
+from yahboomd.core.daemon.folder import check_folder
+from yahboomd.core.daemon.publisher import Outputs
+from yahboomd.core.daemon.recorded_odometer import RecordedOdometer
+from yahboomd.core.daemon.supervisor import storing_opener
+from yahboomd.core.drive.arbiter import Arbiter
+from yahboomd.core.drive.standing import STANDING_M_S
+from yahboomd.core.link import port_note
+from yahboomd.core.link.connected_board import Listener
+from yahboomd.core.link.discovery import candidates, choose
+from yahboomd.core.link.port import Opener, Port, PortOptions, open_port
+from yahboomd.core.link.port_identity import identify
+from yahboomd.core.link.session import Session, SessionOptions
+from yahboomd.core.link.tap import NO_TAP, Tap
+from yahboomd.core.odometry.heading import CALIBRATED
+from yahboomd.core.odometry.odometer import Odometer
+from yahboomd.core.program import release_command
+
+LONGEST_PERIOD_S = 0.1
+"""Steps also repeat stops, cut what does not obey them, and notice that no counts come."""
+
+NOTED_WITHIN_S = 0.1
+"""The longest that the first stop on a port waits for the note of how it was opened."""
+
+
+def bus_options(config: Config) -> BusOptions:
+    """Options of the Zenoh session, from the configuration."""
+    zenoh = config.zenoh
+    return BusOptions(
+        mode=zenoh.mode,
+        listen=zenoh.listen,
+        connect=zenoh.connect,
+        namespace=zenoh.namespace,
+        config_file=Path(zenoh.config) if zenoh.config else None,
+    )
+
+
+def arbiter(config: Config) -> Arbiter:
+    """The arbiter of command sources."""
+    command = config.command
+    return Arbiter(config.sources(), on_timeout=command.on_timeout, stamps=command.stamps)
+
+
+def odometer_settings(config: Config) -> OdometerSettings:
+    """The arguments of the odometer."""
+    return OdometerSettings(
+        kinematics=config.kinematics(),
+        motors=config.motors(),
+        speed_max_m_s=config.odometry.max_wheel_speed_m_s,
+        noise_m=config.odometry.noise_m,
+        fused=config.odometry.heading == "fused",
+        gyro_scale=None if config.imu.gyro_scale is None else CALIBRATED,
+    )
+
+
+def odometer(config: Config, recorder: Recorder | None = None) -> Odometer:
+    """The odometer; with a recorder, what it is given is recorded."""
+    arguments = structs.asdict(odometer_settings(config))
+    return Odometer(**arguments) if recorder is None else RecordedOdometer(recorder, **arguments)
+
+
+def control_options(config: Config) -> ControlOptions:
+    """The control path's options."""
+    return ControlOptions(
+        kinematics=config.kinematics(),
+        motors=config.motors(),
+        profile=config.profile(),
+        command_scale=config.chassis.command_scale,
+        linear=config.limits.linear.noun(),
+        angular=config.limits.angular.noun(),
+        at_rest=config.command.at_rest,
+        stall=config.faults.stall,
+        turns_without_command=config.faults.turns_without_command,
+        min_speed_m_s=config.faults.min_speed_m_s,
+        period_s=min(1.0 / config.command.rate_hz, LONGEST_PERIOD_S),
+        blind_s=max(BLIND_S, 3.0 / config.odometry.poll_rate_hz),
+        release=release_command(config.zenoh.namespace, config.zenoh.listen),
+        mounting=config.imu.mounting(),
+        battery_low_v=config.board.low_v(),
+        battery_stop_v=config.board.battery_stop_v,
+    )
+
+
+def latch(config: Config, clock: Clock, environ: Mapping[str, str]) -> EstopLatch:
+    """The e-stop as it was left."""
+    path = config.latch_path(environ, user_id=os.getuid())
+    port = None if config.estop.latch_file else config.serial.port
+    release = release_command(config.zenoh.namespace, config.zenoh.listen)
+    return EstopLatch(LatchFile(path, port=port), clock.now_ns(), release=release)
+
+
+def controller(
+    config: Config,
+    clock: Clock,
+    *,
+    arbiter: Arbiter,
+    latch: EstopLatch,
+    outputs: Outputs,
+    recorder: Recorder | None = None,
+) -> Controller:
+    """The control path."""
+    return Controller(
+        clock,
+        control_options(config),
+        arbiter=arbiter,
+        odometer=odometer(config, recorder),
+        latch=latch,
+        outputs=outputs,
+    )
+
+
+def opener(
+    config: Config,
+    clock: Clock,
+    environ: Mapping[str, str] | None = None,
+    opened: Callable[[port_note.PortNote], None] = lambda _: None,
+) -> Opener:
+    """Looks for the port at each attempt: a board that comes back may be elsewhere.
+
+    Args:
+        environ: Decides where to note how the port was opened, for the stop after a kill.
+        opened: Called with each note, from a thread.
+    """
+    serial = config.serial
+    noting: threading.Thread | None = None
+
+    async def open_it() -> Port:
+        nonlocal noting
+        path = choose(serial.port, candidates() if not serial.port else ())
+        options = PortOptions(
+            path=path,
+            baudrate=serial.baudrate,
+            dtr=serial.dtr,
+            rts=serial.rts,
+            hangup_on_close=serial.hangup_on_close,
+        )
+        port = await open_port(options, clock)
+        if environ is not None and (noting is None or not noting.is_alive()):
+            # A disk that hangs holds up no stop, and one thread at most.
+            noting = threading.Thread(
+                target=_note,
+                args=(options, config, environ, opened),
+                name="port-note",
+                daemon=True,
+            )
+            with contextlib.suppress(RuntimeError):
+                noting.start()
+                noting.join(NOTED_WITHIN_S)
+        return port
+
+    return open_it
+
+
+def _note(
+    options: PortOptions,
+    config: Config,
+    environ: Mapping[str, str],
+    opened: Callable[[port_note.PortNote], None],
+) -> None:
+    """Note how the port was opened, and which device it is."""
+    folder = runtime_folder(environ, user_id=os.getuid())
+    try:
+        device = identify(os.stat(options.path))
+    except OSError:
+        # Unplugged just now: the session will hear of it.
+        return
+    note = port_note.PortNote(
+        **structs.asdict(options),
+        device=device,
+        pid=os.getpid(),
+        namespace=config.zenoh.namespace,
+        listen=tuple(config.zenoh.listen),
+    )
+    opened(note)
+    try:
+        check_folder(folder)
+    except OSError:
+        # It is another user's.
+        return
+    port_note.write(note, str(folder))
+
+
+def session_options(config: Config) -> SessionOptions:
+    """Options of a session with the board, from the configuration."""
+    finest_m = min(motor.metres_per_tick for motor in config.motors())
+    return SessionOptions(
+        dialect=config.serial.dialect,
+        poll_rate_hz=config.odometry.poll_rate_hz,
+        publish_rate_hz=config.odometry.publish_rate_hz,
+        resend_s=config.command.resend_s,
+        still_ticks_per_s=STANDING_M_S / finest_m,
+        profile=config.profile(),
+        battery_period_s=config.board.battery_period_s,
+    )
+
+
+def session(
+    config: Config, clock: Clock, listener: Listener, open_it: Opener, tap: Tap = NO_TAP
+) -> Session:
+    """One connection to the board."""
+    if config.board.write_settings:
+        want = config.profile().settings
+        open_it = storing_opener(open_it, clock, want, listener.event, tap)
+    return Session(open_it, clock, listener, session_options(config), tap)

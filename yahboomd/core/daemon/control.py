@@ -1,0 +1,574 @@
+"""The control path: from the command in control to the board's, and from counts to estimates.
+
+It runs at a fixed rate, at rest less often and with the counts, and once more at once for every
+command that arrives. Whatever forbids motion (the e-stop, a hold, a board that is not ready) is
+looked at first in every step, and ends it at once; only command silence and a hand-over may ramp.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from functools import partial
+from typing import NoReturn
+
+import msgspec
+
+from yahboomd.core.bus.keys import CMD_VEL_TELEOP, CMD_VEL_WEB
+from yahboomd.core.clock import Clock, Schedule, nanoseconds, seconds
+from yahboomd.core.daemon.estop.latch import EstopLatch
+from yahboomd.core.daemon.estop.stop_reports import StopReports
+from yahboomd.core.daemon.fit import BLIND_S, ControlOptions, fit
+from yahboomd.core.daemon.interruptions import Pauses, Resets
+from yahboomd.core.daemon.publisher import Events, Outputs
+from yahboomd.core.daemon.wheels import Wheels
+from yahboomd.core.drive import standing
+from yahboomd.core.drive.arbiter import Arbiter
+from yahboomd.core.drive.arbitration import Decision
+from yahboomd.core.drive.battery import CRAWL_M_S, BatteryWatch
+from yahboomd.core.drive.curve import Curve
+from yahboomd.core.drive.doubts import Doubts
+from yahboomd.core.drive.faults import Fault
+from yahboomd.core.drive.holds import (
+    BOARD_RESET,
+    BOARD_UNFIT,
+    FAULT,
+    LINE_NOISY,
+    WAITING_FOR_BOARD,
+    Hold,
+    Holds,
+)
+from yahboomd.core.drive.kinematics import desaturate, desaturate_twist, wheel_speeds
+from yahboomd.core.drive.limiter import Limiter
+from yahboomd.core.errors import YahboomdError
+from yahboomd.core.link.connected_board import ConnectedBoard
+from yahboomd.core.link.handshake import Identity
+from yahboomd.core.model import Counts, EncoderReading, Event, ImuReading, Matrix3, Pose2d
+from yahboomd.core.names import source_words
+from yahboomd.core.odometry.odometer import Odometer
+from yahboomd.core.protocol.dialect import Units
+from yahboomd.core.protocol.settings import VERSION
+
+SOONEST_NS = 2_000_000
+"""Extra control steps, for commands that arrive, are at least so far apart: more than the board
+can be sent, and a bound on what a flood of commands can cost."""
+
+IDLE_NS = 100_000_000
+"""While the wheels stand and nothing commands them, the control step has to look for what changes
+by itself no more often. A command, a stop and a wheel that turns are not waited for."""
+
+PERSONS = (CMD_VEL_TELEOP, CMD_VEL_WEB)
+"""The sources by which people drive."""
+
+DOUBTFUL_S = 0.5
+"""The standstill after a cut that may be the line's fault: the wheels roll out meanwhile."""
+
+
+class Controller:
+    """Owns the path from commands to wheels, and from counts to the pose.
+
+    Args:
+        clock: The source of time.
+        options: The robot.
+        arbiter: Decides which source drives.
+        odometer: Makes estimates of readings.
+        latch: The e-stop.
+        outputs: Receive what comes of it.
+    """
+
+    def __init__(
+        self,
+        clock: Clock,
+        options: ControlOptions,
+        *,
+        arbiter: Arbiter,
+        odometer: Odometer,
+        latch: EstopLatch,
+        outputs: Outputs,
+    ) -> None:
+        self._clock = clock
+        self._options = options
+        self._arbiter = arbiter
+        self._odometer = odometer
+        self._latch = latch
+        self._outputs = outputs
+        self.counters: Counter[str] = Counter()
+        self._wheels = Wheels(
+            options.kinematics,
+            options.motors,
+            at_rest=options.at_rest,
+            min_speed_m_s=options.min_speed_m_s,
+            counters=self.counters,
+        )
+        self._limiter = Limiter(
+            options.linear, options.angular, longest_step_s=max(0.1, 2 * options.period_s)
+        )
+        self._curve = Curve(options.kinematics, options.linear.velocity, options.angular.velocity)
+        self._holds = Holds()
+        self._doubts = Doubts()
+        self._events = Events(clock, outputs, self.counters)
+        self._resets = Resets(
+            clock,
+            wheels=self._wheels,
+            limiter=self._limiter,
+            holds=self._holds,
+            events=self._events,
+            outputs=outputs,
+        )
+        self._pauses = Pauses(
+            clock,
+            nanoseconds(options.period_s),
+            arbiter=arbiter,
+            wheels=self._wheels,
+            events=self._events,
+        )
+        self._decision = Decision()
+        self._stepped_ns = clock.now_ns()
+        self._extra_ns = 0
+        self._idle_until_ns = 0
+        self._step_pending = False
+        self._was_connected = False
+        self._seen_ns = 0
+        self._raw_ticks: Counts = (0, 0, 0, 0)
+        self._alarm = clock.alarm(self._extra_step)
+        self.stop_reports = StopReports(clock, self._stop_outcome)
+        self._period_ns = nanoseconds(options.period_s)
+        self._blind_s = options.blind_s
+        self._starts_s = 0.0
+        self._beats = Schedule(clock, self._period_ns)
+        self.volts: float | None = None
+        self.battery_watch = BatteryWatch(options.battery_low_v, options.battery_stop_v)
+        self.imu_sensor: str | None = None
+        self._wait("No board yet.")
+
+    # The control step.
+
+    async def run(self, on_beat: Callable[[int], None]) -> NoReturn:
+        """Step by the clock until cancelled; at rest, where no source commands, less often.
+
+        Args:
+            on_beat: Called after each of these steps with the moment at which it was due.
+        """
+
+        def beat(due_ns: int) -> None:
+            self.control_step()
+            self.counters["beats_missed"] = self._beats.missed
+            self._beats.rest(self._idle_until_ns)
+            on_beat(due_ns)
+
+        await self._beats.run(beat)
+
+    def control_step(self) -> None:
+        """Decide what the wheels do now, and command the board."""
+        self.notice_pause()
+        self._step()
+
+    def _step(self) -> None:
+        now_ns = self._clock.now_ns()
+        if self._idle_until_ns:
+            # Between these steps there was nothing to ramp.
+            self._stepped_ns = max(self._stepped_ns, now_ns - self._period_ns)
+        dt_s = seconds(now_ns - self._stepped_ns)
+        self._stepped_ns = now_ns
+        self._step_pending = False
+        before = self._decision
+        decision = self._decision = self._arbiter.current(now_ns)
+        self._look(now_ns)
+        if self._latch.engaged or self._holds.active(now_ns):
+            self._stand(now_ns, at_once=True)
+        else:
+            self._drive(decision, now_ns, dt_s)
+        # Only readings after the stop was sent show that the wheels stand.
+        wheels = self._wheels
+        self._arbiter.observe_wheels(
+            now_ns,
+            commanded_zero=not any(wheels.command_m_s),
+            measured_m_s=wheels.measured_m_s if wheels.stopped else None,
+        )
+        if (before.why, before.driver) != (decision.why, decision.driver):
+            self._outputs.changed()
+        # Silence is acted upon when it is due, not at the beat after it.
+        due_ns = self._arbiter.deadline_ns
+        self._alarm.set(due_ns if due_ns is not None and due_ns > now_ns else None)
+        idle = due_ns is None and wheels.stopped and not wheels.in_motion
+        self._idle_until_ns = now_ns + IDLE_NS if idle else 0
+        if not idle:
+            self._beats.wake()
+
+    def notice_pause(self) -> None:
+        """Detect whether this process stood still; before anything is used that may have waited."""
+        if not self._pauses.notice():
+            return
+        now_ns = self._clock.now_ns()
+        self.counters["pauses"] += 1
+        # The board may have spoken: its counts have their time again from here on.
+        self._seen_ns = now_ns
+        if self._arbiter.current(now_ns).why != "driving":
+            self._stand(now_ns, at_once=True)
+
+    def _look(self, now_ns: int) -> None:
+        """Wait for the board where the wheels are no longer seen."""
+        if (
+            now_ns - self._seen_ns > nanoseconds(self._blind_s)
+            and self._wheels.attached
+            and not self._holds.has(WAITING_FOR_BOARD)
+        ):
+            blind_s = self._blind_s
+            self._wait(f"No counts have come for {blind_s:g} s, and wheels are not driven unseen.")
+            self.counters["blind"] += 1
+            self._outputs.changed()
+
+    def step_soon(self) -> None:
+        """A command arrived: step at once, but not more often than a command could be sent.
+
+        Whether there was a pause was looked at before the command was.
+        """
+        now_ns = self._clock.now_ns()
+        soonest_ns = self._extra_ns + SOONEST_NS
+        if now_ns >= soonest_ns:
+            self._extra_ns = now_ns
+            self._step()
+        elif not self._step_pending:
+            self._step_pending = True
+            self._alarm.set(soonest_ns)
+
+    def _extra_step(self) -> None:
+        self._extra_ns = self._clock.now_ns()
+        self.control_step()
+
+    def close(self) -> None:
+        """Release the timers."""
+        self._alarm.close()
+        self.stop_reports.close()
+        self._beats.close()
+
+    def _drive(self, decision: Decision, now_ns: int, dt_s: float) -> None:
+        kinematics, limits = self._options.kinematics, self._wheels.fit.wheel_limits
+        if decision.twist.is_zero and (not decision.ramp or self._limiter.halted):
+            self._stand(now_ns, at_once=not decision.ramp)
+            return
+        if self.battery_watch.level == "empty":
+            limits = tuple(min(limit, CRAWL_M_S) for limit in limits)
+        wish, too_tight = self._curve.steer(decision.twist)
+        if too_tight:
+            self.counters["too_tight"] += 1
+        wish, scale = desaturate_twist(kinematics, wish, limits)
+        if scale < 1.0:
+            self.counters["desaturated"] += 1
+        # A car's wish is scaled to the limits along its curve.
+        if self._limiter.clips(decision.twist if kinematics.least_radius_m else wish):
+            self.counters["limited"] += 1
+        limited = self._curve.ramped(self._limiter.limit(wish, dt_s))
+        self._odometer.steer(self._curve.per_m, now_ns)
+        speeds, _ = desaturate(wheel_speeds(kinematics, limited), limits)
+        if any(speeds):
+            self.battery_watch.moves(now_ns)
+            self._wheels.turn(speeds)
+            if max(map(abs, speeds)) >= self._options.min_speed_m_s:
+                self._doubts.drive(nanoseconds(dt_s))
+        else:
+            self._stand(now_ns, at_once=False)
+
+    def _stand(self, now_ns: int, *, at_once: bool) -> None:
+        self._limiter.halt()
+        if (fault := self._wheels.stand(now_ns, at_once=at_once)) is not None:
+            self._report_cut(fault)
+            if fault.certain and (held := self._fault()) is not None:
+                # What it did last is more urgent than why it was cut.
+                words = f"{fault.message} It was cut because: {held.message}"
+                self._holds.add(Hold(kind=FAULT, message=words, since_ns=now_ns))
+
+    def _trouble(self, fault: Fault, now_ns: int) -> None:
+        """React to a wheel that does not obey."""
+        if self._options.cuts(fault):
+            self._limiter.halt()
+            self._wheels.cut(now_ns)
+            hold = self._doubtful(fault, now_ns) or Hold(
+                kind=FAULT, message=fault.message, since_ns=now_ns
+            )
+            self._holds.add(hold)
+            if hold.kind == FAULT:
+                self._report_cut(fault)
+            self._outputs.changed()
+        elif self._wheels.noisy:
+            self.counters["noisy_doubts"] += 1
+        else:
+            self._report(fault)
+
+    def _doubtful(self, fault: Fault, now_ns: int) -> Hold | None:
+        """The hold for what the line may have done; ``None`` where the wheel is to blame."""
+        if self._doubts.blame(now_ns, fault, damages=self._wheels.damages):
+            return None
+        self.counters["noisy_cuts"] += 1
+        words = (
+            "The line to the board loses or alters bytes, and a wheel did not do what was sent: "
+            "the motors are cut for a moment. Check the USB cable, its shield and its distance "
+            f"from the motors' wires. If it goes on: {fault.message}"
+        )
+        event = Event(kind="line_noisy", severity="warning", message=words, wheel=fault.motor)
+        self.stop_reports.announce(partial(self._stopped, event))
+        self._wheels.restart_check()
+        # A board that was reset without a word has forgotten its motors, and obeys no speed.
+        self._wheels.rearm()
+        return Hold(
+            kind=LINE_NOISY,
+            message=words,
+            since_ns=now_ns,
+            until_ns=now_ns + nanoseconds(DOUBTFUL_S),
+        )
+
+    def _report(self, fault: Fault) -> None:
+        self.counters[fault.kind] += 1
+        self.event(fault.event())
+
+    def _report_cut(self, fault: Fault) -> None:
+        self.counters[fault.kind] += 1
+        self.stop_reports.announce(partial(self._stopped, fault.event()))
+
+    def _stopped(self, event: Event, problem: str) -> None:
+        """Report an event of which a stop is part, now that this was sent or cannot be."""
+        words = f"{event.message} {problem}".rstrip()
+        self.event(msgspec.structs.replace(event, message=words))
+
+    def _stop_outcome(self) -> str | None:
+        """For :class:`StopReports`."""
+        if self._wheels.attached:
+            return "" if self._wheels.stop_sent else None
+        holds = self._holds.active(self._clock.now_ns())
+        why = [hold.message for hold in holds if hold.kind == WAITING_FOR_BOARD]
+        return f"no board is connected: {' '.join(why) or 'No board yet.'}"
+
+    # Callbacks of the link (link.connected_board.Listener).
+
+    def connected(self, board: ConnectedBoard, identity: Identity) -> None:
+        """A board is there: may its wheels turn, and in which units are they commanded?"""
+        now_ns = self._clock.now_ns()
+        self._arbiter.forget_commands(now_ns)
+        self.imu_sensor = None
+        dialect = identity.dialect
+        self._blind_s = self._options.blind_s if dialect.poll is not None else BLIND_S
+        self._starts_s = dialect.starts_within_s
+        self._odometer.set_sample_period(
+            dialect.sample_period_ns,
+            each_line=dialect.renews_with_each_line,
+            age_ns=dialect.age_ns,
+        )
+        found = fit(
+            identity,
+            kinematics=self._options.kinematics,
+            motors=self._options.motors,
+            profile=self._options.profile,
+            scale=self._options.command_scale,
+        )
+        self._wheels.attach(board, found)
+        if found.wrong:
+            words = " ".join(found.wrong)
+            self._holds.add(Hold(kind=BOARD_UNFIT, message=words, since_ns=now_ns))
+            self.event(Event(kind="board_unfit", severity="error", message=words))
+        else:
+            self._holds.drop(BOARD_UNFIT)
+        self._wait("The board is connected; waiting for its first counts.")
+        version = identity.settings.get(VERSION) if identity.settings else None
+        words = f"Connected to {board.port_name}: dialect {dialect.name}" + (
+            f", firmware {version}." if version else "."
+        )
+        self.event(Event(kind="connected", severity="info", message=words))
+        self._outputs.changed()
+
+    def armed(self) -> None:
+        """The board is asked to stream its counts."""
+        self._odometer.armed()
+
+    def reading(self, reading: EncoderReading) -> None:
+        """Counts arrived: update the pose."""
+        self.notice_pause()
+        update = self._odometer.update(reading)
+        for event in update.events:
+            self.event(event)
+            self._resets.interrupted(
+                event,
+                reading.ticks,
+                self._raw_ticks,
+                paused=self._pauses.just_ended(reading.received_ns),
+                silent_s=self._starts_s / 2.0,
+            )
+        if (estimate := update.estimate) is None:
+            return
+        now_ns = self._seen_ns = self._clock.now_ns()
+        self._raw_ticks = reading.ticks
+        if self._idle_until_ns and any(estimate.motor_speed_m_s):
+            self._idle_until_ns = 0
+            self._beats.wake()
+        faults = self._wheels.measure(
+            estimate.stamp_ns,
+            estimate.motor_speed_m_s,
+            estimate.motor_ticks,
+            reading.received_ns,
+            reading.earliest_ns,
+        )
+        for fault in faults:
+            self._trouble(fault, now_ns)
+        # Counts of a session that ends go on coming, and it takes no commands any more.
+        if self._wheels.attached and self._holds.drop(WAITING_FOR_BOARD):
+            self._outputs.changed()
+        self._outputs.estimate(estimate, self._wheels.command_m_s)
+        if self._idle_until_ns and now_ns >= self._idle_until_ns - self._period_ns:
+            # At rest the process need not wake for the step alone.
+            self._beats.advance(now_ns)
+
+    def imu(self, reading: ImuReading) -> None:
+        """The inertial sensor was read."""
+        self.imu_sensor = reading.sensor.name
+        along_base = self._options.mounting.along_base(reading)
+        self._outputs.imu(self._odometer.accept(along_base))
+
+    def sent(self, units: Units | None) -> None:
+        """A command was written: from now on wheels are compared with it."""
+        self._wheels.sent(units, self._clock.now_ns())
+
+    def battery(self, volts: float) -> None:
+        """The voltage of the motors' supply."""
+        self.volts = volts
+        self._outputs.battery(volts)
+        if (event := self.battery_watch.read(volts, self._clock.now_ns())) is not None:
+            self.event(event)
+
+    def motion_refusal(self, source: str) -> str:
+        """The reason why this source begins no motion now; empty where it may."""
+        return self.battery_watch.refuses(source, PERSONS)
+
+    def board_reset(self, version: str) -> None:
+        """The board restarted: its motors are free, and its command is lost."""
+        self._resets.announced(version)
+
+    def leaving(self) -> None:
+        """The session with the board ends, and stops the wheels by itself."""
+        self._was_connected = self._was_connected or self._wheels.attached
+        self._wheels.detach()
+        # It arms the board as well, to see the wheels stand.
+        self._odometer.armed()
+        self._limiter.halt()
+        self._wait("The connection to the board is being ended, with a stop.")
+        self._outputs.changed()
+
+    def unavailable(self, error: YahboomdError) -> None:
+        """There is no board, or no longer."""
+        was_connected = self._was_connected or self._wheels.attached
+        self._was_connected = False
+        self._wheels.detach()
+        self._limiter.halt()
+        self._holds.drop(BOARD_RESET)
+        self.battery_watch.forget()
+        self._wait(str(error))
+        if was_connected:
+            self.counters["disconnected"] += 1
+            self.event(Event(kind="disconnected", severity="error", message=str(error)))
+        self._outputs.changed()
+
+    def _wait(self, words: str) -> None:
+        now_ns = self._clock.now_ns()
+        self._holds.add(Hold(kind=WAITING_FOR_BOARD, message=words, since_ns=now_ns))
+
+    def bus_lost(self) -> None:
+        """No client is connected any more: its commands are over, at once."""
+        self._arbiter.forget_commands(self._clock.now_ns(), clients_left=True)
+        if any(self._wheels.command_m_s):
+            self.counters["bus_lost"] += 1
+        self._limiter.halt()
+        self.control_step()
+
+    # What people ask for (daemon.operator).
+
+    def stop_now(self, event: Event | None = None) -> None:
+        """Send a stop before everything else that is under way.
+
+        Args:
+            event: Reported once the stop was sent, or cannot be.
+        """
+        self._wheels.stop_again(self._clock.now_ns())
+        self.control_step()
+        if event is not None:
+            self.stop_reports.announce(partial(self._stopped, event))
+
+    def wheels_seen(self) -> tuple[bool | None, float | None]:
+        """Whether the counts show that the wheels obeyed the latest stop, and the fastest of them.
+
+        Both are None where no counts come.
+        """
+        measured_m_s = self._wheels.measured_m_s
+        if not measured_m_s or self._holds.has(WAITING_FOR_BOARD):
+            return None, None
+        return self._wheels.stopped, max(map(abs, measured_m_s))
+
+    @property
+    def faulty(self) -> bool:
+        """Whether a fault keeps the robot where it is until a person clears it."""
+        return self._fault() is not None
+
+    def _fault(self) -> Hold | None:
+        active = self._holds.active(self._clock.now_ns())
+        return next((hold for hold in active if hold.kind == FAULT), None)
+
+    def clear_fault(self) -> str | None:
+        """Clear a latched fault. Returns its words; ``None`` where there was none."""
+        if (found := self._fault()) is None:
+            return None
+        self._holds.drop(FAULT)
+        self._resets.clear()
+        self._wheels.restart_check()
+        # The fault may have been a board that forgot its motors.
+        self._wheels.rearm()
+        return found.message
+
+    def set_pose(self, pose: Pose2d, covariance: Matrix3 | None) -> None:
+        """Set the pose."""
+        self._odometer.set_pose(pose, covariance)
+
+    def event(self, event: Event) -> None:
+        """Log and publish, as often as :class:`~yahboomd.core.daemon.publisher.Events` lets it."""
+        self._events.report(event)
+
+    # Status.
+
+    def status_values(self) -> dict[str, int | float]:
+        """Counters of the control path and of the odometry."""
+        return {
+            **self.counters,
+            **self._odometer.counters,
+            "gyro_bias_rad_s": round(self._odometer.gyro_bias_rad_s, 6),
+            "board_tick_ns": self._odometer.tick_period_ns or 0,
+            **self._latch.status_values(),
+        }
+
+    @property
+    def decision(self) -> Decision:
+        """The latest word of the arbiter."""
+        return self._decision
+
+    def state(self) -> tuple[standing.State, str]:
+        """The state in one word, and why the robot stands, or that it drives."""
+        now_ns = self._clock.now_ns()
+        holds = self._holds.active(now_ns)
+        state = standing.state_of(
+            decision=self._decision,
+            latched=self._latch.latched,
+            holds=holds,
+            stop_waits=self.stop_reports.waiting,
+            commanded_zero=not any(self._wheels.command_m_s),
+            measured_m_s=self._wheels.measured_m_s,
+        )
+        found = standing.reasons(
+            now_ns,
+            decision=self._decision,
+            latched=self._latch.latched,
+            holds=holds,
+            refused=self._arbiter.recent_refusals(now_ns),
+            linear=self._options.linear,
+            angular=self._options.angular,
+            holonomic=self._options.kinematics.holonomic,
+            release=self._options.release,
+        )
+        words = [reason.message for reason in found]
+        if not words:
+            words = [f"{source_words(self._decision.driver)} drives."]
+        return state, " ".join([*words, self.battery_watch.words]).rstrip()

@@ -1,0 +1,107 @@
+"""The robot as configured, and whether a board fits it."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import msgspec
+
+from yahboomd.core.drive.faults import Fault
+from yahboomd.core.drive.limiter import AxisLimits
+from yahboomd.core.errors import BoardError
+from yahboomd.core.link.handshake import Identity
+from yahboomd.core.model import Kinematics, Motor
+from yahboomd.core.odometry.imu_axes import AS_THEY_ARE, Mounting
+from yahboomd.core.protocol.dialect import Motion
+from yahboomd.core.protocol.profiles import MotorProfile
+
+BLIND_S = 0.3
+"""Without counts for so long a robot stands: unseen wheels are not driven."""
+
+
+class ControlOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """Facts of this robot that the control path needs.
+
+    Attributes:
+        motors: The motors, in the order of the geometry's wheels.
+        command_scale: Multiplier on command units.
+        linear: Limits of vx and vy.
+        angular: Limits of wz.
+        at_rest: Hold the wheels once they stand, or let them go.
+        stall: What follows from a wheel that stands against its command.
+        turns_without_command: What follows from a wheel that turns by itself.
+        min_speed_m_s: Commands below it prove nothing about counts that stay away.
+        period_s: From one control step to the next.
+        blind_s: The same as :data:`BLIND_S`, of a board that has to be asked for its counts.
+        battery_low_v: Volts at rest below which a warning is published; None for never.
+        battery_stop_v: Below it programs begin no motion; None for never.
+        release: The command of a terminal that releases this robot's e-stop.
+    """
+
+    kinematics: Kinematics
+    motors: tuple[Motor, ...]
+    profile: MotorProfile
+    command_scale: float = 1.0
+    linear: AxisLimits = AxisLimits()
+    angular: AxisLimits = AxisLimits()
+    at_rest: Literal["hold", "release"] = "hold"
+    stall: Literal["stop", "report"] = "stop"
+    turns_without_command: Literal["stop", "report"] = "report"
+    min_speed_m_s: float = 0.08
+    period_s: float = 0.02
+    blind_s: float = BLIND_S
+    battery_low_v: float | None = None
+    battery_stop_v: float | None = None
+    release: str = "yahboomd stop --release"
+    mounting: Mounting = Mounting(AS_THEY_ARE, AS_THEY_ARE)
+
+    def cuts(self, fault: Fault) -> bool:
+        """Whether the motors are let go for this fault, until a person clears it."""
+        if fault.action != "policy":
+            return fault.action == "cut"
+        if fault.kind == "turns_without_command":
+            return self.turns_without_command == "stop"
+        return self.stall == "stop"
+
+
+class Fit(msgspec.Struct, frozen=True, kw_only=True):
+    """The consequences of a board's settings.
+
+    Attributes:
+        motion: How the board turns the wheels; None where it must not move.
+        wrong: Why its wheels must not turn, a sentence each with the remedy; empty where they may.
+    """
+
+    motion: Motion | None
+    wheel_limits: tuple[float, ...]
+    wrong: tuple[str, ...] = ()
+
+
+def no_board(kinematics: Kinematics) -> Fit:
+    """The fit while no board is there: nothing can be commanded."""
+    return Fit(motion=None, wheel_limits=(0.0,) * len(kinematics.wheels))
+
+
+def fit(
+    identity: Identity,
+    *,
+    kinematics: Kinematics,
+    motors: tuple[Motor, ...],
+    profile: MotorProfile,
+    scale: float,
+) -> Fit:
+    """Compare a board with the configuration.
+
+    Args:
+        scale: The calibration multiplier of commands.
+    """
+    settings, dialect = identity.settings, identity.dialect
+    nothing = no_board(kinematics)
+    wrong = dialect.findings(settings, profile).unfit if settings is not None else ()
+    if wrong:
+        return msgspec.structs.replace(nothing, wrong=wrong)
+    try:
+        motion = dialect.motion(kinematics, motors, settings, scale=scale)
+    except BoardError as error:
+        return msgspec.structs.replace(nothing, wrong=(str(error),))
+    return Fit(motion=motion, wheel_limits=motion.wheel_limits)

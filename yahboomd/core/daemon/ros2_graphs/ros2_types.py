@@ -1,0 +1,115 @@
+"""Nodes that publish another type than a command's topic has: ROS 2 drops that in silence.
+
+Natively their tokens show them. Behind the bridge its admin space does: it lists all DDS writers,
+also those whose messages it cannot deliver.
+"""
+
+from __future__ import annotations
+
+import logging
+
+import msgspec
+
+from yahboomd.core.bus.bus import Bus
+from yahboomd.core.bus.presence import TokenChange
+from yahboomd.core.bus.survey import Survey
+from yahboomd.core.clock import nanoseconds
+from yahboomd.core.daemon.publisher import Pace
+from yahboomd.core.messages import ros2
+
+log = logging.getLogger(__name__)
+
+ASK_EVERY_S = 5.0
+"""From one question to the bridges to the next."""
+
+
+class _Writer(msgspec.Struct):
+    """The part of a DDS writer in a bridge's admin space that matters here."""
+
+    type_name: str
+
+
+class TypeWatch:
+    """Knows the types that nodes publish on the topics of commands."""
+
+    def __init__(self, bus: Bus) -> None:
+        self._bus = bus
+        self._pace = Pace(nanoseconds(ASK_EVERY_S))
+        self._surveys: list[Survey] = []
+        self._behind_bridges: dict[str, dict[str, frozenset[str]]] = {}
+        self._tokens: dict[str, dict[str, str]] = {}
+        self._expected: dict[str, str] = {}
+        self._logged = set[str]()
+
+    def watch_bridges(self, source: str, ros_type: str) -> None:
+        """Ask bridges for the writers of a source's topic.
+
+        A bridge with a namespace of its own leaves ours out of the names that ROS sees.
+        """
+        self._expected[source] = ros_type
+        found = self._behind_bridges.setdefault(source, {})
+        for topic in dict.fromkeys((self._bus.key(source), source)):
+
+            def answered(answers: list[bytes], topic: str = topic) -> None:
+                found[topic] = frozenset(filter(None, map(_type_of_writer, answers)))
+
+            self._surveys.append(self._bus.survey(f"/{ros2.bridge_writers(topic)}", answered))
+
+    def watch_nodes(self, source: str, ros_type: str, domain_id: int) -> None:
+        """Watch the tokens of a source's publishers."""
+        self._expected[source] = ros_type
+        found = self._tokens.setdefault(source, {})
+
+        def changed(changes: list[TokenChange]) -> None:
+            for change in changes:
+                if change.present:
+                    found[change.key] = ros2.type_of_token(change.key)
+                else:
+                    found.pop(change.key, None)
+
+        pattern = ros2.publisher_tokens(domain_id, self._bus.key(source))
+        self._bus.watch_tokens(f"/{pattern}", changed)
+
+    def warnings(self, now_ns: int) -> dict[str, str]:
+        """The faults by source. Call it again and again: it asks the bridges, too."""
+        if self._pace.due(now_ns) and self._bus.neighbours:
+            for survey in self._surveys:
+                survey.ask()
+        found = dict[str, str]()
+        for source, expected in self._expected.items():
+            behind = frozenset[str]().union(*self._behind_bridges.get(source, {}).values())
+            # Both kinds of commands are heard natively; one is announced.
+            beside = set(self._tokens.get(source, {}).values()) - {ros2.TWIST, ros2.TWIST_STAMPED}
+            if others := sorted(behind - {expected} | beside):
+                found[source] = self._words(source, expected, others)
+        return found
+
+    def _words(self, source: str, expected: str, others: list[str]) -> str:
+        words = (
+            f"A node publishes {' and '.join(others)} on {self._bus.key(source)}, where yahboomd "
+            f"expects {expected}: its commands may not arrive. {_remedy(source, expected, others)}"
+        )
+        if words not in self._logged:
+            self._logged.add(words)
+            log.warning("%s", words)
+        return words
+
+
+def _remedy(source: str, expected: str, others: list[str]) -> str:
+    if expected == ros2.TWIST and ros2.TWIST_STAMPED in others:
+        return (
+            f'Add "{source}" to ros2.stamped_commands and restart yahboomd, or have it send Twist.'
+        )
+    if expected == ros2.TWIST_STAMPED and ros2.TWIST in others:
+        return (
+            f'Take "{source}" out of ros2.stamped_commands and restart yahboomd, or have it send '
+            "TwistStamped."
+        )
+    return "Have it send that type, or publish elsewhere."
+
+
+def _type_of_writer(answer: bytes) -> str:
+    try:
+        return ros2.ros_type_of(msgspec.json.decode(answer, type=_Writer).type_name)
+    except (ValueError, RecursionError):
+        return ""

@@ -1,0 +1,394 @@
+"""The daemon as a whole: it runs until a signal, and ends with the wheels at rest."""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+import logging
+import os
+from collections.abc import Mapping
+from functools import partial
+from typing import Any, NoReturn
+
+from yahboomd.core.bus import keys
+from yahboomd.core.bus.bus import Bus
+from yahboomd.core.bus.publishers import BusPublisher
+from yahboomd.core.clock import Clock, SystemClock, nanoseconds
+from yahboomd.core.config import Config, runtime_folder
+from yahboomd.core.daemon import assembly
+from yahboomd.core.daemon.black_box import NAME, BlackBox
+from yahboomd.core.daemon.bus_presence import BusPresence
+from yahboomd.core.daemon.commands import ClockWatch, CommandIntake, PoseIntake
+from yahboomd.core.daemon.control import Controller
+from yahboomd.core.daemon.estop.local_stop import LocalStop
+from yahboomd.core.daemon.key_table import OUTPUTS
+from yahboomd.core.daemon.process import Notifier, Signals, open_bus
+from yahboomd.core.daemon.publisher import Publisher
+from yahboomd.core.daemon.recorders import Recorders
+from yahboomd.core.daemon.requests import Operator, Services
+from yahboomd.core.daemon.ros2_graphs import ros2_plane
+from yahboomd.core.daemon.ros2_graphs.ros2_samples import RosPublisher
+from yahboomd.core.daemon.stamps import WallStamps
+from yahboomd.core.daemon.status_sample import Status
+from yahboomd.core.daemon.supervisor import Supervisor
+from yahboomd.core.errors import BusError, YahboomdError
+from yahboomd.core.link import port_note
+from yahboomd.core.link.port import Opener
+from yahboomd.core.link.takeover import take_over
+from yahboomd.core.messages.codecs import encoding_name
+from yahboomd.core.model import Event, ImuEstimate, OdometryEstimate
+
+log = logging.getLogger(__name__)
+
+STATUS_EVERY_S = 0.5
+
+
+class Daemon:
+    """One robot's daemon. ``run`` is called once.
+
+    Args:
+        opener: Opens the port; made from the configuration unless given.
+        meanings: The meaning of each parameter of ROS 2, and what it takes.
+        guard: The pipe to the process that stops the wheels if this one cannot; None without it.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        *,
+        environ: Mapping[str, str],
+        clock: Clock | None = None,
+        opener: Opener | None = None,
+        meanings: Mapping[str, tuple[str, str]] | None = None,
+        guard: int | None = None,
+    ) -> None:
+        self._config = config
+        self._meanings = meanings or {}
+        self._environ = environ
+        self._clock = clock or SystemClock()
+        self._notifier = Notifier(environ, guard)
+        self._opener = opener or assembly.opener(config, self._clock, environ, self._notifier.port)
+        self._stop = asyncio.Event()
+        self._signals = Signals(self.stop)
+        self._status_due = asyncio.Event()
+        self._recorders = Recorders()
+        self._ros2: RosPublisher | None = None
+        self._callback_failed = asyncio.Event()
+        self._took_over = False
+        self.left_clean = True
+        """Whether the bus could be closed; where not, only ``os._exit`` ends the process."""
+        self.left_standing = True
+        """Whether the wheels were seen to stand in the end, as far as this daemon moved them."""
+
+    def stop(self, why: str) -> None:
+        """Ask the daemon to end; the wheels are stopped first. Asked again, it changes nothing."""
+        if not self._stop.is_set():
+            log.info("%s: stopping the wheels, then ending.", why)
+            self._stop.set()
+
+    @property
+    def fatal_signal(self) -> int | None:
+        """The signal that ended it, where that asks for more than an orderly end."""
+        return self._signals.fatal
+
+    async def run(self) -> None:
+        """Serve until a signal or :meth:`stop`.
+
+        Raises:
+            BusError: The Zenoh session cannot be opened as configured; as a service, not within
+                a minute.
+        """
+        loop = asyncio.get_running_loop()
+        self._signals.install()
+        loop.set_exception_handler(self._uncaught)
+        notifier = self._notifier
+        bus = Bus(assembly.bus_options(self._config), clock=self._clock, aside=True)
+        try:
+            opening = partial(self._open_bus, bus)
+            if await open_bus(opening, notifier=notifier, clock=self._clock, stop=self._stop):
+                await self._serve(bus, notifier)
+        finally:
+            notifier.stopping()
+            self.left_clean = await bus.close()
+            notifier.close()
+            self._signals.remove()
+
+    async def _open_bus(self, bus: Bus) -> None:
+        try:
+            await bus.open()
+        except BusError:
+            if not self._took_over:
+                self._took_over = await self._take_over()
+            raise
+
+    async def _take_over(self) -> bool:
+        """Stop what an earlier daemon left turning: a session, which would, waits for the bus.
+
+        Returns:
+            Whether a stop was sent: a port that is not there yet is tried again.
+        """
+        try:
+            report = await take_over(await self._opener(), self._clock)
+        except YahboomdError as error:
+            log.debug("The wheels cannot be stopped before the bus is open: %s", error)
+            return False
+        if report.stood:
+            self._end_note()
+        else:
+            log.warning(
+                "%s: a stop was sent, and the wheels were not seen to stand. Look at them.",
+                report.port,
+            )
+        return True
+
+    def _uncaught(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        """An error in a callback, which has no task to fail: the daemon ends as if it had one."""
+        loop.default_exception_handler(context)
+        # What a transport reports its owner hears, too; a result without a reader moves nothing.
+        if not context.keys() & {"transport", "future", "task"}:
+            self._callback_failed.set()
+
+    async def _serve(self, bus: Bus, notifier: Notifier) -> None:
+        config, clock = self._config, self._clock
+        recorders = self._recorders
+        arbiter = assembly.arbiter(config)
+        self._stamps = WallStamps(clock, self._clock_stepped)
+        self._publisher = Publisher(
+            lambda key: self._open_outlet(bus, key),
+            encoding=config.zenoh.encoding,
+            stamps=self._stamps,
+            period_ns=nanoseconds(1.0 / config.odometry.publish_rate_hz),
+            frame_id=config.odometry.frame_id,
+            child_frame_id=config.odometry.child_frame_id,
+            imu_frame_id=config.imu.frame_id,
+            motor_names=tuple(motor.name for motor in config.motors()),
+        )
+        latch = self._latch = assembly.latch(config, clock, self._environ)
+        box = self._box = BlackBox(config, clock, self._environ, recorders)
+        controller = assembly.controller(
+            config, clock, arbiter=arbiter, latch=latch, outputs=self, recorder=box.recorder
+        )
+        self._controller = controller
+        self._clocks = ClockWatch(arbiter.clock_warnings, controller.event)
+        intake = CommandIntake(
+            arbiter,
+            clock,
+            holonomic=config.kinematics().holonomic,
+            notice_pause=controller.notice_pause,
+            step=controller.step_soon,
+            refusal=controller.motion_refusal,
+            recorder=box.recorder,
+        )
+        supervisor = Supervisor(
+            lambda: assembly.session(config, clock, controller, self._opener, box.tap),
+            clock,
+            controller.unavailable,
+        )
+        operator = Operator(clock, controller=controller, arbiter=arbiter, latch=latch)
+        local = self._local = LocalStop(
+            runtime_folder(self._environ, user_id=os.getuid()),
+            engage=operator.engage_estop,
+            acknowledged=operator.acknowledged,
+            facts=lambda: self._identity(supervisor),
+        )
+        status = Status(
+            clock,
+            controller=controller,
+            intake=intake,
+            supervisor=supervisor,
+            bus=bus,
+            box=box,
+            recorders=recorders,
+            more_bus_facts=lambda: {**self._publisher.status_values(), **local.status_values()},
+        )
+        services = Services(
+            operator,
+            encoding=config.zenoh.encoding,
+            config=config.as_data,
+            board=status.board,
+            newest=self._publisher.newest,
+            save_box=box.save_now,
+        )
+        # The e-stop is there before anything can be commanded.
+        await local.open()
+        services.serve(bus)
+        for source in config.command.sources:
+            bus.subscribe(source, intake.handler(source), keep_oversize=True)
+        poses = PoseIntake(operator, config.ros2.frame_prefix + config.odometry.frame_id)
+        bus.subscribe(keys.ODOMETRY_SET_POSE, poses.accept)
+        self._ros2 = ros2_plane.start(
+            bus,
+            config,
+            clock,
+            services=services,
+            meanings=self._meanings,
+            commands=lambda source: intake.handler(source, attached=True),
+            poses=poses.accept,
+        )
+        BusPresence(
+            bus, report=controller.event, bus_lost=controller.bus_lost, changed=self.changed
+        ).announce()
+        notifier.ready()
+        gc.freeze()
+        fault: BaseException | None = None
+        try:
+            await self._run_tasks(controller, supervisor, status, notifier)
+        except BaseExceptionGroup as group:
+            fault = group
+            raise
+        finally:
+            # Of one that was switched off, too: a ring that is left is one of a killed daemon.
+            recorders.call("The end of the black box", box.close, fault)
+            local.close()
+            controller.close()
+            latch.settle()
+            self.left_standing = supervisor.left_standing
+            if self.left_standing:
+                self._end_note()
+
+    def _end_note(self) -> None:
+        """Note that this process left standing wheels."""
+        self._notifier.standing()
+        port_note.end(str(runtime_folder(self._environ, user_id=os.getuid())), os.getpid())
+
+    async def _run_tasks(
+        self, controller: Controller, supervisor: Supervisor, status: Status, notifier: Notifier
+    ) -> None:
+        async with asyncio.TaskGroup() as tasks:
+            board = tasks.create_task(supervisor.run(), name="supervisor")
+            others: list[asyncio.Task[Any]] = [
+                tasks.create_task(self._control(controller, notifier), name="control"),
+                tasks.create_task(self._report_status(status, notifier), name="status"),
+                tasks.create_task(self._callback_failed.wait(), name="callback"),
+            ]
+            asked = tasks.create_task(self._stop.wait(), name="stop")
+            self._signals.at_once = False
+            while True:
+                suspend = tasks.create_task(self._signals.suspend.wait(), name="suspend")
+                done, _ = await asyncio.wait(
+                    [asked, suspend, board, *others], return_when=asyncio.FIRST_COMPLETED
+                )
+                if not done <= {asked, suspend}:
+                    # A task group goes on without a task that was cancelled alone. Not this one.
+                    raise RuntimeError(f"the task {done.pop().get_name()} ended by itself")
+                # The session's end stops the wheels and looks whether they stand; meanwhile counts
+                # still become poses, and the watchdog is fed.
+                board.cancel()
+                await asyncio.wait([board])
+                if self._stop.is_set():
+                    break
+                self._suspend(supervisor)
+                board = tasks.create_task(supervisor.run(), name="supervisor")
+            for task in (suspend, *others):
+                task.cancel()
+
+    def _suspend(self, supervisor: Supervisor) -> None:
+        """Suspend the process, now that the wheels stand; the board is connected again after it."""
+        if not self._signals.suspend.is_set():
+            log.info("Continued before it was suspended.")
+        elif supervisor.left_standing:
+            self._notifier.standing()
+            self._signals.freeze()
+            self._notifier.alive()
+        else:
+            self._signals.resume()
+            log.error(
+                "Not suspended: the wheels were not seen to stand, and nothing could stop them. "
+                "Look at them; end yahboomd, or suspend it again once the board is back."
+            )
+
+    async def _control(self, controller: Controller, notifier: Notifier) -> NoReturn:
+        feed_ns = None if notifier.watchdog_ns is None else notifier.watchdog_ns // 3
+        fed_ns = 0
+
+        def feed(beat_ns: int) -> None:
+            nonlocal fed_ns
+            if feed_ns is not None and beat_ns - fed_ns >= feed_ns:
+                fed_ns = beat_ns
+                notifier.alive()
+
+        await controller.run(feed)
+
+    async def _report_status(self, status: Status, notifier: Notifier) -> None:
+        alarm = self._clock.alarm(self._status_due.set)
+        try:
+            while True:
+                call = self._recorders.call
+                call("The watch on the wall clock", self._stamps.follow)
+                if (sample := call("The status", status.sample)) is not None:
+                    call(NAME, self._box.status, sample)
+                    call("The status on the bus", self._publisher.status, sample)
+                    if self._ros2 is not None:
+                        call("The status for ROS 2", self._ros2.status, sample)
+                    words = f"{sample.state}: {sample.why}"
+                    call("The status for the service manager", notifier.status, words)
+                call("The watch on senders' clocks", self._clocks.report, self._clock.now_ns())
+                self._latch.restore_file(self._clock.now_ns())
+                alarm.set(self._clock.now_ns() + nanoseconds(STATUS_EVERY_S))
+                self._status_due.clear()
+                await self._status_due.wait()
+        finally:
+            alarm.close()
+
+    def _identity(self, supervisor: Supervisor) -> dict[str, Any]:
+        """The identity of this robot, for processes of this machine."""
+        session, configured = supervisor.session, self._config.serial.port
+        ports = (configured, "" if session is None else session.port_name)
+        state, why = self._controller.state()
+        return {
+            "daemon": "yahboomd",
+            "namespace": self._config.zenoh.namespace,
+            "ports": [port for port in dict.fromkeys(ports) if port],
+            "listen": list(self._config.zenoh.listen),
+            "state": state,
+            "why": why,
+        }
+
+    # Callbacks of the control path (control.Outputs).
+
+    def estimate(self, estimate: OdometryEstimate, command_m_s: tuple[float, ...]) -> None:
+        """A new reading."""
+        self._local.observe(estimate.motor_speed_m_s)
+        publish, call = self._publisher, self._recorders.call
+        stamp_ns = call("The pose on the bus", publish.estimate, estimate, command_m_s)
+        if stamp_ns is not None and self._ros2 is not None:
+            call("The pose for ROS 2", self._ros2.estimate, estimate, stamp_ns)
+
+    def imu(self, estimate: ImuEstimate) -> None:
+        """A sample of the inertial sensor."""
+        call = self._recorders.call
+        stamp_ns = call("The inertial sensor on the bus", self._publisher.imu, estimate)
+        if stamp_ns is not None and self._ros2 is not None:
+            call("The inertial sensor for ROS 2", self._ros2.imu, estimate, stamp_ns)
+
+    def battery(self, volts: float) -> None:
+        """The voltage."""
+        call = self._recorders.call
+        stamp_ns = call("The voltage on the bus", self._publisher.battery, volts)
+        if stamp_ns is not None and self._ros2 is not None:
+            call("The voltage for ROS 2", self._ros2.battery, volts, stamp_ns)
+
+    def event(self, event: Event) -> None:
+        """Something happened."""
+        call = self._recorders.call
+        call(NAME, self._box.event, event)
+        stamp_ns = call("The events on the bus", self._publisher.event, event)
+        # An emergency stop over the local socket may come before the bus is set up.
+        if stamp_ns is not None and self._ros2 is not None:
+            call("The events for ROS 2 (/rosout)", self._ros2.event, event, stamp_ns)
+
+    def _clock_stepped(self, event: Event) -> None:
+        self._controller.event(event)
+
+    def changed(self) -> None:
+        """Publish the status now rather than at its next turn."""
+        self._status_due.set()
+
+    # The bus.
+
+    def _open_outlet(self, bus: Bus, key: str) -> BusPublisher:
+        output = OUTPUTS[key]
+        return bus.publisher(
+            key,
+            encoding=encoding_name(output.message, self._config.zenoh.encoding),
+        )

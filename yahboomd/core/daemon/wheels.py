@@ -1,0 +1,337 @@
+"""Commands to the board: speeds, standstill and its proof, and the cut.
+
+It decides nothing about who may drive. It makes sure that a stop is obeyed: sent before everything
+else where it must not wait, repeated until the counters show it, and ended by letting the motors
+go where they do not obey.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Literal, Protocol
+
+from yahboomd.core.clock import nanoseconds
+from yahboomd.core.daemon.fit import Fit, no_board
+from yahboomd.core.drive.faults import Fault
+from yahboomd.core.drive.kinematics import motor_speeds
+from yahboomd.core.drive.standing import turning
+from yahboomd.core.drive.stop_watch import StopWatch
+from yahboomd.core.drive.wheels_check import WheelsCheck
+from yahboomd.core.model import Kinematics, Motor
+from yahboomd.core.protocol.dialect import Units
+
+STOP_REPEAT_S = 0.1
+"""The frames of an immediate stop that precede everything else until the counters obey."""
+
+WAITED_NS = 100_000_000
+"""After a pause of this process counts that waited come for so long."""
+
+LATE_NS = 60_000_000
+"""A reading that took so long was held up on its way, and so, perhaps, was what was sent."""
+
+SAID_AGAIN_NS = 150_000_000
+"""Frames that were held up arrive together, and the board keeps one of them: the others are sent
+again within so long."""
+
+STOP_HELD_UP_NS = 600_000_000
+"""A stop that was held up has its time from then on."""
+
+JUDGED_NS = 15_000_000
+"""Wheels are judged no more often, by what they counted since: a board that streams reports more
+often than a wheel can show anything new."""
+
+AtRest = Literal["hold", "release"]
+
+
+class Board(Protocol):
+    """The part of a session that commands the wheels."""
+
+    def drive(self, units: Units) -> None:
+        """Send these speeds until others replace them."""
+
+    def brake(self) -> None:
+        """Command zero before everything that waits."""
+
+    def cut(self) -> None:
+        """Release the motors before everything that waits."""
+
+    def release(self) -> None:
+        """Send the release of the motors until a speed replaces it."""
+
+    @property
+    def stop_sent(self) -> bool:
+        """Whether the last command is a stop that has left this machine."""
+
+    @property
+    def noisy(self) -> bool:
+        """Whether commands may not arrive as they were sent."""
+
+    @property
+    def damages(self) -> int:
+        """The chunks that the line damaged lately, counted."""
+
+    def rearm(self) -> None:
+        """Send it again what it loses at a reset."""
+
+    def drop_input(self) -> None:
+        """Drop what it sent and was not read yet."""
+
+
+class Wheels:
+    """The wheels, with or without a board to turn them.
+
+    Args:
+        motors: The motors, in the order of its wheels.
+        at_rest: Hold the wheels once they stand, or let them go.
+        min_speed_m_s: Commands below it prove nothing about counts that stay away.
+    """
+
+    def __init__(
+        self,
+        kinematics: Kinematics,
+        motors: tuple[Motor, ...],
+        *,
+        at_rest: AtRest,
+        min_speed_m_s: float,
+        counters: Counter[str],
+    ) -> None:
+        names = tuple(motor.name for motor in motors)
+        self._kinematics = kinematics
+        self._motors = motors
+        self._at_rest = at_rest
+        self._counters = counters
+        self._check = WheelsCheck(
+            names,
+            min_speed_m_s=min_speed_m_s,
+            metres_per_tick=[motor.metres_per_tick for motor in motors],
+        )
+        self._stop_watch = StopWatch(names)
+        self._board: Board | None = None
+        self._released = False
+        self._stop_due_ns: int | None = None
+        self._held_up_ns = 0
+        self._ticks: tuple[int, ...] | None = None
+        self._still = (0,) * len(motors)
+        self._judged_ns = 0
+        self._waited_ns = 0
+        self.fit: Fit = no_board(kinematics)
+        self.zeros = (0.0,) * len(motors)
+        self.command_m_s = self.zeros
+        self.measured_m_s: tuple[float, ...] | None = None
+        self._said: tuple[Units, tuple[float, ...]] = ((), self.zeros)
+
+    # The board comes and goes.
+
+    def attach(self, board: Board, fit: Fit) -> None:
+        """A board is there; it was stopped while it was connected."""
+        self._board = board
+        self.fit = fit
+        self._released = False
+        self._stop_watch.cancel()
+        self._check.reset()
+
+    def detach(self) -> None:
+        """Note that there is no board any more; what the wheels do is unknown."""
+        self._board = None
+        self.command_m_s = self.zeros
+        self.measured_m_s = None
+        self._stop_watch.cancel()
+
+    def rearm(self) -> None:
+        """The board may have been reset unnoticed: send it again what it lost."""
+        if self._board is not None:
+            self._board.rearm()
+
+    @property
+    def noisy(self) -> bool:
+        """Whether the line to the board damages what it carries."""
+        return self._board is not None and self._board.noisy
+
+    @property
+    def damages(self) -> int:
+        """The chunks from the board that the line damaged lately, counted."""
+        return 0 if self._board is None else self._board.damages
+
+    @property
+    def attached(self) -> bool:
+        """Whether a board is there."""
+        return self._board is not None
+
+    # Commands.
+
+    def turn(self, speeds: tuple[float, ...]) -> None:
+        """Turn: rim speed of each wheel of the geometry, m/s."""
+        self._stop_watch.cancel()
+        self._stop_due_ns = None
+        self._released = False
+        self._say(speeds)
+
+    def stand(self, now_ns: int, *, at_once: bool) -> Fault | None:
+        """Stand, and see that it is obeyed; called in every step while the wheels are to stand.
+
+        Args:
+            at_once: Send it before everything that waits, and again until it is obeyed.
+
+        Returns:
+            The fault of a stop that is not obeyed, once. The motors are cut with it, and also,
+            without a fault, where the wheels slow down and need longer than a stop may take.
+        """
+        moved = any(self.command_m_s)
+        board = self._board
+        if board is None:
+            self.command_m_s = self.zeros
+            return None
+        if self.fit.motion is None:
+            # A person who leans on a wheel wakes the speed loop of a board with such settings,
+            # even at a commanded zero: it is sent no speed at all.
+            if not self._released:
+                self.release(now_ns)
+            return None
+        watch = self._stop_watch
+        if moved or watch.state == "idle":
+            watch.begin(now_ns)
+            self._stop_due_ns = now_ns if at_once else None
+        elif at_once and self._stop_due_ns is None and watch.state == "stopping":
+            self._stop_due_ns = now_ns
+        if watch.state == "stopped":
+            self._stop_due_ns = None
+        if self._stop_due_ns is not None and now_ns >= self._stop_due_ns and not self._released:
+            board.brake()
+            self._counters["stops_said"] += 1
+            self._stop_due_ns = now_ns + nanoseconds(STOP_REPEAT_S)
+        due = watch.state == "stopping"
+        doubtful = self.noisy or now_ns < self._held_up_ns + STOP_HELD_UP_NS
+        fault = watch.check(now_ns, noisy=doubtful)
+        if fault is not None or (due and watch.state == "overdue"):
+            self.cut(now_ns)
+            self._counters["slow_stops"] += fault is None
+        elif not self._released:
+            # Of a wheel that never counted for its commands the counters prove no standstill, and
+            # the board's speed loop would keep it as fast as it is.
+            let_go = self._at_rest == "release" or self._check.owing
+            if let_go and watch.state == "stopped":
+                self.release(now_ns)
+            else:
+                self._say((0.0,) * len(self._kinematics.wheels))
+        return fault
+
+    def stop_again(self, now_ns: int) -> None:
+        """Send the next stop at once, and begin to watch for standstill again."""
+        self._stop_due_ns = now_ns
+        if self._stop_watch.state != "stopping":
+            self._stop_watch.cancel()
+
+    def release(self, now_ns: int) -> None:
+        """Release the motors, and repeat that until the wheels are to turn."""
+        self._released = True
+        self.command_m_s = self.zeros
+        self._check.command(now_ns, None)
+        if self._board is not None:
+            self._board.release()
+
+    def cut(self, now_ns: int) -> None:
+        """Release the motors before everything else."""
+        if self._board is not None:
+            self._board.cut()
+        self._counters["cuts"] += 1
+        self.release(now_ns)
+
+    def sent(self, units: Units | None, now_ns: int) -> None:
+        """Compare the wheels with what was written to the port, and with nothing else.
+
+        Args:
+            units: The motion, as the board takes it; ``None``: let go.
+        """
+        said, speeds_m_s = self._said
+        # What was not sent last is a stop, which goes before it.
+        if units is not None and units != said:
+            speeds_m_s = self.zeros
+        self._check.command(now_ns, None if units is None else speeds_m_s)
+
+    def restart_check(self) -> None:
+        """Judge the wheels by later readings alone: earlier ones prove nothing about what comes."""
+        self._check.reset()
+
+    def paused(self, now_ns: int) -> None:
+        """Note that this process did not run: what arrives now is old, and proves nothing.
+
+        A stop that is under way is sent again, and has its time again.
+        """
+        self.restart_check()
+        if self._board is not None:
+            # The kernel keeps the oldest lines. What was counted is in the newest one as well.
+            self._board.drop_input()
+        self._waited_ns = now_ns + WAITED_NS
+        self._stop_watch.restart(now_ns)
+        if self._stop_watch.state == "stopping":
+            self._stop_due_ns = now_ns
+
+    # What they do.
+
+    def measure(
+        self,
+        stamp_ns: int,
+        speeds_m_s: tuple[float, ...],
+        ticks: tuple[int, ...],
+        received_ns: int | None = None,
+        earliest_ns: int | None = None,
+    ) -> tuple[Fault, ...]:
+        """Check a measurement.
+
+        Args:
+            ticks: Travelled counts of each motor since the start.
+            received_ns: When they arrived, where that is known besides the stamp.
+            earliest_ns: The board sampled them no earlier, where the stamp is only the likeliest
+                moment between.
+        """
+        self.measured_m_s = speeds_m_s
+        before = self._ticks or ticks
+        if self._board is None:
+            # The session that closed the board stops its wheels; they obey no command of ours.
+            self._ticks = ticks
+            return ()
+        if (received_ns or stamp_ns) < self._waited_ns:
+            self.restart_check()
+            self._ticks = ticks
+            return ()
+        asked_ns = stamp_ns if earliest_ns is None else earliest_ns
+        # Where answers are lost one seems late as well; there a speed is repeated every 25 ms.
+        if received_ns is not None and received_ns - asked_ns > LATE_NS and not self.noisy:
+            self._held_up_ns = received_ns + SAID_AGAIN_NS
+        self._stop_watch.measure(stamp_ns, speeds_m_s)
+        if 0 < stamp_ns - self._judged_ns < JUDGED_NS:
+            return ()
+        self._judged_ns, self._ticks = stamp_ns, ticks
+        deltas = self._still
+        if ticks != before:
+            deltas = tuple([b - a for a, b in zip(before, ticks, strict=True)])
+        return self._check.measure(
+            stamp_ns,
+            speeds_m_s,
+            deltas,
+            received_ns=received_ns,
+            earliest_ns=earliest_ns,
+            held_up=stamp_ns < self._held_up_ns,
+        )
+
+    @property
+    def stopped(self) -> bool:
+        """Whether readings from after the stop show that the wheels obeyed it."""
+        return self._stop_watch.state == "stopped"
+
+    @property
+    def stop_sent(self) -> bool:
+        """Whether the last command to a board is a stop that has left this machine."""
+        return self._board is not None and self._board.stop_sent
+
+    @property
+    def in_motion(self) -> bool:
+        """Whether they are commanded to turn, or seen to."""
+        return any(self.command_m_s) or turning(self.measured_m_s or ())
+
+    def _say(self, speeds: tuple[float, ...]) -> None:
+        self.command_m_s = motor_speeds(self._motors, speeds)
+        if self._board is not None and self.fit.motion is not None:
+            units = self.fit.motion.units(speeds)
+            self._said = (units, self.command_m_s)
+            self._board.drive(units)

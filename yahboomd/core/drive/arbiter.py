@@ -1,0 +1,355 @@
+"""Decides who drives: one source at a time, by priority, while its commands are fresh.
+
+- The larger priority takes control at once. Among equals the source in control keeps it, and a zero
+  command holds it too.
+- Otherwise control changes hands only from standstill: the holder's last command ran out, the
+  wheels were commanded to zero and measured standing, and a command given after that arrives.
+- A command is good for its source's timeout, counted from when it was given. What is older, out of
+  order or part of a backlog is refused (:mod:`~yahboomd.core.drive.age`,
+  :mod:`~yahboomd.core.drive.backlog`).
+
+Every command that asks for motion is remembered for a second, whatever became of it: an emergency
+stop must not be released while a source commands motion, and a command that was refused as stale,
+as a copy or for its priority may be followed by one that is accepted.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from yahboomd.core.drive.age import Age, StampPolicy
+from yahboomd.core.drive.arbitration import Accepted, Decision, Reason, Refused, Source, Why
+from yahboomd.core.drive.command_source import CommandSource
+from yahboomd.core.drive.deadman import OnTimeout
+from yahboomd.core.drive.standing import turning
+from yahboomd.core.drive.windows import SlidingCounts
+from yahboomd.core.errors import ConfigError
+from yahboomd.core.model import STANDSTILL, Twist2d, velocity_problem
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+RECENT_NS = 2_000_000_000
+"""The time that :meth:`Arbiter.recent_refusals` looks back on."""
+
+
+class _Handover(msgspec.Struct, frozen=True, kw_only=True):
+    at_ns: int
+    previous: str | None
+    previous_since_ns: int | None
+    previous_last: str | None
+
+
+class Arbiter:
+    """Decides which source drives.
+
+    Args:
+        on_timeout: Whether silence ends in a ramp or a halt.
+        stamps: How the age of a command is judged.
+
+    Raises:
+        ConfigError: Two sources of one name, or a timeout that is not positive.
+
+    Attributes:
+        counters: How many commands were ``accepted``, ``took_over``, refused for each reason, how
+            many backlogs were ``revoked``, and how often a driver ``timed_out``.
+    """
+
+    def __init__(
+        self,
+        sources: Sequence[Source],
+        *,
+        on_timeout: OnTimeout = "ramp",
+        stamps: StampPolicy = "relative",
+    ) -> None:
+        self.counters: Counter[str] = Counter()
+        self._recent = SlidingCounts(RECENT_NS)
+        self._on_timeout = on_timeout
+        self._lines: dict[str, CommandSource] = {}
+        for source in sources:
+            if source.name in self._lines:
+                raise ConfigError(f"command.sources: {source.name} is there twice.")
+            self._lines[source.name] = CommandSource(source, stamps)
+        self._holder: CommandSource | None = None
+        self._since_ns: int | None = None
+        self._last: CommandSource | None = None
+        self._free_ns: int | None = None
+        self._handover: _Handover | None = None
+        self._revoked = False
+        self._left: tuple[str, int] | None = None
+        self._timeout_counted = False
+        self._waited_since_ns = self._waited_ns = 0
+
+    def offer(
+        self,
+        source: str,
+        twist: Twist2d,
+        now_ns: int,
+        stamp_ns: int | None = None,
+        stamp_is_message: bool = False,
+        *,
+        wall_ns: int | None = None,
+        arrivals: int = 1,
+    ) -> Accepted | Refused:
+        """Accept or refuse a command.
+
+        Several commands that were handed over in one piece are offered one after the other before
+        the next control step runs, or only the newest of them with their number: that way a backlog
+        is seen before it had any effect.
+
+        Args:
+            stamp_ns: When it was given, on the giver's clock, where that is known.
+            stamp_is_message: The stamp is the sender's own, not the transport's.
+            wall_ns: When it arrived on the clock that stamps are compared with, for ``absolute``
+                and for what :meth:`clock_offsets_s` tells.
+            arrivals: How many commands of this source arrived since the last one offered.
+
+        Returns:
+            What became of it; nothing is raised, whatever it is.
+        """
+        line = self._lines.get(source)
+        if line is None:
+            why = "No configured source has that name."
+            return self._refuse(now_ns, source, "unknown_source", why)
+        if (problem := velocity_problem(twist.vx, twist.vy, twist.wz)) is not None:
+            return self._refuse(now_ns, source, *problem)
+        if not twist.is_zero:
+            line.note_motion(now_ns)
+        age = line.admit(
+            twist,
+            now_ns,
+            stamp_ns,
+            by_sender=stamp_is_message,
+            wall_ns=wall_ns,
+            arrivals=arrivals,
+        )
+        if not isinstance(age, Age):
+            if age == "revoke" or age == "refuse":  # noqa: PLR1714 - the types follow from it
+                revoked = age == "revoke" and self._revoke(line, now_ns)
+                return self._refuse(now_ns, source, "backlog", _HELD_UP, revoked=revoked)
+            return self._refuse(now_ns, source, age, _AGE_DETAILS[age])
+        if not (twist.is_zero or age.proven) and self._waited_since_ns < now_ns <= self._waited_ns:
+            detail = "It may have waited while yahboomd did not run, and no stamp shows its age."
+            return self._refuse(now_ns, source, "after_pause", detail)
+        given_ns = now_ns - age.age_ns
+        refusal = self._may_drive(line, now_ns, given_ns)
+        line.feed(twist, given_ns)
+        if refusal is not None:
+            return refusal
+        took_over = self._holder is not line
+        if took_over:
+            self._hand_over(line, now_ns)
+        self._last = line
+        self._revoked = False
+        self._left = None
+        self._timeout_counted = False
+        self.counters["accepted"] += 1
+        return Accepted(source=source, age_ns=age.age_ns, took_over=took_over)
+
+    def observe_wheels(
+        self, now_ns: int, *, commanded_zero: bool, measured_m_s: Sequence[float] | None
+    ) -> None:
+        """Note what the wheels do: control passes down only from standstill.
+
+        Args:
+            commanded_zero: The latest frame to the board commands standstill.
+            measured_m_s: Rim speeds from a reading later than that frame; ``None`` where unknown.
+        """
+        holder = self._holder
+        if holder is None or not holder.deadman.expired(now_ns) or not commanded_zero:
+            return
+        if measured_m_s is None or turning(measured_m_s):
+            return
+        self._count_timeout()
+        self._holder = None
+        self._since_ns = now_ns
+        self._free_ns = now_ns
+
+    def current(self, now_ns: int) -> Decision:
+        """The motion that the wheels should make at ``now_ns``.
+
+        Never motion on the account of a command that ran out or was taken back.
+        """
+        holder, last = self._holder, self._last
+        age_ns = None if last is None else last.deadman.age_ns(now_ns)
+        name = None if last is None else last.source.name
+        silent = age_ns is None
+        if self._left is not None:
+            name, age_ns = self._left[0], now_ns - self._left[1]
+        twist, ramp, timed_out = STANDSTILL, True, False
+        why: Why
+        if self._revoked:
+            why, ramp = "revoked", False
+        elif silent:
+            why = "no_command"
+        elif holder is None or (wish := holder.in_effect(now_ns)) is None:
+            self._count_timeout()
+            timed_out, ramp = True, self._on_timeout == "ramp"
+            why = "ended" if self._ended else "timed_out"
+        elif wish.is_zero:
+            why = "zero_command"
+        else:
+            why, twist = "driving", wish
+        return Decision(
+            twist=twist,
+            driver=None if holder is None else holder.source.name,
+            since_ns=self._since_ns,
+            timed_out=timed_out,
+            ramp=ramp,
+            why=why,
+            source=name,
+            age_ns=age_ns,
+        )
+
+    @property
+    def deadline_ns(self) -> int | None:
+        """The end of the command in effect: a control step is due then. ``None``: there is none."""
+        return None if self._holder is None else self._holder.deadman.deadline_ns
+
+    def moving_sources(self, now_ns: int) -> tuple[str, ...]:
+        """The sources that command motion, or did within the last second, obeyed or refused."""
+        return tuple(name for name, line in self._lines.items() if line.commands_motion(now_ns))
+
+    def note_motion(self, source: str, now_ns: int) -> None:
+        """Remember that a source commands motion: by a command, or by one that was lost unread."""
+        line = self._lines.get(source)
+        if line is not None:
+            line.note_motion(now_ns)
+
+    def note_refusal(self, now_ns: int, reason: str) -> None:
+        """A command was refused before it came here: it explains a robot that stands as well."""
+        self._recent.add(now_ns, reason)
+
+    def recent_refusals(self, now_ns: int) -> dict[str, int]:
+        """The commands that were refused in the last two seconds, counted by reason."""
+        return self._recent.counts(now_ns)
+
+    def clock_offsets_s(self, now_ns: int) -> dict[str, float]:
+        """The clock of each source that stamped commands lately, less ours; seconds."""
+        found = {name: line.offset.ahead_s(now_ns) for name, line in self._lines.items()}
+        return {name: ahead_s for name, ahead_s in found.items() if ahead_s is not None}
+
+    def clock_warnings(self, now_ns: int) -> dict[str, str]:
+        """For each source whose clock does not agree with ours: how far it is off, what it does."""
+        found = {name: line.offset.warning(now_ns) for name, line in self._lines.items()}
+        return {name: words for name, words in found.items() if words is not None}
+
+    def forget_commands(self, now_ns: int, *, clients_left: bool = False) -> None:
+        """Discard every command and the source in control, as if there had been no command yet.
+
+        For when the bus is lost, or the board was away: what was commanded before is over. That a
+        source commanded motion is remembered all the same.
+
+        Args:
+            now_ns: Monotonic nanoseconds.
+            clients_left: Because no client is connected any more: one that drove is named.
+        """
+        wish = None if self._holder is None else self._holder.in_effect(now_ns)
+        drove = clients_left and wish is not None and not wish.is_zero
+        self._left = (self._holder.source.name, now_ns) if self._holder and drove else None
+        for line in self._lines.values():
+            line.drop()
+        self._holder = self._last = self._handover = None
+        self._revoked = False
+        self._since_ns = self._free_ns = now_ns
+
+    def paused(
+        self, since_ns: int, until_ns: int, *, waited_ns: int, clock_stood: bool = False
+    ) -> None:
+        """Note that this process did not run: commands that waited arrive now, as if they were new.
+
+        Those that ask for motion are refused unless the sender's stamp proves their age.
+
+        Args:
+            since_ns: The latest moment when it ran; monotonic nanoseconds.
+            until_ns: When it ran again.
+            waited_ns: For so long from then on what arrives may have waited.
+            clock_stood: Monotonic time stood still meanwhile: every command of before is over, and
+                the differences between its sender's clock and ours are void.
+        """
+        self._waited_since_ns, self._waited_ns = since_ns, until_ns + waited_ns
+        for line in self._lines.values():
+            if line.commands_motion(since_ns):
+                # It may go on commanding motion, unseen.
+                line.note_motion(until_ns)
+            if clock_stood:
+                line.judge.reset()
+        if clock_stood:
+            self.forget_commands(until_ns)
+
+    def _may_drive(self, line: CommandSource, now_ns: int, given_ns: int) -> Refused | None:
+        name, holder = line.source.name, self._holder
+        if holder is line:
+            return None
+        if holder is None:
+            if self._free_ns is not None and given_ns < self._free_ns:
+                detail = "It was given before the wheels stood."
+                return self._refuse(now_ns, name, "not_standing", detail)
+            return None
+        if line.source.priority > holder.source.priority:
+            return None
+        if holder.deadman.expired(now_ns):
+            detail = f"{holder.source.name} fell silent, and the wheels do not stand yet."
+            return self._refuse(now_ns, name, "not_standing", detail)
+        detail = f"{holder.source.name} drives, with priority {holder.source.priority}."
+        return self._refuse(now_ns, name, "lower_priority", detail)
+
+    def _hand_over(self, line: CommandSource, now_ns: int) -> None:
+        self._handover = _Handover(
+            at_ns=now_ns,
+            previous=None if self._holder is None else self._holder.source.name,
+            previous_since_ns=self._since_ns,
+            previous_last=None if self._last is None else self._last.source.name,
+        )
+        self._holder = line
+        self._since_ns = now_ns
+        self.counters["took_over"] += 1
+
+    def _revoke(self, line: CommandSource, now_ns: int) -> bool:
+        """Revoke the commands that ``line`` gave since its silence; whether there were any."""
+        had_a_command = line.in_effect(now_ns) is not None
+        line.drop()
+        if self._holder is not line or not had_a_command:
+            return False
+        self.counters["revoked"] += 1
+        before = self._handover
+        if before is not None and before.at_ns >= line.gate.watching_since_ns:
+            # It took control with the backlog: the source before keeps it, with its newest wish,
+            # which may be one that was refused meanwhile.
+            self._holder = self._lines[before.previous] if before.previous else None
+            self._since_ns = before.previous_since_ns
+            self._last = self._lines[before.previous_last] if before.previous_last else None
+        self._handover = None
+        holder = self._holder
+        self._revoked = holder is None or holder.in_effect(now_ns) is None
+        return True
+
+    @property
+    def _ended(self) -> bool:
+        """Whether the last command was a zero: its source ended in order, and is not silent."""
+        last = self._last
+        return last is not None and last.wish is not None and last.wish.is_zero
+
+    def _count_timeout(self) -> None:
+        if not self._timeout_counted:
+            self._timeout_counted = True
+            self.counters["timed_out"] += not self._ended
+
+    def _refuse(
+        self, now_ns: int, source: str, reason: Reason, detail: str, *, revoked: bool = False
+    ) -> Refused:
+        self.counters[reason] += 1
+        self._recent.add(now_ns, reason)
+        return Refused(source=source, reason=reason, detail=detail, revoked=revoked)
+
+
+_HELD_UP = "It came in a burst after a silence: old commands that had been held up."
+
+_AGE_DETAILS = {
+    "stale": "It is older than its source's commands are good for.",
+    "out_of_order": "A command with a later stamp was here before.",
+    "from_the_future": "Its stamp is ahead of the clock by more than the timeout.",
+}

@@ -1,0 +1,95 @@
+"""The nouns of arbitration: who may drive, what becomes of a command, what the wheels should do.
+
+Who decides: :mod:`~yahboomd.core.drive.arbiter`.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, TypeAlias
+
+import msgspec
+
+from yahboomd.core.model import STANDSTILL, Twist2d
+
+Reason: TypeAlias = Literal[
+    "unknown_source",
+    "not_finite",
+    "too_fast",
+    "stale",
+    "out_of_order",
+    "from_the_future",
+    "backlog",
+    "after_pause",
+    "lower_priority",
+    "not_standing",
+    "battery_empty",
+]
+Why: TypeAlias = Literal["driving", "zero_command", "ended", "timed_out", "revoked", "no_command"]
+
+
+class Source(msgspec.Struct, frozen=True, kw_only=True):
+    """A source of commands that may drive.
+
+    Attributes:
+        name: The key below the namespace, such as ``cmd_vel``.
+        priority: The larger number wins.
+        timeout_s: How long one of its commands is good for.
+    """
+
+    name: str
+    priority: int
+    timeout_s: float = 0.5
+
+
+class Accepted(msgspec.Struct, frozen=True, kw_only=True):
+    """The command is in effect.
+
+    Attributes:
+        age_ns: How long it was under way, as far as can be known.
+        took_over: Whether control changed hands with it.
+    """
+
+    source: str
+    age_ns: int = 0
+    took_over: bool = False
+
+
+class Refused(msgspec.Struct, frozen=True, kw_only=True):
+    """The command has no effect.
+
+    Attributes:
+        reason: A stable word, also the key in the counters.
+        detail: A sentence for a person.
+        revoked: Commands of this source that had been accepted turned out to be part of a backlog
+            and were taken back: run a control step at once.
+    """
+
+    source: str
+    reason: Reason
+    detail: str
+    revoked: bool = False
+
+
+class Decision(msgspec.Struct, frozen=True, kw_only=True):
+    """The motion that the wheels should make now, and the source that decides it.
+
+    Attributes:
+        twist: The wish, not limited yet.
+        driver: The source in control; ``None`` for none.
+        since_ns: Since when; without one, since when there is none (``None``: ever).
+        timed_out: The last command ran out.
+        ramp: Whether the way to ``twist`` may be a ramp; else the wheels stand at once.
+        why: In one word, what the wish follows from.
+        source: Whose command is, or was, the last in effect; with ``no_command`` the one that drove
+            when its client left.
+        age_ns: How long ago that one was given, or left.
+    """
+
+    twist: Twist2d = STANDSTILL
+    driver: str | None = None
+    since_ns: int | None = None
+    timed_out: bool = False
+    ramp: bool = True
+    why: Why = "no_command"
+    source: str | None = None
+    age_ns: int | None = None

@@ -1,0 +1,82 @@
+"""The offset of a command source's clock from ours, by its stamps, and what follows.
+
+A stamp says when its sender's clock thought it was. Less our own time at its arrival, that is the
+clocks' difference, short of the way; the largest of the last ten seconds had the shortest way.
+Nothing is refused on account of it here: the age of a command is judged by
+:mod:`~yahboomd.core.drive.age`. The number is published for a person who wonders why a robot
+stands, or why its transforms do not fit those of another machine.
+"""
+
+from __future__ import annotations
+
+from yahboomd.core.drive.age import HISTORY_NS, StampPolicy
+from yahboomd.core.drive.windows import SlidingMinimum
+
+NOTICEABLE_S = 0.1
+"""Clocks that are closer agree: the way takes milliseconds, and what looks transforms up in ROS 2
+allows at least so much."""
+
+_NO_MISTAKE_S = 3e7
+"""A clock that is a year off was not set wrongly: it counts from elsewhere."""
+
+
+class ClockOffset:
+    """The clock of one source.
+
+    Args:
+        policy: What stamps are good for (:mod:`~yahboomd.core.drive.age`).
+        timeout_ns: How long its commands are good for.
+    """
+
+    def __init__(self, policy: StampPolicy, timeout_ns: int) -> None:
+        self._policy = policy
+        self._timeout_ns = timeout_ns
+        self._behind = SlidingMinimum(HISTORY_NS)
+
+    def saw(self, now_ns: int, stamp_ns: int | None, wall_ns: int | None) -> None:
+        """Add a stamp that arrived at ``now_ns`` (monotonic), ``wall_ns`` by our clock.
+
+        No stamp, and 0 (what ROS sends without a stamp), mean nothing.
+        """
+        if stamp_ns is not None and stamp_ns > 0 and wall_ns is not None:
+            self._behind.add(now_ns, wall_ns - stamp_ns)
+
+    def ahead_s(self, now_ns: int) -> float | None:
+        """The source's clock less ours, in seconds; ``None`` where nothing stamped came lately."""
+        behind_ns = self._behind.smallest(now_ns)
+        return None if behind_ns is None else -behind_ns / 1e9
+
+    def warning(self, now_ns: int) -> str | None:
+        """Describe the offset, its effect and its remedy; ``None`` while the clocks agree."""
+        ahead_s = self.ahead_s(now_ns)
+        if ahead_s is None or abs(ahead_s) <= NOTICEABLE_S:
+            return None
+        where = "ahead of" if ahead_s > 0.0 else "behind"
+        return (
+            f"Its clock is {abs(ahead_s):.2f} s {where} this machine's"
+            f"{', as if it used simulated time' if abs(ahead_s) > _NO_MISTAKE_S else ''}. "
+            f"{self._consequence(ahead_s)}"
+        )
+
+    def _consequence(self, ahead_s: float) -> str:
+        match self._policy:
+            case "ignore":
+                return (
+                    "Its commands are obeyed however old they are (command.stamps is ignore), but "
+                    "its transforms and ours do not fit: synchronise the clocks."
+                )
+            case "relative":
+                return (
+                    "Its commands are obeyed, their age judged against each other, but its "
+                    "transforms and ours do not fit: synchronise the clocks."
+                )
+            case "absolute" if abs(ahead_s) * 1e9 > self._timeout_ns:
+                return (
+                    "All its commands are refused (command.stamps is absolute): synchronise the "
+                    'clocks, or set command.stamps to "relative".'
+                )
+            case "absolute":
+                return (
+                    f"Its commands seem {'younger' if ahead_s > 0.0 else 'older'} than they are "
+                    "(command.stamps is absolute): synchronise the clocks."
+                )

@@ -1,0 +1,50 @@
+"""A command is good for so long and no longer: the board itself would obey it for ever."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, TypeAlias
+
+from yahboomd.core.errors import ConfigError
+from yahboomd.core.model import NS_PER_S
+
+OnTimeout: TypeAlias = Literal["ramp", "halt"]
+"""The reaction to silence: slow down within the limits, or stop at once."""
+
+
+class Deadman:
+    """Decides whether the command in effect has run out.
+
+    The time is counted from when the command was *given*, which for one that was under way for a
+    while is earlier than its arrival. So a command that is delivered twice does not live longer.
+
+    Raises:
+        ConfigError: ``timeout_s`` is not a positive number.
+    """
+
+    def __init__(self, timeout_s: float) -> None:
+        if not (math.isfinite(timeout_s) and timeout_s > 0.0):
+            raise ConfigError(f"A command timeout of {timeout_s} s is no time.")
+        self.timeout_ns = round(timeout_s * NS_PER_S)
+        self._given_ns: int | None = None
+
+    @property
+    def deadline_ns(self) -> int | None:
+        """The end of the command; ``None`` where there is none."""
+        return None if self._given_ns is None else self._given_ns + self.timeout_ns
+
+    def feed(self, given_ns: int) -> None:
+        """A command, given at ``given_ns``, takes effect."""
+        self._given_ns = given_ns
+
+    def clear(self) -> None:
+        """Remove the command: expired until fed."""
+        self._given_ns = None
+
+    def age_ns(self, now_ns: int) -> int | None:
+        """The age of the command; ``None`` where there is none."""
+        return None if self._given_ns is None else now_ns - self._given_ns
+
+    def expired(self, now_ns: int) -> bool:
+        """Whether nothing may move on its account."""
+        return self._given_ns is None or now_ns - self._given_ns >= self.timeout_ns

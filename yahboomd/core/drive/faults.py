@@ -1,0 +1,57 @@
+"""Faults of a wheel: one value for every fault and its event.
+
+Faults are values; nothing is raised. Who finds them: :mod:`~yahboomd.core.drive.motor_watch`,
+:mod:`~yahboomd.core.drive.wheels_check`, :mod:`~yahboomd.core.drive.stop_watch`.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, TypeAlias
+
+import msgspec
+
+from yahboomd.core.model import Event
+
+FaultKind: TypeAlias = Literal[
+    "runaway_against",
+    "runaway_fast",
+    "turns_without_command",
+    "no_counts",
+    "off_speed",
+    "stop_not_obeyed",
+]
+Action: TypeAlias = Literal["cut", "policy", "report"]
+
+
+class Fault(msgspec.Struct, frozen=True, kw_only=True):
+    """Something wrong with a wheel.
+
+    Attributes:
+        kind: A stable word.
+        motor: The motor by name; ``None`` where it concerns all of them.
+        message: One sentence for a person, with what to check.
+        action: ``cut``: let the motors go at once, whatever the configuration says; ``policy``: as
+            ``faults.stall`` says; ``report``: report, and go on.
+        certain: It lasted so long that commands which were lost or altered do not explain it.
+    """
+
+    kind: FaultKind
+    motor: str | None
+    message: str
+    action: Action
+    commanded_m_s: float = 0.0
+    measured_m_s: float = 0.0
+    certain: bool = False
+
+    def event(self) -> Event:
+        """The same as an event for the bus."""
+        return Event(
+            kind=self.kind,
+            severity="warning" if self.action == "report" else "error",
+            message=self.message,
+            wheel=self.motor,
+            data={
+                "commanded_m_s": round(self.commanded_m_s, 4),
+                "measured_m_s": round(self.measured_m_s, 4),
+            },
+        )

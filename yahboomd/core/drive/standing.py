@@ -1,0 +1,215 @@
+"""The reason why the robot does not move, in words: the first question of a person beside it.
+
+All reasons are given, not only the first, in the order in which they have to be dealt with.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+import msgspec
+
+from yahboomd.core.drive.arbitration import Decision
+from yahboomd.core.drive.holds import BOARD_UNFIT, FAULT, WAITING_FOR_BOARD, Hold
+from yahboomd.core.names import source_words
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from yahboomd.core.drive.estop import Latched
+    from yahboomd.core.drive.limiter import AxisLimits
+
+State: TypeAlias = Literal["waiting", "standing", "driving", "stopping", "estopped", "fault"]
+
+
+STANDING_M_S = 0.03
+"""Wheels measured slower than this stand."""
+
+SLOW_RAD_S = 0.1
+"""A base that turns slower than this seems to stand."""
+
+
+def turning(measured_m_s: Sequence[float]) -> bool:
+    """Whether a wheel does not stand, by the rim speeds of all."""
+    return any(abs(speed) >= STANDING_M_S for speed in measured_m_s)
+
+
+class Reason(msgspec.Struct, frozen=True, kw_only=True):
+    """One reason to stand.
+
+    Attributes:
+        kind: A stable word.
+        message: A sentence for a person, with how long it has been so.
+    """
+
+    kind: str
+    message: str
+
+
+def reasons(
+    now_ns: int,
+    *,
+    decision: Decision,
+    latched: Latched | None = None,
+    holds: Sequence[Hold] = (),
+    refused: Mapping[str, int] | None = None,
+    linear: AxisLimits | None = None,
+    angular: AxisLimits | None = None,
+    holonomic: bool = True,
+    release: str = "yahboomd stop --release",
+) -> tuple[Reason, ...]:
+    """Everything that keeps the robot where it is; empty while it may drive.
+
+    Args:
+        refused: How many commands were refused lately, by reason.
+        holonomic: Whether the base can move sideways.
+        release: The command that lets this robot, and no other, drive again.
+    """
+    again = f"To drive again: `{release}`."
+    found: list[Reason] = []
+    if latched is not None:
+        found.append(
+            Reason(
+                kind="estop",
+                message=(
+                    f"Emergency stop, engaged by {latched.by} "
+                    f"{_seconds(now_ns - latched.since_ns)} ago: {latched.reason}. {again}"
+                ),
+            )
+        )
+    found += [
+        _held(now_ns, hold, again) for hold in sorted(holds, key=lambda hold: hold.kind != FAULT)
+    ]
+    found += _not_commanded(decision)
+    if decision.why == "driving":
+        found += _impossible(decision, linear, angular, holonomic=holonomic)
+    # Refusals explain a robot that stands; one that drives drives by other commands.
+    if refused and found:
+        listed = ", ".join(f"{count} {reason}" for reason, count in sorted(refused.items()))
+        found.append(Reason(kind="refused", message=f"Commands refused lately: {listed}."))
+    return tuple(found)
+
+
+def state_of(
+    *,
+    decision: Decision,
+    latched: Latched | None = None,
+    holds: Sequence[Hold] = (),
+    stop_waits: bool = False,
+    commanded_zero: bool,
+    measured_m_s: Sequence[float] | None = None,
+) -> State:
+    """The one word of ``status``; where several apply, the one that needs a person first.
+
+    Args:
+        stop_waits: The stop of the latch, or of a fault, has not left this machine yet.
+        commanded_zero: The latest frame to the board commands standstill.
+    """
+    kinds = {hold.kind for hold in holds}
+    if stop_waits and (latched is not None or FAULT in kinds):
+        return "stopping"
+    if latched is not None:
+        return "estopped"
+    if FAULT in kinds or BOARD_UNFIT in kinds:
+        return "fault"
+    if WAITING_FOR_BOARD in kinds:
+        return "waiting"
+    if decision.why == "driving" and not kinds:
+        return "driving"
+    moves = turning(measured_m_s or ()) or not commanded_zero
+    return "stopping" if moves else "standing"
+
+
+def _held(now_ns: int, hold: Hold, again: str) -> Reason:
+    message = f"{hold.message} (since {_seconds(now_ns - hold.since_ns)}"
+    if hold.until_ns is not None:
+        message += f", for another {_seconds(hold.until_ns - now_ns)}"
+    words = f"{message})"
+    return Reason(kind=hold.kind, message=f"{words} {again}" if hold.kind == FAULT else words)
+
+
+def _not_commanded(decision: Decision) -> list[Reason]:
+    source, driver = source_words(decision.source), source_words(decision.driver)
+    age = "" if decision.age_ns is None else f" {_seconds(decision.age_ns)} ago"
+    match decision.why:
+        case "no_command" if decision.source is not None:
+            message = f"{source} drove and was lost{age}: its client left the bus."
+        case "no_command":
+            message = "No source commands motion."
+        case "ended":
+            message = f"{source} ended with a zero command{age}."
+        case "timed_out":
+            message = f"{source} fell silent after its last command{age}."
+        case "revoked":
+            message = f"Held-up commands of {decision.source or 'a source'} were dropped."
+        case "zero_command":
+            message = f"{driver} commands zero and keeps control."
+        case _:
+            return []
+    return [Reason(kind=decision.why, message=message)]
+
+
+def _impossible(
+    decision: Decision,
+    linear: AxisLimits | None,
+    angular: AxisLimits | None,
+    *,
+    holonomic: bool,
+) -> list[Reason]:
+    """A wish of which nothing is left once the limits and the geometry are through with it."""
+    twist = decision.twist
+    straight = linear is None or linear.velocity != 0.0
+    turning = angular is None or angular.velocity != 0.0
+    left = (
+        twist.vx if straight else 0.0,
+        twist.vy if straight and holonomic else 0.0,
+        twist.wz if turning else 0.0,
+    )
+    if any(left):
+        return _crawling(decision, linear, angular)
+    driver = source_words(decision.driver)
+    if not holonomic and twist.vx == 0.0 and twist.wz == 0.0:
+        message = f"{driver} commands sideways motion, which this base cannot do."
+        return [Reason(kind="sideways", message=message)]
+    zeros = [
+        name
+        for name, allowed in (("limits.linear", straight), ("limits.angular", turning))
+        if not allowed
+    ]
+    message = f"{driver} commands motion that {' and '.join(zeros)}.velocity = 0 forbids."
+    return [Reason(kind="limit_zero", message=message)]
+
+
+def _crawling(
+    decision: Decision, linear: AxisLimits | None, angular: AxisLimits | None
+) -> list[Reason]:
+    """Limits that leave so little of a wish that the robot seems to stand."""
+    twist, found = decision.twist, list[str]()
+    for name, unit, wish, limits, slow in (
+        ("linear", "m/s", math.hypot(twist.vx, twist.vy), linear, STANDING_M_S),
+        ("angular", "rad/s", abs(twist.wz), angular, SLOW_RAD_S),
+    ):
+        if wish < slow:
+            continue
+        velocity = math.inf if limits is None or limits.velocity is None else limits.velocity
+        gains = math.inf if limits is None or limits.acceleration is None else limits.acceleration
+        if velocity < slow:
+            found.append(
+                f"limits.{name}.velocity = {velocity:g} is all that is left of {wish:g} {unit}"
+            )
+        elif gains < slow:
+            found.append(
+                f"limits.{name}.acceleration = {gains:g} lets it reach {wish:g} {unit} only "
+                f"after {wish / gains:.0f} s"
+            )
+        else:
+            return []
+    if not found:
+        return []
+    message = f"{source_words(decision.driver)} drives at a crawl: {', and '.join(found)}."
+    return [Reason(kind="limit_slow", message=message)]
+
+
+def _seconds(duration_ns: int) -> str:
+    return f"{max(0, duration_ns) / 1e9:.1f} s"

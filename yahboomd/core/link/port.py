@@ -1,0 +1,374 @@
+"""The serial port: opened once, owned alone, never blocking.
+
+:mod:`~yahboomd.core.link.seize` opens it, for the daemon and for a process that stops wheels before
+it imports anything. pyserial configures it, and pyserial-asyncio carries the bytes. Three of its
+ways do not fit a program that stops wheels, and are mended here, at the edge:
+
+- its ``write`` waits for the loop to report the port writable; a frame that finds the port free is
+  written at once, and its buffer takes only what the kernel did not;
+- its close calls ``tcdrain`` on the loop's thread, and the kernel waits again for output that
+  is not read: both are cut short by discarding the output first, so draining is ours to do, with
+  a deadline (:meth:`SerialPort.drain`);
+- a read that fails while output is waiting makes it wait for the output first; where the device
+  takes nothing, ``connection_lost`` never comes: reading errors are reported from the serial
+  object itself.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import fcntl
+import os
+import termios
+from collections.abc import Awaitable, Callable
+from typing import Protocol
+
+import msgspec
+import serial
+import serial_asyncio
+
+from yahboomd.core.clock import Clock
+from yahboomd.core.link.draining import drained, drop, in_kernel
+from yahboomd.core.link.port_errors import explained, lost
+from yahboomd.core.link.seize import Seized, take
+from yahboomd.core.model import NS_PER_S
+
+BITS_PER_BYTE = 10  # 8N1: a start bit, eight of data, a stop bit
+
+READ_BYTES = 1024
+
+PIECE_BYTES = 64
+"""Where the kernel waits for more bytes than that, a read brings no more at a time."""
+
+MAX_PENDING = 4096
+"""Output the kernel would not take, in bytes; beyond that the port counts as stuck."""
+
+
+def byte_time_ns(baudrate: int) -> int:
+    """The time of one byte on the wire (86.8 us at 115200)."""
+    return BITS_PER_BYTE * NS_PER_S // baudrate
+
+
+class PortOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """Options for opening a port.
+
+    Attributes:
+        path: The device, such as ``/dev/yahboom_driver``.
+        dtr: State of DTR, set before the port opens (the board wires it to its reset).
+        rts: State of RTS, likewise (wired to the boot selection).
+        hangup_on_close: Leave HUPCL set: closing drops DTR, which may reset the board.
+    """
+
+    path: str
+    baudrate: int = 115200
+    dtr: bool = True
+    rts: bool = False
+    hangup_on_close: bool = False
+
+
+class Port(Protocol):
+    """The interface of a port; the simulated one in memory has it too."""
+
+    @property
+    def name(self) -> str:
+        """Its name in messages."""
+
+    @property
+    def byte_ns(self) -> int:
+        """Nanoseconds that a byte takes on the wire."""
+
+    def queued(self) -> int:
+        """Bytes written here and not on the wire yet, as far as the system knows."""
+
+    def listen(
+        self, on_data: Callable[[bytes], None], on_lost: Callable[[Exception | None], None]
+    ) -> None:
+        """Set who receives bytes and the loss of the port."""
+
+    def write(self, data: bytes) -> None:
+        """Send; never blocks and never raises: a lost port is reported to ``on_lost``."""
+
+    def gather(self, least: int) -> None:
+        """Deliver bytes once so many are there, where the port can wait for them."""
+
+    def read_now(self) -> None:
+        """Deliver what is there now, however little."""
+
+    def drop_input(self) -> None:
+        """Drop what came and was not read yet."""
+
+    def discard(self) -> None:
+        """Drop what is not on the wire, where the driver can: it may cut a frame in half."""
+
+    async def drain(self, timeout_s: float) -> bool:
+        """Wait until everything is on the wire; whether it is."""
+
+    def close(self) -> None:
+        """Let go at once; what is not on the wire is discarded."""
+
+
+Opener = Callable[[], Awaitable[Port]]
+
+
+class _Serial(serial.Serial):
+    """A port that is open already, in ways that fit an event loop.
+
+    Args:
+        fd: The descriptor, which is this object's to close.
+    """
+
+    fd: int | None = None
+    on_broken: Callable[[Exception | None], None]
+
+    def __init__(self, fd: int, baudrate: int) -> None:
+        # With an inter-byte timeout a read brings a byte at least, or nothing from a port that
+        # hung up.
+        super().__init__(baudrate=baudrate, timeout=0, write_timeout=0, inter_byte_timeout=0)
+        self.fd, self.is_open = fd, True
+
+    def configure(self, *, hangup_on_close: bool) -> None:
+        """Make it raw, discard what was received, and set what becomes of DTR when we leave."""
+        self._reconfigure_port(force_update=True)  # type: ignore[attr-defined]
+        self.reset_input_buffer()
+        attributes = termios.tcgetattr(self.fileno())
+        attributes[2] = (attributes[2] & ~termios.HUPCL) | (termios.HUPCL if hangup_on_close else 0)
+        termios.tcsetattr(self.fileno(), termios.TCSANOW, attributes)
+
+    def read(self, size: int = 1) -> bytes:
+        try:
+            data = os.read(self.fd, size)  # type: ignore[arg-type]
+            if len(data) == PIECE_BYTES:
+                data += self._rest(size)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            self.on_broken(error)
+            raise serial.SerialException(str(error)) from error
+        if not data:
+            self.on_broken(None)
+            raise serial.SerialException("the port hung up")
+        return data
+
+    def _rest(self, size: int) -> bytes:
+        rest = b""
+        try:
+            while len(piece := os.read(self.fd, size)) == PIECE_BYTES:  # type: ignore[arg-type]
+                rest += piece
+        except BlockingIOError:
+            return rest
+        return rest + piece
+
+    def write(self, data: bytes) -> int:  # type: ignore[override]
+        try:
+            return os.write(self.fileno(), data)
+        except BlockingIOError:
+            return 0
+        except OSError as error:
+            raise serial.SerialException(str(error)) from error
+
+    def flush(self) -> None:
+        """Do nothing: ``tcdrain`` would block the loop. See ``SerialPort.drain``."""
+
+    def close(self) -> None:
+        fd, self.fd, self.is_open = self.fd, None, False
+        if fd is not None:
+            # Closing would wait for output that the device does not read.
+            drop(fd)
+            with contextlib.suppress(OSError):
+                fcntl.ioctl(fd, termios.TIOCNXCL)
+            os.close(fd)
+
+
+class SerialPort(asyncio.Protocol):
+    """A real port (a pty counts as one). Made by :func:`open_port` and :func:`adopt`."""
+
+    def __init__(self, device: _Serial, path: str, clock: Clock) -> None:
+        self._device = device
+        self._clock = clock
+        self._transport: serial_asyncio.SerialTransport | None = None
+        self._on_data: Callable[[bytes], None] = lambda _data: None
+        self._on_lost: Callable[[Exception | None], None] = lambda _error: None
+        self._lost = False
+        self._spilled = False
+        self._fd: int = device.fileno()
+        self.name = path
+        self.byte_ns = byte_time_ns(device.baudrate)
+        device.on_broken = self._broken
+
+    # What asyncio calls.
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Keep the transport."""
+        self._transport = transport
+
+    def data_received(self, data: bytes) -> None:
+        """Hand bytes on."""
+        self._on_data(data)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Report a port that went away."""
+        self._transport = None
+        self._report(exc)
+
+    # What the session calls.
+
+    def listen(
+        self, on_data: Callable[[bytes], None], on_lost: Callable[[Exception | None], None]
+    ) -> None:
+        """See :class:`Port`."""
+        self._on_data = on_data
+        self._on_lost = on_lost
+
+    def fileno(self) -> int:
+        """The descriptor, for another process that has to outlive this one."""
+        return self._fd
+
+    @property
+    def pending(self) -> int:
+        """Bytes that the kernel did not take yet."""
+        if not self._spilled or self._transport is None or self._lost:
+            return 0
+        size: int = self._transport.get_write_buffer_size()
+        self._spilled = size > 0
+        return size
+
+    def queued(self) -> int:
+        """See :class:`Port`."""
+        if self._lost:
+            return 0
+        return in_kernel(self._fd) + (self.pending if self._spilled else 0)
+
+    def drop_input(self) -> None:
+        """See :class:`Port`."""
+        # Of a port that is lost the event loop hears by itself.
+        if not self._lost:
+            with contextlib.suppress(termios.error):
+                termios.tcflush(self._fd, termios.TCIFLUSH)
+
+    def discard(self) -> None:
+        """See :class:`Port`."""
+        if not self._lost and self._transport is not None:
+            self._transport.flush()
+            drop(self._fd)
+
+    def write(self, data: bytes) -> None:
+        """See :class:`Port`."""
+        if self._lost or self._transport is None:
+            return
+        pending = self.pending
+        if pending == 0:
+            try:
+                taken = os.write(self._fd, data)
+            except BlockingIOError:
+                taken = 0
+            except OSError as error:
+                self._broken(error)
+                return
+            if taken == len(data):
+                return
+            data = data[taken:]
+            self._spilled = True
+        elif pending > MAX_PENDING:
+            self._broken(OSError(errno.ETIMEDOUT, "the port takes no output"))
+            return
+        self._transport.write(data)
+
+    def gather(self, least: int) -> None:
+        """See :class:`Port`."""
+        if self._lost:
+            return
+        try:
+            attributes = termios.tcgetattr(self._fd)
+            attributes[6][termios.VMIN] = least
+            termios.tcsetattr(self._fd, termios.TCSANOW, attributes)
+        except (OSError, termios.error) as error:
+            self._broken(error)
+
+    def read_now(self) -> None:
+        """See :class:`Port`."""
+        # Whatever is wrong with the port, the event loop hears of it by itself.
+        if self._lost:
+            return
+        try:
+            data = os.read(self._fd, READ_BYTES)
+        except OSError:
+            return
+        if data:
+            self._on_data(data)
+
+    async def drain(self, timeout_s: float) -> bool:
+        """See :class:`Port`."""
+
+        def waiting() -> int | None:
+            return None if self._lost else self.queued()
+
+        return await drained(self._clock, waiting, byte_ns=self.byte_ns, timeout_s=timeout_s)
+
+    def close(self) -> None:
+        """See :class:`Port`."""
+        self._on_data = lambda _data: None
+        self._on_lost = lambda _error: None
+        self._lost = True
+        self._abort()
+        # The transport would do it at the loop's next turn: a process that opens the port at once
+        # must not find it held by us.
+        self._device.close()
+
+    def _broken(self, error: Exception | None) -> None:
+        self._report(error)
+        # Not at once: the transport may be in the middle of finding out for itself.
+        asyncio.get_running_loop().call_soon(self._abort)
+
+    def _abort(self) -> None:
+        transport, self._transport = self._transport, None
+        if transport is None or (transport.is_closing() and not transport.get_write_buffer_size()):
+            # It ends by itself; aborted as well, it would end twice.
+            return
+        transport.abort()
+
+    def _report(self, error: Exception | None) -> None:
+        if not self._lost:
+            self._lost = True
+            self._on_lost(error)
+
+
+async def open_port(options: PortOptions, clock: Clock) -> SerialPort:
+    """Open a port and take it for this process alone.
+
+    Raises:
+        PortMissing: There is no such device.
+        PortDenied: The user may not open it.
+        PortBusy: Another process holds it; the message names it where that can be seen.
+        LinkError: It is no serial port, or the kernel refuses it otherwise.
+    """
+    path = options.path
+    try:
+        device = _Serial(take(path, dtr=options.dtr, rts=options.rts), options.baudrate)
+    except OSError as error:
+        raise explained(path, error) from error
+    try:
+        device.configure(hangup_on_close=options.hangup_on_close)
+    except (OSError, ValueError, termios.error) as error:
+        device.close()
+        raise explained(path, error) from error
+    return await _carried(device, path, clock)
+
+
+async def adopt(seized: Seized, clock: Clock) -> SerialPort:
+    """Carry the bytes of a port that was seized; its descriptor is the port's from now on."""
+    return await _carried(_Serial(seized.fd, seized.baudrate), seized.path, clock)
+
+
+async def _carried(device: _Serial, path: str, clock: Clock) -> SerialPort:
+    port = SerialPort(device, path, clock)
+    try:
+        # pyserial reads the port's settings once more, which fails where it hung up meanwhile.
+        await serial_asyncio.connection_for_serial(asyncio.get_running_loop(), lambda: port, device)
+    except OSError as error:
+        device.close()
+        raise lost(path, error) from error
+    # The transport introduces itself at the loop's next turn.
+    await asyncio.sleep(0)
+    return port

@@ -1,0 +1,170 @@
+"""A note of how a daemon opened its port, for the process that must stop the wheels after it.
+
+``ExecStopPost=`` of the service runs ``yahboomd stop --direct`` when the daemon was killed. The
+robot drives on until the first stop, and reading the configuration would take several times as long
+as everything else before it. So each daemon writes a note for each port into its runtime folder.
+The standard library alone can read it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from yahboomd.core.link.port_identity import Device
+
+NAME = "port"
+MAX_BYTES = 4096
+
+
+class PortNote(NamedTuple):
+    """A port, how it was opened, and by which daemon.
+
+    Attributes:
+        path: The device, as it was named: a link stays a link.
+        device: Which one it was: its name may be another's by now. None in a note of an earlier
+            version.
+        pid: Of the daemon.
+        listen: Where the daemon listens for Zenoh.
+        ended: The daemon ended in order, and its wheels were seen to stand.
+    """
+
+    path: str
+    baudrate: int
+    dtr: bool
+    rts: bool
+    hangup_on_close: bool
+    device: Device | None = None
+    pid: int = 0
+    namespace: str = ""
+    listen: tuple[str, ...] = ()
+    ended: bool = False
+
+    def options(self) -> dict[str, Any]:
+        """The arguments of :func:`yahboomd.core.link.seize.seize`."""
+        return dict(zip(self._fields[:6], self[:6], strict=True))
+
+
+def write(note: PortNote, folder: str) -> bool:
+    """Write the note; whether it is there now. Never raises: without it the configuration is read.
+
+    Notes of this process on other ports are removed: it has one port at a time. So are those of
+    daemons that are gone and had ended in order.
+    """
+    from urllib.parse import quote
+
+    port = quote(note.path, safe="")[-120:]
+    name = f"{NAME}{'.' if note.namespace else ''}{quote(note.namespace, safe='')[:80]}@{port}"
+    try:
+        for place, other in _found(folder):
+            if other == note:
+                return True
+            own = note.pid and other.pid == note.pid
+            if os.path.basename(place) != name and (own or (other.ended and not _alive(other.pid))):
+                os.unlink(place)
+        _put(os.path.join(folder, name), note)
+    except OSError:
+        return False
+    return True
+
+
+def end(folder: str, pid: int) -> None:
+    """Note that this process ended in order, with standing wheels. Never raises."""
+    for place, note in _found(folder):
+        if note.pid == pid:
+            try:
+                _put(place, note._replace(ended=True))
+            except OSError:
+                return
+
+
+def read(folder: str) -> list[PortNote]:
+    """The notes that can be used."""
+    return [note for _, note in _found(folder)]
+
+
+def folder_of(environ: Mapping[str, str]) -> str:
+    """The runtime folder that a service manager gives; empty without one."""
+    # Where a unit has several, systemd separates them by colons.
+    return environ.get("RUNTIME_DIRECTORY", "").split(":")[0]
+
+
+def _alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return pid > 0
+
+
+def _put(place: str, note: PortNote) -> None:
+    beside = f"{place}.{os.getpid()}.new"
+    text = text_of(note)
+    try:
+        with open(beside, "w", encoding="utf-8") as file:
+            file.write(text)
+        os.replace(beside, place)
+    except OSError:
+        if os.path.isfile(beside):
+            os.unlink(beside)
+        # On a full disk the note of before has room for this one; left alone, it may say that the
+        # wheels stand.
+        fd = os.open(place, os.O_WRONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
+        try:
+            os.ftruncate(fd, os.write(fd, text.encode()))
+        finally:
+            os.close(fd)
+
+
+def _found(folder: str) -> list[tuple[str, PortNote]]:
+    """All notes, that of an earlier version, which had one name for all daemons, among them."""
+    try:
+        names = sorted(os.listdir(folder)) if folder else []
+    except OSError:
+        return []
+    places = [
+        os.path.join(folder, name)
+        for name in names
+        if (name == NAME or name.startswith((f"{NAME}@", f"{NAME}."))) and name[-4:] != ".new"
+    ]
+    return [(place, note) for place in places if (note := _note(place)) is not None]
+
+
+def _note(place: str) -> PortNote | None:
+    try:
+        # A FIFO under its name must not block.
+        fd = os.open(place, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
+        try:
+            text = os.read(fd, MAX_BYTES)
+        finally:
+            os.close(fd)
+    except OSError:
+        return None
+    return note_of(text)
+
+
+def text_of(note: PortNote | None) -> str:
+    """The note as text; empty for none."""
+    return "" if note is None else json.dumps(note._asdict())
+
+
+def note_of(text: str | bytes) -> PortNote | None:
+    """The note of a text; None for any other text."""
+    try:
+        note = PortNote(**json.loads(text))
+        if note.device is not None:
+            note = note._replace(device=Device(*note.device))
+        note = note._replace(listen=tuple(note.listen))
+    except (ValueError, TypeError, RecursionError):
+        return None
+    if tuple(map(type, note[:5])) != (str, int, bool, bool, bool):
+        return None
+    if note.device is not None and tuple(map(type, note.device)) != (int, str, str):
+        return None
+    if (type(note.pid), type(note.namespace), type(note.ended)) != (int, str, bool):
+        return None
+    return note if all(isinstance(each, str) for each in note.listen) else None

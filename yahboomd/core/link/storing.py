@@ -1,0 +1,185 @@
+"""Storing settings on the board: one value at a time, each confirmed, the wheels at rest.
+
+An answer is no proof (some boards give none, and one that is lost looks like a failure), so every
+value is read back, and that decides. The board is deaf while it writes, and some flash chips store
+three of five values that come too fast: each is waited for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal, TypeAlias
+
+import msgspec
+
+from yahboomd.core.clock import Clock, seconds
+from yahboomd.core.errors import BoardError, BoardStoresNothing
+from yahboomd.core.link.conversation import Conversation
+from yahboomd.core.link.line import Line
+from yahboomd.core.link.port import Opener
+from yahboomd.core.link.tap import NO_TAP, Tap
+from yahboomd.core.protocol.dialect import CommandLost, Decoded, Dialect, Reply, VersionLine
+from yahboomd.core.protocol.settings import BoardSettings, SettingWrite
+from yahboomd.core.protocol.settings import writes as settings_writes
+
+Outcome: TypeAlias = Literal["stored", "refused", "failed"]
+
+STORE_ATTEMPTS = 3
+
+
+class Step(msgspec.Struct, frozen=True, kw_only=True):
+    """One value that was to be stored.
+
+    Attributes:
+        write: What was sent.
+        outcome: Read back as wanted; refused in words; or neither.
+        answer: The board's answer; empty where none came.
+        took_s: From the first attempt until it was read back.
+    """
+
+    write: SettingWrite
+    outcome: Outcome
+    answer: str
+    attempts: int
+    took_s: float
+
+
+class Storing(msgspec.Struct, frozen=True, kw_only=True):
+    """The outcome of storing.
+
+    Attributes:
+        steps: The values, in the order in which they were sent; the first that is not stored is
+            the last that was tried.
+    """
+
+    had: BoardSettings
+    has: BoardSettings
+    steps: tuple[Step, ...]
+
+    @property
+    def complete(self) -> bool:
+        """Whether everything is stored."""
+        return all(step.outcome == "stored" for step in self.steps)
+
+
+class Progress:
+    """Receives the progress of storing; override what is of interest."""
+
+    def begins(
+        self, dialect: Dialect, writes: tuple[SettingWrite, ...], had: BoardSettings
+    ) -> None:
+        """The values that differ and will be stored."""
+
+    def stored(self, step: Step, has: BoardSettings) -> None:
+        """One value was dealt with; the board stores ``has`` now."""
+
+
+async def store(
+    opener: Opener,
+    clock: Clock,
+    want: BoardSettings,
+    progress: Progress | None = None,
+    tap: Tap = NO_TAP,
+) -> Storing:
+    """Store what differs, value by value.
+
+    Args:
+        want: What the board shall store; None leaves a value alone.
+
+    Raises:
+        BoardStoresNothing: The board's dialect has no settings.
+        BoardError: Its wheels are not seen to stand.
+        ConfigError: A wanted value must never be stored.
+        LinkError: The port cannot be had, went away, or the board fell silent.
+    """
+    progress = progress or Progress()
+    line = Line(await opener(), clock, tap=tap)
+    async with line.attended():
+        talk = await Conversation.begin(line)
+        dialect = talk.dialect
+        if not dialect.read_settings:
+            raise BoardStoresNothing(
+                f"{line.port.name}: a board of the {dialect.name} dialect stores no settings."
+            )
+        had = await _read(talk, want)
+        writes = settings_writes(dialect.settings, had, want)
+        progress.begins(dialect, writes, had)
+        has = had
+        steps: list[Step] = []
+        if writes:
+            await _stand(talk, line.port.name)
+        for write in writes:
+            step, has = await _store_one(talk, clock, write, want)
+            steps.append(step)
+            progress.stored(step, has)
+            if step.outcome != "stored":
+                break
+        return Storing(had=had, has=has, steps=tuple(steps))
+
+
+async def _stand(talk: Conversation, port: str) -> None:
+    """See the wheels stand, the motors let go and the streams off: nothing else goes on."""
+    report = await talk.rest()
+    if report.stood is not True:
+        seen = "the wheels turn" if report.stood is False else "the counters do not come"
+        raise BoardError(
+            f"{port}: settings are stored with the wheels at rest only, and {seen}.",
+            remedy="Nothing was stored. Hold the robot still and try again.",
+        )
+
+
+async def _read(talk: Conversation, want: BoardSettings) -> BoardSettings:
+    settings = await talk.read_settings(want)
+    assert settings is not None, "the dialect can tell"
+    return settings
+
+
+async def _store_one(
+    talk: Conversation,
+    clock: Clock,
+    write: SettingWrite,
+    want: BoardSettings,
+) -> tuple[Step, BoardSettings]:
+    start_ns = clock.now_ns()
+    answer = ""
+    outcome: Outcome = "failed"
+    attempts = 0
+    while True:
+        attempts += 1
+        said: list[Decoded] = []
+        await talk.request(write.frame, _answers(write, said), write.timeout_s)
+        answer = _words(said) or answer
+        # Whatever it said: what it stores now is what counts.
+        has = await _read(talk, want)
+        if write not in settings_writes(talk.dialect.settings, has, want):
+            outcome = "stored"
+        elif any(isinstance(each, Reply) and not each.ok for each in said):
+            outcome = "refused"
+        if outcome != "failed" or attempts == STORE_ATTEMPTS:
+            break
+    took_s = seconds(clock.now_ns() - start_ns)
+    step = Step(write=write, outcome=outcome, answer=answer, attempts=attempts, took_s=took_s)
+    return step, has
+
+
+def _answers(write: SettingWrite, said: list[Decoded]) -> Callable[[Decoded], bool]:
+    def answered(decoded: Decoded) -> bool:
+        relevant = (
+            (isinstance(decoded, Reply) and (decoded.command == write.reply_to or not decoded.ok))
+            or isinstance(decoded, CommandLost)
+            or (write.resets and isinstance(decoded, VersionLine))
+        )
+        if relevant:
+            said.append(decoded)
+        return relevant
+
+    return answered
+
+
+def _words(said: list[Decoded]) -> str:
+    for decoded in said:
+        if isinstance(decoded, Reply | CommandLost):
+            return decoded.text
+        if isinstance(decoded, VersionLine):
+            return "restarted"
+    return ""

@@ -1,0 +1,73 @@
+"""A tap on a line: sees every byte in both directions, and what the line is.
+
+The black box of the daemon is one. A tap must not raise, block or wait.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+from yahboomd.core.link.port import Port
+from yahboomd.core.model import EncoderReading
+
+
+class Tap(Protocol):
+    """Callbacks of a line, in the order in which things happen."""
+
+    @property
+    def due(self) -> bool:
+        """Whether :meth:`settled` is to be called."""
+
+    def opened(self, port: str, byte_ns: int) -> None:
+        """A port was opened, which takes so long for a byte."""
+
+    def received(self, data: bytes, now_ns: int) -> None:
+        """Bytes came in one read, at this moment; nothing was made of them yet."""
+
+    def settled(self) -> None:
+        """Everything that came was made use of, and no part of a frame is left."""
+
+    def noted(self, reading: EncoderReading) -> None:
+        """A reading follows of which its bytes do not show all: it was asked for, or has a flag."""
+
+    def written(self, data: bytes) -> None:
+        """Bytes were written."""
+
+    def identified(self, dialect: str, settings: dict[str, Any] | None) -> None:
+        """The board is known and its counts are used from here on."""
+
+    def closed(self) -> None:
+        """The port was closed."""
+
+
+class _NoTap:
+    due = False
+
+    def _ignore(self, *_: object, **__: object) -> None:
+        return
+
+    opened = received = settled = noted = written = identified = closed = _ignore
+
+
+NO_TAP: Tap = _NoTap()
+"""Sees nothing."""
+
+
+class TappedPort:
+    """A port whose output is seen by a tap; input is seen by the line, which knows its moment."""
+
+    def __init__(self, port: Port, tap: Tap) -> None:
+        self._write = port.write
+        self._written = tap.written
+        self.name = port.name
+        self.byte_ns = port.byte_ns
+        # All but the writing is the port's own.
+        self.queued = port.queued
+        self.listen, self.gather, self.read_now = port.listen, port.gather, port.read_now
+        self.drop_input = port.drop_input
+        self.discard, self.drain, self.close = port.discard, port.drain, port.close
+
+    def write(self, data: bytes) -> None:
+        """See :class:`~yahboomd.core.link.port.Port`."""
+        self._write(data)
+        self._written(data)

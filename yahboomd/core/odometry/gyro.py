@@ -1,0 +1,150 @@
+"""The gyro's rate about the vertical axis: integrated, and judged.
+
+Law: the integral is handed out only while every sample since the one before it can be believed. A
+gyro that was silent, saturated or implausible has to behave for a second before it is used again.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, TypeAlias
+
+import msgspec
+
+from yahboomd.core.model import Vector3
+
+Problem: TypeAlias = Literal["silent", "saturated", "implausible"]
+
+SILENT_NS = 150_000_000
+"""Samples come every 40 ms; after so long without one the gyro is silent."""
+
+PROBATION_NS = 1_000_000_000
+"""It must behave for so long after a problem."""
+
+FROZEN_SAMPLES = 50
+"""So many samples without any noise come from no sensor that works."""
+
+SATURATED_SHARE = 0.99
+"""The share of the limit from which on a rate counts as saturated."""
+
+CORNER = 0.03
+"""The share of a bend of the rate by which the trapezoid between samples is wrong."""
+
+
+class Turn(msgspec.Struct, frozen=True, kw_only=True):
+    """The turn that the gyro measured up to a moment.
+
+    Attributes:
+        angle: The integral of its rate since it was first believed, radians.
+        rate_rad_s: The latest rate.
+        noise: Variance of the integral's latest step that its samples explain, rad^2.
+        held: How far the integral reaches beyond the latest sample may be wrong, radians.
+    """
+
+    angle: float
+    rate_rad_s: float
+    noise: float
+    held: float
+
+
+class Gyro:
+    """Integrates the rate of turn, as long as it can be believed.
+
+    Attributes:
+        problem: Why it is not believed now; None while it is, or before its first sample.
+        present: Whether it ever sent a sample.
+    """
+
+    __slots__ = (
+        "_angle _noise _stamp_ns _rates _same _latest _good_since_ns problem present"
+    ).split()
+
+    def __init__(self) -> None:
+        self._angle = 0.0
+        self._noise = 0.0
+        self._stamp_ns = 0
+        self._rates = (0.0, 0.0)  # of the latest sample and the one before
+        self._same = 0
+        self._latest: tuple[Vector3, Vector3] | None = None
+        self._good_since_ns: int | None = None
+        self.problem: Problem | None = None
+        self.present = False
+
+    def accept(
+        self,
+        stamp_ns: int,
+        rate_rad_s: float,
+        *,
+        shown: tuple[Vector3, Vector3],
+        limit_rad_s: float,
+        noise_rad_s: float,
+    ) -> None:
+        """Take in a sample.
+
+        Args:
+            stamp_ns: When it was measured.
+            rate_rad_s: Counter-clockwise about the vertical axis.
+            shown: Everything that the sensor shows, to notice that it is stuck.
+            limit_rad_s: The rate at which it saturates.
+            noise_rad_s: Standard deviation of one sample.
+        """
+        self.present = True
+        dt_ns = stamp_ns - self._stamp_ns
+        if dt_ns <= 0:
+            return
+        self._same = self._same + 1 if shown == self._latest else 0
+        self._latest = shown
+        before, last = self._rates
+        finite = math.isfinite(rate_rad_s)
+        self._rates = (rate_rad_s if finite else 0.0, before)
+        problem: Problem | None = None
+        if not finite or self._same >= FROZEN_SAMPLES:
+            problem = "implausible"
+        elif abs(rate_rad_s) >= SATURATED_SHARE * limit_rad_s:
+            problem = "saturated"
+        elif dt_ns > SILENT_NS and self._stamp_ns:
+            problem = "silent"
+        self._stamp_ns = stamp_ns
+        if problem is not None:
+            self.refuse(problem)
+            if problem == "silent":
+                self._good_since_ns = stamp_ns
+            return
+        if self._good_since_ns is None:
+            self._good_since_ns = stamp_ns
+        if self.problem is not None and stamp_ns - self._good_since_ns >= PROBATION_NS:
+            self.problem = None
+        dt_s = dt_ns * 1e-9
+        if dt_ns <= SILENT_NS:
+            self._angle += 0.5 * (rate_rad_s + before) * dt_s
+            bend = CORNER * (rate_rad_s - 2.0 * before + last)
+            self._noise += (noise_rad_s * noise_rad_s + bend * bend) * dt_s * dt_s
+
+    def refuse(self, problem: Problem) -> None:
+        """Do not believe it, until it has behaved for a while."""
+        self.problem = problem
+        self._good_since_ns = None
+
+    @property
+    def believed(self) -> bool:
+        """Whether its integral goes on without a gap."""
+        return self.present and self.problem is None and self._good_since_ns is not None
+
+    def turn(self, now_ns: int) -> Turn:
+        """The turn that it measured up to now, whether it is believed or not.
+
+        Args:
+            now_ns: When the counters were sampled, to which the integral is carried on.
+        """
+        ahead_ns = now_ns - self._stamp_ns
+        if self.present and self.problem is None and ahead_ns > SILENT_NS:
+            self.refuse("silent")
+        ahead_s = min(ahead_ns, SILENT_NS) * 1e-9
+        rate, before = self._rates
+        noise, self._noise = self._noise, 0.0
+        return Turn(
+            angle=self._angle + rate * ahead_s,
+            rate_rad_s=rate,
+            noise=noise,
+            held=0.5 * (rate - before) * ahead_s,
+        )

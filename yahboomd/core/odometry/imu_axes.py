@@ -1,0 +1,69 @@
+"""From the axes of the inertial sensor to those of the base.
+
+Three words name the axes of the sensor that point forward, left and up, such as ``x -y -z`` for one
+that lies on its back.
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+from yahboomd.core.model import ImuReading, Vector3
+
+AS_THEY_ARE = "x y z"
+
+
+def axes_problem(axes: str, *, rotation: bool) -> str:
+    """The fault of such words; empty where there is none.
+
+    Args:
+        axes: The three words.
+        rotation: They have to be a rotation. Boards change signs so that theirs are none.
+    """
+    words = axes.split()
+    letters = [word.removeprefix("-") for word in words]
+    if sorted(letters) != ["x", "y", "z"]:
+        return "expected x, y and z once each, with or without a minus"
+    even = "".join(letters) in {"xyz", "yzx", "zxy"}
+    mirrored = sum(word.startswith("-") for word in words) % 2 == 1
+    if rotation and even == mirrored:
+        return "expected a rotation, and this is a mirror image: change one sign, or swap two axes"
+    return ""
+
+
+class Mounting:
+    """The mounting and the calibration of a sensor.
+
+    Args:
+        axes: Its axes that point forward, left and up.
+        gyro_axes: The same for the gyro, where the board gives other signs.
+        gyro_factor: The true turn, for each turn that the gyro shows.
+    """
+
+    __slots__ = "_axes _gyro_axes".split()
+
+    def __init__(self, axes: str, gyro_axes: str, *, gyro_factor: float = 1.0) -> None:
+        self._axes = _places(axes, 1.0)
+        self._gyro_axes = _places(gyro_axes, gyro_factor)
+
+    def along_base(self, reading: ImuReading) -> ImuReading:
+        """The reading along the axes of the base."""
+        magnetic = reading.magnetic_t
+        return msgspec.structs.replace(
+            reading,
+            gyro_rad_s=_turned(self._gyro_axes, reading.gyro_rad_s),
+            acceleration_m_s2=_turned(self._axes, reading.acceleration_m_s2),
+            magnetic_t=None if magnetic is None else _turned(self._axes, magnetic),
+        )
+
+
+def _places(axes: str, factor: float) -> list[tuple[int, float]]:
+    return [
+        ("xyz".index(word[-1]), -factor if word.startswith("-") else factor)
+        for word in axes.split()
+    ]
+
+
+def _turned(places: list[tuple[int, float]], shown: Vector3) -> Vector3:
+    x, y, z = (factor * shown[axis] for axis, factor in places)
+    return x, y, z

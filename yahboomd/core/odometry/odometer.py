@@ -1,0 +1,510 @@
+"""Computes estimates from readings: the one entry to this room.
+
+Law: a pose goes out for a new reading only, with the moment at which the board sampled it, and
+nothing that happens on the wire makes it jump. What is lost is reported, as an event and in the
+covariance.
+
+An estimate needs two readings, because a velocity does: none is made of the first one of all, nor
+of the one that ends a discontinuity. At rest a streaming board repeats its totals; each tick of its
+clock is a new reading all the same, with a new stamp.
+"""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+
+from yahboomd.core.model import (
+    EncoderReading,
+    Event,
+    ImuEstimate,
+    ImuReading,
+    Kinematics,
+    Matrix3,
+    Motor,
+    OdometryEstimate,
+    Pose2d,
+    Twist2d,
+)
+from yahboomd.core.odometry import discontinuity
+from yahboomd.core.odometry.covariance import NOISE_M, Covariance, with_heading
+from yahboomd.core.odometry.encoders import Encoders, Verdict
+from yahboomd.core.odometry.heading import Heading
+from yahboomd.core.odometry.integrator import Doubt, Integrator, arc_between
+from yahboomd.core.odometry.polled_clock import Instant, PolledClock
+from yahboomd.core.odometry.steering import Steering
+from yahboomd.core.odometry.streamed_clock import StreamedClock
+from yahboomd.core.odometry.velocity import LONGEST_NS, Velocity, Window
+
+UNSEEN_NS = 150_000_000
+"""In a longer step a base may go and turn in an unknown order."""
+
+ASKED_TICK_NS = 10_000_000
+SHORTEST_ASKED_NS = 15_000_000
+"""A board that is asked renews its totals every 10 ms at times that it does not report: counts over
+less than this, as after a break, make no speed."""
+
+
+CARRIED_NS = 50_000_000
+"""The heading is carried on by the gyro from counters that were read so long ago at most."""
+
+RESTS = 25
+"""After so many readings without a count, each with an estimate, all windows show standing wheels:
+the next such reading shows no more than that they stand on."""
+
+SILENCE_NS = 300_000_000
+"""A longer pause between readings counts as a gap: the board may have been reset."""
+
+
+class Update(msgspec.Struct, frozen=True, kw_only=True):
+    """The result of one reading.
+
+    Attributes:
+        estimate: The new estimate; None where the reading shows nothing new.
+    """
+
+    estimate: OdometryEstimate | None = None
+    events: tuple[Event, ...] = ()
+
+
+NOTHING = Update()
+
+
+class Odometer:
+    """Computes where the robot is from the board's counts.
+
+    Args:
+        motors: The motors on the board; estimates list them in this order.
+        speed_max_m_s: A rim speed that no wheel reaches; a larger step is no travel. The fastest of
+            the vendor's motors with its wheel runs 1.93 m/s.
+        noise_m: Variance of a wheel's travel per metre rolled.
+        fused: The heading is that of wheels and gyro, where the board has one; else the wheels'.
+        gyro_scale: Standard deviation of the gyro's scale, as a share; None leaves it to the
+            sensor.
+
+    Raises:
+        ConfigError: The motors do not fit the geometry.
+    """
+
+    __slots__ = (
+        "_speed_max_m_s _motors _encoders _integrator _velocity _covariance _fused _steering "
+        "_clock _renewal _radians _stamp_ns _heard_ns _asked _armed _unmoved _doubt _speeds "
+        "_window _news estimate counters _heading"
+    ).split()
+
+    def __init__(
+        self,
+        kinematics: Kinematics,
+        motors: tuple[Motor, ...],
+        *,
+        speed_max_m_s: float = 2.0,
+        noise_m: float = NOISE_M,
+        fused: bool = False,
+        gyro_scale: float | None = None,
+    ) -> None:
+        self._speed_max_m_s = speed_max_m_s
+        self._motors = motors
+        self._encoders = Encoders(motors, speed_max_m_s=speed_max_m_s)
+        self._integrator = Integrator(kinematics, motors)
+        self._velocity = Velocity(kinematics, motors)
+        self._covariance = Covariance(kinematics, motors, noise_m=noise_m)
+        self._fused = fused
+        self._steering = Steering(kinematics.base_m) if kinematics.least_radius_m else None
+        self._clock: PolledClock | StreamedClock = PolledClock()
+        self._renewal: tuple[int | None, bool, int] = (None, False, 0)
+        self._radians = tuple(2.0 * math.pi / motor.ticks_per_revolution for motor in motors)
+        self._stamp_ns = 0
+        self._heard_ns = 0
+        self._asked = False
+        self._armed = 0
+        self._unmoved = 0
+        self._doubt: Doubt | None = None
+        self._speeds: tuple[float, ...] = (0.0,) * len(motors)
+        self._window: Window | None = None  # of an estimate that was not made yet
+        self._news = False
+        self.estimate: OdometryEstimate | None = None
+        self.counters: dict[str, int] = dict.fromkeys(
+            (
+                "odometry_readings",
+                "odometry_estimates",
+                "odometry_repeated",
+                "odometry_held",
+                "odometry_rejected",
+                "odometry_resets",
+                "odometry_gaps",
+                "odometry_rebased",
+                "odometry_taken_back",
+                "odometry_unsure",
+                "gyro_silent",
+                "gyro_saturated",
+                "gyro_implausible",
+                "wheels_slipped",
+                "board_clock_changes",
+            ),
+            0,
+        )
+        self._heading = Heading(
+            kinematics.name,
+            self.counters,
+            tick_variance=self._covariance.tick_variance,
+            scale=gyro_scale,
+        )
+
+    @property
+    def pose(self) -> Pose2d:
+        """The pose of the base in the odometry frame, as of the latest reading."""
+        return self._integrator.pose
+
+    @property
+    def gyro_bias_rad_s(self) -> float:
+        """The gyro's reading at rest, as learned."""
+        return self._heading.bias_rad_s
+
+    @property
+    def tick_period_ns(self) -> int | None:
+        """The period at which the board renews its totals, as measured; None where no tick fits."""
+        clock = self._clock
+        if isinstance(clock, StreamedClock) and clock.renewal.fits:
+            return round(clock.renewal.period)
+        return None
+
+    def set_sample_period(
+        self, period_ns: int | None, *, each_line: bool = False, age_ns: int = 0
+    ) -> None:
+        """Choose the clock of a board.
+
+        Args:
+            period_ns: How often it renews its totals; None for a board that is asked.
+            each_line: It renews them with each line that it sends.
+            age_ns: How old they may be then: it reads its encoders so often, by a clock that the
+                lines do not show.
+        """
+        if (period_ns, each_line, age_ns) == self._renewal:
+            return
+        self._renewal = (period_ns, each_line, age_ns)
+        self._asked = False
+        self._unmoved = 0
+        self._velocity.rough_ns = 0
+        if period_ns is None:
+            self._clock = PolledClock(self._stamp_ns)
+        else:
+            self._clock = StreamedClock(
+                period_ns, self._stamp_ns, each_line=each_line, age_ns=age_ns
+            )
+
+    def armed(self) -> None:
+        """The board was asked to stream: lines from now on prove no more than that."""
+        self._armed += 1
+
+    def set_pose(self, pose: Pose2d, covariance: Matrix3 | None = None) -> None:
+        """Set the pose of the base. Totals go on.
+
+        Args:
+            covariance: How sure that is, over (x, y, theta), row by row; None for sure.
+        """
+        self._integrator.set_pose(pose, self._encoders.totals)
+        self._heading.reset()
+        self._doubt = None
+        self._covariance.set_pose(pose.theta, covariance)
+        if self.estimate is not None:
+            self.estimate = msgspec.structs.replace(
+                self.estimate, pose=pose, pose_covariance=self._covariance.pose
+            )
+
+    def steer(self, curvature_per_m: float, now_ns: int) -> None:
+        """A car that steers was commanded to drive this curve; to the left is positive."""
+        if self._steering is not None:
+            self._steering.command(curvature_per_m, now_ns)
+
+    def accept(self, reading: ImuReading) -> ImuEstimate:
+        """Take in a sample of the inertial sensor, along the axes of the base."""
+        heading, covariance = self._heading, self._covariance
+        self._unmoved = 0
+        if not heading.present:
+            # The wheels came so far alone.
+            heading.lose(covariance.gained)
+        heading.accept(reading)
+        stamp_ns = reading.sent_ns - reading.sensor.delay_ns
+        # Since the counters were read, at most a cycle ago, the gyro alone has seen it turn.
+        since_ns = max(-CARRIED_NS, min(CARRIED_NS, stamp_ns - self._stamp_ns))
+        turn = (reading.gyro_rad_s[2] - heading.bias_rad_s) * since_ns * 1e-9
+        theta = self._integrator.pose.theta - (0.0 if self._fused else heading.error)
+        return ImuEstimate(
+            reading=reading,
+            stamp_ns=stamp_ns,
+            bias_rad_s=heading.bias_rad_s,
+            bias_variance=heading.bias_variance,
+            theta=theta + turn,
+            theta_variance=covariance.given + heading.variance,
+        )
+
+    def update(self, reading: EncoderReading) -> Update:
+        """Take in a reading.
+
+        Args:
+            reading: The counters, as they came. Readings come in the order of their sending.
+
+        Returns:
+            A new estimate where the reading shows something new, and what happened. Of readings
+            that were read together and say the same, the last one brings the newest estimate.
+        """
+        more_follow = reading.followed and self._encoders.repeats(reading.ticks)
+        update = self._update(reading)
+        if self._news and not more_follow:
+            self._news = False
+            update = Update(estimate=self._newest(), events=update.events)
+        clock = self._clock
+        if isinstance(clock, StreamedClock) and (notice := clock.renewal.notice) is not None:
+            clock.renewal.notice = None
+            self._unmoved = 0
+            self.counters["board_clock_changes"] += 1
+            period_ns = round(clock.renewal.period)
+            self._velocity.rough_ns = 0 if clock.renewal.fits else period_ns
+            event = discontinuity.clock_event(notice, period_ns * 1e-6)
+            update = msgspec.structs.replace(update, events=(*update.events, event))
+        if events := self._heading.events:
+            update = msgspec.structs.replace(update, events=(*update.events, *events))
+            events.clear()
+        return update
+
+    def _update(self, reading: EncoderReading) -> Update:
+        counters = self.counters
+        counters["odometry_readings"] += 1
+        sent_ns = reading.sent_ns
+        encoders = self._encoders
+        clock = self._clock
+        if reading.after_reset:
+            encoders.announce("reset")
+        elif reading.after_gap or sent_ns - self._heard_ns > SILENCE_NS:
+            # A stream that ran before it was armed was on since the last reading that counted.
+            encoders.announce(
+                "gap", unbroken=reading.unbroken and self._armed <= 1, speeds_m_s=self._speeds
+            )
+        self._heard_ns = sent_ns
+        # At the end of a session questions are asked of which no time is known.
+        self._asked = self._asked or reading.requested_ns is not None
+        if encoders.repeats(reading.ticks):
+            # What a board that streams says most of the time: nothing is to be judged.
+            self._armed = 0
+            instant = clock.observe(reading)
+            if not instant.step_ns:
+                counters["odometry_repeated"] += 1
+                return NOTHING
+            usual = instant.step_ns <= LONGEST_NS and not instant.unsure_ns
+            if usual and self._unmoved >= RESTS:
+                return self._stand_on(instant)
+            before = self._window
+            update = self._travel(encoders.unmoved(), instant)
+            # Steering and gyro have news of wheels that stand as well.
+            alone = self._steering is None and not self._heading.present
+            counts = usual and alone and self._window is not before
+            self._unmoved = self._unmoved + 1 if counts else 0
+            return update
+        self._unmoved = 0
+        fresh = True
+        if encoders.notice == "none":
+            elapsed_ns = clock.elapsed_at_most_ns(reading)
+        else:
+            elapsed_ns = clock.guess_ns(reading) - self._stamp_ns
+            fresh = clock.fresh(reading)
+        verdict = encoders.judge(reading.ticks, sent_ns, elapsed_ns, fresh=fresh)
+        if verdict.outcome != "held":
+            self._armed = 0
+        if verdict.outcome == "travel":
+            instant = clock.observe(reading, ticks=verdict.farthest, least_ns=verdict.least_ns)
+            if not instant.step_ns:
+                counters["odometry_repeated"] += 1
+                return NOTHING
+            return self._travel(verdict, instant)
+        if verdict.outcome == "held":
+            counters["odometry_held"] += 1
+            if encoders.notice == "none":
+                counters["odometry_rejected"] += 1
+            clock.pass_over(reading)
+            return NOTHING
+        if verdict.outcome == "gap_kept":
+            instant = clock.resume(reading, ticks=max(map(abs, verdict.deltas)))
+        else:
+            instant = clock.restart(reading)
+        return self._discontinuity(verdict, instant)
+
+    def _stand_on(self, instant: Instant) -> Update:
+        """Go on where the wheels have stood for long: all but the time is as it was."""
+        self._newest()
+        self._stamp_ns = instant.stamp_ns
+        self._integrator.stand(instant.step_ns)
+        self._velocity.stand(self._encoders.totals, instant.step_ns)
+        self.counters["odometry_estimates"] += 1
+        self._news = True
+        return NOTHING
+
+    def _travel(self, verdict: Verdict, instant: Instant) -> Update:
+        encoders = self._encoders
+        encoders.accept(verdict)
+        totals = encoders.totals
+        deltas = verdict.deltas
+        # Standing still is a step as well: the correction has to know that there was no motion.
+        if verdict.strayed:
+            self._stray(verdict, instant)
+        else:
+            self._doubt = None
+            correction = self._correction(deltas, instant)
+            arc = self._integrator.integrate(deltas, totals, instant.step_ns, correction)
+            self._covariance.propagate(deltas, arc, self._fused_variance)
+            if instant.step_ns > UNSEEN_NS:
+                self._covariance.bridge(arc)
+        clock, velocity = self._clock, self._velocity
+        velocity.doubt = clock.renewal.doubt if isinstance(clock, StreamedClock) else 0.0
+        unseen_ns = round(clock.unseen_ns) if isinstance(clock, StreamedClock) else 0
+        velocity.tick_ns = ASKED_TICK_NS if self._asked else unseen_ns
+        window = velocity.measure(totals, instant.step_ns, instant.unsure_ns)
+        self._stamp_ns = instant.stamp_ns
+        if instant.unsure_ns:
+            self.counters["odometry_unsure"] += 1
+            if isinstance(clock, StreamedClock):
+                # The end of a burst: the next reading has a speed again, from here.
+                velocity.interrupt(totals, clock.rough_ns)
+                return NOTHING
+        if not window.span_ns:
+            return NOTHING
+        if self._asked and self.estimate is not None:
+            # Counters that stay say nothing, unless it is certain that they were renewed meanwhile.
+            sure_ns = window.span_ns if any(window.deltas) else window.span_ns - window.unsure_ns
+            if sure_ns < SHORTEST_ASKED_NS:
+                return NOTHING
+        self.counters["odometry_estimates"] += 1
+        self._window, self._news = window, True
+        return NOTHING
+
+    def _correction(self, deltas: tuple[int, ...], instant: Instant) -> float:
+        """The turn of the base beyond what its wheels counted, by its steering and its gyro."""
+        heading, steering = self._heading, self._steering
+        if steering is None and not heading.present:
+            return 0.0
+        travel, turn, rolled = self._covariance.turn(deltas)
+        steered = 0.0
+        if steering is not None:
+            steered, rolled = steering.correct(travel, turn, rolled, instant.stamp_ns)
+        if not heading.present:
+            return steered
+        correction = heading.fuse(turn + steered, rolled, instant.stamp_ns, instant.step_ns)
+        return steered + correction if self._fused else steered
+
+    @property
+    def _fused_variance(self) -> float | None:
+        return self._heading.variance if self._fused and self._heading.present else None
+
+    def _stray(self, verdict: Verdict, instant: Instant) -> None:
+        """A step to where no wheel was heading; a second one takes the first one back.
+
+        A garbled reading that was believed for want of others makes two such steps, there and back.
+        Counted one by one they would leave the base beside its way, for it seemed to have turned in
+        between. Counted as one, they end where it is; and where both were real that is no worse
+        than a reading that was missed.
+        """
+        integrator, doubt = self._integrator, self._doubt
+        before, pose = integrator.state(), integrator.pose
+        totals, step_ns = self._encoders.totals, instant.step_ns
+        correction = self._correction(verdict.deltas, instant)
+        self._doubt = Doubt(
+            state=before, deltas=verdict.deltas, step_ns=step_ns, correction=correction
+        )
+        if doubt is not None:
+            self._doubt = None
+            integrator.go_back(doubt.state)
+            deltas = tuple(map(sum, zip(doubt.deltas, verdict.deltas, strict=True)))
+            integrator.integrate(
+                deltas, totals, doubt.step_ns + step_ns, doubt.correction + correction
+            )
+            arc = arc_between(pose, integrator.pose)
+            if math.hypot(arc.dx, arc.dy) <= self._speed_max_m_s * step_ns * 1e-9:
+                self._covariance.propagate(verdict.deltas, arc, self._fused_variance)
+                self._covariance.bridge(arc)
+                self._velocity.take_back()
+                self.counters["odometry_taken_back"] += 1
+                return
+            # Farther than a wheel rolls: that would be a jump.
+            integrator.go_back(before)
+        arc = integrator.integrate(verdict.deltas, totals, step_ns, correction)
+        self._covariance.propagate(verdict.deltas, arc, self._fused_variance)
+        # Several readings in one, or a garbled one: the order of going and turning is not known.
+        self._covariance.bridge(arc)
+
+    def _newest(self) -> OdometryEstimate:
+        """The estimate of now; where wheels stand on all but its stamp is that of before."""
+        window, self._window = self._window, None
+        if window is None:
+            assert self.estimate is not None
+            if self.estimate.stamp_ns != self._stamp_ns:
+                self.estimate = msgspec.structs.replace(self.estimate, stamp_ns=self._stamp_ns)
+            return self.estimate
+        totals = self._encoders.totals
+        self._speeds = self._velocity.motor_speeds(window)
+        twist, twist_covariance = self._velocity.twist(window), self._covariance.twist(window)
+        if self._fused:
+            wz, variance = self._heading.rate(twist.wz, twist_covariance[8])
+            twist = Twist2d(vx=twist.vx, vy=twist.vy, wz=wz)
+            twist_covariance = with_heading(twist_covariance, variance)
+        self.estimate = OdometryEstimate(
+            stamp_ns=self._stamp_ns,
+            pose=self._integrator.pose,
+            twist=twist,
+            pose_covariance=self._covariance.pose,
+            twist_covariance=twist_covariance,
+            motor_ticks=totals,
+            motor_position_rad=tuple(
+                [total * each for total, each in zip(totals, self._radians, strict=True)]
+            ),
+            motor_speed_m_s=self._speeds,
+        )
+        return self.estimate
+
+    def _discontinuity(self, verdict: Verdict, instant: Instant) -> Update:
+        gap_ns = instant.step_ns
+        if self._news:
+            # Its speeds say how far the wheels may have gone since.
+            self._newest()
+            self._news = False
+        self._stamp_ns = instant.stamp_ns
+        self._encoders.accept(verdict)
+        totals = self._encoders.totals
+        self._integrator.interrupt()
+        # At the first reading of all the wheels stand, most of the time: it need not wait.
+        rough_ns = 0 if verdict.outcome == "baseline" else self._clock.rough_ns
+        self._velocity.interrupt(None if instant.unsure_ns else totals, rough_ns)
+        self._doubt = None
+        if verdict.outcome == "baseline":
+            return NOTHING
+        unsure_m = 0.0
+        if any(verdict.deltas):
+            before = self._integrator.state()
+            correction = self._correction(verdict.deltas, instant)
+            arc = self._integrator.integrate(verdict.deltas, totals, gap_ns, correction)
+            self._covariance.propagate(verdict.deltas, arc, self._fused_variance)
+            unsure_m = self._covariance.bridge(arc)
+            self._integrator.interrupt()
+            self._doubt = Doubt(
+                state=before, deltas=verdict.deltas, step_ns=gap_ns, correction=correction
+            )
+        gap_s = gap_ns * 1e-9
+        fastest_m_s = max(map(abs, self._speeds))
+        lost_m = discontinuity.unknown_m(
+            verdict.outcome,
+            gap_s,
+            fastest_m_s=fastest_m_s,
+            speed_max_m_s=self._speed_max_m_s,
+        )
+        if lost_m:
+            gained = self._covariance.gained
+            self._covariance.lose(lost_m)
+            self._heading.lose(self._covariance.gained - gained)
+        self.counters[discontinuity.COUNTERS[verdict.outcome]] += 1
+        counted_m = max(
+            abs(delta) * motor.metres_per_tick
+            for delta, motor in zip(verdict.deltas, self._motors, strict=True)
+        )
+        event = discontinuity.event(
+            verdict.outcome, gap_s=gap_s, lost_m=lost_m, counted_m=counted_m, unsure_m=unsure_m
+        )
+        return Update(events=(event,))

@@ -1,0 +1,116 @@
+"""Texts as a person's terminal takes them: commands that can be pasted, nothing that commands it.
+
+Texts name `yahboomd stop`; in a virtual environment that is not active, the shell knows only
+`.venv/bin/yahboomd`. What prints a text replaces the one by the other.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+COMMANDS = {
+    "run": "drive the board: the daemon itself",
+    "simulate": "be a board on a pseudo-terminal, with a robot behind it",
+    "stop": "stop the wheels, through the daemon or on the port itself",
+    "monitor": "watch a running daemon: pose, wheels, battery, who drives",
+    "drive": "drive the robot with the keyboard",
+    "status": "print what a daemon does, and whether it can drive",
+    "pose": "print where the robot is, or set it",
+    "send": "drive for a number of seconds",
+    "call": "call a service of the daemon",
+    "events": "print events as they happen",
+    "record": "write what is on the bus to MCAP files",
+    "plot": "draw a recording",
+    "replay": "play a black box to a daemon, or compute its poses again",
+    "web": "serve the page that drives the robot from a phone",
+    "blackbox": "explain why the robot stopped, by its last minute",
+    "metrics": "serve what the daemon counts, for Prometheus and Grafana",
+    "probe": "find the port, name the board, explain what is wrong",
+    "setup": "find out how the motors are connected, and write robot.toml",
+    "calibrate": "find the true size of the wheels and the track",
+    "tune": "measure how the wheels follow, and find better gains",
+    "config": "check, show and explain the configuration",
+    "install": "install the service: at boot, or as the board is plugged in",
+    "uninstall": "take the service away again",
+    "completions": "print what completes commands in bash, zsh or fish",
+}
+"""Every subcommand with its line in the help."""
+
+STANDARD_LISTEN = "tcp/127.0.0.1:7448"
+"""The endpoint where a daemon listens unless configured otherwise; commands connect to it."""
+
+_PASTED = re.compile(rf"(?<![\w/.-])yahboomd (?=(?:{'|'.join(COMMANDS)})\b)")
+
+
+def readable(text: str) -> str:
+    """The text without control characters, but for line ends and tabs.
+
+    Boards, other clients of the bus and file names have a part in what is printed and logged.
+    """
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() or c in "\n\t" else "?" for c in text)
+
+
+def plain(text: str) -> str:
+    """Text without control characters: what comes over the bus must not command a terminal."""
+    return text if text.isprintable() else "".join(c if c.isprintable() else " " for c in text)
+
+
+def name() -> str:
+    """The word that starts this program from a shell in the current folder."""
+    own = Path(sys.executable).with_name("yahboomd")
+    if not own.exists():
+        return "yahboomd"
+    for folder in os.environ.get("PATH", "").split(os.pathsep):
+        found = Path(folder or ".", "yahboomd")
+        if os.access(found, os.X_OK):
+            # A package may have put a link on the PATH.
+            if found.samefile(own):
+                return "yahboomd"
+            break
+    return str(_from_here(own))
+
+
+def _from_here(path: Path) -> Path:
+    """The path from the current folder, where it leads to it."""
+    try:
+        here = Path.cwd()
+    except OSError:
+        # The folder was removed while the program runs.
+        return path
+    # A service's folder is the root.
+    is_below = path.is_relative_to(here) and here != Path("/")
+    return path.relative_to(here) if is_below else path
+
+
+def pasteable(text: str) -> str:
+    """The text with every `yahboomd COMMAND` in it as the person has to type it."""
+    if _PASTED.search(text) is None or (called := name()) == "yahboomd":
+        return text
+    return _PASTED.sub(lambda _found: f"{called} ", text)
+
+
+def install_command(extra: str) -> str:
+    """The command that adds an extra to the environment that runs this program."""
+    python = Path(sys.executable)
+    source = Path(__file__).parents[2]
+    package = "yahboomd"
+    if (source / "pyproject.toml").is_file():
+        package = "." if _from_here(source) == Path() else str(source)
+    return shlex.join([str(_from_here(python)), "-m", "pip", "install", f"{package}[{extra}]"])
+
+
+def release_command(namespace: str, listen: Sequence[str]) -> str:
+    """The command that releases the emergency stop of this daemon, whichever others are there."""
+    words = ["yahboomd stop --release"]
+    words += [f"--namespace {namespace}"] if namespace else []
+    if listen and STANDARD_LISTEN not in listen:
+        local = listen[0].replace("/0.0.0.0:", "/127.0.0.1:").replace("/[::]:", "/[::1]:")
+        words.append(f"--connect {shlex.quote(local)}")
+    return " ".join(words)

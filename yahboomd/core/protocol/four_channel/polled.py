@@ -1,0 +1,91 @@
+"""The dialect ``polled``: the board as the article describes it.
+
+That is "Building a ROS 2 Hardware Bridge for Yahboom 520 Motor Drivers", where this project comes
+from. Counters are asked for; nothing is stored; there is no way to cut the power, only speed zero.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import msgspec
+
+from yahboomd.core.model import Kinematics, Motor
+from yahboomd.core.protocol.dialect import Decoded, Dialect, Totals, Units
+from yahboomd.core.protocol.four_channel.fields import command, totals
+from yahboomd.core.protocol.four_channel.framing import RESYNC, Frame, Framer, TextLine
+from yahboomd.core.protocol.four_channel.stored import (
+    AFTER_ANSWER_NS,
+    BAUDRATE,
+    MAILBOX_NS,
+    MAX_M_S,
+    TITLE,
+    motion,
+)
+from yahboomd.core.protocol.four_channel.texts import Meanings, decode_item
+from yahboomd.core.protocol.per_motor import PerMotor
+from yahboomd.core.protocol.profiles import MotorProfile
+from yahboomd.core.protocol.settings import BoardSettings
+
+MAX_SPEED: Final = 1000
+
+ARM_REPEATS: Final = 3
+"""A command without an answer, which a noisy line may lose, is sent so often."""
+
+_FRAMES: Final[Meanings] = {"data": totals}
+_BRAKE: Final = command("speed", (0, 0, 0, 0), MAX_SPEED)
+
+
+class Polled(Dialect, frozen=True, kw_only=True):
+    """The board of the article."""
+
+    name: str = "polled"
+    title: str = TITLE
+    resync: bytes = RESYNC
+    spacing_ns: int = 0
+    totals_spacing_ns: int = 0
+    question_spacing_ns: int = MAILBOX_NS
+    answer_spacing_ns: int = AFTER_ANSWER_NS
+    baudrate: int = BAUDRATE
+    fastest_m_s: float = MAX_M_S
+    brake: bytes = _BRAKE
+    probe: bytes | None = b"$read#"
+    poll: bytes | None = b"$read#"
+    # With an answer of 30 bytes and a speed frame of 21.
+    poll_bytes: int = 57
+    # A 520. If it is lost, nothing shows it but wheels that do not turn.
+    arm: tuple[bytes, ...] = (b"$mtype:1#",) * ARM_REPEATS
+
+    def framer(self) -> Framer:
+        """Return a framer for frames and text lines."""
+        return Framer()
+
+    def speeds(self, units: Units) -> bytes:
+        """Permille of the article's scale, about mm/s: -1000..1000."""
+        return command("speed", units, MAX_SPEED)
+
+    def decode(self, item: Frame | TextLine) -> Decoded:
+        """The counters; text as the other dialect has it, so that a wrong choice shows."""
+        return decode_item(item, _FRAMES)
+
+    def recognises(self, item: Frame | TextLine) -> bool:
+        """An answer with counters, and nothing else."""
+        return isinstance(self.decode(item), Totals)
+
+    def motion(
+        self,
+        kinematics: Kinematics,
+        motors: tuple[Motor, ...],
+        settings: BoardSettings | None,
+        *,
+        scale: float,
+    ) -> PerMotor:
+        """A speed for each motor."""
+        return motion(kinematics, motors, settings, scale=scale, max_command=MAX_SPEED)
+
+    def for_profile(self, profile: MotorProfile) -> Polled:
+        """The dialect that arms with the profile's motor type."""
+        if (motor_type := profile.stored.get("motor_type")) is None:
+            return self
+        frame = f"$mtype:{motor_type:d}#".encode("ascii")
+        return msgspec.structs.replace(self, arm=(frame,) * ARM_REPEATS)

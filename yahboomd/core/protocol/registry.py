@@ -1,0 +1,68 @@
+"""The dialects by name, and what can be sent to a board before its dialect is known."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Final
+
+from yahboomd.core.protocol.dialect import Dialect, Item
+from yahboomd.core.protocol.four_channel.polled import Polled
+from yahboomd.core.protocol.four_channel.streamed import Streamed
+from yahboomd.core.protocol.rosmaster.rosmaster import Rosmaster
+from yahboomd.core.protocol.settings import BoardSettings
+from yahboomd.core.protocol.settings import check_storable as check
+
+DIALECTS: Final[dict[str, Dialect]] = {
+    dialect.name: dialect for dialect in (Streamed(), Polled(), Rosmaster())
+}
+"""Every dialect, in the order in which a board is stopped and asked."""
+
+
+def connect_stop() -> tuple[tuple[bytes, bytes], ...]:
+    """For each dialect its resync and its surest stop, to be sent one after the other on any port.
+
+    After a crash the wheels may still turn, whichever board it is. :func:`connect_spacing_ns`
+    apart. A resync that the dialect before has already sent is left out.
+    """
+    words = []
+    before = b""
+    for dialect in DIALECTS.values():
+        resync = b"" if dialect.resync == before else dialect.resync
+        before = dialect.resync
+        words.append((resync, dialect.surest_stop))
+    return tuple(words)
+
+
+def connect_spacing_ns() -> int:
+    """The gap that no dialect minds."""
+    return max(dialect.spacing_ns for dialect in DIALECTS.values())
+
+
+def identify(heard: Iterable[tuple[str, Item]]) -> str | None:
+    """Identify the dialect of a board by what it has sent.
+
+    What has no meaning in any dialect, such as the chatter of another device or half a frame,
+    means nothing.
+
+    Args:
+        heard: All that came in since the first question, with the name of the dialect whose framer
+            found it.
+
+    Returns:
+        A name in :data:`DIALECTS`, or None.
+    """
+    seen = list(heard)
+    for name, dialect in DIALECTS.items():
+        if any(dialect.recognises(item) for found_by, item in seen if found_by == name):
+            return name
+    return None
+
+
+def check_storable(want: BoardSettings) -> None:
+    """Refuse values that some board would accept and then run away with.
+
+    Raises:
+        ConfigError: Naming every such value.
+    """
+    for dialect in DIALECTS.values():
+        check(dialect.settings, want)

@@ -1,0 +1,160 @@
+"""The dialect ``rosmaster``: the expansion board of the X1, X3, R2 and others of that family.
+
+The board reports by itself and takes velocities of the body. What is known of it comes from its
+firmware's source, its vendor's library and owners' measurements, not from a board:
+``docs/protocol.md`` says which.
+"""
+
+from __future__ import annotations
+
+import operator
+from typing import Final
+
+from yahboomd.core.errors import BoardError
+from yahboomd.core.model import Kinematics, Motor
+from yahboomd.core.protocol.dialect import (
+    Decoded,
+    Dialect,
+    Findings,
+    Units,
+    Unrecognised,
+    VersionLine,
+)
+from yahboomd.core.protocol.profiles import MotorProfile
+from yahboomd.core.protocol.rosmaster.cars import CARS, Body, Steered, body, steered
+from yahboomd.core.protocol.rosmaster.functions import (
+    AUTO_REPORT,
+    CAR_RUN,
+    IN_MEMORY,
+    MOST_OUTPUT,
+    READ_SETTINGS,
+    TABLE,
+    TYPE_BYTE,
+    VERSION,
+    decode,
+    findings,
+    motion,
+    open_loop,
+    request,
+)
+from yahboomd.core.protocol.rosmaster.packets import RESYNC, Item, PacketFramer, Words, frame
+from yahboomd.core.protocol.settings import BoardSettings, StoredSetting
+
+LEAST_V: Final = 9.6
+MOST_V: Final = 13.0
+SUNRISE_V: Final = (6.5, 8.5)
+"""The limits of the car with two cells. The others raise no alarm in between."""
+
+REPORT_NS: Final = 41_000_000
+"""The cycle of its reports; each of the four kinds comes once."""
+
+
+class Rosmaster(Dialect, frozen=True, kw_only=True):
+    """The board of the cars."""
+
+    name: str = "rosmaster"
+    title: str = "Yahboom Rosmaster expansion board"
+    baudrate: int = 115_200
+    resync: bytes = RESYNC
+    listen_ns: int = 100_000_000
+    starts_within_s: float = 12.0
+    probe: bytes | None = request(VERSION)
+    # It looks for a frame once a millisecond, and keeps no two: closer ones are lost.
+    spacing_ns: int = 5_000_000
+    totals_spacing_ns: int = 5_000_000
+    question_spacing_ns: int = 5_000_000
+    answer_spacing_ns: int = 5_000_000
+    # Either one ends the board's speed loops: the brake shorts the motors, the cut opens them. A
+    # board that stores an unknown car type ignores the cut.
+    brake: bytes = motion(0, 0, 0)
+    cut: bytes | None = frame(CAR_RUN, TYPE_BYTE, 0, 0, 0)
+    sample_period_ns: int | None = REPORT_NS
+    renews_with_each_line: bool = True
+    # It reads its encoders every 10 ms, by another clock than its reports.
+    age_ns: int = 10_000_000
+    arm: tuple[bytes, ...] = (frame(AUTO_REPORT, 1, IN_MEMORY),)
+    battery: bytes | None = request(AUTO_REPORT)
+    read_settings: tuple[bytes, ...] = READ_SETTINGS
+    settings: tuple[StoredSetting, ...] = TABLE
+    loop_ns: int = 10_000_000
+    most_output: int = MOST_OUTPUT
+    fastest_m_s: float = max(car.fastest_mm_s for car in CARS.values()) / 1000.0
+
+    @property
+    def surest_stop(self) -> bytes:
+        """The brake: each car type obeys it, and it stops the wheels in a sixth of the time."""
+        return self.brake
+
+    def framer(self) -> PacketFramer:
+        """For packets and lines of text."""
+        return PacketFramer()
+
+    def decode(self, item: Item) -> Decoded:
+        """Packets by their function and length, text by its words."""
+        return decode(item)
+
+    def recognises(self, item: Item) -> bool:
+        """Any packet that has a meaning, and the banner of its start."""
+        decoded = self.decode(item)
+        if isinstance(item, Words):
+            return isinstance(decoded, VersionLine)
+        return not isinstance(decoded, Unrecognised)
+
+    def silence(self, volts: float | None) -> str:
+        """The reason why it reports nothing although it answers."""
+        charge = "Charge or replace the battery, then switch the board off and on."
+        if volts is None or LEAST_V <= volts <= MOST_V or SUNRISE_V[0] <= volts <= SUNRISE_V[1]:
+            shown = "" if volts is None else f" Its supply has {volts:.1f} V now."
+            return (
+                "The alarm of its battery may have gone off, which only a reset ends (it beeps)."
+                f"{shown} {charge}"
+            )
+        cure = charge
+        if volts > SUNRISE_V[1]:
+            other = "the car's own battery, then switch the board off and on."
+            cure = f"Use {other}" if volts > MOST_V else f"Charge it, or use {other}"
+        return (
+            f"Its supply has {volts:.1f} V. Below {LEAST_V} V or above {MOST_V:.1f} V for 2 s, on "
+            f"a Sunrise below {SUNRISE_V[0]} V or above {SUNRISE_V[1]} V, it brakes, beeps, and "
+            "neither counts nor reports until it is reset, whatever the voltage becomes. "
+            f"{cure}"
+        )
+
+    def findings(self, settings: BoardSettings, profile: MotorProfile) -> Findings:
+        """The meaning of the stored settings for these motors."""
+        return findings(settings, profile)
+
+    def motion(
+        self,
+        kinematics: Kinematics,
+        motors: tuple[Motor, ...],
+        settings: BoardSettings | None,
+        *,
+        scale: float,
+    ) -> Body | Steered:
+        """The velocity of the body that turns the wheels, by the law of the stored car type."""
+        number = (settings or {}).get("car_type")
+        car = CARS.get(number) if isinstance(number, int) else None
+        if car is None:
+            raise BoardError(f"The board is set to car type {number}, which is not known.")
+        steers = kinematics.least_radius_m > 0.0
+        if steers != (car.wheelbase_mm is not None):
+            verb = "steers" if car.wheelbase_mm is not None else "does not steer"
+            raise BoardError(
+                f"The board is set to the car {car.name}, which {verb}, and the base is "
+                f"{kinematics.name}.",
+                remedy='A car that steers has chassis.preset = "ackermann". Otherwise set '
+                "board.profile to the car, and store its type with `yahboomd probe --write`.",
+            )
+        if steers:
+            return steered(car, kinematics, motors, scale=scale)
+        return body(car, kinematics, motors, scale=scale)
+
+    def speeds(self, units: Units) -> bytes:
+        """Velocity of the body: mm/s, mm/s, mrad/s; of a car that steers mm/s, degrees, 0."""
+        vx, vy, wz = map(operator.index, units)
+        return motion(vx, vy, wz)
+
+    def outputs(self, outputs: Units) -> bytes:
+        """Open loop, as shares of 100 of what lies above the board's own dead zone."""
+        return open_loop(tuple(map(operator.index, outputs)))

@@ -1,0 +1,328 @@
+"""A black box in plain words, with times: why the robot stopped, and what came before."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable
+from datetime import UTC, datetime
+from operator import itemgetter
+from typing import NamedTuple
+
+from yahboomd.core.blackbox import records
+from yahboomd.core.blackbox.box_file import Box, settings_of
+from yahboomd.core.blackbox.records import Record
+from yahboomd.core.model import NS_PER_S, EventKind
+from yahboomd.core.program import plain
+from yahboomd.core.protocol.registry import DIALECTS
+
+SILENT_NS = 300_000_000
+"""A board sends twenty times as often, or is asked so."""
+
+REASONS = {
+    "estop": "an emergency stop",
+    "runaway": "a wheel that ran away",
+    "fault": "a fault",
+    "disconnected": "the loss of the board",
+    "crash": "a fault of yahboomd itself",
+    "killed": "the daemon was killed",
+    "asked": "somebody asked for it",
+}
+
+
+class Line(NamedTuple):
+    """A line of the story.
+
+    Attributes:
+        what: In a word: ``event``, ``state``, ``command``, ``board``, ``sent``, ``daemon``.
+    """
+
+    at_ns: int
+    what: str
+    words: str
+
+
+class Story(NamedTuple):
+    """A box in words.
+
+    Attributes:
+        end_ns: When it was saved, or ended; monotonic nanoseconds.
+        end: What that moment is: ``the save`` or ``the end``.
+        why: Why the robot stopped last.
+    """
+
+    end_ns: int
+    end: str
+    why: str
+    lines: list[Line]
+
+
+def story(box: Box) -> Story:
+    """The story of a box."""
+    saved = box.header.saved
+    newest_ns = box.records[-1].at_ns if box.records else box.header.started_ns
+    end_ns, end = (saved.at_ns, "the save") if saved and saved.at_ns else (newest_ns, "the end")
+    lines = sorted(
+        [*_said(box.records), *_commands(box.records), *_silences(box.records, end_ns)],
+        key=lambda line: line.at_ns,
+    )
+    return Story(end_ns, end, _why(box.records, end_ns, end), lines)
+
+
+def before(at_ns: int, end_ns: int, end: str) -> str:
+    """``12.41 s before the save``."""
+    return f"{(end_ns - at_ns) / NS_PER_S:.2f} s before {end}"
+
+
+def wall_clock(box: Box) -> Callable[[int], int]:
+    """Moments of a box as Unix nanoseconds, each by the latest reading of the wall clock before."""
+    started = box.header.started_ns, box.header.started_wall_ns
+    readings = [
+        (record.at_ns, record.meaning.wall_ns)
+        for record in box.records
+        if isinstance(record.meaning, records.WallClock)
+    ]
+
+    def wall_clock_ns(at_ns: int) -> int:
+        before = bisect_right(readings, at_ns, key=itemgetter(0))
+        mono_ns, wall_ns = readings[before - 1] if before else started
+        return wall_ns + at_ns - mono_ns
+
+    return wall_clock_ns
+
+
+def utc(wall_ns: int) -> str:
+    """``2026-11-22 17:35:30.25 UTC``."""
+    moment = datetime.fromtimestamp(wall_ns / NS_PER_S, UTC)
+    return f"{moment:%Y-%m-%d %H:%M:%S}.{moment.microsecond // 10_000:02} UTC"
+
+
+def summary(box: Box) -> str:
+    """What was recorded, and how much."""
+    header = box.header
+    first_ns = box.records[0].at_ns if box.records else header.started_ns
+    last_ns = box.records[-1].at_ns if box.records else header.started_ns
+    name = plain(str(settings_of(header, "zenoh").get("namespace", "")))
+    port = plain(str(settings_of(header, "serial").get("port", "")))
+    robot = (name and f", robot {name}") + (port and f", board on {port}")
+    reasons = header.saved.reasons if header.saved else ("it is not saved yet",)
+    why = ", then ".join(REASONS.get(reason, reason) for reason in reasons)
+    wall_clock_ns = wall_clock(box)
+    from_to = f"{utc(wall_clock_ns(first_ns))} to {utc(wall_clock_ns(last_ns))}"
+    words = [
+        f"yahboomd {header.version}{robot}, process {header.pid}",
+        f"{from_to}: {(last_ns - first_ns) / NS_PER_S:.1f} s, {len(box.records)} records",
+        f"saved for: {why}" if header.saved else "the ring of a daemon, not saved yet",
+    ]
+    if box.cut:
+        words.append("the file was cut off: its end is missing")
+    if box.damaged:
+        words.append(f"damaged in {box.damaged} of its segments: a part is missing")
+    return "\n".join(words)
+
+
+def last_stop(every: list[Record]) -> Record | None:
+    """The decision by which the robot stopped driving last; None where it drives, or never did."""
+    stops, driving = _stops(every)
+    return stops[-1] if stops and not driving else None
+
+
+def _stops(every: list[Record]) -> tuple[list[Record], bool]:
+    """Each decision by which the robot stopped driving, and whether it drives at the end."""
+    driving, stops = False, list[Record]()
+    for record in every:
+        if isinstance(record.meaning, records.Decision):
+            drives = record.meaning.state == "driving"
+            if driving and not drives:
+                stops.append(record)
+            driving = drives
+    return stops, driving
+
+
+def _why(every: list[Record], end_ns: int, end: str) -> str:
+    """Why the robot stands or crawls, and why it stopped against its commands before that."""
+    stops, driving = _stops(every)
+    newest = next((each for each in reversed(every) if _words(each)), None)
+    last = "" if newest is None else _words(newest)
+    if not stops and not driving:
+        return "It did not drive in the time that is recorded." + (last and f" Its state: {last}")
+
+    def placed(record: Record) -> str:
+        moment = before(record.at_ns, end_ns, end)
+        return f"{moment}: {' '.join([_words(record), *_reported(every, record)])}"
+
+    if driving:
+        plainly = last.endswith(" drives.") and last.count(" ") == 1
+        found = ["It drives to the end of the record." if plainly else f"It drives: {last}"]
+    else:
+        stop = stops.pop()
+        found = [f"It stopped {placed(stop)}"]
+        stops = stops if _ordered(stop) else []
+        held = newest is not None and _is_held(newest) and ORDERLY_END not in last
+        if held and not (_words(stop) in last or last in _words(stop)):
+            found.append(f"Later: {last}")
+    if unasked := [each for each in stops if not _ordered(each)]:
+        found.append(f"Before that it stopped {placed(unasked[-1])}")
+    return " ".join(found)
+
+
+ORDERLY_END = "The connection to the board is being ended"
+
+_ORDERED = ("commands zero and keeps control", "ended with a zero command", ORDERLY_END)
+"""Stops that somebody asked for by a command, or by ending the daemon."""
+
+_CAUSES: tuple[EventKind, ...] = (
+    *("board_reset", "reset_loop", "board_unfit", "disconnected", "paused", "line_noisy"),
+    *("runaway_against", "runaway_fast", "turns_without_command", "no_counts", "stop_not_obeyed"),
+)
+"""Events that explain a stop that shows as something else, such as counts that stay away."""
+
+_REPORTED_NS = (NS_PER_S // 2, 3 * NS_PER_S)
+"""Before and after a stop; a board that was reset reports it once it has started."""
+
+
+def _words(record: Record) -> str:
+    meaning = record.meaning
+    return plain(meaning.why) if isinstance(meaning, records.Decision) else ""
+
+
+def _is_held(record: Record) -> bool:
+    """Whether something else than its commands keeps the robot where it is."""
+    meaning = record.meaning
+    held = ("waiting", "fault", "estopped")
+    return isinstance(meaning, records.Decision) and meaning.state in held
+
+
+def _ordered(stop: Record) -> bool:
+    return any(each in _words(stop) for each in _ORDERED)
+
+
+def _reported(every: list[Record], stop: Record) -> list[str]:
+    """Events beside a stop that explain it, two at most, unless its own words have them."""
+    if _ordered(stop):
+        return []
+    earliest_ns, latest_ns = stop.at_ns - _REPORTED_NS[0], stop.at_ns + _REPORTED_NS[1]
+    said = [
+        plain(record.meaning.event.message)
+        for record in every
+        if isinstance(record.meaning, records.Happened)
+        and record.meaning.event.kind in _CAUSES
+        and earliest_ns <= record.at_ns <= latest_ns
+    ]
+    return [each for each in dict.fromkeys(said) if each not in _words(stop)][:2]
+
+
+def _said(every: list[Record]) -> list[Line]:
+    """The lines for events, decisions, connections, and each kind of frame that was sent."""
+    lines = []
+    dialect, sent, decision = "", "", None
+    for at_ns, meaning in every:
+        match meaning:
+            case records.Happened():
+                lines.append(Line(at_ns, "event", plain(meaning.event.message)))
+            case records.Decision():
+                # Each segment of a ring begins with the latest one.
+                if meaning != decision:
+                    lines.append(Line(at_ns, "state", f"{meaning.state}: {plain(meaning.why)}"))
+                decision = meaning
+                sent = "" if meaning.state == "driving" else sent
+            case records.Opened():
+                lines.append(Line(at_ns, "board", f"{plain(meaning.port)} was opened."))
+                dialect = sent = ""
+            case records.Identified() | records.Anchor():
+                dialect = meaning.dialect or dialect
+                if isinstance(meaning, records.Identified):
+                    lines.append(Line(at_ns, "board", f"It is a {_title(dialect)} board."))
+            case records.Closed():
+                lines.append(Line(at_ns, "board", "The port was closed."))
+            case records.Written():
+                kind = _frame(meaning.data, dialect)
+                if kind and kind != sent:
+                    lines.append(Line(at_ns, "sent", f"Sent to the board: {kind}."))
+                sent = kind or sent
+            case records.PoseSet():
+                pose = meaning.pose
+                words = f"The pose was set: x {pose.x:g}, y {pose.y:g}, theta {pose.theta:g}."
+                lines.append(Line(at_ns, "event", words))
+            case records.Lost():
+                words = f"{meaning.count} more {meaning.what} came in a second and are left out."
+                lines.append(Line(at_ns, "command", words))
+            case records.Ended():
+                words = f"yahboomd ended by a fault of its own: {plain(meaning.error)}"
+                words = words if meaning.error else "yahboomd ended."
+                lines.append(Line(at_ns, "daemon", words))
+            case _:
+                pass
+    return lines
+
+
+def _title(dialect: str) -> str:
+    known = DIALECTS.get(dialect)
+    return f"{known.title} ({dialect})" if known is not None else dialect
+
+
+def _frame(data: bytes, dialect: str) -> str:
+    """The kind of a frame to the board, as far as stops are concerned; empty for others."""
+    known = DIALECTS.get(dialect)
+    if known is None:
+        return ""
+    if known.cut and known.cut in data:
+        return "motors off"
+    return "brake" if known.brake in data else ""
+
+
+class _Run(NamedTuple):
+    """Commands of one source that came one after the other."""
+
+    first_ns: int
+    last_ns: int
+    times: int
+    command: records.Command
+
+
+def _commands(every: list[Record]) -> list[Line]:
+    """Commands, a line for as many as were alike; each silence of a source ends its line."""
+    runs: list[_Run] = []
+    open_runs: dict[str, _Run] = {}
+    for at_ns, meaning in every:
+        if not isinstance(meaning, records.Command):
+            continue
+        run = open_runs.get(meaning.source)
+        if run is not None and _alike(run.command, meaning) and at_ns - run.last_ns < NS_PER_S:
+            open_runs[meaning.source] = run._replace(last_ns=at_ns, times=run.times + 1)
+            continue
+        if run is not None:
+            runs.append(run)
+        open_runs[meaning.source] = _Run(at_ns, at_ns, 1, meaning)
+    return [Line(run.first_ns, "command", _run_words(run)) for run in [*runs, *open_runs.values()]]
+
+
+def _alike(one: records.Command, other: records.Command) -> bool:
+    if one.refused != other.refused:
+        return False
+    moved = (one.vx, one.vy, one.wz), (other.vx, other.vy, other.wz)
+    # What a joystick sends differs a little each time.
+    return any(moved[0]) == any(moved[1])
+
+
+def _run_words(run: _Run) -> str:
+    command = run.command
+    speed = f"{command.vx:.2f} m/s, {command.wz:.2f} rad/s"
+    if command.vy:
+        speed = f"{command.vx:.2f} m/s, {command.vy:.2f} m/s to the left, {command.wz:.2f} rad/s"
+    many = f"{run.times} commands for {(run.last_ns - run.first_ns) / NS_PER_S:.2f} s, the first "
+    words = f"{plain(command.source)}: {many if run.times > 1 else ''}{speed}"
+    return f"{words}: refused ({command.refused})." if command.refused else f"{words}."
+
+
+def _silences(every: list[Record], end_ns: int) -> list[Line]:
+    """Times in which an open port brought nothing."""
+    lines = []
+    last_ns: int | None = None
+    for at_ns, meaning in [*every, Record(end_ns, records.Closed())]:
+        if not isinstance(meaning, records.Received | records.Closed | records.Opened):
+            continue
+        if last_ns is not None and at_ns - last_ns > SILENT_NS:
+            silent_s = (at_ns - last_ns) / NS_PER_S
+            lines.append(Line(last_ns, "board", f"The board sent nothing for {silent_s:.2f} s."))
+        last_ns = at_ns if isinstance(meaning, records.Received) else None
+    return lines

@@ -1,0 +1,263 @@
+"""How the motors of a robot are connected, from one turn of each. Pure.
+
+Each motor was given a positive output for a moment. A person saw which wheel turned, and which way;
+the counters saw which encoder turned, and which way. Where a motor, its counts and its plug agree
+but the wheel went backward, the motor is mounted the other way round, and two signs in the
+configuration make up for it. Where they do not agree, the board's own speed loop would drive that
+wheel as fast as it can: then a plug has to be changed, and its name is given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Literal, TypeAlias
+
+import msgspec
+
+from yahboomd.core.model import Counts
+
+Kind: TypeAlias = Literal[
+    "encoder_crossed", "encoder_swapped", "encoder_dead", "motor_dead", "motor_misplaced"
+]
+
+MOVED_TURNS = 0.01
+"""Less than that is no motion: gears have play."""
+
+ALIKE = 0.3
+"""A counter that moved by such a share of the one that moved most was moved by the same pulse."""
+
+
+class Turn(msgspec.Struct, frozen=True, kw_only=True):
+    """One motor's turn, by the counters and by the person.
+
+    Attributes:
+        position: The plug that was given a positive output, 1 to 4.
+        counts: What each counter changed by.
+        wheel: The wheel that was seen to turn; empty for none.
+        forward: Whether it turned as it does when the robot drives forward.
+    """
+
+    position: int
+    counts: Counts
+    wheel: str = ""
+    forward: bool = True
+
+
+class HandTurn(msgspec.Struct, frozen=True, kw_only=True):
+    """One wheel that a person turned forward by hand."""
+
+    wheel: str
+    counts: Counts
+
+
+class WiredMotor(msgspec.Struct, frozen=True, kw_only=True):
+    """A motor as the configuration has it, once every fault is repaired.
+
+    Attributes:
+        position: Its plug on the board, 1 to 4.
+        sign: -1 for one that is mounted the other way round: both signs of the configuration.
+    """
+
+    wheel: str
+    position: int
+    sign: int
+
+
+class WiringFault(msgspec.Struct, frozen=True):
+    """A fault that no configuration makes up for.
+
+    Attributes:
+        kind: Its name, for programs.
+        position: The plug of the motor; None where it is not known.
+        words: What is wrong, and the plug to change.
+        arrives: Where the counts of this motor arrive instead, for ``encoder_crossed``; the plug
+            where it belongs, for ``motor_misplaced``.
+    """
+
+    kind: Kind
+    position: int | None
+    wheel: str
+    words: str
+    arrives: int | None = None
+
+
+class Wiring(msgspec.Struct, frozen=True, kw_only=True):
+    """The verdict.
+
+    Attributes:
+        motors: Those that were seen to turn, in the order of the wheels.
+        missing: Wheels whose motor was not seen to turn: nothing can be configured before.
+        again: Positions (or, by hand, none) whose answers contradict each other.
+        doubts: Why, in words.
+        hint: A cause that would explain all of it; empty for none.
+    """
+
+    motors: tuple[WiredMotor, ...]
+    faults: tuple[WiringFault, ...] = ()
+    missing: tuple[str, ...] = ()
+    again: tuple[int, ...] = ()
+    doubts: tuple[str, ...] = ()
+    hint: str = ""
+
+
+def plain(wheel: str) -> str:
+    """The name of a wheel for people."""
+    return wheel.replace("_", " ")
+
+
+def judge(
+    turns: Sequence[Turn],
+    wheels: Sequence[str],
+    ticks_per_revolution: float,
+    plugs: Mapping[str, int] | None = None,
+) -> Wiring:
+    """Find positions, signs and faults.
+
+    Args:
+        turns: One for each position of the board.
+        plugs: For wheels that did not turn, the plug of their motor as the person says.
+    """
+    moved = {turn.position: turn for turn in turns if turn.wheel}
+    still = [turn for turn in turns if not turn.wheel]
+    missing = tuple(wheel for wheel in wheels if wheel not in {t.wheel for t in moved.values()})
+    least = MOVED_TURNS * ticks_per_revolution
+    seen_at = {position: _channel(turn, least) for position, turn in moved.items()}
+    doubts = dict(_doubts(moved, still, seen_at, least))
+    by_wheel = sorted(moved.values(), key=lambda turn: (*wheels, turn.wheel).index(turn.wheel))
+    faults = [fault for turn in by_wheel for fault in _encoder_faults(turn, seen_at)]
+    faults += _dead_motors(missing, [turn.position for turn in still], plugs or {})
+    swapped = [fault for fault in faults if fault.kind == "encoder_swapped"]
+    return Wiring(
+        motors=tuple(
+            WiredMotor(wheel=turn.wheel, position=turn.position, sign=1 if turn.forward else -1)
+            for turn in by_wheel
+        ),
+        faults=tuple(faults),
+        missing=missing,
+        again=tuple(sorted({position for at in doubts for position in at})),
+        doubts=tuple(doubts.values()),
+        hint=_ALL_SWAPPED if len(swapped) == len(moved) > 1 else "",
+    )
+
+
+def judge_by_hand(turns: Sequence[HandTurn], ticks_per_revolution: float) -> Wiring:
+    """Find the positions and the signs of the encoders, as far as turning by hand shows them.
+
+    Motor and encoder share a plug: a motor is taken to be where its encoder is, and to be mounted
+    as that counts. Whether its power agrees shows when the board drives it.
+
+    Args:
+        turns: One for each wheel.
+    """
+    least = MOVED_TURNS * ticks_per_revolution
+    motors, faults, missing = [], [], []
+    for turn in turns:
+        channel = _strongest(turn.counts, least)
+        if channel is None:
+            missing.append(turn.wheel)
+            words = (
+                f"{plain(turn.wheel).capitalize()}: no counter moved while this wheel was turned. "
+                "Look at the plug of its encoder, at both ends."
+            )
+            faults.append(WiringFault("encoder_dead", None, turn.wheel, words))
+            continue
+        sign = 1 if turn.counts[channel - 1] > 0 else -1
+        motors.append(WiredMotor(wheel=turn.wheel, position=channel, sign=sign))
+    doubts = [
+        f"{plain(one.wheel).capitalize()} and {plain(other.wheel)} moved the same counter, that of "
+        f"M{one.position}: turn one wheel at a time."
+        for number, one in enumerate(motors)
+        for other in motors[number + 1 :]
+        if one.position == other.position
+    ]
+    return Wiring(
+        motors=tuple(motors), faults=tuple(faults), missing=tuple(missing), doubts=tuple(doubts)
+    )
+
+
+def _strongest(counts: Counts, least: float) -> int | None:
+    """The position whose counter moved most; None where none did."""
+    most = max(counts, key=abs)
+    return counts.index(most) + 1 if abs(most) >= least else None
+
+
+def _channel(turn: Turn, least: float) -> int | None:
+    """The position at which the counts of a motor arrive; its own where that moved much too."""
+    strongest = _strongest(turn.counts, least)
+    if strongest is None:
+        return None
+    own = abs(turn.counts[turn.position - 1])
+    return turn.position if own >= ALIKE * abs(turn.counts[strongest - 1]) else strongest
+
+
+def _doubts(
+    moved: Mapping[int, Turn],
+    still: Iterable[Turn],
+    seen_at: Mapping[int, int | None],
+    least: float,
+) -> Iterator[tuple[tuple[int, ...], str]]:
+    """Answers that contradict each other or the counters, with the positions to try again."""
+    positions = sorted(moved)
+    for number, one in enumerate(positions):
+        for other in positions[number + 1 :]:
+            wheel = moved[one].wheel
+            if wheel == moved[other].wheel:
+                words = f"M{one} and M{other} both turned {plain(wheel)}, as you saw it."
+                yield (one, other), words
+            elif seen_at[one] is not None and seen_at[one] == seen_at[other]:
+                words = f"M{one} and M{other} moved the same counter, that of M{seen_at[one]}."
+                yield (one, other), words
+    for turn in still:
+        if _strongest(turn.counts, least) is not None:
+            yield (turn.position,), f"M{turn.position} moved a counter, and you saw no wheel turn."
+
+
+def _encoder_faults(turn: Turn, seen_at: Mapping[int, int | None]) -> Iterator[WiringFault]:
+    position, wheel, name = turn.position, turn.wheel, plain(turn.wheel)
+    channel = seen_at[position]
+    if channel is None:
+        words = (
+            f"M{position} ({name}): the wheel turns and is not counted. Look at the plug of its "
+            "encoder, at the board and at the motor; else the encoder is broken."
+        )
+        yield WiringFault("encoder_dead", position, wheel, words)
+        return
+    if channel != position:
+        also = seen_at.get(channel) == position
+        words = (
+            f"The encoder plugs of M{min(position, channel)} and M{max(position, channel)} are "
+            "crossed: exchange them."
+            if also
+            else f"M{position} ({name}): its counts arrive at M{channel}. Plug its encoder into "
+            f"M{position}."
+        )
+        # Of a pair, one sentence is enough.
+        if not also or position < channel:
+            yield WiringFault("encoder_crossed", position, wheel, words, channel)
+    if turn.counts[channel - 1] < 0:
+        words = (
+            f"M{position} ({name}): its encoder counts against the motor. Exchange the two signal "
+            f"wires of its encoder, A and B, at the plug of M{position}."
+        )
+        yield WiringFault("encoder_swapped", position, wheel, words)
+
+
+def _dead_motors(
+    missing: Sequence[str], still: Sequence[int], plugs: Mapping[str, int]
+) -> Iterator[WiringFault]:
+    # The only motor and the only plug that are left belong together.
+    only = still[0] if len(missing) == len(still) == 1 else None
+    for wheel in missing:
+        position = plugs.get(wheel) or only
+        where = f"M{position} ({plain(wheel)})" if position else plain(wheel).capitalize()
+        words = (
+            f"{where}: the motor did not turn. Look at its plug, at the board and at the motor, "
+            "and whether the wheel is blocked; else motor or driver are broken."
+        )
+        yield WiringFault("motor_dead", position, wheel, words)
+
+
+_ALL_SWAPPED = (
+    "Every encoder counts against its motor: rather than all plugs, the motor type that the board "
+    "stores may be wrong. `yahboomd probe` shows it."
+)

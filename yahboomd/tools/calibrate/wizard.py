@@ -1,0 +1,329 @@
+"""The questions of ``calibrate tape`` and ``squares``, and what is driven between them."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from typing import TYPE_CHECKING, Literal
+
+import msgspec
+
+from yahboomd.core.bus import keys
+from yahboomd.core.errors import ConfigError, Refused
+from yahboomd.tools.calibrate.shapes import (
+    DAEMON_WITHIN_S,
+    Driver,
+    Interrupted,
+    Leg,
+    sideways,
+    square,
+    straight,
+    turns,
+)
+from yahboomd.tools.terminal.asking import Number
+
+if TYPE_CHECKING:
+    from yahboomd.client import AsyncRobot
+    from yahboomd.core.config import Config, Loaded
+    from yahboomd.tools.calibrate.estimates.runs import Run
+    from yahboomd.tools.calibrate.estimates.sideways import SidewaysRun
+    from yahboomd.tools.calibrate.hold import Hold
+    from yahboomd.tools.terminal.asking import Person
+
+TAPE_STD_M = 0.002
+"""The exactness with which a person reads a tape beside a robot."""
+
+ANGLE_STD_RAD = math.radians(0.5)
+"""The exactness with which a person sees an angle against a mark."""
+
+BEYOND = Number(
+    *("beyond", "How many degrees beyond its mark did it turn? (negative: short of it)", "deg"),
+    good=lambda value: abs(value) < 3600.0,
+    wrong="A number of degrees, such as 12.5 or -8.",
+    blank=0.0,
+)
+HEADING = Number(
+    *("heading", "How many degrees to the left does it point? (empty: not measured)", "deg"),
+    good=lambda value: abs(value) <= 360.0,
+    wrong="A number of degrees, or nothing.",
+)
+
+
+class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """The runs of a calibration.
+
+    Attributes:
+        straight_m: Length of the straight run.
+        turns: Turns in place each way, by tape.
+        sideways_m: Way of a mecanum base to either side, by tape.
+        side_m: Of a square.
+        count: Squares each way.
+        by_hand: Drive nothing: a person moves the robot.
+        dry_run: Show the result, write nothing.
+        source: The key to command on.
+    """
+
+    method: Literal["tape", "squares"] = "tape"
+    straight_m: float = 2.0
+    speed_m_s: float = 0.2
+    turn_rad_s: float = 0.8
+    turns: int = 5
+    sideways_m: float = 1.0
+    side_m: float = 2.0
+    count: int = 5
+    by_hand: bool = False
+    dry_run: bool = False
+    source: str = keys.CMD_VEL
+
+
+LENGTH_RANGE = (0.25, 4.0)
+"""The true way, as a multiple of the counted one: no profile of the vendor's is further off."""
+
+
+def length(counted_m: float) -> Number:
+    """The question for the true way.
+
+    Args:
+        counted_m: The way by the counts: another unit is noticed at once.
+    """
+    least, most = (counted_m * each for each in LENGTH_RANGE)
+    return Number(
+        *("length", "How far did it truly go, in m?", "m"),
+        good=lambda value: least < value < most,
+        wrong=f"A number of metres near {counted_m:.3f}, which the wheels counted; an empty answer "
+        "ends it here.",
+    )
+
+
+async def calibrate(
+    robot: AsyncRobot,
+    loaded: Loaded,
+    options: RunOptions,
+    person: Person,
+    hold: Hold | None = None,
+) -> int:
+    """Ask, drive, fit, and write the result.
+
+    Args:
+        loaded: The configuration of this machine, which names the calibration file.
+        hold: The button that lets the robot move; None: it moves once the person let it begin.
+
+    Raises:
+        Refused: The result cannot be trusted, or the robot does not obey.
+        NoDaemon: It was lost.
+        ConfigError: The daemon is another robot's, or the file cannot be written.
+    """
+    from yahboomd.tools.calibrate.estimates.least_squares import PARTS, Unseen, fit
+    from yahboomd.tools.calibrate.estimates.runs import Factors
+    from yahboomd.tools.calibrate.estimates.sideways import fit_sideways
+    from yahboomd.tools.calibrate.estimates.verdict import unseen
+    from yahboomd.tools.calibrate.result import conclude, ratio_of
+
+    config = await config_of(robot, loaded)
+    if options.method == "squares" and config.kinematics().holonomic:
+        raise Refused(
+            "A mecanum base is calibrated by tape: its slip hides the ratio of the wheels. "
+            "`yahboomd calibrate tape`"
+        )
+    wizard = _Wizard(Driver(robot, config, options.source, hold), person, options)
+    beside: list[SidewaysRun] = []
+    if options.method == "tape":
+        # The rollers of a mecanum base bend it, too.
+        runs = await wizard.by_tape(bend=not config.kinematics().holonomic)
+        if config.kinematics().holonomic:
+            beside = await wizard.sideways()
+        bent = any(run.kind == "pose" for run in runs)
+        method, free = "tape", PARTS if bent else PARTS[::2]
+    else:
+        runs = await wizard.by_squares()
+        method, free = f"squares of {options.side_m:g} m", PARTS
+    try:
+        # Without a measured bend a tape does not see the ratio: it stays what squares have found.
+        found = fit(runs, free=free, start=Factors(ratio=ratio_of(config)))
+        factors, std = found.factors, found.std
+        to_the_side = None
+        if beside:
+            to_the_side = fit_sideways(
+                beside, scale=factors.scale, track=factors.track, scale_std=std.scale
+            )
+    except Unseen as error:
+        raise Refused(f"Nothing was written. {unseen(error)}") from error
+    return conclude(
+        found,
+        config,
+        loaded.calibration_path,
+        method=method,
+        runs=runs,
+        sideways=to_the_side,
+        sideways_runs=beside,
+        dry_run=options.dry_run,
+        person=person,
+    )
+
+
+async def config_of(robot: AsyncRobot, loaded: Loaded) -> Config:
+    """The daemon's configuration, which the calibration file of this machine must belong to.
+
+    Raises:
+        ConfigError: It is another robot's, or another version's.
+    """
+    from yahboomd.core.config import read_foreign
+    from yahboomd.core.config.calibration_file import geometry_of
+
+    answer = await robot.call(keys.CONFIG, timeout_s=DAEMON_WITHIN_S)
+    config = read_foreign(answer.data, "The daemon")
+    if geometry_of(config) != geometry_of(loaded.config):
+        raise ConfigError(
+            "The daemon runs with another robot's configuration than "
+            f"{loaded.path or 'the defaults'}, which this command has read.",
+            remedy="Name the daemon's own file: `--config FILE`.",
+        )
+    return config
+
+
+class _Wizard:
+    def __init__(self, driver: Driver, person: Person, options: RunOptions) -> None:
+        self._driver = driver
+        self._person = person
+        self._options = options
+
+    async def by_tape(self, *, bend: bool) -> list[Run]:
+        options = self._options
+        runs = [await self._straight(bend=bend, heading=False)]
+        for left in (True, False):
+            way = "to the left" if left else "to the right"
+            whole = 2.0 * math.pi * options.turns * (1.0 if left else -1.0)
+            await self._move(
+                turns(whole, options.turn_rad_s),
+                f"Turn {options.turns:g} times {way}: mark which way the robot points.",
+            )
+            beyond = await self._person.number(BEYOND)
+            assert beyond is not None
+            measured = whole + math.copysign(1.0, whole) * math.radians(beyond)
+            runs.append(self._run("turn", (measured,), (ANGLE_STD_RAD,)))
+        return runs
+
+    async def sideways(self) -> list[SidewaysRun]:
+        """Runs of a mecanum base to either side."""
+        from yahboomd.tools.calibrate.estimates.sideways import SidewaysRun
+
+        options, runs = self._options, []
+        for left in (True, False):
+            way = "left" if left else "right"
+            metres = options.sideways_m if left else -options.sideways_m
+            await self._move(
+                sideways(metres, options.speed_m_s),
+                f"{options.sideways_m:g} m to the {way}, sideways: mark where the robot stands.",
+            )
+            steps = self._driver.gathered_sideways()
+            measured = await self._length(float(abs(steps[1].sum())))
+            runs.append(SidewaysRun(*steps, measured, TAPE_STD_M))
+        return runs
+
+    async def by_squares(self) -> list[Run]:
+        options, runs = self._options, []
+        for left in (True, False):
+            way = "left" if left else "right"
+            for count in range(1, options.count + 1):
+                await self._move(
+                    square(options.side_m, options.speed_m_s, options.turn_rad_s, left=left),
+                    f"Square {count} of {options.count:g} to the {way}: put the robot on its mark.",
+                )
+                x = await self._metres("ahead", "How far ahead of its mark did it end, in mm?")
+                y = await self._metres("left", "How far to the left of its mark, in mm?")
+                runs.append(await self._end(x, y))
+        runs.append(await self._straight(bend=True, heading=True))
+        return runs
+
+    async def _end(
+        self, x: float, y: float, *, heading: bool = True, beside_std_m: float = TAPE_STD_M
+    ) -> Run:
+        """A run that ended there, as seen from its start, metres; may ask for the heading."""
+        degrees = await self._person.number(HEADING) if heading else None
+        measured: tuple[float, ...] = (x, y)
+        std: tuple[float, ...] = (TAPE_STD_M, beside_std_m)
+        if degrees is not None:
+            measured, std = (*measured, math.radians(degrees)), (*std, ANGLE_STD_RAD)
+        return self._run("pose", measured, std)
+
+    async def _straight(self, *, bend: bool, heading: bool) -> Run:
+        """Drive a straight.
+
+        Args:
+            bend: Ask how far it bent, which shows the ratio of the wheels.
+            heading: Ask which way it points then; without it the line that it began along is only
+                as exact as a person sees an angle.
+        """
+        metres = self._options.straight_m
+        await self._move(
+            straight(metres, self._options.speed_m_s),
+            f"A straight of {metres:g} m: mark where the robot stands.",
+        )
+        left_m, right_m, _ = self._driver.gathered()
+        far = await self._length(float(abs((left_m + right_m).sum()) / 2.0))
+        if bend:
+            left_mm = await self._person.number(
+                Number(
+                    "left",
+                    "How far to the left of its line did it end, in mm? (negative: to the right; "
+                    "empty: not measured)",
+                    unit="mm",
+                    good=lambda value: abs(value) < 1000.0 * far,
+                    wrong=f"A number of millimetres below {1000.0 * far:.0f}, or nothing.",
+                )
+            )
+            if left_mm is not None:
+                left = left_mm / 1000.0
+                ahead = math.sqrt(far * far - left * left)
+                beside = TAPE_STD_M if heading else math.hypot(TAPE_STD_M, ANGLE_STD_RAD * far)
+                return await self._end(ahead, left, heading=heading, beside_std_m=beside)
+        return self._run("straight", (far,), (TAPE_STD_M,))
+
+    async def _length(self, counted_m: float) -> float:
+        found = await self._person.number(length(counted_m))
+        if found is None:
+            raise Refused("Without a length there is nothing to calibrate by: nothing was written.")
+        return found
+
+    async def _metres(self, name: str, question: str) -> float:
+        value = await self._person.number(
+            Number(
+                name,
+                f"{question} (negative: the other way)",
+                unit="mm",
+                good=lambda each: abs(each) < 100_000.0,
+                wrong="A number of millimetres, such as 35 or -12.",
+                blank=0.0,
+            )
+        )
+        assert value is not None
+        return value / 1000.0
+
+    async def _move(self, legs: list[Leg], words: str) -> None:
+        """Announce a shape, wait for the person, and drive it or have it driven by hand."""
+        person, driver = self._person, self._driver
+        if self._options.by_hand:
+            await driver.begin()
+            person.say(f"{words} Then move it so.")
+            await driver.by_hand(
+                person.confirm("moved", f"{person.enter} when it stands at the end.")
+            )
+            return
+        while True:
+            await driver.begin(person.start("move", words, driver.bounds(legs)))
+            try:
+                for part, leg in enumerate(legs, start=1):
+                    await driver.drive(leg, partial(person.progress, part, len(legs)))
+            except Interrupted as why:
+                words = (
+                    f"{why} This run does not count: put the robot back on its mark, and it is "
+                    "done once more."
+                )
+            else:
+                return
+
+    def _run(self, kind: str, measured: tuple[float, ...], std: tuple[float, ...]) -> Run:
+        from yahboomd.tools.calibrate.estimates.runs import Run
+
+        left, right, separation_m = self._driver.gathered()
+        return Run(kind, left, right, separation_m, measured, std)  # type: ignore[arg-type]

@@ -1,0 +1,129 @@
+"""Examines a board, and whether opening the port resets it. No wheel moves."""
+
+from __future__ import annotations
+
+from typing import Literal, TypeAlias
+
+import msgspec
+
+from yahboomd.core.clock import Clock
+from yahboomd.core.counts import unwrapped
+from yahboomd.core.errors import BoardSilent
+from yahboomd.core.link.conversation import Conversation
+from yahboomd.core.link.line import Heard, Line
+from yahboomd.core.link.port import Opener
+from yahboomd.core.model import Counts
+from yahboomd.core.protocol.dialect import Dialect
+from yahboomd.core.protocol.settings import BoardSettings
+
+Survival: TypeAlias = Literal["kept", "reset", "unknown"]
+
+DRIFT_TICKS = 400
+"""Wheels that are pushed meanwhile count too: a third of a turn of the vendor's usual gear."""
+
+
+class Examination(msgspec.Struct, frozen=True, kw_only=True):
+    """The answers of a board.
+
+    Attributes:
+        dialect: How it is spoken to; None where nothing answered like a board.
+        settings: What it stores; None where it stores nothing, or did not report it.
+        volts: The supply of its motors; None where it does not report it.
+        ticks: Its counters; None where they did not come.
+        standing: Whether the wheels were seen to stand; None if no counts came.
+    """
+
+    dialect: Dialect | None
+    settings: BoardSettings | None = None
+    volts: float | None = None
+    ticks: Counts | None = None
+    standing: bool | None = None
+    heard: Heard
+
+
+async def examine(
+    opener: Opener, clock: Clock, expected: BoardSettings, *, counters_only: bool = False
+) -> Examination:
+    """Open the port, stop, ask everything that can be asked, and close.
+
+    Args:
+        expected: What the board should store.
+        counters_only: Ask for nothing but the counters.
+
+    Raises:
+        LinkError: The port cannot be had, or went away.
+    """
+    line = Line(await opener(), clock)
+    async with line.attended():
+        try:
+            talk = await Conversation.begin(line)
+        except BoardSilent:
+            return Examination(dialect=None, heard=line.heard)
+        settings, volts = None, None
+        if not counters_only:
+            try:
+                settings = await talk.read_settings(expected)
+            except BoardSilent:
+                settings = None
+            volts = await talk.read_battery()
+        ticks = await talk.read_counters()
+        report = await talk.rest()
+        return Examination(
+            dialect=talk.dialect,
+            settings=settings,
+            volts=volts,
+            # The wheels may have rolled out meanwhile.
+            ticks=line.ticks if ticks is not None else None,
+            standing=report.stood,
+            heard=line.heard,
+        )
+
+
+class Reopening(msgspec.Struct, frozen=True, kw_only=True):
+    """The effect on the counters of closing and opening the port.
+
+    Attributes:
+        survival: Whether they were kept, or the board restarted; unknown where they were near
+            zero already, or did not come.
+        banner: The board announced that it has started.
+    """
+
+    survival: Survival
+    before: Counts | None
+    after: Counts | None
+    banner: bool
+
+    @property
+    def near_zero(self) -> bool:
+        """Whether a reset could not show: there was nothing to lose."""
+        return self.after is not None and _near_zero(self.after)
+
+
+def compare(before: Counts | None, after: Counts | None, *, banner: bool) -> Reopening:
+    """Judge by the counters whether a board was reset between two readings."""
+    # A line that loses bytes can make a banner of the settings: counters know better, if they know.
+    survival: Survival = "reset" if banner else "unknown"
+    if before is not None and after is not None:
+        kept = all(_near(a, b) for a, b in zip(before, after, strict=True))
+        zero = _near_zero(after)
+        if kept != zero:
+            survival = "kept" if kept else "reset"
+    return Reopening(survival=survival, before=before, after=after, banner=banner)
+
+
+async def reopen(opener: Opener, clock: Clock, before: Examination) -> Reopening:
+    """Open the port once more, after it was closed, and look at the counters.
+
+    Raises:
+        LinkError: The port cannot be had, or went away.
+    """
+    again = await examine(opener, clock, BoardSettings(), counters_only=True)
+    return compare(before.ticks, again.ticks, banner=again.heard.resets > 0)
+
+
+def _near_zero(ticks: Counts) -> bool:
+    return all(_near(0, each) for each in ticks)
+
+
+def _near(a: int, b: int) -> bool:
+    return abs(unwrapped(b - a)) <= DRIFT_TICKS

@@ -1,0 +1,286 @@
+"""Pulses of single motors without regulation: a wheel turns a little, whatever its encoder does.
+
+The law: a pulse lasts half a second at most, and no wheel turns by more than half a turn, even if
+its gear is faster than configured; in all pulses of one call no wheel turns by more than one. It
+ends where any counter shows the bound; while no counter moves, it ends when the fastest motor there
+is would have turned so far. A pulse is an output, never a speed: the speed loop of the board would
+drive a wheel whose encoder is dead or runs backward as fast as it can.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable, Mapping
+
+import msgspec
+
+from yahboomd.core.clock import Clock, nanoseconds, sleep_until
+from yahboomd.core.counts import unwrapped
+from yahboomd.core.errors import BoardError
+from yahboomd.core.link.line import Line
+from yahboomd.core.model import CHANNELS, Counts
+from yahboomd.core.protocol.dialect import Dialect
+
+LONGEST_S = 0.5
+
+BOUND_TURNS = 0.3
+"""Counted so far a pulse ends: the wheel rolls out, and counts are some milliseconds old."""
+
+BLIND_TURNS = 0.5
+"""The bound by time, at the speed of the fastest motor there is, rolling out included."""
+
+ROLLS_S = 0.08
+"""A wheel that is let go rolls on as far as it turned in so long."""
+
+SHORTEST_S = 0.04
+"""No motor gets far in so long, and none is seen to move in less."""
+
+SHOWN_TURNS = 0.1
+"""A person sees a wheel that turns so far."""
+
+MOST_TURNS = 0.8
+"""Counted so far the pulses of one call end."""
+
+MOST_PULSES = 40
+
+NEAR_SHARE = 0.03
+"""An advance that comes so near is done."""
+
+MOVED_TURNS = 0.01
+"""Less than that is no motion: gears have play."""
+
+STEPS = tuple(step / 100.0 for step in range(30, 80, 6))
+"""Outputs to try, as shares of the largest one; the smallest ones turn no motor."""
+
+DEAD_SHARE = 0.3
+"""No motor turns with less."""
+
+UNSEEN_S = 0.6
+"""A wheel that no counter shows rolls out within so long of full output, of less in proportion."""
+
+STAND_WITHIN_S = 3.0
+HELD_UP_NS = 100_000_000
+"""A wait that ends so late was held up."""
+
+CUTS = 3
+"""A frame may be lost, so that each cut is sent so often; it is repeated until the wheel stands."""
+
+
+class Pulse(msgspec.Struct, frozen=True, kw_only=True):
+    """The outcome of a pulse.
+
+    Attributes:
+        output: The output, of the dialect's most.
+        counts: What each counter changed by, until all wheels stood.
+        turns: The most that any counter showed.
+    """
+
+    output: int
+    counts: Counts
+    turns: float
+
+
+class Pulses:
+    """Turns single motors of a board whose counters come by themselves.
+
+    Args:
+        line: An attended line, on which the wheels were stopped and the counters come.
+        fastest_turns_per_s: No wheel turns faster at full output.
+        least_ticks: The fewest counts that a turn of a wheel may have; None: as many as usual.
+        on_pulse: Called with True before each pulse, and with False when the wheels stand again.
+    """
+
+    def __init__(
+        self,
+        line: Line,
+        dialect: Dialect,
+        *,
+        ticks_per_revolution: float,
+        fastest_turns_per_s: float,
+        least_ticks: float | None = None,
+        on_pulse: Callable[[bool], None] = lambda _on: None,
+    ) -> None:
+        self._line = line
+        self._clock: Clock = line.clock
+        self._dialect = dialect
+        self._ticks = ticks_per_revolution
+        self._least = min(ticks_per_revolution, least_ticks or ticks_per_revolution)
+        self._fastest = fastest_turns_per_s
+        self._on_pulse = on_pulse
+        self._first = self._working = 0
+        self._news = asyncio.Event()
+        line.on_counts = lambda _: self._news.set()
+        # A brake would start the board's speed loop: the line leaves by letting the motors go.
+        line.let_go = True
+
+    async def turn(self, position: int, on_step: Callable[[], None] = lambda: None) -> Pulse:
+        """Turn a motor forward by its own idea, with more and more output, until a counter moves.
+
+        Args:
+            on_step: Called before each pulse, while every wheel stands.
+
+        Returns:
+            The latest pulse: of the first output that turned a wheel visibly, as the counters show
+            it, else of the largest one.
+
+        Raises:
+            BoardError: The board reset itself, a wheel does not stop, or no counts come.
+        """
+        counted = 0.0
+        for number in range(self._first, len(STEPS)):
+            on_step()
+            pulse, _ = await self._pulse({position: 1}, STEPS[number])
+            counted += pulse.turns * self._ticks
+            if pulse.turns >= SHOWN_TURNS:
+                # The next motor is much like this one.
+                self._first, self._working = max(0, number - 2), number
+                break
+            if counted >= BOUND_TURNS * self._least:
+                break
+        return pulse
+
+    @property
+    def most_counts(self) -> float:
+        """The counts of the longest :meth:`advance`."""
+        return MOST_TURNS * self._least
+
+    async def advance(
+        self, signs: Mapping[int, int], counts: float, on_step: Callable[[], None] = lambda: None
+    ) -> Counts:
+        """Turn motors forward until each has counted so far, in several pulses.
+
+        Args:
+            signs: For each motor, by its position, the sign of its output.
+            counts: :attr:`most_counts` at most.
+            on_step: Called before each pulse, while every wheel stands.
+
+        Returns:
+            What each counter changed by in all: less than asked for if a motor does not turn.
+
+        Raises:
+            BoardError: The board reset itself, a wheel does not stop, or no counts come.
+        """
+        counts = min(counts, self.most_counts)
+        number, rolls = self._working, 0.0
+        done = (0, 0, 0, 0)
+        for _ in range(MOST_PULSES):
+            ways = [abs(done[position - 1]) for position in signs]
+            left = counts - min(ways)
+            if left <= max(rolls, NEAR_SHARE * counts):
+                break
+            bound = min(left - rolls, self.most_counts - max(ways))
+            if bound <= 0.0 or number >= len(STEPS):
+                break
+            on_step()
+            pulse, rolls = await self._pulse(signs, STEPS[number], bound)
+            done = tuple(map(sum, zip(done, pulse.counts, strict=True)))  # type: ignore[assignment]
+            if min(abs(pulse.counts[each - 1]) for each in signs) < MOVED_TURNS * self._least:
+                number += 1
+        return done
+
+    def limit_s(self, share: float) -> float:
+        """The longest pulse of an output while no counter moves."""
+        until_s = BLIND_TURNS / max(1e-9, self._fastest * _effect(share)) - ROLLS_S
+        return min(LONGEST_S, max(SHORTEST_S, until_s))
+
+    async def _pulse(
+        self, signs: Mapping[int, int], share: float, bound: float = math.inf
+    ) -> tuple[Pulse, float]:
+        """One pulse, and how far the fastest wheel rolled after it.
+
+        Args:
+            bound: Counted so far it ends, at the latest.
+        """
+        line, clock, dialect = self._line, self._clock, self._dialect
+        output = round(share * dialect.most_output)
+        each = [output * signs.get(position, 0) for position in range(1, CHANNELS + 1)]
+        bound = min(bound, BOUND_TURNS * self._least)
+        motors = " and ".join(f"M{position}" for position in signs)
+        resets = line.heard.resets
+        before = await self._standing(motors, resets)
+        start_ns = clock.now_ns()
+        self._on_pulse(True)
+        line.writer.velocity(dialect.outputs((each[0], each[1], each[2], each[3])))
+        try:
+            while True:
+                now_ns = clock.now_ns()
+                self._check_reset(motors, resets)
+                turns = self._turns(before)
+                limit_s = LONGEST_S if turns >= MOVED_TURNS else self.limit_s(share)
+                end_ns = start_ns + nanoseconds(limit_s)
+                if turns * self._ticks >= bound or now_ns >= end_ns:
+                    break
+                await self._counted(end_ns)
+        finally:
+            self._cut()
+        ended = self._turns(before)
+        if ended < MOVED_TURNS:
+            await sleep_until(clock, clock.now_ns() + nanoseconds(UNSEEN_S * _effect(share)))
+        after = await self._standing(motors, resets)
+        self._on_pulse(False)
+        a, b, c, d = (unwrapped(new - old) for new, old in zip(after, before, strict=True))
+        turns = self._turns(before)
+        return Pulse(output=output, counts=(a, b, c, d), turns=turns), (turns - ended) * self._ticks
+
+    def _turns(self, before: Counts) -> float:
+        ticks = self._line.ticks
+        assert ticks is not None
+        steps = (unwrapped(new - old) for new, old in zip(ticks, before, strict=True))
+        return max(map(abs, steps)) / self._ticks
+
+    def _cut(self) -> None:
+        dialect = self._dialect
+        self._line.writer.stop((dialect.cut or dialect.brake,) * CUTS)
+
+    def _check_reset(self, motors: str, resets: int) -> None:
+        if self._line.heard.resets != resets:
+            raise BoardError(
+                f"{self._line.port.name}: the board reset itself while {motors} was tried.",
+                remedy="Its supply is too weak: feed the motors from a battery, not from USB, and "
+                "charge it.",
+            )
+
+    async def _standing(self, motors: str, resets: int) -> Counts:
+        """Wait until every wheel stands; the counters then."""
+        line, clock = self._line, self._clock
+        line.watch.reset()
+        end_ns = clock.now_ns() + nanoseconds(STAND_WITHIN_S)
+        cut_ns = clock.now_ns() + nanoseconds(0.1)
+        while not line.watch.standing:
+            self._check_reset(motors, resets)
+            if clock.now_ns() >= end_ns:
+                if line.watch.speed is None:
+                    raise BoardError(
+                        f"{line.port.name}: {motors} was let go, and no counts come.",
+                        remedy="Is the cable long or noisy? Try `yahboomd probe`.",
+                    )
+                raise BoardError(
+                    f"{line.port.name}: {motors} was let go, and a wheel turns.",
+                    remedy="Take your hands off the wheels. If one turns by itself, switch the "
+                    "motors' supply off: its driver may be broken.",
+                )
+            if clock.now_ns() >= cut_ns:
+                self._cut()
+                cut_ns = clock.now_ns() + nanoseconds(0.1)
+            until_ns = min(cut_ns, end_ns)
+            await self._counted(until_ns)
+            # A time in which this process did not run shows no wheel that turns.
+            end_ns += max(0, clock.now_ns() - until_ns - HELD_UP_NS)
+        assert line.ticks is not None
+        return line.ticks
+
+    async def _counted(self, until_ns: int) -> None:
+        """Wait for the next counts, or until then."""
+        self._news.clear()
+        alarm = self._clock.alarm(self._news.set)
+        alarm.set(until_ns)
+        try:
+            await self._news.wait()
+        finally:
+            alarm.close()
+
+
+def _effect(share: float) -> float:
+    """The speed of a motor that turns as soon as any does, as a share of its largest."""
+    return max(0.0, (share - DEAD_SHARE) / (1.0 - DEAD_SHARE))

@@ -1,0 +1,135 @@
+"""The keys that a recording has, and the schema by which a message on each is read."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from yahboomd.core.bus import keys
+from yahboomd.core.daemon.key_table import INPUTS, OUTPUTS, ROS_TOPICS
+from yahboomd.core.messages import ros2
+from yahboomd.core.messages.codecs import encoding_of
+from yahboomd.core.messages.ros2 import Qos
+from yahboomd.tools.record.mcap_files import Channel
+from yahboomd.tools.record.ros_definitions import definition
+from yahboomd.tools.schemas.generate import schema
+
+if TYPE_CHECKING:
+    from yahboomd.core.config import Config
+
+RENAMED = {
+    keys.ROS_ODOM: "odom_topic",
+    keys.ROS_JOINT_STATES: "joint_states_topic",
+    keys.ROS_BATTERY_STATE: "battery_state_topic",
+    keys.ROS_DIAGNOSTICS: "diagnostics_topic",
+}
+"""Topics of ROS 2 whose name is configured, with the key below [ros2]."""
+
+
+class Recorded(msgspec.Struct, frozen=True):
+    """A key of the bus and what its messages are.
+
+    Attributes:
+        topic: Its name in ROS 2, without a slash in front.
+        message: The native message's name; empty where there is none.
+        ros_type: The type of what comes in CDR; empty where there is none.
+        qos: As ROS 2 sees it.
+    """
+
+    key: str
+    topic: str
+    message: str = ""
+    ros_type: str = ""
+    qos: Qos = Qos()
+
+    def channel(self, payload: bytes) -> tuple[Channel, bytes] | None:
+        """The channel of a message, and its bytes as they are recorded.
+
+        Returns:
+            None for bytes that are none of its messages.
+        """
+        encoding = encoding_of(payload)
+        if encoding == "cdr":
+            if not self.ros_type:
+                return None
+            return _ros_channel(self.topic, self.ros_type, self.qos), payload
+        if encoding is None or not self.message:
+            return None
+        if encoding == "msgpack":
+            try:
+                payload = msgspec.json.encode(msgspec.msgpack.decode(payload))
+            except (msgspec.MsgspecError, ValueError, TypeError):
+                return None
+        return _json_channel(self.key, self.message), payload
+
+
+@cache
+def _json_channel(key: str, message: str) -> Channel:
+    # Readers of MCAP want the type on top.
+    text = json.dumps({"type": "object", **schema(message)})
+    return Channel(key, "json", message, "jsonschema", text)
+
+
+@cache
+def _ros_channel(topic: str, ros_type: str, qos: Qos) -> Channel:
+    text = definition(ros_type) or ""
+    return Channel(f"/{topic}", "cdr", ros_type, "ros2msg", text, _qos_text(qos))
+
+
+def recorded(config: Config) -> list[Recorded]:
+    """Every key that a daemon with this configuration publishes and listens to."""
+    found = [Recorded(key, key, message=output.message.__name__) for key, output in OUTPUTS.items()]
+    for source in config.command.sources:
+        stamped = source in config.ros2.stamped_commands
+        ros_type = ros2.TWIST_STAMPED if stamped else ros2.TWIST
+        found.append(Recorded(source, source, message="VelocityCommand", ros_type=ros_type))
+    estop = INPUTS[keys.ESTOP]
+    found.append(
+        Recorded(
+            keys.ESTOP, keys.ESTOP, message=estop.messages[0].__name__, ros_type=estop.ros_types[0]
+        )
+    )
+    for name, topic in ROS_TOPICS.items():
+        chosen = getattr(config.ros2, RENAMED[name]) if name in RENAMED else name
+        key = _ros_key(config, chosen, topic.ros_type)
+        if key:
+            found.append(Recorded(key, chosen, ros_type=topic.ros_type, qos=topic.qos))
+    return found
+
+
+def _ros_key(config: Config, topic: str, ros_type: str) -> str:
+    """The key of a topic's samples: the plain key for the bridge, else rmw_zenoh's."""
+    if config.ros2.bridge:
+        return topic
+    if not config.ros2.rmw_zenoh:
+        return ""
+    node = ros2.Node(domain_id=config.ros2.domain_id, zid="")
+    name = keys.full_key(config.zenoh.namespace, topic)
+    return "/" + ros2.native_key(node, topic=name, ros_type=ros_type, distro=config.ros2.distro)
+
+
+def facts_of(config: Mapping[str, Any]) -> dict[str, str]:
+    """The robot's facts in a recording: the sections by which counts become poses."""
+    kept = ("board", "chassis", "limits", "odometry", "serial")
+    return {name: json.dumps(config[name]) for name in kept if name in config}
+
+
+def _qos_text(qos: Qos) -> str:
+    """A quality of service as rosbag2 writes it: YAML, with rmw's numbers."""
+    unlimited = "{sec: 9223372036, nsec: 854775807}"
+    lines = [
+        "history: 1",
+        f"depth: {qos.depth}",
+        f"reliability: {1 if qos.reliable else 2}",
+        f"durability: {1 if qos.latched else 2}",
+        f"deadline: {unlimited}",
+        f"lifespan: {unlimited}",
+        "liveliness: 1",
+        f"liveliness_lease_duration: {unlimited}",
+        "avoid_ros_namespace_conventions: false",
+    ]
+    return "- " + "\n  ".join(lines)

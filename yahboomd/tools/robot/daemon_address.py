@@ -1,0 +1,35 @@
+"""The address of the daemon that a configuration describes, and a client of it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from yahboomd.core.bus.options import BusOptions
+    from yahboomd.core.config import Config
+
+
+def configured_endpoints(config: Config) -> tuple[str, ...]:
+    """The endpoints at which the configured daemon can be reached from this machine.
+
+    An address that means "every interface" becomes one of this machine.
+    """
+    own = (
+        endpoint.replace("/0.0.0.0:", "/127.0.0.1:").replace("/[::]:", "/[::1]:")
+        for endpoint in (config.zenoh.listen if config.zenoh.mode != "client" else ())
+    )
+    return tuple(dict.fromkeys((*own, *config.zenoh.connect)))
+
+
+def client_options(endpoints: tuple[str, ...], config: Config) -> BusOptions:
+    """A client of the daemon that a configuration describes."""
+    import logging
+
+    from yahboomd.client import connecting
+
+    # Commands report in their own words what the client would log.
+    logging.getLogger("yahboomd.client").addHandler(logging.NullHandler())
+    zenoh = config.zenoh
+    return connecting.client_options(
+        endpoints, namespace=zenoh.namespace, zenoh_file=zenoh.config or None
+    )

@@ -1,0 +1,248 @@
+"""Writes ``schemas/`` from the Structs: schemas and samples for programs in other languages.
+
+``python -m yahboomd.tools.schemas.generate FOLDER`` writes; ``--check`` compares, lists what
+differs, and exits with 1 if anything does. Equal Structs give equal bytes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from yahboomd.core.messages import codecs
+from yahboomd.core.messages.native import MESSAGES
+from yahboomd.tools.schemas import cdr_samples, event_samples, samples
+from yahboomd.tools.schemas.event_kinds import EVENTS, KINDS
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+
+BESIDE = "asyncapi.json"
+"""In the same folder, but written by :mod:`yahboomd.tools.schemas.asyncapi`, which knows the
+keys."""
+
+EXACT_IN_A_DOUBLE = 2**53
+"""Generators read numbers of a schema as doubles, which would change a larger bound."""
+
+
+def _none_of(*names: str) -> dict[str, Any]:
+    return {"properties": dict.fromkeys(names, False)}
+
+
+# What a Struct cannot say: a command without any velocity is refused. Said with `not`, which
+# generators pass over; of `anyOf` they make a type for each branch.
+_EXTRA: dict[str, dict[str, Any]] = {
+    "VelocityCommand": {"not": _none_of("vx", "vy", "wz")},
+    "RosVelocityCommand": {
+        "not": {"properties": {"linear": _none_of("x", "y"), "angular": _none_of("z")}}
+    },
+}
+
+_README = """\
+# Schemas and golden samples
+
+For programs in any language that speak with yahboomd over Zenoh. The keys, and what happens when,
+are in [`docs/bus.md`](../docs/bus.md). Everything here is generated, and checked by a test:
+
+    python -m yahboomd.tools.schemas.generate schemas            # write
+    python -m yahboomd.tools.schemas.generate --check schemas    # compare
+    python -m yahboomd.tools.schemas.asyncapi schemas              # write asyncapi.json
+
+| where | what |
+|---|---|
+| `asyncapi.json` | the bus as an AsyncAPI document: keys, directions, messages, QoS, services |
+| `<Message>.json` | its JSON Schema (draft 2020-12): fields, types, units |
+| `events/<Message>.json` | an `EventSample` of kinds that carry `data`, with its types |
+| `samples/json/<Message>.json` | an example, byte for byte as it travels in JSON |
+| `samples/msgpack/<Message>.bin` | the same example in MessagePack |
+| `samples/cdr/<Type>.bin` | an example of a ROS 2 message in CDR, with its four-byte header |
+| `samples/cdr/<Type>.json` | its type and what it holds (`"NaN"` stands for not-a-number) |
+| `samples/refused.json` | velocity commands that are refused, as hexadecimal bytes, and why |
+
+## How to use them
+1. Generate types from the schemas, or write them by hand: there are few, and they are flat but for
+   `RosVelocityCommand`, the groups of counters in `StatusSample`, and the `data` of events and
+   replies.
+2. Test the decoder: `samples/msgpack/X.bin` must decode to what `samples/json/X.json` holds, and
+   `samples/cdr/X.bin` to the `values` of `samples/cdr/X.json`.
+3. Test the encoder by meaning, not by bytes: the order of fields, white space, and how wide a
+   MessagePack number is are free. Fields with a default may be left out.
+4. Ignore fields that you do not know. A message changes by growing fields; anything else would be
+   a new message. A field that is not `required` may be absent: that means "not known".
+5. Take a word that you do not know (`state`, `severity`, `kind`) as text: sets of words grow, too,
+   so the schemas have no list of them. In a state that you do not know the robot may not drive.
+
+## What to know
+- Which encoding a sample has is its Zenoh Encoding, with the message's name behind a semicolon,
+  such as `{example}`: {encodings}.
+  Each key carries one type in one encoding.
+- The first byte of what you send tells its encoding: `{{` (after white space) is JSON, 80-8f, de
+  or df a MessagePack map, 00 CDR. At most {limit} bytes are read.
+- Numbers are SI: metres, radians, m/s, rad/s. `stamp_ns` is Unix time in nanoseconds and needs 64
+  bits; in JavaScript read it as a BigInt, or lose the last three digits.
+- A JSON or MessagePack number is finite: NaN and infinities are refused. Integers are welcome
+  where a schema says number.
+- In CDR both byte orders are read, and little-endian is written.
+
+## The messages
+| schema | meaning |
+|---|---|
+{messages}
+
+| event with data | its `kind`s |
+|---|---|
+{events}
+
+| ROS 2 sample | type | bytes |
+|---|---|---|
+{types}
+"""
+
+
+def schema(name: str) -> dict[str, Any]:
+    """The JSON Schema of a message, with its own definition on top."""
+    generated = msgspec.json.schema(MESSAGES.get(name) or EVENTS[name])
+    definitions: dict[str, Any] = generated["$defs"]
+    own: dict[str, Any] = definitions.pop(name)
+    result = {"$schema": DIALECT, **own, **_EXTRA.get(name, {})}
+    # Python 3.13 strips a docstring's indentation, earlier versions keep it: so always strip.
+    result["description"] = _unindented(own["description"])
+    if definitions:
+        for one in definitions.values():
+            one["description"] = _unindented(one["description"])
+        result["$defs"] = definitions
+    return {key: _for_generators(value) for key, value in result.items()}
+
+
+def _for_generators(node: object) -> Any:  # noqa: ANN401 - a schema is any JSON
+    """The same schema in forms that every type generator supports.
+
+    A list of fixed length is a plain list (of a tuple they make ``never[]``, or nothing that
+    compiles); a group of counters is an object of whatever is in it; 64 bits are said by a format.
+    """
+    if isinstance(node, list):
+        return [_for_generators(item) for item in node]
+    if not isinstance(node, dict):
+        return node
+    form: dict[str, Any] = {key: _for_generators(value) for key, value in node.items()}
+    if "prefixItems" in form:
+        form["items"] = form.pop("prefixItems")[0]
+    if form.get("type") == "integer":
+        form["format"] = "int64"
+        if form.get("maximum", 0) > EXACT_IN_A_DOUBLE:
+            del form["maximum"]
+    if form.get("required") == []:
+        del form["required"]
+    if isinstance(form.get("additionalProperties"), dict):
+        form["additionalProperties"] = True
+    return form
+
+
+def generated() -> dict[str, bytes]:
+    """Every file below the folder, by its path with forward slashes."""
+    files = {"README.md": _readme().encode()}
+    for folder, messages in (("", samples.NATIVE), ("events/", event_samples.SAMPLES)):
+        for name, message in messages.items():
+            files[f"{folder}{name}.json"] = _pretty(schema(name))
+            files[f"samples/json/{folder}{name}.json"] = codecs.encode(message, "json")
+            files[f"samples/msgpack/{folder}{name}.bin"] = codecs.encode(message, "msgpack")
+    for name, sample in cdr_samples.CDR.items():
+        files[f"samples/cdr/{name}.bin"] = sample.payload
+        files[f"samples/cdr/{name}.json"] = _pretty(
+            {"type": sample.ros_type, "values": _without_nan(sample.values)}
+        )
+    refused = {
+        name: {"reason": sample.reason, "payload": sample.payload.hex()}
+        for name, sample in samples.REFUSED.items()
+    }
+    files["samples/refused.json"] = _pretty(refused)
+    return files
+
+
+def differences(expected: Mapping[str, bytes], found: Mapping[str, bytes]) -> list[str]:
+    """Missing, different and superfluous files, one line each."""
+    lines: list[str] = []
+    for path in sorted({*expected, *found}):
+        if path not in found:
+            lines.append(f"missing: {path}")
+        elif path not in expected:
+            lines.append(f"not generated: {path}")
+        elif found[path] != expected[path]:
+            lines.append(f"differs: {path}")
+    return lines
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The command; returns the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m yahboomd.tools.schemas.generate")
+    parser.description = "Write JSON Schemas and golden samples of every message."
+    parser.add_argument("folder", type=Path, help="where they are, such as schemas")
+    parser.add_argument("--check", action="store_true", help="write nothing, list differences")
+    options = parser.parse_args(arguments)
+    folder: Path = options.folder
+    files = generated()
+    if not options.check:
+        for path, content in files.items():
+            target = folder / path
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(content)
+    found = {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file() and path.name != BESIDE
+    }
+    lines = differences(files, found)
+    for line in lines:
+        sys.stdout.write(f"{line}\n")
+    if lines:
+        sys.stdout.write(f"run: python -m yahboomd.tools.schemas.generate {folder}\n")
+    return 1 if lines else 0
+
+
+def _pretty(value: object) -> bytes:
+    text = json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False)
+    return f"{text}\n".encode()
+
+
+def _without_nan(value: object) -> object:
+    if isinstance(value, dict):
+        return {key: _without_nan(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_without_nan(item) for item in value]
+    return "NaN" if isinstance(value, float) and math.isnan(value) else value
+
+
+def _unindented(text: str) -> str:
+    return "\n".join(line.strip() for line in text.splitlines())
+
+
+def _kinds(event: str) -> str:
+    return ", ".join(f"`{k}`" for k, info in KINDS.items() if info.message is EVENTS[event])
+
+
+def _readme() -> str:
+    meanings = {name: schema(name)["description"].partition("\n")[0] for name in samples.NATIVE}
+    return _README.format(
+        encodings=", ".join(f"`{name}`" for name in codecs.MEDIA_TYPES.values()),
+        example=codecs.encoding_name("PoseSample", "json"),
+        limit=codecs.MAX_PAYLOAD_BYTES,
+        messages="\n".join(f"| [`{n}`]({n}.json) | {text} |" for n, text in meanings.items()),
+        events="\n".join(
+            f"| [`{name}`](events/{name}.json) | {_kinds(name)} |" for name in event_samples.SAMPLES
+        ),
+        types="\n".join(
+            f"| `{name}` | `{sample.ros_type}` | {len(sample.payload)} |"
+            for name, sample in cdr_samples.CDR.items()
+        ),
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

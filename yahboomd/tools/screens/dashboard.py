@@ -1,0 +1,285 @@
+"""Everything that a person wants to know of a daemon, from its samples.
+
+Pure: samples and times in, a :class:`View` out. Other files draw it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping
+from typing import Any, Literal, TypeAlias, TypeVar
+
+import msgspec
+
+from yahboomd.client.streams import read_sample
+from yahboomd.core.bus import keys
+from yahboomd.core.messages.native import (
+    BatterySample,
+    EventSample,
+    PoseSample,
+    StatusSample,
+    TwistSample,
+    WheelsSample,
+)
+from yahboomd.core.messages.status_fields import REFUSALS
+from yahboomd.core.model import NS_PER_S
+from yahboomd.tools.screens.rates import Counter
+
+Message = TypeVar("Message", bound=msgspec.Struct)
+
+STALE_NS = 2 * NS_PER_S
+"""A daemon publishes its status twice a second; after four of them it is gone, or stuck."""
+
+LATE_NS = NS_PER_S
+"""Pose, twist and wheels come with every reading; older than this they show the past."""
+
+RATE_NS = 2 * NS_PER_S
+"""Rates are averages over so long."""
+
+NEWS_NS = 10 * NS_PER_S
+"""A counter that rose is news, and a speed counts for the scale of the bars, for so long."""
+
+SMALLEST_M_S = 0.1
+"""The smallest scale of the bars."""
+
+STANDING_M_S = 0.005
+"""Slower than the numbers on a screen show well."""
+
+MAX_EVENTS = 200
+MAX_TRAIL = 4096
+
+LINK_COUNTS: dict[str, tuple[str, ...]] = {
+    "lost": ("broken_frames", "overlong", "unrecognised"),
+    "discarded bytes": ("discarded_bytes",),
+    "refused": ("refusals",),
+    "commands lost": ("commands_lost",),
+    "missed polls": ("polls_unanswered", "polls_skipped"),
+    "missed answers": ("answers_missed",),
+    "board resets": ("board_resets",),
+    "reconnects": ("disconnected",),
+    "late beats": ("polls_late", "beats_missed"),
+}
+"""Counters of ``status.link`` (and ``status.command``) that are trouble, by what to call them."""
+
+Phase: TypeAlias = Literal["waiting", "live", "silent"]
+
+
+class Count(msgspec.Struct, frozen=True, kw_only=True):
+    """A counter of something that should not happen; ``rising`` while it happens."""
+
+    name: str
+    total: int
+    rising: bool
+
+
+class View(msgspec.Struct, frozen=True, kw_only=True):
+    """Everything there is to show at one moment.
+
+    Attributes:
+        phase: ``waiting`` until a status came; ``silent`` when they stopped coming.
+        silent_s: Since the latest status.
+        status: The latest status, pose, twist and wheels; None before the first.
+        state_s: How long it has been in this state.
+        driver_s: How long the driver has had control; None where the status has no driver.
+        late: Pose, twist and wheels are old.
+        poses_per_s: By the numbers that they carry: all of them, whether they arrive here or not.
+        full_scale_m_s: The fastest that any wheel was, or was commanded to be, lately.
+        readings_per_s: Of the board's counters, as the daemon counts them.
+        commands_per_s: Commands that the daemon received from any source.
+        link: Troubles of the line.
+        refusals: Commands refused, by reason.
+        events: The newest last.
+        event_age_s: Since the newest event came.
+        trail: Where it has been, (x, y) in metres, the newest last.
+    """
+
+    phase: Phase
+    silent_s: float = 0.0
+    status: StatusSample | None = None
+    state_s: float = 0.0
+    driver_s: float | None = None
+    pose: PoseSample | None = None
+    twist: TwistSample | None = None
+    wheels: WheelsSample | None = None
+    late: bool = False
+    poses_per_s: float | None = None
+    full_scale_m_s: float = SMALLEST_M_S
+    volts: float | None = None
+    readings_per_s: float | None = None
+    commands_per_s: float | None = None
+    link: tuple[Count, ...] = ()
+    refusals: tuple[Count, ...] = ()
+    events: tuple[EventSample, ...] = ()
+    event_age_s: float = math.inf
+    trail: tuple[tuple[float, float], ...] = ()
+    unreadable: int = 0
+
+    @property
+    def moving(self) -> bool:
+        """Whether a wheel moves, by command or by measurement."""
+        return not self.late and any(
+            command_m_s != 0.0 or abs(speed_m_s) > STANDING_M_S
+            for _, _, speed_m_s, command_m_s in self.wheel_rows
+        )
+
+    @property
+    def wheel_rows(self) -> tuple[tuple[str, int, float, float], ...]:
+        """The name, ticks, measured and commanded speed (m/s) of each wheel."""
+        wheels = self.wheels
+        if wheels is None:
+            return ()
+        columns = (wheels.names, wheels.ticks, wheels.speed_m_s, wheels.command_m_s)
+        return tuple(zip(*columns, strict=False))
+
+
+class Dashboard:
+    """Accepts samples as they arrive, and shows what they amount to.
+
+    All times are monotonic nanoseconds of the watching program. Stamps of samples are compared
+    with each other alone: the daemon's clock may be another machine's.
+    """
+
+    def __init__(self) -> None:
+        self._pose: PoseSample | None = None
+        self._pose_ns = 0
+        self._twist: TwistSample | None = None
+        self._wheels: WheelsSample | None = None
+        self._volts: float | None = None
+        self._status: StatusSample | None = None
+        self._status_ns = 0
+        self._events: deque[EventSample] = deque(maxlen=MAX_EVENTS)
+        self._new_events: deque[EventSample] = deque(maxlen=MAX_EVENTS)
+        self._event_ns = 0
+        self._trail: deque[tuple[float, float]] = deque(maxlen=MAX_TRAIL)
+        self._peaks: deque[tuple[int, float]] = deque(maxlen=MAX_EVENTS)
+        self._poses = Counter(RATE_NS)
+        self._readings = Counter(RATE_NS)
+        self._commands = Counter(RATE_NS)
+        self._troubles: dict[str, Counter] = {}
+        self._unreadable = 0
+
+    def accept(self, key: str, payload: bytes, now_ns: int) -> None:
+        """A sample arrived on ``key``; samples of other keys are ignored.
+
+        Some poses, twists and wheels may be left out: their numbers show how many there were.
+        """
+        if key == keys.STATUS and (status := self._read(payload, StatusSample)) is not None:
+            self._accept_status(status, now_ns)
+        elif key == keys.EVENTS and (event := self._read(payload, EventSample)) is not None:
+            self._events.append(event)
+            self._new_events.append(event)
+            self._event_ns = now_ns
+        elif key == keys.POSE and (pose := self._read(payload, PoseSample)) is not None:
+            if self._finite(pose.x, pose.y, pose.theta, *pose.covariance):
+                self._accept_pose(pose, now_ns)
+        elif key == keys.TWIST and (twist := self._read(payload, TwistSample)) is not None:
+            if self._finite(twist.vx, twist.vy, twist.wz):
+                self._twist = twist
+        elif key == keys.WHEELS and (wheels := self._read(payload, WheelsSample)) is not None:
+            if self._finite(*wheels.speed_m_s, *wheels.command_m_s):
+                self._wheels = wheels
+                speeds_m_s = (*wheels.speed_m_s, *wheels.command_m_s, SMALLEST_M_S)
+                self._peaks.append((now_ns, max(map(abs, speeds_m_s))))
+        elif key == keys.BATTERY and (battery := self._read(payload, BatterySample)) is not None:
+            self._volts = battery.volts
+
+    def view(self, now_ns: int, *, connected: bool = True) -> View:
+        """The robot's state at ``now_ns``, to be shown.
+
+        Args:
+            connected: Whether there is a connection that samples could come over.
+        """
+        events, status = tuple(self._events), self._status
+        if status is None:
+            return View(phase="waiting", events=events, unreadable=self._unreadable)
+        silent_ns = now_ns - self._status_ns
+        # Between two of them, the status ages with the watcher's clock.
+        status_ns, since_ns = status.stamp_ns + silent_ns, status.driver_since_ns
+        return View(
+            phase="live" if connected and silent_ns <= STALE_NS else "silent",
+            silent_s=silent_ns / NS_PER_S,
+            status=status,
+            state_s=max(0, status_ns - status.since_ns) / NS_PER_S,
+            driver_s=None if since_ns is None else max(0, status_ns - since_ns) / NS_PER_S,
+            pose=self._pose,
+            twist=self._twist,
+            wheels=self._wheels,
+            late=self._pose is not None and now_ns - self._pose_ns > LATE_NS,
+            poses_per_s=self._poses.per_s(now_ns),
+            full_scale_m_s=self._full_scale_m_s(),
+            volts=self._volts,
+            readings_per_s=self._readings.per_s(now_ns),
+            commands_per_s=self._commands.per_s(now_ns),
+            link=self._counts(LINK_COUNTS, {**status.command, **status.link}, now_ns),
+            refusals=self._counts(
+                {name.replace("_", " "): (name,) for name in REFUSALS}, status.command, now_ns
+            ),
+            events=events,
+            event_age_s=(now_ns - self._event_ns) / NS_PER_S if events else math.inf,
+            trail=tuple(self._trail),
+            unreadable=self._unreadable,
+        )
+
+    def new_events(self) -> tuple[EventSample, ...]:
+        """The events since this was called before."""
+        events = tuple(self._new_events)
+        self._new_events.clear()
+        return events
+
+    def _accept_status(self, status: StatusSample, now_ns: int) -> None:
+        self._status, self._status_ns = status, now_ns
+        if (readings := _number(status.link, "readings")) is not None:
+            self._readings.add(readings, now_ns)
+        self._commands.add(_number(status.command, "received") or 0, now_ns)
+        facts = {**status.command, **status.link}
+        for name in {*REFUSALS, *(each for names in LINK_COUNTS.values() for each in names)}:
+            # What was counted before this program began is history.
+            self._troubles.setdefault(name, Counter(NEWS_NS)).add(_number(facts, name) or 0, now_ns)
+        if isinstance(volts := status.board.get("volts"), int | float):
+            self._volts = float(volts)
+
+    def _accept_pose(self, pose: PoseSample, arrived_ns: int) -> None:
+        if self._pose is not None and pose.seq < self._pose.seq:
+            # A daemon that was restarted: it was never on that path.
+            self._trail.clear()
+        self._poses.add(pose.seq, arrived_ns)
+        self._pose, self._pose_ns = pose, arrived_ns
+        # A centimetre is less than a dot on any terminal.
+        if not self._trail or math.dist(self._trail[-1], (pose.x, pose.y)) > 0.01:
+            self._trail.append((pose.x, pose.y))
+
+    def _full_scale_m_s(self) -> float:
+        newest_ns = self._peaks[-1][0] if self._peaks else 0
+        lately = (peak for at_ns, peak in self._peaks if newest_ns - at_ns <= NEWS_NS)
+        return max(lately, default=SMALLEST_M_S)
+
+    def _counts(
+        self, groups: Mapping[str, tuple[str, ...]], facts: Mapping[str, Any], now_ns: int
+    ) -> tuple[Count, ...]:
+        """The counters that ever counted something."""
+        found = []
+        for words, names in groups.items():
+            total = sum(_number(facts, name) or 0 for name in names)
+            rising = any(self._troubles[name].rising(now_ns) for name in names)
+            if total:
+                found.append(Count(name=words, total=total, rising=rising))
+        return tuple(found)
+
+    def _read(self, payload: bytes, message: type[Message]) -> Message | None:
+        sample = read_sample(payload, message)
+        if sample is None:
+            self._unreadable += 1
+        return sample
+
+    def _finite(self, *numbers: float) -> bool:
+        """Whether these can be drawn: MessagePack carries infinities and what is no number."""
+        finite = all(map(math.isfinite, numbers))
+        if not finite:
+            self._unreadable += 1
+        return finite
+
+
+def _number(facts: Mapping[str, Any], name: str) -> int | None:
+    value = facts.get(name)
+    return value if isinstance(value, int) and not isinstance(value, bool) else None

@@ -1,0 +1,139 @@
+"""The keyboard, the screen and the bus of ``yahboomd drive``, put together."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import sys
+from contextlib import suppress
+
+from rich.console import RenderableType
+
+from yahboomd.core.bus import keys
+from yahboomd.core.clock import Clock, PauseWatch, Schedule, nanoseconds, seconds
+from yahboomd.core.daemon.process import deadly
+from yahboomd.core.errors import CommandEnded
+from yahboomd.tools.screens import drive_screen
+from yahboomd.tools.screens.drawing import Part, Screen
+from yahboomd.tools.screens.feed import Feed
+from yahboomd.tools.screens.keyboard import Keys
+from yahboomd.tools.screens.teleop import Teleop, wish
+
+REDRAW_S = 0.1
+
+OLD_S = 0.5
+"""Keys that waited for this process for so long move nothing."""
+
+
+class Driver:
+    """The keyboard, the screen and the bus, put together."""
+
+    def __init__(self, feed: Feed, teleop: Teleop, clock: Clock, source: str) -> None:
+        self._feed = feed
+        self._teleop = teleop
+        self._clock = clock
+        self._source = source
+        self._pauses = PauseWatch(clock, nanoseconds(OLD_S))
+        self._late = False
+        self._ended = asyncio.Event()
+        self._requests: set[asyncio.Task[None]] = set()
+        self._answer: Part = ("", "")
+
+    async def run(self) -> None:
+        """Drive until the person quits, a signal comes or the terminal goes."""
+        loop = asyncio.get_running_loop()
+        # What would suspend it ends it: a suspended command stops no robot.
+        for number in (*deadly(), signal.SIGTSTP):
+            loop.add_signal_handler(number, self._end)
+        try:
+            with (
+                Keys(sys.stdin.fileno(), self._press, self._end, reads=self._reads),
+                # That the terminal is gone is for the reader of its keys to notice.
+                Screen(sys.stdout.fileno()) as screen,
+            ):
+                try:
+                    await self._loop(screen)
+                finally:
+                    self._end()
+        finally:
+            # First the zeros are sent; what follows may take its time.
+            with suppress(CommandEnded):
+                await self._feed.client.finished()
+            for task in self._requests:
+                task.cancel()
+            await asyncio.gather(*self._requests, return_exceptions=True)
+
+    async def _loop(self, screen: Screen) -> None:
+        schedule = Schedule(self._clock, nanoseconds(REDRAW_S))
+        try:
+            while not self._ended.is_set():
+                self._pauses.detect()
+                self._feed.check()
+                screen.draw(*self._drawn())
+                await schedule.beat()
+        finally:
+            schedule.close()
+
+    def _end(self) -> None:
+        # If nothing was commanded, there is nothing to stop.
+        if self._feed.client.commanded is not None:
+            self._feed.client.stop()
+        self._ended.set()
+
+    def _reads(self) -> None:
+        self._late = self._pauses.detect() is not None
+
+    def _press(self, key: str) -> None:
+        if self._late and wish(key) not in {"stop", "estop", "quit"}:
+            self._answer = ("Keys that waited for this program are old: discarded.", "yellow")
+            return
+        now_ns = self._clock.now_ns()
+        wanted = self._teleop.press(key, now_ns)
+        motion = self._teleop.motion(now_ns)
+        if motion is not None:
+            twist, until_ns = motion
+            for_s = seconds(until_ns - now_ns)
+            self._feed.client.drive(twist.vx, twist.wz, vy=twist.vy, for_s=for_s)
+        elif wanted not in {"faster", "slower"}:
+            self._feed.client.stop()
+        if wanted == "quit":
+            self._end()
+        elif wanted in {"estop", "release"}:
+            task = asyncio.create_task(self._estop() if wanted == "estop" else self._release())
+            self._requests.add(task)
+            task.add_done_callback(self._requests.discard)
+
+    async def _estop(self) -> None:
+        client = self._feed.client
+        self._answer = ("emergency stop …", "bold red")
+        if client.is_open:
+            answer = await client.request(keys.ESTOP, b'{"by":"yahboomd drive"}', urgent=True)
+            if answer.answered:
+                self._answer = (answer.message, "bold red")
+                return
+        self._answer = (
+            "NO DAEMON ACKNOWLEDGED THE EMERGENCY STOP. Switch the motors' supply off.",
+            "bold reverse red",
+        )
+
+    async def _release(self) -> None:
+        client = self._feed.client
+        self._answer = ("asking to release the emergency stop …", "yellow")
+        if not client.is_open:
+            self._answer = ("There is no daemon to ask.", "yellow")
+            return
+        answer = await client.request(keys.ESTOP_RESET)
+        self._answer = (answer.message, "green" if answer.success else "yellow")
+
+    def _drawn(self) -> tuple[RenderableType, RenderableType]:
+        client = self._feed.client
+        return drive_screen.screen(
+            self._feed.view(self._clock.now_ns()),
+            client.commanded,
+            (self._teleop.linear_m_s, self._teleop.angular_rad_s),
+            robot=self._feed.robot,
+            key=self._source,
+            heard=client.heard,
+            why=self._feed.why,
+            answer=self._answer,
+        )

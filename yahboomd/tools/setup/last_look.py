@@ -1,0 +1,207 @@
+"""The last look before the file is written: do all wheels turn forward, and by as far as counted?
+
+The person's answers found the wiring, and a profile gave the gear: nothing else contradicts a wrong
+one of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from statistics import median
+from typing import Literal, TypeAlias
+
+import msgspec
+
+from yahboomd.core.errors import Refused
+from yahboomd.core.protocol.profiles import MotorProfile, alike
+from yahboomd.tools.calibrate.estimates.gear import fits, fitting
+from yahboomd.tools.calibrate.estimates.wiring import WiredMotor, Wiring, plain
+from yahboomd.tools.port.pulses import Pulses
+from yahboomd.tools.terminal.asking import read_number
+from yahboomd.tools.terminal.terminal_questions import Person, say, say_heading
+
+FORWARD_TURNS = 0.15
+HALF = 0.5
+
+NEAR_SHARE = 0.08
+"""Counts that are further from half a turn put the mark beside the bottom."""
+
+LEAST_SHARE = 0.2
+
+Verdict: TypeAlias = Literal["fits", "not checked", "does not fit"]
+
+NOT_CHECKED = "The gear was not checked. Is the motors' sticker that of board.profile?"
+
+
+class GearSeen(msgspec.Struct, frozen=True, kw_only=True):
+    """What was seen of the gear.
+
+    Attributes:
+        words: A sentence for the person; empty if it fits.
+        profile: The motors that fit instead, if there are such.
+    """
+
+    verdict: Verdict = "not checked"
+    words: str = NOT_CHECKED
+    profile: MotorProfile | None = None
+
+
+FITS = GearSeen(verdict="fits", words="")
+
+
+class Unanswered(Exception):
+    """The person looks no further."""
+
+
+class LastLook:
+    """Turns the wheels once more, by what was found, and asks what was seen.
+
+    Args:
+        may_turn: Called before wheels are turned; raises where none may be.
+    """
+
+    def __init__(
+        self, pulses: Pulses, person: Person, profile: MotorProfile, may_turn: Callable[[], None]
+    ) -> None:
+        self._pulses = pulses
+        self._person = person
+        self._profile = profile
+        self._may_turn = may_turn
+
+    async def look(self, wiring: Wiring) -> GearSeen | None:
+        """Look at all wheels, then at each.
+
+        Returns:
+            What was seen of the gear; None if an answer about the wiring was wrong.
+
+        Raises:
+            LinkError: The port or the board was lost.
+            BoardError: A wheel does not stop, or the board reset itself.
+        """
+        say_heading("A last look, before the file is written")
+        say(
+            "Stick a mark to the rim of each wheel. Enter alone leaves out what is left to look at."
+        )
+        ticks: list[float] = []
+        try:
+            if not await self._all_forward(wiring):
+                say("Then an answer was wrong: each motor once more.")
+                return None
+            for motor in wiring.motors:
+                turn = await self._half_turn(motor)
+                if turn is None:
+                    say("Then an answer was wrong: each motor once more.")
+                    return None
+                ticks.append(turn)
+        except Unanswered:
+            say("Not looked at.")
+        return judged(ticks, self._profile, whole=len(ticks) == len(wiring.motors))
+
+    async def _all_forward(self, wiring: Wiring) -> bool:
+        signs = {motor.position: motor.sign for motor in wiring.motors}
+        counts = FORWARD_TURNS * self._profile.ticks_per_revolution
+        while True:
+            await self._choice("y, and all wheels turn forward, a little:", "y")
+            self._may_turn()
+            await self._pulses.advance(signs, counts)
+            answer = await self._choice("Did every wheel turn forward? (y; n; a: again)", "yna")
+            if answer != "a":
+                return answer == "y"
+
+    async def _half_turn(self, motor: WiredMotor) -> float | None:
+        """The counts of one turn of the wheel, as seen; None if another wheel turned."""
+        wheel = plain(motor.wheel)
+        whole = HALF * self._profile.ticks_per_revolution
+        while True:
+            await self._choice(
+                f"\nTurn the mark of the {wheel} wheel to its top; then y, and it turns by half a "
+                "turn:",
+                "y",
+            )
+            stages = math.ceil(whole / self._pulses.most_counts)
+            counted, answer = 0.0, "n"
+            for stage in range(1, stages + 1):
+                self._may_turn()
+                target = whole * stage / stages
+                counts = await self._pulses.advance({motor.position: motor.sign}, target - counted)
+                counted += abs(counts[motor.position - 1])
+                if stage < stages:
+                    # A faster gear would turn it by more than once without an answer in between.
+                    answer = await self._choice(
+                        f"On its way ({stage} of {stages}). Has the mark reached the bottom? "
+                        "(y; n; w: another wheel turned; a: again)",
+                        "ynwa",
+                    )
+                    if answer != "n":
+                        break
+            else:
+                if counted < LEAST_SHARE * whole:
+                    say("It hardly turned: once more.")
+                    continue
+                if abs(counted - whole) <= NEAR_SHARE * whole:
+                    answer = await self._choice(
+                        "Is the mark at the bottom now? (y; n; w: another wheel turned; a: again)",
+                        "ynwa",
+                    )
+                if answer == "y":
+                    # It was seen to fit, not measured.
+                    return self._profile.ticks_per_revolution
+            if answer == "w":
+                return None
+            if answer != "a":
+                return counted * 360.0 / await self._degrees()
+
+    async def _degrees(self) -> float:
+        while True:
+            text = await self._line(
+                "How far did the wheel turn, in degrees? (90: a quarter; 180: half; 360: once)"
+            )
+            if (value := read_number(text, lambda number: 5.0 <= number <= 720.0)) is not None:
+                return value
+            say("A number from 5 to 720, please.")
+
+    async def _choice(self, question: str, letters: str) -> str:
+        while True:
+            answer = (await self._line(question)).lower()
+            answer = {"yes": "y", "no": "n", "again": "a"}.get(answer, answer)
+            if answer and answer in letters:
+                return answer
+            say(f"{', '.join(letters)} or Enter alone, please.")
+
+    async def _line(self, question: str) -> str:
+        try:
+            answer = await self._person.line(question)
+        except Refused as ended:
+            # The input has ended: what is left is not looked at.
+            raise Unanswered from ended
+        if not answer:
+            raise Unanswered
+        return answer
+
+
+def judged(ticks: list[float], own: MotorProfile, *, whole: bool) -> GearSeen:
+    """What single wheels show of the gear.
+
+    Args:
+        ticks: The counts of one turn of each wheel that was looked at.
+        whole: These are all wheels.
+    """
+    off = [each for each in ticks if not fits(each, own)]
+    if not off:
+        return FITS if whole else GearSeen()
+    found = median(off)
+    other = fitting(found, own, alike(own))
+    words = (
+        f"The wheel turned by {180.0 * own.ticks_per_revolution / found:.0f} degrees where the "
+        f"profile {own.name} (1:{own.ratio:g}) counts half a turn: the gear is about "
+        f"1:{found / own.ticks_per_revolution * own.ratio:.0f}."
+    )
+    if other is None or other.name == own.name:
+        return GearSeen(verdict="does not fit", words=f"{words} None of the profiles fits.")
+    profile = next(each for each in alike(own) if each.name == other.name)
+    return GearSeen(
+        verdict="does not fit",
+        words=f"{words} The profile {profile.name} (1:{profile.ratio:g}) fits.",
+        profile=profile,
+    )

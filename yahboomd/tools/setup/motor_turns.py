@@ -1,0 +1,291 @@
+"""Turns the motors one at a time, or has the wheels turned by hand, and asks what was seen."""
+
+from __future__ import annotations
+
+import math
+import sys
+import textwrap
+from collections.abc import Callable, Sequence
+
+import msgspec
+
+from yahboomd.core.counts import unwrapped
+from yahboomd.core.errors import BoardSilent, Refused
+from yahboomd.core.link.conversation import COUNTERS_WITHIN_S, Conversation
+from yahboomd.core.model import CHANNELS, Counts
+from yahboomd.tools.calibrate.estimates.wiring import (
+    HandTurn,
+    Turn,
+    WiredMotor,
+    Wiring,
+    judge,
+    judge_by_hand,
+    plain,
+)
+from yahboomd.tools.port.pulses import MOVED_TURNS, Pulses
+from yahboomd.tools.setup.board_law import as_drivable
+from yahboomd.tools.setup.description import Description
+from yahboomd.tools.setup.robot_drawing import picture
+from yahboomd.tools.terminal.terminal_questions import WIDTH, Person, say, say_heading, say_points
+
+MOTOR_TURNS_PER_S = 200.0
+"""No motor of the vendor's turns faster than 12,000 times a minute without a load."""
+
+REPAIR = "Switch the motors' supply off, repair it, and switch it on again."
+TRY = "Enter: try again; w: write the file, as if it were repaired; q: end"
+MISSING = "Enter: try again; q: end"
+FORWARD = "Forward is the way that the robot drives: the top of the wheel moves to the front."
+POWER_UNSEEN = (
+    "Whether each motor's power agrees with its encoder was not seen: drive slowly at first, with "
+    "the wheels off the ground. The daemon cuts a wheel that turns against its command."
+)
+
+
+class Robot(msgspec.Struct, frozen=True, kw_only=True):
+    """A robot whose wiring is to be found.
+
+    Attributes:
+        wheels: The driven wheels, by their number in the picture.
+        ways: The ways to connect their motors that the board can drive.
+    """
+
+    description: Description
+    wheels: tuple[str, ...]
+    ways: list[tuple[WiredMotor, ...]]
+
+    @property
+    def picture(self) -> str:
+        """It, from above."""
+        return picture(self.description.kinematics, self.wheels)
+
+
+class ByOutput:
+    """Finds the wiring with a board that can give its motors an output.
+
+    Args:
+        may_turn: Called before each motor is turned; raises where none may be.
+    """
+
+    def __init__(
+        self,
+        talk: Conversation,
+        pulses: Pulses,
+        person: Person,
+        robot: Robot,
+        may_turn: Callable[[], None],
+    ) -> None:
+        self._talk = talk
+        self._pulses = pulses
+        self._person = person
+        self._robot = robot
+        self._ticks = robot.description.profile.ticks_per_revolution
+        self._may_turn = may_turn
+        self._turns: dict[int, Turn] = {}
+        self._plugs: dict[str, int] = {}
+
+    async def find(self) -> Wiring:
+        """Turn each motor, until nothing contradicts itself.
+
+        Returns:
+            The verdict; with faults where the person wants the file in spite of them.
+
+        Raises:
+            Refused: The person ended it.
+            LinkError: The port or the board was lost.
+            BoardError: A wheel does not stop, or the board reset itself.
+        """
+        say("\nEach motor turns for a moment, half a turn of its wheel at most. Watch the wheels.")
+        say(FORWARD)
+        say(self._robot.picture)
+        again: Sequence[int] = range(1, CHANNELS + 1)
+        while True:
+            await _counting(self._talk)
+            await self._try(again)
+            verdict = self._verdict()
+            for words in verdict.doubts:
+                say(f"  {words}")
+            if verdict.again:
+                say("Once more, then.")
+                again = verdict.again
+                continue
+            if verdict.missing and await self._ask_plugs(verdict.missing):
+                verdict = self._verdict()
+            if not verdict.missing:
+                verdict = as_drivable(verdict, self._robot.ways)
+            if not verdict.faults or await _gives_up(self._person, verdict):
+                return verdict
+            again = self._suspects(verdict)
+
+    def _verdict(self) -> Wiring:
+        return judge(list(self._turns.values()), self._robot.wheels, self._ticks, self._plugs)
+
+    async def _try(self, positions: Sequence[int]) -> None:
+        for position in positions:
+            self._turns.pop(position, None)
+        for position in positions:
+            seen = {turn.wheel for turn in self._turns.values()}
+            if seen >= {*self._robot.wheels}:
+                say(f"Every wheel has its motor: M{position} is free.")
+                continue
+            self._turns[position] = await self._turn(position)
+
+    async def _turn(self, position: int) -> Turn:
+        while True:
+            await self._person.line(f"\nEnter, and M{position} turns:")
+            self._may_turn()
+            pulse = await self._pulses.turn(position, _say_more)
+            say(" no counter moved." if pulse.turns < MOVED_TURNS else " the counters moved.")
+            wheel = await self._ask_wheel()
+            if wheel is None:
+                continue
+            if not wheel:
+                return Turn(position=position, counts=pulse.counts)
+            forward = await self._ask_way(wheel)
+            if forward is not None:
+                return Turn(position=position, counts=pulse.counts, wheel=wheel, forward=forward)
+
+    async def _ask_wheel(self) -> str | None:
+        """The wheel, empty for none; None to see it again."""
+        numbers = {str(number): wheel for number, wheel in enumerate(self._robot.wheels, start=1)}
+        while True:
+            answer = (
+                await self._person.line(
+                    f"Which wheel turned? ({', '.join(numbers)}; 0: none; a: again)"
+                )
+            ).lower()
+            if answer in numbers:
+                return numbers[answer]
+            if answer in {"a", "again"}:
+                return None
+            if answer in {"0", "n", "none"}:
+                return ""
+            say("The number at the wheel in the picture, please.")
+            say(self._robot.picture)
+
+    async def _ask_way(self, wheel: str) -> bool | None:
+        """Whether it turned forward; None to see it again."""
+        while True:
+            answer = (
+                await self._person.line(
+                    f"Which way did the {plain(wheel)} wheel turn? "
+                    "(f: forward; b: backward; a: again)"
+                )
+            ).lower()
+            if answer in {"f", "forward"}:
+                return True
+            if answer in {"b", "backward"}:
+                return False
+            if answer in {"a", "again"}:
+                return None
+            say(f"f or b, please. {FORWARD}")
+
+    async def _ask_plugs(self, missing: Sequence[str]) -> bool:
+        """Ask where the motors of wheels are that did not turn; whether that is new."""
+        still = [str(turn.position) for turn in self._turns.values() if not turn.wheel]
+        wanted = [wheel for wheel in missing if wheel not in self._plugs]
+        if len(missing) == len(still) == 1:
+            return False
+        for wheel in wanted:
+            answer = await self._person.line(
+                f"The {plain(wheel)} wheel did not turn. Which plug is its motor in? "
+                f"({', '.join(f'M{each}' for each in still)}; Enter: not known)"
+            )
+            answer = answer.upper().removeprefix("M")
+            if answer in still:
+                self._plugs[wheel] = int(answer)
+        return bool(wanted)
+
+    def _suspects(self, verdict: Wiring) -> list[int]:
+        """The plugs that a repair may have changed."""
+        named = {fault.position for fault in verdict.faults} | {
+            fault.arrives for fault in verdict.faults
+        }
+        if verdict.missing:
+            named |= {turn.position for turn in self._turns.values() if not turn.wheel}
+        return sorted(position for position in named if position)
+
+
+class ByHand:
+    """Finds the wiring with a board that has speeds only: the person turns the wheels."""
+
+    def __init__(self, talk: Conversation, person: Person, robot: Robot) -> None:
+        self._talk = talk
+        self._person = person
+        self._robot = robot
+        self._ticks = robot.description.profile.ticks_per_revolution
+
+    async def find(self) -> Wiring:
+        """Have each wheel turned, until nothing contradicts itself.
+
+        Raises:
+            Refused: The person ended it.
+            LinkError: The port or the board was lost.
+        """
+        say("Turn each wheel forward by hand, about half a turn.")
+        say(FORWARD)
+        say(self._robot.picture)
+        while True:
+            await _counting(self._talk)
+            turns = [
+                await self._turn(number, wheel)
+                for number, wheel in enumerate(self._robot.wheels, start=1)
+            ]
+            verdict = judge_by_hand(turns, self._ticks)
+            for words in verdict.doubts:
+                say(f"  {words}")
+            if verdict.doubts:
+                say("Once more, then.")
+                continue
+            if not verdict.missing:
+                verdict = as_drivable(verdict, self._robot.ways)
+            if not verdict.faults or await _gives_up(self._person, verdict):
+                say()
+                say(textwrap.fill(POWER_UNSEEN, WIDTH))
+                return verdict
+
+    async def _turn(self, number: int, wheel: str) -> HandTurn:
+        before = await self._counters()
+        await self._person.line(f"Turn wheel {number} ({plain(wheel)}) forward; then Enter:")
+        after = await self._counters()
+        a, b, c, d = (unwrapped(new - old) for new, old in zip(after, before, strict=True))
+        return HandTurn(wheel=wheel, counts=(a, b, c, d))
+
+    async def _counters(self) -> Counts:
+        return await _counting(self._talk)
+
+
+def _say_more() -> None:
+    print(".", end="", file=sys.stderr, flush=True)
+
+
+async def _counting(talk: Conversation) -> Counts:
+    """See the counters come, after a repair too; what they are."""
+    # One that was switched off for a repair is silent at first.
+    for _ in range(1 + math.ceil(talk.dialect.starts_within_s / COUNTERS_WITHIN_S)):
+        counts = await talk.read_counters()
+        if counts is not None:
+            return counts
+    raise BoardSilent(
+        "The board answers, and its counters do not come.",
+        remedy=talk.dialect.silence(await talk.read_battery())
+        or "Is the cable long or noisy? Try `yahboomd probe`.",
+    )
+
+
+async def _gives_up(person: Person, verdict: Wiring) -> bool:
+    """Print the faults; whether the file is wanted in spite of them."""
+    say_heading("To be repaired: no configuration makes up for it")
+    say_points(fault.words for fault in verdict.faults)
+    if verdict.hint:
+        say(textwrap.fill(verdict.hint, WIDTH))
+    say(REPAIR)
+    question = MISSING if verdict.missing else TRY
+    while True:
+        answer = (await person.line(f"({question})")).lower()
+        if not answer:
+            return False
+        if answer == "q":
+            raise Refused("Nothing was written. Repair it, and run `yahboomd setup` again.")
+        if answer == "w" and not verdict.missing:
+            return True
+        say("Enter, or one of the letters.")

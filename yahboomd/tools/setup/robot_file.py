@@ -1,0 +1,135 @@
+"""Writes ``robot.toml``: as text with comments, checked, whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import textwrap
+import tomllib
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from yahboomd.core.config import Config, read
+from yahboomd.core.config.values import inline
+from yahboomd.core.errors import ConfigError
+from yahboomd.tools.calibrate.estimates.wiring import WiredMotor, Wiring
+from yahboomd.tools.setup.description import Description
+
+_COMMENTS = {
+    "profile": "the motors: encoder lines, gear and wheel",
+    "kinematics": "how it moves",
+    "wheel_radius_m": "from the axle to the rim",
+    "wheel_separation_m": "from the left wheels' middle to the right wheels'",
+    "wheel_base_m": "from the front axle to the rear one",
+}
+
+
+def as_toml(description: Description, wiring: Wiring, *, port: str = "", gear: str = "") -> str:
+    """The configuration of a robot.
+
+    Args:
+        port: The serial port; empty: yahboomd looks for it.
+        gear: What is to be said of the gear; empty if it fits.
+    """
+    lines = [
+        "# A robot, written by `yahboomd setup`. What is not in here has its default, which",
+        "# `yahboomd config reference` explains. After a change: `yahboomd config check`.",
+    ]
+    for fault in wiring.faults:
+        lines += [f"# {line}" for line in textwrap.wrap(f"To be repaired: {fault.words}", 96)]
+    if port:
+        lines += ["", "[serial]", f"port = {inline(port)}"]
+    lines += ["", *(f"# {line}" for line in textwrap.wrap(gear, 96))]
+    lines += ["[board]", *_keys(description.board)]
+    chassis = {
+        "kinematics": description.kinematics,
+        "wheel_radius_m": round(description.wheel_diameter_mm / 2000.0, 6),
+        "wheel_separation_m": round(description.wheel_separation_mm / 1000.0, 6),
+    }
+    if description.wheel_base_mm is not None:
+        chassis["wheel_base_m"] = round(description.wheel_base_mm / 1000.0, 6)
+    lines += ["", "[chassis]", *_keys(chassis)]
+    if description.kinematics == "skid_steer":
+        lines += [
+            "# Such a base turns as if it were 1.3 to 1.9 times as wide: see `yahboomd calibrate`.",
+            "wheel_separation_multiplier = 1.0",
+        ]
+    lines += [
+        "",
+        "# Which plug each wheel's motor is in. Both signs are -1 for a motor that is mounted the",
+        "# other way round.",
+        "[chassis.motors]",
+        *_motors(description.kinematics, wiring.motors),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def as_config(description: Description, wheels: Sequence[str]) -> Config:
+    """The configuration of a robot whose wiring is not known yet."""
+    motors = tuple(
+        WiredMotor(wheel=wheel, position=position, sign=1)
+        for position, wheel in enumerate(wheels, start=1)
+    )
+    text = as_toml(description, Wiring(motors=motors))
+    return Config.of(tomllib.loads(text))
+
+
+def write_robot(path: Path, text: str, *, overwrite: bool) -> None:
+    """Write the file, if the configuration in it can be used.
+
+    Raises:
+        ConfigError: It cannot be written, is there already, or cannot be used.
+    """
+    try:
+        with tempfile.NamedTemporaryFile(
+            "w", dir=path.parent, prefix=f".{path.name}.", delete=False, encoding="utf-8"
+        ) as file:
+            try:
+                file.write(text)
+                file.flush()
+                os.fsync(file.fileno())
+                os.fchmod(file.fileno(), 0o644)
+                # Neither the environment nor a calibration counts here: the file stands alone.
+                read(Path(file.name), environ={})
+                if overwrite:
+                    os.replace(file.name, path)
+                else:
+                    os.link(file.name, path)
+            finally:
+                with suppress(FileNotFoundError):
+                    os.unlink(file.name)
+    except FileExistsError as error:
+        raise ConfigError(
+            f"{path} is there already.", remedy="Name another file: `--output FILE`."
+        ) from error
+    except OSError as error:
+        raise ConfigError(
+            f"{path} cannot be written: {error.strerror}.",
+            remedy="Name another file: `--output FILE`.",
+        ) from error
+
+
+def _keys(table: Mapping[str, object]) -> list[str]:
+    rows = [(f"{key} = {inline(value)}", _COMMENTS.get(key, "")) for key, value in table.items()]
+    width = max(len(row) for row, _ in rows) + 2
+    return [f"{row:<{width}}# {words}" if words else row for row, words in rows]
+
+
+def _motors(kinematics: str, motors: Sequence[WiredMotor]) -> list[str]:
+    if kinematics != "skid_steer":
+        return [f"{motor.wheel} = [{_entry(motor)}]" for motor in motors]
+    lines = []
+    for side in ("left", "right"):
+        entries = [_entry(motor, named=True) for motor in motors if motor.wheel.endswith(side)]
+        lines += [f"{side} = [", *(f"    {entry}," for entry in entries), "]"]
+    return lines
+
+
+def _entry(motor: WiredMotor, *, named: bool = False) -> str:
+    parts = [f"position = {motor.position}"]
+    if motor.sign < 0:
+        parts += ["command_sign = -1", "encoder_sign = -1"]
+    if named:
+        parts.append(f"name = {inline(motor.wheel)}")
+    return f"{{ {', '.join(parts)} }}"

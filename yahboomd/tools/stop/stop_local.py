@@ -1,0 +1,341 @@
+"""The local half of ``yahboomd stop``: the daemons of this machine, each on a socket of its own.
+
+It needs neither Zenoh nor asyncio nor the configuration, so it runs before they are loaded. Its
+protocol is in docs/bus.md.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from glob import escape as glob_escape
+from glob import glob
+from typing import Any, NamedTuple
+
+from yahboomd.core.link import port_note
+from yahboomd.core.link.port_note import PortNote
+from yahboomd.core.program import pasteable, plain, release_command
+from yahboomd.tools.stop.stop_talk import Talk, converse
+from yahboomd.tools.stop.stop_witness import believed, holds, settled
+
+STATUS_WITHIN_S = 0.5
+ENGAGED_WITHIN_S = 1.5
+STOOD_WITHIN_S = 2.5
+STOP = b"stop by yahboomd stop\n"
+"""Any request but ``status`` engages; this one names the program that asks."""
+
+
+class Wanted(NamedTuple):
+    """A choice among daemons. None and empty fields fit all.
+
+    Attributes:
+        listen: Where the daemon listens; one of them is enough.
+    """
+
+    port: str = ""
+    namespace: str | None = None
+    listen: tuple[str, ...] = ()
+
+    def fits(self, robot: LocalDaemon) -> bool:
+        """Whether a daemon is meant. One that did not answer may hold the port all the same."""
+        if self.port:
+            return any(same_port(self.port, each) for each in robot.ports) or holds(
+                robot.pid, self.port
+            )
+        if robot.silent:
+            return self.namespace is None and not self.listen
+        if self.namespace is not None and self.namespace != robot.namespace:
+            return False
+        return not self.listen or bool({*self.listen} & {*robot.listen})
+
+
+class LocalDaemon(NamedTuple):
+    """A daemon of this machine.
+
+    Attributes:
+        pid: Of the process that listens there; 0 where it is in another PID namespace.
+        uid: Its user; None if it is not known.
+        silent: It did not answer.
+        ports: The serial port, as configured and as opened.
+        listen: Where it listens for Zenoh.
+    """
+
+    socket: str
+    pid: int
+    silent: bool = False
+    namespace: str = ""
+    ports: tuple[str, ...] = ()
+    listen: tuple[str, ...] = ()
+    uid: int | None = None
+
+    @property
+    def believed(self) -> bool:
+        """Whether its word that the wheels stand is enough."""
+        return believed(self.pid, self.uid, self.socket, self.ports)
+
+    @property
+    def name(self) -> str:
+        """In a sentence: ``bot1 (pid 12, /dev/ttyUSB0)``."""
+        facts = ", ".join((f"pid {self.pid}", *self.ports[:1]))
+        return plain(f"{self.namespace or 'yahboomd'} ({facts})")
+
+
+class Outcome(NamedTuple):
+    """The result of a stop.
+
+    Attributes:
+        words: What was done and seen, for a person.
+        stood: The wheels were seen to stand.
+        blind: No counts came.
+    """
+
+    robot: LocalDaemon
+    words: str
+    stood: bool
+    blind: bool = False
+
+
+class LocalStops:
+    """The stops of all daemons that are meant.
+
+    Attributes:
+        silent: Those that did not answer: frozen, hung, or busy for too long.
+        others: Those that are not meant, and were left alone.
+        unknown: Those that did not answer and may be meant or not; left alone, too.
+    """
+
+    def __init__(self) -> None:
+        self.answering: list[LocalDaemon] = []
+        self.wanted = Wanted()
+        self.silent: list[LocalDaemon] = []
+        self.others: list[LocalDaemon] = []
+        self.unknown: list[LocalDaemon] = []
+        self._meant: list[tuple[LocalDaemon, Talk]] = []
+
+    def engage(self, wanted: Wanted, found: Iterable[LocalDaemon]) -> None:
+        """Stop them; returns once each that answers has engaged its emergency stop.
+
+        The others are not awaited: they have the request, and engage as soon as they run again.
+        """
+        self.wanted = wanted
+        for robot in found:
+            if not robot.silent:
+                self.answering.append(robot)
+            if wanted.fits(robot):
+                self._meant.append((robot, Talk(robot.socket, STOP)))
+            else:
+                (self.unknown if robot.silent else self.others).append(robot)
+        for _, talk in self._meant:
+            talk.connect()
+        answering = [talk for robot, talk in self._meant if not robot.silent]
+        converse(answering, lines=1, within_s=ENGAGED_WITHIN_S)
+
+    def outcomes(self) -> list[Outcome]:
+        """Wait until the wheels stand, for some seconds at most; how each stop went."""
+        converse([talk for _, talk in self._meant], lines=2, within_s=STOOD_WITHIN_S)
+        found = []
+        for robot, talk in self._meant:
+            talk.close()
+            if talk.lines and talk.lines[0].get("engaged") is True:
+                named = _identified(robot)
+                if (named.pid, named.uid) != (talk.pid, talk.uid):
+                    # Another process had the socket when it named its port.
+                    named = named._replace(pid=talk.pid, uid=None)
+                found.append(_outcome(named, talk.lines))
+            else:
+                self.silent.append(robot)
+        return found
+
+
+def find(environ: Mapping[str, str]) -> list[LocalDaemon]:
+    """The daemons of this machine that this user may stop."""
+    talks = [Talk(path, b"status\n") for path in sockets(environ)]
+    converse(talks, lines=1, within_s=STATUS_WITHIN_S)
+    found = []
+    for talk in talks:
+        talk.close()
+        refused = any("error" in line for line in talk.lines)
+        if (talk.connected or talk.crowded) and not refused:
+            found.append(_robot(talk))
+    return found
+
+
+def _identified(robot: LocalDaemon) -> LocalDaemon:
+    """The same daemon, asked again for the name that it did not send in time."""
+    if not robot.silent:
+        return robot
+    talk = Talk(robot.socket, b"status\n")
+    converse([talk], lines=1, within_s=STATUS_WITHIN_S)
+    talk.close()
+    return _robot(talk) if talk.lines else robot
+
+
+def covered(outcome: Outcome, paths: Iterable[str]) -> bool:
+    """Whether a daemon without counts has no board: another one, or this stop, holds its port."""
+    return outcome.blind and any(
+        same_port(port, path) for port in outcome.robot.ports for path in paths
+    )
+
+
+def vouched_for(outcome: Outcome, paths: Iterable[str]) -> bool:
+    """Whether something that is believed has judged each port that a daemon names."""
+    ports = outcome.robot.ports
+    return bool(ports) and all(any(same_port(port, path) for path in paths) for port in ports)
+
+
+def drives(robots: Iterable[LocalDaemon], path: str) -> bool:
+    """Whether one of these daemons has a port, or is believed that it has."""
+    return any(
+        holds(robot.pid, path)
+        or (robot.believed and any(same_port(port, path) for port in robot.ports))
+        for robot in robots
+    )
+
+
+def unproved(outcome: Outcome) -> str:
+    """Report the words of a process that is not believed, as its user's."""
+    robot = outcome.robot
+    who = "Somebody" if robot.uid is None else f"User {robot.uid}"
+    return (
+        f"{who} answers on {robot.socket}, as {robot.name}: {outcome.words!r} This proves nothing: "
+        "no such process is seen to hold the port that it names. If wheels turn, switch the motor "
+        "supply off."
+    )
+
+
+def there(robots: Sequence[LocalDaemon], command: str) -> str:
+    """Name the daemons that are there instead, and how a command reaches them; empty for none."""
+    sentences = []
+    for robot in robots:
+        words = [f"yahboomd {command}"]
+        words += [f"--namespace {robot.namespace}"] if robot.namespace else []
+        if command != "stop":
+            words += [f"--connect {robot.listen[0]}"] if robot.listen else []
+        elif robot.ports and not robot.namespace:
+            words.append(f"--port {robot.ports[0]}")
+        sentences.append(f"{robot.name} runs here: `{' '.join(words)}`.")
+    return "\n".join(sentences)
+
+
+def sockets(
+    environ: Mapping[str, str], *, user_id: int | None = None, root: str = "/"
+) -> list[str]:
+    """The sockets of daemons: of services, of this user's own, and for root of all users'."""
+    found = [glob(f"{glob_escape(each)}/stop*.sock") for each in folders(environ, user_id, root)]
+    return [path for paths in found for path in sorted(paths) if _trusted(path)]
+
+
+def folders(
+    environ: Mapping[str, str], user_id: int | None = None, root: str = "/"
+) -> tuple[str, ...]:
+    """The runtime folders of daemons: of services, of this user, and for root of all users."""
+    own = os.geteuid() if user_id is None else user_id
+    patterns = [f"{root}run/yahboomd", f"{root}run/yahboomd-*"]
+    given = environ.get("RUNTIME_DIRECTORY", "").split(":")[0]
+    session = environ.get("XDG_RUNTIME_DIR")
+    patterns += [given] if given else []
+    patterns += [f"{session}/yahboomd"] if session else []
+    patterns += [
+        f"{root}run/user/{'*' if own == 0 else own}/yahboomd",
+        f"{root}tmp/yahboomd-{'[0-9]*' if own == 0 else own}",
+    ]
+    return tuple(dict.fromkeys(path for each in patterns for path in sorted(glob(each))))
+
+
+def notes(
+    environ: Mapping[str, str], wanted: Wanted, living: Iterable[LocalDaemon]
+) -> list[PortNote]:
+    """The notes of daemons that neither answer nor ended in order: their boards may drive on."""
+    # The note of a killed daemon may have the id of any process by now.
+    pids = {robot.pid for robot in living if robot.believed}
+    found = []
+    for folder in folders(environ):
+        with contextlib.suppress(OSError):
+            # The folder's owner chooses which file is opened.
+            if os.stat(folder).st_uid in {0, os.geteuid()}:
+                found += [each for each in port_note.read(folder) if not each.ended]
+    return [
+        note
+        for note in found
+        if note.pid not in pids
+        and wanted.fits(LocalDaemon("", note.pid, False, note.namespace, (note.path,), note.listen))
+    ]
+
+
+def _trusted(path: str) -> bool:
+    """Whether no stranger made the folder: one below /tmp has to be its user's own."""
+    folder = os.path.dirname(path)
+    try:
+        if not os.stat(os.path.dirname(folder)).st_mode & 0o002:
+            return True
+        status = os.lstat(folder)
+    except OSError:
+        return False
+    named = folder.rpartition("-")[2]
+    return status.st_uid in {0, os.geteuid()} or named == str(status.st_uid)
+
+
+def _robot(talk: Talk) -> LocalDaemon:
+    facts = talk.lines[0] if talk.lines else {}
+    if facts.get("daemon") != "yahboomd":
+        return LocalDaemon(talk.path, talk.pid, silent=True, uid=talk.uid)
+    ports = _texts(facts.get("ports"))
+    if talk.uid not in {0, os.geteuid()}:
+        # A link of another user leads to the port that is asked for, and later to one of theirs.
+        ports = tuple(settled(port) or port for port in ports)
+    return LocalDaemon(
+        talk.path,
+        talk.pid,
+        namespace=str(facts.get("namespace", "")),
+        ports=ports,
+        listen=_texts(facts.get("listen")),
+        uid=talk.uid,
+    )
+
+
+def _texts(value: object) -> tuple[str, ...]:
+    return tuple(map(str, value)) if isinstance(value, list) else ()
+
+
+def same_port(one: str, other: str) -> bool:
+    """Whether two paths lead to one device."""
+    return os.path.realpath(one) == os.path.realpath(other)
+
+
+def _outcome(robot: LocalDaemon, lines: Sequence[dict[str, Any]]) -> Outcome:
+    words = pasteable(plain(str(lines[0].get("message", ""))))
+    seen = lines[1] if len(lines) > 1 else {}
+    stood, fastest = seen.get("stood") is True, seen.get("fastest_m_s")
+    fastest_m_s = float(fastest) if isinstance(fastest, int | float) else None
+    blind = not stood and fastest_m_s is None
+    missing = next((port for port in robot.ports if blind and not os.path.exists(port)), "")
+    if blind and lines[0].get("sent") is False:
+        words += " The wheels may still turn: switch the motor supply off."
+    elif missing:
+        words = (
+            f"{words.removesuffix('.')}, but {missing} is gone, so no stop reached the board. "
+            "The wheels may still turn: switch the motor supply off."
+        )
+    else:
+        again = release_command(robot.namespace, robot.listen)
+        words += f" {verdict(fastest_m_s, stood=stood, again=again)}"
+    return Outcome(robot, words, stood=stood, blind=blind)
+
+
+def verdict(fastest_m_s: float | None, *, stood: bool, again: str) -> str:
+    """Say whether the wheels stand.
+
+    Args:
+        fastest_m_s: The fastest wheel at the end; None where no counts came.
+        stood: They were seen to stand.
+        again: The command that releases the emergency stop.
+    """
+    if stood:
+        return pasteable(f"The wheels stand. To drive again: {again}")
+    if fastest_m_s is not None:
+        return f"The wheels still turn, at {fastest_m_s:.2f} m/s: switch their supply off."
+    return (
+        "The daemon receives no counts from the board, so it cannot see whether the wheels stand. "
+        "Look at them: where they turn, switch the motor supply off."
+    )

@@ -1,0 +1,318 @@
+"""The port half of ``yahboomd stop``: seizes the port, and reports how the stop went.
+
+Slow imports are made where they are needed: see :mod:`yahboomd.core.link.seize`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from yahboomd.core.errors import LinkError, PortBusy
+from yahboomd.core.link import port_identity, port_note
+from yahboomd.core.link.port_note import PortNote
+from yahboomd.core.link.seize import PATIENCE_S, RETRY_S, OtherDevice, Seized, seize
+from yahboomd.core.program import pasteable, readable
+from yahboomd.tools.stop.unresponsive import (
+    FROZEN,
+    is_guard,
+    measured_ports,
+    measuring,
+    process_state,
+    true_names,
+    unresponsive,
+)
+
+if TYPE_CHECKING:
+    from yahboomd.core.config import Config
+    from yahboomd.core.link.takeover import TakeoverReport
+
+MEASURING_ENDS_WITHIN_S = 10.0
+"""``setup`` and ``tune`` stop the wheels, see them stand, restore the board's values, and let the
+port go."""
+
+_SIGNALS = (
+    *(signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP),
+    *(signal.SIGTTIN, signal.SIGTTOU, signal.SIGUSR1, signal.SIGUSR2, signal.SIGALRM),
+)
+
+
+@contextlib.contextmanager
+def undisturbed() -> Iterator[None]:
+    """Ignore signals until the stop is done, some seconds at most."""
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in _SIGNALS}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def seize_noted_ports() -> list[Seized]:
+    """Seize the port of each killed daemon, as its note in the runtime folder says.
+
+    ``ExecStopPost=`` of the service needs it. Where no note leads to a port, the
+    configuration has to. Where it leads to another device, that one is left alone: udev may have
+    given the name away.
+
+    Raises:
+        LinkError: A path is another device's by now, and the board's is not there.
+    """
+    notes = port_note.read(port_note.folder_of(os.environ))
+    # Those of daemons that ended in order only where there is no other.
+    waiting = [note for note in notes if not note.ended] or notes
+    several = len(waiting) > 1
+    seized: list[Seized] = []
+    trouble: LinkError | None = None
+    deadline = time.monotonic() + PATIENCE_S
+    while True:
+        held = []
+        for note in waiting:
+            try:
+                found = seize_noted(note)
+            except PortBusy:
+                # By a neighbour that lives, or by the killed one for a moment yet.
+                held.append(note)
+            except LinkError as error:
+                trouble = error
+            else:
+                seized += [found] if found is not None else []
+        if not held or time.monotonic() >= deadline:
+            break
+        waiting = held
+        time.sleep(RETRY_S)
+    if not seized and trouble is not None:
+        raise trouble
+    for note in held if several and seized else ():
+        if not _runs(note.pid):
+            warn(f"{note.path} is held by another process, so no stop was sent there.")
+    return seized
+
+
+def _runs(pid: int) -> bool:
+    """Whether a process runs; on a busy machine it waits for the kernel (D) for moments."""
+    deadline = time.monotonic() + PATIENCE_S
+    while (state := process_state(pid)) == "D" and time.monotonic() < deadline:
+        time.sleep(RETRY_S)
+    return state in {"R", "S"}
+
+
+def seize_noted(note: PortNote) -> Seized | None:
+    """Seize the port that a note leads to; ``None`` where it leads to none.
+
+    Raises:
+        PortBusy: Another process holds it.
+        LinkError: The path is another device's by now, and the board's is not there.
+    """
+    try:
+        return seize(**note.options(), patience_s=0.0)
+    except OSError as error:
+        if isinstance(error, BlockingIOError) or error.errno == errno.EBUSY:
+            raise PortBusy(f"{note.path} is held by another process.") from error
+        if note.device is None:
+            return None
+        other = isinstance(error, OtherDevice)
+    found = port_identity.find(note.device)
+    if found is not None:
+        try:
+            seized = seize(**note._replace(path=found).options())
+        except OSError as error:
+            raise _explained(found, error, ()) from error
+        warn(f"{note.path} no longer leads to the board, which is {found} now: stopped there.")
+        return seized
+    if not other:
+        return None
+    was = note.device.usb or f"number {os.major(note.device.number)}:{os.minor(note.device.number)}"
+    raise LinkError(
+        f"{note.path} is another device than the one that the daemon drove ({was}), which is not "
+        "there any more. Nothing was sent to the other one.",
+        remedy="If the wheels turn, switch the motors' supply off, or plug the board in again and "
+        "run `yahboomd stop --port PATH`; `yahboomd probe --list` names the ports.",
+    )
+
+
+def port_of(port: str | None, config: Config | None) -> str:
+    """The port: the one that is named, else the configured one, else the only one there is.
+
+    Raises:
+        LinkError: There is none.
+        ConfigError: Several ports could be the board's.
+    """
+    path = port or (config.serial.port if config is not None else "")
+    if path:
+        return path
+    from yahboomd.core.link.discovery import candidates, choose
+
+    return choose("", candidates())
+
+
+def seize_port(
+    port: str | None,
+    config: Config | None,
+    *,
+    patience_s: float = PATIENCE_S,
+    asked: tuple[str, ...] = (),
+) -> Seized:
+    """Seize the port, which sends the first stop; a `setup` or `tune` that holds it is ended.
+
+    Args:
+        port: Its path; None for the configured one.
+        config: How it is opened; None for the defaults.
+        patience_s: How long to try again while another process holds it.
+        asked: Where a daemon was asked on the bus, and did not answer.
+
+    Raises:
+        LinkError: It cannot be opened.
+        ConfigError: Several ports could be the board's.
+    """
+    path = port_of(port, config)
+    options: dict[str, Any] = {}
+    if config is not None:
+        options = {
+            "baudrate": config.serial.baudrate,
+            "dtr": config.serial.dtr,
+            "rts": config.serial.rts,
+            "hangup_on_close": config.serial.hangup_on_close,
+        }
+    try:
+        try:
+            return seize(path, **options, patience_s=patience_s)
+        except OSError as error:
+            if error.errno not in {errno.EBUSY, errno.EAGAIN} or not _end_measuring(path):
+                raise
+            return seize(path, **options, patience_s=MEASURING_ENDS_WITHIN_S)
+    except OSError as error:
+        raise _explained(path, error, asked) from error
+
+
+def seize_measured_ports(config: Config | None) -> list[Seized]:
+    """Seize the port of each `setup` and `tune` of this machine, which ends them."""
+    seized = []
+    for path in measured_ports(os.environ.get("RUNTIME_DIRECTORY", "").split(":")[0]):
+        try:
+            seized.append(seize_port(path, config, patience_s=0.0))
+        except LinkError as error:
+            warn(str(error))
+    return seized
+
+
+def _end_measuring(path: str) -> bool:
+    """End each `setup` or `tune` that holds a port, which stops its wheels.
+
+    They obey no emergency stop: no daemon runs beside them.
+
+    Returns:
+        Whether the port will be free in a moment: one is ended, or its guard has the port yet.
+    """
+    from yahboomd.core.link.port_errors import holders
+
+    found = pids(holders(path))
+    ended = any(map(is_guard, found))
+    for pid in found:
+        if command := measuring(pid):
+            with contextlib.suppress(OSError):
+                os.kill(pid, signal.SIGTERM)
+                # A suspended one obeys only when it goes on.
+                os.kill(pid, signal.SIGCONT)
+                warn(f"`yahboomd {command}` (pid {pid}) has {path}: it is ended.")
+                ended = True
+    return ended
+
+
+def _explained(path: str, error: OSError, asked: tuple[str, ...]) -> LinkError:
+    from yahboomd.core.link.port_errors import explained, holders
+    from yahboomd.tools.stop.diagnosis import busy
+
+    why = explained(path, error)
+    if not isinstance(why, PortBusy):
+        return why
+    who = tuple(map(true_names, holders(path)))
+    why = PortBusy(true_names(why.message), remedy=why.remedy)
+    for name, pid in zip(who, pids(who), strict=True):
+        if (state := process_state(pid)) in FROZEN:
+            message, remedy = unresponsive(name, pid, state, f"yahboomd stop --port {path}")
+            return PortBusy(f"{why.message} {message}", remedy=remedy)
+    if not any(each.startswith("yahboomd ") for each in who):
+        hints = " ".join(busy(who))
+        return PortBusy(
+            why.message, remedy=f"End it ({end(who)}), then stop again. {hints}".rstrip()
+        )
+    if asked:
+        return PortBusy(
+            f"{why.message} It does not answer at {' or '.join(asked)}.",
+            remedy=f"Only it can stop the wheels, and does so as it ends: {end(who)}\n"
+            f"Where it does not end within 5 s: kill -9 {end(who).removeprefix('kill ')}; "
+            f"yahboomd stop --port {path}",
+        )
+    return PortBusy(
+        why.message,
+        remedy="Only it can stop the wheels: `yahboomd stop`, without --direct, asks it over the "
+        f"bus; ending it ({end(who)}) stops them too.",
+    )
+
+
+def end(who: tuple[str, ...]) -> str:
+    """The command that ends the holders of a port, named as ``name (pid N)``."""
+    return f"kill {' '.join(map(str, pids(who)))}" if who else "kill PID"
+
+
+def pids(who: tuple[str, ...]) -> list[int]:
+    """The ids of processes that are named as ``name (pid N)``."""
+    return [int(each.rpartition("pid ")[2].rstrip(")")) for each in who]
+
+
+def print_report(report: TakeoverReport) -> bool:
+    """Print how a stop on the port went; whether the wheels were seen to stand."""
+    words = describe(report)
+    if report.stood:
+        print(words)
+    else:
+        warn(words)
+    return report.stood is True
+
+
+def describe(report: TakeoverReport) -> str:
+    """Describe how a stop on the port went."""
+    if report.stood is None and (readers := _readers(report.port)):
+        return (
+            f"{report.port}: a stop was sent, but {' and '.join(readers)} also "
+            f"read{'s' if len(readers) == 1 else ''} this port and may have taken the board's "
+            f"answers, so the wheels were not seen to stand. End it: {end(readers)}; then "
+            f"yahboomd stop --port {report.port}"
+        )
+    if report.dialect is None:
+        from yahboomd.tools.stop.diagnosis import what_was_heard
+
+        return (
+            f"{report.port}: the stop of every dialect was sent, but no board answers: whether the "
+            f"wheels stand is unknown. {what_was_heard(report.heard)}"
+        )
+    where = f"{report.port} ({report.dialect} board)"
+    if report.stood is None:
+        return f"{where}: stopped, but no counters came: look at the wheels."
+    after = f"{report.within_s:.2f} s after the first stop frame"
+    if not report.stood:
+        return (
+            f"{where}: the wheels still turn, {after}, and nothing more can be commanded. Unless a "
+            "hand or a slope turns them, switch off the supply of the motors."
+        )
+    released = "; they did not obey the brake and were let go" if report.cut else ""
+    return f"{where}: the wheels stand, {after}{released}."
+
+
+def _readers(port: str) -> tuple[str, ...]:
+    """Other processes that have the port open, without a lock."""
+    from yahboomd.core.link.port_errors import holders
+
+    return tuple(map(true_names, holders(port)))
+
+
+def warn(words: str) -> None:
+    """Print a warning to standard error."""
+    print(f"yahboomd: {pasteable(readable(words))}", file=sys.stderr)

@@ -1,0 +1,222 @@
+"""Other processes of this machine that hold the port or do not answer, and how to end them."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import re
+import shlex
+
+from yahboomd.tools.stop.replug import arguments, is_yahboomd
+
+FROZEN = {"T": "stopped by a signal", "t": "stopped by a debugger"}
+"""The states of a process that obeys nothing, not even SIGTERM, until it is continued."""
+
+
+_UNIT = re.compile(r"/system\.slice/(?:\S+/)?([^/\s]+)\.service$", re.MULTILINE)
+"""A service of the system in the list of control groups of a process."""
+
+
+def process_state(pid: int, *, proc: str = "/proc") -> str:
+    """The kernel's letter for what a process does; empty where there is no such process."""
+    try:
+        with open(f"{proc}/{pid}/stat", encoding="utf-8", errors="replace") as file:
+            # Its name is in brackets, and may contain brackets.
+            return file.read().rpartition(")")[2].split()[0]
+    except (OSError, IndexError):
+        return ""
+
+
+def measuring(pid: int, *, proc: str = "/proc") -> str:
+    """The command, where a process is one of this program's that turn wheels without a daemon."""
+    words = [os.path.basename(word) for word in arguments(pid, proc=proc)[:4]]
+    command = words[words.index("yahboomd") + 1 :][:1] if "yahboomd" in words else []
+    return command[0] if command and command[0] in {"setup", "tune"} else ""
+
+
+def is_guard(pid: int, *, proc: str = "/proc") -> bool:
+    """Whether a process only stops wheels, after a `setup`, a `tune` or a daemon was killed."""
+    words = arguments(pid, proc=proc)[:4]
+    return "yahboomd.tools.port.guard" in words or any(
+        word.endswith("yahboomd/tools/port/run_guard.py") for word in words
+    )
+
+
+def measured_ports(runtime: str, *, proc: str = "/proc") -> list[str]:
+    """The ports that a `setup` or a `tune` of this machine has, as far as this user may see.
+
+    Args:
+        runtime: ``RUNTIME_DIRECTORY``: those with another one belong to other daemons.
+    """
+    running = (int(name) for name in os.listdir(proc) if name.isdigit())
+    return [
+        port
+        for pid in running
+        if measuring(pid, proc=proc) and runtime_directory(pid, proc=proc) == runtime
+        for port in serial_ports(pid, proc=proc)
+    ]
+
+
+def runtime_directory(pid: int, *, proc: str = "/proc") -> str:
+    """The folder that the environment of a process names; empty where it names none."""
+    try:
+        with open(f"{proc}/{pid}/environ", "rb") as file:
+            for each in os.fsdecode(file.read()).split("\0"):
+                name, _, value = each.partition("=")
+                if name == "RUNTIME_DIRECTORY":
+                    return value.split(":")[0]
+    except OSError:
+        pass
+    return ""
+
+
+def serial_ports(pid: int, *, proc: str = "/proc") -> tuple[str, ...]:
+    """The terminals that a process has open beside its standard streams."""
+    found: dict[str, str] = {}
+    try:
+        for fd in os.listdir(f"{proc}/{pid}/fd"):
+            found[fd] = os.readlink(f"{proc}/{pid}/fd/{fd}")
+    except OSError:
+        return ()
+    standard = {found.get(fd) for fd in "012"} | {"/dev/tty", "/dev/pts/ptmx"}
+    ports = (path for path in found.values() if path.startswith(("/dev/tty", "/dev/pts/")))
+    return tuple(sorted({*ports} - standard))
+
+
+def daemons(*, proc: str = "/proc") -> list[int]:
+    """The processes of this machine that run ``yahboomd run``, as far as this user may see."""
+    pids = (int(name) for name in os.listdir(proc) if name.isdigit())
+    return [
+        pid
+        for pid in pids
+        if is_yahboomd(pid, proc=proc) and "run" in arguments(pid, proc=proc)[:4]
+    ]
+
+
+def listener(endpoints: tuple[str, ...]) -> int | None:
+    """The process of this machine that listens at one of them; None where none is seen."""
+    # Not needed, and slow to import, where a port is stopped directly.
+    from yahboomd.core.bus.zenoh_sessions import port_holder
+    from yahboomd.core.names import host_and_port, is_local
+
+    for endpoint in endpoints:
+        place = host_and_port(endpoint)
+        if place is not None and is_local(endpoint):
+            holder = port_holder(place[1])
+            if holder is not None:
+                return int(holder.rpartition("(")[2].rstrip(")"))
+    return None
+
+
+def suspended_listener(endpoints: tuple[str, ...]) -> int | None:
+    """A suspended daemon of this machine that listens at one of them."""
+    pid = listener(endpoints)
+    if pid is None or not is_yahboomd(pid) or process_state(pid) not in FROZEN:
+        return None
+    return pid
+
+
+def restarting(endpoints: tuple[str, ...], *, proc: str = "/proc") -> str:
+    """How a person restarts the daemon that listens at one of these endpoints."""
+    pid = listener(endpoints)
+    if pid is None:
+        return (
+            "Restart the daemon: `sudo systemctl restart yahboomd` if it is the service, else "
+            "Ctrl-C in its terminal, and start it again."
+        )
+    try:
+        with open(f"{proc}/{pid}/cgroup", encoding="utf-8", errors="replace") as file:
+            unit = _UNIT.search(file.read())
+    except OSError:
+        unit = None
+    if unit is not None:
+        return f"Restart the daemon: `sudo systemctl restart {unit[1]}`."
+    return f"Restart the daemon: press Ctrl-C in its terminal (pid {pid}), and start it again."
+
+
+def reaching(pid: int, *, proc: str = "/proc") -> str:
+    """Names the port of a daemon, and the command that stops it; empty where it has none."""
+    ports = serial_ports(pid, proc=proc)
+    if not ports:
+        return ""
+    folder = runtime_directory(pid, proc=proc)
+    where = f"RUNTIME_DIRECTORY={shlex.quote(folder)} " if folder else ""
+    return (
+        f"yahboomd (pid {pid}) holds {ports[0]} and is reached by: "
+        f"{where}yahboomd stop --port {ports[0]}"
+    )
+
+
+def true_names(text: str, *, proc: str = "/proc") -> str:
+    """The text with each ``python (pid N)`` that runs yahboomd named so.
+
+    The kernel knows a program of Python's by the interpreter's name.
+    """
+
+    def named(found: re.Match[str]) -> str:
+        pid = int(found["pid"])
+        if is_guard(pid, proc=proc):
+            return f"yahboomd's guard (pid {pid})"
+        if not is_yahboomd(pid, proc=proc):
+            return found[0]
+        return f"{' '.join(('yahboomd', measuring(pid, proc=proc))).rstrip()} (pid {pid})"
+
+    return _PYTHON.sub(named, text)
+
+
+def may_drive(pid: int, port: str, *, proc: str = "/proc") -> bool:
+    """Whether a daemon's command line names this port, or leaves open which one it uses.
+
+    A suspended daemon has let its port go, so its descriptors do not show it.
+    """
+    words = arguments(pid, proc=proc)
+    named = [after for word, after in itertools.pairwise(words) if word == "--port"]
+    named += [
+        word.partition("=")[2].strip("\"'")
+        for word in words
+        if word.startswith(("--port=", "serial.port="))
+    ]
+    return not named or not port or os.path.realpath(named[-1]) == os.path.realpath(port)
+
+
+def suspended(pid: int, again: str, *, proc: str = "/proc") -> tuple[str, str]:
+    """Message and remedy for a suspended daemon.
+
+    Args:
+        again: The command to repeat once the daemon runs again.
+    """
+    message = f"yahboomd (pid {pid}) is suspended and cannot answer."
+    if serial_ports(pid, proc=proc):
+        # One that suspended itself stopped the wheels, and let its port go.
+        message += " It has not let its port go: the wheels keep their last speed."
+        remedy = f"Stop them: yahboomd stop\nOr continue it with `fg` or `kill -CONT {pid}`"
+    else:
+        remedy = f"Continue it with `fg` or `kill -CONT {pid}`"
+    return message, f"{remedy}, then repeat: {again}"
+
+
+def unresponsive(name: str, pid: int, state: str, again: str) -> tuple[str, str]:
+    """Message and remedy for a process that does not answer.
+
+    Args:
+        name: The process, in a sentence.
+        state: From :func:`process_state`.
+        again: The command that stops the wheels once it has ended.
+    """
+    if state in FROZEN:
+        how = FROZEN[state]
+        message = f"{name} is frozen ({how}, state {state}): the wheels keep their last speed."
+        remedy = (
+            f"End it and stop the wheels: kill -9 {pid}; {again}\n"
+            f"Or let it go on, and stop it then: kill -CONT {pid}; {again}"
+        )
+        return message, remedy
+    doing = f" (state {state})" if state else ""
+    remedy = (
+        f"End it, which stops the wheels: kill {pid}\n"
+        f"Where it does not end within 5 s: kill -9 {pid}; {again}"
+    )
+    return f"{name} does not answer{doing}.", remedy
+
+
+_PYTHON = re.compile(r"\b(?:python[\d.]*|yahboomd) \(pid (?P<pid>\d+)\)")

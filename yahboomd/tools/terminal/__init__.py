@@ -1,0 +1,1 @@
+"""A person at a terminal: lines that are typed, questions, words in common."""

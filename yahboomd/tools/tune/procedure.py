@@ -1,0 +1,374 @@
+"""Measure, suggest, store, measure again: the course of a tuning, without terminal and pictures."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Awaitable, Callable
+from functools import partial
+from typing import TypeVar
+
+import msgspec
+
+from yahboomd.core.clock import Clock
+from yahboomd.core.config import Config
+from yahboomd.core.errors import BoardError, PortLost, YahboomdError
+from yahboomd.core.link import storing
+from yahboomd.core.link.port import Opener
+from yahboomd.core.link.vital_tasks import undisturbed
+from yahboomd.core.protocol.dialect import Dialect
+from yahboomd.core.protocol.settings import VERSION, BoardSettings, SettingWrite
+from yahboomd.tools.port.guarded import LeftTurning, LostInMotion
+from yahboomd.tools.tune.estimates import dead_zone, loop_model, step_response
+from yahboomd.tools.tune.estimates.loop_model import Gains, Step
+from yahboomd.tools.tune.estimates.step_response import StepFigures
+from yahboomd.tools.tune.estimates.suggestion import suggest
+from yahboomd.tools.tune.stand import Stand
+from yahboomd.tools.tune.traces import TICK_S, Traces, odd_one
+from yahboomd.tools.tune.tuning_result import DEAD_ZONE, GAINS, Result, Wheel, rank_of, tuned_of
+from yahboomd.tools.tune.wheel_faults import WheelFault
+
+T = TypeVar("T")
+
+HOLD_S = 1.5
+REPEATS = 2
+"""Of each step, forward and as often backward."""
+
+SPARE_STEPS = 8
+"""Steps that are measured again, since their readings came late."""
+
+ROUNDS = 3
+"""The most sets of gains that are tried."""
+
+SLOWER = 1.5
+UNSEEN = 0.6
+"""The least time constant of a closed loop, in times between two readings of the counts."""
+
+TRUSTED = 0.06
+"""A model that leaves so much of a step unexplained suggests nothing."""
+
+TRIAL = Gains(0.2, 0.02, 0.0)
+SOFTER = 0.2
+HARDER = 5.0
+FOLLOWS = 0.3
+"""A wheel that comes to less of a step by its end shows too little of its motor."""
+
+DEAD_ZONE_OFF_SHARE = 0.012
+GAP_LEFT = 0.05
+FASTEST_M_S = 1.5
+
+
+Agree = Callable[[BoardSettings, Dialect], Awaitable[bool]]
+"""Announces values that are about to be written; whether the person agrees."""
+
+Save = Callable[[Dialect, BoardSettings], None]
+"""Keeps what the board stored on disk, before the first write."""
+
+
+class Procedure:
+    """One tuning.
+
+    Args:
+        speed_m_s: Of the steps; lowered where the board or the wheels cannot turn so fast.
+
+    Attributes:
+        restored: The tuning ended early, and the board has its own values again.
+    """
+
+    def __init__(
+        self,
+        opener: Opener,
+        clock: Clock,
+        config: Config,
+        *,
+        speed_m_s: float,
+        say: Callable[[str], None],
+    ) -> None:
+        self._opener = opener
+        self._clock = clock
+        self._config = config
+        self._say = say
+        self.result = Result(speed_m_s=speed_m_s)
+        self.restored = False
+        self._steps: list[list[Step]] = []
+        self._dialect: Dialect | None = None
+        self._stored: BoardSettings = {}
+        self._count = 0.0
+
+    async def examine(self, ready: Callable[[], None] = lambda: None) -> None:
+        """Check each wheel, find its dead zone, and measure the steps of the stored gains.
+
+        Args:
+            ready: Called before a wheel turns, where the board stores gains; raises where what it
+                stores now could not be kept.
+
+        Raises:
+            BoardError: A wheel touches the ground, or does not do as it is commanded.
+            LinkError: The port or the board cannot be used.
+        """
+        result = self.result
+        async with Stand.open(self._opener, self._clock, self._config, self._say) as stand:
+            dialect, settings = stand.dialect, stand.settings or {}
+            self._dialect = dialect
+            self._stored = {name: settings[name] for name in settings if name != VERSION}
+            result.dialect, result.volts = dialect.name, stand.volts
+            result.firmware = str(settings.get(VERSION) or "")
+            result.speed_m_s = min(result.speed_m_s, 0.6 * stand.top_m_s)
+            result.stored_before = result.stored_now = tuned_of(settings)
+            result.wheels = [
+                Wheel(name=motor.name, position=motor.position) for motor in stand.motors
+            ]
+            if dialect.settings:
+                ready()
+            if dialect.most_output:
+                await self._ramps(stand)
+            else:
+                result.notes.append(
+                    "This board drives no motor without regulation: no dead zone is measured, and "
+                    "nothing but you sees whether the wheels are in the air."
+                )
+            figures = await self._measure(stand, "before")
+            for wheel, each in zip(result.wheels, figures, strict=True):
+                wheel.before = each
+        if not dialect.settings:
+            result.notes.append(
+                f"A board of the {dialect.name} dialect stores no gains: nothing to suggest."
+            )
+        elif not dialect.loop_ns:
+            result.notes.append("Nothing is known of this board's speed loop: no gains.")
+        else:
+            self._suggest()
+
+    async def _ramps(self, stand: Stand) -> None:
+        for motor, wheel in zip(stand.motors, self.result.wheels, strict=True):
+            outputs = []
+            for way in (1, -1):
+                self._say(f"{motor.name}: output slowly up, {'forward' if way > 0 else 'backward'}")
+                ramp = await self._repeated(stand, partial(stand.ramp, motor, way))
+                found = dead_zone.turning_output(ramp)
+                assert found is not None, "a ramp ends when the wheel has turned"
+                outputs.append(found)
+            wheel.turning_output = (outputs[0], outputs[1])
+
+    async def _measure(self, stand: Stand, name: str) -> list[StepFigures]:
+        """Steps of all wheels together, forward and backward; the figures of their means."""
+        speed_m_s = self.result.speed_m_s
+        steps: list[Traces] = []
+        spare = SPARE_STEPS
+        while len(steps) < 2 * REPEATS:
+            way = -1 if sum(step.speed_m_s for step in steps) > 0.0 else 1
+            self._say(f"step {len(steps) + 1} of {2 * REPEATS}: {way * speed_m_s:+.2f} m/s")
+            damages = stand.damages
+            step = await self._repeated(
+                stand, partial(stand.step, way * speed_m_s, HOLD_S), chances=1
+            )
+            damaged = stand.damages > damages or stand.noisy
+            if (step.whole and not damaged) or not (spare or stand.damages):
+                steps.append(step)
+                if (
+                    len(steps) == 2 * REPEATS
+                    and (spare == SPARE_STEPS or (spare and stand.damages))
+                    and (odd := odd_one(steps))
+                ):
+                    spare -= 1
+                    steps.remove(odd)
+                    self._say("a step went elsewhere than the others: once more")
+            elif spare and not stand.noisy:
+                spare -= 1
+                why = "damaged on the line" if damaged else "held up, as on a busy computer"
+                self._say(f"readings were {why}: once more")
+            else:
+                raise stand.line_fault()
+        travels = [
+            step_response.mean([step.travel_m[index] for step in steps])
+            for index in range(len(stand.motors))
+        ]
+        traces = [step_response.speeds(travel, TICK_S) for travel in travels]
+        self.result.traces[name] = traces
+        unit = stand.units(speed_m_s) / speed_m_s
+        self._count = stand.motors[0].metres_per_tick * unit
+        gains = self.result.stored_now.get(GAINS)
+        if isinstance(gains, tuple):
+            apart = max(1, round(stand.ticks_apart_s / TICK_S))
+            self._steps = self._steps or [[] for _ in travels]
+            for own, travel in zip(self._steps, travels, strict=True):
+                own.append(
+                    Step(
+                        gains=Gains(*gains),
+                        target=speed_m_s * unit,
+                        travel=[unit * each for each in travel],
+                        apart=apart,
+                    )
+                )
+        return [step_response.figures(trace, speed_m_s, TICK_S) for trace in traces]
+
+    async def _repeated(
+        self, stand: Stand, measure: Callable[[], Awaitable[T]], *, chances: int = 0
+    ) -> T:
+        """Measure, and once more where the line may have caused the fault of a wheel.
+
+        Args:
+            chances: How often on a line that shows no damage, too: a garbled command shows nowhere.
+        """
+        excused = -chances
+        while True:
+            try:
+                return await measure()
+            except WheelFault as fault:
+                if not await stand.excuses(excused):
+                    raise
+                excused += 1
+                self._say(f"{fault.message} The line may have damaged a command: once more")
+
+    # What is suggested.
+
+    def _suggest(self, least_lambda_s: float = 0.0) -> None:
+        """Fit the motors to all steps so far, and suggest gains, or trial ones where none fits."""
+        result, dialect = self.result, self._dialect
+        assert dialect is not None
+        tick_s = dialect.loop_ns / 1e9
+        target = self._steps[0][0].target
+        fastest = target / result.speed_m_s * FASTEST_M_S
+        models = []
+        for wheel, steps in zip(result.wheels, self._steps, strict=True):
+            found = loop_model.fit(steps, tick_s=tick_s, fastest=fastest)
+            if found[1] > TRUSTED:
+                # Gains that made it chatter explain nothing; the latest ones may.
+                found = loop_model.fit(steps[-1:], tick_s=tick_s, fastest=fastest)
+            wheel.model, wheel.unexplained = found
+            models.append(found[0])
+        wanted: BoardSettings = {}
+        turning = [each for wheel in result.wheels for each in wheel.turning_output or ()]
+        stored = result.stored_now.get(DEAD_ZONE)
+        if turning and isinstance(stored, int | float):
+            measured = dead_zone.made_up_for(turning, dialect.most_output)
+            if abs(measured - stored) > DEAD_ZONE_OFF_SHARE * dialect.most_output:
+                wanted[DEAD_ZONE] = measured
+                most = GAP_LEFT * target
+                models = [msgspec.structs.replace(it, gap=min(it.gap, most)) for it in models]
+        unexplained = max(wheel.unexplained or 0.0 for wheel in result.wheels)
+        if unexplained > TRUSTED or not self._follows:
+            result.expected = None
+            wanted[GAINS] = self._trial()
+        else:
+            result.expected = suggest(
+                models,
+                target,
+                tick_s=tick_s,
+                count=self._count,
+                # What lies between two readings of the counts is not seen.
+                least_lambda_s=max(least_lambda_s, UNSEEN * TICK_S * self._steps[0][0].apart),
+            )
+            gains = result.expected.gains
+            wanted[GAINS] = (gains.p, gains.i, gains.d)
+        result.suggested = wanted
+
+    def _trial(self) -> tuple[float, float, float]:
+        """Gains that show the motors where those before explain nothing."""
+        last = self._steps[0][-1].gains
+        if not self._follows:
+            return max(TRIAL.p, HARDER * last.p), max(TRIAL.i, HARDER * last.i), 0.0
+        return round(SOFTER * last.p, 3), round(SOFTER * last.i, 3), 0.0
+
+    @property
+    def _follows(self) -> bool:
+        """Whether every wheel comes near the latest step by its end."""
+        return all(
+            steps[-1].travel[-1] - steps[-1].travel[-11] > 10 * TICK_S * FOLLOWS * steps[-1].target
+            for steps in self._steps
+        )
+
+    # What is stored.
+
+    async def store(self, agree: Agree, save: Save) -> bool:
+        """Store what is suggested, measure it, and again where it is not good enough.
+
+        If the last one is no better than what the board had, that is stored again, and also if
+        it ends early while it has the port.
+
+        Returns:
+            Whether the board stores better values now.
+
+        Raises:
+            BoardError: As :meth:`examine`, and where the board does not store them.
+        """
+        result = self.result
+        assert self._dialect is not None
+        if not await agree(result.suggested, self._dialect):
+            result.notes.append("Nothing was stored.")
+            return False
+        # All of it: where power fails within a write, the board may lose the rest too.
+        save(self._dialect, self._stored)
+        before = [wheel.before for wheel in result.wheels]
+        best = (rank_of(before, trial=False), result.stored_before, before)
+        try:
+            for number in range(ROUNDS):
+                await self._write(result.suggested)
+                async with Stand.open(self._opener, self._clock, self._config, self._say) as stand:
+                    after: list[StepFigures | None] = [*await self._measure(stand, "after")]
+                rank = rank_of(after, trial=result.expected is None)
+                best = min(best, (rank, result.stored_now, after), key=lambda each: each[0])
+                if result.expected is not None and best[2] is after and not rank[0]:
+                    break
+                if number < ROUNDS - 1:
+                    self._suggest(result.expected.lambda_s * SLOWER if result.expected else 0.0)
+            _, stored, figures = best
+            if stored != result.stored_now:
+                await self._write(stored)
+        except (PortLost, LostInMotion, LeftTurning):
+            raise
+        except BaseException:
+            await undisturbed(self._restore())
+            raise
+        if figures is before:
+            result.notes.append(
+                f"None of {ROUNDS} sets of gains was better: the board has its own values again."
+            )
+            return False
+        for wheel, each in zip(result.wheels, figures, strict=True):
+            wheel.after = each
+        return True
+
+    async def _restore(self) -> None:
+        """Store what the board had; an error of that is less than what ended the tuning."""
+        with contextlib.suppress(YahboomdError):
+            await self._write(self.result.stored_before)
+            self.restored = True
+
+    async def _write(self, want: BoardSettings) -> None:
+        result = self.result
+        outcome = await storing.store(self._opener, self._clock, want, _Said(self._say))
+        result.writes += sum(step.attempts for step in outcome.steps)
+        result.resets += sum(step.write.resets for step in outcome.steps)
+        result.stored_now = tuned_of(outcome.has)
+        if not outcome.complete:
+            step = outcome.steps[-1]
+            answer = f" ({step.answer!r})" if step.answer else ""
+            raise storing_failed(step.write.text, answer)
+
+
+class _Said(storing.Progress):
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self._say = say
+
+    def begins(
+        self,
+        dialect: Dialect,  # noqa: ARG002
+        writes: tuple[SettingWrite, ...],
+        had: BoardSettings,  # noqa: ARG002
+    ) -> None:
+        """See the base class."""
+        restart = ", which restarts the board" if any(each.resets for each in writes) else ""
+        names = "; ".join(each.text for each in writes) or "nothing that differs"
+        self._say(f"writing to the board's flash{restart}: {names}")
+
+    def stored(self, step: storing.Step, has: BoardSettings) -> None:  # noqa: ARG002
+        """See the base class."""
+        self._say(f"{step.write.text}: {step.outcome}")
+
+
+def storing_failed(what: str, answer: str) -> Exception:
+    """The error of a value that the board does not store."""
+    return BoardError(
+        f"The board does not store {what}{answer}.",
+        remedy="`yahboomd tune --undo` stores again what it had.",
+    )

@@ -1,0 +1,157 @@
+"""What a board stored before a tuning wrote to it: a file that is there before the first write.
+
+The file is written whole or not at all, and is on the disk before the board is changed. A tuning
+that was killed leaves it unfinished: then the next one keeps it, since the board has trial values.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from hashlib import sha256
+from pathlib import Path
+from urllib.parse import quote
+
+import msgspec
+
+from yahboomd.core.config import Config
+from yahboomd.core.config.models import calibration_path
+from yahboomd.core.errors import ConfigError, Refused
+from yahboomd.core.protocol.settings import BoardSettings, SettingValue
+
+NAME = "before-tune"
+LARGEST_BYTES = 100_000
+
+
+class SavedSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The file.
+
+    Attributes:
+        made: The date and time, UTC.
+        port: Of the board, as it was named or found.
+        finished: The tuning came to its end.
+    """
+
+    made: str
+    port: str
+    dialect: str
+    settings: dict[str, int | float | str | tuple[float, float, float]]
+    finished: bool = False
+
+
+def saved_path(config: Config, environ: Mapping[str, str], file: Path | None) -> Path:
+    """The file of a configuration, beside its calibration.
+
+    Raises:
+        ConfigError: There is no state directory.
+    """
+    beside = calibration_path(config, environ, file, user_id=os.getuid())
+    if beside is None:
+        raise ConfigError(
+            "There is no folder for what the board stores now, so nothing is written to it.",
+            remedy="Set STATE_DIRECTORY, or HOME.",
+        )
+    name, port = NAME, quote(config.serial.port, safe="")
+    if config.zenoh.namespace:
+        name += f".{quote(config.zenoh.namespace, safe='')}"
+    if port:
+        name += f"@{port if len(port) <= 120 else sha256(port.encode()).hexdigest()}"
+    return beside.with_name(f"{name}.json")
+
+
+def read_saved(path: Path) -> SavedSettings | None:
+    """The saved settings; None where there are none.
+
+    Raises:
+        Refused: The file cannot be used.
+    """
+    try:
+        with path.open("rb") as file:
+            return msgspec.json.decode(file.read(LARGEST_BYTES), type=SavedSettings)
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise Refused(f"{path} cannot be read: {error.strerror}.") from error
+    except (msgspec.MsgspecError, ValueError) as error:
+        raise Refused(
+            f"{path} has no settings of a board: {error}.",
+            remedy="Remove it, and store gains by `yahboomd probe --write --pid P,I,D`.",
+        ) from error
+
+
+def save(path: Path, found: SavedSettings) -> SavedSettings:
+    """Have it on the disk, unless a tuning that was killed left what the board had before that.
+
+    Returns:
+        What is saved now.
+
+    Raises:
+        Refused: The disk does not take it: the board must not be changed.
+    """
+    before = read_saved(path)
+    if before is not None and not before.finished and before.dialect == found.dialect:
+        return before
+    _write(path, found)
+    return found
+
+
+def check_place(path: Path, port: str) -> None:
+    """Check that :func:`save` will work there, by writing a file beside it that does not stay.
+
+    Raises:
+        Refused: It will not.
+    """
+    read_saved(path)
+    _write(path, SavedSettings(made="", port=port, dialect="", settings={}), stays=False)
+
+
+def finish(path: Path, saved: SavedSettings) -> None:
+    """Note that the tuning came to its end: the next one saves what the board has then.
+
+    Raises:
+        Refused: The disk does not take it.
+    """
+    _write(path, msgspec.structs.replace(saved, finished=True))
+
+
+def remove(path: Path) -> None:
+    """Remove the file, and have the disk forget it."""
+    path.unlink(missing_ok=True)
+    _sync(path.parent)
+
+
+def settings_of(saved: SavedSettings) -> BoardSettings:
+    """The saved values as settings."""
+    values: dict[str, SettingValue] = dict(saved.settings)
+    return values
+
+
+def _write(path: Path, saved: SavedSettings, *, stays: bool = True) -> None:
+    beside = path.with_name(f".{path.name}.new")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        # Root follows no link that another user of this folder made.
+        beside.unlink(missing_ok=True)
+        fd = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
+        with open(fd, "wb") as file:
+            file.write(msgspec.json.format(msgspec.json.encode(saved), indent=2) + b"\n")
+            file.flush()
+            os.fsync(fd)
+        if stays:
+            os.replace(beside, path)
+            _sync(path.parent)
+        else:
+            beside.unlink()
+    except OSError as error:
+        raise Refused(
+            f"{path} cannot be written: {error.strerror}. The board is left as it is.",
+            remedy="Run the same command with sudo, or set STATE_DIRECTORY.",
+        ) from error
+
+
+def _sync(folder: Path) -> None:
+    fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        os.fsync(fd)
+    finally:
+        os.close(fd)

@@ -1,0 +1,381 @@
+"""Wheels that turn in the air for a measurement, watched at each reading.
+
+The law: no wheel turns without a check of each reading, a bound in time, and a second process that
+stops it if this one dies (:mod:`yahboomd.tools.port.guard`). One that turns against its command,
+faster than commanded, or not at all, ends the measurement with its motors cut. Lines have no
+checksum, so that a reading alone accuses no wheel: of each wheel the middle one of the latest three
+counts.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections import deque
+from collections.abc import AsyncIterator, Callable
+from statistics import median_low
+from typing import Self
+
+from yahboomd.core.clock import Clock, nanoseconds, seconds, sleep_until
+from yahboomd.core.config import Config
+from yahboomd.core.counts import unwrapped
+from yahboomd.core.errors import BoardError, BoardSilent
+from yahboomd.core.link.conversation import Conversation
+from yahboomd.core.link.line import Line
+from yahboomd.core.link.port import Opener
+from yahboomd.core.model import CHANNELS, NS_PER_S, Counts, EncoderReading, Motor
+from yahboomd.core.protocol.dialect import Dialect, Motion
+from yahboomd.core.protocol.settings import BoardSettings
+from yahboomd.tools.port.guarded import GuardedPort, guarded
+from yahboomd.tools.tune import wheel_faults
+from yahboomd.tools.tune.line_faults import LineFault, line_blamed
+from yahboomd.tools.tune.traces import Traces, traces_of
+from yahboomd.tools.tune.wheel_faults import WheelFault
+
+LOOK_NS = 10_000_000
+HELD_UP_NS = 100_000_000
+"""A look that comes later than this was held up."""
+
+BEAT_NS = 200_000_000
+POLL_NS = 20_000_000
+POLL_TIMEOUT_NS = 100_000_000
+
+SILENT_NS = 800_000_000
+STAND_WITHIN_S = 3.0
+STILL_TICKS_PER_S = 20.0
+"""A count more or less in the window of a standstill; what rolls out would count as motion."""
+
+CUTS = 3
+
+RAMP_UNITS_PER_S = 800.0
+RAMP_TURNS = 0.15
+"""A ramp ends when the wheel has turned so far."""
+
+Ramp = list[tuple[int, int]]
+
+
+class Stand:
+    """A known board whose wheels are in the air.
+
+    Attributes:
+        settings: What it stores; None where it stores nothing.
+        volts: The supply; None where the board does not report it.
+
+    Args:
+        guard: Stops the wheels if this process dies or the port goes away.
+    """
+
+    def __init__(
+        self,
+        line: Line,
+        dialect: Dialect,
+        motors: tuple[Motor, ...],
+        motion: Motion,
+        guard: GuardedPort,
+    ) -> None:
+        self.dialect = dialect
+        self.settings: BoardSettings | None = None
+        self.motors = motors
+        self.volts: float | None = None
+        self._line = line
+        self._clock: Clock = line.clock
+        self._motion = motion
+        self._guard = guard
+        self._wheels = len(motion.wheel_limits)
+        self._samples: list[tuple[int, Counts]] = []
+        self._latest: deque[Counts] = deque(maxlen=3)
+        self._first: Counts = (0, 0, 0, 0)
+        self._heard_ns = 0
+        self._problem = ""
+        self._expected: tuple[float, ...] | None = None
+        self._began_ns = 0
+        self._resets = line.heard.resets
+        line.on_counts = self._on_counts
+
+    @classmethod
+    @contextlib.asynccontextmanager
+    async def open(
+        cls,
+        opener: Opener,
+        clock: Clock,
+        config: Config,
+        say: Callable[[str], None] = lambda _words: None,
+    ) -> AsyncIterator[Self]:
+        """Stop the wheels, find out what board is there, and have it send its counters.
+
+        Args:
+            say: Shows a person what to do.
+
+        Raises:
+            LostInMotion: The port went away while wheels turned.
+            BoardError: Its stored settings forbid motion, or the line damages what it carries.
+            LinkError: The port cannot be had, or no board answers.
+        """
+        port = await opener()
+        line = Line(port, clock)
+        async with guarded(port, config, clock, say) as guard, line.attended():
+            talk = await Conversation.begin(line)
+            dialect = talk.dialect.for_profile(config.profile())
+            settings = await talk.read_settings(config.profile().settings)
+            if settings is not None:
+                found = dialect.findings(settings, config.profile())
+                if problems := (*found.unfit, *found.wrong):
+                    raise BoardError(f"{line.port.name}: {' '.join(problems)}")
+            motors = config.motors()
+            motion = dialect.motion(
+                config.kinematics(), motors, settings, scale=config.chassis.command_scale
+            )
+            guard.watch_over(dialect)
+            try:
+                async with line_blamed(line, dialect):
+                    stand = cls(line, dialect, motors, motion, guard)
+                    stand.settings = settings
+                    stand.volts = await talk.read_battery()
+                    # A brake would start the board's speed loop again.
+                    line.let_go = dialect.cut is not None
+                    for frame in dialect.arm:
+                        line.writer.queue(frame)
+                    if await talk.read_counters() is None:
+                        raise BoardSilent(
+                            f"{line.port.name}: the board sends no counters.",
+                            remedy="Is the cable long or noisy? Try `yahboomd probe`.",
+                        )
+                    if dialect.poll is not None:
+                        line.tasks.start(stand._poll(dialect.poll), "poll")
+                    await stand._stand()
+                    yield stand
+                    await stand._stand()
+            finally:
+                line.writer.quiet()
+
+    @property
+    def top_m_s(self) -> float:
+        """The fastest that every wheel can be commanded."""
+        return min(self._motion.wheel_limits)
+
+    @property
+    def ticks_apart_s(self) -> float:
+        """From one renewal of the counts to the next."""
+        return (self.dialect.sample_period_ns or POLL_NS) / NS_PER_S
+
+    def units(self, speed_m_s: float) -> float:
+        """A speed of all wheels in the board's units."""
+        return max(map(abs, self._motion.units((speed_m_s,) * self._wheels)))
+
+    @property
+    def damages(self) -> int:
+        """The chunks that came damaged lately."""
+        return self._line.damages
+
+    @property
+    def noisy(self) -> bool:
+        """Whether the line damages so much that what is measured over it is wrong."""
+        return self._line.noisy
+
+    def line_fault(self) -> LineFault:
+        """The error of a line over which nothing can be measured."""
+        return LineFault.of(self._line)
+
+    async def ramp(self, motor: Motor, way: int) -> Ramp:
+        """Raise one motor's output slowly until it has turned; every other one is off.
+
+        Args:
+            way: +1 forward, -1 backward.
+
+        Returns:
+            The output and what the motor had counted by then, in the order of time.
+
+        Raises:
+            WheelFault: Another wheel turned too, or it turned the wrong way, or not at all.
+            BoardError: The board reset itself, or a wheel does not stop.
+        """
+        dialect, position = self.dialect, motor.position
+        ticks_end = RAMP_TURNS * motor.ticks_per_revolution
+        found: Ramp = []
+        first = await self._stand()
+        async with self._driven(None):
+            start_ns = self._clock.now_ns()
+            while True:
+                elapsed_s = seconds(self._clock.now_ns() - start_ns)
+                output = min(dialect.most_output, round(RAMP_UNITS_PER_S * elapsed_s))
+                signed = output * motor.command_sign * way
+                each = [signed if place == position else 0 for place in range(1, CHANNELS + 1)]
+                self._line.writer.velocity(dialect.outputs(tuple(each)))
+                await self._look(2 * LOOK_NS)
+                counts = self._counts_since(first)
+                own = counts[position - 1] * motor.encoder_sign * way
+                found.append((output, own))
+                wheel_faults.check_alone(motor, self.motors, counts)
+                if own < -wheel_faults.TOUCHED_COUNTS:
+                    raise WheelFault(
+                        f"{motor.name} (M{position}) counts {'down' if way > 0 else 'up'} while it "
+                        f"is driven {'forward' if way > 0 else 'backward'}: with regulation it "
+                        "would run away.",
+                        remedy="Set its signs, or swap the wires of its encoder: see `yahboomd "
+                        "probe` and the page on setting up.",
+                    )
+                if own >= ticks_end:
+                    break
+                if output >= dialect.most_output:
+                    raise WheelFault(
+                        f"{motor.name} (M{position}) does not count at full output.",
+                        remedy="Look at its cable, at the supply of the motors, and whether the "
+                        "wheel is free.",
+                    )
+        return found
+
+    async def step(self, speed_m_s: float, hold_s: float) -> Traces:
+        """Turn every wheel by one step from rest, and stop it again.
+
+        Args:
+            speed_m_s: Of the rims; negative backward.
+
+        Raises:
+            WheelFault: A wheel does not follow.
+            BoardError: The board reset itself, or a wheel does not stop.
+        """
+        first = await self._stand()
+        frame = self.dialect.speeds(self._motion.units((speed_m_s,) * self._wheels))
+        async with self._driven((speed_m_s,) * len(self.motors)):
+            self._samples = []
+            start_ns = self._clock.now_ns() + len(frame) * self._line.port.byte_ns
+            self._line.writer.velocity(frame)
+            # The last reading has to be later than the last tick of the grid.
+            await self._look(nanoseconds(hold_s + 2.0 * self.ticks_apart_s))
+            samples = self._samples.copy()
+        return traces_of(
+            self.dialect,
+            self.motors,
+            [(at_ns - start_ns, counts) for at_ns, counts in samples],
+            first,
+            apart_s=self.ticks_apart_s,
+            speed_m_s=speed_m_s,
+            hold_s=hold_s,
+        )
+
+    async def excuses(self, times: int) -> bool:
+        """Whether the line, not a wheel, may have caused another fault; the wheels stand then.
+
+        Each damage that was seen lately excuses one: chance does not repeat itself.
+
+        Args:
+            times: The faults that were excused already; below 0 where some need no damage.
+
+        Raises:
+            BoardError: A wheel does not stop.
+        """
+        if self.noisy or times >= self.damages:
+            return False
+        await self._stand()
+        self._mark(driven=False)
+        return True
+
+    # Watching.
+
+    @contextlib.asynccontextmanager
+    async def _driven(self, expected: tuple[float, ...] | None) -> AsyncIterator[None]:
+        """Watch wheels that turn, cut them in the end, and see them stand unless it failed.
+
+        Args:
+            expected: The speed of each motor; None while one is driven without regulation.
+        """
+        self._problem = ""
+        self._first = self._line.ticks or self._first
+        self._expected = expected
+        self._began_ns = self._heard_ns = self._clock.now_ns()
+        self._mark(driven=True)
+        try:
+            yield
+        finally:
+            # After a failure the line stops them, and the guard stays awake until it has.
+            self._cut()
+        await self._stand()
+        self._mark(driven=False)
+
+    def _mark(self, *, driven: bool) -> None:
+        self._guard.mark(driven)
+
+    async def _look(self, ns: int) -> None:
+        """Wait, with a look every 10 ms at whether all is as it should be."""
+        end_ns = self._clock.now_ns() + ns
+        beat_ns = 0
+        while True:
+            now_ns = self._clock.now_ns()
+            if self._problem:
+                raise WheelFault(self._problem)
+            if self._line.heard.resets != self._resets:
+                raise BoardError(
+                    f"{self._line.port.name}: the board reset itself while wheels turned.",
+                    remedy="Its supply is too weak: feed the motors from a battery, and charge it.",
+                )
+            if now_ns - self._heard_ns > SILENT_NS:
+                raise self._silent()
+            if now_ns >= end_ns:
+                return
+            if now_ns >= beat_ns:
+                self._mark(driven=True)
+                beat_ns = now_ns + BEAT_NS
+            await sleep_until(self._clock, min(end_ns, now_ns + LOOK_NS))
+
+    def _on_counts(self, reading: EncoderReading) -> None:
+        self._heard_ns = self._clock.now_ns()
+        self._samples.append((reading.sent_ns, reading.ticks))
+        self._latest.append(reading.ticks)
+        if self._expected is not None and not self._problem:
+            self._problem = self._wrong(self._expected, self._first)
+            if self._problem:
+                self._cut()
+
+    def _wrong(self, expected: tuple[float, ...], first: Counts) -> str:
+        counted = self._counts_since(first)
+        waited_s = seconds(self._clock.now_ns() - self._began_ns)
+        ramped = bool(self.dialect.most_output)
+        return wheel_faults.found(self.motors, expected, counted, waited_s, ramped=ramped)
+
+    def _counts_since(self, first: Counts) -> Counts:
+        each = zip(*self._latest, strict=True)
+        a, b, c, d = (
+            median_low(unwrapped(new - old) for new in latest)
+            for latest, old in zip(each, first, strict=True)
+        )
+        return a, b, c, d
+
+    def _silent(self) -> BoardSilent:
+        return BoardSilent(
+            f"{self._line.port.name}: the motors were cut, and no counts come: whether the wheels "
+            "stand is not known.",
+            remedy="Look at the wheels, then at the supply and the cable. Try `yahboomd probe`.",
+        )
+
+    def _cut(self) -> None:
+        self._expected = None
+        self._line.writer.quiet()
+        self._line.writer.stop((self.dialect.cut or self.dialect.brake,) * CUTS)
+
+    async def _stand(self) -> Counts:
+        """Wait until every wheel stands; the counters then."""
+        line, clock = self._line, self._clock
+        line.watch.reset()
+        end_ns = clock.now_ns() + nanoseconds(STAND_WITHIN_S)
+        again_ns = clock.now_ns() + nanoseconds(0.1)
+        while (speed := line.watch.speed) is None or speed > STILL_TICKS_PER_S:
+            now_ns = clock.now_ns()
+            if now_ns >= end_ns:
+                if now_ns - self._heard_ns > SILENT_NS:
+                    raise self._silent()
+                raise BoardError(
+                    f"{line.port.name}: the motors are cut, and a wheel still turns.",
+                    remedy="Switch the supply of the motors off.",
+                )
+            if now_ns >= again_ns:
+                self._cut()
+                again_ns = now_ns + nanoseconds(0.1)
+            await sleep_until(clock, now_ns + LOOK_NS)
+            # A time in which this process did not run shows no wheel that turns.
+            end_ns += max(0, clock.now_ns() - now_ns - HELD_UP_NS)
+        assert line.ticks is not None
+        return line.ticks
+
+    async def _poll(self, frame: bytes) -> None:
+        while True:
+            self._line.writer.poll(frame, POLL_TIMEOUT_NS)
+            await sleep_until(self._clock, self._clock.now_ns() + POLL_NS)

@@ -1,0 +1,81 @@
+"""A certificate for this machine, made by openssl and signed by itself."""
+
+from __future__ import annotations
+
+import ipaddress
+import subprocess
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+
+from yahboomd.core.errors import ConfigError
+from yahboomd.web.entry_tokens import keep
+
+CERTIFICATE = "web-certificate.pem"
+KEY = "web-key.pem"
+
+DAYS = 825
+"""The longest that phones accept."""
+
+_FINGERPRINT = ("-noout", "-fingerprint", "-sha256")
+
+
+def make_certificate(folder: Path, hosts: Iterable[str]) -> tuple[Path, Path, str]:
+    """Make a certificate and its key; those of before are replaced.
+
+    Args:
+        folder: Where they go; the key is for this user alone.
+        hosts: Names and addresses by which browsers ask.
+
+    Returns:
+        The certificate, the key, and the fingerprint that a browser shows.
+
+    Raises:
+        ConfigError: There is no openssl, or the folder cannot be written to.
+    """
+    certificate, key = folder / CERTIFICATE, folder / KEY
+    try:
+        # Not in the folder, where others than this user may put links.
+        with tempfile.TemporaryDirectory(prefix="yahboomd-web-") as made:
+            new_certificate, new_key = Path(made) / CERTIFICATE, Path(made) / KEY
+            _openssl(
+                *("req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1"),
+                *("-nodes", "-keyout", str(new_key), "-out", str(new_certificate)),
+                *("-days", str(DAYS), "-subj", "/CN=yahboomd"),
+                *("-addext", f"subjectAltName={','.join(map(_name, hosts))}"),
+                *("-addext", "extendedKeyUsage=serverAuth"),
+            )
+            shown = _openssl("x509", "-in", str(new_certificate), *_FINGERPRINT)
+            keep(folder, KEY, new_key.read_bytes())
+            keep(folder, CERTIFICATE, new_certificate.read_bytes())
+    except OSError as error:
+        raise ConfigError(
+            f"The certificate cannot be written to {folder}: {error.strerror}.",
+            remedy="Set XDG_STATE_HOME to a folder that this user may write to.",
+        ) from error
+    return certificate, key, shown.strip().partition("=")[2]
+
+
+def _name(host: str) -> str:
+    try:
+        return f"IP:{ipaddress.ip_address(host)}"
+    except ValueError:
+        return f"DNS:{host}"
+
+
+def _openssl(*arguments: str) -> str:
+    try:
+        done = subprocess.run(  # noqa: S603
+            ["openssl", *arguments],  # noqa: S607 - wherever it is
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    except FileNotFoundError:
+        raise ConfigError(
+            "A certificate is made by the program openssl, which is not installed.",
+            remedy="`sudo apt install openssl`, or give your own with --certificate and --key.",
+        ) from None
+    if done.returncode:
+        raise ConfigError(f"openssl did not make a certificate: {done.stderr.strip()}.")
+    return done.stdout
