@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,31 @@ SOURCES = [
 ]
 CORE = {path.parts[1] for path in SOURCES if path.parts[0] == "core" and len(path.parts) > 2}
 ROOMS = CORE | {"cli", "client", "simulation", "tools", "web"}
+
+
+READING_PATH = re.findall(
+    r"^\| `(core/[\w/]+\.py)` \| ",
+    (ROOT / "docs/architecture.md").read_text().partition("\n## The doors\n")[0],
+    re.MULTILINE,
+)
+READ_IN_A_DAY = 6500
+
+
+def lines_of(paths: Iterable[Path]) -> int:
+    return sum(len(path.read_text().splitlines()) for path in paths)
+
+
+def test_the_path_for_a_reader_is_there_and_can_be_read_in_a_day() -> None:
+    assert 18 <= len(READING_PATH) <= 26
+    assert lines_of(ROOT / "yahboomd" / name for name in READING_PATH) <= READ_IN_A_DAY
+
+
+MOST_LINES_OF_THE_CORE = 30_150
+"""It only shrinks. A commit that raises it gives the reason, and takes as much away soon."""
+
+
+def test_the_core_does_not_grow() -> None:
+    assert lines_of((ROOT / "yahboomd/core").rglob("*.py")) <= MOST_LINES_OF_THE_CORE
 
 
 @pytest.mark.parametrize("source", SOURCES, ids=str)
