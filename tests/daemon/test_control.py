@@ -425,39 +425,6 @@ async def test_a_car_beyond_its_limits_is_slower_on_the_same_curve(tmp_path: Pat
 
 
 @on_virtual_time
-async def test_of_readings_that_came_together_the_last_speaks_for_all(tmp_path: Path) -> None:
-    async with robot(tmp_path) as bench:
-        await bench.ready()
-        await asyncio.sleep(1.0)
-        controller, heard = bench.controller, bench.heard.estimates
-        ticks, now_ns = controller._raw_ticks, bench.clock.now_ns()
-
-        def hear(after_ms: int, moved: int = 0, *, followed: bool) -> int:
-            """Returns how many estimates went out."""
-            before, sent_ns = len(heard), now_ns + after_ms * 1_000_000
-            a, *others = ticks
-            controller.reading(
-                EncoderReading(
-                    ticks=(a + moved, *others),  # type: ignore[arg-type]
-                    received_ns=sent_ns,
-                    sent_ns=sent_ns,
-                    followed=followed,
-                )
-            )
-            return len(heard) - before
-
-        # The first has a new tick of the board's, and goes out with the last.
-        assert hear(20, followed=True) == 0
-        assert hear(21, followed=True) == 0
-        assert hear(22, followed=False) == 1
-        assert hear(23, followed=False) == 0
-        # Wheels that turn wait for no other reading.
-        assert hear(42, followed=True) == 0
-        assert hear(53, 20, followed=True) == 1
-        assert hear(54, 20, followed=False) == 0
-
-
-@on_virtual_time
 async def test_an_empty_battery_ends_no_motion_and_refuses_the_next_one(
     tmp_path: Path,
 ) -> None:

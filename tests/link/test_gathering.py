@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from yahboomd.core.link.gathering import ALIKE, UNCHANGED, Gathering
+from yahboomd.core.link.gathering import ALIKE, LONGEST, Gathering
 
 
 class Reader:
@@ -19,13 +19,11 @@ class Reader:
         self.held = b""
         self.wakes = 0
         self.wakeups = 0
-        self.now_ns = self.lines = 0
-        self.last = b""
+        self.lines = 0
         self.late: list[int] = []  # bytes of others that came before a line was heard
 
     def hear(self, size: int, piece: int, *, count: int | None = None) -> None:
         """A line, and a pause behind it; the pieces come in pauses as well."""
-        self.now_ns += 6_000_000
         self.lines += 1
         digits = b"%0*d" % (size - 2, self.lines if count is None else count)
         line = b"$" + digits + b"#" + b"\r\n"[: self.line_end]
@@ -41,8 +39,7 @@ class Reader:
             line, _, data = data.partition(b"#")
             self.late.append(len(data.removeprefix(b"\r").removeprefix(b"\n")))
             line = line.lstrip()
-            self.gathering.line(len(line) + 1, unchanged=line == self.last, now_ns=self.now_ns)
-            self.last = line
+            self.gathering.line(len(line) + 1)
         self.held = data.lstrip()
         self.wakeups += self.gathering.adjust(len(self.held))
 
@@ -96,90 +93,9 @@ def test_lines_of_all_lengths_are_heard_as_they_come() -> None:
     assert reader.wakeups < 10
 
 
-@pytest.mark.parametrize(("apart_ns", "together"), [(5, 4), (6, 3), (10, 2), (11, 1), (16, 1)])
-def test_counts_that_stand_wake_the_reader_so_seldom_that_no_byte_waits_for_20_ms(
-    apart_ns: int, together: int
-) -> None:
+def test_lines_longer_than_any_of_counts_are_heard_as_they_come() -> None:
     gathering = Gathering(2)
-    for number in range(UNCHANGED + 1):
-        now_ns = number * apart_ns * 1_000_000
-        gathering.line(22, unchanged=number > 0, now_ns=now_ns)
+    for _ in range(2 * ALIKE):
+        gathering.line(LONGEST + 1)
         gathering.adjust(0)
-    assert gathering.least == together * 24
-
-
-@pytest.mark.parametrize("before", [UNCHANGED + 1, UNCHANGED + 30, 2 * UNCHANGED - 1])
-def test_the_pace_of_lines_after_a_start_is_that_of_the_lines_since(before: int) -> None:
-    gathering = Gathering(2)
-    for number in range(before + UNCHANGED + 2):
-        if number == before:
-            gathering.stir()
-            gathering.adjust(0)
-        gathering.line(22, unchanged=number > 0, now_ns=number * 6_000_000)
-        gathering.adjust(0)
-    assert gathering.lines == 3
-    assert gathering.apart_ns == 6_000_000
-
-
-@pytest.mark.parametrize("before", [10, UNCHANGED + 30, 2 * UNCHANGED])
-def test_a_pause_of_the_stream_does_not_count_for_its_pace(before: int) -> None:
-    gathering, paces = Gathering(2), set[int]()
-    for number in range(before + 3 * UNCHANGED):
-        now_ns = number * 6_000_000 + (150_000_000 if number >= before else 0)
-        gathering.line(22, unchanged=number > 0, now_ns=now_ns)
-        gathering.adjust(0)
-        if gathering.lines > 1:
-            paces.add(gathering.apart_ns)
-    assert gathering.lines == 3
-    assert paces == {6_000_000}
-
-
-@pytest.mark.parametrize(("wanted_ms", "together"), [(5, 1), (10, 1), (13, 2), (20, 3), (100, 3)])
-def test_readings_come_as_often_as_they_are_wanted(wanted_ms: int, together: int) -> None:
-    gathering = Gathering(2, wanted_ns=wanted_ms * 1_000_000)
-    for number in range(UNCHANGED + 2):
-        gathering.line(22, unchanged=number > 0, now_ns=number * 6_000_000)
-        gathering.adjust(0)
-    assert gathering.lines == together
-
-
-def test_the_kernel_is_asked_for_no_more_than_it_can() -> None:
-    gathering = Gathering(2)
-    for number in range(UNCHANGED + 1):
-        gathering.line(60, unchanged=number > 0, now_ns=number)
-        gathering.adjust(0)
-    assert gathering.least == 4 * 62
-
-
-@pytest.mark.parametrize("piece", [3, 64])
-def test_of_counts_that_change_after_a_rest_those_of_one_reading_alone_waited(piece: int) -> None:
-    reader = Reader(2)
-    for _ in range(100):
-        reader.hear(22, piece, count=1)
-    assert reader.gathering.least == 3 * 24
-    for number in range(2, 5):
-        reader.hear(22, piece, count=number)
-    assert reader.gathering.least <= 24
-    reader.late.clear()
-    for number in range(5, 80):
-        reader.hear(22, piece, count=number)
-        assert reader.last == b"$%020d" % number
-    assert max(reader.late) == 0
-
-
-@pytest.mark.parametrize(("asked_ms", "fetched"), [(9, False), (10, True), (20, True), (21, False)])
-def test_the_answers_of_a_board_that_is_asked_often_and_stands_are_fetched(
-    asked_ms: int, *, fetched: bool
-) -> None:
-    gathering = Gathering(0, asked_ms * 1_000_000)
-    for number in range(UNCHANGED + 1):
-        assert not gathering.fetched
-        gathering.line(30, unchanged=number > 0, now_ns=number * asked_ms * 1_000_000)
-        gathering.adjust(0)
-    assert gathering.fetched is fetched
-    assert gathering.lines == 1
-    assert gathering.least == (255 if fetched else 30)
-    # One that differs, and a command to turn, end it.
-    gathering.stir()
-    gathering.adjust(0)
-    assert (gathering.fetched, gathering.least) == (False, 30)
+    assert gathering.least == 1

@@ -11,7 +11,7 @@ from board_bench import BoardPort, LinkBench
 from yahboomd.core.clock import LoopClock
 from yahboomd.core.errors import BoardSilent, PortLost
 from yahboomd.core.link.conversation import Conversation
-from yahboomd.core.link.gathering import ALIKE, UNCHANGED
+from yahboomd.core.link.gathering import ALIKE
 from yahboomd.core.link.line import KEPT_BYTES, Line
 from yahboomd.core.link.start_notices import Notice
 from yahboomd.core.model import Counts, EncoderReading
@@ -123,43 +123,12 @@ async def test_lines_that_are_alike_are_waited_for_until_half_a_line_or_the_end(
 
 
 @on_virtual_time
-async def test_lines_that_come_evenly_are_read_together_and_have_the_moments_of_each() -> None:
-    desk, apart_s = Desk(), 0.006
-    moved = b"$MAll:1,2,3,9#\r\n"
-    async with desk.line.attended():
-        desk.line.understand(DIALECTS["streamed"], spacing_ns=0)
-        desk.line.gather(b"\r\n")
-        for _ in range(UNCHANGED + 1):
-            await asyncio.sleep(apart_s)
-            desk.take(COUNTS)
-        assert desk.least == [len(COUNTS), 3 * len(COUNTS)]
-        for _ in range(100):
-            await asyncio.sleep(3 * apart_s)
-            desk.take(3 * COUNTS)
-        assert desk.least == [len(COUNTS), 3 * len(COUNTS)]
-        # A person turns the wheels.
-        await asyncio.sleep(3 * apart_s)
-        desk.take(COUNTS + moved + moved.replace(b"9", b"7"))
-        assert desk.ticks[-3:] == [(1, 2, 3, 4), (1, 2, 3, 9), (1, 2, 3, 7)]
-        assert desk.least[2:] == [len(COUNTS)]
-        for _ in range(UNCHANGED):
-            await asyncio.sleep(apart_s)
-            desk.take(moved.replace(b"9", b"7"))
-        assert desk.least[3:] == [3 * len(COUNTS)]
-        # They are to turn by a command.
-        desk.line.stir()
-        assert desk.least[4:] == [len(COUNTS)]
-        gaps_ns = {b - a for a, b in itertools.pairwise(desk.received_ns)}
-        assert all(abs(gap_ns - 6_000_000) < 10 for gap_ns in gaps_ns)
-
-
-@on_virtual_time
 async def test_what_waited_for_a_reader_that_was_late_came_at_once() -> None:
     desk = Desk()
     async with desk.line.attended():
         desk.line.understand(DIALECTS["streamed"], spacing_ns=0)
         desk.line.gather(b"\r\n")
-        for _ in range(UNCHANGED + 1):
+        for _ in range(ALIKE + 1):
             await asyncio.sleep(0.006)
             desk.take(COUNTS)
         await asyncio.sleep(0.1)
@@ -309,43 +278,3 @@ async def test_what_babble_said_is_kept_in_part_and_counted_whole() -> None:
             await Conversation.begin(line)
         assert len(line.heard.start) == KEPT_BYTES
         assert line.heard.counters.bytes > 5000
-
-
-@on_virtual_time
-async def test_an_answer_that_is_fetched_came_as_soon_as_those_before() -> None:
-    desk, answer = Desk(), b"$data:1,2,3,4#"
-    async with desk.line.attended():
-        desk.line.understand(DIALECTS["polled"], spacing_ns=0)
-        desk.line.gather(b"", 20_000_000)
-        clock = desk.line.clock
-        for number in range(UNCHANGED + 30):
-            desk.line.writer.poll(b"$read#", 20_000_000)
-            asked_ns = clock.now_ns() + 6 * desk.byte_ns
-            fetched = desk.least[-1:] == [255]
-            await asyncio.sleep(0.02 if fetched else 0.004)
-            desk.take(answer)
-            assert abs(desk.received_ns[-1] - asked_ns - 3_479_170) < 10
-            await asyncio.sleep(0.0 if fetched else 0.016)
-            assert fetched is (number > UNCHANGED)
-        assert desk.line.writer.counters["polls_unanswered"] == 0
-        # Before the wheels turn every answer wakes the reader again.
-        desk.line.stir()
-        assert desk.least == [len(answer), 255, len(answer)]
-        desk.line.stir()
-        assert desk.least == [len(answer), 255, len(answer)]
-
-
-@on_virtual_time
-async def test_of_counts_that_were_read_together_all_but_the_last_are_followed() -> None:
-    desk = Desk()
-    followed: list[bool] = []
-    desk.line.on_counts = lambda reading: followed.append(reading.followed)
-    async with desk.line.attended():
-        desk.line.understand(DIALECTS["streamed"], spacing_ns=0)
-        desk.line.gather(b"\r\n")
-        for _ in range(UNCHANGED + 1):
-            await asyncio.sleep(0.006)
-            desk.take(COUNTS)
-        assert not any(followed)
-        desk.take(3 * COUNTS, COUNTS)
-        assert followed[-4:] == [True, True, False, False]

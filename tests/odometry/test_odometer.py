@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from yahboomd.core.counts import HALF, WRAP
 from yahboomd.core.errors import ConfigError
 from yahboomd.core.model import EncoderReading, ImuReading, ImuSensor, Pose2d
-from yahboomd.core.odometry import snapshot
 from yahboomd.core.odometry.discontinuity import RESET_SPEED_M_S
 from yahboomd.core.odometry.odometer import Odometer
 
@@ -927,33 +926,3 @@ def test_a_reading_of_wheels_that_stand_on_goes_the_short_way(kit, monkeypatch):
     # Of what is not known the whole way tells: a long step, and a board that is another one.
     with pytest.raises(TypeError):
         rig.feed(0, 0, after_ms=200.0)
-
-
-@pytest.mark.parametrize("together", [2, 3, 5])
-def test_readings_that_were_read_together_end_where_those_that_came_alone_do(kit, together):
-    def speeds(second):
-        return (0.0, 0.0) if second < 1.0 else (900.0, 900.0 * math.sin(3.0 * second))
-
-    alone, followed = (Rig(kit, sample_period_ns=10 * MS) for _ in range(2))
-    lines = [line.reading for line in kit.stream(speeds, seconds=4.0, gap_ms=5.9, loss=0.02)]
-    # A board that is reset in the middle of what was read together.
-    cut = 301 * len(lines) // 601
-    lines[cut:] = [
-        msgspec.structs.replace(line, ticks=(line.ticks[0] - lines[cut].ticks[0], 0, 0, 0))
-        for line in lines[cut:]
-    ]
-    before = None
-    for number, line in enumerate(lines):
-        alone.take(line)
-        last = number % together == together - 1
-        brought = followed.take(msgspec.structs.replace(line, followed=not last)).estimate
-        if not last and line.ticks == before:
-            assert brought is None
-        else:
-            # Counts that change wait for no other reading.
-            assert followed.odometer.estimate == alone.odometer.estimate
-            assert snapshot.save(followed.odometer) == snapshot.save(alone.odometer)
-        before = line.ticks
-    assert followed.events == alone.events != []
-    assert len(followed.estimates) < len(alone.estimates)
-    assert {each.stamp_ns for each in followed.estimates} <= {e.stamp_ns for e in alone.estimates}

@@ -185,7 +185,6 @@ class EncoderReading(msgspec.Struct, frozen=True, kw_only=True):
             Takes the receiving side's jitter off the stamp. Monotonic nanoseconds.
         earliest_ns: The board cannot have sampled them before. The same as ``requested_ns``, but
             where an earlier request was not answered in time: this may be the answer to that one.
-        followed: Others were read together with it, and are handed on at once.
     """
 
     ticks: Counts
@@ -196,7 +195,6 @@ class EncoderReading(msgspec.Struct, frozen=True, kw_only=True):
     unbroken: bool = False
     requested_ns: int | None = None
     earliest_ns: int | None = None
-    followed: bool = False
 
 
 class ImuSensor(msgspec.Struct, frozen=True, kw_only=True):

@@ -206,7 +206,6 @@ def session_options(config: Config) -> SessionOptions:
     return SessionOptions(
         dialect=config.serial.dialect,
         poll_rate_hz=config.odometry.poll_rate_hz,
-        publish_rate_hz=config.odometry.publish_rate_hz,
         resend_s=config.command.resend_s,
         still_ticks_per_s=STANDING_M_S / finest_m,
         profile=config.profile(),

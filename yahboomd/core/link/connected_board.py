@@ -85,9 +85,6 @@ class ConnectedBoard:
         """Send these wheel speeds, in the board's units, until others replace them."""
         self._line.let_go = False
         self._velocity_units = units
-        if any(units):
-            # An answer that is left in the port until the next question would hold it back.
-            self._line.stir()
         self._line.writer.velocity(self._dialect.speeds(units))
 
     def brake(self) -> None:

@@ -16,7 +16,7 @@ import msgspec
 
 from yahboomd.core.clock import Clock, nanoseconds
 from yahboomd.core.errors import PortLost
-from yahboomd.core.link.gathering import WANTED_NS, Gathering
+from yahboomd.core.link.gathering import Gathering
 from yahboomd.core.link.outbox import Answers
 from yahboomd.core.link.port import Port
 from yahboomd.core.link.port_errors import lost
@@ -124,8 +124,6 @@ class Line:
         self._framers = {name: dialect.framer() for name, dialect in DIALECTS.items()}
         self._framer = next(iter(self._framers.values()))
         self._gathering: Gathering | None = None
-        self._answer_ns = 0
-        self._followed = False
         self._damage = 0
         self._item: Item | None = None
         self._decoded: Decoded = Unrecognised(text="")
@@ -206,24 +204,9 @@ class Line:
         )
         self.tasks.start(self.writer.run(), "link-writer")
 
-    def gather(
-        self, line_end: bytes, asked_ns: int | None = None, *, wanted_ns: int = WANTED_NS
-    ) -> None:
-        """Wait for whole lines of counts from now on, which end so.
-
-        Args:
-            asked_ns: How often the board is asked for them; None where it sends them by itself.
-            wanted_ns: How often they are wanted then.
-        """
-        self._gathering = Gathering(len(line_end), asked_ns, wanted_ns=wanted_ns)
-
-    def stir(self) -> None:
-        """The wheels are to turn: every line of counts is heard at once, and what waits now."""
-        gathering = self._gathering
-        if gathering is not None and (gathering.fetched or gathering.lines > 1):
-            gathering.stir()
-            if gathering.adjust(self._framer.held_bytes):
-                self.port.gather(gathering.least)
+    def gather(self, line_end: bytes) -> None:
+        """Wait for whole lines of counts from now on, which end with these bytes."""
+        self._gathering = Gathering(len(line_end))
 
     def drop_input(self) -> None:
         """The process did not run: what was kept for it is old, and the rest was dropped."""
@@ -284,18 +267,6 @@ class Line:
 
     def _receive(self, data: bytes) -> None:
         now_ns = self.clock.now_ns()
-        gathering = self._gathering
-        if gathering is not None and gathering.fetched:
-            # It waited for this read; answers take as long as they did before.
-            now_ns = min(now_ns, self.writer.poll_heard_ns + self._answer_ns)
-        elif gathering is not None and len(data) == gathering.least and gathering.lines > 1:
-            size, apart_ns = len(data) // gathering.lines, gathering.apart_ns
-            self._followed = True
-            # The kernel held back the first of them, as it was asked to.
-            for held_ns in range((gathering.lines - 1) * apart_ns, 0, -apart_ns):
-                self._take(data[:size], now_ns - held_ns)
-                data = data[size:]
-            self._followed = False
         items = self._take(data, now_ns)
         if self.dialect is None:
             return
@@ -327,11 +298,10 @@ class Line:
                 self._item, self._decoded = item, dialect.decode(item)
             decoded = self._decoded
             if isinstance(decoded, Totals):
-                unchanged = decoded.ticks == self.ticks
                 self._counts(decoded, item, now_ns)
                 # What the counts led to may have ended the line.
                 if self._gathering is not None:
-                    self._gathering.line(item.size, unchanged=unchanged, now_ns=now_ns)
+                    self._gathering.line(item.size)
             elif isinstance(decoded, Inertial):
                 self._inertial(decoded, item, now_ns)
             else:
@@ -348,7 +318,6 @@ class Line:
         if writer.poll_heard_ns and not self._leaving:
             # An answer cannot have left before the question was all there.
             requested_ns = min(writer.poll_heard_ns, received_ns)
-            self._answer_ns = now_ns - requested_ns
             sent_ns = max(sent_ns, requested_ns)
             asked_ns = writer.answered_poll_ns()
             earliest_ns = requested_ns if asked_ns is None else min(asked_ns, requested_ns)
@@ -364,7 +333,6 @@ class Line:
                 sent_ns=sent_ns,
                 requested_ns=requested_ns,
                 earliest_ns=earliest_ns,
-                followed=self._followed,
             )
         )
 

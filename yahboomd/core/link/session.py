@@ -30,7 +30,6 @@ class SessionOptions(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         dialect: ``auto``, or the only one to accept.
         poll_rate_hz: Polls per second of a board that has to be asked.
-        publish_rate_hz: Readings per second that are wanted of a board that sends them by itself.
         resend_s: The period at which the current velocity is repeated.
         still_ticks_per_s: Below it a wheel counts as standing.
         profile: The motors; a board that stores no type is sent it at each start.
@@ -39,7 +38,6 @@ class SessionOptions(msgspec.Struct, frozen=True, kw_only=True):
 
     dialect: str = "auto"
     poll_rate_hz: float = 50.0
-    publish_rate_hz: float = 50.0
     resend_s: float = 0.1
     still_ticks_per_s: float = 190.0
     profile: MotorProfile = PROFILES["520"]
@@ -154,9 +152,7 @@ class Session:
         board = ConnectedBoard(line, identity, listener, poller)
         if not dialect.listen_ns:
             # Between the counts of a board that reports unasked come other reports, just as urgent.
-            wanted_ns = round(NS_PER_S / self._options.publish_rate_hz)
-            asked_ns = None if dialect.poll is None else period_ns
-            line.gather(dialect.line_end, asked_ns, wanted_ns=wanted_ns)
+            line.gather(dialect.line_end)
         poller.arm()
         self._tap.identified(dialect.name, settings)
         listener.connected(board, identity)

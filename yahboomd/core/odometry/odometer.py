@@ -246,12 +246,10 @@ class Odometer:
             reading: The counters, as they came. Readings come in the order of their sending.
 
         Returns:
-            A new estimate where the reading shows something new, and what happened. Of readings
-            that were read together and say the same, the last one brings the newest estimate.
+            A new estimate where the reading shows something new, and what happened.
         """
-        more_follow = reading.followed and self._encoders.repeats(reading.ticks)
         update = self._update(reading)
-        if self._news and not more_follow:
+        if self._news:
             self._news = False
             update = Update(estimate=self._newest(), events=update.events)
         clock = self._clock
