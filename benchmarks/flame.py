@@ -41,7 +41,8 @@ def by_room(stacks: Stacks) -> Counter[str]:
     rooms: Counter[str] = Counter()
     for stack, count in stacks.items():
         ours = [name for name in stack if name.startswith("yahboomd.")]
-        room = ".".join(ours[-1].split(":")[0].split(".")[:2]) if ours else "asyncio"
+        # A door is one level, a room of the core two.
+        room = ".".join(ours[-1].split(":")[0].split(".")[:3]) if ours else "asyncio"
         rooms[room] += count
     return rooms
 
