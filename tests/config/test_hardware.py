@@ -6,7 +6,7 @@ import pytest
 from pydantic import ValidationError
 
 from yahboomd.core.config.hardware import PRESETS, Board, Chassis, MotorEntry, Serial, preset_motors
-from yahboomd.core.config.models import WHEELS
+from yahboomd.core.drive.kinematics import unit_geometry
 from yahboomd.core.protocol.profiles import PROFILES
 from yahboomd.core.protocol.registry import DIALECTS
 
@@ -69,7 +69,7 @@ def test_a_dialect_that_is_registered_at_run_time_can_be_named_and_then_not_any_
 def test_a_preset_gives_every_wheel_motors_of_its_own(preset):
     kinematics, motors = PRESETS[preset]
     positions = [entry.position for entries in motors.values() for entry in entries]
-    assert set(motors) == set(WHEELS[kinematics])
+    assert set(motors) == set(unit_geometry(kinematics).wheels)
     assert len(set(positions)) == len(positions)
 
 

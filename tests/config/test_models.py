@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from yahboomd.core.config import WHEELS, Config
+from yahboomd.core.config import Config
 from yahboomd.core.drive.arbitration import Source
-from yahboomd.core.drive.kinematics import KINEMATICS
+from yahboomd.core.drive.kinematics import KINEMATICS, unit_geometry
 from yahboomd.core.errors import ConfigError
 from yahboomd.core.model import Motor
 from yahboomd.core.protocol.profiles import PROFILES
@@ -68,7 +68,7 @@ def test_the_kinematics_carry_the_calibrated_track(name):
         }
     ).kinematics()
     assert base == KINEMATICS[name](separation_m=0.5, base_m=0.1)
-    assert base.wheels == WHEELS[name]
+    assert base.wheels == unit_geometry(name).wheels
 
 
 def test_a_preset_is_taken_in_before_and_after_it_is_resolved():

@@ -9,7 +9,8 @@ from collections.abc import Callable
 
 from board_bench import LinkBench
 
-from yahboomd.core.config import WHEELS, Config
+from yahboomd.core.config import Config
+from yahboomd.core.drive.kinematics import unit_geometry
 from yahboomd.core.errors import Refused
 from yahboomd.core.protocol.profiles import PROFILES
 from yahboomd.simulation.motors import FAULTS, HEALTHY, MotorFaults, joined
@@ -212,7 +213,8 @@ SKID_STEER = ("front_left", "rear_left", "front_right", "rear_right")
 
 
 def outcome(kinematics: str = "differential", **board: object) -> Outcome:
-    wheels = SKID_STEER if kinematics == "skid_steer" else WHEELS[kinematics]
+    geometry = unit_geometry(kinematics)
+    wheels = SKID_STEER if geometry.sides else geometry.wheels
     board = board or {"profile": "520"}
     return Outcome(
         port="/dev/ttyUSB0",

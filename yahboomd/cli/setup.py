@@ -131,10 +131,11 @@ def run(args: argparse.Namespace) -> int:
 
 def _given(args: argparse.Namespace) -> Given:
     from yahboomd.core.config.hardware import CUSTOM
+    from yahboomd.core.drive.kinematics import KINEMATICS
     from yahboomd.core.protocol.profiles import PROFILES
-    from yahboomd.tools.setup.description import DRIVES, Given, possible
+    from yahboomd.tools.setup.description import Given, possible
 
-    for option, known in (("profile", (*PROFILES, CUSTOM)), ("kinematics", tuple(DRIVES))):
+    for option, known in (("profile", (*PROFILES, CUSTOM)), ("kinematics", tuple(KINEMATICS))):
         value = getattr(args, option)
         if value is not None and value not in known:
             raise ConfigError(f"--{option} knows no {value!r}; there are {possible(known)}.")

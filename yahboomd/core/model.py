@@ -150,8 +150,9 @@ class Kinematics(msgspec.Struct, frozen=True, kw_only=True):
         wheels: The names of the wheels, in the order of the rows of ``inverse``.
         inverse: For each wheel, the factors of (vx, vy, wz) in its rim speed.
         forward: Three rows (vx, vy, wz), the factors of each wheel's rim speed.
-        holonomic: Whether the base can move sideways; where not, vy is refused.
-        base_m: From the rear axle to the front one, of a car that steers; else 0.
+        holonomic: Whether the base can move sideways; if not, vy is refused.
+        sides: Whether a wheel stands for a side, which may have several motors.
+        base_m: From the rear axle to the front one, if the maps or the curves depend on it; else 0.
         least_radius_m: The tightest curve that the middle of the rear axle can drive, of a car that
             steers; 0 for a base that turns on the spot.
     """
@@ -161,6 +162,7 @@ class Kinematics(msgspec.Struct, frozen=True, kw_only=True):
     inverse: tuple[tuple[float, float, float], ...]
     forward: tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]
     holonomic: bool = False
+    sides: bool = False
     base_m: float = 0.0
     least_radius_m: float = 0.0
 

@@ -4,7 +4,7 @@ import msgspec
 import pytest
 from simulated_person import outcome
 
-from yahboomd.core.config import WHEELS
+from yahboomd.core.drive.kinematics import unit_geometry
 from yahboomd.core.errors import Refused
 from yahboomd.core.protocol.registry import DIALECTS
 from yahboomd.core.protocol.settings import BoardSettings
@@ -20,7 +20,7 @@ STORED = BoardSettings(
 
 def ways(dialect: str, kinematics: str, settings: BoardSettings | None) -> list:
     description = outcome(kinematics).description
-    wheels = wheels_of(kinematics, WHEELS[kinematics])
+    wheels = wheels_of(unit_geometry(kinematics))
     return drivable(DIALECTS[dialect], settings, as_config(description, wheels), wheels)
 
 

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 from simulated_person import outcome
 
-from yahboomd.core.config import WHEELS, Config, read
+from yahboomd.core.config import Config, read
+from yahboomd.core.drive.kinematics import KINEMATICS
 from yahboomd.core.errors import ConfigError
 from yahboomd.tools.calibrate.estimates.wiring import Wiring, WiringFault
 from yahboomd.tools.setup.outcome import Outcome
@@ -20,7 +21,7 @@ def config_of(found: Outcome, folder: Path, **more: str) -> Config:
     return read(path, environ={}).config
 
 
-@pytest.mark.parametrize("kinematics", WHEELS)
+@pytest.mark.parametrize("kinematics", KINEMATICS)
 def test_the_file_is_a_configuration_with_what_was_found(kinematics: str, tmp_path: Path) -> None:
     found = outcome(kinematics)
     config = config_of(found, tmp_path, port="/dev/ttyUSB7")

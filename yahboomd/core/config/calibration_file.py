@@ -65,10 +65,12 @@ class Calibration(Section):
 
 def geometry_of(config: Config) -> Geometry:
     """The robot as configured, without its calibration."""
-    mecanum = config.kinematics_name() == "mecanum"
+    kinematics = config.kinematics()
+    # The separation of a mecanum base is measured together with its axles.
+    turns_by_base = kinematics.holonomic and kinematics.base_m
     return Geometry(
         kinematics=config.kinematics_name(),
-        wheel_base_m=config.chassis.wheel_base_m if mecanum else None,
+        wheel_base_m=config.chassis.wheel_base_m if turns_by_base else None,
         wheel_separation_m=config.chassis.wheel_separation_m,
         wheel_radius_m=config.chassis.wheel_radius_m or config.profile().wheel_radius_m,
         ticks_per_revolution=config.ticks_per_revolution(),

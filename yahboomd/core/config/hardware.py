@@ -277,7 +277,7 @@ class Chassis(Section):
         "front, M2 left rear, M3 right front, M4 right rear. mecanum: the same places. ackermann: "
         "a car that steers, rear wheels left on M2, right on M4.",
     )
-    kinematics: Annotated[str, Choice(tuple(KINEMATICS))] = key(
+    kinematics: Annotated[str, Choice((), KINEMATICS)] = key(
         default="differential",
         description="How the base moves. skid_steer: several motors on each side. ackermann: a car "
         "that steers, driven by its rear wheels.",

@@ -22,16 +22,11 @@ from yahboomd.core.config.hardware import (
 from yahboomd.core.config.outputs import BlackBox, Log, Odometry, Ros2, Zenoh
 from yahboomd.core.config.values import Section, key
 from yahboomd.core.drive import arbitration
-from yahboomd.core.drive.kinematics import KINEMATICS, STEERING_MAX_RAD
+from yahboomd.core.drive.kinematics import KINEMATICS, STEERING_MAX_RAD, unit_geometry
 from yahboomd.core.model import Kinematics, Motor
 from yahboomd.core.protocol.profiles import EDGES_PER_LINE, PROFILES, MotorProfile
 from yahboomd.core.protocol.registry import check_storable
 from yahboomd.core.protocol.settings import BoardSettings
-
-WHEELS: dict[str, tuple[str, ...]] = {
-    name: build(separation_m=1.0, base_m=1.0).wheels for name, build in KINEMATICS.items()
-}
-"""The wheels of each drive geometry."""
 
 CALIBRATION = "calibration.toml"
 """The name of the calibration file in the state directory."""
@@ -130,7 +125,7 @@ class Config(Section):
                 radius_m=self.radius_m(wheel),
                 ticks_per_revolution=self.ticks_per_revolution(),
             )
-            for index, wheel in enumerate(WHEELS[self.kinematics_name()])
+            for index, wheel in enumerate(unit_geometry(self.kinematics_name()).wheels)
             for number, entry in enumerate(self.motor_entries().get(wheel, ()))
         )
 

@@ -12,8 +12,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from yahboomd.core.config.hardware import CUSTOM, PRESETS, Chassis, given_motors
-from yahboomd.core.config.models import WHEELS, Config
+from yahboomd.core.config.models import Config
 from yahboomd.core.config.values import Place, dotted, number
+from yahboomd.core.drive.kinematics import unit_geometry
 from yahboomd.core.names import is_local, is_ros_name
 from yahboomd.core.protocol.profiles import NO_ENCODER_TYPE
 from yahboomd.core.protocol.registry import DIALECTS
@@ -97,24 +98,25 @@ def presets(config: Config) -> Iterator[Finding]:
 def wheels(config: Config) -> Iterator[Finding]:
     """Every wheel of the geometry has motors, and no other wheel has any."""
     name = config.kinematics_name()
-    known, entries = WHEELS[name], config.motor_entries()
+    geometry, entries = unit_geometry(name), config.motor_entries()
+    known = geometry.wheels
     beside = (_KINEMATICS, _PRESET)
     base = f"a {name} base has the wheels {', '.join(known)}"
-    preset = next(preset for preset, (kinematics, _) in PRESETS.items() if kinematics == name)
+    presets = [preset for preset, (kinematics, _) in PRESETS.items() if kinematics == name]
+    by_preset = f', or set chassis.preset = "{presets[0]}"' if presets else ""
     if config.chassis.motors == Chassis().motors and set(known).isdisjoint(entries):
         # The default motors are no choice: one mistake for all wheels is enough.
-        words = f'missing; {base}: name their motors, or set chassis.preset = "{preset}"'
+        words = f"missing; {base}: name their motors{by_preset}"
         yield Finding(_MOTORS, words, beside)
         return
     for wheel in known:
         motors = entries.get(wheel)
         if motors is None:
-            words = (
-                f"missing; {base}: name the motors of each, or set "
-                f'chassis.preset = "{preset}" and name only those that differ'
-            )
+            words = f"missing; {base}: name the motors of each{by_preset}"
+            if presets:
+                words += " and name only those that differ"
             yield Finding((*_MOTORS, wheel), words, (_MOTORS, *beside))
-        elif len(motors) > 1 and name != "skid_steer":
+        elif len(motors) > 1 and not geometry.sides:
             words = f"expected one motor, got {len(motors)}; several on a side are skid_steer"
             yield Finding((*_MOTORS, wheel), words, beside)
     factors = config.chassis.wheel_radius_multiplier.items()
@@ -150,18 +152,18 @@ def motors(config: Config) -> Iterator[Finding]:
 def geometry(config: Config) -> Iterator[Finding]:
     """The distance between the axles is given for bases that need it, and only there."""
     name = config.kinematics_name()
+    unit = unit_geometry(name)
     beside = (_KINEMATICS, _PRESET)
-    has_axles = name in {"mecanum", "ackermann"}
-    if has_axles and config.chassis.wheel_base_m is None:
+    if unit.base_m and config.chassis.wheel_base_m is None:
         words = f"missing; a base of kind {name} needs the distance between its axles in metres"
         yield Finding(_BASE, words, beside)
-    if not has_axles and config.chassis.wheel_base_m is not None:
+    if not unit.base_m and config.chassis.wheel_base_m is not None:
         words = f"belongs to a mecanum or ackermann base, and this one is {name}; leave it out"
         yield Finding(_BASE, words, beside)
-    if name != "ackermann" and config.chassis.steering_max_rad is not None:
+    if not unit.least_radius_m and config.chassis.steering_max_rad is not None:
         words = f"belongs to an ackermann base, and this one is {name}; leave it out"
         yield Finding(("chassis", "steering_max_rad"), words, beside)
-    if name != "mecanum" and config.chassis.sideways_multiplier != 1.0:
+    if not unit.holonomic and config.chassis.sideways_multiplier != 1.0:
         words = f"belongs to a mecanum base, and this one is {name}; leave it out"
         yield Finding(("chassis", "sideways_multiplier"), words, beside)
 

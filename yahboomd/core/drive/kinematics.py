@@ -64,7 +64,7 @@ def skid_steer(*, separation_m: float, **_: float | None) -> Kinematics:
     Raises:
         ConfigError: ``separation_m`` is not a positive number.
     """
-    return _two_sides("skid_steer", separation_m)
+    return msgspec.structs.replace(_two_sides("skid_steer", separation_m), sides=True)
 
 
 def mecanum(
@@ -110,6 +110,7 @@ def mecanum(
             (-q / k, -q / k, q / k, q / k),
         ),
         holonomic=True,
+        base_m=base_m,
     )
 
 
@@ -156,6 +157,11 @@ KINEMATICS: Mapping[str, Builder] = {
     "ackermann": ackermann,
 }
 """The drive geometries, by the name that ``chassis.kinematics`` gives."""
+
+
+def unit_geometry(name: str) -> Kinematics:
+    """The geometry of that name with distances of 1 m: its wheels, and what it can do."""
+    return KINEMATICS[name](separation_m=1.0, base_m=1.0)
 
 
 def wheel_speeds(kinematics: Kinematics, twist: Twist2d) -> tuple[float, ...]:

@@ -49,7 +49,7 @@ def conclude(
     calibration = made_of(fit, config, method=method, runs=count, sideways=sideways)
     wrong = doubts(
         fit,
-        skid_steer=config.kinematics_name() == "skid_steer",
+        skid_steer=config.kinematics().sides,
         runs=runs,
         track=calibration.chassis.wheel_separation_multiplier,
     )
@@ -97,9 +97,7 @@ def _gear_doubts(scale: float, config: Config) -> list[str]:
 
 def ratio_of(config: Config) -> float:
     """The radius of the right wheels over that of the left ones, as configured."""
-    from yahboomd.core.config.models import WHEELS
-
-    wheels = WHEELS[config.kinematics_name()]
+    wheels = config.kinematics().wheels
     multipliers = config.chassis.wheel_radius_multiplier
     right, left = (
         sum(multipliers.get(name, 1.0) for name in wheels if name.endswith(side))
@@ -113,10 +111,9 @@ def made_of(
 ) -> Calibration:
     """The calibration file's contents."""
     from yahboomd.core.config.calibration_file import Calibration, Multipliers, geometry_of
-    from yahboomd.core.config.models import WHEELS
 
     factors, chassis = fit.factors, config.chassis
-    wheels = WHEELS[config.kinematics_name()]
+    wheels = config.kinematics().wheels
     track = factors.track
     if config.kinematics().holonomic and chassis.wheel_base_m is not None:
         # Only the distance of the sides is calibrated; a mecanum base turns by half of both sums.

@@ -8,8 +8,9 @@ from typing import Any
 
 import msgspec
 
-from yahboomd.core.config import WHEELS, Config
+from yahboomd.core.config import Config
 from yahboomd.core.config.hardware import CUSTOM
+from yahboomd.core.drive.kinematics import KINEMATICS, unit_geometry
 from yahboomd.core.protocol.dialect import Dialect
 from yahboomd.core.protocol.profiles import PROFILES, MotorProfile
 from yahboomd.core.protocol.settings import BoardSettings
@@ -22,9 +23,7 @@ DRIVES = {
     "mecanum": "four wheels with rollers; it drives sideways too",
     "ackermann": "a car: the rear wheels drive, the front wheels steer",
 }
-"""The drive geometries in words for their owner."""
-
-NEED_BASE = ("mecanum", "ackermann")
+"""Drive geometries in words for their owner; one that is not here is listed by its name alone."""
 
 LONGEST_MM = 5000.0
 """The largest distance of two wheels that a configuration takes."""
@@ -87,7 +86,9 @@ async def ask_robot(
     kinematics = given.kinematics
     if kinematics is None:
         say_heading("How it drives")
-        kinematics = await choose(person, "Drive:", [(name, DRIVES[name]) for name in WHEELS])
+        kinematics = await choose(
+            person, "Drive:", [(name, DRIVES.get(name, "")) for name in KINEMATICS]
+        )
     if None in {given.wheel_diameter_mm, given.wheel_separation_mm}:
         say_heading("Its size")
     diameter = await _millimetres(
@@ -103,7 +104,7 @@ async def ask_robot(
         "From the middle of the left wheels to the middle of the right ones, mm",
     )
     base = None
-    if kinematics in NEED_BASE:
+    if unit_geometry(kinematics).base_m:
         base = await _millimetres(
             person, given.wheel_base_mm, "From the front axle to the rear one, mm"
         )

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 import msgspec
 
 from yahboomd.core.counts import unwrapped
+from yahboomd.core.drive.kinematics import unit_geometry
 from yahboomd.core.errors import BoardSilent, Refused
 from yahboomd.core.link.conversation import COUNTERS_WITHIN_S, Conversation
 from yahboomd.core.model import CHANNELS, Counts
@@ -56,7 +57,7 @@ class Robot(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def picture(self) -> str:
         """It, from above."""
-        return picture(self.description.kinematics, self.wheels)
+        return picture(unit_geometry(self.description.kinematics))
 
 
 class ByOutput:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from yahboomd.core.model import Kinematics
 
 CORNERS = ("front_left", "front_right", "rear_left", "rear_right")
 """The wheels of a robot with four of them, as one reads: their numbers are 1 to 4."""
@@ -29,21 +29,18 @@ _REAR = """\
      [1] └─────────┘ [2]"""
 
 
-def wheels_of(kinematics: str, wheels: Sequence[str]) -> tuple[str, ...]:
-    """The driven wheels, in the order of their numbers in the picture.
-
-    Args:
-        wheels: Its wheels; a side of a skid-steer base has two.
-    """
-    return CORNERS if kinematics == "skid_steer" or len(wheels) == 4 else tuple(wheels)
+def wheels_of(geometry: Kinematics) -> tuple[str, ...]:
+    """The driven wheels, in the order of their numbers in the picture; each side has two."""
+    if geometry.sides or set(geometry.wheels) == set(CORNERS):
+        return CORNERS
+    return geometry.wheels
 
 
-def picture(kinematics: str, wheels: Sequence[str]) -> str:
-    """The robot from above.
-
-    Args:
-        wheels: As :func:`wheels_of` gives them.
-    """
-    if len(wheels) == len(CORNERS):
+def picture(geometry: Kinematics) -> str:
+    """The robot from above, or a list of the wheels if there is no picture of such a robot."""
+    wheels = wheels_of(geometry)
+    if wheels == CORNERS:
         return _FOUR
-    return _REAR if kinematics == "ackermann" else _TWO
+    if wheels == ("left", "right"):
+        return _REAR if geometry.least_radius_m else _TWO
+    return "\n".join(f"     [{number}] {name}" for number, name in enumerate(wheels, start=1))

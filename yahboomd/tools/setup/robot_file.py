@@ -12,7 +12,9 @@ from pathlib import Path
 
 from yahboomd.core.config import Config, read
 from yahboomd.core.config.values import inline
+from yahboomd.core.drive.kinematics import unit_geometry
 from yahboomd.core.errors import ConfigError
+from yahboomd.core.model import Kinematics
 from yahboomd.tools.calibrate.estimates.wiring import WiredMotor, Wiring
 from yahboomd.tools.setup.description import Description
 
@@ -50,7 +52,8 @@ def as_toml(description: Description, wiring: Wiring, *, port: str = "", gear: s
     if description.wheel_base_mm is not None:
         chassis["wheel_base_m"] = round(description.wheel_base_mm / 1000.0, 6)
     lines += ["", "[chassis]", *_keys(chassis)]
-    if description.kinematics == "skid_steer":
+    geometry = unit_geometry(description.kinematics)
+    if geometry.sides:
         lines += [
             "# Such a base turns as if it were 1.3 to 1.9 times as wide: see `yahboomd calibrate`.",
             "wheel_separation_multiplier = 1.0",
@@ -60,7 +63,7 @@ def as_toml(description: Description, wiring: Wiring, *, port: str = "", gear: s
         "# Which plug each wheel's motor is in. Both signs are -1 for a motor that is mounted the",
         "# other way round.",
         "[chassis.motors]",
-        *_motors(description.kinematics, wiring.motors),
+        *_motors(geometry, wiring.motors),
     ]
     return "\n".join(lines) + "\n"
 
@@ -116,11 +119,11 @@ def _keys(table: Mapping[str, object]) -> list[str]:
     return [f"{row:<{width}}# {words}" if words else row for row, words in rows]
 
 
-def _motors(kinematics: str, motors: Sequence[WiredMotor]) -> list[str]:
-    if kinematics != "skid_steer":
+def _motors(geometry: Kinematics, motors: Sequence[WiredMotor]) -> list[str]:
+    if not geometry.sides:
         return [f"{motor.wheel} = [{_entry(motor)}]" for motor in motors]
     lines = []
-    for side in ("left", "right"):
+    for side in geometry.wheels:
         entries = [_entry(motor, named=True) for motor in motors if motor.wheel.endswith(side)]
         lines += [f"{side} = [", *(f"    {entry}," for entry in entries), "]"]
     return lines

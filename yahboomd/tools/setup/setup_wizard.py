@@ -9,7 +9,8 @@ import textwrap
 import msgspec
 
 from yahboomd.core.clock import Clock
-from yahboomd.core.config import WHEELS, Config
+from yahboomd.core.config import Config
+from yahboomd.core.drive.kinematics import unit_geometry
 from yahboomd.core.errors import BoardSilent, Refused
 from yahboomd.core.link import handshake, storing
 from yahboomd.core.link.conversation import Conversation
@@ -91,7 +92,7 @@ class Wizard:
         board, profile = await ask_motors(self._person, self._given, dialect, found.settings)
         await self._fit(dialect, found, profile)
         description = await ask_robot(self._person, self._given, board, profile)
-        wheels = wheels_of(description.kinematics, WHEELS[description.kinematics])
+        wheels = wheels_of(unit_geometry(description.kinematics))
         ways = drivable(dialect, self._settings, as_config(description, wheels), wheels)
         if by_hand or not dialect.most_output:
             say_heading("The wheels")
