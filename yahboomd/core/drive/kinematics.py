@@ -8,7 +8,7 @@ geometry can do). Another geometry is one builder and one row of :data:`KINEMATI
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -16,25 +16,11 @@ from yahboomd.core.errors import ConfigError
 from yahboomd.core.model import Kinematics, Motor, Twist2d
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
 
 STEERING_MAX_RAD = math.pi / 4.0
 """The largest angle of the front wheels of the boards' cars: 45 degrees."""
-
-
-class Builder(Protocol):
-    """A function of the registry: builds a geometry, and passes over what it does not depend on."""
-
-    def __call__(
-        self,
-        *,
-        separation_m: float,
-        base_m: float | None = None,
-        steering_max_rad: float = STEERING_MAX_RAD,
-        sideways: float = 1.0,
-    ) -> Kinematics:
-        """Return the geometry for these distances, angle of the front wheels, and slip."""
 
 
 def differential(*, separation_m: float, **_: float | None) -> Kinematics:
@@ -150,13 +136,16 @@ def ackermann(
     )
 
 
-KINEMATICS: Mapping[str, Builder] = {
+KINEMATICS: Mapping[str, Callable[..., Kinematics]] = {
     "differential": differential,
     "skid_steer": skid_steer,
     "mecanum": mecanum,
     "ackermann": ackermann,
 }
-"""The drive geometries, by the name that ``chassis.kinematics`` gives."""
+"""The drive geometries, by the name that ``chassis.kinematics`` gives.
+
+Each is called with ``separation_m``, ``base_m``, ``steering_max_rad`` and ``sideways``, and ignores
+those that it does not depend on."""
 
 
 def unit_geometry(name: str) -> Kinematics:
