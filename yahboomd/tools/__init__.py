@@ -1,1 +1,1 @@
-"""The work of each command: a folder each, with functions for command line and page alike."""
+"""The work of each command, a folder each: functions that the command line and the page call."""

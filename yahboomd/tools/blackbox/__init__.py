@@ -1,1 +1,1 @@
-"""The command ``blackbox``: where boxes are, their story in words, and their export as MCAP."""
+"""``blackbox``: finds boxes, tells their story in words, and exports them as MCAP."""

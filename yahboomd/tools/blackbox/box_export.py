@@ -1,4 +1,4 @@
-"""A black box as MCAP: bytes, commands, decisions and events by the wall clock."""
+"""Exports a black box as MCAP: bytes, commands, decisions and events by the wall clock."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class PortBytes(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PortChange(msgspec.Struct, frozen=True, kw_only=True):
-    """What became of the serial port: opened, identified or closed."""
+    """A change of the serial port: opened, identified or closed."""
 
     what: str
     port: str = ""
@@ -45,10 +45,10 @@ def export(box: Box, path: Path) -> int:
     """Write a box as an MCAP file; returns its messages.
 
     Args:
-        path: A file that is not there yet. It is there only once it is whole.
+        path: A new file. It appears only once it is complete.
 
     Raises:
-        Refused: The file cannot be written, or is there already.
+        Refused: The file exists, or it cannot be written.
     """
     if path.exists():
         raise Refused(f"{path} is there already. Name a new file.")
@@ -109,7 +109,7 @@ def _message(meaning: records.Meaning, at_ns: int) -> tuple[Channel, bytes, int]
 def _channel(key: str, message: type[msgspec.Struct]) -> Channel:
     generated = msgspec.json.schema(message)
     own = generated["$defs"].pop(message.__name__)
-    # Readers of MCAP want the type on top.
+    # Readers of MCAP expect the type at the top level.
     text = json.dumps({**own, "type": "object"})
     return Channel(key, "json", f"yahboomd.{message.__name__}", "jsonschema", text)
 

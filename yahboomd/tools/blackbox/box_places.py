@@ -35,7 +35,7 @@ class Robot(NamedTuple):
 
     @property
     def key(self) -> tuple[str, ...]:
-        """Tells robots from each other; their endpoints may change."""
+        """Identifies a robot by namespace and port, because its endpoints may change."""
         return (self.namespace, self.port) if self.namespace or self.port else self.listen
 
     @property
@@ -46,7 +46,7 @@ class Robot(NamedTuple):
 
     @property
     def option(self) -> str:
-        """The option that names it, for a shell; the endpoint where it has no namespace."""
+        """The shell option that names it: the namespace, or else its endpoint or port."""
         if self.namespace:
             return plain(f"--namespace {self.namespace}")
         return plain(f"--connect {self.listen[0]}" if self.listen else f"--port {self.port}")
@@ -57,10 +57,10 @@ class Wanted(NamedTuple):
 
     Attributes:
         namespace: None for any.
-        endpoints: Where its daemon is reached; empty for anywhere.
+        endpoints: The endpoints that reach its daemon; empty for any.
         port: Empty for any.
-        named: Whether options or the configuration name a robot; else it is the one that every
-            command reaches without them.
+        named: Whether options or the configuration name a robot. If not, it is the robot that
+            commands reach without options.
     """
 
     namespace: str | None
@@ -69,7 +69,7 @@ class Wanted(NamedTuple):
     named: bool
 
     def fits(self, robot: Robot | None) -> bool:
-        """Whether a robot is, or may be, this one."""
+        """Whether a robot is this one, or may be."""
         if robot is None:
             return not self.named
         if self.namespace is not None and robot.namespace != self.namespace:
@@ -83,7 +83,7 @@ class Wanted(NamedTuple):
 
 
 def _same_place(own: str, given: str) -> bool:
-    """Whether an endpoint is the same one, or reaches a daemon that listens on every interface."""
+    """Whether two endpoints are the same, or the first listens on every interface."""
     if own == given:
         return True
     protocol, _, port = own.rpartition(":")
@@ -110,11 +110,11 @@ class Found(NamedTuple):
     """A black box on this machine.
 
     Attributes:
-        name: What a person calls it by: its number, or the name of the ring.
-        kind: ``saved``; ``running`` for the ring of a daemon that runs, ``left`` for one that
-            ended and whose ring is not saved yet.
+        name: The name for people: the number of a saved box, or the name of a ring.
+        kind: ``saved``; ``running`` for the ring of a running daemon; ``left`` for the ring of a
+            daemon that has ended and that is not saved yet.
         written_ns: When it was written last; Unix nanoseconds.
-        robot: None where the file cannot be read.
+        robot: None if the file cannot be read.
     """
 
     path: Path
@@ -126,10 +126,10 @@ class Found(NamedTuple):
 
 
 class Places(NamedTuple):
-    """Where there may be boxes.
+    """The folders that may hold boxes.
 
     Attributes:
-        denied: Of these, those that this user may not read.
+        denied: Those of them that this user may not read.
     """
 
     saved: tuple[Path, ...]
@@ -173,7 +173,7 @@ def boxes(where: Places) -> list[Found]:
             with contextlib.suppress(OSError, NotABox):
                 data = box_bytes(path)
                 box = read_box(data)
-                # What is written to memory leaves no time with the file.
+                # Writing to mapped memory does not change the file's time.
                 last_ns = box.records[-1].at_ns if box.records else box.header.started_ns
                 at_ns, robot = wall_clock(box)(last_ns), robot_of(box.header)
                 found.append(Found(path, name, kind, at_ns, len(data), robot))
@@ -187,9 +187,9 @@ def _robot(path: Path) -> Robot | None:
 
 
 def of_robot(found: list[Found], wanted: Wanted) -> list[Found]:
-    """The boxes of the robot that is meant.
+    """The boxes of the wanted robot.
 
-    Without a name it is the only one, or the one that every command reaches without options.
+    If no option names a robot, it is the only one, or the one that commands reach without options.
 
     Raises:
         ConfigError: There are several, and no option names one.
@@ -215,14 +215,14 @@ def of_robot(found: list[Found], wanted: Wanted) -> list[Found]:
 
 
 def choose(found: list[Found], wanted: str | None, robot: Wanted | None = None) -> Path:
-    """The box that a person means: a file, a number, a ring's name; without any the newest stop.
+    """The box that a person names by file, number or ring; by default that of the newest stop.
 
     Args:
-        wanted: The person's words for the box.
-        robot: The robot that options describe.
+        wanted: The person's name for the box.
+        robot: The robot that the options describe.
 
     Raises:
-        ConfigError: There is none, or several.
+        ConfigError: No box fits, or several do.
     """
     if wanted is None:
         own = found if robot is None else of_robot(found, robot)

@@ -1,4 +1,4 @@
-"""A black box in plain words, with times: why the robot stopped, and what came before."""
+"""Tells a black box in plain words: why the robot stopped, and what happened before."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from yahboomd.core.program import plain
 from yahboomd.core.protocol.registry import DIALECTS
 
 SILENT_NS = 300_000_000
-"""A board sends twenty times as often, or is asked so."""
+"""A board sends, or is asked to send, twenty times in this time."""
 
 REASONS = {
     "estop": "an emergency stop",
@@ -33,7 +33,7 @@ class Line(NamedTuple):
     """A line of the story.
 
     Attributes:
-        what: In a word: ``event``, ``state``, ``command``, ``board``, ``sent``, ``daemon``.
+        what: The kind: ``event``, ``state``, ``command``, ``board``, ``sent``, ``daemon``.
     """
 
     at_ns: int
@@ -45,8 +45,8 @@ class Story(NamedTuple):
     """A box in words.
 
     Attributes:
-        end_ns: When it was saved, or ended; monotonic nanoseconds.
-        end: What that moment is: ``the save`` or ``the end``.
+        end_ns: When the box was saved, or its record ended; monotonic nanoseconds.
+        end: The name of that moment: ``the save`` or ``the end``.
         why: Why the robot stopped last.
     """
 
@@ -57,7 +57,7 @@ class Story(NamedTuple):
 
 
 def story(box: Box) -> Story:
-    """The story of a box."""
+    """Tell a box in words."""
     saved = box.header.saved
     newest_ns = box.records[-1].at_ns if box.records else box.header.started_ns
     end_ns, end = (saved.at_ns, "the save") if saved and saved.at_ns else (newest_ns, "the end")
@@ -74,7 +74,7 @@ def before(at_ns: int, end_ns: int, end: str) -> str:
 
 
 def wall_clock(box: Box) -> Callable[[int], int]:
-    """Moments of a box as Unix nanoseconds, each by the latest reading of the wall clock before."""
+    """A function from moments of a box to Unix nanoseconds, by the last clock reading before."""
     started = box.header.started_ns, box.header.started_wall_ns
     readings = [
         (record.at_ns, record.meaning.wall_ns)
@@ -97,7 +97,7 @@ def utc(wall_ns: int) -> str:
 
 
 def summary(box: Box) -> str:
-    """What was recorded, and how much."""
+    """Whose record this is, from when to when, and why it was saved."""
     header = box.header
     first_ns = box.records[0].at_ns if box.records else header.started_ns
     last_ns = box.records[-1].at_ns if box.records else header.started_ns
@@ -121,13 +121,13 @@ def summary(box: Box) -> str:
 
 
 def last_stop(every: list[Record]) -> Record | None:
-    """The decision by which the robot stopped driving last; None where it drives, or never did."""
+    """The last decision that stopped the robot; None if it drives at the end, or never drove."""
     stops, driving = _stops(every)
     return stops[-1] if stops and not driving else None
 
 
 def _stops(every: list[Record]) -> tuple[list[Record], bool]:
-    """Each decision by which the robot stopped driving, and whether it drives at the end."""
+    """Each decision that stopped the robot, and whether it drives at the end."""
     driving, stops = False, list[Record]()
     for record in every:
         if isinstance(record.meaning, records.Decision):
@@ -139,7 +139,7 @@ def _stops(every: list[Record]) -> tuple[list[Record], bool]:
 
 
 def _why(every: list[Record], end_ns: int, end: str) -> str:
-    """Why the robot stands or crawls, and why it stopped against its commands before that."""
+    """Why the robot stands or crawls, and why it stopped unasked before that."""
     stops, driving = _stops(every)
     newest = next((each for each in reversed(every) if _words(each)), None)
     last = "" if newest is None else _words(newest)
@@ -168,16 +168,16 @@ def _why(every: list[Record], end_ns: int, end: str) -> str:
 ORDERLY_END = "The connection to the board is being ended"
 
 _ORDERED = ("commands zero and keeps control", "ended with a zero command", ORDERLY_END)
-"""Stops that somebody asked for by a command, or by ending the daemon."""
+"""Words in the reasons of stops that a command, or the end of the daemon, asked for."""
 
 _CAUSES: tuple[EventKind, ...] = (
     *("board_reset", "reset_loop", "board_unfit", "disconnected", "paused", "line_noisy"),
     *("runaway_against", "runaway_fast", "turns_without_command", "no_counts", "stop_not_obeyed"),
 )
-"""Events that explain a stop that shows as something else, such as counts that stay away."""
+"""Events that explain a stop which shows otherwise only as a symptom, such as missing counts."""
 
 _REPORTED_NS = (NS_PER_S // 2, 3 * NS_PER_S)
-"""Before and after a stop; a board that was reset reports it once it has started."""
+"""The time before and after a stop; a board reports a reset only once it has started again."""
 
 
 def _words(record: Record) -> str:
@@ -186,7 +186,7 @@ def _words(record: Record) -> str:
 
 
 def _is_held(record: Record) -> bool:
-    """Whether something else than its commands keeps the robot where it is."""
+    """Whether something other than its commands keeps the robot from driving."""
     meaning = record.meaning
     held = ("waiting", "fault", "estopped")
     return isinstance(meaning, records.Decision) and meaning.state in held
@@ -197,7 +197,7 @@ def _ordered(stop: Record) -> bool:
 
 
 def _reported(every: list[Record], stop: Record) -> list[str]:
-    """Events beside a stop that explain it, two at most, unless its own words have them."""
+    """At most two events near a stop that explain it and are not in its own reason."""
     if _ordered(stop):
         return []
     earliest_ns, latest_ns = stop.at_ns - _REPORTED_NS[0], stop.at_ns + _REPORTED_NS[1]
@@ -212,7 +212,7 @@ def _reported(every: list[Record], stop: Record) -> list[str]:
 
 
 def _said(every: list[Record]) -> list[Line]:
-    """The lines for events, decisions, connections, and each kind of frame that was sent."""
+    """The lines for events, decisions, connections, and stops that were sent."""
     lines = []
     dialect, sent, decision = "", "", None
     for at_ns, meaning in every:
@@ -220,7 +220,7 @@ def _said(every: list[Record]) -> list[Line]:
             case records.Happened():
                 lines.append(Line(at_ns, "event", plain(meaning.event.message)))
             case records.Decision():
-                # Each segment of a ring begins with the latest one.
+                # Each segment of a ring repeats the latest decision.
                 if meaning != decision:
                     lines.append(Line(at_ns, "state", f"{meaning.state}: {plain(meaning.why)}"))
                 decision = meaning
@@ -261,7 +261,7 @@ def _title(dialect: str) -> str:
 
 
 def _frame(data: bytes, dialect: str) -> str:
-    """The kind of a frame to the board, as far as stops are concerned; empty for others."""
+    """Whether a frame to the board is a cut or a brake; empty for other frames."""
     known = DIALECTS.get(dialect)
     if known is None:
         return ""
@@ -271,7 +271,7 @@ def _frame(data: bytes, dialect: str) -> str:
 
 
 class _Run(NamedTuple):
-    """Commands of one source that came one after the other."""
+    """Consecutive commands of one source."""
 
     first_ns: int
     last_ns: int
@@ -280,7 +280,7 @@ class _Run(NamedTuple):
 
 
 def _commands(every: list[Record]) -> list[Line]:
-    """Commands, a line for as many as were alike; each silence of a source ends its line."""
+    """A line for each run of similar commands; a silence of the source ends a run."""
     runs: list[_Run] = []
     open_runs: dict[str, _Run] = {}
     for at_ns, meaning in every:
@@ -300,7 +300,7 @@ def _alike(one: records.Command, other: records.Command) -> bool:
     if one.refused != other.refused:
         return False
     moved = (one.vx, one.vy, one.wz), (other.vx, other.vy, other.wz)
-    # What a joystick sends differs a little each time.
+    # A joystick's values differ a little each time.
     return any(moved[0]) == any(moved[1])
 
 
@@ -315,7 +315,7 @@ def _run_words(run: _Run) -> str:
 
 
 def _silences(every: list[Record], end_ns: int) -> list[Line]:
-    """Times in which an open port brought nothing."""
+    """A line for each time in which an open port received nothing."""
     lines = []
     last_ns: int | None = None
     for at_ns, meaning in [*every, Record(end_ns, records.Closed())]:

@@ -19,7 +19,7 @@ CLASSIC = "text/plain; version=0.0.4; charset=utf-8"
 Kind: TypeAlias = Literal["counter", "gauge", "info"]
 
 MAX_LABEL = 128
-"""The longest value of a label: some values come from other programs."""
+"""The most characters of a label's value, because some values come from other programs."""
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*\Z")
 _SUFFIX: Mapping[Kind, str] = {"counter": "_total", "gauge": "", "info": "_info"}
@@ -67,7 +67,7 @@ class Family:
 
 
 class Exposition:
-    """Families in the order in which they were first named, each with the series of all robots."""
+    """Families in the order of their first use, each with the series of all robots."""
 
     def __init__(self) -> None:
         self._families: dict[str, Family] = {}

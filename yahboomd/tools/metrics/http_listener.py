@@ -1,8 +1,8 @@
 """The HTTP listener for scrapers: one page, bounded in time, size and number.
 
-A browser on the same machine reaches loopback too, and with a name that its owner points there
-(DNS rebinding) any website could read the answer. So the Host header has to be an address,
-``localhost`` or a name that was allowed. Nothing here changes anything.
+A browser on the same machine reaches loopback too. If a website's name points there (DNS
+rebinding), the website could read the answer. So the Host header must be an address, ``localhost``
+or a name that was allowed. No request changes anything.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ OUTCOMES: Final = (
     *("answered", "bad_request", "bad_host", "bad_method", "bad_path"),
     *("too_slow", "gone", "crowded_out"),
 )
-"""Outcomes of a connection, which are counted."""
+"""Outcomes of a connection, each counted."""
 
 _PLACE = re.compile(r"(?P<host>\[[0-9A-Fa-f:.]+\]|[^\[\]:]+)(?::(?P<port>\d{1,5}))?\Z")
 _REASONS = {200: "OK", 400: "Bad Request", 404: "Not Found", 405: "Method Not Allowed"} | {
@@ -75,7 +75,7 @@ class MetricsListener:
 
     Args:
         render: Makes the page, in OpenMetrics or in the older format.
-        names: Host names, besides ``localhost`` and addresses, by which scrapers may ask.
+        names: Host names, besides ``localhost`` and addresses, that scrapers may use.
     """
 
     def __init__(
@@ -146,7 +146,7 @@ class MetricsListener:
             return "too_slow"
         except (asyncio.IncompleteReadError, ConnectionError):
             return "gone"
-        # drain() then waits until the kernel has all of it.
+        # With this drain() waits until the kernel has accepted everything.
         writer.transport.set_write_buffer_limits(high=0)
         try:
             writer.write(answer)

@@ -1,4 +1,4 @@
-"""Metrics of robots, and the page of them for scrapers.
+"""Turns samples of robots into metrics, and makes the page for scrapers.
 
 Every number of the status is a metric: its name, kind, unit and meaning come from
 :data:`~yahboomd.core.messages.status_fields.FIELDS`. Numbers that FIELDS does not list (from a
@@ -20,10 +20,10 @@ from yahboomd.core.model import NS_PER_S
 from yahboomd.tools.metrics.exposition import Exposition, Kind
 
 MAX_SERIES = 64
-"""The most sources, wheels and reasons of one sample: any program may have written it."""
+"""The most sources, wheels and reasons taken from one sample: any program may have written it."""
 
 FRESH_NS = 2_000_000_000
-"""A twist or wheels sample so much older than the status says nothing about now."""
+"""A twist or wheels sample this much older than the status is left out as outdated."""
 
 
 # By the unit that FIELDS names: the ending of the field, its base unit, and the factor to that.
@@ -81,8 +81,8 @@ def metric_name(field: StatusField) -> str:
 def add_robot(exposition: Exposition, robot: RobotFacts) -> None:
     """Add the series of one robot.
 
-    A daemon that is not alive leaves ``yahboomd_up 0``, the age of its last status and what this
-    process itself has counted. Old numbers are left out: they would look current.
+    For a daemon that is not alive it adds ``yahboomd_up 0``, the age of the last status and this
+    process's own counts. It leaves old numbers out, because they would look current.
     """
     _RobotMetrics(exposition, robot).add()
 

@@ -1,4 +1,4 @@
-"""One robot for the metrics: its status as it comes, its speeds once a second, its events."""
+"""Follows one robot for the metrics: its status, its events, and its speeds once a second."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ PERIOD_S = 1.0
 ANSWER_S = 0.8
 
 ALIVE_S = 3.0
-"""A daemon makes a status twice a second: without a new one for so long it counts as dead."""
+"""A daemon publishes a status twice a second; without a new one for this time it counts as dead."""
 
 MAX_KINDS = 128
 """Kinds of events that are counted apart; more are counted as ``other``."""
@@ -40,10 +40,7 @@ Sample = TypeVar("Sample", bound=msgspec.Struct)
 
 
 class RobotPoll:
-    """Follows one robot.
-
-    The daemon is asked once a second, however often :meth:`current` is read.
-    """
+    """Follows one robot, and asks its daemon once a second, independently of :meth:`current`."""
 
     def __init__(self, name: str, options: BusOptions, clock: Clock) -> None:
         self.name = name
@@ -60,7 +57,7 @@ class RobotPoll:
         self._unreadable = 0
 
     async def run(self) -> None:
-        """Follow it until cancelled; a daemon that is not there is waited for.
+        """Follow it until cancelled, and wait for a daemon that is not there.
 
         Raises:
             BusError: It can never be reached like this: a wrong endpoint, namespace or file.
@@ -74,19 +71,19 @@ class RobotPoll:
             due_s = loop.time()
             while True:
                 await self._poll(connection.bus)
-                # After a pause it goes on from now, and does not catch up.
+                # After a pause the schedule starts again: missed polls are not made up for.
                 due_s = max(due_s + PERIOD_S, loop.time())
                 await asyncio.sleep(due_s - loop.time())
         finally:
             await connection.close()
 
     def current(self) -> RobotFacts:
-        """The robot's state as known now."""
+        """The robot's facts as known now."""
         age_ns = None if self._status_ns is None else self._clock.now_ns() - self._status_ns
         fresh = age_ns is not None and age_ns < nanoseconds(ALIVE_S)
         return RobotFacts(
             name=self.name,
-            # A token proves no daemon that works, and a recent status none that is still there.
+            # Each alone can deceive: the token of a hung daemon, the status of one that just left.
             status=self._status if fresh and self._connection.alive else None,
             status_age_s=None if age_ns is None else seconds(age_ns),
             twist=self._twist,
@@ -116,7 +113,7 @@ class RobotPoll:
             small = len(payload) <= MAX_BYTES
             if small and (sample := read_sample(payload, message)) is not None:
                 return sample
-            # Before the first sample the answer is a refusal in words.
+            # Before its first sample a daemon answers with a refusal.
             if not small or read_sample(payload, ServiceReply) is None:
                 self._unreadable += 1
         return None

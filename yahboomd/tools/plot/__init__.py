@@ -1,1 +1,1 @@
-"""``plot``: a recording as one picture. ``recorded_series`` reads it, ``plot`` draws it."""
+"""``plot``: draws a recording. ``recorded_series`` reads it."""

@@ -1,4 +1,4 @@
-"""The series of a recording, by the time since its first sample."""
+"""Reads the series of a recording, by the time since its first sample."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ MESSAGES: dict[str, type[msgspec.Struct]] = {
 
 @dataclass
 class Recording:
-    """The data of a picture.
+    """The samples of a recording.
 
     Attributes:
         begin_ns: The first stamp; Unix nanoseconds.
@@ -58,10 +58,10 @@ class Recording:
 
 
 def read_recording(path: Path) -> Recording:
-    """Read a folder that ``yahboomd record`` made, or one of its native files; cut ones too.
+    """Read a folder that ``yahboomd record`` made, or one of its native files, complete or cut.
 
     Raises:
-        Refused: There is nothing of a robot in it.
+        Refused: It holds no sample of a robot.
     """
     files = [path]
     if path.is_dir():

@@ -1,1 +1,1 @@
-"""Ports that a tool holds itself: opened and guarded, single pulses, what a board reports."""
+"""Ports that a tool opens itself: guards for turning wheels, single pulses, a board's report."""

@@ -1,8 +1,8 @@
-"""A second process that lets the motors go where the first one dies, or hangs, in a pulse.
+"""A second process that lets the motors go if the first one dies, or hangs, in a pulse.
 
-The board has no timeout: a motor whose pulse is not ended turns for ever. No code of a process that
-was killed ends it, so another process watches over each pulse, on the same open port. If the port
-is gone by then, it waits for the board, a minute at most, and stops it once.
+The board has no timeout: a motor whose pulse is not ended turns for ever. A killed process cannot
+end it, so another process watches over each pulse, on the same open port. If the port is gone by
+then, that process waits up to a minute for the board, and stops it once.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from yahboomd.core.link.port_note import PortNote
 from yahboomd.tools.stop import replug
 
 OVERDUE_S = 0.6
-"""A little more than a pulse: then the guard stops the wheels, whatever the other process does."""
+"""A little longer than a pulse; after it the guard stops the wheels, whatever the tool does."""
 
 READY_WITHIN_S = 10.0
 ENDS_WITHIN_S = 2.0
@@ -30,7 +30,7 @@ STOPS = 20
 STOP_PERIOD_S = 0.05
 
 BACK_WITHIN_S = 60.0
-"""The time for which it looks for a board that went away in a pulse."""
+"""The time for which the guard looks for a board that went away in a pulse."""
 
 BEGINS, ENDS, LOST, DISMISSED = b"+", b"-", b"l", b"."
 
@@ -38,7 +38,7 @@ _HELD_BACK = (errno.EAGAIN, errno.EINTR)
 
 
 class Guard:
-    """The guard, as the process that it watches sees it.
+    """The guard, as seen from the process that it watches.
 
     Attributes:
         pulse: A pulse began, and its wheels were not seen to stand yet.
@@ -53,12 +53,12 @@ class Guard:
         """Start a guard.
 
         Args:
-            fd: Of the port.
-            stop: What lets the motors go, from any state of the board's parser.
-            note: How the port was opened, and which device it is; None: it is not looked for.
+            fd: The open port.
+            stop: Bytes that let the motors go, from any state of the board's parser.
+            note: The device and how its port was opened; None: do not look for the device.
 
         Raises:
-            OSError: It does not start.
+            OSError: The process does not start.
         """
         process = subprocess.Popen(  # noqa: S603 - this module
             [sys.executable, "-m", __name__, str(fd), stop.hex(), port_note.text_of(note)],
@@ -66,7 +66,7 @@ class Guard:
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             pass_fds=(fd,),
-            # Ctrl-C and a terminal that hangs up are not meant for it.
+            # Protects it from Ctrl-C and from a terminal that hangs up.
             start_new_session=True,
         )
         guard = cls(process)
@@ -79,7 +79,7 @@ class Guard:
         return guard
 
     def mark(self, pulse: bool) -> None:
-        """A pulse begins (True), or has ended and the wheels stand.
+        """Tell the guard that a pulse begins (True), or that it ended and the wheels stand.
 
         Raises:
             BoardError: The guard is gone: there must be no pulse.
@@ -93,20 +93,20 @@ class Guard:
             ) from error
 
     def lose_port(self) -> None:
-        """Have it close the port, which went away in a pulse: a new one gets its name."""
+        """Have the guard close a port that went away, so that the kernel can reuse its name."""
         self._try_to_tell(LOST)
 
     def dismiss(self) -> None:
-        """End it, without a stop: the wheels were stopped, or a person looks after them."""
+        """End the guard without a stop: the wheels stand, or a person takes care of them."""
         self._try_to_tell(DISMISSED)
         self.close()
 
     def leave(self) -> None:
-        """End this process before it: it goes on as if this one was killed."""
+        """Leave the guard running; it acts as if this process was killed."""
         for pipe in (self._process.stdin, self._process.stdout):
             if pipe is not None:
                 pipe.close()
-        # This process does not wait for it.
+        # Tells subprocess not to wait for it.
         self._process.returncode = 0
 
     def _tell(self, mark: bytes) -> None:
@@ -118,7 +118,7 @@ class Guard:
             self._tell(mark)
 
     def close(self) -> None:
-        """End it; it stops the wheels first where a pulse has not ended."""
+        """End the guard, which first stops the wheels if a pulse has not ended."""
         for pipe in (self._process.stdin, self._process.stdout):
             if pipe is not None:
                 pipe.close()
@@ -136,7 +136,7 @@ def watch(fd: int, stop: bytes, note: PortNote | None = None) -> None:
     lost = pulse = False
     while True:
         if not select.select([0], [], [], wait_s)[0]:
-            # Overdue: again and again, until the other process goes on or is gone.
+            # Overdue: stop again and again, until the other process goes on or is gone.
             lost, wait_s = not _send(fd, stop), STOP_PERIOD_S
         elif marks := os.read(0, 64):
             if DISMISSED in marks:
@@ -158,7 +158,7 @@ def watch(fd: int, stop: bytes, note: PortNote | None = None) -> None:
 
 
 def _send(fd: int, stop: bytes) -> bool:
-    """Send the stop, if the port takes it at this moment; whether the port is there."""
+    """Send the stop if the port takes it now; returns whether the port is still there."""
     try:
         os.write(fd, stop)
     except OSError as error:
@@ -167,7 +167,7 @@ def _send(fd: int, stop: bytes) -> bool:
 
 
 def _closed(fd: int) -> int:
-    """Close the port: the kernel gives its name to no other while it is open."""
+    """Close the port: while it is open, the kernel gives its name to no other device."""
     if fd >= 0:
         with contextlib.suppress(OSError):
             os.close(fd)
@@ -182,7 +182,7 @@ def _stop_when_back(note: PortNote) -> None:
         except replug.TakenByOurs:
             return
         if seized is not None:
-            # Imported after the first stop: it takes longer than everything before.
+            # Imported after the first stop, because the import takes longer than the stop.
             import asyncio
 
             from yahboomd.core.clock import SystemClock

@@ -1,4 +1,4 @@
-"""A port on which a tool turns wheels without a daemon, and what stops them if the tool cannot.
+"""A port on which a tool turns wheels without a daemon, and the guard that stops them.
 
 If the tool is killed, its guard stops the wheels. If the port goes away while wheels may turn, the
 tool waits for the device, stops it, and ends.
@@ -37,7 +37,7 @@ GUARD_WAITS = " If the board comes back within a minute, it is stopped yet."
 
 
 class LostInMotion(YahboomdError):
-    """The port went away while wheels turned, and the tool saw to them: it may be run again."""
+    """The port went away while wheels turned, and the tool stopped them: it may be run again."""
 
     exit_code = os.EX_TEMPFAIL
 
@@ -47,10 +47,10 @@ class LeftTurning(asyncio.CancelledError):
 
 
 class GuardedPort:
-    """A port with its guard; neither is there on a simulated line.
+    """A port with its guard. A simulated line has no guard.
 
     Attributes:
-        turning: Wheels were driven, and not seen to stand yet.
+        turning: Wheels were driven, and were not seen to stand yet.
     """
 
     def __init__(self, port: Port, config: Config) -> None:
@@ -70,7 +70,7 @@ class GuardedPort:
             )
 
     def watch_over(self, dialect: Dialect) -> None:
-        """Start the guard, which lets the motors go.
+        """Start the guard.
 
         Raises:
             BoardError: It does not start.
@@ -84,7 +84,7 @@ class GuardedPort:
             raise BoardError(f"No motor is turned: {error}.") from error
 
     def mark(self, turning: bool) -> None:
-        """Wheels are about to be driven (True), or were seen to stand.
+        """Record that wheels are about to be driven (True), or were seen to stand.
 
         Raises:
             BoardError: The guard is gone: no wheel must be driven.
@@ -94,13 +94,13 @@ class GuardedPort:
             self._guard.mark(turning)
 
     async def stop_when_back(self, clock: Clock, say: Callable[[str], None]) -> str:
-        """Wait for the device, stop it, and let its port go.
+        """Wait for the device, stop it, and release its port.
 
         Returns:
-            How it went, as sentences.
+            The outcome, as sentences.
 
         Raises:
-            LeftTurning: It was cancelled before.
+            LeftTurning: The wait was cancelled.
         """
         guard, self._guard = self._guard, None
         assert guard is not None
@@ -112,7 +112,7 @@ class GuardedPort:
         except asyncio.CancelledError as error:
             by_person = error.args == ("SIGINT",)
             guard.dismiss() if by_person else guard.leave()
-            # A terminal that is gone takes no words.
+            # The terminal may be gone.
             with contextlib.suppress(OSError):
                 say(NOT_STOPPED if by_person else NOT_STOPPED + GUARD_WAITS)
             raise LeftTurning from error
@@ -120,7 +120,7 @@ class GuardedPort:
         return words
 
     def close(self) -> None:
-        """End the guard; it stops the wheels first where they were not seen to stand."""
+        """End the guard, which first stops the wheels if they were not seen to stand."""
         if self._guard is not None:
             self._guard.close()
 
@@ -129,9 +129,9 @@ class GuardedPort:
 async def guarded(
     port: Port, config: Config, clock: Clock, say: Callable[[str], None]
 ) -> AsyncIterator[GuardedPort]:
-    """See to wheels that a tool turns, whatever happens to it or to the cable.
+    """Make sure that wheels stop, whatever happens to the tool that turns them, or to the cable.
 
-    The line on the port is attended within it: it begins where the line ends.
+    Attend the line on the port inside of this context.
 
     Args:
         port: The open port.
@@ -150,7 +150,7 @@ async def guarded(
         words = await found.stop_when_back(clock, say)
         raise LostInMotion(f"{lost.message} {words}", remedy="Look at the cable.") from lost
     finally:
-        # It ends last: it takes a second if a wheel may turn.
+        # Ends last, because it takes a second if a wheel may turn.
         found.close()
 
 
@@ -166,7 +166,7 @@ async def _stop_when_back(note: PortNote, clock: Clock) -> str:
             async def take() -> None:
                 reports.append(await take_over_seized(seized, clock))  # noqa: B023
 
-            # It may be out again.
+            # The cable may be out again.
             with contextlib.suppress(LinkError):
                 await undisturbed(take())
                 return describe(reports[0])

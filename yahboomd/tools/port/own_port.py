@@ -1,4 +1,4 @@
-"""The board's port for a command that takes it itself, and why it cannot be had."""
+"""Opens the board's port for a command without a daemon, and explains why it cannot."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ RETRY_S = 0.05
 
 
 def opener_of(port: str, config: Config, clock: Clock) -> Opener:
-    """What opens the port as the configuration says, for this process alone.
+    """A function that opens the port by the configuration, for this process alone.
 
-    It waits for the guard of a `setup` or a `tune` that was killed, which stops the wheels.
+    It waits for the guard of a killed `setup` or `tune`, which stops the wheels.
     """
     serial = config.serial
     options = PortOptions(
@@ -46,8 +46,8 @@ def opener_of(port: str, config: Config, clock: Clock) -> Opener:
                 return await open_port(options, clock)
             except PortBusy:
                 found = pids(holders(port))
-                # A guard that ends at this moment is none any more, or is not there (0), as is one
-                # that this user may not see: another program has the port at the next look, too.
+                # A guard that is just ending, or that this user may not see, looks like another
+                # program or like none (0). Another program still has the port at the next look.
                 others = {pid for pid in found if not is_guard(pid)} if found else {0}
                 if clock.now_ns() >= end_ns or others & before:
                     raise
@@ -58,10 +58,10 @@ def opener_of(port: str, config: Config, clock: Clock) -> Opener:
 
 
 def refuse_estop(port: str, config: Config, environ: Mapping[str, str]) -> None:
-    """Refuse to turn wheels while an emergency stop is engaged that may be this board's.
+    """Refuse to turn wheels while an emergency stop is engaged that may belong to this board.
 
     Raises:
-        Refused: One is engaged, or it cannot be seen whether one is.
+        Refused: One is engaged, or its state cannot be read.
     """
     own = config.latch_path(environ, user_id=os.getuid())
     try:

@@ -1,4 +1,4 @@
-"""Examines a board, and whether opening the port resets it. No wheel moves."""
+"""Examines a board, and finds out whether opening the port resets it. No wheel moves."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from yahboomd.core.protocol.settings import BoardSettings
 Survival: TypeAlias = Literal["kept", "reset", "unknown"]
 
 DRIFT_TICKS = 400
-"""Wheels that are pushed meanwhile count too: a third of a turn of the vendor's usual gear."""
+"""A wheel that is pushed between two readings counts: a third of a turn of the usual gear."""
 
 
 class Examination(msgspec.Struct, frozen=True, kw_only=True):
     """The answers of a board.
 
     Attributes:
-        dialect: How it is spoken to; None where nothing answered like a board.
-        settings: What it stores; None where it stores nothing, or did not report it.
-        volts: The supply of its motors; None where it does not report it.
-        ticks: Its counters; None where they did not come.
+        dialect: The board's dialect; None if nothing answered like a board.
+        settings: Its stored settings; None if it stores none, or did not report them.
+        volts: The supply of its motors; None if it does not report the voltage.
+        ticks: Its counters; None if they did not come.
         standing: Whether the wheels were seen to stand; None if no counts came.
     """
 
@@ -44,14 +44,14 @@ class Examination(msgspec.Struct, frozen=True, kw_only=True):
 async def examine(
     opener: Opener, clock: Clock, expected: BoardSettings, *, counters_only: bool = False
 ) -> Examination:
-    """Open the port, stop, ask everything that can be asked, and close.
+    """Open the port, stop the wheels, ask every question, and close.
 
     Args:
-        expected: What the board should store.
-        counters_only: Ask for nothing but the counters.
+        expected: The settings that the board should store.
+        counters_only: Ask for the counters alone.
 
     Raises:
-        LinkError: The port cannot be had, or went away.
+        LinkError: The port cannot be opened, or went away.
     """
     line = Line(await opener(), clock)
     async with line.attended():
@@ -72,7 +72,7 @@ async def examine(
             dialect=talk.dialect,
             settings=settings,
             volts=volts,
-            # The wheels may have rolled out meanwhile.
+            # The newest counters: the wheels may have rolled on since the answer.
             ticks=line.ticks if ticks is not None else None,
             standing=report.stood,
             heard=line.heard,
@@ -83,9 +83,9 @@ class Reopening(msgspec.Struct, frozen=True, kw_only=True):
     """The effect on the counters of closing and opening the port.
 
     Attributes:
-        survival: Whether they were kept, or the board restarted; unknown where they were near
-            zero already, or did not come.
-        banner: The board announced that it has started.
+        survival: Whether the counters were kept, or the board restarted; unknown if they were
+            near zero already, or did not come.
+        banner: The board announced a start.
     """
 
     survival: Survival
@@ -95,13 +95,13 @@ class Reopening(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def near_zero(self) -> bool:
-        """Whether a reset could not show: there was nothing to lose."""
+        """Whether the counters are near zero now, as after a reset."""
         return self.after is not None and _near_zero(self.after)
 
 
 def compare(before: Counts | None, after: Counts | None, *, banner: bool) -> Reopening:
     """Judge by the counters whether a board was reset between two readings."""
-    # A line that loses bytes can make a banner of the settings: counters know better, if they know.
+    # A line that loses bytes can turn settings into a banner, so the counters overrule it.
     survival: Survival = "reset" if banner else "unknown"
     if before is not None and after is not None:
         kept = all(_near(a, b) for a, b in zip(before, after, strict=True))
@@ -112,10 +112,10 @@ def compare(before: Counts | None, after: Counts | None, *, banner: bool) -> Reo
 
 
 async def reopen(opener: Opener, clock: Clock, before: Examination) -> Reopening:
-    """Open the port once more, after it was closed, and look at the counters.
+    """Open the port once more after it was closed, and compare the counters.
 
     Raises:
-        LinkError: The port cannot be had, or went away.
+        LinkError: The port cannot be opened, or went away.
     """
     again = await examine(opener, clock, BoardSettings(), counters_only=True)
     return compare(before.ticks, again.ticks, banner=again.heard.resets > 0)

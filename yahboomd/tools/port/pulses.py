@@ -1,10 +1,10 @@
-"""Pulses of single motors without regulation: a wheel turns a little, whatever its encoder does.
+"""Turns single motors by short pulses without regulation, safely even with a broken encoder.
 
-The law: a pulse lasts half a second at most, and no wheel turns by more than half a turn, even if
-its gear is faster than configured; in all pulses of one call no wheel turns by more than one. It
-ends where any counter shows the bound; while no counter moves, it ends when the fastest motor there
-is would have turned so far. A pulse is an output, never a speed: the speed loop of the board would
-drive a wheel whose encoder is dead or runs backward as fast as it can.
+The bounds: a pulse lasts half a second at most, and no wheel turns by more than half a turn, even
+if its gear is faster than configured. In all pulses of one call no wheel turns by more than one
+turn. A pulse ends when any counter shows the bound. If no counter moves, it ends when the fastest
+existing motor would have reached the bound. A pulse sets an output, never a speed: with a dead or
+reversed encoder the board's speed loop would drive the wheel as fast as it can.
 """
 
 from __future__ import annotations
@@ -25,55 +25,55 @@ from yahboomd.core.protocol.dialect import Dialect
 LONGEST_S = 0.5
 
 BOUND_TURNS = 0.3
-"""Counted so far a pulse ends: the wheel rolls out, and counts are some milliseconds old."""
+"""A pulse ends at this count: the wheel rolls on, and counts are some milliseconds old."""
 
 BLIND_TURNS = 0.5
-"""The bound by time, at the speed of the fastest motor there is, rolling out included."""
+"""The bound by time, for the fastest existing motor, including the roll after the pulse."""
 
 ROLLS_S = 0.08
-"""A wheel that is let go rolls on as far as it turned in so long."""
+"""A wheel that is let go rolls on as far as it turned in this time."""
 
 SHORTEST_S = 0.04
-"""No motor gets far in so long, and none is seen to move in less."""
+"""No motor gets far in this time, and none visibly moves in less."""
 
 SHOWN_TURNS = 0.1
-"""A person sees a wheel that turns so far."""
+"""A person sees a wheel turn if it turns by this much."""
 
 MOST_TURNS = 0.8
-"""Counted so far the pulses of one call end."""
+"""The pulses of one call end at this count."""
 
 MOST_PULSES = 40
 
 NEAR_SHARE = 0.03
-"""An advance that comes so near is done."""
+"""An advance is done if this share of it is left."""
 
 MOVED_TURNS = 0.01
-"""Less than that is no motion: gears have play."""
+"""Less is no motion, because gears have play."""
 
 STEPS = tuple(step / 100.0 for step in range(30, 80, 6))
 """Outputs to try, as shares of the largest one; the smallest ones turn no motor."""
 
 DEAD_SHARE = 0.3
-"""No motor turns with less."""
+"""No motor turns with a smaller share of the output."""
 
 UNSEEN_S = 0.6
-"""A wheel that no counter shows rolls out within so long of full output, of less in proportion."""
+"""A wheel that no counter shows stops within this time of full output, else in proportion."""
 
 STAND_WITHIN_S = 3.0
 HELD_UP_NS = 100_000_000
-"""A wait that ends so late was held up."""
+"""A wait that ends this late means that the process did not run."""
 
 CUTS = 3
-"""A frame may be lost, so that each cut is sent so often; it is repeated until the wheel stands."""
+"""How often each cut is sent, because a frame may be lost. Cuts repeat until the wheel stands."""
 
 
 class Pulse(msgspec.Struct, frozen=True, kw_only=True):
     """The outcome of a pulse.
 
     Attributes:
-        output: The output, of the dialect's most.
-        counts: What each counter changed by, until all wheels stood.
-        turns: The most that any counter showed.
+        output: The output, in the dialect's units.
+        counts: The change of each counter, until all wheels stood.
+        turns: The largest turn that any counter showed.
     """
 
     output: int
@@ -82,12 +82,12 @@ class Pulse(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Pulses:
-    """Turns single motors of a board whose counters come by themselves.
+    """Turns single motors of a board that reports its counters unasked.
 
     Args:
-        line: An attended line, on which the wheels were stopped and the counters come.
+        line: An attended line whose wheels were stopped and whose counters come.
         fastest_turns_per_s: No wheel turns faster at full output.
-        least_ticks: The fewest counts that a turn of a wheel may have; None: as many as usual.
+        least_ticks: The fewest counts that a turn of a wheel may have; None: as configured.
         on_pulse: Called with True before each pulse, and with False when the wheels stand again.
     """
 
@@ -111,18 +111,18 @@ class Pulses:
         self._first = self._working = 0
         self._news = asyncio.Event()
         line.on_counts = lambda _: self._news.set()
-        # A brake would start the board's speed loop: the line leaves by letting the motors go.
+        # A brake would start the board's speed loop, so the line ends by letting the motors go.
         line.let_go = True
 
     async def turn(self, position: int, on_step: Callable[[], None] = lambda: None) -> Pulse:
-        """Turn a motor forward by its own idea, with more and more output, until a counter moves.
+        """Turn a motor forward, with more and more output, until a counter moves.
 
         Args:
             on_step: Called before each pulse, while every wheel stands.
 
         Returns:
-            The latest pulse: of the first output that turned a wheel visibly, as the counters show
-            it, else of the largest one.
+            The last pulse: with the first output that turned a wheel visibly by the counters, or
+            with the largest output.
 
         Raises:
             BoardError: The board reset itself, a wheel does not stop, or no counts come.
@@ -133,7 +133,7 @@ class Pulses:
             pulse, _ = await self._pulse({position: 1}, STEPS[number])
             counted += pulse.turns * self._ticks
             if pulse.turns >= SHOWN_TURNS:
-                # The next motor is much like this one.
+                # The next motor will need about the same output.
                 self._first, self._working = max(0, number - 2), number
                 break
             if counted >= BOUND_TURNS * self._least:
@@ -148,15 +148,15 @@ class Pulses:
     async def advance(
         self, signs: Mapping[int, int], counts: float, on_step: Callable[[], None] = lambda: None
     ) -> Counts:
-        """Turn motors forward until each has counted so far, in several pulses.
+        """Turn motors forward until each has counted this much, in several pulses.
 
         Args:
-            signs: For each motor, by its position, the sign of its output.
+            signs: The sign of the output for each motor, by its position.
             counts: :attr:`most_counts` at most.
             on_step: Called before each pulse, while every wheel stands.
 
         Returns:
-            What each counter changed by in all: less than asked for if a motor does not turn.
+            The change of each counter in all; less than asked for if a motor does not turn.
 
         Raises:
             BoardError: The board reset itself, a wheel does not stop, or no counts come.
@@ -187,10 +187,10 @@ class Pulses:
     async def _pulse(
         self, signs: Mapping[int, int], share: float, bound: float = math.inf
     ) -> tuple[Pulse, float]:
-        """One pulse, and how far the fastest wheel rolled after it.
+        """Do one pulse; returns it with the distance that the fastest wheel rolled afterwards.
 
         Args:
-            bound: Counted so far it ends, at the latest.
+            bound: The count at which it ends at the latest.
         """
         line, clock, dialect = self._line, self._clock, self._dialect
         output = round(share * dialect.most_output)
@@ -242,7 +242,7 @@ class Pulses:
             )
 
     async def _standing(self, motors: str, resets: int) -> Counts:
-        """Wait until every wheel stands; the counters then."""
+        """Wait until every wheel stands; returns the counters."""
         line, clock = self._line, self._clock
         line.watch.reset()
         end_ns = clock.now_ns() + nanoseconds(STAND_WITHIN_S)
@@ -265,13 +265,13 @@ class Pulses:
                 cut_ns = clock.now_ns() + nanoseconds(0.1)
             until_ns = min(cut_ns, end_ns)
             await self._counted(until_ns)
-            # A time in which this process did not run shows no wheel that turns.
+            # Time in which this process did not run is no proof of a turning wheel.
             end_ns += max(0, clock.now_ns() - until_ns - HELD_UP_NS)
         assert line.ticks is not None
         return line.ticks
 
     async def _counted(self, until_ns: int) -> None:
-        """Wait for the next counts, or until then."""
+        """Wait for the next counts, at most until ``until_ns``."""
         self._news.clear()
         alarm = self._clock.alarm(self._news.set)
         alarm.set(until_ns)
@@ -282,5 +282,5 @@ class Pulses:
 
 
 def _effect(share: float) -> float:
-    """The speed of a motor that turns as soon as any does, as a share of its largest."""
+    """The speed of the motor that starts most easily, as a share of its largest."""
     return max(0.0, (share - DEAD_SHARE) / (1.0 - DEAD_SHARE))

@@ -1,11 +1,11 @@
-"""The guard of `yahboomd run`: does what the service's unit does, where no service manager does.
+"""The guard of `yahboomd run`: replaces the service's watchdog if no service manager runs it.
 
 It is a small process in a session of its own, so that neither a terminal nor a signal to the
-daemon's job reaches it. It kills a daemon whose beats end, and stops the wheels of one that ended
-without standing wheels: it takes the device that the daemon had, as `yahboomd stop --direct` does.
-Until then it opens no port.
+daemon's job reaches it. It kills a daemon whose beats end. It stops the wheels of a daemon that
+ended while they may turn: it takes the daemon's device, as `yahboomd stop --direct` does. Until
+then it opens no port.
 
-It runs as a script, with the standard library alone, and imports the rest after its first stop.
+It runs as a script with the standard library alone, and imports the rest after its first stop.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import time
 from typing import TYPE_CHECKING
 
 if __name__ == "__main__":
-    # Without `site` nothing but the standard library is found.
+    # Without `site` Python finds the standard library only.
     sys.path += sys.argv[4].split(os.pathsep)
 
 from yahboomd.core.link import port_note
@@ -30,10 +30,10 @@ if TYPE_CHECKING:
     from yahboomd.core.link.takeover import TakeoverReport
 
 BEATS_WITHIN_S = 2.0
-"""The watchdog of the unit has the same time."""
+"""The same time as the unit's watchdog."""
 
 GRACE_S = 0.5
-"""A guard that did not run itself, as where the whole machine stood still, looks once more."""
+"""If the guard itself did not run, as when the whole machine stood still, it waits once more."""
 
 LATE_S = 0.2
 KILLED = (
@@ -50,12 +50,12 @@ SAID_WITHIN_S = 0.2
 
 
 class Watch:
-    """Reads what the daemon reports: the messages of sd_notify(3), and two more.
+    """Reads the daemon's messages: those of sd_notify(3), and two more.
 
     Attributes:
         beats: The daemon has to beat now.
-        standing: It left standing wheels, or drove none.
-        note: The port that it has.
+        standing: The daemon left standing wheels, or drove none.
+        note: Its open port.
     """
 
     def __init__(self) -> None:
@@ -82,12 +82,12 @@ def guard(fd: int, daemon: int, folder: str) -> None:
     """Watch a daemon until it ends, and stop the wheels that it leaves turning.
 
     Args:
-        fd: Where its messages come, until it ends.
-        daemon: Its process, whose child this one is.
+        fd: Delivers the daemon's messages until it ends.
+        daemon: The daemon's process, the parent of this one.
         folder: Its runtime folder.
     """
     for number in signal.valid_signals() - {signal.SIGKILL, signal.SIGSTOP, signal.SIGCHLD}:
-        # What ends a whole service, or a whole session, ends the daemon, and that this process.
+        # A signal that ends a service or a session ends the daemon, and then this process acts.
         signal.signal(number, signal.SIG_IGN)
     watch = Watch()
     killed = _until_ended(fd, daemon, watch)
@@ -104,7 +104,7 @@ def guard(fd: int, daemon: int, folder: str) -> None:
 
 
 def _until_ended(fd: int, daemon: int, watch: Watch) -> bool:
-    """Wait until the daemon has ended; whether it was killed here."""
+    """Wait until the daemon has ended; returns whether this guard killed it."""
     poll = select.poll()
     poll.register(fd, select.POLLIN)
     due_s: float | None = None
@@ -122,7 +122,7 @@ def _until_ended(fd: int, daemon: int, watch: Watch) -> bool:
             if now_s - due_s > LATE_S and not again:
                 again, due_s = True, now_s + GRACE_S
             elif os.getppid() == daemon:
-                # Until it has ended, this is its child, and its id no other's.
+                # While the daemon is the parent, its id cannot belong to another process.
                 os.kill(daemon, signal.SIGKILL)
                 killed, due_s = True, None
             else:
@@ -130,7 +130,7 @@ def _until_ended(fd: int, daemon: int, watch: Watch) -> bool:
 
 
 def _stop(note: PortNote, why: str, daemon: int) -> TakeoverReport | None:
-    """Take the device and stop its wheels; None if that could not be seen to."""
+    """Take the device and stop its wheels; None after a message that it could not be taken."""
     began_s = time.monotonic()
     asked = False
     why = why.format(pid=daemon)
@@ -140,7 +140,7 @@ def _stop(note: PortNote, why: str, daemon: int) -> TakeoverReport | None:
         except replug.TakenByOurs as taker:
             say(f"{why} {taker} now, and stops the wheels as it begins.")
             return None
-        # The first stop comes before any word.
+        # seize_again() has sent the first stop already: words come second.
         if why and seized is not None:
             say(f"{why} A stop was sent.")
             why = ""
@@ -163,8 +163,8 @@ def _stop(note: PortNote, why: str, daemon: int) -> TakeoverReport | None:
 
 
 def _taken_over(seized: Seized) -> TakeoverReport | None:
-    """See that the wheels stand; None if the port went away again."""
-    # The first stop is sent: what follows takes longer than everything before.
+    """Wait until the wheels stand; None if the port went away again."""
+    # Imported after the first stop, because the imports take longer than the stop.
     import asyncio
 
     from yahboomd.core.clock import SystemClock
@@ -178,7 +178,7 @@ def _taken_over(seized: Seized) -> TakeoverReport | None:
 
 
 def say(words: str) -> None:
-    """Print a line to standard error, unless its reader takes none, or is gone."""
+    """Print a line to standard error, unless its reader is gone or accepts nothing."""
     from yahboomd.core.program import pasteable, readable
 
     poll = select.poll()

@@ -1,5 +1,5 @@
-"""``probe``: names the board, explains what is wrong, and stores its settings.
+"""``probe``: names the board, explains problems, and stores the board's settings.
 
-``probe_report`` puts together what was found, ``probe_text`` has it in words, ``probe_write``
-prints what is stored, ``probe_client`` asks the daemon that holds the port.
+``probe_report`` collects the findings, ``probe_text`` puts them into words, ``probe_write`` prints
+the progress of storing, ``probe_client`` asks the daemon that holds the port.
 """

@@ -1,4 +1,4 @@
-"""The bus half of ``yahboomd probe``: what the daemon that holds the port knows of its board."""
+"""Asks the daemon that holds the port about its board."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Reported(NamedTuple):
     """A daemon's report of its board.
 
     Attributes:
-        found: The board's facts, as if it had been asked itself; None while it has no board.
+        found: The board's facts, as a probe of the port finds them; None if it has no board.
     """
 
     port: str
@@ -35,7 +35,7 @@ class Reported(NamedTuple):
 
 
 async def ask_board(endpoints: tuple[str, ...], config: Config) -> Reported | None:
-    """Ask for the board's facts; None where no daemon answers."""
+    """Ask the daemon for the board's facts; None if no daemon answers."""
     robot = AsyncRobot(client_options(endpoints, config))
     try:
         await robot.join(0.0)
@@ -54,7 +54,7 @@ async def ask_board(endpoints: tuple[str, ...], config: Config) -> Reported | No
 
 
 def examination(facts: Mapping[str, Any]) -> Examination | None:
-    """A daemon's report of its board, as if it had been asked on the port.
+    """Convert a daemon's report to the result of a probe; None if it cannot be read.
 
     Args:
         facts: The data of ``yahboomd/board``.

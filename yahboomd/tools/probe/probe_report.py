@@ -1,4 +1,4 @@
-"""The findings of ``yahboomd probe`` and what they mean, as one value. Pure."""
+"""Collects the findings of ``yahboomd probe`` and their meaning. Pure."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from yahboomd.core.protocol.settings import (
 from yahboomd.tools.port.probing import Examination, Reopening, Survival
 
 LOW_VOLTS = 5.5
-"""Below it the board lives on its USB plug: the motors have no supply of their own."""
+"""Below it the motors have no supply: USB alone feeds the board."""
 
 
 class SettingRow(msgspec.Struct, frozen=True, kw_only=True):
     """One stored value beside the wanted one, in the board's units.
 
     Attributes:
-        have: What the board stores; None where it did not answer.
-        want: What it should store; None leaves the value alone.
+        have: The stored value; None if the board did not answer.
+        want: The value to store; None leaves the board's value alone.
         differs: Whether `probe --write` would store it.
     """
 
@@ -59,14 +59,14 @@ class Report(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """One probe.
 
     Attributes:
-        port: The port that was probed; empty where none was found.
-        device: The device behind it, where the port is a link.
-        dialect: How the board is spoken to; None where none answered.
+        port: The probed port; empty if none was found.
+        device: The device behind it, if the port is a link.
+        dialect: The board's dialect; None if no board answered.
         standing: Whether the wheels were seen to stand.
         reopen: Whether the counters survive closing and opening the port; None: not tried.
-        settings: The stored values; empty where the board stores none.
-        problems: Why the board must not be driven like this; each with its remedy.
-        stored: What `--write` did, value by value.
+        settings: The stored values; empty if the board stores none.
+        problems: Why the board must not be driven like this, each with its remedy.
+        stored: The values that `--write` tried to store.
     """
 
     port: str = ""
@@ -101,7 +101,7 @@ def report(
     want: BoardSettings,
     wanted_dialect: str,
 ) -> Report:
-    """Put together a board's answers and what they mean."""
+    """Combine a board's answers with their meaning."""
     dialect, settings = found.dialect, found.settings
     assert dialect is not None
     meant = Findings()

@@ -1,4 +1,4 @@
-"""The findings of ``yahboomd probe`` in lines for a person. Pure."""
+"""Puts the findings of ``yahboomd probe`` into lines for a person. Pure."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def columns(cells: Sequence[Sequence[str]]) -> list[str]:
 
 
 def verdict(found: Report, width: int = 100) -> list[str]:
-    """Whether the board may be driven, and what else is worth knowing, in lines."""
+    """Whether the board may be driven, then its problems and advice, in lines."""
     points = [*found.problems, *found.advice]
     count = len(found.differing)
     if count and not found.problems:
@@ -87,7 +87,7 @@ def verdict(found: Report, width: int = 100) -> list[str]:
         )
     lines = [NOT_READY if found.problems else READY]
     for point in points:
-        # After the first line come commands to be pasted: they are not wrapped.
+        # The lines after the first are commands to paste: never wrap them.
         sentence, *verbatim = pasteable(point).splitlines()
         lines += textwrap.wrap(
             sentence,
@@ -102,7 +102,7 @@ def verdict(found: Report, width: int = 100) -> list[str]:
 
 
 def painted(lines: Sequence[str]) -> list[str]:
-    """The lines with the colours of a terminal."""
+    """The lines in the colours of a terminal."""
     found = list(lines)
     for pattern, code in _COLOURS.items():
         found = [re.sub(pattern, f"\x1b[{code}m\\g<0>\x1b[0m", line) for line in found]
@@ -113,9 +113,9 @@ def listing(found: Sequence[Candidate], udev_name: str, target: str) -> list[str
     """The serial ports of this machine, in lines.
 
     Args:
-        found: Those on USB, and those on the computer itself.
+        found: The ports on USB, and those of the computer itself.
         udev_name: The name that the udev rule gives the board.
-        target: What that name stands for; empty where it does not exist.
+        target: The device that this name links to; empty if it does not exist.
     """
     rows = [
         (each.path, "CH340, as the board has it" if each.is_ch340 else each.description, name)
@@ -128,7 +128,7 @@ def listing(found: Sequence[Candidate], udev_name: str, target: str) -> list[str
 
 
 def shown(row: SettingRow, settings: Sequence[StoredSetting]) -> tuple[str, str]:
-    """Both values of a setting: what the board stores, and what it should."""
+    """The value that the board stores, and the wanted one, in words."""
     setting = next(each for each in settings if each.command == row.command)
     have = "not known" if row.have is None else setting.words(row.have)
     want = "left as it is" if row.want is None else setting.words(row.want)

@@ -12,7 +12,7 @@ from yahboomd.tools.probe.probe_text import shown
 
 
 def agreed(count: int) -> bool:
-    """Ask the person at the terminal, if there is one, whether to store so many values."""
+    """Ask the person at the terminal whether to store; without a terminal the answer is yes."""
     if not sys.stdin.isatty():
         return True
     values = "this value" if count == 1 else f"these {count} values"

@@ -1,5 +1,5 @@
-"""Recordings: MCAP files of what is on the bus, with schemas that other programs read them by.
+"""Records the messages of the bus as MCAP files, with schemas for other programs.
 
-`mcap_files` writes them, bounded in size and readable up to the last chunk wherever they are cut;
+`mcap_files` writes the files, bounded in size and readable up to the last complete chunk;
 `ros_definitions` has the definitions of the ROS 2 messages in them.
 """

@@ -1,7 +1,7 @@
-"""Recordings that were cut off: read from the front, and written again with an index.
+"""Reads recordings that were cut off, from the front, and writes them again with an index.
 
-A recorder that was killed leaves a file without an index and with a last chunk that is not whole.
-Readers that look for the index first, as rosbags does, refuse such a file.
+If a recorder is killed, its file lacks the index, and its last chunk is incomplete. Readers that
+need the index first, such as rosbags, refuse such a file.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from mcap.records import Message, Schema
 
 QOS = "offered_qos_profiles"
-"""The metadata of a channel in which ROS 2 keeps its quality of service."""
+"""The metadata of a channel that holds ROS 2's quality of service."""
 
 
 class Cut(Exception):
@@ -26,7 +26,7 @@ class Cut(Exception):
 
 
 def parts(folder: Path, name: str) -> list[Path]:
-    """The files of one row of a recording, oldest first; not the copies that a person made."""
+    """The files of one row of a recording, oldest first, without copies that a person made."""
     found = [
         each for each in folder.glob(f"{name}_*.mcap") if each.stem[len(name) + 1 :].isdecimal()
     ]
@@ -57,12 +57,12 @@ def copy_whole(source: Path, name: str, target: Path, *, is_bag: bool) -> tuple[
 
     Args:
         source: The folder of the recording.
-        name: The row's files begin with it.
+        name: The start of the names of the row's files.
         target: An existing folder.
-        is_bag: As of :class:`~yahboomd.tools.record.mcap_files.McapFiles`.
+        is_bag: See :class:`~yahboomd.tools.record.mcap_files.McapFiles`.
 
     Returns:
-        How many messages were read, and how many files were cut.
+        The number of messages, and the number of files that were cut.
 
     Raises:
         OSError: A file cannot be read, or the disk is full.
@@ -102,7 +102,7 @@ def copy_whole(source: Path, name: str, target: Path, *, is_bag: bool) -> tuple[
 
 
 def _facts(files: list[Path]) -> dict[str, str]:
-    """The configuration of the daemon, which stands at the beginning of each file."""
+    """The daemon's configuration, from the beginning of the first readable file."""
     from mcap.exceptions import McapError
     from mcap.reader import NonSeekingReader
 

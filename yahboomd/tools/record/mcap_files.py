@@ -1,8 +1,8 @@
-"""MCAP files: a recording in parts of bounded size, in a folder that ``ros2 bag`` plays.
+"""Writes MCAP files: a recording in parts of bounded size, in a folder that ``ros2 bag`` plays.
 
-Chunks are small and go to the file at once, unbuffered: a file that is cut anywhere, or whose
-recorder was killed, lacks its index and its last chunk, and every reader finds the rest by reading
-from the front (https://mcap.dev/spec).
+Chunks are small and are written at once, unbuffered. If a file is cut, or its recorder killed, only
+the index and the last chunk are lost: readers get the rest by reading from the front
+(https://mcap.dev/spec).
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 NATIVE = "native"
 ROS = "ros2"
-"""The two rows of files of a recording: readers of ROS 2's bags fail on the schemas of JSON."""
+"""The two rows of files of a recording, because readers of ROS 2 bags fail on JSON schemas."""
 
 CHUNK_BYTES = 128 * 1024
-"""Some three seconds of a moving robot, uncompressed."""
+"""About three seconds of a moving robot, uncompressed."""
 
 METADATA = "metadata.yaml"
-"""Written when a part ends: ``ros2 bag`` and other readers of its folders want it."""
+"""Written when a part ends, for ``ros2 bag`` and other readers of its folders."""
 
 
 class Channel(NamedTuple):
@@ -60,18 +60,18 @@ class Part:
 
 
 class McapFiles:
-    """Writes messages into parts, and removes the oldest where they would take too much room.
+    """Writes messages into parts, and removes the oldest parts to stay below a size.
 
     Args:
         folder: An existing folder.
-        name: The parts' names begin with it.
-        split_bytes: A part that is larger is followed by another; 0 for one part.
-        max_bytes: All parts together stay below it by removing the oldest; 0 for no bound.
-        facts: Written into each part, such as the daemon's configuration.
-        is_bag: Whether the folder gets the ``metadata.yaml`` of a bag of ROS 2 with these parts.
+        name: The start of the parts' names.
+        split_bytes: The size at which the next part begins; 0 for a single part.
+        max_bytes: The most bytes of all parts together; 0 for no bound.
+        facts: Metadata for each part, such as the daemon's configuration.
+        is_bag: Whether the folder gets the ``metadata.yaml`` of a ROS 2 bag with these parts.
 
     Attributes:
-        removed: Parts that were removed to stay below ``max_bytes``.
+        removed: The number of parts removed to stay below ``max_bytes``.
     """
 
     def __init__(
@@ -87,7 +87,7 @@ class McapFiles:
         self._folder = folder
         self._name = name
         self._is_bag = is_bag
-        # Four parts at least, so that a removal leaves most of what there was.
+        # At least four parts, so that a removal leaves most of the recording.
         self._split_bytes = min(filter(None, (split_bytes, max_bytes // 4)), default=0)
         self._max_bytes = max_bytes
         self._facts = facts or {}
@@ -97,12 +97,12 @@ class McapFiles:
 
     @property
     def written_bytes(self) -> int:
-        """The size of the parts that are there."""
+        """The size of the parts that exist."""
         return sum(part.size for part in self._parts)
 
     @property
     def messages(self) -> int:
-        """The messages in the parts that are there."""
+        """The messages in the parts that exist."""
         return sum(sum(part.counts.values()) for part in self._parts)
 
     def write(
@@ -113,7 +113,7 @@ class McapFiles:
         Args:
             logged_ns: When it arrived; Unix nanoseconds.
             published_ns: When it was published; Unix nanoseconds.
-            sequence: Its number, where its sender counts.
+            sequence: Its number, if its sender counts.
 
         Raises:
             OSError: The disk is full, or lost.
@@ -135,12 +135,12 @@ class McapFiles:
         part.size = self._stream.size
 
     def sync(self) -> None:
-        """Have the disk keep what was written; slow, so in a thread."""
+        """Write everything to the disk itself. This is slow, so call it in a thread."""
         if self._parts:
             self._stream.sync()
 
     def end(self) -> None:
-        """Write the index of the part, and the folder's metadata."""
+        """End the current part with its index, and write the folder's metadata."""
         if not self._parts:
             return
         self._writer.finish()  # type: ignore[no-untyped-call]
@@ -178,7 +178,7 @@ class McapFiles:
         )
 
     def _make_room(self) -> None:
-        """Remove the oldest parts; the newest has a whole part to grow."""
+        """Remove the oldest parts until the newest one can grow to its full size."""
         while (
             self._max_bytes
             and len(self._parts) > 1
@@ -189,7 +189,7 @@ class McapFiles:
 
 
 class _Unbuffered:
-    """A file that has what was written to it, whatever becomes of this process."""
+    """A file without a buffer, so that nothing is lost if this process is killed."""
 
     def __init__(self, path: Path) -> None:
         self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
@@ -206,7 +206,7 @@ class _Unbuffered:
         return self.size
 
     def flush(self) -> None:
-        """Do nothing: no output is kept back."""
+        """Do nothing: nothing is buffered."""
 
     def sync(self) -> None:
         os.fdatasync(self._fd)

@@ -1,4 +1,4 @@
-"""The keys that a recording has, and the schema by which a message on each is read."""
+"""The keys that are recorded, and the schema of the messages on each."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ RENAMED = {
     keys.ROS_BATTERY_STATE: "battery_state_topic",
     keys.ROS_DIAGNOSTICS: "diagnostics_topic",
 }
-"""Topics of ROS 2 whose name is configured, with the key below [ros2]."""
+"""Topics of ROS 2 with a configurable name, and the key of the name below [ros2]."""
 
 
 class Recorded(msgspec.Struct, frozen=True):
-    """A key of the bus and what its messages are.
+    """A key of the bus and the types of its messages.
 
     Attributes:
-        topic: Its name in ROS 2, without a slash in front.
-        message: The native message's name; empty where there is none.
-        ros_type: The type of what comes in CDR; empty where there is none.
-        qos: As ROS 2 sees it.
+        topic: Its name in ROS 2, without a leading slash.
+        message: The native message's name; empty if there is none.
+        ros_type: The type of its CDR messages; empty if there is none.
+        qos: Its quality of service in ROS 2.
     """
 
     key: str
@@ -47,10 +47,10 @@ class Recorded(msgspec.Struct, frozen=True):
     qos: Qos = Qos()
 
     def channel(self, payload: bytes) -> tuple[Channel, bytes] | None:
-        """The channel of a message, and its bytes as they are recorded.
+        """The channel of a message, and the bytes to record.
 
         Returns:
-            None for bytes that are none of its messages.
+            None for other bytes.
         """
         encoding = encoding_of(payload)
         if encoding == "cdr":
@@ -69,7 +69,7 @@ class Recorded(msgspec.Struct, frozen=True):
 
 @cache
 def _json_channel(key: str, message: str) -> Channel:
-    # Readers of MCAP want the type on top.
+    # Readers of MCAP expect the type at the top level.
     text = json.dumps({"type": "object", **schema(message)})
     return Channel(key, "json", message, "jsonschema", text)
 
@@ -81,7 +81,7 @@ def _ros_channel(topic: str, ros_type: str, qos: Qos) -> Channel:
 
 
 def recorded(config: Config) -> list[Recorded]:
-    """Every key that a daemon with this configuration publishes and listens to."""
+    """Every key that a daemon with this configuration publishes or subscribes to."""
     found = [Recorded(key, key, message=output.message.__name__) for key, output in OUTPUTS.items()]
     for source in config.command.sources:
         stamped = source in config.ros2.stamped_commands
@@ -102,7 +102,7 @@ def recorded(config: Config) -> list[Recorded]:
 
 
 def _ros_key(config: Config, topic: str, ros_type: str) -> str:
-    """The key of a topic's samples: the plain key for the bridge, else rmw_zenoh's."""
+    """The key of a topic's samples: a plain key for the bridge, otherwise rmw_zenoh's."""
     if config.ros2.bridge:
         return topic
     if not config.ros2.rmw_zenoh:
@@ -113,13 +113,13 @@ def _ros_key(config: Config, topic: str, ros_type: str) -> str:
 
 
 def facts_of(config: Mapping[str, Any]) -> dict[str, str]:
-    """The robot's facts in a recording: the sections by which counts become poses."""
+    """The sections of a configuration that turn counts into poses, for a recording."""
     kept = ("board", "chassis", "limits", "odometry", "serial")
     return {name: json.dumps(config[name]) for name in kept if name in config}
 
 
 def _qos_text(qos: Qos) -> str:
-    """A quality of service as rosbag2 writes it: YAML, with rmw's numbers."""
+    """A quality of service in rosbag2's format: YAML, with rmw's numbers."""
     unlimited = "{sec: 9223372036, nsec: 854775807}"
     lines = [
         "history: 1",

@@ -1,6 +1,6 @@
-"""The definitions of ROS 2 messages in recordings, with all types that they contain.
+"""The definitions of ROS 2 messages for recordings, with all types that they contain.
 
-The texts lie in ``definitions/``, as the schema encoding ``ros2msg`` of MCAP prescribes them.
+The texts are in ``definitions/``, in MCAP's schema encoding ``ros2msg``.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from importlib import resources
 
 @cache
 def definition(ros_type: str) -> str | None:
-    """The definition of a type such as ``nav_msgs/msg/Odometry``; None of an unknown one."""
+    """The definition of a type such as ``nav_msgs/msg/Odometry``; None if it is unknown."""
     name = ros_type.replace("/msg/", "_")
     file = resources.files("yahboomd.tools.record") / "definitions" / f"{name}.msg"
     return file.read_text(encoding="utf-8") if file.is_file() else None

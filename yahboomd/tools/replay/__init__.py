@@ -1,1 +1,1 @@
-"""``yahboomd replay``: a recorded board on a pseudo-terminal, and its poses computed again."""
+"""``yahboomd replay``: plays a recorded board on a pseudo-terminal, or computes its poses again."""

@@ -1,7 +1,7 @@
-"""The bytes of a recording, as a board that plays them again needs them.
+"""Prepares the bytes of a recording for a board that plays them again.
 
-Questions for what a board is and what it stores are taken out, with their answers: another daemon
-asks them at moments of its own. Everything else that the board said keeps its moment.
+It takes out the questions for the board's identity and settings, with their answers, because
+another daemon asks them at other moments. All other bytes of the board keep their moments.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ class Piece(NamedTuple):
     """Bytes of the board.
 
     Attributes:
-        at_ns: When they came: of the recording's clock, or after their question.
-        whole: Whether they end where a frame or a line of the board does.
+        at_ns: When they came: on the recording's clock, or after their question.
+        whole: Whether they end together with a frame or a line of the board.
     """
 
     at_ns: int
@@ -44,7 +44,7 @@ class Poll(NamedTuple):
     """A request for the counters.
 
     Attributes:
-        answer: What came until the next one, after so long.
+        answer: The bytes until the next request, by their delays.
     """
 
     at_ns: int
@@ -52,14 +52,14 @@ class Poll(NamedTuple):
 
 
 class Connection(msgspec.Struct, kw_only=True):
-    """What went over the wire between the opening of a port and its closing.
+    """The bytes between the opening and the closing of a port.
 
     Attributes:
-        stream: What the board sent by itself, from the moment at which its counts were asked for.
-        begins_ns: That moment.
-        ends_ns: The end of it.
-        answers: What it answered to each question, in the order of asking.
-        polls: For a board that is asked for its counters, each request with its answer.
+        stream: The bytes that the board sent unasked, from the request to stream its counts on.
+        begins_ns: The moment of that request.
+        ends_ns: The end of the stream.
+        answers: The answers to each question, in the order of asking.
+        polls: For a board that is polled, each request for its counters with its answer.
     """
 
     dialect: Dialect
@@ -71,13 +71,13 @@ class Connection(msgspec.Struct, kw_only=True):
 
     @property
     def poll_gap_ns(self) -> int:
-        """From poll to poll, as a rule."""
+        """The median time between two polls."""
         gaps = [after.at_ns - before.at_ns for before, after in pairwise(self.polls)]
         return round(median(gaps)) if gaps else 0
 
 
 def connections(records: Iterable[Record]) -> list[Connection]:
-    """The connections of a recording on which a board was known."""
+    """The connections of a recording with a known board."""
     found = []
     for dialect, records_of_it in _split(records):
         each = connection(DIALECTS[dialect], records_of_it)
@@ -104,7 +104,7 @@ def _split(records: Iterable[Record]) -> Iterator[tuple[str, list[Record]]]:
 
 
 def connection(dialect: Dialect, records: list[Record]) -> Connection:
-    """What went over the wire, from what was read and written."""
+    """Sort the bytes of one connection into stream, answers and polls."""
     made = Connection(
         dialect=dialect,
         stream=[],
@@ -140,7 +140,7 @@ def _polls(question: bytes, records: list[Record]) -> list[Poll]:
 
 
 def _sort(made: Connection, records: list[Record]) -> None:
-    """Take the answers out of what the board sent."""
+    """Separate the answers from the stream."""
     dialect = made.dialect
     questions = questions_of(dialect)
     framer, notices = dialect.framer(), StartNotices()
@@ -177,7 +177,7 @@ def _sort(made: Connection, records: list[Record]) -> None:
 
 
 def _answers(decoded: Decoded) -> bool:
-    """Whether it cannot be the answer to a command."""
+    """Whether it cannot be the reply to a command."""
     return not isinstance(decoded, Reply) or decoded.settings_follow
 
 
@@ -191,12 +191,12 @@ def _without(came: bytearray, begin: int, end: int, taken: list[tuple[int, int]]
 
 
 def questions_of(dialect: Dialect) -> dict[bytes, tuple[type[msgspec.Struct], ...]]:
-    """The questions that a board answers when it is asked, and what their answers are."""
+    """The questions that a board answers, and the types of their answers."""
     found: dict[bytes, tuple[type[msgspec.Struct], ...]] = {}
     for question in (dialect.probe, *dialect.read_settings):
         if question is not None:
             found[question] = (Reply, Setting, VersionLine)
-    # One that reports its voltage unasked does so all the time.
+    # A board that reports unasked sends its voltage all the time.
     if dialect.battery is not None and not dialect.listen_ns:
         found[dialect.battery] = (Battery,)
     return found

@@ -1,4 +1,4 @@
-"""Serves a recorded board on a pseudo-terminal, until it was played or Ctrl-C."""
+"""Serves a recorded board on a pseudo-terminal, until it has been played or a signal comes."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from yahboomd.tools.replay.simulated_robot import as_configured
 REPORT_S = 1.0
 
 ANSWERED_NS = 200_000_000
-"""A board has answered by then."""
+"""The time in which a board has answered."""
 
 
 def be_a_port(recorded: list[Connection], header: Header, link: Path, *, as_json: bool) -> int:
     """Play connections on a pseudo-terminal.
 
     Raises:
-        ConfigError: The link cannot be made, or the black box is of another version.
+        ConfigError: The link cannot be made, or the black box is from another version.
     """
     config = read_foreign(header.config, "The robot of the black box")
     board = ReplayedBoard(
@@ -50,7 +50,7 @@ def be_a_port(recorded: list[Connection], header: Header, link: Path, *, as_json
 
 
 def as_configured_says(config: Config, dialect: Dialect, question: bytes) -> bytes:
-    """The answer of a board that stores what the recorded configuration says."""
+    """The answer of a simulated board that stores the recorded configuration's values."""
     robot = SimulatedRobot(as_configured(config, SimulationOptions(dialect=dialect.name)))
     robot.start(0)
     robot.host_wrote(question, 0)
@@ -61,7 +61,7 @@ def as_configured_says(config: Config, dialect: Dialect, question: bytes) -> byt
 
 
 async def _serve(board: ReplayedBoard, recorded: list[Connection], link: Path) -> bool:
-    """Serve until everything was played, or a signal; whether everything was."""
+    """Serve until everything was played, or a signal; returns whether everything was."""
     loop = asyncio.get_running_loop()
     ended = asyncio.Event()
     complete = False

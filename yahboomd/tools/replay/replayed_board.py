@@ -1,11 +1,11 @@
-"""A recorded board, as the device behind a port: it answers questions, and plays the rest again.
+"""A recorded board as the device behind a port: it answers questions, and plays the rest again.
 
-Asked who it is and what it stores, it answers at once what the recorded board answered. When the
-host asks it to report its counts, or opens the port of a board that reports unasked, the recording
-begins: every byte comes as long after that moment as it came in the recording. A board that is
-asked for its counters answers each request with the answer to the recorded request that is nearest
-in time, after the same delay. So the counts have their true times at any rate of polls, and at the
-recorded rate none is left out. Commands for the wheels are counted; no wheel is there to turn.
+It answers questions for its identity and settings at once, as the recorded board did. The recording
+begins when the host asks the board to report its counts, or opens the port of a board that reports
+unasked: from then on every byte keeps its recorded delay. A polled board answers each request with
+the recorded answer nearest in time, after the same delay. So the counts have their true times at
+any rate of polls, and at the recorded rate none is left out. Commands for the wheels are only
+counted.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from yahboomd.core.protocol.dialect import Dialect
 from yahboomd.tools.replay.recorded_wire import Connection, Piece, questions_of
 
 WAKE_NS = 10_000_000
-"""The port is looked at so often for a process that opens it."""
+"""The period at which the port is checked for a process that opens it."""
 
 LAST_WORDS_NS = 100_000_000
-"""From the last byte of a connection to the end of its port: a host needs time to read."""
+"""From the last byte of a connection to the end of its port, for the host to read."""
 
 UNPLUGGED_NS = 500_000_000
-"""The port is away for so long between two connections of a recording."""
+"""The time without a port between two connections of a recording."""
 
 NEVER = 2**63 - 1
 
@@ -42,8 +42,8 @@ class ReplayedBoard:
     Attributes:
         on_plug: Called when the port goes away between connections, and comes back.
         on_end: Called once everything was played.
-        counters: What the host sent, and what was played.
-        played_ns: How far the recording was played, all connections added up.
+        counters: The host's commands and questions, and the bytes played.
+        played_ns: The played time of the connections that are over.
     """
 
     def __init__(
@@ -64,16 +64,16 @@ class ReplayedBoard:
 
     @property
     def connection(self) -> Connection:
-        """The one that is played."""
+        """The connection that is played."""
         return self._recorded[self._index]
 
     @property
     def total_ns(self) -> int:
-        """How long all of it takes, from the beginnings of the connections to their ends."""
+        """The duration of all connections together."""
         return sum(each.ends_ns - each.begins_ns for each in self._recorded)
 
     def _begin(self) -> None:
-        """Be a board that was not asked anything yet."""
+        """Become a board that was not asked anything yet."""
         self._words = _Words(self.connection.dialect)
         self._started_ns: int | None = None
         self._sent = 0
@@ -82,14 +82,12 @@ class ReplayedBoard:
         self._answered = Counter[bytes]()
         self._answers: list[tuple[int, bytes]] = []
 
-    # What the port calls.
-
     def start(self, now_ns: int) -> None:
         """Begin at this moment."""
         self._now_ns = now_ns
 
     def host_is_there(self, present: bool) -> None:
-        """A process has opened the port, or closed it: the connection begins at its beginning."""
+        """Start the connection from its beginning when a process opens the port, or closes it."""
         if self._over_ns == NEVER:
             self._farthest_ns = self.farthest_ns
             self._begin()
@@ -107,7 +105,7 @@ class ReplayedBoard:
         return max(wake_ns, self._now_ns + 1)
 
     def advance(self, now_ns: int) -> list[bytes]:
-        """What the recorded board has sent by now."""
+        """The chunks that the recorded board has sent by now."""
         self._now_ns = now_ns
         if now_ns >= self._over_ns:
             self._turn_over(now_ns)
@@ -126,7 +124,7 @@ class ReplayedBoard:
         return chunks
 
     def host_wrote(self, data: bytes, now_ns: int) -> None:
-        """Answer questions, count commands."""
+        """Answer questions, and count commands."""
         self._now_ns = now_ns
         for role, frame in self._words.find(data):
             if role == "arm":
@@ -140,10 +138,8 @@ class ReplayedBoard:
                 self.counters[role] += 1
 
     def host_backlog_ns(self, now_ns: int) -> int:  # noqa: ARG002 (the seam's shape)
-        """Nothing is on its way: what the host writes is here."""
+        """Return 0: what the host writes arrives at once."""
         return 0
-
-    # The recording's time.
 
     def _due_ns(self, at_ns: int) -> int:
         assert self._started_ns is not None
@@ -151,7 +147,7 @@ class ReplayedBoard:
 
     @property
     def elapsed_ns(self) -> int:
-        """How far the recording is, all connections added up."""
+        """The played time, over all connections."""
         if self._started_ns is None or self._over_ns != NEVER:
             return self.played_ns
         connection = self.connection
@@ -161,11 +157,11 @@ class ReplayedBoard:
 
     @property
     def farthest_ns(self) -> int:
-        """The same, for the host that stayed the longest."""
+        """The longest time that any host has played."""
         return max(self._farthest_ns, self.elapsed_ns)
 
     def _turn_over(self, now_ns: int) -> None:
-        """A connection is over: the port goes away; another one may follow."""
+        """End a connection: the port goes away, and comes back if another one follows."""
         if self._unplugged:
             self._unplugged, self._over_ns = False, NEVER
             self._index += 1
@@ -184,10 +180,8 @@ class ReplayedBoard:
         if self.on_plug is not None:
             self.on_plug(False)
 
-    # Answers.
-
     def _due_answers(self, now_ns: int) -> list[bytes]:
-        """Answers wait until no frame of the stream is half sent."""
+        """The answers that are due, held back while a frame of the stream is half sent."""
         found = []
         while self._answers and self._whole and self._answers[0][0] <= now_ns:
             found.append(self._answers.pop(0)[1])
@@ -200,7 +194,7 @@ class ReplayedBoard:
     def _answer(self, question: bytes, now_ns: int) -> None:
         connection, others = self.connection, self._recorded
         known = [answer for answer in connection.answers.get(question, []) if answer]
-        # Its own were asked before the recording began; another connection's are as good.
+        # Its own may have been asked before the recording began; another connection's are as good.
         known = known or [a for each in others for a in each.answers.get(question, []) if a]
         if known:
             turn = min(self._answered[question], len(known) - 1)
@@ -224,7 +218,7 @@ class ReplayedBoard:
 
 
 class _Words:
-    """Finds in the host's bytes what a board of one dialect reacts to."""
+    """Finds the frames of the host that a board of one dialect reacts to."""
 
     def __init__(self, dialect: Dialect) -> None:
         roles = {_motion_head(dialect): "motions", dialect.brake: "stops"}
@@ -241,7 +235,7 @@ class _Words:
         self._held = b""
 
     def find(self, data: bytes) -> list[tuple[str, bytes]]:
-        """What is whole now, in its order."""
+        """The frames that are complete now, in their order."""
         text, found, end = self._held + data, [], 0
         for match in self._pattern.finditer(text):
             found.append((self._roles[match[0]], match[0]))
@@ -251,9 +245,9 @@ class _Words:
 
 
 def _motion_head(dialect: Dialect) -> bytes:
-    """What every command for the wheels begins with."""
+    """The bytes with which every command for the wheels begins."""
     for size in (CHANNELS, 3):
-        # Four wheels, or a body's velocity.
+        # Speeds of four wheels, or a body's velocity.
         with suppress(ValueError):
             moving = [dialect.speeds((units,) * size) for units in (1, -2)]
             alike = itertools.takewhile(

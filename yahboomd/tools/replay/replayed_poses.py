@@ -1,8 +1,8 @@
-"""The poses and events of a recording, computed again from its bytes, and compared with its own.
+"""Computes a recording's poses and events again from its bytes, and compares them.
 
-What the records promise is in :mod:`yahboomd.core.blackbox.records`. Between two anchors the
-odometer runs on by itself, and its state is compared with the anchor's: it is the same to the last
-bit where processor and mathematical library are those of the recording.
+:mod:`yahboomd.core.blackbox.records` describes the records. Between two anchors the odometer runs
+on by itself, and its state is compared with the next anchor's. On the recording's processor and
+mathematical library both are identical to the last bit.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from yahboomd.core.protocol.dialect import Framer, Inertial, Totals, VersionLine
 from yahboomd.core.protocol.registry import DIALECTS
 
 NEAR = 1e-9
-"""Metres, or radians: poses that differ by less are the same, computed on another machine."""
+"""Poses that differ by less (metres or radians) are the same, computed on another machine."""
 
 KINDS: frozenset[EventKind] = frozenset(
     {
@@ -57,14 +57,14 @@ KINDS: frozenset[EventKind] = frozenset(
         "wheels_slip",
     }
 )
-"""The events that the odometry finds, and nothing else does."""
+"""The events that only the odometry finds."""
 
 
 class Estimated(NamedTuple):
-    """An estimate.
+    """An estimate and its stamp.
 
     Attributes:
-        wall_ns: Its stamp as Unix nanoseconds.
+        wall_ns: The stamp as Unix nanoseconds.
     """
 
     wall_ns: int
@@ -72,14 +72,14 @@ class Estimated(NamedTuple):
 
 
 class Compared(msgspec.Struct, kw_only=True):
-    """What was computed, against what the daemon computed.
+    """The differences between the computed and the recorded poses and events.
 
     Attributes:
         moments: States and poses of the daemon's odometer that were compared.
-        identical: Those of them that were the same to the last bit.
+        identical: Those of them that are identical to the last bit.
         largest: The largest difference of a pose, in metres or radians.
         missing: Events of the daemon that were not computed.
-        unmatched: Readings of the recording that its bytes do not show.
+        unmatched: Readings of the recording that its bytes do not contain.
         restarts: How often records were missing, so that the next anchor had to be restored.
     """
 
@@ -92,7 +92,7 @@ class Compared(msgspec.Struct, kw_only=True):
 
     @property
     def same(self) -> bool:
-        """Whether poses and events are the daemon's."""
+        """Whether poses and events equal the daemon's."""
         return self.largest <= NEAR and not self.missing and not self.unmatched
 
 
@@ -109,7 +109,7 @@ class PoseReplay:
     """Computes the poses of a recording.
 
     Attributes:
-        compared: How these poses differ from those of the daemon.
+        compared: The comparison with the daemon's poses and events.
     """
 
     def __init__(self, header: Header) -> None:
@@ -134,10 +134,10 @@ class PoseReplay:
         """Compute everything.
 
         Args:
-            damaged: Records are missing somewhere: poses that differ at an anchor go on from there.
+            damaged: Records are missing somewhere: after poses that differ, go on from the anchor.
 
         Raises:
-            NotAState: The state of an anchor is that of another version of yahboomd.
+            NotAState: The state of an anchor comes from another version of yahboomd.
         """
         self._damaged = damaged
         for at_ns, meaning in records:
@@ -240,8 +240,6 @@ class PoseReplay:
                 self._framer.feed(data)
         self._unread.clear()
 
-    # Bytes to readings, as the line makes them.
-
     def _receive(self, data: bytes, at_ns: int) -> None:
         framer, byte_ns = self._framer, self._byte_ns
         if framer is None:
@@ -267,7 +265,7 @@ class PoseReplay:
                 )
 
     def _complete(self, reading: Reading) -> None:
-        """Use what came up to these counts, and these with what their bytes do not show."""
+        """Use everything before these counts, then the counts with their recorded facts."""
         for index, each in enumerate(self._pending):
             if isinstance(each, _Counted) and each.received_ns == reading.received_ns:
                 before = self._pending[:index]
@@ -293,7 +291,7 @@ class PoseReplay:
             self.compared.unmatched += 1
 
     def _up_to_a_cause(self) -> None:
-        """The board is armed in the middle of a chunk where a start, or a break, is seen in it."""
+        """Use items up to a start or a break: arming in the middle of a chunk has that cause."""
         while self._pending:
             first = self._pending[0]
             events = len(self.events)
@@ -337,9 +335,9 @@ class PoseReplay:
             compared.largest = max(compared.largest, _apart(own, posed.pose))
 
     def _compare_events(self) -> None:
-        """Each event of the daemon is among those computed, in this order.
+        """Check that the computed events contain each recorded one, in the recorded order.
 
-        A daemon publishes of one kind not more than a few in a second.
+        A daemon publishes only a few events of one kind in a second, so more may be computed.
         """
         computed = iter(self.events)
         for event in self._recorded:

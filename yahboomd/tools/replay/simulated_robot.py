@@ -1,4 +1,4 @@
-"""The simulated robot that fits a configuration: its motors, wheels and chassis."""
+"""Builds the simulated robot that fits a configuration: its motors, wheels and chassis."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 
 
 def as_configured(config: Config, base: SimulationOptions | None = None) -> SimulationOptions:
-    """A robot that is built as a configuration says, calibration included.
+    """A simulated robot with the values of a configuration, calibration included.
 
     Args:
-        base: What the configuration does not say; None for the usual robot.
+        base: Values that the configuration lacks; None for the usual robot.
     """
     base = base or SimulationOptions()
     profile, kinematics = config.profile(), config.kinematics()
@@ -28,13 +28,13 @@ def as_configured(config: Config, base: SimulationOptions | None = None) -> Simu
     return msgspec.structs.replace(
         base,
         dialect=dialect,
-        # The rear wheels of a car that steers roll as those of any two-wheeled base.
+        # The rear wheels of a car that steers roll like those of any two-wheeled base.
         drive=cast(DriveName, "differential" if kinematics.least_radius_m else kinematics.name),
         wiring=tuple(
             Wiring(
                 name=motor.name,
                 position=motor.position,
-                # The geometry names its wheels by where they are.
+                # The geometry names its wheels by their places.
                 corner=cast(Corner, kinematics.wheels[motor.wheel]),
                 command_sign=motor.command_sign,
                 encoder_sign=motor.encoder_sign,

@@ -1,4 +1,4 @@
-"""The address of the daemon that a configuration describes, and a client of it."""
+"""Finds the endpoints of the daemon that a configuration describes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 def configured_endpoints(config: Config) -> tuple[str, ...]:
     """The endpoints at which the configured daemon can be reached from this machine.
 
-    An address that means "every interface" becomes one of this machine.
+    A listening address for every interface becomes one of this machine.
     """
     own = (
         endpoint.replace("/0.0.0.0:", "/127.0.0.1:").replace("/[::]:", "/[::1]:")
@@ -22,12 +22,12 @@ def configured_endpoints(config: Config) -> tuple[str, ...]:
 
 
 def client_options(endpoints: tuple[str, ...], config: Config) -> BusOptions:
-    """A client of the daemon that a configuration describes."""
+    """Options for a client of the daemon that a configuration describes."""
     import logging
 
     from yahboomd.client import connecting
 
-    # Commands report in their own words what the client would log.
+    # Commands report these things themselves, in their own words.
     logging.getLogger("yahboomd.client").addHandler(logging.NullHandler())
     zenoh = config.zenoh
     return connecting.client_options(

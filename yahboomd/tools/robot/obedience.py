@@ -10,9 +10,9 @@ from yahboomd.core.messages.native import DRIVABLE, StatusSample
 from yahboomd.core.messages.status_fields import REFUSALS
 
 PATIENCE = 2
-"""Statuses in a row in which every command is refused, before that is reported.
+"""Statuses in a row that must refuse every command before that is reported.
 
-While control passes from one source to another, or after a pause, some are refused in any case.
+When control passes from one source to another, and after a pause, a daemon refuses a few.
 """
 
 
@@ -23,7 +23,7 @@ class Obedience:
         before: The status before the first command.
 
     Attributes:
-        warnings: What was done to commands that were obeyed, in sentences.
+        warnings: How the daemon changed commands that it obeyed, in sentences.
     """
 
     def __init__(self, source: str, before: StatusSample) -> None:
@@ -33,7 +33,7 @@ class Obedience:
         self._refused_in_a_row = 0
 
     def trouble_before(self) -> str:
-        """The reason why no command would be obeyed; empty where one would be."""
+        """The reason why no command would be obeyed; empty if the daemon would obey."""
         accounts = _group(self._first.command, "sources")
         if accounts and self._source not in accounts:
             known = ", ".join(accounts)
@@ -44,7 +44,7 @@ class Obedience:
         return self._state_trouble(self._first)
 
     def trouble(self, status: StatusSample) -> str:
-        """The reason why commands since the last status were not obeyed; empty where they were."""
+        """The reason why commands since the last status were not obeyed; empty if they were."""
         last, self._last = self._last, status
         if words := self._state_trouble(status):
             return words
@@ -63,7 +63,7 @@ class Obedience:
         return self._refusal(refused, status)
 
     def trouble_after(self) -> str:
-        """The reason why no command was obeyed, after the last status; empty where one was."""
+        """The reason why no command was obeyed, after the last status; empty if one was."""
         first, last = self._account(self._first), self._account(self._last)
         if _number(self._last.command, "limited") > _number(self._first.command, "limited"):
             self.warnings.append(

@@ -1,8 +1,8 @@
 """Parameters of ROS 2 nodes that follow from the configuration: frames, topics, speeds, types.
 
-What is said here is what the base decides. All else is left to the nodes' own parameter files, over
-which these are laid: plugins, critics and costmaps differ between distributions. Nav2 comes tuned
-for a speed, so it gets the smaller of its own and of the base's.
+They hold only the facts of the base, and are laid over the nodes' own parameter files. Plugins,
+critics and costmaps stay there, because they differ between distributions. Nav2 is tuned for a
+speed, so it gets the smaller of its own and the base's.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 Tree = dict[str, "Tree | float | int | bool | str | list[float] | list[bool]"]
 
 NAV2_LINEAR = {"velocity": 0.5, "acceleration": 2.5, "deceleration": 2.5}
-"""m/s and m/s^2 that Nav2's own parameters use; its reversing is slower than its driving."""
+"""m/s and m/s^2 in Nav2's own parameters, which reverse slower than they drive."""
 
 NAV2_ANGULAR = {"velocity": 1.9, "acceleration": 3.2, "deceleration": 3.2}
 NAV2_REVERSE_M_S = 0.35
@@ -31,20 +31,20 @@ OLDER_NAV2 = {"humble", "iron"}
 """The distributions whose Nav2 drives with DWB and knows no TwistStamped."""
 
 MARGIN_M = 0.02
-"""Added to the wheels' circle: the body is not configured."""
+"""Added to the circle around the wheels, because the body's size is not configured."""
 
 STICK = {"x": 1, "y": 0, "yaw": 3}
-"""Axes of a pad as SDL counts them: the left stick drives, the right one turns."""
+"""Axes of a pad in SDL's numbers: the left stick drives, the right one turns."""
 
 ENABLE_BUTTON, TURBO_BUTTON = 4, 5
 """The shoulder buttons, left and right."""
 
 NORMAL_SHARE = 0.5
-"""Of the base's greatest speed, as long as the turbo button is up."""
+"""The share of the base's greatest speed without the turbo button."""
 
 
 def nav2(config: Config) -> Tree:
-    """Over ``nav2_params.yaml`` of the distribution's nav2_bringup."""
+    """Parameters to lay over ``nav2_params.yaml`` of the distribution's nav2_bringup."""
     odom, base = _frames(config)
     older = config.ros2.distro in OLDER_NAV2
     holonomic = config.kinematics().holonomic
@@ -109,16 +109,16 @@ def nav2(config: Config) -> Tree:
 
 
 def slam_toolbox(config: Config) -> Tree:
-    """Over ``mapper_params_online_async.yaml`` of slam_toolbox."""
+    """Parameters to lay over ``mapper_params_online_async.yaml`` of slam_toolbox."""
     odom, base = _frames(config)
     return _parameters({"slam_toolbox": {"odom_frame": odom, "base_frame": base}})
 
 
 def robot_localization(config: Config) -> Tree:
-    """All that the EKF of robot_localization needs to take the wheels' odometry."""
+    """Parameters of robot_localization's EKF for the wheels' odometry."""
     odom, base = _frames(config)
     # Rows: position, angles, velocity, turning, acceleration. The wheels measure vx, vy and the
-    # turn rate; vy is zero on a base that cannot move sideways, and known to be.
+    # turn rate; on a base that cannot move sideways vy is known to be zero.
     measured = [False] * 6 + [True, True, False] + [False, False, True] + [False] * 3
     return _parameters(
         {
@@ -138,7 +138,7 @@ def robot_localization(config: Config) -> Tree:
 
 
 def joystick(config: Config) -> Tree:
-    """All that joy and teleop_twist_joy need to drive the base with a pad and a deadman button."""
+    """Parameters of joy and teleop_twist_joy to drive the base with a pad and a deadman button."""
     _, base = _frames(config)
     limits, holonomic = config.limits, config.kinematics().holonomic
     speed, turn = limits.linear.velocity or 0.0, limits.angular.velocity or 0.0
@@ -167,17 +167,17 @@ PARAMETERS: Mapping[str, Callable[[Config], Tree]] = {
     "robot_localization": robot_localization,
     "joystick": joystick,
 }
-"""The nodes that ``config parameters`` knows, by the package that has them."""
+"""Makes the parameters of ``config parameters NAME``, by the package of the nodes."""
 
 
 def navigation_source(config: Config) -> str:
-    """The key that a program commands on: the one of the least priority."""
+    """The key for a program's commands: ``cmd_vel``, or the key of the least priority."""
     sources = config.command.sources
     return "cmd_vel" if "cmd_vel" in sources else min(sources, key=lambda s: sources[s].priority)
 
 
 def joystick_source(config: Config) -> str:
-    """The key that a person commands on: the one of the greatest priority."""
+    """The key for a person's commands: the one of the greatest priority."""
     sources = config.command.sources
     return max(sources, key=lambda name: sources[name].priority)
 

@@ -1,11 +1,10 @@
-"""The robot's model as URDF: wheels where they are, and the frames that the configuration lists.
+"""The robot's model as URDF: its wheels in their places, and the configured frames.
 
 The root is the frame of the odometry (``odometry.child_frame_id``). It lies on the floor midway
-between the wheels (of a car: the rear ones), as the odometry has it, so the wheels' axles are one
-radius above it. The frame of the inertial sensor has the axes of the base; where in it the sensor
-is, only ``static_transforms`` can say. The sizes
-of the body and the width of a wheel are not configured: they are for the eye, and follow from the
-wheels.
+between the wheels (of a car: the rear ones), so the axles are one radius above it. The frame of the
+inertial sensor has the axes of the base, and its place unless ``static_transforms`` configures
+another. The sizes of the body and the width of a wheel are not configured: they follow from the
+wheels, for display only.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
     from yahboomd.core.config import Config
 
 WIDTH_PER_RADIUS = 0.8
-"""The width of a wheel: a tyre of 65 mm is 26 mm wide."""
+"""A wheel's width per radius: a tyre of 65 mm diameter is 26 mm wide."""
 
 BODY, FOOTPRINT = "base_link", "base_footprint"
 
@@ -28,14 +27,14 @@ Numbers = tuple[float, ...]
 
 
 class Wheel(NamedTuple):
-    """A wheel: its names, where its axle is, and its size, in metres.
+    """A wheel: its names, the place of its axle, and its size, in metres.
 
     Attributes:
-        name: Its motor's, or where it is.
-        joint: The joint, which turns where a motor drives it.
+        name: The name of its motor, or of its place.
+        joint: The joint, which turns if a motor drives it.
         x: Forward.
         y: To the left.
-        driven: Whether a motor drives it: the wheels that steer a car have none.
+        driven: Whether a motor drives it, unlike the wheels that steer a car.
     """
 
     name: str
@@ -48,7 +47,7 @@ class Wheel(NamedTuple):
 
 
 def wheels(config: Config) -> list[Wheel]:
-    """Every wheel, seen from the origin of the base: its middle, of a car that of its rear axle."""
+    """Every wheel, by its place from the base's middle, or from a car's rear axle."""
     chassis, length_m = config.chassis, _base_m(config)
     found: list[Wheel] = []
     for side, names in config.motor_names().items():
@@ -65,7 +64,7 @@ def wheels(config: Config) -> list[Wheel]:
                 )
             )
     if _steers(config):
-        # Nothing measures how far they turn or steer: they are drawn as they stand.
+        # Nothing measures how far they turn or steer, so the model draws them straight.
         found += [
             each._replace(
                 name=f"front_{each.name}",
@@ -79,7 +78,7 @@ def wheels(config: Config) -> list[Wheel]:
 
 
 def outer_radius_m(config: Config) -> float:
-    """The radius of the circle around the base's middle that all of its wheels are in."""
+    """The radius of the circle around the base's middle that contains all of its wheels."""
     return max(
         math.hypot(abs(wheel.x) + wheel.radius_m, abs(wheel.y) + wheel.width_m / 2.0)
         for wheel in wheels(config)
@@ -120,7 +119,7 @@ def urdf(config: Config) -> str:
 
 
 def _mounted(config: Config, known: set[str | None]) -> Iterator[tuple[str, str, Numbers, Numbers]]:
-    """The frames of ``static_transforms`` that hang, by others or directly, on known links."""
+    """The frames of ``static_transforms`` that known links carry, directly or through others."""
     waiting = list(config.ros2.static_transforms)
     while ready := [each for each in waiting if each.parent in known]:
         waiting = [each for each in waiting if each not in ready]
@@ -143,7 +142,7 @@ def _forward(side: str, number: int, count: int) -> float:
 
 
 def _base_m(config: Config) -> float:
-    # Where nothing says how long the base is, it is as long as it is wide.
+    # If the length of the base is not configured, it is drawn square.
     return config.chassis.wheel_base_m or config.chassis.wheel_separation_m
 
 
@@ -160,7 +159,7 @@ def _body(link: ElementTree.Element, config: Config) -> None:
 def _wheel(robot: ElementTree.Element, body: str, wheel: Wheel) -> None:
     link = _link(robot, f"{wheel.name}_wheel")
     size = {"radius": _text((wheel.radius_m,)), "length": _text((wheel.width_m,))}
-    # A cylinder of URDF stands upright; the axle lies across.
+    # A cylinder of URDF stands upright; the axle lies across the base.
     _shape(link, "cylinder", size, rpy=(math.pi / 2.0, 0.0, 0.0), colour="0.1 0.1 0.1 1")
     kind = "continuous" if wheel.driven else "fixed"
     joint = ElementTree.SubElement(robot, "joint", name=wheel.joint, type=kind)

@@ -1,4 +1,4 @@
-"""Trees of parameters as YAML, in the part of it that ROS 2 reads: tables, and lists in a line."""
+"""Writes trees of parameters as YAML that ROS 2 reads: tables, and lists in one line."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 
 
 def as_yaml(tree: Mapping[str, object], indent: str = "") -> str:
-    """The tree as lines of YAML; a number with a fraction stays one, which ROS 2 tells apart."""
+    """The tree as YAML. A float keeps its point, because ROS 2 tells floats from integers."""
     return "".join(_lines(tree, indent))
 
 
@@ -24,7 +24,7 @@ def _scalar(value: object) -> str:
     if isinstance(value, list):
         return f"[{', '.join(map(_scalar, value))}]"
     if isinstance(value, float):
-        # YAML takes 1e-06 for a text. And no minus in front of a zero.
+        # Without an exponent, because YAML reads 1e-06 as text; and without a negative zero.
         text = f"{value + 0.0:.9f}".rstrip("0")
         return f"{text}0" if text.endswith(".") else text
     return json.dumps(value)

@@ -1,1 +1,1 @@
-"""Files made of the code: schemas and golden samples of the messages, pages of reference."""
+"""Files made from the code: schemas and golden samples of the messages, reference pages."""

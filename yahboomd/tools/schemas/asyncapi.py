@@ -1,7 +1,7 @@
 """Writes ``schemas/asyncapi.json``: the bus as an AsyncAPI document, from the table of keys.
 
-``python -m yahboomd.tools.schemas.asyncapi FOLDER`` writes; ``--check`` compares, and exits with 1
-where the file differs. Operations are yahboomd's: it sends what it publishes, and receives commands
+``python -m yahboomd.tools.schemas.asyncapi FOLDER`` writes it; ``--check`` compares, and exits with
+1 if the file differs. The operations are yahboomd's own: it sends samples, and receives commands
 and queries.
 """
 
@@ -147,7 +147,7 @@ class _Document:
         return names
 
     def channel(self, key: str, messages: Iterable[str]) -> str:
-        """The id of a key's channel, which carries these messages too."""
+        """Add messages to a key's channel, and return its id."""
         name = key.removeprefix("yahboomd/").replace("/", "_")
         made = self.channels.setdefault(name, {"address": key, "messages": {}})
         for message in messages:
@@ -195,7 +195,7 @@ class _Document:
 
 
 def document() -> Json:
-    """The document."""
+    """The whole AsyncAPI document."""
     made = _Document()
     for key, output in OUTPUTS.items():
         name = output.message.__name__

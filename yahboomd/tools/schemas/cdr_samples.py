@@ -1,4 +1,4 @@
-"""One example of every message of ROS 2, with what it says and how it travels in CDR."""
+"""One example of every message of ROS 2: its fields and its bytes in CDR."""
 
 from __future__ import annotations
 

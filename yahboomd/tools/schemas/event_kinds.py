@@ -1,7 +1,7 @@
 """Every kind of event: its severities, when it is published, and its ``data``.
 
-Only kinds of :data:`~yahboomd.core.model.EventKind` can be published, and each has its row here.
-Kinds with ``data`` have a message of their own: the same event, with the types of its data.
+Only kinds of :data:`~yahboomd.core.model.EventKind` can be published, and each has a row here.
+A kind with ``data`` has a message of its own: an event with the types of its data.
 """
 
 from __future__ import annotations
@@ -183,7 +183,7 @@ class KindInfo(msgspec.Struct, frozen=True):
     """One kind of event.
 
     Attributes:
-        message: Its message: :class:`EventSample` where it has no ``data``.
+        message: Its message; :class:`EventSample` if it has no ``data``.
         wheel: Whether it may name a motor.
     """
 
@@ -194,7 +194,7 @@ class KindInfo(msgspec.Struct, frozen=True):
 
     @property
     def data(self) -> type[msgspec.Struct] | None:
-        """The type of its ``data``; None where it has none."""
+        """The type of its ``data``; None if it has none."""
         if self.message is EventSample:
             return None
         fields = {field.name: field.type for field in msgspec.structs.fields(self.message)}

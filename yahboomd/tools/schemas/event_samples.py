@@ -42,7 +42,7 @@ _EXAMPLES: dict[EventKind, tuple[str, dict[str, Any]]] = {
         {"wheels_rad": 1.5, "gyro_rad": 0.5, "over_s": 1.0},
     ),
 }
-"""The words and the data of one kind for each message."""
+"""The sentence and the data of one kind for each message."""
 
 
 def _sample(kind: EventKind, words: str, data: dict[str, Any]) -> msgspec.Struct:

@@ -1,7 +1,7 @@
 """Writes ``schemas/`` from the Structs: schemas and samples for programs in other languages.
 
-``python -m yahboomd.tools.schemas.generate FOLDER`` writes; ``--check`` compares, lists what
-differs, and exits with 1 if anything does. Equal Structs give equal bytes.
+``python -m yahboomd.tools.schemas.generate FOLDER`` writes them; ``--check`` compares, lists the
+differences, and exits with 1 if there are any. Equal Structs give equal bytes.
 """
 
 from __future__ import annotations
@@ -25,19 +25,18 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 BESIDE = "asyncapi.json"
-"""In the same folder, but written by :mod:`yahboomd.tools.schemas.asyncapi`, which knows the
-keys."""
+"""A file of the same folder that :mod:`yahboomd.tools.schemas.asyncapi` writes."""
 
 EXACT_IN_A_DOUBLE = 2**53
-"""Generators read numbers of a schema as doubles, which would change a larger bound."""
+"""Type generators read a schema's numbers as doubles, which would change a larger bound."""
 
 
 def _none_of(*names: str) -> dict[str, Any]:
     return {"properties": dict.fromkeys(names, False)}
 
 
-# What a Struct cannot say: a command without any velocity is refused. Said with `not`, which
-# generators pass over; of `anyOf` they make a type for each branch.
+# A rule that a Struct cannot express: a command without any velocity is refused. Type generators
+# ignore `not`; from `anyOf` they would make a type for each branch.
 _EXTRA: dict[str, dict[str, Any]] = {
     "VelocityCommand": {"not": _none_of("vx", "vy", "wz")},
     "RosVelocityCommand": {
@@ -107,12 +106,12 @@ are in [`docs/bus.md`](../docs/bus.md). Everything here is generated, and checke
 
 
 def schema(name: str) -> dict[str, Any]:
-    """The JSON Schema of a message, with its own definition on top."""
+    """The JSON Schema of a message, with the message's own definition at the top level."""
     generated = msgspec.json.schema(MESSAGES.get(name) or EVENTS[name])
     definitions: dict[str, Any] = generated["$defs"]
     own: dict[str, Any] = definitions.pop(name)
     result = {"$schema": DIALECT, **own, **_EXTRA.get(name, {})}
-    # Python 3.13 strips a docstring's indentation, earlier versions keep it: so always strip.
+    # Python 3.13 strips a docstring's indentation and earlier versions keep it, so strip it here.
     result["description"] = _unindented(own["description"])
     if definitions:
         for one in definitions.values():
@@ -124,8 +123,8 @@ def schema(name: str) -> dict[str, Any]:
 def _for_generators(node: object) -> Any:  # noqa: ANN401 - a schema is any JSON
     """The same schema in forms that every type generator supports.
 
-    A list of fixed length is a plain list (of a tuple they make ``never[]``, or nothing that
-    compiles); a group of counters is an object of whatever is in it; 64 bits are said by a format.
+    A list of fixed length becomes a plain list, because of a tuple they make ``never[]`` or code
+    that does not compile. A group of counters becomes an open object. A format marks 64 bits.
     """
     if isinstance(node, list):
         return [_for_generators(item) for item in node]

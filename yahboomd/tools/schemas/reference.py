@@ -1,4 +1,4 @@
-"""The reference page and the commented ``config.toml``, both from the models."""
+"""Writes the reference page and the commented ``config.toml`` from the models."""
 
 from __future__ import annotations
 
@@ -88,10 +88,10 @@ def default_toml() -> str:
 def as_toml(
     config: Config, *, origins: Mapping[Place, Origin] | None = None, header: str = ""
 ) -> str:
-    """Write every key with its meaning; optional keys that are absent stand in a comment.
+    """Write every key with its meaning; an optional key without a value becomes a comment.
 
     Args:
-        origins: Where keys were written: each value is followed by its own.
+        origins: The origin of each written key, to print behind its value.
         header: Comment at the top, without the ``#``.
     """
     values = config.as_data()
@@ -103,7 +103,7 @@ def as_toml(
 
 
 def summary(loaded: Loaded) -> str:
-    """The robot in a few sentences, to recognise it by."""
+    """Describe the robot in a few sentences that identify it."""
     config = loaded.config
     kinematics, motors = config.kinematics(), config.motors()
     source = "the defaults" if loaded.path is None else str(loaded.path)
@@ -188,7 +188,7 @@ def _origin(place: Place, origins: Mapping[Place, Origin] | None) -> str:
         return ""
     inside = {at.words for key, at in origins.items() if key[: len(place)] == place}
     around = [origins[place[:end]] for end in range(len(place), 1, -1) if place[:end] in origins]
-    # A table written over several layers names each of them.
+    # A table that several layers wrote names each of them.
     words = ", ".join(sorted(inside)) or (around[0].words if around else "default")
     return f"  # {words}"
 

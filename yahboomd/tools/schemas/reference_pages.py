@@ -1,4 +1,4 @@
-"""The pages ``docs/events.md`` and ``docs/status.md``, from their registries.
+"""Makes the pages ``docs/events.md`` and ``docs/status.md`` from their registries.
 
 ``python -m yahboomd.tools.schemas.reference_pages events`` prints one; ``make schemas`` writes
 both.

@@ -1,6 +1,6 @@
 """One example of every native message: for ``schemas/``, and for tests in other languages.
 
-Those of ROS 2 are in :mod:`.cdr_samples`.
+:mod:`.cdr_samples` has those of ROS 2.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Everything that a person wants to know of a daemon, from its samples.
+"""Collects a daemon's samples into a view of the robot.
 
 Pure: samples and times in, a :class:`View` out. Other files draw it.
 """
@@ -29,22 +29,22 @@ from yahboomd.tools.screens.rates import Counter
 Message = TypeVar("Message", bound=msgspec.Struct)
 
 STALE_NS = 2 * NS_PER_S
-"""A daemon publishes its status twice a second; after four of them it is gone, or stuck."""
+"""A daemon publishes its status twice a second; after four missing ones it is gone or stuck."""
 
 LATE_NS = NS_PER_S
-"""Pose, twist and wheels come with every reading; older than this they show the past."""
+"""Pose, twist and wheels come with every reading; older ones are shown as old."""
 
 RATE_NS = 2 * NS_PER_S
-"""Rates are averages over so long."""
+"""The window over which rates are averaged."""
 
 NEWS_NS = 10 * NS_PER_S
-"""A counter that rose is news, and a speed counts for the scale of the bars, for so long."""
+"""For this time a risen counter is highlighted, and a speed counts for the scale of the bars."""
 
 SMALLEST_M_S = 0.1
 """The smallest scale of the bars."""
 
 STANDING_M_S = 0.005
-"""Slower than the numbers on a screen show well."""
+"""Slower speeds hardly show in the numbers of a screen."""
 
 MAX_EVENTS = 200
 MAX_TRAIL = 4096
@@ -60,7 +60,7 @@ LINK_COUNTS: dict[str, tuple[str, ...]] = {
     "reconnects": ("disconnected",),
     "late beats": ("polls_late", "beats_missed"),
 }
-"""Counters of ``status.link`` (and ``status.command``) that are trouble, by what to call them."""
+"""The troubles shown, by their names, each with its counters in ``status.link`` or ``.command``."""
 
 Phase: TypeAlias = Literal["waiting", "live", "silent"]
 
@@ -74,24 +74,24 @@ class Count(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class View(msgspec.Struct, frozen=True, kw_only=True):
-    """Everything there is to show at one moment.
+    """Everything to show at one moment.
 
     Attributes:
         phase: ``waiting`` until a status came; ``silent`` when they stopped coming.
-        silent_s: Since the latest status.
+        silent_s: Time since the latest status.
         status: The latest status, pose, twist and wheels; None before the first.
-        state_s: How long it has been in this state.
-        driver_s: How long the driver has had control; None where the status has no driver.
+        state_s: Time in this state.
+        driver_s: Time for which the driver has had control; None if there is no driver.
         late: Pose, twist and wheels are old.
-        poses_per_s: By the numbers that they carry: all of them, whether they arrive here or not.
-        full_scale_m_s: The fastest that any wheel was, or was commanded to be, lately.
-        readings_per_s: Of the board's counters, as the daemon counts them.
+        poses_per_s: By their sequence numbers, so poses that did not arrive here count too.
+        full_scale_m_s: The fastest recent speed or command of any wheel.
+        readings_per_s: Readings of the board's counters, as the daemon counts them.
         commands_per_s: Commands that the daemon received from any source.
         link: Troubles of the line.
         refusals: Commands refused, by reason.
         events: The newest last.
-        event_age_s: Since the newest event came.
-        trail: Where it has been, (x, y) in metres, the newest last.
+        event_age_s: Time since the newest event came.
+        trail: The robot's path, (x, y) in metres, the newest last.
     """
 
     phase: Phase
@@ -134,10 +134,10 @@ class View(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Dashboard:
-    """Accepts samples as they arrive, and shows what they amount to.
+    """Accepts samples as they arrive, and makes views of them.
 
-    All times are monotonic nanoseconds of the watching program. Stamps of samples are compared
-    with each other alone: the daemon's clock may be another machine's.
+    All times are monotonic nanoseconds of the watching program. Stamps of samples are compared only
+    with each other, because the daemon's clock may be another machine's.
     """
 
     def __init__(self) -> None:
@@ -160,9 +160,9 @@ class Dashboard:
         self._unreadable = 0
 
     def accept(self, key: str, payload: bytes, now_ns: int) -> None:
-        """A sample arrived on ``key``; samples of other keys are ignored.
+        """Take a sample that arrived on ``key``; samples of other keys are ignored.
 
-        Some poses, twists and wheels may be left out: their numbers show how many there were.
+        Poses, twists and wheels may be left out: their sequence numbers count them.
         """
         if key == keys.STATUS and (status := self._read(payload, StatusSample)) is not None:
             self._accept_status(status, now_ns)
@@ -185,16 +185,16 @@ class Dashboard:
             self._volts = battery.volts
 
     def view(self, now_ns: int, *, connected: bool = True) -> View:
-        """The robot's state at ``now_ns``, to be shown.
+        """The view of the robot at ``now_ns``.
 
         Args:
-            connected: Whether there is a connection that samples could come over.
+            connected: Whether there is a connection over which samples could come.
         """
         events, status = tuple(self._events), self._status
         if status is None:
             return View(phase="waiting", events=events, unreadable=self._unreadable)
         silent_ns = now_ns - self._status_ns
-        # Between two of them, the status ages with the watcher's clock.
+        # Between two statuses, the latest one ages by the watcher's clock.
         status_ns, since_ns = status.stamp_ns + silent_ns, status.driver_since_ns
         return View(
             phase="live" if connected and silent_ns <= STALE_NS else "silent",
@@ -222,7 +222,7 @@ class Dashboard:
         )
 
     def new_events(self) -> tuple[EventSample, ...]:
-        """The events since this was called before."""
+        """The events since the last call."""
         events = tuple(self._new_events)
         self._new_events.clear()
         return events
@@ -234,14 +234,14 @@ class Dashboard:
         self._commands.add(_number(status.command, "received") or 0, now_ns)
         facts = {**status.command, **status.link}
         for name in {*REFUSALS, *(each for names in LINK_COUNTS.values() for each in names)}:
-            # What was counted before this program began is history.
+            # Counts from before this program began are history, not news.
             self._troubles.setdefault(name, Counter(NEWS_NS)).add(_number(facts, name) or 0, now_ns)
         if isinstance(volts := status.board.get("volts"), int | float):
             self._volts = float(volts)
 
     def _accept_pose(self, pose: PoseSample, arrived_ns: int) -> None:
         if self._pose is not None and pose.seq < self._pose.seq:
-            # A daemon that was restarted: it was never on that path.
+            # The daemon was restarted: the old path is not its own.
             self._trail.clear()
         self._poses.add(pose.seq, arrived_ns)
         self._pose, self._pose_ns = pose, arrived_ns
@@ -257,7 +257,7 @@ class Dashboard:
     def _counts(
         self, groups: Mapping[str, tuple[str, ...]], facts: Mapping[str, Any], now_ns: int
     ) -> tuple[Count, ...]:
-        """The counters that ever counted something."""
+        """The counters above zero."""
         found = []
         for words, names in groups.items():
             total = sum(_number(facts, name) or 0 for name in names)
@@ -273,7 +273,7 @@ class Dashboard:
         return sample
 
     def _finite(self, *numbers: float) -> bool:
-        """Whether these can be drawn: MessagePack carries infinities and what is no number."""
+        """Whether all are finite: infinities and NaN cannot be drawn."""
         finite = all(map(math.isfinite, numbers))
         if not finite:
             self._unreadable += 1

@@ -1,4 +1,4 @@
-"""A terminal's own screen that rich draws on, and the pieces that both screens are made of."""
+"""A terminal's own screen for rich, and the pieces of both screens."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rich.text import Text
 from yahboomd.core.program import plain
 
 QUIET = "bright_black"
-"""The style of what is less important."""
+"""The style of less important text."""
 
 STATES = {
     "driving": "green",
@@ -32,21 +32,21 @@ SEVERITIES = {"info": "blue", "warning": "yellow", "error": "red"}
 """The colour of each severity of an event."""
 
 LONGEST = 1000
-"""Characters of a text that are drawn: long texts of other programs must not delay the keys."""
+"""The most characters of a text to draw: long texts of other programs must not delay the keys."""
 
 Part = tuple[str, str]
 """A text and its style, such as ``bold red``; empty for none."""
 
 
 def line(*parts: str | Part) -> Text:
-    """One line; what is too much is cut off. Control characters become blanks."""
+    """One line, cut off at the end of the screen. Control characters become blanks."""
     pairs = ((part, "") if isinstance(part, str) else part for part in parts)
     shown = ((plain(words[:LONGEST]), style) for words, style in pairs)
     return Text.assemble(*shown, no_wrap=True, overflow="ellipsis")
 
 
 def sentence(*parts: str | Part) -> Text:
-    """The same, over as many lines as it takes."""
+    """A text over as many lines as it needs."""
     text = line(*parts)
     text.no_wrap, text.overflow = False, "fold"
     return text
@@ -65,7 +65,7 @@ def panel(*lines: RenderableType, title: str, note: str = "", style: str = QUIET
 
 
 class Widest:
-    """The first of these texts that is not too wide, else the last."""
+    """The first of these texts that fits the width, or the last one."""
 
     def __init__(self, *texts: str) -> None:
         self._texts = [Text(each, no_wrap=True, overflow="ellipsis") for each in texts]
@@ -80,10 +80,10 @@ class Widest:
 
 
 class Screen:
-    """A screen of its own on a terminal, without a cursor; gone on every way out.
+    """A screen of its own on a terminal, without a cursor; removed on every way out.
 
     Args:
-        gone: Called when it takes no more output.
+        gone: Called when the terminal takes no more output.
     """
 
     def __init__(self, fd: int, gone: Callable[[], None] = lambda: None) -> None:
@@ -105,7 +105,7 @@ class Screen:
         self._console.set_alt_screen(False)
 
     def draw(self, *forms: RenderableType) -> None:
-        """Draw the first of these forms that is not too high for the terminal, else the last."""
+        """Draw the first of these forms that fits the terminal's height, or the last one."""
         console = self._console
         fitting = (
             form
@@ -122,7 +122,7 @@ class Screen:
 
 
 class _Terminal(io.StringIO):
-    """Writes past Python's buffer: what a terminal that hung up did not take fails only once."""
+    """Writes past Python's buffer, so that text for a terminal that hung up fails only once."""
 
     def __init__(self, fd: int, gone: Callable[[], None]) -> None:
         super().__init__()

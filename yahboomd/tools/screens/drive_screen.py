@@ -1,4 +1,4 @@
-"""The screen of ``yahboomd drive``: the keys, what is commanded, and why the robot stands. Pure."""
+"""The screen of ``yahboomd drive``: the keys, the command, and why the robot stands. Pure."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ NARROW_KEYS = """
 """The same for narrow terminals."""
 
 FRESH_S = 10.0
-"""An event is news for so long."""
+"""An event is highlighted for this time."""
 
 _ARROWS = {
     (1, 0, 0): "↑ forward",
@@ -64,11 +64,11 @@ def screen(
     """The screen, and the same without the legend for low terminals.
 
     Args:
-        command: What is published now, zeros after motion included; None for nothing.
-        speeds: What a key stands for, in m/s and rad/s.
-        heard: Whether a daemon listens on it.
-        why: Why nothing is known of the daemon yet, or any more.
-        answer: What the last request brought, with its style.
+        command: The published command, including zeros after motion; None for nothing.
+        speeds: The speeds of a key, in m/s and rad/s.
+        heard: Whether a daemon subscribes to the key.
+        why: Why no status has come, or comes any more.
+        answer: The answer to the last request, with its style.
     """
     head = line((" yahboomd drive ", "bold reverse"), (f"  {robot}  on {key}", QUIET))
     rows = Table.grid(padding=(0, 1, 0, 0))
@@ -124,7 +124,7 @@ def _robot(view: View, why: str) -> list[tuple[str, Text]]:
 
 
 def _trouble(view: View, key: str, *, heard: bool) -> list[tuple[str, Text]]:
-    """The reason why the daemon receives no commands at all."""
+    """Explain why the daemon receives no commands at all."""
     if heard or view.phase != "live":
         return []
     name = key if "/" not in key else f'"{key}"'

@@ -1,4 +1,4 @@
-"""The keyboard, the screen and the bus of ``yahboomd drive``, put together."""
+"""Connects the keyboard, the screen and the bus for ``yahboomd drive``."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from yahboomd.tools.screens.teleop import Teleop, wish
 REDRAW_S = 0.1
 
 OLD_S = 0.5
-"""Keys that waited for this process for so long move nothing."""
+"""Keys that waited for this long because the process did not run move nothing."""
 
 
 class Driver:
-    """The keyboard, the screen and the bus, put together."""
+    """Connects the keyboard, the screen and the bus."""
 
     def __init__(self, feed: Feed, teleop: Teleop, clock: Clock, source: str) -> None:
         self._feed = feed
@@ -42,13 +42,13 @@ class Driver:
     async def run(self) -> None:
         """Drive until the person quits, a signal comes or the terminal goes."""
         loop = asyncio.get_running_loop()
-        # What would suspend it ends it: a suspended command stops no robot.
+        # A signal to suspend ends the command, because a suspended command stops no robot.
         for number in (*deadly(), signal.SIGTSTP):
             loop.add_signal_handler(number, self._end)
         try:
             with (
                 Keys(sys.stdin.fileno(), self._press, self._end, reads=self._reads),
-                # That the terminal is gone is for the reader of its keys to notice.
+                # The reader of the keys notices when the terminal is gone.
                 Screen(sys.stdout.fileno()) as screen,
             ):
                 try:
@@ -56,7 +56,7 @@ class Driver:
                 finally:
                     self._end()
         finally:
-            # First the zeros are sent; what follows may take its time.
+            # The zeros are sent first; the rest may take its time.
             with suppress(CommandEnded):
                 await self._feed.client.finished()
             for task in self._requests:
@@ -75,7 +75,7 @@ class Driver:
             schedule.close()
 
     def _end(self) -> None:
-        # If nothing was commanded, there is nothing to stop.
+        # Without a command there is nothing to stop.
         if self._feed.client.commanded is not None:
             self._feed.client.stop()
         self._ended.set()

@@ -1,4 +1,4 @@
-"""Fills a dashboard with the samples of a daemon, which may come and go."""
+"""Fills a dashboard with a daemon's samples; the daemon may come and go."""
 
 from __future__ import annotations
 
@@ -58,14 +58,14 @@ class Feed:
         await self.client.close()
 
     def view(self, now_ns: int) -> View:
-        """The view at this moment; a lost connection shows before the daemon is missed."""
+        """The view at this moment. A lost connection shows before statuses are overdue."""
         for key, newest in self._newest.items():
             if (payload := newest.take()) is not None:
                 self.dashboard.accept(key, payload, now_ns)
         return self.dashboard.view(now_ns, connected=bool(self._neighbours))
 
     def check(self) -> None:
-        """Raise if the bus can never be reached like this.
+        """Raise if the bus can never be reached with these options.
 
         Raises:
             BusError: A wrong endpoint, namespace or file.
@@ -91,14 +91,14 @@ class Feed:
 
     @property
     def why(self) -> str:
-        """The reason why no sample has come yet, where that is known."""
+        """The reason why no sample has come yet, if it is known; else empty."""
         problem = self.client.problem
         if self.client.is_open:
             return (
                 f"{problem} Is it another --namespace?" if "router answers" in problem else problem
             )
         if (now_ns := self._clock.now_ns()) >= self._search_ns:
-            # It goes through the files of all processes: not for each screen.
+            # The search reads files of all processes, so not at each drawing.
             self._search_ns = now_ns + SEARCH_NS
             self._suspended = suspended_listener(self.options.connect)
         if (pid := self._suspended) is not None:

@@ -1,7 +1,7 @@
-"""A terminal's bytes as keys, each at once; the terminal is put back as it was on every way out.
+"""Reads a terminal's bytes as keys, each at once, and restores the terminal on every way out.
 
-A library for whole screens would read the keys too, and take a sequence that it does not know
-apart: the ``d`` of ``ESC [ d`` would turn the robot. Here it is one unknown key, which stops it.
+A library for whole screens could read the keys too, but splits a sequence that it does not know:
+the ``d`` of ``ESC [ d`` would turn the robot. Here it is one unknown key, which stops the robot.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ ESCAPE = "escape"
 UNKNOWN = "unknown"
 
 ESCAPE_S = 0.05
-"""After an escape byte with nothing behind it for so long it was the key of that name."""
+"""An escape byte that nothing follows for this time was the Escape key."""
 
 READ_BYTES = 1024
 
@@ -27,8 +27,8 @@ _IFLAG, _LFLAG, _CC = 0, 3, 6
 
 _ARROWS = {"A": "up", "B": "down", "C": "right", "D": "left"}
 
-# A sequence ends with a letter, breaks off before what cannot belong to it, or is longer than that
-# of any key.
+# A sequence ends with a letter, before a character that cannot belong to it, or after more
+# characters than any key has.
 _KEY = re.compile(
     r"\x1b(?:O(?P<short>.)|\[[ -?]{0,29}(?:(?P<long>[@-~])|(?=[^ -~]))|\[[ -?]{30}|[^O\[\x1b])"
     r"|(?P<escape>\x1b(?=\x1b))|(?P<plain>[^\x1b])",
@@ -37,10 +37,10 @@ _KEY = re.compile(
 
 
 class KeyParser:
-    """Cuts a terminal's bytes into keys, however they were split on the way.
+    """Cuts a terminal's bytes into keys, however reads split them.
 
-    Were an arrow's ``ESC [ A`` taken apart at a read's end, its ``A`` would be a key of its own,
-    and the robot would turn.
+    If a read ended inside an arrow's ``ESC [ A`` and the parts were taken for keys, the ``A`` would
+    turn the robot.
     """
 
     def __init__(self) -> None:
@@ -49,7 +49,7 @@ class KeyParser:
 
     @property
     def pending(self) -> bool:
-        """Whether a key has begun and not ended: if nothing follows soon, it is the escape key."""
+        """Whether a key is incomplete. If nothing follows soon, it is the Escape key."""
         return bool(self._text or self._decoder.getstate()[0])
 
     def feed(self, data: bytes) -> list[str]:
@@ -62,7 +62,7 @@ class KeyParser:
         return keys
 
     def flush(self) -> list[str]:
-        """End a key that nothing followed; returns it."""
+        """End an incomplete key that nothing followed; returns it."""
         if not self.pending:
             return []
         key = ESCAPE if self._text == "\x1b" else UNKNOWN
@@ -82,8 +82,8 @@ def _name(found: re.Match[str]) -> str:
 class Keys:
     """Keys from a terminal, on the running loop. A context manager.
 
-    Ctrl-C stays a signal. What would suspend the process, kill it or hold its output back becomes a
-    key (Ctrl-Z, Ctrl-Backslash, Ctrl-S): else it could stop no robot.
+    Ctrl-C stays a signal. Ctrl-Z, Ctrl-Backslash and Ctrl-S become keys: otherwise they would
+    suspend or kill the process or hold its output back, and it could stop no robot.
 
     Args:
         reads: Called before the keys of each read are handed over.
@@ -114,7 +114,7 @@ class Keys:
         attributes[_CC][termios.VMIN] = 1
         attributes[_CC][termios.VTIME] = 0
         attributes[_CC][termios.VSUSP] = attributes[_CC][termios.VQUIT] = b"\0"
-        # What was typed before was meant for another program.
+        # Discards earlier typing, which was meant for another program.
         termios.tcsetattr(self._fd, termios.TCSAFLUSH, attributes)
         self._loop.add_reader(self._fd, self._read)
         return self

@@ -1,4 +1,4 @@
-"""The monitor's screen, for rich to draw. Pure: a view in, panels out."""
+"""Makes the monitor's screen for rich. Pure: a view in, panels out."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from yahboomd.tools.screens.path_map import path_map
 from yahboomd.tools.terminal.words import degrees, duration, signed
 
 MAP_FROM = 108
-"""Columns from which on there is room for a map beside the numbers."""
+"""The fewest columns with room for a map beside the numbers."""
 
 
 def screen(view: View, *, where: str, width: int, height: int) -> RenderableType:
     """The whole screen.
 
     Args:
-        where: The robot and where it is, for the title.
-        height: Lines of the terminal; panels for which there is no room are left out, from below.
+        where: The robot and its address, for the title.
+        height: Lines of the terminal; panels without room are left out, from below.
     """
     side = min(2 * height, width - 80) if width >= MAP_FROM and view.trail else 0
     main = width - side
@@ -53,7 +53,7 @@ def screen(view: View, *, where: str, width: int, height: int) -> RenderableType
 
 
 def waiting(view: View, *, where: str, why: str) -> RenderableType:
-    """The screen before any status came: where the daemon is looked for, and what was found."""
+    """The screen before the first status: the address tried, and the trouble found."""
     words = [(f"waiting for a daemon at {where} …", "bold yellow"), ("", ""), (why, "yellow")]
     if view.unreadable:
         words.append((f"{view.unreadable} samples came that cannot be read", "red"))
@@ -76,7 +76,7 @@ def _beside(left: RenderableType, right: RenderableType, width: int) -> Layout:
 
 
 def _past(view: View) -> str:
-    """The style of numbers: grey where they may be old."""
+    """The style of numbers: grey if they may be old."""
     return QUIET if view.phase == "silent" or view.late else ""
 
 
@@ -165,7 +165,7 @@ def _wheels(view: View, width: int) -> Panel:
 
 
 def bar(speed: float, command: float, half: int) -> Text:
-    """A speed beside what was commanded, with zero in the middle.
+    """Draw a speed beside its command, with zero in the middle.
 
     Args:
         speed: Drawn as a bar from the middle, by half characters; 1 reaches the end.
@@ -180,7 +180,7 @@ def bar(speed: float, command: float, half: int) -> Text:
     if rest:
         cells[half + step * (whole + 1)] = ("▌" if speed > 0.0 else "▐", "green")
     if command:
-        # However small, it is to be seen.
+        # Even the smallest command stays visible.
         place = max(1, round(min(1.0, abs(command)) * half))
         cells[half + (place if command > 0.0 else -place)] = ("┃", "bold")
     runs = groupby(cells, key=itemgetter(1))
@@ -206,7 +206,7 @@ def _bus(view: View) -> Panel:
 
 
 def _troubles(counts: Sequence[Count], nothing: str, before: str = "") -> Text:
-    """Counters: those that rise now in red and first, history in grey."""
+    """Counters: first those that rise now, in red; then the others, in grey."""
     if not counts:
         return line((nothing, "green"))
     ordered = sorted(counts, key=lambda count: not count.rising)

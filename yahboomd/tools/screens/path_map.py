@@ -1,7 +1,7 @@
-"""The path of the robot so far, as a map of dots. Pure.
+"""Draws the path of the robot as a map of dots. Pure.
 
 A character of the Braille block is a grid of two by four dots, so a small corner of a terminal
-shows a path well. Axes are those of the pose: x points up the screen, y to the left, as seen from
+shows a path well. The axes are the pose's: x points up the screen, y to the left, as seen from
 above and behind the robot.
 """
 
@@ -15,7 +15,7 @@ _DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))
 _BRAILLE = 0x2800
 
 SMALLEST_M = 0.5
-"""A map shows at least so many metres, or a robot that stands would fill it with noise."""
+"""The least extent of a map in metres; with less, noise of a standing robot would fill it."""
 
 JUMP_M = 0.5
 """Points farther apart than this are not joined."""
@@ -33,8 +33,8 @@ def path_map(
         theta: The heading now, radians.
 
     Returns:
-        The lines; column and line of the robot, which is drawn there as an arrow; and how many
-        metres a line is high.
+        The lines; the column and line of the robot, drawn as an arrow; and the height of a line in
+        metres.
     """
     xs, ys = [x for x, _ in trail], [y for _, y in trail]
     middle_x, middle_y = (min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2
@@ -55,7 +55,7 @@ def path_map(
     cells = [[0] * width for _ in range(height)]
     before = trail[0]
     for point in trail:
-        # Between two poses it drove, but not to one that was set.
+        # A farther point is a pose that was set: the robot did not drive to it.
         (x, y), (x_end, y_end) = before if math.dist(before, point) < JUMP_M else point, point
         steps = math.ceil(math.dist((x, y), point) / metres_per_dot)
         for share in (step / max(1, steps) for step in range(steps + 1)):

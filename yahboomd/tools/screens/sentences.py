@@ -1,4 +1,4 @@
-"""A view in words: for both screens, and as lines for logs, pipes and scripts. Pure."""
+"""Puts a view into words: for both screens, and as lines for logs, pipes and scripts. Pure."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from yahboomd.tools.terminal.words import degrees, duration, rate
 
 
 def driver(view: View) -> str:
-    """The source that drives, and since when."""
+    """The source that has control, and for how long."""
     if view.status is None or view.status.driver is None:
         return "no source has control"
     since = "" if view.driver_s is None else f" for {duration(view.driver_s)}"
@@ -22,11 +22,11 @@ def driver(view: View) -> str:
 
 
 STANDING = frozenset({"standing", "estopped", "fault", "waiting"})
-"""The states in which nothing moves, as far as is known; in a state of another version it may."""
+"""States in which nothing moves, as far as is known; in an unknown state the robot may move."""
 
 
 def lost_sight(view: View) -> str:
-    """Advice for a person whose daemon falls silent; empty where nothing moved."""
+    """Advice for a person whose daemon falls silent; empty if nothing moved."""
     if view.status is None or view.status.state in STANDING:
         return ""
     return pasteable(
@@ -45,7 +45,7 @@ def board(view: View) -> str:
 
 
 def supply(view: View) -> str:
-    """The battery."""
+    """The battery's voltage and charge."""
     return "battery unknown" if view.volts is None else f"battery {view.volts:.1f} V{_charge(view)}"
 
 
@@ -60,7 +60,7 @@ def readings(view: View) -> str:
 
 
 def traffic(view: View) -> str:
-    """The samples that the daemon receives and publishes, a second."""
+    """The rates of received commands and published poses."""
     return f"{rate(view.commands_per_s, 'commands')} · {rate(view.poses_per_s, 'poses')}"
 
 
@@ -75,7 +75,7 @@ def routers(view: View) -> str:
 
 
 def counts(found: Sequence[Count], nothing: str) -> str:
-    """Troubles that were counted, or that there are none."""
+    """The troubles that were counted; ``nothing`` if there are none."""
     return " · ".join(f"{count.name} {count.total}" for count in found) or nothing
 
 
@@ -94,7 +94,7 @@ def status_text(view: View) -> str:
 
 
 def snapshot(view: View, *, where: str) -> str:
-    """Everything, once; ends without a line break."""
+    """The whole view; ends without a line break."""
     assert view.status is not None
     silent = "" if view.phase == "live" else f", silent for {view.silent_s:.1f} s"
     return _table(
@@ -118,7 +118,7 @@ def snapshot(view: View, *, where: str) -> str:
 
 
 def line(view: View) -> str:
-    """The most important, in one line."""
+    """The most important facts, in one line."""
     assert view.status is not None
     if view.phase == "silent":
         return f"no status from the daemon for {view.silent_s:.1f} s (it was {view.status.state})"

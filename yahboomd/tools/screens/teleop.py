@@ -1,8 +1,8 @@
-"""Keys to velocities, with a deadman that a terminal allows. Pure; monotonic nanoseconds handed in.
+"""Turns keys into velocities, with a deadman for terminals. Pure; monotonic times are arguments.
 
-A terminal shows no releases. A held key is seen as one press, a pause, and then repeats. So the
-first press counts until the repeats must have begun; once they have, a short silence means that the
-key was let go.
+A terminal reports no releases. A held key is one press, a pause, and then repeats. So the first
+press counts until the repeats must have begun. Once they have begun, a short silence means that the
+key was released.
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ _WISHES: dict[str, Wish] = {
     **dict.fromkeys("-_", "slower"),
     **dict.fromkeys("eE", "estop"),
     **dict.fromkeys("rR", "release"),
-    # Ctrl-C and Ctrl-D too, where the terminal hands them over.
+    # Ctrl-C and Ctrl-D too, if the terminal passes them on.
     **dict.fromkeys("qQ\x03\x04", "quit"),
 }
 
 
 def direction(key: str) -> tuple[int, int, int] | None:
-    """The direction in which a key moves the base; None where it does not."""
+    """The direction in which a key moves the base; None for other keys."""
     # With caps lock on, W is still forward.
     return MOVES.get(key) or MOVES.get(key.lower())
 
 
 def wish(key: str) -> Wish:
-    """The wish behind a key. Every key that means nothing else stops."""
+    """The meaning of a key. An unknown key stops."""
     if direction(key) is not None:
         return "move"
     return _WISHES.get(key, "stop")
@@ -54,20 +54,20 @@ def wish(key: str) -> Wish:
 MS = 1_000_000
 
 FIRST_NS = 700 * MS
-"""The time that a press counts. Terminals repeat a held key after 250 to 660 ms."""
+"""The time for which a press counts. Terminals repeat a held key after 250 to 660 ms."""
 
 REPEATING_NS = 300 * MS
 """Presses of one key that follow each other closer than this come from a held key."""
 
 SHORTEST_NS = 250 * MS
-"""The least time that a repeat counts: a remote terminal hands several over at a time."""
+"""The least time for which a repeat counts, because a remote terminal sends several at a time."""
 
 FASTER = 1.1
 MIN_SCALE, MAX_SCALE = 0.05, 10.0
 
 
 class Teleop:
-    """One keyboard that drives."""
+    """Turns the keys of one keyboard into motion."""
 
     def __init__(self, *, linear_m_s: float, angular_rad_s: float) -> None:
         self._linear_m_s = linear_m_s
@@ -78,11 +78,11 @@ class Teleop:
         self._until_ns = 0
 
     def press(self, key: str, now_ns: int) -> Wish:
-        """A key came.
+        """Take a key.
 
         Returns:
-            What it asks for; ``move``, ``stop``, ``faster`` and ``slower`` are done already, and
-            what remains to be done has stopped the motion too.
+            Its meaning. ``move``, ``stop``, ``faster`` and ``slower`` are done already; the others
+            have stopped the motion, and the caller does the rest.
         """
         wanted = wish(key)
         if wanted == "move":
@@ -95,19 +95,19 @@ class Teleop:
         return wanted
 
     def motion(self, now_ns: int) -> tuple[Twist2d, int] | None:
-        """The wish of the held key, and its end unless it is pressed again; None for none."""
+        """The velocity of the held key, and when it ends without a repeat; None if no key is."""
         if self._key is None or now_ns >= self._until_ns:
             return None
         return self._twist(self._key), self._until_ns
 
     @property
     def linear_m_s(self) -> float:
-        """Speed of the keys that drive."""
+        """The speed of keys that drive."""
         return min(self._linear_m_s * self._scale, FASTEST_M_S)
 
     @property
     def angular_rad_s(self) -> float:
-        """Speed of the keys that turn."""
+        """The speed of keys that turn."""
         return min(self._angular_rad_s * self._scale, FASTEST_RAD_S)
 
     def _hold(self, key: str, now_ns: int) -> None:

@@ -1,6 +1,6 @@
-"""Plans an installation: which files go where, and what becomes of those that exist.
+"""Plans an installation: which files go where, and what happens to existing ones.
 
-Nothing is written here. :mod:`yahboomd.cli.install` carries a plan out.
+This module writes nothing. :mod:`yahboomd.cli.install` carries a plan out.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ PACKAGED = Path("/opt/yahboomd")
 """The environment of the Debian package; dpkg installs its files."""
 
 UNIT_PROGRAM = "/usr/bin/yahboomd"
-"""The program as the unit files of the source tree name it."""
+"""The program's path in the unit files of the source tree."""
 
 FILES: Mapping[str, str] = {
     "yahboomd.service": "etc/systemd/system/yahboomd.service",
@@ -27,23 +27,23 @@ FILES: Mapping[str, str] = {
     "95-yahboomd.rules": "etc/udev/rules.d/95-yahboomd.rules",
     "yahboomd.sysusers.conf": "etc/sysusers.d/yahboomd.conf",
 }
-"""Our own files, replaced at each installation: source to place, below the root."""
+"""yahboomd's own files, replaced at each installation: source to place below the root."""
 
 SHARE = "usr/local/share"
-"""The folder where man and the shells look for what an administrator installed."""
+"""man and the shells look here for software that an administrator installed."""
 
 FISH_SHARED = "fish/vendor_completions.d/yahboomd.fish"
 FISH = "etc/fish/completions/yahboomd.fish"
-"""fish looks below /usr/local only where XDG_DATA_DIRS names it, which it does not over SSH."""
+"""fish looks below /usr/local only if XDG_DATA_DIRS names it, which over SSH it does not."""
 
 CONFIG = "etc/yahboomd/config.toml"
 """A person's file: written once, then kept."""
 
 WEB = "yahboomd-web.service"
-"""The page's service, which is started only where it is asked for."""
+"""The page's service, started only on request."""
 
 WEB_LISTEN = "etc/systemd/system/yahboomd-web.service.d/listen.conf"
-"""Written where the page is to be reached from elsewhere; how, is a person's from then on."""
+"""Written if the page shall be reachable from elsewhere; afterwards the person's file."""
 
 FIRST_INSTANCE_PORT = 7449
 """The default of the single service is 7448."""
@@ -68,9 +68,9 @@ class PlannedFile(msgspec.Struct, frozen=True, kw_only=True):
     """A file that shall be in place.
 
     Attributes:
-        path: Where, with the root in front.
-        fate: What becomes of it: written as new or over an older one, as it should be already, or
-            a person's own and left alone.
+        path: Its place, including the root.
+        fate: ``new``, ``changed`` (replaces an older one), ``unchanged`` (is right already) or
+            ``kept`` (a person's own, left alone).
     """
 
     path: Path
@@ -79,10 +79,10 @@ class PlannedFile(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def data_text(name: str) -> str:
-    """A file that the installation carries: in the wheel, or in the source tree.
+    """The text of a file that the installation carries, in the wheel or the source tree.
 
     Raises:
-        OSError: It is not there.
+        OSError: The file is missing.
     """
     package = Path(__file__).resolve().parents[2]
     folder = "" if name == "config.toml" else "systemd"
@@ -93,7 +93,7 @@ def data_text(name: str) -> str:
 
 
 def planned_files(root: Path, program: Path, *, packaged: bool) -> list[PlannedFile]:
-    """The files of the service itself."""
+    """The files of the service itself; none if the Debian package brings them."""
     if packaged:
         return []
     files = [
@@ -105,10 +105,10 @@ def planned_files(root: Path, program: Path, *, packaged: bool) -> list[PlannedF
 
 
 def shared_plan(root: Path, texts: Mapping[str, str]) -> list[PlannedFile]:
-    """Man pages and completions, which the service does without.
+    """Man pages and completions, which the service does not need.
 
     Args:
-        texts: By their paths below a folder ``share``.
+        texts: The files by their paths below a folder ``share``.
     """
     places = {FISH_SHARED: FISH}
     return [
@@ -120,7 +120,7 @@ def instance_file(root: Path, name: str, port: str) -> PlannedFile:
     """The configuration of one of several boards.
 
     Args:
-        name: Of the instance, and the robot's namespace.
+        name: The instance, which is also the robot's namespace.
         port: Its serial port; best a name below ``/dev/serial/by-path``, which stays with the
             socket.
     """
@@ -163,14 +163,14 @@ def free_listen_port(configurations: Iterable[str]) -> int:
 
 
 def instance_name_is_good(name: str) -> bool:
-    """Whether a name can be that of a unit, of a file, and a key of the bus."""
+    """Whether a name can name a unit and a file, and be a key of the bus."""
     return re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name) is not None and name != "config"
 
 
 def unreachable(paths: Iterable[Path]) -> Path | None:
-    """The first path that the service's user could not read; ``None`` where all are in reach."""
+    """The first path that the service's user cannot read; ``None`` if it can read all."""
     for path in paths:
-        # Both the way that is written down and the one that links lead to.
+        # Check both the given path and the one that its links lead to.
         for way in (path, path.resolve()):
             if any(way.is_relative_to(folder) for folder in HIDDEN):
                 return path

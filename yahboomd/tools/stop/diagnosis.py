@@ -1,4 +1,4 @@
-"""Explains the error of a port in words, with facts from this machine."""
+"""Explains the error of a port with facts from this machine."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ KNOWN_HOLDERS = {
     "yahboomd": "A yahboomd daemon owns the board: `yahboomd monitor` shows what it does, and "
     "`yahboomd stop` stops its wheels. To use the port itself, end the daemon first.",
 }
-"""Programs that are known to hold such ports, with what to do."""
+"""Programs that are known to hold such ports, each with advice."""
 
 MOSTLY_TEXT = 0.9
-"""The share of printable bytes above which input is another device's text, not noise."""
+"""A larger share of printable bytes is another device's text; a smaller one is noise."""
 
 
 def hints(
@@ -46,8 +46,8 @@ def hints(
     """Further facts about an error, the most likely cause first.
 
     Args:
-        path: The port that was to be used; empty where none was found.
-        heard: What came from the port, if it was open.
+        path: The wanted port; empty if none was found.
+        heard: The bytes from the port, if it was open.
     """
     if isinstance(error, PortMissing):
         return _missing(str(error), path, found, sysfs)
@@ -98,10 +98,10 @@ def _denied(path: str) -> tuple[str, ...]:
 
 
 def busy(who: tuple[str, ...]) -> tuple[str, ...]:
-    """Advice about those who hold a port.
+    """Advice about the holders of a port.
 
     Args:
-        who: As from :func:`yahboomd.core.link.port_errors.holders`.
+        who: From :func:`yahboomd.core.link.port_errors.holders`.
     """
     if not who:
         return ("By a process that this user may not see: sudo fuser -v PORT names it.",)
@@ -110,7 +110,7 @@ def busy(who: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def what_was_heard(heard: Heard) -> str:
-    """Describe what a port without a board sent instead, and what that points to."""
+    """Describe the bytes of a port without a board, and their likely cause."""
     data = heard.start
     if not data:
         return (

@@ -1,8 +1,8 @@
-"""A board that went away while its wheels may turn: taken as soon as it is back, with a stop.
+"""Takes a board that went away while its wheels may turn, as soon as it is back, with a stop.
 
-The device is looked for, not its name, which may go to another one. A program of ours that has the
-port by then is left alone, because its own first words are a stop. The standard library is enough
-for it: a process that survives the one that drove can use it.
+It looks for the device, not for its name, which another device may get. If a yahboomd program has
+the port by then, the port is left alone, because that program begins with a stop. This module needs
+only the standard library, so that a process that outlives the driving one can use it.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ _OPENING = frozenset({"run", "stop", "setup", "tune", "probe"})
 
 
 class TakenByOurs(Exception):
-    """Another process of this program has the port: it stops the wheels as it begins."""
+    """Another process of yahboomd has the port; it stops the wheels when it begins."""
 
     def __init__(self, path: str, pid: int) -> None:
         super().__init__(f"yahboomd (pid {pid}) has {path}")
 
 
 def seize_again(note: PortNote) -> Seized | None:
-    """Take the device that was lost, which sends the first stop; None if it cannot be had now.
+    """Take the lost device, which sends the first stop; None if it cannot be had now.
 
     Args:
-        note: How it was opened, and which device it was.
+        note: The device and how its port was opened.
 
     Raises:
-        TakenByOurs: Another process of this program has it.
+        TakenByOurs: Another process of yahboomd has it.
     """
     path = _path_of(note)
     if path is None:
@@ -47,7 +47,7 @@ def seize_again(note: PortNote) -> Seized | None:
         device = identify(os.stat(path))
         return seize(**note._replace(path=path, device=device).options(), patience_s=0.0)
     except OSError as error:
-        # Gone again, root's alone until udev has set its group, or held.
+        # Gone again; or only root's until udev has set its group; or held by a process.
         if error.errno in _HELD:
             for pid in _ours(device.number):
                 raise TakenByOurs(path, pid) from None
@@ -55,7 +55,7 @@ def seize_again(note: PortNote) -> Seized | None:
 
 
 def arguments(pid: int, *, proc: str = "/proc") -> list[str]:
-    """The command line of a process; empty where it cannot be read."""
+    """The command line of a process; empty if it cannot be read."""
     try:
         with open(f"{proc}/{pid}/cmdline", "rb") as file:
             return os.fsdecode(file.read()).split("\0")[:-1]
@@ -64,12 +64,12 @@ def arguments(pid: int, *, proc: str = "/proc") -> list[str]:
 
 
 def is_yahboomd(pid: int, *, proc: str = "/proc") -> bool:
-    """Whether a process runs this program, by a command of its own or as ``python -m``."""
+    """Whether a process runs yahboomd, by its own command or as ``python -m``."""
     return "yahboomd" in (os.path.basename(word) for word in arguments(pid, proc=proc)[:3])
 
 
 def drives(pid: int, *, proc: str = "/proc") -> bool:
-    """Whether a process runs a command of this program that opens the port of a board."""
+    """Whether a process runs a command of yahboomd that opens a board's port."""
     return is_yahboomd(pid, proc=proc) and not _OPENING.isdisjoint(arguments(pid, proc=proc)[:4])
 
 
@@ -79,14 +79,14 @@ def _path_of(note: PortNote) -> str | None:
         return None
     found = find(device)
     if found is None and is_pseudo(device.number) and os.path.islink(note.path):
-        # A pseudo-terminal does not come back: its owner has the link lead to the next one.
+        # A pseudo-terminal does not come back: its owner points the link to the next one.
         with contextlib.suppress(OSError):
             return note.path if is_pseudo(os.stat(note.path).st_rdev) else None
     return found
 
 
 def _ours(device: int) -> list[int]:
-    """The processes of this program that have a device, or may: another user's cannot be seen."""
+    """The yahboomd processes that have a device, or may have it: some belong to other users."""
     found = []
     for pid in (int(name) for name in os.listdir("/proc") if name.isdigit()):
         if pid == os.getpid() or not is_yahboomd(pid):

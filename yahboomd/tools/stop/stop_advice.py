@@ -1,4 +1,4 @@
-"""The reasons why ``yahboomd stop`` reached no daemon, and what a person can do about them."""
+"""Explains why ``yahboomd stop`` reached no daemon, and what a person can do about it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class StopOptions(NamedTuple):
 
     Attributes:
         connect: The endpoints; empty for those of the configuration.
-        again: The same command, to be typed again.
+        again: The command to repeat.
     """
 
     port: str = ""
@@ -41,7 +41,7 @@ class StopOptions(NamedTuple):
 def not_released(
     error: BusError, asked: StopOptions, found: list[LocalDaemon], endpoints: tuple[str, ...]
 ) -> BusError:
-    """Explain why no daemon answers, by the one of this machine that is meant, and no other."""
+    """Explain why no daemon answers, by the daemon of this machine that is meant."""
     from yahboomd.tools.stop.stop_local import Wanted, there
 
     meant = [robot.pid for robot in found if robot.silent and not asked.connect]
@@ -70,7 +70,7 @@ def not_released(
 
 
 def no_answer(error: BusError, asked: StopOptions, endpoints: tuple[str, ...]) -> BusError:
-    """Explain why no daemon answers, where it is one of this machine."""
+    """Explain why no daemon answers, if it runs on this machine."""
     pid = listener(endpoints)
     if pid is None or not is_yahboomd(pid):
         return error
@@ -83,7 +83,7 @@ def no_answer(error: BusError, asked: StopOptions, endpoints: tuple[str, ...]) -
 def not_found(
     trouble: YahboomdError, config: Config, endpoints: tuple[str, ...], local: LocalStops
 ) -> YahboomdError:
-    """The error where neither a daemon nor a port was found."""
+    """The error if neither a daemon nor a port was found."""
     from yahboomd.tools.stop.stop_local import there
 
     namespace = config.zenoh.namespace
@@ -96,14 +96,14 @@ def not_found(
 
 
 def silent(robot: LocalDaemon, asked: StopOptions) -> LinkError:
-    """The error where this daemon does not answer."""
+    """The error if this daemon does not answer."""
     state = process_state(robot.pid)
     message, remedy = unresponsive(f"yahboomd (pid {robot.pid})", robot.pid, state, asked.again)
     return LinkError(message, remedy=remedy)
 
 
 def unreached(local: LocalStops, over_bus: tuple[str, ...] = ()) -> list[str]:
-    """Daemons of this machine whose sockets are elsewhere, each with the command that stops it."""
+    """Name the daemons of this machine with unknown sockets, and the command that stops each."""
     known = {robot.pid for robot in (*local.answering, *local.silent, *local.unknown)}
     if over_bus:
         known.add(listener(over_bus) or 0)
@@ -111,7 +111,7 @@ def unreached(local: LocalStops, over_bus: tuple[str, ...] = ()) -> list[str]:
 
 
 def warn_of_suspended(local: LocalStops, asked: StopOptions) -> None:
-    """Warn of suspended daemons that this stop did not reach and that may have closed the port."""
+    """Warn of suspended daemons that this stop did not reach, even if they closed the port."""
     for robot in local.unknown:
         frozen = process_state(robot.pid) in FROZEN
         if frozen and may_drive(robot.pid, asked.port):

@@ -1,4 +1,4 @@
-"""The bus half of ``yahboomd stop``: the daemon's emergency stop, engaged or released."""
+"""The bus half of ``yahboomd stop``: engages or releases the daemon's emergency stop."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class BusStop(msgspec.Struct, frozen=True, kw_only=True):
     """The daemons' answers to a stop.
 
     Attributes:
-        words: Its answer and what was seen, for a person.
+        words: The answer and the observed motion, for a person.
     """
 
     stood: bool
@@ -44,10 +44,10 @@ async def engage(
     """Engage the emergency stop of every daemon there, and watch the wheels.
 
     Args:
-        port: Only a daemon on this port is meant; empty for every one.
+        port: Only a daemon on this port is meant; empty for every daemon.
 
     Returns:
-        What came of it; None where no daemon answers.
+        The outcome; None if no daemon answers.
     """
     robot = AsyncRobot(client_options(endpoints, config))
     stood = standing = False
@@ -55,7 +55,7 @@ async def engage(
         await robot.join(0.0)
         if port and await _elsewhere(robot, port):
             return None
-        robot.newest(WheelsSample)  # Subscribes: what the wheels did is known at the end.
+        robot.newest(WheelsSample)  # Subscribes, so that the wheels' motion is known at the end.
         answer = await robot.request(keys.ESTOP, b'{"by":"yahboomd stop"}', urgent=True)
         if not answer.answered:
             return None
@@ -77,10 +77,10 @@ async def engage(
 
 
 async def _elsewhere(robot: AsyncRobot, port: str) -> bool:
-    """Whether the daemons there are known to have other ports.
+    """Whether the daemons that answer are known to have other ports.
 
-    A slow answer is waited for: to stop the wrong robot would be a fault, too. A daemon that has
-    just started names its port once its board is identified.
+    It waits for a slow answer, because stopping the wrong robot would be a fault too. A daemon that
+    has just started names its port once its board is identified.
     """
     with contextlib.suppress(TimeoutError):
         async with asyncio.timeout(STATUS_WITHIN_S):
@@ -98,7 +98,7 @@ def release(endpoints: tuple[str, ...], config: Config, *, port: str = "") -> st
     """Release the emergency stop; returns the daemon's answer.
 
     Args:
-        port: Only a daemon on this port is meant; empty for every one.
+        port: Only a daemon on this port is meant; empty for every daemon.
 
     Raises:
         BusError: No daemon answers, it has another port, or it refuses.
@@ -133,7 +133,7 @@ async def _join(robot: AsyncRobot, endpoints: tuple[str, ...]) -> None:
 
 
 def no_daemon(endpoints: tuple[str, ...]) -> NoDaemon:
-    """No daemon answers, as the error to raise."""
+    """The error if no daemon answers."""
     return NoDaemon(
         f"No daemon answers at {listed(endpoints)}.",
         remedy="Is it running, under this namespace (--namespace)? --connect names another place.",

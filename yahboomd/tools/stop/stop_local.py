@@ -1,7 +1,7 @@
-"""The local half of ``yahboomd stop``: the daemons of this machine, each on a socket of its own.
+"""The local half of ``yahboomd stop``: reaches the daemons of this machine over their sockets.
 
-It needs neither Zenoh nor asyncio nor the configuration, so it runs before they are loaded. Its
-protocol is in docs/bus.md.
+It needs neither Zenoh nor asyncio nor the configuration, so it runs before they are loaded.
+docs/bus.md describes the protocol.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Wanted(NamedTuple):
     """A choice among daemons. None and empty fields fit all.
 
     Attributes:
-        listen: Where the daemon listens; one of them is enough.
+        listen: Endpoints of the daemon; one match is enough.
     """
 
     port: str = ""
@@ -38,7 +38,7 @@ class Wanted(NamedTuple):
     listen: tuple[str, ...] = ()
 
     def fits(self, robot: LocalDaemon) -> bool:
-        """Whether a daemon is meant. One that did not answer may hold the port all the same."""
+        """Whether a daemon is meant. A daemon that did not answer may still hold the port."""
         if self.port:
             return any(same_port(self.port, each) for each in robot.ports) or holds(
                 robot.pid, self.port
@@ -54,11 +54,11 @@ class LocalDaemon(NamedTuple):
     """A daemon of this machine.
 
     Attributes:
-        pid: Of the process that listens there; 0 where it is in another PID namespace.
+        pid: The process that listens there; 0 if it is in another PID namespace.
         uid: Its user; None if it is not known.
         silent: It did not answer.
         ports: The serial port, as configured and as opened.
-        listen: Where it listens for Zenoh.
+        listen: Its Zenoh endpoints.
     """
 
     socket: str
@@ -71,7 +71,7 @@ class LocalDaemon(NamedTuple):
 
     @property
     def believed(self) -> bool:
-        """Whether its word that the wheels stand is enough."""
+        """Whether its report that the wheels stand is enough."""
         return believed(self.pid, self.uid, self.socket, self.ports)
 
     @property
@@ -85,7 +85,7 @@ class Outcome(NamedTuple):
     """The result of a stop.
 
     Attributes:
-        words: What was done and seen, for a person.
+        words: The answer and the observed motion, for a person.
         stood: The wheels were seen to stand.
         blind: No counts came.
     """
@@ -101,8 +101,8 @@ class LocalStops:
 
     Attributes:
         silent: Those that did not answer: frozen, hung, or busy for too long.
-        others: Those that are not meant, and were left alone.
-        unknown: Those that did not answer and may be meant or not; left alone, too.
+        others: Daemons that are not meant, and were left alone.
+        unknown: Daemons that did not answer and may be meant or not; left alone, too.
     """
 
     def __init__(self) -> None:
@@ -116,7 +116,7 @@ class LocalStops:
     def engage(self, wanted: Wanted, found: Iterable[LocalDaemon]) -> None:
         """Stop them; returns once each that answers has engaged its emergency stop.
 
-        The others are not awaited: they have the request, and engage as soon as they run again.
+        It does not wait for the others: they have the request, and engage when they run again.
         """
         self.wanted = wanted
         for robot in found:
@@ -132,7 +132,7 @@ class LocalStops:
         converse(answering, lines=1, within_s=ENGAGED_WITHIN_S)
 
     def outcomes(self) -> list[Outcome]:
-        """Wait until the wheels stand, for some seconds at most; how each stop went."""
+        """Wait some seconds until the wheels stand; returns the outcome of each stop."""
         converse([talk for _, talk in self._meant], lines=2, within_s=STOOD_WITHIN_S)
         found = []
         for robot, talk in self._meant:
@@ -140,7 +140,7 @@ class LocalStops:
             if talk.lines and talk.lines[0].get("engaged") is True:
                 named = _identified(robot)
                 if (named.pid, named.uid) != (talk.pid, talk.uid):
-                    # Another process had the socket when it named its port.
+                    # The socket belonged to another process when the port was named.
                     named = named._replace(pid=talk.pid, uid=None)
                 found.append(_outcome(named, talk.lines))
             else:
@@ -162,7 +162,7 @@ def find(environ: Mapping[str, str]) -> list[LocalDaemon]:
 
 
 def _identified(robot: LocalDaemon) -> LocalDaemon:
-    """The same daemon, asked again for the name that it did not send in time."""
+    """Ask a daemon again that did not send its name in time."""
     if not robot.silent:
         return robot
     talk = Talk(robot.socket, b"status\n")
@@ -172,20 +172,20 @@ def _identified(robot: LocalDaemon) -> LocalDaemon:
 
 
 def covered(outcome: Outcome, paths: Iterable[str]) -> bool:
-    """Whether a daemon without counts has no board: another one, or this stop, holds its port."""
+    """Whether a daemon without counts has no board, because another process holds its port."""
     return outcome.blind and any(
         same_port(port, path) for port in outcome.robot.ports for path in paths
     )
 
 
 def vouched_for(outcome: Outcome, paths: Iterable[str]) -> bool:
-    """Whether something that is believed has judged each port that a daemon names."""
+    """Whether a trusted process has judged each port that a daemon names."""
     ports = outcome.robot.ports
     return bool(ports) and all(any(same_port(port, path) for path in paths) for port in ports)
 
 
 def drives(robots: Iterable[LocalDaemon], path: str) -> bool:
-    """Whether one of these daemons has a port, or is believed that it has."""
+    """Whether one of these daemons has a port, or names it and is believed."""
     return any(
         holds(robot.pid, path)
         or (robot.believed and any(same_port(port, path) for port in robot.ports))
@@ -194,7 +194,7 @@ def drives(robots: Iterable[LocalDaemon], path: str) -> bool:
 
 
 def unproved(outcome: Outcome) -> str:
-    """Report the words of a process that is not believed, as its user's."""
+    """Report the answer of a process that is not believed as its user's."""
     robot = outcome.robot
     who = "Somebody" if robot.uid is None else f"User {robot.uid}"
     return (
@@ -205,7 +205,7 @@ def unproved(outcome: Outcome) -> str:
 
 
 def there(robots: Sequence[LocalDaemon], command: str) -> str:
-    """Name the daemons that are there instead, and how a command reaches them; empty for none."""
+    """Name the other daemons here, each with the command that reaches it; empty for none."""
     sentences = []
     for robot in robots:
         words = [f"yahboomd {command}"]
@@ -246,13 +246,13 @@ def folders(
 def notes(
     environ: Mapping[str, str], wanted: Wanted, living: Iterable[LocalDaemon]
 ) -> list[PortNote]:
-    """The notes of daemons that neither answer nor ended in order: their boards may drive on."""
-    # The note of a killed daemon may have the id of any process by now.
+    """The notes of daemons that neither answer nor ended in order: their boards may still drive."""
+    # A killed daemon's process id may belong to any process by now.
     pids = {robot.pid for robot in living if robot.believed}
     found = []
     for folder in folders(environ):
         with contextlib.suppress(OSError):
-            # The folder's owner chooses which file is opened.
+            # The folder's owner chooses the file, so trust only root and this user.
             if os.stat(folder).st_uid in {0, os.geteuid()}:
                 found += [each for each in port_note.read(folder) if not each.ended]
     return [
@@ -264,7 +264,7 @@ def notes(
 
 
 def _trusted(path: str) -> bool:
-    """Whether no stranger made the folder: one below /tmp has to be its user's own."""
+    """Whether no stranger made the folder: below /tmp it must belong to its user."""
     folder = os.path.dirname(path)
     try:
         if not os.stat(os.path.dirname(folder)).st_mode & 0o002:
@@ -282,7 +282,7 @@ def _robot(talk: Talk) -> LocalDaemon:
         return LocalDaemon(talk.path, talk.pid, silent=True, uid=talk.uid)
     ports = _texts(facts.get("ports"))
     if talk.uid not in {0, os.geteuid()}:
-        # A link of another user leads to the port that is asked for, and later to one of theirs.
+        # Another user's link may lead to the wanted port now, and to a port of theirs later.
         ports = tuple(settled(port) or port for port in ports)
     return LocalDaemon(
         talk.path,
@@ -299,7 +299,7 @@ def _texts(value: object) -> tuple[str, ...]:
 
 
 def same_port(one: str, other: str) -> bool:
-    """Whether two paths lead to one device."""
+    """Whether two paths lead to the same device."""
     return os.path.realpath(one) == os.path.realpath(other)
 
 
@@ -324,10 +324,10 @@ def _outcome(robot: LocalDaemon, lines: Sequence[dict[str, Any]]) -> Outcome:
 
 
 def verdict(fastest_m_s: float | None, *, stood: bool, again: str) -> str:
-    """Say whether the wheels stand.
+    """State whether the wheels stand, for a person.
 
     Args:
-        fastest_m_s: The fastest wheel at the end; None where no counts came.
+        fastest_m_s: The fastest wheel at the end; None if no counts came.
         stood: They were seen to stand.
         again: The command that releases the emergency stop.
     """

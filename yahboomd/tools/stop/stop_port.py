@@ -1,6 +1,6 @@
-"""The port half of ``yahboomd stop``: seizes the port, and reports how the stop went.
+"""The port half of ``yahboomd stop``: seizes the port, and reports the outcome.
 
-Slow imports are made where they are needed: see :mod:`yahboomd.core.link.seize`.
+Slow modules are imported only where they are used: see :mod:`yahboomd.core.link.seize`.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from yahboomd.core.link.takeover import TakeoverReport
 
 MEASURING_ENDS_WITHIN_S = 10.0
-"""``setup`` and ``tune`` stop the wheels, see them stand, restore the board's values, and let the
-port go."""
+"""The time for ``setup`` and ``tune`` to stop the wheels, see them stand, restore the board's
+values, and close the port."""
 
 _SIGNALS = (
     *(signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP),
@@ -55,17 +55,17 @@ def undisturbed() -> Iterator[None]:
 
 
 def seize_noted_ports() -> list[Seized]:
-    """Seize the port of each killed daemon, as its note in the runtime folder says.
+    """Seize the port of each killed daemon, by its note in the runtime folder.
 
-    ``ExecStopPost=`` of the service needs it. Where no note leads to a port, the
-    configuration has to. Where it leads to another device, that one is left alone: udev may have
-    given the name away.
+    ``ExecStopPost=`` of the service needs it. If no note leads to a port, the caller uses the
+    configuration. If a note leads to another device, that device is left alone, because udev may
+    have given it the name.
 
     Raises:
-        LinkError: A path is another device's by now, and the board's is not there.
+        LinkError: A path leads to another device by now, and the board is not there.
     """
     notes = port_note.read(port_note.folder_of(os.environ))
-    # Those of daemons that ended in order only where there is no other.
+    # A note of a daemon that ended in order counts only if there is no other.
     waiting = [note for note in notes if not note.ended] or notes
     several = len(waiting) > 1
     seized: list[Seized] = []
@@ -77,7 +77,7 @@ def seize_noted_ports() -> list[Seized]:
             try:
                 found = seize_noted(note)
             except PortBusy:
-                # By a neighbour that lives, or by the killed one for a moment yet.
+                # A running neighbour holds it, or for a moment the killed daemon.
                 held.append(note)
             except LinkError as error:
                 trouble = error
@@ -96,7 +96,7 @@ def seize_noted_ports() -> list[Seized]:
 
 
 def _runs(pid: int) -> bool:
-    """Whether a process runs; on a busy machine it waits for the kernel (D) for moments."""
+    """Whether a process runs. On a busy machine it may wait for the kernel (D) for a moment."""
     deadline = time.monotonic() + PATIENCE_S
     while (state := process_state(pid)) == "D" and time.monotonic() < deadline:
         time.sleep(RETRY_S)
@@ -104,11 +104,11 @@ def _runs(pid: int) -> bool:
 
 
 def seize_noted(note: PortNote) -> Seized | None:
-    """Seize the port that a note leads to; ``None`` where it leads to none.
+    """Seize the port that a note leads to; ``None`` if it leads to none.
 
     Raises:
         PortBusy: Another process holds it.
-        LinkError: The path is another device's by now, and the board's is not there.
+        LinkError: The path leads to another device by now, and the board is not there.
     """
     try:
         return seize(**note.options(), patience_s=0.0)
@@ -138,7 +138,7 @@ def seize_noted(note: PortNote) -> Seized | None:
 
 
 def port_of(port: str | None, config: Config | None) -> str:
-    """The port: the one that is named, else the configured one, else the only one there is.
+    """The named port, else the configured one, else the only one there is.
 
     Raises:
         LinkError: There is none.
@@ -163,9 +163,9 @@ def seize_port(
 
     Args:
         port: Its path; None for the configured one.
-        config: How it is opened; None for the defaults.
+        config: The settings to open it with; None for the defaults.
         patience_s: How long to try again while another process holds it.
-        asked: Where a daemon was asked on the bus, and did not answer.
+        asked: The endpoints at which no daemon answered.
 
     Raises:
         LinkError: It cannot be opened.
@@ -192,7 +192,7 @@ def seize_port(
 
 
 def seize_measured_ports(config: Config | None) -> list[Seized]:
-    """Seize the port of each `setup` and `tune` of this machine, which ends them."""
+    """Seize the port of each `setup` and `tune` on this machine, which ends them."""
     seized = []
     for path in measured_ports(os.environ.get("RUNTIME_DIRECTORY", "").split(":")[0]):
         try:
@@ -208,7 +208,7 @@ def _end_measuring(path: str) -> bool:
     They obey no emergency stop: no daemon runs beside them.
 
     Returns:
-        Whether the port will be free in a moment: one is ended, or its guard has the port yet.
+        Whether the port will be free in a moment: a tool is being ended, or its guard has the port.
     """
     from yahboomd.core.link.port_errors import holders
 
@@ -218,7 +218,7 @@ def _end_measuring(path: str) -> bool:
         if command := measuring(pid):
             with contextlib.suppress(OSError):
                 os.kill(pid, signal.SIGTERM)
-                # A suspended one obeys only when it goes on.
+                # A suspended process obeys only once it continues.
                 os.kill(pid, signal.SIGCONT)
                 warn(f"`yahboomd {command}` (pid {pid}) has {path}: it is ended.")
                 ended = True
@@ -263,12 +263,12 @@ def end(who: tuple[str, ...]) -> str:
 
 
 def pids(who: tuple[str, ...]) -> list[int]:
-    """The ids of processes that are named as ``name (pid N)``."""
+    """The process ids in names such as ``name (pid N)``."""
     return [int(each.rpartition("pid ")[2].rstrip(")")) for each in who]
 
 
 def print_report(report: TakeoverReport) -> bool:
-    """Print how a stop on the port went; whether the wheels were seen to stand."""
+    """Print the outcome of a stop on the port; returns whether the wheels were seen to stand."""
     words = describe(report)
     if report.stood:
         print(words)
@@ -278,7 +278,7 @@ def print_report(report: TakeoverReport) -> bool:
 
 
 def describe(report: TakeoverReport) -> str:
-    """Describe how a stop on the port went."""
+    """Describe the outcome of a stop on the port."""
     if report.stood is None and (readers := _readers(report.port)):
         return (
             f"{report.port}: a stop was sent, but {' and '.join(readers)} also "
@@ -307,7 +307,7 @@ def describe(report: TakeoverReport) -> str:
 
 
 def _readers(port: str) -> tuple[str, ...]:
-    """Other processes that have the port open, without a lock."""
+    """Other processes that have the port open."""
     from yahboomd.core.link.port_errors import holders
 
     return tuple(map(true_names, holders(port)))

@@ -1,4 +1,4 @@
-"""Requests on the local sockets of daemons, all at once, without asyncio. See docs/bus.md."""
+"""Sends requests to daemons' local sockets, all at once, without asyncio. See docs/bus.md."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from typing import Any
 
 RETRY_S = 0.002
-"""Of a full queue, in which others try as often as they can."""
+"""Between tries at a full queue: frequent, because other clients compete for it."""
 
 MAX_BYTES = 65_536
 
@@ -21,12 +21,12 @@ _LONGEST_PATH = 100
 
 
 class Talk:
-    """One request on one socket, and the lines that come back.
+    """One request on one socket, and the lines of the answer.
 
     Attributes:
         crowded: A process listens, and its queue was full.
-        pid: Of the process that listens there; 0 where it is in another PID namespace.
-        uid: Its user, as the kernel names it; None before it was reached.
+        pid: The process that listens there; 0 if it is in another PID namespace.
+        uid: Its user, reported by the kernel; None before the connection.
     """
 
     def __init__(self, path: str, request: bytes) -> None:
@@ -42,7 +42,7 @@ class Talk:
         self.sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK)
 
     def connect(self) -> None:
-        """Connect and ask; a full queue is tried again by the caller."""
+        """Connect and send the request; the caller tries a full queue again."""
         try:
             _connect(self.sock, self.path)
             size = struct.calcsize("iII")
@@ -53,13 +53,13 @@ class Talk:
         except BlockingIOError:
             self.crowded = True
         except BrokenPipeError:
-            # Refused; the reason can be read.
+            # The daemon refused, and the reason can be read.
             return
         except OSError:
             self.ended = True
 
     def read(self) -> None:
-        """Receive."""
+        """Receive bytes, and cut them into lines."""
         try:
             data = self.sock.recv(MAX_BYTES)
         except BlockingIOError:
@@ -81,7 +81,7 @@ class Talk:
 
 
 def converse(talks: Iterable[Talk], *, lines: int, within_s: float) -> None:
-    """Run all of them at once, until each has so many lines, or has ended."""
+    """Run all of them at once, until each has this many lines, or has ended."""
     deadline = time.monotonic() + within_s
     while True:
         open_ = [talk for talk in talks if len(talk.lines) < lines and not talk.ended]

@@ -1,7 +1,6 @@
-"""Whose word is enough that the wheels at a port stand.
+"""Decides whether to believe a process that reports that the wheels at a port stand.
 
-Any user may listen on a socket and name any port. The kernel names the user that began to listen,
-and the process.
+Any user may listen on a socket and name any port. The kernel names the process and its user.
 """
 
 from __future__ import annotations
@@ -15,22 +14,22 @@ from yahboomd.core.link.port_identity import is_pseudo
 
 
 def believed(pid: int, uid: int | None, socket: str, ports: Sequence[str]) -> bool:
-    """Whether a process that answers is believed.
+    """Whether to believe a process that answers.
 
-    Root is, the caller, the owner of a folder that only root can have made, and a process that is
-    seen to hold every port that it names, by names that only root can lead elsewhere.
+    Believed are root, the caller, the owner of a folder that only root can have made, and a process
+    that is seen to hold every port that it names, if only root can redirect those names.
 
     Args:
-        pid: The process; 0 where it is in another PID namespace.
+        pid: The process; 0 if it is in another PID namespace.
         uid: Its user; None if it is not known.
-        socket: Where it answers.
-        ports: What it names.
+        socket: The socket on which it answers.
+        ports: The ports that it names.
     """
     if uid is None:
         return False
     if uid in {0, os.geteuid()} or made_by_root(os.path.dirname(socket), uid):
         return True
-    # The id may have been given again since, and a link of theirs may lead elsewhere by now.
+    # The process id may belong to another process by now, and a link may lead elsewhere.
     return (
         bool(ports)
         and _user_of(pid) == uid
@@ -39,9 +38,9 @@ def believed(pid: int, uid: int | None, socket: str, ports: Sequence[str]) -> bo
 
 
 def settled(port: str) -> str:
-    """The place to which a name leads, if root alone can change that place; else empty."""
+    """The place to which a name leads, if only root can change that place; else empty."""
     place = folder = os.path.realpath(port)
-    # From the top: who may write to a folder can replace all below it.
+    # From the top, because the owner of a folder can replace everything below it.
     above = [folder := os.path.dirname(folder) for _ in range(place.count("/"))]
     try:
         for folder in reversed(above):
@@ -69,14 +68,14 @@ def made_by_root(folder: str, owner: int) -> bool:
 
 
 def holds(pid: int, port: str) -> bool:
-    """Whether a process has a port open, as far as this user may see."""
+    """Whether a process is seen to have a port open."""
     with contextlib.suppress(OSError):
         device = os.stat(port)
         for fd in os.listdir(f"/proc/{pid}/fd"):
             with contextlib.suppress(OSError):
                 found = os.stat(f"/proc/{pid}/fd/{fd}")
                 if found.st_rdev == device.st_rdev != 0 and (
-                    # Every user can have pseudo-terminals with the numbers of others.
+                    # Any user can have pseudo-terminals with the same numbers.
                     os.path.samestat(found, device) or not is_pseudo(device.st_rdev)
                 ):
                     return True
@@ -84,7 +83,7 @@ def holds(pid: int, port: str) -> bool:
 
 
 def _user_of(pid: int) -> int | None:
-    """The effective user of a process; None where there is no such process."""
+    """The effective user of a process; None if there is no such process."""
     with contextlib.suppress(OSError), open(f"/proc/{pid}/status", "rb") as file:
         return next((int(line.split()[2]) for line in file if line.startswith(b"Uid:")), None)
     return None

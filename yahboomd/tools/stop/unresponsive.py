@@ -1,4 +1,4 @@
-"""Other processes of this machine that hold the port or do not answer, and how to end them."""
+"""Finds processes that hold the port or do not answer, and explains how to end them."""
 
 from __future__ import annotations
 
@@ -10,32 +10,32 @@ import shlex
 from yahboomd.tools.stop.replug import arguments, is_yahboomd
 
 FROZEN = {"T": "stopped by a signal", "t": "stopped by a debugger"}
-"""The states of a process that obeys nothing, not even SIGTERM, until it is continued."""
+"""The states of a process that obeys nothing, not even SIGTERM, until it continues."""
 
 
 _UNIT = re.compile(r"/system\.slice/(?:\S+/)?([^/\s]+)\.service$", re.MULTILINE)
-"""A service of the system in the list of control groups of a process."""
+"""A system service in a process's list of control groups."""
 
 
 def process_state(pid: int, *, proc: str = "/proc") -> str:
-    """The kernel's letter for what a process does; empty where there is no such process."""
+    """The kernel's letter for the state of a process; empty if there is no such process."""
     try:
         with open(f"{proc}/{pid}/stat", encoding="utf-8", errors="replace") as file:
-            # Its name is in brackets, and may contain brackets.
+            # The name stands in brackets, and may contain brackets itself.
             return file.read().rpartition(")")[2].split()[0]
     except (OSError, IndexError):
         return ""
 
 
 def measuring(pid: int, *, proc: str = "/proc") -> str:
-    """The command, where a process is one of this program's that turn wheels without a daemon."""
+    """``setup`` or ``tune`` if the process is one of them; else empty."""
     words = [os.path.basename(word) for word in arguments(pid, proc=proc)[:4]]
     command = words[words.index("yahboomd") + 1 :][:1] if "yahboomd" in words else []
     return command[0] if command and command[0] in {"setup", "tune"} else ""
 
 
 def is_guard(pid: int, *, proc: str = "/proc") -> bool:
-    """Whether a process only stops wheels, after a `setup`, a `tune` or a daemon was killed."""
+    """Whether a process is a guard, which only stops wheels after a tool or daemon was killed."""
     words = arguments(pid, proc=proc)[:4]
     return "yahboomd.tools.port.guard" in words or any(
         word.endswith("yahboomd/tools/port/run_guard.py") for word in words
@@ -43,10 +43,10 @@ def is_guard(pid: int, *, proc: str = "/proc") -> bool:
 
 
 def measured_ports(runtime: str, *, proc: str = "/proc") -> list[str]:
-    """The ports that a `setup` or a `tune` of this machine has, as far as this user may see.
+    """The ports of each `setup` and `tune` on this machine, as far as this user may see.
 
     Args:
-        runtime: ``RUNTIME_DIRECTORY``: those with another one belong to other daemons.
+        runtime: ``RUNTIME_DIRECTORY``; tools with another one belong to other daemons.
     """
     running = (int(name) for name in os.listdir(proc) if name.isdigit())
     return [
@@ -58,7 +58,7 @@ def measured_ports(runtime: str, *, proc: str = "/proc") -> list[str]:
 
 
 def runtime_directory(pid: int, *, proc: str = "/proc") -> str:
-    """The folder that the environment of a process names; empty where it names none."""
+    """``RUNTIME_DIRECTORY`` in the environment of a process; empty if it is not set."""
     try:
         with open(f"{proc}/{pid}/environ", "rb") as file:
             for each in os.fsdecode(file.read()).split("\0"):
@@ -71,7 +71,7 @@ def runtime_directory(pid: int, *, proc: str = "/proc") -> str:
 
 
 def serial_ports(pid: int, *, proc: str = "/proc") -> tuple[str, ...]:
-    """The terminals that a process has open beside its standard streams."""
+    """The terminals that a process has open besides its standard streams."""
     found: dict[str, str] = {}
     try:
         for fd in os.listdir(f"{proc}/{pid}/fd"):
@@ -94,8 +94,8 @@ def daemons(*, proc: str = "/proc") -> list[int]:
 
 
 def listener(endpoints: tuple[str, ...]) -> int | None:
-    """The process of this machine that listens at one of them; None where none is seen."""
-    # Not needed, and slow to import, where a port is stopped directly.
+    """The process of this machine that listens at one of the endpoints; None if none is seen."""
+    # Imported here, because a direct stop of a port does without these slow modules.
     from yahboomd.core.bus.zenoh_sessions import port_holder
     from yahboomd.core.names import host_and_port, is_local
 
@@ -109,7 +109,7 @@ def listener(endpoints: tuple[str, ...]) -> int | None:
 
 
 def suspended_listener(endpoints: tuple[str, ...]) -> int | None:
-    """A suspended daemon of this machine that listens at one of them."""
+    """A suspended daemon of this machine that listens at one of the endpoints; else None."""
     pid = listener(endpoints)
     if pid is None or not is_yahboomd(pid) or process_state(pid) not in FROZEN:
         return None
@@ -117,7 +117,7 @@ def suspended_listener(endpoints: tuple[str, ...]) -> int | None:
 
 
 def restarting(endpoints: tuple[str, ...], *, proc: str = "/proc") -> str:
-    """How a person restarts the daemon that listens at one of these endpoints."""
+    """Explain how to restart the daemon that listens at one of these endpoints."""
     pid = listener(endpoints)
     if pid is None:
         return (
@@ -135,7 +135,7 @@ def restarting(endpoints: tuple[str, ...], *, proc: str = "/proc") -> str:
 
 
 def reaching(pid: int, *, proc: str = "/proc") -> str:
-    """Names the port of a daemon, and the command that stops it; empty where it has none."""
+    """Name a daemon's port, and the command that stops it; empty if it has no port."""
     ports = serial_ports(pid, proc=proc)
     if not ports:
         return ""
@@ -148,9 +148,9 @@ def reaching(pid: int, *, proc: str = "/proc") -> str:
 
 
 def true_names(text: str, *, proc: str = "/proc") -> str:
-    """The text with each ``python (pid N)`` that runs yahboomd named so.
+    """Replace ``python (pid N)`` by ``yahboomd (pid N)`` or its guard, if it is one.
 
-    The kernel knows a program of Python's by the interpreter's name.
+    The kernel names a Python program after the interpreter.
     """
 
     def named(found: re.Match[str]) -> str:
@@ -165,9 +165,9 @@ def true_names(text: str, *, proc: str = "/proc") -> str:
 
 
 def may_drive(pid: int, port: str, *, proc: str = "/proc") -> bool:
-    """Whether a daemon's command line names this port, or leaves open which one it uses.
+    """Whether a daemon's command line names this port, or names none.
 
-    A suspended daemon has let its port go, so its descriptors do not show it.
+    A suspended daemon has closed its port, so its descriptors do not show it.
     """
     words = arguments(pid, proc=proc)
     named = [after for word, after in itertools.pairwise(words) if word == "--port"]
@@ -187,7 +187,7 @@ def suspended(pid: int, again: str, *, proc: str = "/proc") -> tuple[str, str]:
     """
     message = f"yahboomd (pid {pid}) is suspended and cannot answer."
     if serial_ports(pid, proc=proc):
-        # One that suspended itself stopped the wheels, and let its port go.
+        # A daemon that suspended itself has stopped the wheels and closed its port.
         message += " It has not let its port go: the wheels keep their last speed."
         remedy = f"Stop them: yahboomd stop\nOr continue it with `fg` or `kill -CONT {pid}`"
     else:

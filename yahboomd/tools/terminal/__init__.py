@@ -1,1 +1,1 @@
-"""A person at a terminal: lines that are typed, questions, words in common."""
+"""A person at a terminal: typed lines, questions, and the words for numbers."""

@@ -1,4 +1,4 @@
-"""Questions to the person beside the robot; the robot's loop runs on while they are answered."""
+"""Questions to the person beside the robot, while the robot's loop runs on."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class Number:
     """A question for a number.
 
     Attributes:
-        name: Of the question, for programs.
-        good: Which numbers are possible.
-        wrong: What to say of others.
+        name: The question's name, for programs.
+        good: Whether a number is possible.
+        wrong: The reply to other numbers.
         blank: The meaning of an empty answer; None: it is returned as None.
     """
 
@@ -41,42 +41,42 @@ class Number:
     blank: float | None = None
 
     def read(self, text: str) -> float | None:
-        """The number that a person wrote; None where it is not a possible one."""
+        """The number that a person wrote; None if it is not a possible one."""
         return read_number(text, self.good)
 
 
 class Person(Protocol):
-    """The person beside the robot, through whatever they see and press.
+    """The person beside the robot, at a terminal or a page.
 
     Attributes:
-        enter: How they confirm, as a sentence's first words.
+        enter: What they press to confirm, as the first words of a sentence.
     """
 
     enter: str
 
     async def confirm(self, name: str, words: str) -> None:
-        """Have them do something, and wait until they say that it is done."""
+        """Ask them to do something, and wait until they confirm that it is done."""
 
     async def start(self, name: str, words: str, bounds: Bounds) -> None:
         """Announce a movement, and wait until they let it begin."""
 
     async def number(self, question: Number) -> float | None:
-        """Ask until a number comes that is possible, or nothing; see :class:`Number`."""
+        """Ask until a possible number or an empty answer comes; see :class:`Number`."""
 
     def say(self, words: str) -> None:
         """Show a sentence."""
 
     def progress(self, part: int, parts: int, done: float) -> None:
-        """Show how far a movement is: ``done``, from 0 to 1, of this part of it."""
+        """Show the progress of a movement: ``done``, from 0 to 1, of this part."""
 
     def result(self, table: str, facts: dict[str, Any]) -> None:
-        """Show what was found."""
+        """Show the result."""
 
 
 class Answers:
     """A person at a terminal, or lines of standard input.
 
-    Questions go to standard error: standard output is the result.
+    Questions go to standard error, because standard output is the result.
     """
 
     enter = "Enter"
@@ -104,7 +104,7 @@ class Answers:
         return line
 
     async def number(self, question: Number) -> float | None:
-        """Ask until a number comes that is possible, or nothing."""
+        """Ask until a possible number or an empty answer comes."""
         while text := await self._line(question.words):
             if (value := question.read(text)) is not None:
                 return value
@@ -131,12 +131,12 @@ class Answers:
 
 
 def input_ended() -> Refused:
-    """The refusal of a calibration whose person or program has gone."""
+    """The refusal of a calibration whose input has ended."""
     return Refused("The input ended before every question was answered: nothing was written.")
 
 
 def read_number(text: str, good: Callable[[float], bool]) -> float | None:
-    """The number that a person wrote, with a comma too; None where it is not a possible one."""
+    """The number that a person wrote, also with a comma; None if it is not a possible one."""
     try:
         value = float(text.replace(",", "."))
     except ValueError:

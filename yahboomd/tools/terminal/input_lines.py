@@ -1,4 +1,4 @@
-"""Lines of standard input, read while the loop runs on."""
+"""Reads lines of standard input while the loop runs on."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import termios
 
 
 class InputLines:
-    """Lines of standard input, without stopping the loop.
+    """Lines of standard input, read without blocking the loop.
 
     Args:
-        longest: A line of more bytes ends the input: no answer is so long.
+        longest: A line of more bytes ends the input, because no answer is longer.
     """
 
     def __init__(self, longest: int = 4096) -> None:
@@ -21,7 +21,7 @@ class InputLines:
         self._longest = longest
 
     async def line(self) -> str | None:
-        """The next line; None where the input has ended, or was closed from the start."""
+        """The next line; None if the input has ended, or was closed from the start."""
         if sys.stdin is None:
             return None
         while b"\n" not in self._rest and not self._ended:
@@ -35,10 +35,10 @@ class InputLines:
         return line.decode(errors="replace").strip()
 
     async def ask(self, question: str, *, fresh: bool = False) -> str | None:
-        """Ask on standard error, since standard output is for results; the line that comes.
+        """Ask on standard error, because standard output is for results; return the next line.
 
         Args:
-            fresh: Discard what was typed on a terminal before: it answers another question.
+            fresh: Discard what was typed earlier, because it answers another question.
         """
         if fresh and sys.stdin is not None and sys.stdin.isatty():
             termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
@@ -50,7 +50,7 @@ class InputLines:
 
 
 async def input_ended() -> None:
-    """Wait until the input ends; what comes before is discarded."""
+    """Wait until the input ends, and discard it."""
     lines = InputLines()
     while await lines.line() is not None:
         pass
@@ -62,7 +62,7 @@ async def _readable(fd: int) -> None:
     try:
         loop.add_reader(fd, ready.set)
     except (OSError, ValueError):
-        # A plain file, which can always be read.
+        # A plain file can always be read.
         return
     try:
         await ready.wait()

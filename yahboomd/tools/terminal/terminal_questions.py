@@ -1,4 +1,4 @@
-"""The person at the terminal, or lines of standard input."""
+"""Asks the person at the terminal, or reads lines of standard input."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ WIDTH = 100
 
 
 class Person(Protocol):
-    """Who is asked."""
+    """The person who answers."""
 
     async def line(self, question: str) -> str:
         """Ask, and wait for a line."""
 
 
 class Terminal:
-    """Asks on standard error: standard output is for the result."""
+    """Asks on standard error, because standard output is for the result."""
 
     def __init__(self) -> None:
         self._lines = InputLines()
@@ -36,12 +36,12 @@ class Terminal:
 
 
 def say(words: str = "") -> None:
-    """Print for the person."""
+    """Print words for the person."""
     print(words, file=sys.stderr, flush=True)
 
 
 def say_heading(words: str) -> None:
-    """Print what comes next, in bold on a terminal."""
+    """Print a heading, in bold on a terminal."""
     bold = sys.stderr.isatty() and not os.environ.get("NO_COLOR")
     say(f"\n\x1b[1m{words}\x1b[0m" if bold else f"\n{words}")
 
@@ -58,7 +58,7 @@ async def agrees(
     """Ask until the answer is yes or no.
 
     Args:
-        blank: What an empty answer means; None: it is asked again.
+        blank: The meaning of an empty answer; None: ask again.
     """
     while True:
         answer = yes_or_no(await person.line(f"{question}{hint}"), blank=blank)
@@ -68,7 +68,7 @@ async def agrees(
 
 
 def yes_or_no(answer: str, *, blank: bool | None = False) -> bool | None:
-    """What an answer means; None if it is neither."""
+    """The meaning of an answer; None if it is neither yes nor no."""
     if not answer:
         return blank
     return {"y": True, "yes": True, "n": False, "no": False}.get(answer.lower())

@@ -1,4 +1,4 @@
-"""Numbers, durations and endpoints in words. Pure."""
+"""Puts numbers, durations and endpoints into words. Pure."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Sequence
 def duration(s: float) -> str:
     """A duration at a glance: ``4.2 s``, ``3 min 05 s``, ``2 h 07 min``."""
     if s < 60.0:
-        # 59.96 would be rounded to a minute, which is not written like that.
+        # 59.96 would round to 60.0 s instead of 1 min 00 s.
         return f"{min(s, 59.9):.1f} s"
     minutes, rest_s = divmod(int(s), 60)
     if minutes < 60:
@@ -21,7 +21,7 @@ def duration(s: float) -> str:
 
 
 def signed(value: float, digits: int = 3, width: int = 8) -> str:
-    """A number right-aligned with so many digits behind the point, and never a negative zero."""
+    """A number right-aligned with this many digits behind the point, without a negative zero."""
     return f"{round(value, digits) + 0.0:{width}.{digits}f}"
 
 
@@ -37,5 +37,5 @@ def rate(per_s: float | None, what: str) -> str:
 
 
 def listed(endpoints: Sequence[str]) -> str:
-    """Endpoints in a sentence."""
+    """List endpoints in a sentence."""
     return " or ".join(endpoints)
