@@ -1,7 +1,6 @@
-"""The command line: ``main`` finds a command, and each command is a file or in a folder of its own.
+"""The command line: ``main`` finds a command and runs it. Each command is a module of its name.
 
-``screens`` watches and drives a robot from a terminal; ``robot`` does from a shell script; ``stop``
-stops wheels, whatever drives them; ``probe`` examines boards; ``service`` installs; ``shell`` makes
-man pages and completions. Beside them lie ``run``, ``simulate``, ``config`` and ``metrics``, and
-what several share: options, numbers in words, other processes of this machine.
+The modules declare options and print results; the work itself is in :mod:`yahboomd.tools`.
+``attended`` connects a command to its robot, ``shared_options`` has the options that several
+commands share, and ``shell`` makes man pages and completions.
 """

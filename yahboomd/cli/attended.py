@@ -56,11 +56,11 @@ def attend(
 
     Args:
         args: Parsed by a parser with :func:`add_robot_options`.
-        source: The key to command on, where it is not the default.
-        signals: These end it too, besides SIGINT, SIGTERM and SIGHUP.
+        source: The key to command on, if it is not the default.
+        signals: Signals that end it too, besides SIGINT, SIGTERM and SIGHUP.
 
     Returns:
-        What ``work`` returned; 128 and the number of the signal that ended it.
+        The result of ``work``; after a signal, 128 and its number.
 
     Raises:
         NoDaemon: No daemon is there.
@@ -89,7 +89,7 @@ def attend(
 
 
 def _explained(error: NoDaemon, endpoints: tuple[str, ...], again: str) -> NoDaemon:
-    """The same error, or one that names the suspended daemon of this machine."""
+    """The same error, or one that names a suspended daemon of this machine."""
     pid = suspended_listener(endpoints)
     if pid is None:
         return error
@@ -111,7 +111,7 @@ async def until_signal(work: Awaitable[int], signals: Iterable[int]) -> int:
     """Cancel the work at a signal, or when the output is lost.
 
     Returns:
-        What it returned; 128 and the number of the signal that ended it.
+        The work's result; after a signal, 128 and its number.
     """
     loop, task = asyncio.get_running_loop(), asyncio.current_task()
     came: list[int] = []
@@ -134,15 +134,15 @@ async def until_signal(work: Awaitable[int], signals: Iterable[int]) -> int:
 
 @contextmanager
 def output_watched(gone: Callable[[], None]) -> Iterator[None]:
-    """Call ``gone`` once when the reader of standard output leaves: a pipe's, a terminal's.
+    """Call ``gone`` once when the reader of standard output leaves: a pipe's, or a terminal's.
 
-    A command that prints nothing would not notice it, such as one that was started over a lost
-    connection. Files are not watched.
+    A command that prints nothing would not notice, for example after a lost SSH connection. Files
+    are not watched.
     """
     loop = asyncio.get_running_loop()
     with select.epoll() as watch:
         try:
-            # Without a mask: errors and hang-ups are reported in any case.
+            # With an empty mask epoll still reports errors and hang-ups.
             watch.register(sys.stdout.fileno(), 0)
         except (OSError, ValueError, AttributeError):
             yield

@@ -116,7 +116,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _places(args: argparse.Namespace) -> tuple[Places, Wanted]:
-    """Where boxes are, and whose are meant."""
+    """The folders that may hold boxes, and the robot that is meant."""
     from yahboomd.core.config import Config
     from yahboomd.core.config.models import blackbox_folder
     from yahboomd.tools.blackbox.box_places import Wanted, places
@@ -176,7 +176,7 @@ def _list(found: list[Found], where: Places, *, as_json: bool) -> None:
 
 
 def _name_others(found: list[Found], shown: Path) -> None:
-    """Name the newest box of the other kind, saved or of a daemon that runs, and other robots."""
+    """Name the newest box of the other kind, saved or of a running daemon, and other robots."""
     robot = next((each.robot for each in found if each.path == shown), None)
     key = robot and robot.key
     own = [each for each in found if each.robot and each.robot.key == key]

@@ -1,4 +1,4 @@
-"""``yahboomd calibrate``: the true size of wheels and track, by a tape, by squares, or a sensor."""
+"""``yahboomd calibrate``: finds the true size of wheels and track by tape, squares or a sensor."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ RUNS = {
     "dry_run": "dry_run",
     "source": "source",
 }
-"""The option of each field of ``RunOptions``."""
+"""The option for each field of ``RunOptions``."""
 
 _positive = number("a number above 0", lambda value: math.isfinite(value) and value > 0.0)
 _whole = number("a whole number from 1 to 50", lambda n: n in range(1, 51))
@@ -187,7 +187,7 @@ def _run(args: argparse.Namespace) -> int:
         return _undo(loaded)
     if args.verb == "imu":
         return _by_hand(loaded, args)
-    # The extra is missed before the robot moves, not after.
+    # Imported first, so that a missing extra is reported before the robot moves.
     import numpy  # noqa: F401
 
     if args.verb == "poses":
@@ -219,7 +219,7 @@ def _run(args: argparse.Namespace) -> int:
             return await lead(robot)
         except asyncio.CancelledError:
             words = await _ended(robot, drove=not args.by_hand)
-            # A terminal that is gone takes no words.
+            # The terminal may be gone.
             with contextlib.suppress(OSError):
                 print(words, file=sys.stderr)
             raise
@@ -243,7 +243,7 @@ def _run(args: argparse.Namespace) -> int:
 
 
 async def _ended(robot: AsyncRobot, *, drove: bool) -> str:
-    """Stop the robot, and see it stand; how that went."""
+    """Stop the robot and watch it stand; returns the outcome in words."""
     if not drove:
         return "Ended: nothing was driven, and nothing was written."
     robot.stop()

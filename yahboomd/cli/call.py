@@ -17,7 +17,7 @@ SERVICES = {key.removeprefix("yahboomd/"): offer.does for key, offer in OFFERS.i
 """Every service by its key below ``yahboomd/``, with its line in the help."""
 
 REFUSED = 1
-"""The exit status where a daemon answers that it does not do it."""
+"""The exit status if a daemon refuses."""
 
 DESCRIPTION = """\
 Call a service of the daemon, and print its answer: a line of JSON with success, message and data;

@@ -1,4 +1,4 @@
-"""Reads the configuration in a process that ends: pydantic takes 10 MB, which never come back."""
+"""Reads the configuration in a child process: pydantic takes 10 MB that are never freed."""
 
 from __future__ import annotations
 
@@ -16,36 +16,37 @@ from yahboomd.core.errors import ConfigError, LimitError, YahboomdError, shortag
 T = TypeVar("T")
 
 LOOK_S = 1.0
-"""How often the child looks whether its parent still waits."""
+"""The period at which the child checks that its parent still waits."""
 
 
 def read_in_child(read: Callable[[], T], kind: type[T]) -> Callable[[], T]:
-    """Begin to read in a copy of this process, which goes on meanwhile.
+    """Begin to read in a copy of this process, while this process goes on.
 
     Args:
-        read: Returns the values that are needed of the configuration, or raises a ConfigError.
+        read: Returns the wanted values of the configuration, or raises a ConfigError.
         kind: The type of these values.
 
     Returns:
-        Waits for the values and returns them, or raises the ConfigError, or a LimitError.
+        A function that waits for the values and returns them, or raises a ConfigError or a
+        LimitError.
     """
     if len(os.listdir("/proc/self/task")) > 1:
         # A copy of a process with threads may wait for one of them for ever.
         return read
-    # The program that started this one may have it forget how its children end.
+    # A starting program may have set SIGCHLD to be ignored, which loses the child's status.
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     parent = os.getpid()
     try:
         reading, writing = os.pipe()
         child = os.fork()
     except OSError:
-        # No descriptor, process or memory is left for it.
+        # No descriptor, process or memory is left for a child, so read here.
         return read
     if child == 0:
         status = os.EX_SOFTWARE
         try:
             _end_with(parent)
-            # A parent that has ended reads no answer.
+            # If the parent has ended, nothing reads the answer.
             with contextlib.suppress(BrokenPipeError), open(writing, "wb") as pipe:
                 answer, status = _answer(read)
                 pipe.write(answer)
@@ -64,7 +65,7 @@ def read_in_child(read: Callable[[], T], kind: type[T]) -> Callable[[], T]:
         if status == os.EX_OSERR:
             raise LimitError(answer.decode())
         if status != os.EX_OK:
-            # It is not read again here: a file that is a pipe is empty by now.
+            # Not read again here: a pipe is already empty.
             raise YahboomdError(f"The process that reads the configuration ended with {status}.")
         return msgspec.msgpack.decode(answer, type=kind, dec_hook=lambda path, text: path(text))
 
@@ -84,7 +85,7 @@ def _answer(read: Callable[[], object]) -> tuple[bytes, int]:
 
 
 def _end_with(parent: int) -> None:
-    """End when the parent has ended, even while a named pipe keeps this process waiting."""
+    """End when the parent has ended, even while this process waits for a named pipe."""
 
     def look(*_: object) -> None:
         if os.getppid() != parent:

@@ -1,4 +1,4 @@
-"""``yahboomd config``: check, show and explain the configuration."""
+"""``yahboomd config``: checks, shows and explains the configuration."""
 
 from __future__ import annotations
 

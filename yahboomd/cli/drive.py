@@ -1,4 +1,4 @@
-"""``yahboomd drive``: drive the robot with the keyboard."""
+"""``yahboomd drive``: drives the robot with the keyboard."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def run(args: argparse.Namespace) -> int:
             file=sys.stderr,
         )
         return USAGE
-    # Missing, it is reported before anything is opened.
+    # Imported first, so that a missing package is reported before anything is opened.
     import rich  # noqa: F401
 
     config = read_config(args).config

@@ -1,4 +1,4 @@
-"""``yahboomd events``: events as they happen, a line for each."""
+"""``yahboomd events``: prints events as they happen, one on a line."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ async def _print(robot: AsyncRobot, *, follow: bool, as_json: bool) -> int:
 
 
 def line(event: EventSample) -> str:
-    """Time of day, severity, kind and what happened."""
+    """An event as a line: its time, severity, kind and message."""
     from yahboomd.core.program import plain
 
     moment = time.strftime("%Y-%m-%dT%H:%M:%S%z", time.localtime(event.stamp_ns / 1e9))

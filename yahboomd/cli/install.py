@@ -44,7 +44,7 @@ exit status:
 """
 
 UDEV = Path("/run/udev/control")
-"""There while udev runs."""
+"""The socket exists while udev runs."""
 
 ALREADY = {"unchanged": "as it is", "kept": "kept, it is yours"}
 
@@ -57,7 +57,7 @@ class System(NamedTuple):
 
     Attributes:
         root: Replaces ``/``.
-        packaged: Whether dpkg installed our files.
+        packaged: Whether dpkg installed yahboomd's files.
         live: Whether this is the running system, with systemd as its manager.
     """
 
@@ -69,12 +69,12 @@ class System(NamedTuple):
     dry: bool
 
     def ran(self, *command: str) -> bool:
-        """Run a command and print it; whether it succeeded."""
+        """Run a command and print it; returns whether it succeeded."""
         words = shlex.join(command)
         if self.dry:
             print(f"  would run    {words}")
             return True
-        # The output of the command shall follow ours.
+        # Flush, so that the command's output follows ours.
         sys.stdout.flush()
         status = self.run(command)
         print(f"  ran          {words}" + (f"   (status {status})" if status else ""))
@@ -153,7 +153,7 @@ def install(
     web: bool = False,
     listen: str | None = None,
 ) -> int:
-    """Carry it out; see :func:`run`."""
+    """Install, or print the plan; returns the exit status."""
     trouble = _trouble(system, instance, port) or _web_trouble(web, listen, instance)
     if trouble:
         return complain(trouble, os.EX_CONFIG)
@@ -188,7 +188,7 @@ def complain(words: str, status: int) -> int:
 
 
 def _trouble(system: System, instance: str | None, port: str | None) -> str:
-    """The reason why the installation cannot be; empty where it can."""
+    """The reason why the installation is impossible; empty if it is possible."""
     if instance is None and port is not None:
         return "--port is for --instance; one board's port is serial.port in config.toml."
     if instance is not None:
@@ -199,7 +199,7 @@ def _trouble(system: System, instance: str | None, port: str | None) -> str:
         if not port.startswith("/") or '"' in port or "\\" in port:
             return f"--port takes an absolute path, not {port!r}."
     if system.root == Path("/"):
-        # Below another root, the program is where that system will have it.
+        # Below another root, the program lies in its place once that system runs.
         needed = (system.program, Path(sys.executable), Path(yahboomd.__file__))
         hidden = install_plan.unreachable(needed)
         if hidden is not None:
@@ -211,7 +211,7 @@ def _trouble(system: System, instance: str | None, port: str | None) -> str:
 
 
 def _web_trouble(web: bool, listen: str | None, instance: str | None) -> str:
-    """The reason why the page cannot be installed like this; empty where it can."""
+    """The reason why the page cannot be installed like this; empty if it can."""
     if not web:
         return "--listen is for --web." if listen is not None else ""
     if instance is not None:
@@ -231,7 +231,7 @@ def _ports() -> str:
 
 
 def _may_write(files: list[PlannedFile], system: System) -> bool:
-    """Whether every folder can be written, or made."""
+    """Whether every folder can be written or made."""
     if system.live and os.geteuid() != 0:
         return False
     return all(_writable(file.path.parent) for file in files)
@@ -294,7 +294,7 @@ def _start(system: System, unit: str, files: list[PlannedFile]) -> int:
     # A container has no udev.
     if UDEV.exists() and not system.packaged:
         system.ran("udevadm", "control", "--reload")
-        # A board that is plugged in already gets its name now.
+        # Gives a board that is already plugged in its name.
         system.ran("udevadm", "trigger", "--subsystem-match=usb", "--attr-match=idVendor=1a86")
         system.ran("udevadm", "trigger", "--subsystem-match=tty")
     changed = any(file.fate in {"new", "changed"} for file in files)
@@ -332,7 +332,7 @@ def _start_web(system: System, files: list[PlannedFile], listen: str | None) -> 
 
 def _run(command: Sequence[str]) -> int:
     try:
-        # The commands are our own, and found on the administrator's PATH.
+        # The commands are fixed here, and found on the administrator's PATH.
         return subprocess.run(list(command), check=False).returncode  # noqa: S603
     except FileNotFoundError:
         return 127

@@ -1,8 +1,8 @@
 """The ``yahboomd`` command: finds the subcommand, runs it, and reports a failure in one message.
 
-Each subcommand is a module of its name, a :class:`Command`, imported when it is used:
-``yahboomd --help`` must not wait for Zenoh, and a machine without the extras of one command must
-not lose the others.
+Each subcommand is a module of its name, a :class:`Command`, imported only when it is used. So
+``yahboomd --help`` does not wait for Zenoh, and if one command's extras are missing, the others
+work.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ EXTRAS = {
     **dict.fromkeys(("starlette", "uvicorn", "websockets", "segno"), "web"),
     "uvloop": "uvloop",
 }
-"""Packages that are installed only when asked for, with the name of the extra."""
+"""Optional packages, with the name of the extra that installs each."""
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 """The errors of a full disk."""
 
 USAGE = 2
-"""The exit status of argparse when the arguments make no sense."""
+"""argparse's exit status for arguments that make no sense."""
 
 EPILOG = """\
 a first drive, without a robot:
@@ -64,11 +64,11 @@ class Command(Protocol):
         """Declare its options."""
 
     def run(self, args: argparse.Namespace) -> int:
-        """Do it; returns the exit status."""
+        """Run the command; returns the exit status."""
 
 
 class _OneLineEach(argparse.RawDescriptionHelpFormatter):
-    """Indents the list of commands as far as the longest one needs, which argparse does not."""
+    """Indents the list of commands by the longest name, which argparse does not."""
 
     def __init__(self, prog: str) -> None:
         super().__init__(prog)
@@ -79,18 +79,19 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command.
 
     Args:
-        argv: The arguments after the program's name. When None they are the process's own, and
-            the process may end here: see :func:`_end_at_once`.
+        argv: The arguments after the program's name. None stands for the process's own arguments;
+            then the process may end here: see :func:`_end_at_once`.
 
     Returns:
         The exit status: 0, the command's own, that of the error (78 for the configuration, 69 for
+        a missing port or bus, 77 for a missing permission), or 130 after Ctrl-C.
         a port or a bus that is not there, 77 for a missing permission), 130 after Ctrl-C.
     """
     if argv is not None:
         return _run(list(argv))
     _fill_standard_streams()
     if isinstance(sys.stdout, io.TextIOWrapper):
-        # As standard error does: a file's name may have bytes that are no character.
+        # A file's name may have bytes that are no character. Standard error escapes them already.
         sys.stdout.reconfigure(errors="backslashreplace")
     try:
         status = _run(sys.argv[1:])
@@ -105,7 +106,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _fill_standard_streams() -> None:
-    """Open what the caller closed (`2>&-`), or the port of the board would become standard error.
+    """Open streams that the caller closed (`2>&-`), so that no port becomes standard error.
 
     Libraries write to the descriptor 2 when they fail.
     """
@@ -115,16 +116,16 @@ def _fill_standard_streams() -> None:
 
 
 def _threads_left() -> bool:
-    """Whether a thread runs on, such as one that is still opening a Zenoh session."""
+    """Whether another thread runs, such as one that is still opening a Zenoh session."""
     threading = sys.modules.get("threading")
     return threading is not None and threading.active_count() > 1
 
 
 def _end_at_once(status: int) -> NoReturn:
-    """End without Python's ordinary exit, after all output is written.
+    """Flush all output, and end without Python's ordinary exit.
 
-    A thread that returns from a library while the interpreter is torn down is ended by unwinding
-    through that library. Rust aborts the process then (signal 6), and the exit status is lost.
+    At an ordinary exit Python ends a thread that returns from a library by unwinding through that
+    library. A Rust library then aborts the process (signal 6), and the exit status is lost.
     """
     if (logging := sys.modules.get("logging")) is not None:
         logging.shutdown()
@@ -137,7 +138,7 @@ def _end_at_once(status: int) -> NoReturn:
 def _run(arguments: list[str]) -> int:
     try:
         status = _dispatch(arguments)
-        # None where the caller has closed it (`>&-`).
+        # None if the caller closed it (`>&-`).
         if sys.stdout is not None:
             sys.stdout.flush()
     except YahboomdError as error:
@@ -167,7 +168,7 @@ def _run(arguments: list[str]) -> int:
 
 
 def _drop_output() -> None:
-    # Python would complain once more when it flushes at exit.
+    # Otherwise Python would complain again when it flushes at exit.
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
@@ -187,7 +188,7 @@ def _dispatch(arguments: list[str]) -> int:
             subparsers.add_parser(known, help=line)
     args, unknown = parser.parse_known_args(arguments)
     if unknown:
-        # With the usage of the command, not with that of all commands.
+        # With the command's own usage, not that of all commands.
         (subparsers.choices[name] if command is not None and name else parser).error(
             f"unrecognized arguments: {' '.join(unknown)}"
         )
@@ -204,7 +205,7 @@ def _dispatch(arguments: list[str]) -> int:
 
 
 def whole_parser() -> argparse.ArgumentParser:
-    """The parser with every command's options, for what describes the command line."""
+    """The parser with every command's options, for man pages and completions."""
     parser, subparsers = _bare_parser()
     for name in COMMANDS:
         _add(subparsers, name, _load(name))
@@ -247,8 +248,8 @@ def _load(name: str) -> Command:
 
 
 def _spare_openssl() -> None:
-    """Keep OpenSSL out of the daemon: asyncio and hashlib load its 5 MB, and TLS is Zenoh's own."""
-    if importlib.util.find_spec("_md5") is not None:  # else hashlib has no other implementation
+    """Keep OpenSSL's 5 MB out of the daemon: asyncio and hashlib load it, Zenoh has its own TLS."""
+    if importlib.util.find_spec("_md5") is not None:  # without it hashlib needs OpenSSL
         for name in ("ssl", "_hashlib"):
             sys.modules.setdefault(name, cast(ModuleType, None))
 

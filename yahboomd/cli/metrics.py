@@ -116,7 +116,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _robots(args: argparse.Namespace) -> dict[str, BusOptions]:
-    """Each robot by its name, with how to reach it."""
+    """The options to reach each robot, by its name."""
     robots: dict[str, BusOptions] = {}
     for file, namespace in product(args.config or [None], args.namespace or [None]):
         one = argparse.Namespace(**{**vars(args), "config": file, "namespace": namespace})
@@ -141,7 +141,7 @@ async def _serve(robots: dict[str, BusOptions], place: Place, names: list[str]) 
     loop = asyncio.get_running_loop()
     for number in SIGNALS:
         loop.add_signal_handler(number, ended.set)
-    # The client logs the loss of a daemon for programs that drive; _report prints its own line.
+    # The client logs the loss of a daemon for driving programs; _report prints its own line.
     logging.getLogger("yahboomd.client").addHandler(logging.NullHandler())
     clock = SystemClock()
     polls = [RobotPoll(name, options, clock) for name, options in robots.items()]
@@ -165,7 +165,7 @@ async def _serve(robots: dict[str, BusOptions], place: Place, names: list[str]) 
 async def _report(
     polls: list[RobotPoll], tasks: list[asyncio.Task[None]], ended: asyncio.Event
 ) -> None:
-    """Print when a daemon comes or goes, until the end; raises where one can never be reached."""
+    """Print when a daemon comes or goes, until the end; raises if one can never be reached."""
     alive = {poll.name: False for poll in polls}
     while not ended.is_set():
         for task in tasks:

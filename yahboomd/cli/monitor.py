@@ -1,4 +1,4 @@
-"""``yahboomd monitor``: watch a running daemon."""
+"""``yahboomd monitor``: watches a running daemon."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ if TYPE_CHECKING:
 
 REDRAW_S = 0.1
 CALM_S = 0.5
-"""Between two updates while nothing moves; a status or an event is shown at once."""
+"""The period of updates while nothing moves; a status or an event is shown at once."""
 
 LINE_S = 1.0
 COMPLETE_S = 1.0
-"""The time that ``--once`` waits for a pose, and for two statuses to compute rates from."""
+"""The time for which ``--once`` waits for a pose, and for two statuses to compute rates from."""
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -88,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
         and os.environ.get("TERM", "dumb") != "dumb"
     )
     if on_screen:
-        # Missing, it is reported before anything is opened.
+        # Imported first, so that a missing package is reported before anything is opened.
         import rich  # noqa: F401
     config = read_config(args).config
 
@@ -114,7 +114,7 @@ async def _run(options: BusOptions, *, once_s: float | None, on_screen: bool) ->
 
 
 async def _pause(s: float, *events: asyncio.Event) -> None:
-    """Wait, but not beyond one of these events."""
+    """Wait, at most until one of these events."""
     waits = [asyncio.ensure_future(event.wait()) for event in events]
     try:
         await asyncio.wait(waits, timeout=s, return_when=asyncio.FIRST_COMPLETED)
@@ -191,7 +191,7 @@ async def _on_screen(feed: Feed, clock: Clock, ended: asyncio.Event) -> None:
 
     with ExitStack() as stack:
         if sys.stdin.isatty():
-            # It also keeps what is typed from appearing among the numbers.
+            # This also keeps typed keys from appearing among the numbers.
             stack.enter_context(Keys(sys.stdin.fileno(), pressed, ended.set))
         screen = stack.enter_context(Screen(sys.stdout.fileno(), ended.set))
         while not ended.is_set():

@@ -1,4 +1,4 @@
-"""``yahboomd plot``: a recording as one picture."""
+"""``yahboomd plot``: draws a recording as one picture."""
 
 from __future__ import annotations
 
@@ -40,16 +40,16 @@ exit status:
 """
 
 POINTS = 4000
-"""Points of a line; a picture has no more columns."""
+"""The most points of a line; a picture has no more columns."""
 
 ELLIPSES = 12
 SIGMAS = 2.0
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
-"""Okabe and Ito's, which those who see few colours can tell apart."""
+"""By Okabe and Ito, for people who see few colours."""
 
 EVERY_S = 0.5
-"""Between two statuses, as a rule."""
+"""The usual time between two statuses."""
 
 SEVERITY = {"info": "#666666", "warning": "#b36b00", "error": "#c00000"}
 
@@ -61,7 +61,7 @@ TROUBLE = (
     "commands_lost",
     "board_resets",
 )
-"""Counters of the link that stand still on a good one."""
+"""Counters of the link that do not grow on a good one."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -74,7 +74,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Draw."""
-    # The extras are missed before anything is read.
+    # Imported first, so that a missing extra is reported before anything is read.
     import matplotlib as mpl
     import mcap.reader  # noqa: F401
 
@@ -89,7 +89,7 @@ def run(args: argparse.Namespace) -> int:
         draw(recording, title=args.recording.name).savefig(output, dpi=120)
     except (OSError, ValueError) as error:
         if output.is_file():
-            # Half a picture.
+            # It holds half a picture.
             output.unlink()
         raise Refused(f"{output} cannot be written: {error}") from error
     if recording.is_cut:
@@ -100,7 +100,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def draw(recording: Recording, *, title: str) -> Any:  # noqa: ANN401 - matplotlib has no types
-    """The picture as a figure of matplotlib."""
+    """The picture as a matplotlib figure."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(13.0, 9.5), layout="constrained")
@@ -184,14 +184,14 @@ def _battery(axes: Any, recording: Recording) -> None:  # noqa: ANN401
 
 
 def _link(axes: Any, recording: Recording) -> None:  # noqa: ANN401
-    """Readings a second, and by how much each counter of trouble has grown."""
+    """Draw readings a second, and write how much each counter of trouble has grown."""
     statuses = recording.of(StatusSample)
     axes.set(title="link", ylabel="readings a second")
     axes.grid(alpha=0.3)
     times, rates = [], []
     for before, after in pairwise(statuses):
         passed = (after.stamp_ns - before.stamp_ns) * 1e-9
-        # One that comes early, because the state changed, covers too little for a rate.
+        # A status that came early, after a change of state, covers too little for a rate.
         if passed > EVERY_S / 2.0:
             times.append(recording.time_s(after.stamp_ns))
             rates.append((_count(after, "readings") - _count(before, "readings")) / passed)
@@ -213,7 +213,7 @@ def _count(status: StatusSample, name: str) -> int:
 
 
 def _timeline(axes: Any, recording: Recording) -> None:  # noqa: ANN401
-    """The robot's actions at each time, and every event with its words."""
+    """Draw the robot's state at each time, and every event with its message."""
     statuses = recording.of(StatusSample)
     events = recording.of(EventSample)
     axes.set(title="what happened", xlabel="time, s", yticks=[])

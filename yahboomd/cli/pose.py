@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from yahboomd.client import AsyncRobot, PoseSample
 
 OLD = 1
-"""The exit status where the pose is old."""
+"""The exit status if the pose is old."""
 
 OLD_S = 1.0
 
@@ -46,11 +46,11 @@ exit status:
 
 
 def heading(text: str) -> float:
-    """A heading in radians, from radians or, with ``deg`` behind it, from degrees.
+    """Read a heading in radians, or with ``deg`` behind it in degrees.
 
     Raises:
-        argparse.ArgumentTypeError: It is not a number, or more than a turn of radians, which
-            are degrees more often than radians.
+        argparse.ArgumentTypeError: It is not a number, or more radians than a turn: that is
+            usually meant in degrees.
     """
     digits = text.removesuffix("deg")
     if digits != text:
@@ -112,7 +112,7 @@ async def _print(robot: AsyncRobot, *, as_json: bool) -> int:
     payload, pose = await newest(robot, POSE, PoseSample)
     _, status = await newest(robot, STATUS, StatusSample)
     print(one_line(payload) if as_json else line(pose), flush=True)
-    # Both stamps are the robot's; this machine's clock may differ.
+    # Compare stamps of the robot's clock, because this machine's clock may differ.
     age_s = (status.stamp_ns - pose.stamp_ns) / 1e9
     if age_s <= OLD_S:
         return os.EX_OK
@@ -121,5 +121,5 @@ async def _print(robot: AsyncRobot, *, as_json: bool) -> int:
 
 
 def line(pose: PoseSample) -> str:
-    """x, y and theta with six digits, and never a negative zero."""
+    """x, y and theta with six digits, without a negative zero."""
     return " ".join(f"{round(each, 6) + 0.0:.6f}" for each in (pose.x, pose.y, pose.theta))

@@ -1,4 +1,4 @@
-"""``yahboomd probe``: find the port, name the board, explain what is wrong, store its settings."""
+"""``yahboomd probe``: finds the port, names the board, explains problems, stores settings."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ from yahboomd.tools.stop import diagnosis, stop_local
 from yahboomd.tools.stop.unresponsive import true_names
 
 FOUND_WANTING = 1
-"""The exit status of a board that must not be driven as it is, or does not store what it should."""
+"""The exit status if the board must not be driven as it is, or did not store everything."""
 
 DESCRIPTION = """\
 Find the board's port, stop its wheels, read everything that it reports, and explain what is wrong.
@@ -91,7 +91,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _own_options() -> Iterable[StoredSetting]:
-    """The stored values that are no part of a profile, each once."""
+    """The stored values that do not belong to a profile, each once."""
     rows = [row for dialect in DIALECTS.values() for row in dialect.settings if row.option]
     return {row.field: row for row in reversed(rows)}.values()
 
@@ -141,7 +141,7 @@ def _probe(args: argparse.Namespace) -> int:
         port = discovery.choose(config.serial.port, discovery.candidates())
         report = _examine(port, config, want, reopening=not args.write)
     except (PortBusy, PortMissing, ConfigError) as error:
-        # No daemon has a port that was named and is not there.
+        # If a named port does not exist, no daemon has it.
         ask = not args.write and (not port or isinstance(error, PortBusy))
         reported = _ask_daemon(args, config, port, want) if ask else None
         if reported is None:
@@ -209,7 +209,7 @@ def _report(
 
 
 def _with_daemons(error: YahboomdError) -> YahboomdError:
-    """The same error, with the daemons of this machine, one of which may have the board."""
+    """The same error, with the daemons of this machine: one of them may have the board."""
     found = [robot for robot in stop_local.find(os.environ) if not robot.silent]
     return type(error)(error.message, remedy=stop_local.there(found, "probe") or error.remedy)
 
@@ -217,17 +217,17 @@ def _with_daemons(error: YahboomdError) -> YahboomdError:
 def _ask_daemon(
     args: argparse.Namespace, config: Config, port: str, want: BoardSettings
 ) -> Report | None:
-    """The daemon's knowledge of its board; None where none answers.
+    """A report of the board from the daemon that has it; None if no daemon answers.
 
     Args:
-        port: The port that it holds; empty for whichever it has.
+        port: The port that the daemon holds; empty for any.
     """
     from yahboomd.tools.probe.probe_client import ask_board
 
     endpoints = daemon_endpoints(args, config)
     reported = asyncio.run(ask_board(endpoints, config))
     if reported is None or (port and reported.found is None):
-        # Then the error is that another program holds the port.
+        # The caller then reports that another program holds the port.
         return None
     if reported.found is None:
         where = " or ".join(endpoints)
@@ -245,9 +245,6 @@ def _ask_daemon(
     return msgspec.structs.replace(
         _report(port, config, reported.found, None, want), advice=(held,)
     )
-
-
-# Storing.
 
 
 def _write(

@@ -1,4 +1,4 @@
-"""``yahboomd record``: what is on the bus, as MCAP files."""
+"""``yahboomd record``: writes the messages of the bus to MCAP files."""
 
 from __future__ import annotations
 
@@ -55,10 +55,10 @@ exit status:
 """
 
 DEPTH = 2000
-"""Samples of one key that wait for a slow disk: 40 s at 50 Hz."""
+"""Samples of one key to queue for a slow disk: 40 s at 50 Hz."""
 
 GATHER_S = 0.1
-"""Samples are taken from Zenoh so often: one by one costs thrice as much."""
+"""The period at which samples are taken from Zenoh: one by one costs three times as much."""
 
 SYNC_S = 2.0
 REPORT_S = 1.0
@@ -118,7 +118,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Record."""
-    # The extra is missed before anything is made.
+    # Imported first, so that a missing extra is reported before anything is made.
     import mcap.writer  # noqa: F401
 
     if args.recover:
@@ -206,7 +206,7 @@ async def _record(robot: AsyncRobot, args: argparse.Namespace) -> int:
 
 
 async def _watch(recorder: Recorder, *, attached: bool) -> None:
-    """Have the disk keep what was written, and show how it goes, until input or disk end."""
+    """Sync the disk and show progress, until the input ends or the disk fails."""
     ended = asyncio.create_task(input_ended()) if attached else asyncio.Future[None]()
     elapsed = 0.0
     try:
@@ -232,17 +232,17 @@ class _Numbered(msgspec.Struct):
 
 
 def _number(channel: Channel, payload: bytes) -> int | None:
-    """The number of a native sample; None for any other message."""
+    """The sequence number of a native sample; None for any other message."""
     if channel.message_encoding != "json":
         return None
     return msgspec.json.decode(payload, type=_Numbered).seq
 
 
 class Recorder:
-    """Writes what arrives, and counts what does not.
+    """Writes samples, and counts the missing and unreadable ones.
 
     Attributes:
-        lost: Samples that were published and did not arrive here, by their numbers.
+        lost: Samples that were published and did not arrive here, by their sequence numbers.
         unreadable: Payloads that were no message of their key.
         problem: Why nothing can be written any more; empty while it can.
     """
@@ -257,7 +257,7 @@ class Recorder:
         self._arrived_ns: dict[str, int] = {}
 
     def take(self, topic: Recorded, arrivals: list[Arrival]) -> None:
-        """Write what arrived on a topic."""
+        """Write the samples that arrived on a topic."""
         for arrival in arrivals:
             self._take(topic, arrival)
 
@@ -273,7 +273,7 @@ class Recorder:
             self.unreadable += 1
             return
         channel, payload = found
-        # Samples arrive in order; the moments of those that were gathered are estimates.
+        # Samples arrive in order, but the times of gathered ones are estimates.
         arrived_ns = max(arrival.arrived_ns, self._arrived_ns.get(topic.key, 0))
         self._arrived_ns[topic.key] = arrived_ns
         logged_ns = self._wall_ns(arrived_ns)
@@ -296,15 +296,15 @@ class Recorder:
         self.problem = self.problem or f"The recording ends: {error.strerror or error}."
 
     def _find_gap(self, key: str, number: int) -> None:
-        """Count what is missing since the native sample before this one as lost."""
+        """Count the native samples that are missing before this one as lost."""
         before = self._sequences.get(key)
         self._sequences[key] = number
-        # A daemon that is started again begins at the beginning.
+        # A restarted daemon counts from the beginning.
         if before is not None and number > before:
             self.lost += number - before - 1
 
     def sync(self) -> None:
-        """Have the disk keep what was written; slow, so in a thread."""
+        """Write everything to the disk itself. This is slow, so call it in a thread."""
         for files in self._files.values():
             try:
                 files.sync()
@@ -314,7 +314,7 @@ class Recorder:
                     self._fail(error)
 
     def facts(self) -> dict[str, int]:
-        """The counts of what was recorded so far."""
+        """The counts so far."""
         files = self._files.values()
         return {
             "messages": sum(each.messages for each in files),
@@ -325,7 +325,7 @@ class Recorder:
         }
 
     def end(self) -> dict[str, int]:
-        """End the files; what was recorded."""
+        """End the files; returns the counts."""
         for files in self._files.values():
             try:
                 files.end()

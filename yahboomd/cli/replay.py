@@ -1,4 +1,4 @@
-"""``yahboomd replay``: a black box, played to a daemon or computed again."""
+"""``yahboomd replay``: plays a black box to a daemon, or computes its poses again."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ COLUMNS = (
     *("wall_ns", "stamp_ns", "x", "y", "theta", "vx", "vy", "wz"),
     *("variance_x", "variance_y", "variance_theta"),
 )
-"""Of a table of poses: Unix and monotonic nanoseconds, metres, radians, seconds."""
+"""The columns of a table of poses: Unix and monotonic nanoseconds, metres, radians, seconds."""
 
 DESCRIPTION = """\
 Play a black box again. With --link its board is on a pseudo-terminal: it answers who it is when it
@@ -64,7 +64,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 class Unplayable(YahboomdError):
-    """There is nothing in a file that could be played."""
+    """A file holds nothing to play."""
 
     exit_code = os.EX_DATAERR
 
@@ -212,7 +212,7 @@ def _words(facts: dict[str, Any], replay: PoseReplay) -> str:
 
 
 def _verdict(compared: Compared, machine: str) -> list[str]:
-    """How the poses compare with the daemon's."""
+    """Compare the poses with the daemon's, in sentences."""
     if not compared.moments:
         lines = ["There is nothing to compare with: the recording has no pose of the daemon's."]
     elif compared.identical == compared.moments:

@@ -1,4 +1,4 @@
-"""``yahboomd run``: the daemon."""
+"""``yahboomd run``: runs the daemon."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def _serve(args: argparse.Namespace, guard: int | None) -> int:
         try:
             await daemon.run()
         except BaseExceptionGroup:
-            # A mistake of ours, not of the user: the log gets the traceback.
+            # A fault of yahboomd, not of the user: the traceback goes to the log.
             log.critical("yahboomd failed; a stop was sent to the wheels", exc_info=True)
             status = os.EX_SOFTWARE
         if status == os.EX_OK and not daemon.left_standing:
@@ -118,7 +118,7 @@ def _serve(args: argparse.Namespace, guard: int | None) -> int:
             )
             status = os.EX_TEMPFAIL
         if daemon.fatal_signal is not None:
-            # The wheels are stopped; now the signal does what it does by default.
+            # The wheels are stopped: end by the signal, as it does by default.
             flush()
             die_of(daemon.fatal_signal)
             status = 128 + daemon.fatal_signal
@@ -137,13 +137,13 @@ def _serve(args: argparse.Namespace, guard: int | None) -> int:
 
 
 def _has_watchdog(environ: Mapping[str, str]) -> bool:
-    """Whether a service manager does what the guard does."""
+    """Whether a service manager's watchdog replaces the guard."""
     own = environ.get("WATCHDOG_PID", str(os.getpid())) == str(os.getpid())
     return own and bool(environ.get("NOTIFY_SOCKET") and environ.get("WATCHDOG_USEC"))
 
 
 def _start_guard() -> int | None:
-    """Start the guard; the pipe to it, which does not block, or None and a warning."""
+    """Start the guard; returns the non-blocking pipe to it, or None after a warning."""
     import subprocess
 
     from yahboomd.core.config import runtime_folder
@@ -172,13 +172,13 @@ def _start_guard() -> int | None:
         )
         return None
     os.set_blocking(writing, False)
-    # It ends after this process, which does not wait for it.
+    # Tells subprocess not to wait: the guard ends after this process.
     guard.returncode = 0
     return writing
 
 
 def _read(args: argparse.Namespace) -> tuple[Config, tuple[str, ...], dict[str, tuple[str, str]]]:
-    """The configuration, its warnings, and the meanings of ROS 2's parameters where it has them."""
+    """The configuration, its warnings, and ROS 2's parameter descriptions if it needs them."""
     loaded = read_config(args)
     meanings = {}
     if loaded.config.ros2.rmw_zenoh:
@@ -189,7 +189,7 @@ def _read(args: argparse.Namespace) -> tuple[Config, tuple[str, ...], dict[str, 
 
 
 def _warn_of_killed() -> None:
-    """Name the ports of daemons that were killed: one that does not start stops no wheels."""
+    """Name the ports of killed daemons, because a daemon that does not start stops no wheels."""
     from yahboomd.core.link.port_errors import holders
     from yahboomd.tools.stop.stop_local import Wanted, notes
     from yahboomd.tools.stop.stop_port import warn
@@ -203,7 +203,7 @@ def _warn_of_killed() -> None:
 
 
 def _explained(error: BusError) -> BusError:
-    """The same error, with the command that ends or continues a process on the listen port."""
+    """The same error, with the command that ends or continues the process on the listen port."""
     found = re.search(
         r"the process (?P<name>.+) \((?P<pid>\d+)\) listens there already", str(error)
     )

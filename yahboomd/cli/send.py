@@ -1,4 +1,4 @@
-"""``yahboomd send``: drive for a number of seconds, from a script."""
+"""``yahboomd send``: drives for a number of seconds, from a script."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from yahboomd.tools.robot.obedience import Obedience
 
 STATUS_WITHIN_S = 3.0
-"""A status comes twice a second; a daemon without one for so long does not run."""
+"""A status comes twice a second; without one for this time the daemon does not run."""
 
 DESCRIPTION = """\
 Drive for a number of seconds. The command is repeated twenty times a second and ends with zeros,
@@ -89,8 +89,8 @@ def run(args: argparse.Namespace) -> int:
     async def work(robot: AsyncRobot) -> int:
         return await _drive(robot, args)
 
-    # One that would suspend it ends it: a command that sleeps repeats nothing, and would go on
-    # driving when it is continued.
+    # A signal to suspend ends it: while suspended it would repeat nothing, and once continued it
+    # would drive on.
     return attend(args, work, source=args.source, signals=(*deadly(), signal.SIGTSTP))
 
 
@@ -103,7 +103,7 @@ async def _drive(robot: AsyncRobot, args: argparse.Namespace) -> int:
         raise Refused("The daemon has published no status yet: nothing was sent.")
     statuses = robot.samples(StatusSample)
     if Obedience(args.source, before).trouble_before():
-        # That one may be older than the release of an e-stop.
+        # That status may be older than the release of an emergency stop.
         before = await _next_status(statuses) or before
     obedience = Obedience(args.source, before)
     if trouble := obedience.trouble_before():
@@ -111,7 +111,7 @@ async def _drive(robot: AsyncRobot, args: argparse.Namespace) -> int:
     robot.drive(args.vx or 0.0, args.wz or 0.0, vy=args.vy or 0.0, for_s=args.for_s)
     lasted, trouble = await _watched(robot, obedience, statuses)
     if not trouble and lasted:
-        # One more, which counts the last commands too.
+        # One more status, which counts the last commands too.
         last = await _next_status(statuses)
         if last is None:
             raise _lost()
@@ -128,7 +128,7 @@ async def _drive(robot: AsyncRobot, args: argparse.Namespace) -> int:
 async def _watched(
     robot: AsyncRobot, obedience: Obedience, statuses: Samples[StatusSample]
 ) -> tuple[bool, str]:
-    """Watch until the command has ended; whether it lasted, and why the robot does not obey."""
+    """Watch until the command ends; returns whether it lasted, and why the robot disobeys."""
     driven = asyncio.create_task(robot.finished())
     watched = asyncio.create_task(_trouble(obedience, statuses))
     try:

@@ -26,7 +26,7 @@ def take_negative_numbers(parser: argparse.ArgumentParser) -> None:
 
 
 def number(what: str, good: Callable[[float], bool] = math.isfinite) -> Callable[[str], float]:
-    """A reader of an option's number, which refuses one that is not ``what``."""
+    """Make a reader of an option's number, which refuses a number that is not ``what``."""
 
     def read(text: str) -> float:
         try:
@@ -87,10 +87,10 @@ def check_source(args: argparse.Namespace) -> None:
 
 
 def check_picture(path: Path) -> None:
-    """Raise if a picture cannot be written there: before all the work, and before a file is lost.
+    """Raise early if a picture cannot be written: before all the work, and before a file is lost.
 
     Raises:
-        Refused: It is none of its kinds, or has no folder.
+        Refused: The name has another ending, or its folder does not exist.
     """
     if path.suffix not in {".png", ".svg", ".pdf"}:
         raise Refused(f"{path} is no picture: name a file that ends in .png, .svg or .pdf.")
@@ -136,16 +136,16 @@ def read_config(args: argparse.Namespace, environ: Mapping[str, str] | None = No
         environ: The environment; the process's own when None.
 
     Raises:
-        ConfigError: Naming every mistake.
+        ConfigError: The configuration has mistakes; the error names each.
     """
-    # pydantic takes a tenth of a second to import: not for --help.
+    # Imported here, because pydantic takes a tenth of a second that --help must not wait for.
     from yahboomd.core.config import read
 
     overrides = list(args.overrides)
     for option, key in (("port", "serial.port"), ("namespace", "zenoh.namespace")):
         value = getattr(args, option, None)
         if value is not None:
-            # As a string, even where it looks like a number to TOML.
+            # As a string, even if TOML would read it as a number.
             overrides.append(f"{key}={quoted(value)}")
     return read(
         args.config, environ=os.environ if environ is None else environ, overrides=overrides
@@ -153,7 +153,7 @@ def read_config(args: argparse.Namespace, environ: Mapping[str, str] | None = No
 
 
 def robot_arguments(args: argparse.Namespace) -> tuple[str, ...]:
-    """The shared options as arguments of another command, which is to reach the same robot."""
+    """The shared options as arguments for another command that shall reach the same robot."""
     arguments = [f"--connect={endpoint}" for endpoint in args.connect or ()]
     arguments += [f"--set={override}" for override in args.overrides]
     for name in ("config", "namespace"):
@@ -163,7 +163,7 @@ def robot_arguments(args: argparse.Namespace) -> tuple[str, ...]:
 
 
 def daemon_endpoints(args: argparse.Namespace, config: Config) -> tuple[str, ...]:
-    """The endpoints of the daemon: those of ``--connect``, else those of its configuration."""
+    """The daemon's endpoints: those of ``--connect``, or else those of its configuration."""
     return tuple(getattr(args, "connect", None) or configured_endpoints(config))
 
 
@@ -176,6 +176,6 @@ def _endpoint(text: str) -> str:
 
 
 def quoted(text: str) -> str:
-    """Text as a basic string of TOML."""
+    """The text as a basic string of TOML."""
     escaped = text.replace("\\", "\\\\").replace('"', '\\"')
     return f'"{escaped}"'

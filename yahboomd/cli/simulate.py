@@ -1,4 +1,4 @@
-"""``yahboomd simulate``: a board on a pseudo-terminal, with motors, a chassis and ground truth."""
+"""``yahboomd simulate``: simulates a board on a pseudo-terminal, with motors and a chassis."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ ROBOT = (
     ),
     ("--seed", "N", "seed", "of all that is random: the same number, the same faults"),
 )
-"""Options of the robot, each with its metavar, its field of the options, and its help."""
+"""The options of the robot: flag, metavar, field, help."""
 
 LINE = (
     ("--loss", "SHARE", "loss", "share of bytes that vanish, each way, 0 to 1"),
@@ -96,7 +96,7 @@ LINE = (
     ("--jitter", "S", "jitter_s", "up to so much more, at random"),
     ("--chunk", "S", "chunk_s", "period in which bytes arrive, 0 for each alone"),
 )
-"""The same of the line."""
+"""The options of the line, in the same form."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 EXIT_STATUS = {**dict.fromkeys(DRIVABLE, os.EX_OK), "fault": 1, "estopped": 3, "waiting": 4}
 UNKNOWN = 1
-"""The exit status of each state, and of those that this version does not know."""
+"""The exit status of each state, and of states that this version does not know."""
 
 DESCRIPTION = """\
 Print what the daemon does, why, who drives, its board, and what was lost or refused since it

@@ -1,7 +1,7 @@
-"""``yahboomd stop``: stops the wheels, whatever drives them, and sees that they stand.
+"""``yahboomd stop``: stops the wheels, whatever drives them, and watches until they stand.
 
-It imports nothing that ``--help`` does not need: with ``--port`` the first stop is on the wire
-before asyncio, pydantic and Zenoh are loaded.
+It imports only what ``--help`` needs: with ``--port`` it sends the first stop before asyncio,
+pydantic and Zenoh are loaded.
 """
 
 from __future__ import annotations
@@ -47,11 +47,11 @@ if TYPE_CHECKING:
     from yahboomd.tools.stop.stop_local import LocalStops, Outcome
 
 NOT_STANDING = 1
-"""The exit status where the wheels were not shown to stand."""
+"""The exit status if the wheels were not seen to stand."""
 
 SERIAL = "YAHBOOMD_SERIAL_"
 NAMING = (SERIAL, "YAHBOOMD_ZENOH_")
-"""Prefixes of variables that name a robot; others leave none out."""
+"""Prefixes of variables that name a robot; other variables do not narrow a stop."""
 
 DESCRIPTION = """\
 Stop the wheels, and see that they stand. A running daemon engages its emergency stop, and keeps it
@@ -132,7 +132,7 @@ def _release(args: argparse.Namespace) -> int:
 
 
 def _needs_no_configuration(args: argparse.Namespace) -> bool:
-    """Whether the port is named, and nothing else configures how it is opened."""
+    """Whether the port is named, and no other option configures how to open it."""
     configured = (
         args.config or args.overrides or any(name.startswith(SERIAL) for name in os.environ)
     )
@@ -147,7 +147,7 @@ def _configuration(args: argparse.Namespace) -> Config:
 
 
 def _readable_configuration(args: argparse.Namespace) -> Config | None:
-    """The configuration; None, and a warning, for a broken one."""
+    """The configuration; None after a warning if it is broken."""
     try:
         return read_config(args).config
     except ConfigError as error:
@@ -197,12 +197,12 @@ def _bus(args: argparse.Namespace) -> bool:
 
 
 def _everywhere(args: argparse.Namespace) -> bool:
-    """The port where it is free, the daemons of this machine by their sockets, and the bus."""
+    """Stop on the port if it is free, on the daemons' sockets of this machine, and on the bus."""
     seized: list[Seized] = []
     trouble: YahboomdError | None = None
     first = _needs_no_configuration(args)
     if first:
-        # Before anything else is imported or asked: a port that is free is the fastest way.
+        # Before anything is imported or asked, because a free port is the fastest way.
         seized, trouble = _try_port(args, None)
     from yahboomd.tools.stop.stop_local import LocalStops, covered, drives, unproved, vouched_for
 
@@ -242,8 +242,8 @@ def _everywhere(args: argparse.Namespace) -> bool:
         and (answer is None or answer.daemons <= len(outcomes))
         and not drives(local.answering, port_of(args.port, config))
     ):
-        # The configured port is held, and nothing that answers has stopped its board: other users'
-        # robots may stand, which says nothing of this one.
+        # The configured port is held, and no answer proves that its board was stopped: robots of
+        # other users may stand, which proves nothing about this one.
         verdicts.append(_report_busy(args, config, endpoints))
     if verdicts:
         troubles = [str(silent(robot, _asked(args))) for robot in local.silent]
@@ -271,7 +271,7 @@ def _everywhere(args: argparse.Namespace) -> bool:
 def _try_port(
     args: argparse.Namespace, config: Config | None
 ) -> tuple[list[Seized], YahboomdError | None]:
-    """Seize the port if it is free; else why it cannot be seized."""
+    """Seize the port if it is free; otherwise return the reason why not."""
     try:
         return [seize_port(args.port, config, patience_s=0.0)], None
     except (LinkError, ConfigError) as error:
@@ -279,13 +279,13 @@ def _try_port(
 
 
 def _seize_noted(local: LocalStops) -> list[Seized]:
-    """Seize the ports of daemons that were killed: nothing else stops their boards."""
+    """Seize the ports of killed daemons, because nothing else stops their boards."""
     from yahboomd.tools.stop.stop_local import notes
 
     seized = []
     for note in notes(os.environ, local.wanted, local.answering):
-        # A port that is held is ours already, or another process drives; one that is gone, or is
-        # another device by now, cannot be stopped any more.
+        # Suppressed errors: this process or another one holds the port, or the device is gone or
+        # is another one by now, and cannot be stopped any more.
         with contextlib.suppress(LinkError):
             found = seize_noted(note)
             seized += [found] if found is not None else []
@@ -301,10 +301,10 @@ def _report_busy(args: argparse.Namespace, config: Config, endpoints: tuple[str,
 
 
 def _stop_locally(args: argparse.Namespace, local: LocalStops) -> Config | None:
-    """Engage the emergency stop of the daemons of this machine that are meant.
+    """Engage the emergency stop of the wanted daemons of this machine.
 
     Returns:
-        The configuration, where it had to be read.
+        The configuration, if it had to be read.
     """
     from yahboomd.tools.stop.stop_local import Wanted, find
 
@@ -350,9 +350,9 @@ def _stop(
     *,
     port: str = "",
 ) -> tuple[list[TakeoverReport], BusStop | None, list[Outcome]]:
-    """Stop on the ports that were taken, and on the bus, if a configuration is given.
+    """Stop on the seized ports, and if a configuration is given on the bus.
 
-    Meanwhile the daemons that were stopped over their sockets are watched.
+    Meanwhile watch the daemons that were stopped over their sockets.
     """
     import asyncio
 

@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def uninstall(system: System, *, instance: str | None = None) -> int:
-    """Carry it out; see :func:`run`."""
+    """Uninstall, or print the plan; returns the exit status."""
     if system.packaged and instance is None:
         return complain(
             "this yahboomd came as a Debian package: sudo apt remove yahboomd.", os.EX_CONFIG
@@ -88,7 +88,7 @@ def _instances(root: Path) -> list[str]:
 
 
 def _others(root: Path) -> list[str]:
-    """The services of the metrics and the page; an older installation has none."""
+    """The services of the metrics and the page, if they are installed."""
     names = ("yahboomd-metrics.service", "yahboomd-web.service")
     return [name for name in names if (root / install_plan.FILES[name]).exists()]
 

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from yahboomd.web.web_server import WebServer
 
 SERVICES = Path("/etc/yahboomd")
-"""The configurations of services: calibration and black boxes are in the daemon's directory."""
+"""The folder of services' configurations: their black boxes are in the daemon's directory."""
 
 DEFAULT_PLACE = "127.0.0.1:8480"
 
@@ -72,7 +72,7 @@ exit status:
 
 
 class _Setup(NamedTuple):
-    """All that serving needs."""
+    """Everything that serving needs."""
 
     place: Place
     names: list[str]
@@ -124,7 +124,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _host_name(text: str) -> str:
-    """A name or an address, as browsers send it."""
+    """A name or an address in the form that browsers send."""
     with contextlib.suppress(ValueError):
         name = text.encode("idna").decode()
         if re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9_.-]*", name) or ipaddress.ip_address(name):
@@ -162,7 +162,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _read(args: argparse.Namespace) -> tuple[BusOptions, bool]:
-    """How the daemon is reached, and whether the configuration is that of a service."""
+    """The options to reach the daemon, and whether the configuration is a service's."""
     loaded = read_config(args)
     options = client_options(daemon_endpoints(args, loaded.config), loaded.config)
     return options, loaded.path is not None and loaded.path.parent == SERVICES
@@ -202,7 +202,7 @@ def _tokens(folder: Path) -> Tokens:
 
 
 def _context(args: argparse.Namespace, place: Place, folder: Path) -> SSLContext | None:
-    """The certificate that is given; else, beyond loopback, the one that was made here."""
+    """The given certificate; else, beyond loopback, the one that was made here."""
     from yahboomd.web.own_certificate import CERTIFICATE, KEY
     from yahboomd.web.web_server import Certificate
 

@@ -1,5 +1,5 @@
-"""``completions`` and man pages, made from the command line as data.
+"""``completions`` and man pages, made from the options of the commands.
 
-``command_tree`` reads argparse's parsers, ``completions`` and ``manual`` write what shells and man
-show, and ``shared_files`` puts all of it below a folder ``share``.
+``command_tree`` reads argparse's parsers, ``completions`` writes scripts for shells, ``manual``
+writes man pages, and ``shared_files`` puts them all below a folder ``share``.
 """

@@ -20,9 +20,9 @@ class Argument(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         flags: ``("-h", "--help")``; none for a positional argument.
         values: The names of its values, such as ``("FILE",)``.
-        kind: What a value is, for completion.
-        choices: The words that it takes, where they are known.
-        excludes: Options that cannot be given beside it.
+        kind: The kind of its values, for completion.
+        choices: The words that it takes, if they are known.
+        excludes: Options that cannot be given with it.
     """
 
     flags: tuple[str, ...]
@@ -46,9 +46,9 @@ class Command(msgspec.Struct, frozen=True, kw_only=True):
     """A command, or one of its verbs.
 
     Attributes:
-        words: What is typed: ``("yahboomd", "config", "check")``.
+        words: The typed words: ``("yahboomd", "config", "check")``.
         line: Its line in the list of commands.
-        epilog: Examples, exit statuses, what else is to be known.
+        epilog: Examples, exit statuses and notes.
     """
 
     words: tuple[str, ...]
@@ -81,7 +81,7 @@ class Command(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def describe(parser: argparse.ArgumentParser, line: str = "") -> Command:
-    """Read a parser."""
+    """Read a parser into data."""
     formatter = parser._get_formatter()  # noqa: SLF001 - argparse has no public way to its parts
 
     def words_of(action: argparse.Action) -> str:

@@ -1,4 +1,4 @@
-"""``yahboomd completions``: scripts with which bash, zsh and fish complete commands and options."""
+"""``yahboomd completions``: scripts that complete commands and options in bash, zsh and fish."""
 
 from __future__ import annotations
 
@@ -157,7 +157,7 @@ def bash(top: Command) -> str:
 def _bash_value(option: Argument) -> str:
     match option.kind:
         case "file":
-            # Readline's own completion of files knows paths with a colon in them.
+            # Readline's own completion of files handles paths with a colon.
             return "compopt -o default; "
         case "folder":
             return "compopt -o dirnames; "
@@ -249,14 +249,14 @@ def fish(top: Command) -> str:
 
 
 SCRIPTS: Mapping[str, Callable[[Command], str]] = {"bash": bash, "zsh": zsh, "fish": fish}
-"""The maker of each shell's script."""
+"""Makes the script of each shell."""
 
 PLACES: Mapping[str, str] = {
     "bash": "bash-completion/completions/yahboomd",
     "zsh": "zsh/site-functions/_yahboomd",
     "fish": "fish/vendor_completions.d/yahboomd.fish",
 }
-"""The file in which each shell looks for it, below a folder ``share``."""
+"""The file in which each shell looks for its script, below a folder ``share``."""
 
 
 def _short(text: str) -> str:

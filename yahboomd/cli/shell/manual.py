@@ -12,7 +12,7 @@ from yahboomd import __version__
 from yahboomd.cli.shell.command_tree import Argument, Command
 
 DATE = "2026-11-22"
-"""The date that the pages carry; it changes with the version."""
+"""The date of the pages, which changes with the version."""
 
 ABOUT = """\
 Owns the serial port of a 4-channel motor driver board, drives its wheels from velocity commands on
@@ -72,7 +72,7 @@ def pages(top: Command) -> dict[str, str]:
 
 
 def sections(epilog: str) -> list[Section]:
-    """Split an epilog at its headings; text that stands alone has an empty heading."""
+    """Split an epilog at its headings; text without a heading has an empty one."""
     found: list[Section] = []
     heading, lines = "", list[str]()
 
@@ -232,7 +232,7 @@ def _see_also(commands: Iterable[Command] = ()) -> list[str]:
 
 
 def _prose(text: str) -> list[str]:
-    """Text in lines that roff fills, each sentence on a new one; words in backquotes in bold."""
+    """Text in lines for roff to fill, a sentence on each; words in backquotes become bold."""
     lines: list[str] = []
     for sentence in re.split(r"(?<=[.:?]) +(?=[A-Z`])", " ".join(text.split())):
         lines += map(_escaped, textwrap.wrap(sentence, WIDTH, break_on_hyphens=False))
@@ -241,6 +241,6 @@ def _prose(text: str) -> list[str]:
 
 
 def _escaped(text: str) -> str:
-    """Text that roff prints as it is."""
+    """Text that roff prints unchanged."""
     text = text.replace("\\", "\\e").replace("-", "\\-")
     return f"\\&{text}" if text.startswith((".", "'")) else text

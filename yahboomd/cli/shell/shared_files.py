@@ -1,4 +1,4 @@
-"""Writes what belongs below a folder ``share``: man pages, and completions for three shells.
+"""Writes the files below a folder ``share``: man pages, and completions for three shells.
 
 ``python -m yahboomd.cli.shell.shared_files FOLDER`` writes them.
 """

@@ -59,7 +59,7 @@ class Connection(msgspec.Struct, kw_only=True):
         begins_ns: The moment of that request.
         ends_ns: The end of the stream.
         answers: The answers to each question, in the order of asking.
-        polls: For a board that is polled, each request for its counters with its answer.
+        polls: For a board that is asked for its counters, each request with its answer.
     """
 
     dialect: Dialect

@@ -2,10 +2,10 @@
 
 It answers questions for its identity and settings at once, as the recorded board did. The recording
 begins when the host asks the board to report its counts, or opens the port of a board that reports
-unasked: from then on every byte keeps its recorded delay. A polled board answers each request with
-the recorded answer nearest in time, after the same delay. So the counts have their true times at
-any rate of polls, and at the recorded rate none is left out. Commands for the wheels are only
-counted.
+unasked: from then on every byte keeps its recorded delay. A board that is asked for its counters
+answers each request with the recorded answer nearest in time, after the same delay. So the counts
+have their true times at any rate of polls, and at the recorded rate none is left out. Commands for
+the wheels are only counted.
 """
 
 from __future__ import annotations
