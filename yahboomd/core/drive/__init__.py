@@ -1,5 +1,5 @@
-"""Commands to safe wheel speeds: who drives, how fast, which wheel, and whether it obeys.
+"""Turns commands into safe wheel speeds, and checks that the wheels obey.
 
-`arbiter` chooses the command, `limiter` limits speed and acceleration, `kinematics` turns it into
-wheel speeds, `motor_watch` compares them with the counts. Pure: time is an argument.
+`arbiter` chooses the command, `limiter` limits speed and acceleration, `kinematics` turns the
+command into wheel speeds, `motor_watch` compares them with the counts. Pure: time is an argument.
 """

@@ -1,11 +1,11 @@
-"""The age of a command, by its stamp, where the clocks of sender and robot need not agree.
+"""Judges the age of a command by its stamp, even if the clocks of sender and robot disagree.
 
 ``relative``: now minus the stamp, less the smallest such difference of that source in the last ten
-seconds. A constant offset of the clocks cancels out; a command that was held up does not.
-``absolute``: the clocks agree, the age is the difference itself. ``ignore``: no stamp counts.
+seconds. A constant offset of the clocks cancels out; the delay of a held-up command does not.
+``absolute``: the clocks agree, so the age is the difference itself. ``ignore``: stamps are unused.
 
-Stamps that a message carries and stamps that the transport put on are different clocks, so each has
-a history of its own.
+Stamps in messages and stamps by the transport come from different clocks, so each has a history of
+its own.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ class Age(msgspec.Struct, frozen=True, kw_only=True):
     """The age of a command by its stamp.
 
     Attributes:
-        age_ns: How long the command was under way, as far as can be known.
+        age_ns: The time that the command was under way, as far as it can be known.
         proven: Whether the stamp rules out that the command is part of a backlog. Only the
-            sender's own stamp can: a router stamps what it gets when it gets it, however late that
-            is. And the differences of a source's first moments, all of which may belong to one
-            backlog, have nothing that they could be compared with.
+            sender's own stamp can prove it: a router stamps a sample when it receives it, however
+            late that is. The first moments of a source prove nothing, because they may all belong
+            to one backlog.
     """
 
     age_ns: int = 0
@@ -40,14 +40,14 @@ class Age(msgspec.Struct, frozen=True, kw_only=True):
 class AgeJudge:
     """Judges the stamps of one source.
 
-    A stamp before the newest one is refused, ``out_of_order``: the newer command stands. Where the
-    sender's clock was set back, that lasts until nothing has come in order for one timeout, by when
-    the source's command has run out; then its history starts again. The same stamp again is no
-    newer and no older: it is judged by its age like any other, and lives no longer for it.
+    A stamp before the newest one is refused, ``out_of_order``: the newer command stands. If the
+    sender's clock was set back, this lasts until nothing has come in order for one timeout. By then
+    the source's command has run out, and its history starts again. A repeated stamp is judged by
+    its age like any other, and does not extend a command.
 
     Args:
         policy: See the top of this file.
-        timeout_ns: What is older is refused, ``stale``; what is stamped further ahead, too (in
+        timeout_ns: An older command is refused, ``stale``. A stamp further ahead is refused too (in
             ``absolute``; ``relative`` cannot tell).
     """
 
@@ -57,20 +57,20 @@ class AgeJudge:
         self.reset()
 
     def reset(self) -> None:
-        """Begin new histories: our own clock stood still while the sender's went on."""
+        """Begin new histories, because this clock stood still while the sender's went on."""
         self._histories = {True: _History(), False: _History()}
 
     def judge(
         self, now_ns: int, stamp_ns: int | None, *, by_sender: bool, wall_ns: int | None = None
     ) -> Age | AgeRefusal:
-        """The age of a command that arrived at ``now_ns``, or why it is too late to obey it.
+        """The age of a command that arrived at ``now_ns``, or the reason to refuse it.
 
         Args:
-            stamp_ns: When it was given, on the giver's clock. ``None`` and 0 (what ROS sends
-                without a stamp) are no stamp.
+            stamp_ns: When it was given, on the giver's clock. ``None`` and 0 (ROS's value for a
+                missing stamp) are no stamp.
             by_sender: The stamp came in the message, not from the transport.
-            wall_ns: What ``absolute`` compares with: now, on the clock that the sender shares;
-                ``now_ns`` where absent.
+            wall_ns: The time now on the clock that the sender shares, for ``absolute``; by default
+                ``now_ns``.
         """
         if self._policy == "ignore" or stamp_ns is None or stamp_ns <= 0:
             return Age()
@@ -81,7 +81,7 @@ class AgeJudge:
             history.differences.clear()
         ours_ns = now_ns if wall_ns is None else wall_ns
         if self._policy == "absolute" and stamp_ns - ours_ns > self._timeout_ns:
-            # Before it is remembered: a refused command puts no other command out of order.
+            # Checked before the stamp is kept, so that it puts no other command out of order.
             return "from_the_future"
         history.newest_stamp_ns = stamp_ns
         history.in_order_ns = now_ns

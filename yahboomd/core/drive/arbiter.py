@@ -4,13 +4,13 @@
   command holds it too.
 - Otherwise control changes hands only from standstill: the holder's last command ran out, the
   wheels were commanded to zero and measured standing, and a command given after that arrives.
-- A command is good for its source's timeout, counted from when it was given. What is older, out of
-  order or part of a backlog is refused (:mod:`~yahboomd.core.drive.age`,
+- A command is valid for its source's timeout, counted from when it was given. An older command, one
+  out of order, or one of a backlog is refused (:mod:`~yahboomd.core.drive.age`,
   :mod:`~yahboomd.core.drive.backlog`).
 
-Every command that asks for motion is remembered for a second, whatever became of it: an emergency
-stop must not be released while a source commands motion, and a command that was refused as stale,
-as a copy or for its priority may be followed by one that is accepted.
+The arbiter remembers every command for motion for a second, even a refused one. An emergency stop
+must not be released while a source commands motion, and after a command that was refused as stale,
+as a copy or for its priority an accepted one may follow.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 RECENT_NS = 2_000_000_000
-"""The time that :meth:`Arbiter.recent_refusals` looks back on."""
+"""The span of :meth:`Arbiter.recent_refusals`."""
 
 
 class _Handover(msgspec.Struct, frozen=True, kw_only=True):
@@ -54,8 +54,8 @@ class Arbiter:
         ConfigError: Two sources of one name, or a timeout that is not positive.
 
     Attributes:
-        counters: How many commands were ``accepted``, ``took_over``, refused for each reason, how
-            many backlogs were ``revoked``, and how often a driver ``timed_out``.
+        counters: Commands that were ``accepted``, that ``took_over`` and that were refused for each
+            reason, backlogs that were ``revoked``, and drivers that ``timed_out``.
     """
 
     def __init__(
@@ -96,19 +96,19 @@ class Arbiter:
     ) -> Accepted | Refused:
         """Accept or refuse a command.
 
-        Several commands that were handed over in one piece are offered one after the other before
-        the next control step runs, or only the newest of them with their number: that way a backlog
-        is seen before it had any effect.
+        If several commands arrived in one piece, offer them one after the other before the next
+        control step, or offer only the newest with their number. So a backlog is found before it
+        has any effect.
 
         Args:
-            stamp_ns: When it was given, on the giver's clock, where that is known.
+            stamp_ns: When it was given, on the giver's clock, if it is known.
             stamp_is_message: The stamp is the sender's own, not the transport's.
-            wall_ns: When it arrived on the clock that stamps are compared with, for ``absolute``
-                and for what :meth:`clock_offsets_s` tells.
-            arrivals: How many commands of this source arrived since the last one offered.
+            wall_ns: When it arrived on the clock of the stamps, for ``absolute`` and for
+                :meth:`clock_offsets_s`.
+            arrivals: The number of commands from this source since the last one offered.
 
         Returns:
-            What became of it; nothing is raised, whatever it is.
+            The outcome; no command raises.
         """
         line = self._lines.get(source)
         if line is None:
@@ -152,11 +152,11 @@ class Arbiter:
     def observe_wheels(
         self, now_ns: int, *, commanded_zero: bool, measured_m_s: Sequence[float] | None
     ) -> None:
-        """Note what the wheels do: control passes down only from standstill.
+        """Observe the wheels: control passes down only from standstill.
 
         Args:
             commanded_zero: The latest frame to the board commands standstill.
-            measured_m_s: Rim speeds from a reading later than that frame; ``None`` where unknown.
+            measured_m_s: Rim speeds of a reading later than that frame; ``None`` if unknown.
         """
         holder = self._holder
         if holder is None or not holder.deadman.expired(now_ns) or not commanded_zero:
@@ -171,7 +171,7 @@ class Arbiter:
     def current(self, now_ns: int) -> Decision:
         """The motion that the wheels should make at ``now_ns``.
 
-        Never motion on the account of a command that ran out or was taken back.
+        It never contains motion by a command that ran out or was revoked.
         """
         holder, last = self._holder, self._last
         age_ns = None if last is None else last.deadman.age_ns(now_ns)
@@ -206,7 +206,7 @@ class Arbiter:
 
     @property
     def deadline_ns(self) -> int | None:
-        """The end of the command in effect: a control step is due then. ``None``: there is none."""
+        """The end of the command in effect, when a control step is due; ``None`` without one."""
         return None if self._holder is None else self._holder.deadman.deadline_ns
 
     def moving_sources(self, now_ns: int) -> tuple[str, ...]:
@@ -214,13 +214,13 @@ class Arbiter:
         return tuple(name for name, line in self._lines.items() if line.commands_motion(now_ns))
 
     def note_motion(self, source: str, now_ns: int) -> None:
-        """Remember that a source commands motion: by a command, or by one that was lost unread."""
+        """Record that a source commands motion, by this command or by one that was lost unread."""
         line = self._lines.get(source)
         if line is not None:
             line.note_motion(now_ns)
 
     def note_refusal(self, now_ns: int, reason: str) -> None:
-        """A command was refused before it came here: it explains a robot that stands as well."""
+        """Count a command that was refused elsewhere, to explain a robot that stands."""
         self._recent.add(now_ns, reason)
 
     def recent_refusals(self, now_ns: int) -> dict[str, int]:
@@ -228,24 +228,24 @@ class Arbiter:
         return self._recent.counts(now_ns)
 
     def clock_offsets_s(self, now_ns: int) -> dict[str, float]:
-        """The clock of each source that stamped commands lately, less ours; seconds."""
+        """The clock of each source that stamped commands lately, less this clock; seconds."""
         found = {name: line.offset.ahead_s(now_ns) for name, line in self._lines.items()}
         return {name: ahead_s for name, ahead_s in found.items() if ahead_s is not None}
 
     def clock_warnings(self, now_ns: int) -> dict[str, str]:
-        """For each source whose clock does not agree with ours: how far it is off, what it does."""
+        """Describe the offset and its effect for each source whose clock disagrees."""
         found = {name: line.offset.warning(now_ns) for name, line in self._lines.items()}
         return {name: words for name, words in found.items() if words is not None}
 
     def forget_commands(self, now_ns: int, *, clients_left: bool = False) -> None:
         """Discard every command and the source in control, as if there had been no command yet.
 
-        For when the bus is lost, or the board was away: what was commanded before is over. That a
-        source commanded motion is remembered all the same.
+        Used when the bus is lost or the board was away, because earlier commands are over then. The
+        sources' recent motion stays remembered.
 
         Args:
             now_ns: Monotonic nanoseconds.
-            clients_left: Because no client is connected any more: one that drove is named.
+            clients_left: No client is connected any more; name the one that drove.
         """
         wish = None if self._holder is None else self._holder.in_effect(now_ns)
         drove = clients_left and wish is not None and not wish.is_zero
@@ -259,21 +259,21 @@ class Arbiter:
     def paused(
         self, since_ns: int, until_ns: int, *, waited_ns: int, clock_stood: bool = False
     ) -> None:
-        """Note that this process did not run: commands that waited arrive now, as if they were new.
+        """Note that this process did not run, so that commands which waited arrive as if new.
 
-        Those that ask for motion are refused unless the sender's stamp proves their age.
+        Commands for motion are refused unless the sender's stamp proves their age.
 
         Args:
             since_ns: The latest moment when it ran; monotonic nanoseconds.
             until_ns: When it ran again.
-            waited_ns: For so long from then on what arrives may have waited.
-            clock_stood: Monotonic time stood still meanwhile: every command of before is over, and
-                the differences between its sender's clock and ours are void.
+            waited_ns: For this time afterwards, arriving commands may have waited.
+            clock_stood: Monotonic time stood still meanwhile, so every earlier command is over, and
+                the differences from the senders' clocks are void.
         """
         self._waited_since_ns, self._waited_ns = since_ns, until_ns + waited_ns
         for line in self._lines.values():
             if line.commands_motion(since_ns):
-                # It may go on commanding motion, unseen.
+                # It may still command motion, unseen.
                 line.note_motion(until_ns)
             if clock_stood:
                 line.judge.reset()
@@ -309,7 +309,7 @@ class Arbiter:
         self.counters["took_over"] += 1
 
     def _revoke(self, line: CommandSource, now_ns: int) -> bool:
-        """Revoke the commands that ``line`` gave since its silence; whether there were any."""
+        """Revoke the commands of ``line`` since its silence; returns whether there were any."""
         had_a_command = line.in_effect(now_ns) is not None
         line.drop()
         if self._holder is not line or not had_a_command:
@@ -317,8 +317,8 @@ class Arbiter:
         self.counters["revoked"] += 1
         before = self._handover
         if before is not None and before.at_ns >= line.gate.watching_since_ns:
-            # It took control with the backlog: the source before keeps it, with its newest wish,
-            # which may be one that was refused meanwhile.
+            # It took control with the backlog, so give control back to the source before, with its
+            # newest command, which may have been refused meanwhile.
             self._holder = self._lines[before.previous] if before.previous else None
             self._since_ns = before.previous_since_ns
             self._last = self._lines[before.previous_last] if before.previous_last else None
@@ -329,7 +329,7 @@ class Arbiter:
 
     @property
     def _ended(self) -> bool:
-        """Whether the last command was a zero: its source ended in order, and is not silent."""
+        """Whether the last command was a zero, which ends a source in order."""
         last = self._last
         return last is not None and last.wish is not None and last.wish.is_zero
 

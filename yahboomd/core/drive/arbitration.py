@@ -1,6 +1,6 @@
-"""The nouns of arbitration: who may drive, what becomes of a command, what the wheels should do.
+"""The values of arbitration: sources, accepted and refused commands, and decisions.
 
-Who decides: :mod:`~yahboomd.core.drive.arbiter`.
+:mod:`~yahboomd.core.drive.arbiter` decides.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Source(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         name: The key below the namespace, such as ``cmd_vel``.
         priority: The larger number wins.
-        timeout_s: How long one of its commands is good for.
+        timeout_s: The time for which one of its commands is valid.
     """
 
     name: str
@@ -45,7 +45,7 @@ class Accepted(msgspec.Struct, frozen=True, kw_only=True):
     """The command is in effect.
 
     Attributes:
-        age_ns: How long it was under way, as far as can be known.
+        age_ns: The time that it was under way, as far as it can be known.
         took_over: Whether control changed hands with it.
     """
 
@@ -60,8 +60,8 @@ class Refused(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         reason: A stable word, also the key in the counters.
         detail: A sentence for a person.
-        revoked: Commands of this source that had been accepted turned out to be part of a backlog
-            and were taken back: run a control step at once.
+        revoked: Accepted commands of this source turned out to be part of a backlog and were
+            revoked: run a control step at once.
     """
 
     source: str
@@ -76,13 +76,14 @@ class Decision(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         twist: The wish, not limited yet.
         driver: The source in control; ``None`` for none.
-        since_ns: Since when; without one, since when there is none (``None``: ever).
+        since_ns: When the driver took control; without a driver, since when there is none
+            (``None``: from the start).
         timed_out: The last command ran out.
-        ramp: Whether the way to ``twist`` may be a ramp; else the wheels stand at once.
-        why: In one word, what the wish follows from.
-        source: Whose command is, or was, the last in effect; with ``no_command`` the one that drove
+        ramp: Whether the way to ``twist`` may be a ramp; if not, the wheels stand at once.
+        why: The cause of the motion, in one word.
+        source: The source of the last command in effect; with ``no_command`` the source that drove
             when its client left.
-        age_ns: How long ago that one was given, or left.
+        age_ns: The time since that command was given, or since that client left.
     """
 
     twist: Twist2d = STANDSTILL

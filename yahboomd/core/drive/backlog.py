@@ -1,24 +1,24 @@
-"""Commands that were held up and arrive all at once, where no stamp shows their age.
+"""Finds commands that were held up and arrive all at once, if no stamp shows their age.
 
-A link that stalls and recovers delivers what it held back within milliseconds. More than five
-commands within 20 ms, after the source was silent for its timeout (so that what is held back may be
-older than that), are a backlog: nothing of it is obeyed.
+A link that stalls and recovers delivers everything it held back within milliseconds. A backlog is
+more than five commands within 20 ms after the source was silent for its timeout (so that they may
+be older than that). No command of a backlog is obeyed.
 
-The trouble is that its first five look like five ordinary commands, and a single command after a
-silence has to act at once; to wait and see would cost every first command 20 ms. So the first is
-obeyed, and at the sixth the gate says ``revoke``: the arbiter takes everything back that came
-since the silence, and stands, at once and not by a ramp. Where commands that arrived in one piece
-are all offered before a control step runs, nothing is obeyed in the first place; otherwise the
-wheels were sent the first step of a ramp for some milliseconds, too short for a motor to start.
-Watching goes on for one timeout after the silence, since a backlog may come in pieces.
+The first five look like ordinary commands, and a single command after a silence must act at once;
+waiting would delay every first command by 20 ms. So the first is obeyed, and at the sixth the gate
+returns ``revoke``: the arbiter revokes every command since the silence, and stands at once, without
+a ramp. If commands that arrived in one piece are all offered before a control step runs, none has
+an effect. Otherwise the wheels received the first step of a ramp for some milliseconds, too briefly
+for a motor to start. The gate watches for one timeout after the silence, because a backlog may come
+in pieces.
 
-While commands keep coming that fast on the whole, they stay refused: a sender without stamps of its
-own has to stay below 250 commands a second.
+While commands keep coming at that rate, they stay refused: a sender without stamps of its own has
+to stay below 250 commands a second.
 
-zenoh-bridge-ros2dds may pass each command on several times, once more for each time that yahboomd
-was started again beside it. Copies that carry one stamp are one command, and are not counted. Of
-copies without a stamp up to 32 in a row count as one towards that rate, where a gap follows: they
-cost the first timeout after a silence, because its first burst could as well be a backlog.
+zenoh-bridge-ros2dds may deliver each command several times, once more for each restart of yahboomd
+beside it. Copies with the same stamp are one command, and are not counted. Of copies without a
+stamp, up to 32 in a row before a gap count as one towards that rate. They cost the first timeout
+after a silence, because the first burst might be a backlog.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ WINDOW_NS = 20_000_000
 MOST_COPIES = 32
 """The most commands in a row with the same content that may be copies of one ..."""
 ROW_GAP_NS = 5_000_000
-"""... and the gap that ends a row. A link that lets a long backlog through has no gap."""
+"""... and the gap that ends a row. A long backlog that a link delivers has no gap."""
 
 
 class BacklogGate:
     """Watches the arrivals of one source.
 
     Args:
-        silence_ns: How long nothing arrived for when what arrives next is suspect.
+        silence_ns: After this time without a command, the next ones are suspect.
     """
 
     def __init__(self, silence_ns: int) -> None:
@@ -63,18 +63,17 @@ class BacklogGate:
         copy: bool,
         alike: bool,
     ) -> Verdict:
-        """Judge what arrived at ``now_ns``.
+        """Judge a command that arrived at ``now_ns``.
 
         Args:
-            arrivals: How many commands arrived since the last call, where only the newest is
-                looked at.
+            arrivals: The number of commands since the last call, if only the newest is judged.
             proven: The command's stamp shows that it is fresh.
-            copy: It is the command before it once more, as its stamp shows.
-            alike: It says the same as the command before it.
+            copy: Its stamp shows that it is a copy of the command before.
+            alike: It has the same content as the command before.
 
         Returns:
-            ``pass``; or ``revoke`` for the first that is known to be of a backlog: take back what
-            passed since :attr:`watching_since_ns`; or ``refuse`` for each one after that.
+            ``pass``; ``revoke`` for the first command of a known backlog: revoke those that passed
+            since :attr:`watching_since_ns`; ``refuse`` for each one after that.
         """
         silent = not self._recent or now_ns - self._recent[-1] >= self._silence_ns
         if copy and not silent:

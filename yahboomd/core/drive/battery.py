@@ -1,7 +1,7 @@
-"""The battery's voltage at rest, and whether it is too low to go on.
+"""Judges whether the battery is too low to go on, by its voltage at rest.
 
-Motors pull the voltage down, so that readings count only while the robot rests, and the median of
-30 s of rest is judged. A robot that rests a few seconds at a time is judged by them together.
+Motors pull the voltage down, so only readings of a resting robot count, and the median of 30 s of
+rest is judged. Several short rests are judged together.
 """
 
 from __future__ import annotations
@@ -17,21 +17,21 @@ Level: TypeAlias = Literal["", "good", "low", "empty"]
 
 REST_NS = 30 * NS_PER_S
 RECOVERS_NS = 2 * NS_PER_S
-"""After motion the voltage of a battery rises for so long."""
+"""For this time after motion a battery's voltage rises."""
 
 SPACING_NS = NS_PER_S
-"""Readings are used no more often than this."""
+"""The least time between two readings that are used."""
 
 LEAST_READINGS = 3
 
 NO_BATTERY_V = 1.0
-"""Less than this comes from no battery: the supply is switched off, or being exchanged."""
+"""Less comes from no battery: the supply is switched off, or being exchanged."""
 
 BETTER = 1.03
 """The voltage rises by this factor above a limit before the battery counts as better again."""
 
 CRAWL_M_S = 0.1
-"""As fast a person may drive on an empty battery."""
+"""The speed at which a person may drive on an empty battery."""
 
 
 class BatteryWatch:
@@ -57,7 +57,7 @@ class BatteryWatch:
         self._resting_since_ns = now_ns + RECOVERS_NS
 
     def forget(self) -> None:
-        """The board is gone: another battery may come with it."""
+        """Forget everything, because the board may come back with another battery."""
         self.level = ""
         self.median_v = None
         self._readings.clear()
@@ -65,7 +65,7 @@ class BatteryWatch:
         self._resting_since_ns = None
 
     def read(self, volts: float, now_ns: int) -> Event | None:
-        """Judge a reading. Returns the event that follows from it."""
+        """Judge a reading; returns the event that follows from it."""
         if self._low_v is None and self._stop_v is None:
             return None
         since_ns = self._resting_since_ns
@@ -90,7 +90,7 @@ class BatteryWatch:
         return self._event(before)
 
     def refuses(self, source: str, persons: tuple[str, ...]) -> str:
-        """The reason why a source begins no motion; empty where it may."""
+        """The reason why a source begins no motion; empty if it may."""
         if self.level != "empty" or source in persons:
             return ""
         return self.words
@@ -107,7 +107,7 @@ class BatteryWatch:
         )
 
     def _judged(self, volts: float) -> Level:
-        """With a margin for what it was: it does not change back and forth."""
+        """The level, with a margin against changing back and forth."""
         for level, limit, was in (
             ("empty", self._stop_v, self.level == "empty"),
             ("low", self._low_v, self.level in ("empty", "low")),

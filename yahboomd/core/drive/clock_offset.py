@@ -1,10 +1,10 @@
-"""The offset of a command source's clock from ours, by its stamps, and what follows.
+"""Estimates the offset of a command source's clock by its stamps, and explains its effect.
 
-A stamp says when its sender's clock thought it was. Less our own time at its arrival, that is the
-clocks' difference, short of the way; the largest of the last ten seconds had the shortest way.
-Nothing is refused on account of it here: the age of a command is judged by
-:mod:`~yahboomd.core.drive.age`. The number is published for a person who wonders why a robot
-stands, or why its transforms do not fit those of another machine.
+A stamp is the sender's time when it sent. Less this machine's time at the arrival, it is the
+difference of the clocks, less the delay on the way; the largest of the last ten seconds had the
+shortest delay. Nothing is refused here: :mod:`~yahboomd.core.drive.age` judges the age of a
+command. The offset is published for a person who wonders why a robot stands, or why its transforms
+do not fit those of another machine.
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ from yahboomd.core.drive.age import HISTORY_NS, StampPolicy
 from yahboomd.core.drive.windows import SlidingMinimum
 
 NOTICEABLE_S = 0.1
-"""Clocks that are closer agree: the way takes milliseconds, and what looks transforms up in ROS 2
-allows at least so much."""
+"""Closer clocks agree: the way takes milliseconds, and lookups of transforms in ROS 2 allow at
+least this much."""
 
 _NO_MISTAKE_S = 3e7
-"""A clock that is a year off was not set wrongly: it counts from elsewhere."""
+"""A clock a year off was not set wrongly: it counts from another start, such as simulated time."""
 
 
 class ClockOffset:
     """The clock of one source.
 
     Args:
-        policy: What stamps are good for (:mod:`~yahboomd.core.drive.age`).
-        timeout_ns: How long its commands are good for.
+        policy: The use of stamps (:mod:`~yahboomd.core.drive.age`).
+        timeout_ns: The time for which its commands are valid.
     """
 
     def __init__(self, policy: StampPolicy, timeout_ns: int) -> None:
@@ -34,15 +34,15 @@ class ClockOffset:
         self._behind = SlidingMinimum(HISTORY_NS)
 
     def saw(self, now_ns: int, stamp_ns: int | None, wall_ns: int | None) -> None:
-        """Add a stamp that arrived at ``now_ns`` (monotonic), ``wall_ns`` by our clock.
+        """Add a stamp that arrived at ``now_ns`` (monotonic), ``wall_ns`` by this machine's clock.
 
-        No stamp, and 0 (what ROS sends without a stamp), mean nothing.
+        A missing stamp, and 0 (ROS's value for one), are ignored.
         """
         if stamp_ns is not None and stamp_ns > 0 and wall_ns is not None:
             self._behind.add(now_ns, wall_ns - stamp_ns)
 
     def ahead_s(self, now_ns: int) -> float | None:
-        """The source's clock less ours, in seconds; ``None`` where nothing stamped came lately."""
+        """The source's clock less this one, in seconds; ``None`` without recent stamps."""
         behind_ns = self._behind.smallest(now_ns)
         return None if behind_ns is None else -behind_ns / 1e9
 

@@ -1,4 +1,4 @@
-"""One source of commands: how old they are, whether they were held up, what it wishes."""
+"""One source of commands: their age, whether they were held up, and its newest wish."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from yahboomd.core.drive.deadman import Deadman
 from yahboomd.core.model import Twist2d
 
 MOVING_NS = 1_000_000_000
-"""A source commands motion until so long after its last command that asked for any. Several periods
-of every sender worth the name, and copies of a command come within a few milliseconds."""
+"""A source counts as commanding motion for this time after its last command for motion. It spans
+several periods of any usual sender; copies of a command come within a few milliseconds."""
 
 Held: TypeAlias = Literal["revoke", "refuse"]
 """The command is part of a backlog (:mod:`~yahboomd.core.drive.backlog`)."""
 
 
 class CommandSource:
-    """A command as its source sent it.
+    """Judges and keeps the commands of one source.
 
     Attributes:
         wish: Its newest command that was not held up, in control or not.
@@ -48,9 +48,9 @@ class CommandSource:
         wall_ns: int | None,
         arrivals: int,
     ) -> Age | AgeRefusal | Held:
-        """Judge a command that arrived; the arguments are those of ``Arbiter.offer``."""
+        """Judge a command that arrived; for the arguments see ``Arbiter.offer``."""
         if by_sender or self._stamps == "absolute":
-            # Stamps of the transport may run ahead of their sender's clock by half a second.
+            # Stamps of the transport may run half a second ahead of their sender's clock.
             self.offset.saw(now_ns, stamp_ns, wall_ns)
         age = self.judge.judge(now_ns, stamp_ns, by_sender=by_sender, wall_ns=wall_ns)
         latest, latest_stamp_ns = self._latest or (None, None)
@@ -67,7 +67,7 @@ class CommandSource:
         return age if verdict == "pass" else verdict
 
     def feed(self, twist: Twist2d, given_ns: int) -> None:
-        """Follow a command, given at ``given_ns``."""
+        """Accept a command, given at ``given_ns``."""
         self.wish = twist
         self.deadman.feed(given_ns)
 
@@ -77,11 +77,11 @@ class CommandSource:
         self.deadman.clear()
 
     def in_effect(self, now_ns: int) -> Twist2d | None:
-        """The velocity that it wants; ``None`` where that ran out or was revoked."""
+        """The velocity that it wants; ``None`` if the command ran out or was revoked."""
         return None if self.deadman.expired(now_ns) else self.wish
 
     def note_motion(self, now_ns: int) -> None:
-        """Note that it commands motion: by a command, or by one that was lost unread."""
+        """Record that it commands motion, by this command or by one that was lost unread."""
         self._moved_ns = max(now_ns, self._moved_ns or now_ns)
 
     def commands_motion(self, now_ns: int) -> bool:

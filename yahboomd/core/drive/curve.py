@@ -1,9 +1,9 @@
-"""The curve that a car drives, which its steering alone decides.
+"""Keeps a car on the curve that was commanded, which its steering alone decides.
 
-One law: **a wish that cannot be done is scaled along its curve**. Where a speed is too high, the
-car drives the same curve slower; a ramp changes the speed and not the curve. A curve that is
-tighter than the steering allows becomes the tightest one, at the wished speed along the way, so
-that it never turns faster than wished. To turn on the spot is no curve: the car stands.
+One law: **a wish that cannot be done is scaled along its curve**. If a speed is too high, the car
+drives the same curve slower; a ramp changes the speed and not the curve. A curve that is tighter
+than the steering allows becomes the tightest one, at the wished speed along the way, so that the
+car never turns faster than wished. A turn on the spot is no curve: the car stands.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ class Curve:
     """Keeps the curve of the latest wish.
 
     Args:
-        kinematics: The geometry. One that does not steer gets its wishes unchanged.
+        kinematics: The geometry. If it does not steer, wishes stay unchanged.
         linear_m_s: The largest speed along the way; None for no limit.
         angular_rad_s: The largest rate of turn; None for no limit.
 
@@ -47,7 +47,7 @@ class Curve:
         if not wish.vx:
             return STANDSTILL, wish.wz != 0.0
         per_m = wish.wz / wish.vx
-        # A wish on the very limit can be done, however its quotient is rounded.
+        # Allows for rounding, so that a wish exactly at the limit is not too tight.
         too_tight = abs(per_m) > tightest * (1.0 + 1e-9)
         self.per_m = per_m = max(-tightest, min(tightest, per_m))
         vx = wish.vx

@@ -1,4 +1,4 @@
-"""A command is good for so long and no longer: the board itself would obey it for ever."""
+"""Limits the time for which a command is valid, because the board would obey it for ever."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ OnTimeout: TypeAlias = Literal["ramp", "halt"]
 class Deadman:
     """Decides whether the command in effect has run out.
 
-    The time is counted from when the command was *given*, which for one that was under way for a
-    while is earlier than its arrival. So a command that is delivered twice does not live longer.
+    The time counts from when the command was *given*, which may be earlier than its arrival. So a
+    command that is delivered twice does not live longer.
 
     Raises:
         ConfigError: ``timeout_s`` is not a positive number.
@@ -30,21 +30,21 @@ class Deadman:
 
     @property
     def deadline_ns(self) -> int | None:
-        """The end of the command; ``None`` where there is none."""
+        """The end of the command; ``None`` without one."""
         return None if self._given_ns is None else self._given_ns + self.timeout_ns
 
     def feed(self, given_ns: int) -> None:
-        """A command, given at ``given_ns``, takes effect."""
+        """Take over a command, given at ``given_ns``."""
         self._given_ns = given_ns
 
     def clear(self) -> None:
-        """Remove the command: expired until fed."""
+        """Remove the command: expired until the next one."""
         self._given_ns = None
 
     def age_ns(self, now_ns: int) -> int | None:
-        """The age of the command; ``None`` where there is none."""
+        """The age of the command; ``None`` without one."""
         return None if self._given_ns is None else now_ns - self._given_ns
 
     def expired(self, now_ns: int) -> bool:
-        """Whether nothing may move on its account."""
+        """Whether nothing may move by this command."""
         return self._given_ns is None or now_ns - self._given_ns >= self.timeout_ns

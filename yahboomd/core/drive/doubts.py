@@ -1,9 +1,9 @@
-"""Whether a wheel is to blame for what it did, or the line to the board.
+"""Decides whether a wheel or the line to the board is to blame for a trouble.
 
-Lines have no checksum. Where bytes are lost, a speed arrives with a digit less or not at all, and a
-healthy wheel obeys what arrived. The motors are cut at once either way, but a wheel is blamed only
-where the line is clean, or where the same happens again and again as soon as it is driven: chance
-does not. Each damage seen lately excuses one trouble: a line that just became bad has shown few.
+Lines have no checksum. If bytes are lost, a speed arrives with a digit less or not at all, and a
+healthy wheel obeys the damaged speed. The motors are cut at once either way. A wheel is blamed only
+if the line is clean, or if the same trouble repeats whenever the wheel is driven, which chance does
+not do. Each recent damage excuses one trouble, because a line that just became bad has shown few.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ if TYPE_CHECKING:
 AGAIN = 5
 NO_COUNTS_AGAIN = 8
 ALL_SILENT_AGAIN = 16
-"""The repetitions in a row that the line cannot have caused. One lost speed in two or three
-silences a start, and all wheels at once."""
+"""The repetitions in a row that the line cannot have caused. Losing one speed in two or three
+silences a start, and silences all wheels at once."""
 
 FORGOTTEN_NS = 5_000_000_000
-"""Two things that lie so far apart are not in a row."""
+"""Two troubles with this time between them are not in a row."""
 
 FOLLOWED_NS = 1_000_000_000
-"""A wheel that is driven for so long without trouble follows its commands. A broken one shows it
-within half of that."""
+"""A wheel that is driven for this time without trouble follows its commands. A broken wheel shows
+its fault within half of it."""
 
 
 class Doubts:
-    """Follows the troubles of all motors since they last followed their commands."""
+    """Counts the troubles of all motors since they last followed their commands."""
 
     def __init__(self) -> None:
         self._troubles = 0
@@ -37,18 +37,18 @@ class Doubts:
         self._blamed = False
 
     def drive(self, step_ns: int) -> None:
-        """The wheels were driven for another ``step_ns``, fast enough to show a fault."""
+        """Add ``step_ns`` in which the wheels were driven fast enough to show a fault."""
         self._followed_ns += step_ns
         if self._followed_ns >= FOLLOWED_NS:
             self._troubles = 0
 
     def blame(self, now_ns: int, fault: Fault, *, damages: int) -> bool:
-        """Decide who is to blame for a trouble that was found.
+        """Decide whether a wheel is to blame for a trouble.
 
         Troubles of several wheels at the same moment count as one.
 
         Args:
-            damages: How often the line damaged something lately.
+            damages: How often the line recently damaged bytes.
 
         Returns:
             Whether the wheel is to blame, not the line.

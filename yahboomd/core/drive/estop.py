@@ -1,7 +1,7 @@
 """The emergency stop: a latch that any client may close and only one deliberate act opens.
 
-It knows no file and no bus: the caller keeps :attr:`EmergencyStop.latched` where it survives a
-restart, and hands it back on the next start.
+It knows no file and no bus: the caller stores :attr:`EmergencyStop.latched` so that it survives a
+restart, and passes it in at the next start.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ class Latched(msgspec.Struct, frozen=True, kw_only=True):
     """An emergency stop in force.
 
     Attributes:
-        reason: Why, in the words of the person or program that engaged it.
-        by: Who did, such as the key or the command.
-        since_ns: Since when; monotonic nanoseconds (which outlive a restart of the service, as the
-            runtime directory does).
+        reason: The reason, in the words of the person or program that engaged it.
+        by: The person or program, such as the key or the command.
+        since_ns: When it was engaged; monotonic nanoseconds (which outlive a restart of the
+            service, as the runtime directory does).
     """
 
     reason: str
@@ -34,7 +34,7 @@ class Release(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         released: Whether the robot may move again.
-        message: One sentence: what was done, or why not.
+        message: One sentence: the outcome, or the reason why not.
     """
 
     released: bool
@@ -45,7 +45,7 @@ class EmergencyStop:
     """The latch.
 
     Args:
-        latched: What was in force when the service last ran.
+        latched: The emergency stop in force when the service last ran.
     """
 
     def __init__(self, latched: Latched | None = None) -> None:
@@ -57,7 +57,7 @@ class EmergencyStop:
         return self.latched is not None
 
     def engage(self, reason: str, by: str, now_ns: int) -> bool:
-        """Engage. Returns whether it was released before; the first reason stays."""
+        """Engage. Returns whether it was released before; if not, the first reason stays."""
         if self.latched is not None:
             return False
         self.latched = Latched(reason=reason, by=by, since_ns=now_ns)

@@ -1,7 +1,7 @@
 """Faults of a wheel: one value for every fault and its event.
 
-Faults are values; nothing is raised. Who finds them: :mod:`~yahboomd.core.drive.motor_watch`,
-:mod:`~yahboomd.core.drive.wheels_check`, :mod:`~yahboomd.core.drive.stop_watch`.
+Faults are values; nothing is raised. They are found by :mod:`~yahboomd.core.drive.motor_watch`,
+:mod:`~yahboomd.core.drive.wheels_check` and :mod:`~yahboomd.core.drive.stop_watch`.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ class Fault(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         kind: A stable word.
-        motor: The motor by name; ``None`` where it concerns all of them.
-        message: One sentence for a person, with what to check.
-        action: ``cut``: let the motors go at once, whatever the configuration says; ``policy``: as
-            ``faults.stall`` says; ``report``: report, and go on.
-        certain: It lasted so long that commands which were lost or altered do not explain it.
+        motor: The motor by name; ``None`` if it concerns all of them.
+        message: One sentence for a person, with the things to check.
+        action: ``cut``: let the motors go at once, whatever the configuration; ``policy``: act by
+            ``faults.stall``; ``report``: report, and go on.
+        certain: It lasted too long to be explained by lost or altered commands.
     """
 
     kind: FaultKind
@@ -44,7 +44,7 @@ class Fault(msgspec.Struct, frozen=True, kw_only=True):
     certain: bool = False
 
     def event(self) -> Event:
-        """The same as an event for the bus."""
+        """The fault as an event for the bus."""
         return Event(
             kind=self.kind,
             severity="warning" if self.action == "report" else "error",

@@ -1,7 +1,7 @@
-"""Reasons for which the robot stands although a source commands it: each with its own end.
+"""Holds: reasons for which the robot stands although a source commands it, each with its own end.
 
-A hold is data: put on by the part that knows the reason, taken off by it or by time. While any is
-active the wheels stand.
+A hold is data. The part of the program that knows the reason adds it; that part or time removes it.
+While any is active the wheels stand.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ BOARD_RESET = "board_reset"
 BOARD_UNFIT = "board_unfit"
 """The board's settings would make wheels run away; ends when it is connected with better ones."""
 LINE_NOISY = "line_noisy"
-"""A wheel did not do what was sent, on a line that damages what it carries; ends by itself."""
+"""A wheel did not follow its command, on a line that damages bytes; ends by itself."""
 FAULT = "fault"
 """Something is broken; only a person ends this one."""
 
@@ -30,8 +30,8 @@ class Hold(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         kind: A stable word; one hold of each kind exists at a time.
         message: A sentence for a person.
-        since_ns: Since when; monotonic nanoseconds.
-        until_ns: When it ends by itself; ``None``: not by itself.
+        since_ns: When it began; monotonic nanoseconds.
+        until_ns: When it ends by itself; ``None``: it does not.
     """
 
     kind: str
@@ -47,7 +47,7 @@ class Holds:
         self._holds: dict[str, Hold] = {}
 
     def add(self, hold: Hold) -> None:
-        """Stand for this reason; it replaces one of the same kind, but keeps its beginning."""
+        """Add a hold. It replaces one of the same kind, but keeps its beginning."""
         before = self._holds.get(hold.kind)
         if before is not None and (before.until_ns is None or before.until_ns > hold.since_ns):
             hold = msgspec.structs.replace(hold, since_ns=before.since_ns)
@@ -62,7 +62,7 @@ class Holds:
         return kind in self._holds
 
     def active(self, now_ns: int) -> tuple[Hold, ...]:
-        """The reasons to stand at ``now_ns``, the oldest first; those that ended are forgotten."""
+        """The holds in force at ``now_ns``, the oldest first; removes those that ended."""
         if not self._holds:
             return ()
         over = [
@@ -76,17 +76,17 @@ class Holds:
 
 
 STAND_NS = NS_PER_S
-"""So long the robot stands after a reset while the wheels turned."""
+"""The time for which the robot stands after a reset while the wheels turned."""
 
 MOST_RESETS = 3
 WITHIN_S = 10
-"""So many resets in that time are a fault."""
+"""This number of resets within this time is a fault."""
 
 
 class ResetWatch:
-    """The consequences of a board's resets: a pause after one in motion, a fault after too many.
+    """Finds the consequence of a board's resets: a pause after one in motion, a fault after many.
 
-    A board that resets itself under load (a weak battery, a loose plug) would otherwise be driven
+    Otherwise a board that resets itself under load (a weak battery, a loose plug) would be driven
     into the next brown-out at once, for ever.
     """
 
@@ -94,7 +94,7 @@ class ResetWatch:
         self._resets: deque[int] = deque(maxlen=MOST_RESETS)
 
     def reset(self, now_ns: int, *, in_motion: bool) -> Hold | None:
-        """The board reset itself. Returns the hold that follows from it, to be put on."""
+        """Count a reset of the board. Returns the hold that follows from it."""
         self._resets.append(now_ns)
         if len(self._resets) == MOST_RESETS and now_ns - self._resets[0] <= WITHIN_S * NS_PER_S:
             return Hold(
@@ -115,5 +115,5 @@ class ResetWatch:
         )
 
     def clear(self) -> None:
-        """Clear past resets, after a person looked into them."""
+        """Forget past resets, after a person looked into them."""
         self._resets.clear()

@@ -1,8 +1,8 @@
-"""Motion of the body as rim speeds of the wheels, and back, for every drive geometry.
+"""Turns motion of the body into rim speeds of the wheels, and back, for every drive geometry.
 
-One law: each geometry is two constant matrices. ``inverse`` takes (vx, vy, wz) to rim speeds,
-``forward`` takes rim speeds back, and ``forward`` after ``inverse`` is the identity (on what the
-geometry can do). Another geometry is one builder and one row of :data:`KINEMATICS`.
+One law: each geometry is two constant matrices. ``inverse`` turns (vx, vy, wz) into rim speeds,
+``forward`` turns rim speeds back, and ``forward`` after ``inverse`` is the identity (on motion that
+the geometry can make). Another geometry is one builder and one row of :data:`KINEMATICS`.
 """
 
 from __future__ import annotations
@@ -61,11 +61,11 @@ def mecanum(
     With k = (separation + base) / 2 the rim speeds are front left ``vx - vy - k wz``, rear left
     ``vx + vy - k wz``, front right ``vx + vy + k wz``, rear right ``vx - vy + k wz``. Four wheels
     for three unknowns: ``forward`` is the least-squares solution (the columns of ``inverse`` are
-    orthogonal, so it is the scaled transpose) and what it leaves over is slip.
+    orthogonal, so it is the scaled transpose), and its residual is slip.
     The order of the wheels is that of the vendor's M1 to M4.
 
-    Its rollers slip most in sideways motion, by 5 to 20 % of the way: ``vy`` in these formulas is
-    what the wheels roll, and the base goes ``sideways`` times as far.
+    The rollers slip most in sideways motion, by 5 to 20 % of the way: ``vy`` in these formulas is
+    the rolled way, and the base goes ``sideways`` times as far.
 
     Args:
         separation_m: Left to right, between the wheels' middles.
@@ -145,21 +145,21 @@ KINEMATICS: Mapping[str, Callable[..., Kinematics]] = {
 """The drive geometries, by the name that ``chassis.kinematics`` gives.
 
 Each is called with ``separation_m``, ``base_m``, ``steering_max_rad`` and ``sideways``, and ignores
-those that it does not depend on."""
+those that it does not use."""
 
 
 def unit_geometry(name: str) -> Kinematics:
-    """The geometry of that name with distances of 1 m: its wheels, and what it can do."""
+    """The geometry of that name with distances of 1 m, for its wheels and its abilities."""
     return KINEMATICS[name](separation_m=1.0, base_m=1.0)
 
 
 def wheel_speeds(kinematics: Kinematics, twist: Twist2d) -> tuple[float, ...]:
     """The rim speed of each wheel in m/s, in the order of ``kinematics.wheels``.
 
-    A geometry that cannot move sideways leaves ``vy`` out.
+    A geometry that cannot move sideways ignores ``vy``.
     """
     vx, vy, wz = twist.vx, twist.vy, twist.wz
-    # A list costs half of a generator, here and below: this runs in every control step.
+    # A list costs half as much as a generator; this and the next run in every control step.
     return tuple([fx * vx + fy * vy + fw * wz for fx, fy, fw in kinematics.inverse])
 
 
@@ -171,8 +171,8 @@ def motor_speeds(motors: Sequence[Motor], speeds: Sequence[float]) -> tuple[floa
 def desaturate(speeds: Sequence[float], limits: Sequence[float]) -> tuple[tuple[float, ...], float]:
     """Slow all wheels by one factor until the fastest fits, so that the path keeps its curvature.
 
-    Clipping each wheel by itself would bend the path. Speeds that are no finite numbers (a wish so
-    large that it overflowed) become standstill.
+    Clipping each wheel by itself would bend the path. If a speed is not finite (a wish that
+    overflowed), all become zero.
 
     Args:
         limits: The fastest that each wheel can turn, m/s, not negative; ``math.inf`` for no limit.
@@ -191,7 +191,7 @@ def desaturate(speeds: Sequence[float], limits: Sequence[float]) -> tuple[tuple[
             scale = min(scale, limit / abs(speed))
     if scale == 1.0:
         return tuple(speeds), 1.0
-    # The product can exceed the limit by the last bit of rounding: the limit is a promise.
+    # Rounding can make the product exceed the limit by its last bit, so clamp it.
     return (
         tuple(
             max(-limit, min(limit, speed * scale))
@@ -204,10 +204,10 @@ def desaturate(speeds: Sequence[float], limits: Sequence[float]) -> tuple[tuple[
 def desaturate_twist(
     kinematics: Kinematics, twist: Twist2d, limits: Sequence[float]
 ) -> tuple[Twist2d, float]:
-    """The same for a wish: the fastest twist of the same curvature that the wheels can follow.
+    """The fastest twist of the same curvature that the wheels can follow.
 
-    Limiting the wish before it is ramped keeps the ramp from ending beyond what the wheels can do,
-    where a later slow-down would first do nothing.
+    Limit the wish before it is ramped: otherwise the ramp ends beyond the wheels' abilities, and a
+    later slow-down has no effect at first.
     """
     _, scale = desaturate(wheel_speeds(kinematics, twist), limits)
     if scale == 1.0:

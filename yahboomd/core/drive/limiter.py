@@ -4,15 +4,14 @@ One law: **each step ends between where it started and the wish**, never beyond,
 wish for less speed never speeds up first, a ramp to zero cannot swing through it, and the last
 value is the wish itself.
 
-The limits are those of control_toolbox (jerk, acceleration, value, symmetric in both directions;
-deceleration instead of acceleration while the magnitude of the speed falls). Its plain clamp of the
-second difference overshoots, because an acceleration that has been built up takes time to take
-back. Here the velocity is clamped first, and with a jerk limit the acceleration is kept so small
-that it can be taken back to zero before the wish is reached: ``a dt + a^2 / (2 j) <= distance``.
-That condition holds on for whatever lengths the following steps have. Where the wish changes so
-that it can no longer be met (a stop in the middle of speeding up), the jerk gives way, not the law:
-an acceleration away from the wish is dropped at once, and one that is too large to be taken back in
-time ends at the wish.
+The limits are those of control_toolbox: jerk, acceleration and velocity, symmetric in both
+directions, and deceleration while the magnitude of the speed falls. Its plain clamp of the second
+difference overshoots, because reducing a built-up acceleration takes time. Here the velocity is
+clamped first, and with a jerk limit the acceleration stays small enough to be reduced to zero
+before the wish is reached: ``a dt + a^2 / (2 j) <= distance``. That condition also holds for later
+steps of any length. If the wish changes so that it can no longer be met (a stop in the middle of
+speeding up), the jerk limit gives way, not the law: an acceleration away from the wish is dropped
+at once, and one that is too large to be reduced in time ends at the wish.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from yahboomd.core.errors import ConfigError
 from yahboomd.core.model import STANDSTILL, Twist2d
 
 _NO_LIMIT = 1e9
-"""A wish beyond this is taken for this: the sums of the ramp stay finite numbers."""
+"""A larger wish is cut to this, so that the sums of the ramp stay finite."""
 
 
 class AxisLimits(msgspec.Struct, frozen=True, kw_only=True):
@@ -45,18 +44,18 @@ class AxisLimits(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Limiter:
-    """Limits a command on each axis; remembers the latest velocity and acceleration.
+    """Limits a command on each axis, and remembers the latest velocity and acceleration.
 
     Args:
         linear: Limits of ``vx`` and of ``vy``, each by itself.
         angular: Limits of ``wz``.
-        longest_step_s: The most time that one step accounts for. After a pause the wheels have not
-            been accelerating all the while: without this bound, the first command after ten idle
-            seconds would be let through whole.
+        longest_step_s: The most time that one step accounts for. During a pause the wheels did not
+            accelerate: without this bound, the first command after ten idle seconds would pass
+            without a ramp.
 
     Raises:
-        ConfigError: A limit is negative or no number, or zero where that would never let go of the
-            present speed.
+        ConfigError: A limit is negative or no number, or is zero and would keep the present speed
+            for ever.
     """
 
     def __init__(
@@ -69,15 +68,15 @@ class Limiter:
 
     @property
     def current(self) -> Twist2d:
-        """The latest velocity that was let through."""
+        """The latest limited velocity."""
         return Twist2d(vx=self._vx.speed, vy=self._vy.speed, wz=self._wz.speed)
 
     def limit(self, wanted: Twist2d, dt_s: float) -> Twist2d:
         """Move towards ``wanted`` for ``dt_s`` seconds; returns the velocity at the end.
 
         Args:
-            wanted: The wish; a number in it that is not finite asks for standstill.
-            dt_s: Time since the last step. Zero, or less, changes nothing.
+            wanted: The wish; a number in it that is not finite counts as zero.
+            dt_s: Time since the last step. Zero or less changes nothing.
         """
         if dt_s > 0.0:
             dt_s = min(dt_s, self._longest_step_s)
@@ -100,7 +99,7 @@ class Limiter:
         return self._vx.speed == self._vy.speed == self._wz.speed == 0.0
 
     def reset(self, twist: Twist2d) -> Twist2d:
-        """Go on from ``twist``, without acceleration: what was really sent to the wheels."""
+        """Go on from ``twist``, the velocity that was really sent, without acceleration."""
         self._vx.reset(twist.vx)
         self._vy.reset(twist.vy)
         self._wz.reset(twist.wz)
@@ -140,7 +139,7 @@ class _Axis:
             to_zero_s = abs(speed) / self._deceleration
             if to_zero_s >= dt_s:
                 return math.copysign(max(0.0, abs(speed) - self._deceleration * dt_s), speed)
-            # What is left of the step belongs to the other direction.
+            # The rest of the step belongs to the other direction.
             dt_s -= to_zero_s
             speed = 0.0
         if abs(wish) < abs(speed):
@@ -148,7 +147,7 @@ class _Axis:
         return math.copysign(min(abs(wish), abs(speed) + self._acceleration * dt_s), wish)
 
     def _smooth(self, wish: float, dt_s: float) -> None:
-        # Turning round passes through a true standstill, so that the two rates need not agree.
+        # A change of direction passes through standstill, so that the two rates need not agree.
         goal = 0.0 if _must_cross_zero(self.speed, wish) else wish
         distance = abs(goal - self.speed)
         towards = math.copysign(1.0, goal - self.speed)
@@ -164,7 +163,7 @@ class _Axis:
                 self.speed += towards * rate * dt_s
                 self._rate = towards * rate
                 return
-        # One step away, and the rate can be zero in the step after.
+        # The goal is one step away, and the rate can be zero in the step after.
         self.speed = goal
         self._rate = 0.0
 

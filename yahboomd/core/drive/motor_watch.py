@@ -1,10 +1,10 @@
 """Compares the commands of one motor with its motion.
 
-What makes this hard is that healthy motors do not follow at once: they start after 0.02 to 0.4 s
-and lag behind. So the measurement is not held against the command of the moment but against every
-speed at which a healthy motor may turn by now: an envelope that follows a growing command at once
-and a falling one with the slowest time constant believed (any first-order lag up to that stays
-inside, as ``y' = (u - y) / tau`` falls faster than the envelope wherever they meet).
+Healthy motors do not follow at once: they start after 0.02 to 0.4 s and lag behind. So a
+measurement is compared not with the present command but with every speed at which a healthy motor
+may turn by now: an envelope. It follows a growing command at once, and a falling one with the
+slowest plausible time constant. (Any first-order lag up to that stays inside, because ``y' = (u -
+y) / tau`` falls faster than the envelope wherever they meet.)
 """
 
 from __future__ import annotations
@@ -25,33 +25,33 @@ if TYPE_CHECKING:
 
 SLOWEST_LAG_S = 0.4
 RESTING_M_S = 0.001
-"""A command that could still show with less than this is over."""
+"""A command is over once its remaining effect is smaller than this."""
 SPEED_FACTOR = 1.5
 SPEED_MARGIN_M_S = 0.1
-# A wheel has to be cut within 150 ms of leaving its envelope. Of these the reading takes up to one
-# poll period and the velocity's filter a few more milliseconds; 40 ms remain to make sure that it
-# was not one garbled reading.
+# A wheel must be cut within 150 ms of leaving its envelope. The reading takes up to one poll period
+# of these, and the velocity's filter a few milliseconds. The remaining 40 ms exclude a single
+# garbled reading.
 SURE_AFTER_NS = 40_000_000
-# A motor slower than any believed still obeys where it loses speed at this rate: a time constant of
-# a second. One that runs away gains speed, or keeps it.
+# A motor slower than any plausible one still obeys if it loses speed at this rate: a time constant
+# of a second. A motor that runs away gains speed, or keeps it.
 SLOWED = 0.96
 SLOWS_FOR_NS = 500_000_000
 NO_COUNTS_NS = 150_000_000
 NO_COUNTS_M = 0.03
-# A wheel that rolled the other way before takes twice as long to start: the output of the board's
-# loop comes from the far edge of the motor's dead zone.
+# A wheel that rolled the other way before takes twice as long to start, because the output of the
+# board's loop starts at the far edge of the motor's dead zone.
 TURNING_ROUND = 2
-# Below the least speed a healthy motor may take its time: the board's loop adds up the way that is
-# owed until the wheel breaks loose. With the default gains that takes 15 mm, and up to twice as
-# much where it sticks after a jerk. An unseen wheel grows faster with every millimetre more, so it
-# is bounded by travel, and by time.
+# Below the least speed a healthy motor may take its time: the board's loop adds up the owed way
+# until the wheel breaks loose. With the default gains that takes 15 mm, and up to twice as much if
+# the wheel sticks after a jerk. A wheel without counts grows faster with every millimetre, so it is
+# bounded by travel and by time.
 CRAWL_NO_COUNTS = ((500_000_000, 0.045), (1_750_000_000, 0.025))
-# To and fro it may never break loose, but an unseen wheel runs at every turn: bounded by twice the
-# way in all.
+# Back and forth it may never break loose, but a wheel without counts runs at every turn, so it is
+# bounded by twice the way in all.
 TO_AND_FRO = 2
 COUNTED_NS = 20_000_000
-# While the line stands still both ways a wheel shows nothing, and obeys nothing. Not for ever: a
-# line that stutters must not hide a dead encoder.
+# While the line stands still in both directions, a wheel shows and obeys nothing. The time is
+# limited, so that a stuttering line does not hide a dead encoder.
 HELD_UP_NS = 1_000_000_000
 # An encoder that rests on an edge may flicker by one count for ever.
 COUNTS_OF_MOTION = 2
@@ -65,14 +65,14 @@ class MotorWatch:
     """Compares one motor's readings with its commands.
 
     Args:
-        name: Of the motor, for the words of a fault.
+        name: The motor's name, for messages.
         min_speed_m_s: Below this command, missing counts prove nothing.
-        latency_ns: From a command's way into the link to the first reading that can show it.
-        witnessed: The speed that other readings agree on before the motor is cut; it returns
-            ``None`` where they are too few.
+        latency_ns: From sending a command to the first reading that can show it.
+        witnessed: Returns the speed that several readings agree on, which a cut requires; ``None``
+            if they are too few.
 
     Attributes:
-        owed_m: What was commanded since it last counted; metres of rim travel.
+        owed_m: The commanded travel since its last counts; metres of the rim.
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class MotorWatch:
         self.begin(0.0)
 
     def begin(self, measured_m_s: float) -> None:
-        """Any speed between standing, this one and the command is plausible from here on."""
+        """Start with an envelope from standstill to this speed and to the command."""
         commanded = self._commanded or 0.0
         self._rests = False
         self._past.clear()
@@ -108,12 +108,12 @@ class MotorWatch:
         self._known: set[FaultKind] = set()
 
     def command(self, now_ns: int, speed_m_s: float | None) -> None:
-        """Record what was sent to the board; ``None`` where the motor was let go."""
+        """Record a command that was sent to the board; ``None`` if the motor was let go."""
         if speed_m_s == self._commanded:
             return
         self._rests = False
         if self._commanded is None and speed_m_s is not None:
-            # The wheels coasted: they may start from any speed, which is the latest measured.
+            # The wheel coasted, so it starts from any speed up to the latest measured.
             self._commanded = speed_m_s
             self.begin(self._measured)
             self._past.append((now_ns, 0.0))
@@ -136,21 +136,21 @@ class MotorWatch:
         """Judge a reading.
 
         Args:
-            before_ns: When the board sampled the one before.
+            before_ns: When the board sampled the previous reading.
             now_ns: When it sampled this one.
             speed: Measured rim speed, positive forward; m/s.
-            ticks: What was counted in between.
-            proven: The least that the speed can be: no wheel is cut for more.
-            held_up: The line was held up: the command may not have been there yet.
+            ticks: The counts in between.
+            proven: The least that the speed can be; no wheel is cut for more.
+            held_up: The line was held up, so the command may not have arrived.
 
         Returns:
-            The troubles that began with it.
+            The troubles that began with this reading.
         """
         self._measured = speed
         stands = not (speed or ticks or proven or held_up)
         if self._commanded is None or (self._rests and stands):
             return []
-        # A reading also shows what was commanded and replaced since the one before.
+        # A reading also shows commands that were replaced since the previous one.
         self._forget(min(now_ns - self._latency_ns, before_ns))
         low, high = self._lately()
         fall = -math.expm1(-(now_ns - before_ns) / NS_PER_S / SLOWEST_LAG_S)
@@ -164,7 +164,7 @@ class MotorWatch:
             self._off_speed(now_ns, speed),
         )
         faults = [fault for fault in found if fault is not None]
-        # Once a motor that is to stand has stood in two readings, a third one shows nothing new.
+        # After two readings at rest, further ones of a motor that is to stand show nothing new.
         self._rests = (
             stands
             and not (faults or self._past)
@@ -179,21 +179,21 @@ class MotorWatch:
         return self._rests or self._commanded is None
 
     def _lately(self) -> tuple[float, float]:
-        """The smallest and the largest command that a reading of now may still show."""
+        """The smallest and the largest command that a present reading may still show."""
         low = high = self._commanded or 0.0
         for _, speed in self._past:
             low, high = min(low, speed), max(high, speed)
         return low, high
 
     def _forget(self, before_ns: int) -> None:
-        # An entry is what was in force until its stamp.
+        # An entry is the command in force until its stamp.
         while self._past and self._past[0][0] < before_ns:
             self._past.popleft()
 
     def _runaway(self, now_ns: int, speed: float) -> Fault | None:
         most = SPEED_FACTOR * max(self._high, 0.0) + SPEED_MARGIN_M_S
         least = SPEED_FACTOR * min(self._low, 0.0) - SPEED_MARGIN_M_S
-        # Where every healthy motor turns forward by now, backward needs no margin beyond standing.
+        # If every healthy motor turns forward by now, backward needs only the margin of standing.
         if self._low >= STANDING_M_S:
             least = -STANDING_M_S
         if self._high <= -STANDING_M_S:
@@ -237,7 +237,7 @@ class MotorWatch:
         self.owed_m = self._owed_signed_m = 0.0
         self._owed_ns = self._owed_one_way_ns = 0
         self._owed_ticks = self._owed_ticks_before = 0
-        # A step that ends with counts was no silence, however long they were held back.
+        # A step that ends with counts was no silence, even if they were held back for long.
         self._held_up_ns = 0
         self._begin_silence()
 
@@ -252,9 +252,9 @@ class MotorWatch:
         self._owed_ticks_before = self._owed_ticks
         self._owed_ticks += ticks
         self._owe(steady, step_ns)
-        # Motion either way is motion: a wheel that still rolls out after a change of direction is
-        # not silent, and one that turns against its command is found by its speed. Two readings
-        # have to agree on it: a digit that was garbled on its way is no motion.
+        # Motion in either direction counts: a wheel that rolls out after a change of direction is
+        # not silent, and a wheel that turns against its command is found by its speed. Two readings
+        # must agree, because a garbled digit is no motion.
         if min(abs(self._owed_ticks), abs(self._owed_ticks_before)) >= COUNTS_OF_MOTION:
             self._rolled = self._owed_ticks
             self._owe_nothing()
@@ -280,13 +280,13 @@ class MotorWatch:
         if not proven and not crawled:
             return None
         if abs(self._owed_ticks) >= COUNTS_OF_MOTION > abs(self._owed_ticks_before):
-            # Counts that were held back for so long arrive in one reading: the next one tells
-            # whether they are motion or a garbled digit.
+            # Counts that were held back arrive in one reading: the next one tells whether they are
+            # motion or a garbled digit.
             return None
         return self._new("no_counts", "policy", self._measured, certain=crawled)
 
     def _owe(self, steady: float, step_ns: int) -> None:
-        # The board's loop adds up the way with its sign: a command back takes away what was owed.
+        # The board's loop adds up the way with its sign, so a command back reduces the owed way.
         step_m = steady * step_ns / NS_PER_S
         before, self._owed_signed_m = self._owed_signed_m, self._owed_signed_m + step_m
         if before * self._owed_signed_m <= 0.0:

@@ -1,6 +1,6 @@
-"""The reason why the robot does not move, in words: the first question of a person beside it.
+"""Explains why the robot does not move, which is a person's first question.
 
-All reasons are given, not only the first, in the order in which they have to be dealt with.
+It gives all reasons, in the order in which a person has to deal with them.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ SLOW_RAD_S = 0.1
 
 
 def turning(measured_m_s: Sequence[float]) -> bool:
-    """Whether a wheel does not stand, by the rim speeds of all."""
+    """Whether any wheel does not stand, by the rim speeds of all."""
     return any(abs(speed) >= STANDING_M_S for speed in measured_m_s)
 
 
@@ -40,7 +40,7 @@ class Reason(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         kind: A stable word.
-        message: A sentence for a person, with how long it has been so.
+        message: A sentence for a person, with the duration.
     """
 
     kind: str
@@ -59,10 +59,10 @@ def reasons(
     holonomic: bool = True,
     release: str = "yahboomd stop --release",
 ) -> tuple[Reason, ...]:
-    """Everything that keeps the robot where it is; empty while it may drive.
+    """Every reason why the robot stands; empty while it may drive.
 
     Args:
-        refused: How many commands were refused lately, by reason.
+        refused: The number of recently refused commands, by reason.
         holonomic: Whether the base can move sideways.
         release: The command that lets this robot, and no other, drive again.
     """
@@ -84,7 +84,7 @@ def reasons(
     found += _not_commanded(decision)
     if decision.why == "driving":
         found += _impossible(decision, linear, angular, holonomic=holonomic)
-    # Refusals explain a robot that stands; one that drives drives by other commands.
+    # Refusals explain a standing robot; a driving one obeys other commands.
     if refused and found:
         listed = ", ".join(f"{count} {reason}" for reason, count in sorted(refused.items()))
         found.append(Reason(kind="refused", message=f"Commands refused lately: {listed}."))
@@ -100,7 +100,7 @@ def state_of(
     commanded_zero: bool,
     measured_m_s: Sequence[float] | None = None,
 ) -> State:
-    """The one word of ``status``; where several apply, the one that needs a person first.
+    """The state in the status; if several apply, the one that needs a person first.
 
     Args:
         stop_waits: The stop of the latch, or of a fault, has not left this machine yet.
@@ -157,7 +157,7 @@ def _impossible(
     *,
     holonomic: bool,
 ) -> list[Reason]:
-    """A wish of which nothing is left once the limits and the geometry are through with it."""
+    """Explain a wish that the limits and the geometry reduce to nothing."""
     twist = decision.twist
     straight = linear is None or linear.velocity != 0.0
     turning = angular is None or angular.velocity != 0.0
@@ -184,7 +184,7 @@ def _impossible(
 def _crawling(
     decision: Decision, linear: AxisLimits | None, angular: AxisLimits | None
 ) -> list[Reason]:
-    """Limits that leave so little of a wish that the robot seems to stand."""
+    """Explain limits that reduce a wish so much that the robot seems to stand."""
     twist, found = decision.twist, list[str]()
     for name, unit, wish, limits, slow in (
         ("linear", "m/s", math.hypot(twist.vx, twist.vy), linear, STANDING_M_S),

@@ -1,11 +1,10 @@
-"""Whether a stop was obeyed: commanded is not stopped.
+"""Watches whether a stop is obeyed: a commanded stop is not yet a stop.
 
-After a zero command the wheels have to be measured standing within 0.6 s; where they are not, the
-stop is overdue and the motors are cut. A wheel that slows down obeys, however long the board's own
-loop or its momentum take: it is cut, and not accused. One that was accused and turns on although it
-was cut is reported once more: nothing that can be sent ends that. One reading proves neither a
-standstill, as a wheel that swings through zero shows a slow one, too, nor motion: a digit may be
-garbled.
+After a zero command the wheels must be measured standing within 0.6 s. If they are not, the stop is
+overdue and the motors are cut. A wheel that slows down obeys, however slow the board's loop or its
+momentum make it: it is cut, but not accused. A wheel that was accused and turns on after the cut is
+reported once more, because no frame can stop it. One reading proves neither standstill (a wheel
+that swings through zero also shows a slow one) nor motion (a digit may be garbled).
 """
 
 from __future__ import annotations
@@ -24,30 +23,28 @@ if TYPE_CHECKING:
 StopState: TypeAlias = Literal["idle", "stopping", "stopped", "overdue"]
 
 WITHIN_NS = 600_000_000
-"""So long the wheels may take."""
+"""The time within which the wheels must stand."""
 
-# Two readings at the slowest poll worth running, several at the usual ones.
+# Two readings at the slowest sensible poll rate, several at the usual rates.
 SETTLED_NS = 30_000_000
-# Under the board's loop a wheel that obeys has lost far more than this of its speed within 0.6 s.
+# Under the board's loop an obedient wheel has lost far more than this of its speed within 0.6 s.
 SLOWED = 0.7
-# A wheel that was let go rolls out by its friction alone.
+# A wheel that was let go is slowed by its friction alone.
 ROLLS_OUT = 0.9
 ROLLS_NS = 1_000_000_000
-"""From the cut of a wheel that did not obey to the next look at it."""
+"""From the cut of a disobedient wheel to the next look at it."""
 SILENT_NS = 300_000_000
-"""Readings that stay away for so long show nothing of a stop."""
+"""After this time without readings, a stop cannot be judged."""
 FRESH_NS = 500_000_000
-"""Older readings do not show what a wheel does now: boards are asked five times a second or more
-often."""
+"""Older readings do not show the present motion: boards are asked at least five times a second."""
 
 
 class StopWatch:
     """Follows one stop from the command to the proof.
 
     Attributes:
-        state: ``idle`` where no stop is under way; ``stopping``; ``stopped``: measured;
-            ``overdue``: not standing in time. Wheels that stand at last are ``stopped``, however
-            late.
+        state: ``idle`` if no stop is under way; ``stopping``; ``stopped``: measured; ``overdue``:
+            not standing in time. Wheels that stand later are ``stopped`` too.
     """
 
     def __init__(self, motors: Sequence[str]) -> None:
@@ -62,7 +59,7 @@ class StopWatch:
         self._fastest: tuple[float, ...] = ()
 
     def begin(self, now_ns: int) -> None:
-        """Begin: zero was commanded at ``now_ns``. A stop under way keeps its own deadline."""
+        """Begin at a zero command at ``now_ns``. A stop under way keeps its own deadline."""
         if self.state in {"stopping", "overdue"}:
             return
         self.state = "stopping"
@@ -72,19 +69,19 @@ class StopWatch:
         self._fastest = (0.0,) * len(self._motors)
 
     def restart(self, now_ns: int) -> None:
-        """Restart the deadline of a stop that is under way: no reading came meanwhile."""
+        """Restart the deadline of a stop under way, because no reading came meanwhile."""
         if self.state == "stopping":
             self.state = "idle"
             self.begin(now_ns)
 
     def cancel(self) -> None:
-        """End the watch: motion is commanded again."""
+        """End the watch, because motion is commanded again."""
         self.state = "idle"
 
     def measure(self, stamp_ns: int, measured_m_s: Sequence[float]) -> StopState:
         """Check a reading: rim speed of each motor, sampled at ``stamp_ns``.
 
-        Readings from before the stop prove nothing and are passed over.
+        Readings from before the stop prove nothing and are ignored.
         """
         if self.state not in {"stopping", "overdue"} or stamp_ns < self._begun_ns:
             return self.state
@@ -103,13 +100,12 @@ class StopWatch:
         """Judge a stop that is due; :attr:`state` is ``overdue`` from then on.
 
         Args:
-            noisy: The stop may not have arrived, so that nothing is said of the wheels before the
-                cut was sent for as long.
+            noisy: The stop may not have arrived, so no wheel is judged before the cut has been
+                sent for as long.
 
         Returns:
-            The fault of a wheel that did not obey, once readings show it, and once more where it
-            turns on although it was cut; ``None`` as long as every wheel that turns
-            slows down.
+            The fault of a disobedient wheel, once readings show it, and once more if it turns on
+            after the cut; ``None`` while every turning wheel slows down.
         """
         if self.state not in {"stopping", "overdue"}:
             return None
@@ -118,15 +114,15 @@ class StopWatch:
         if now_ns - self._judged_ns < WITHIN_NS:
             return None
         if self._still_ns is not None and now_ns - self._still_ns < 2 * SETTLED_NS:
-            # They stand; the reading that proves it is on its way.
+            # They stand, and the reading that proves it is on its way.
             return None
         again = self.state == "overdue"
         slowed = ROLLS_OUT if again else SLOWED
         self.state = "overdue"
         silent = len(self._latest) < 2 or now_ns - self._measured_ns > SILENT_NS
         if silent or self._still_ns is not None or (noisy and not again):
-            # What the wheels did before proves nothing. A board that stays silent, as in a dip of
-            # its supply, is noticed by others.
+            # Earlier motion proves nothing. Others notice a board that stays silent, as in a dip of
+            # its supply.
             self._judge_later(now_ns)
             return None
         after_s = (now_ns - self._begun_ns) / NS_PER_S
@@ -148,7 +144,7 @@ class StopWatch:
         )
 
     def _after_cut(self, now_ns: int) -> Fault | None:
-        """The fault of a wheel that was accused and cut, and turns on; once."""
+        """The fault of a wheel that turns on after its cut; once."""
         cut_ns = self._cut_ns
         if cut_ns is None or now_ns - cut_ns < ROLLS_NS or len(self._latest) < 2:
             return None
@@ -173,10 +169,10 @@ class StopWatch:
         )
 
     def _turning_on(self, slowed: float) -> tuple[float, str]:
-        """The speed and the name of the wheel that slowed down least; 0 where all did so.
+        """The speed and the name of the wheel that slowed down least; 0 if all slowed down.
 
         Args:
-            slowed: A wheel below that share of its fastest speed slows down.
+            slowed: A wheel below this share of its fastest speed slows down.
         """
         speed, name, fastest = max(
             zip(map(slowest, *self._latest), self._motors, self._fastest, strict=True),

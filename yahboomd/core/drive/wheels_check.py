@@ -1,11 +1,11 @@
-"""Finds wheels that do not obey: commands compared with measurements, motor by motor.
+"""Finds wheels that do not obey: compares commands with measurements, motor by motor.
 
-The board closes its speed loop over the same counts that we read. A dead or reversed encoder makes
-that loop run away to full speed, and a zero command does not end it.
-:mod:`~yahboomd.core.drive.motor_watch` judges one motor. This file decides for all of them which
-readings are judged at all, and whether all are silent at once.
+The board closes its speed loop over the same counts. A dead or reversed encoder makes that loop run
+away to full speed, and a zero command does not end it.
+:mod:`~yahboomd.core.drive.motor_watch` judges one motor. This file decides which readings are
+judged at all, and whether all motors are silent at once.
 
-Nothing is raised; faults are values, one for each beginning of each trouble.
+Nothing is raised; faults are values, one for the beginning of each trouble.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
     from yahboomd.core.drive.faults import Fault
 
 RESTING = 20
-"""After so many readings without a count, earlier ones no longer matter."""
+"""After this number of readings without a count, earlier ones no longer matter."""
 
-# From here on the loop's output no longer is the one of a wheel that follows.
+# From here on the loop's output differs from that of a wheel that follows.
 OWED_M = 0.005
 
 PROVEN_NS = 40_000_000
-"""A speed is proven over so long at least, so that the time an answer takes matters little."""
+"""The least span of a proven speed, which makes the duration of an answer matter little."""
 
 
 class WheelsCheck:
@@ -39,8 +39,8 @@ class WheelsCheck:
 
     Args:
         min_speed_m_s: Below this command, missing counts prove nothing.
-        latency_s: From a command's way into the link to the first reading that can show it.
-        metres_per_tick: Rim travel of one count, for each motor: with it, no single reading cuts a
+        latency_s: From sending a command to the first reading that can show it.
+        metres_per_tick: Rim travel of one count, for each motor; with it, no single reading cuts a
             motor.
     """
 
@@ -71,10 +71,10 @@ class WheelsCheck:
         self._resting = False
 
     def command(self, now_ns: int, speeds_m_s: Sequence[float] | None) -> None:
-        """Record what was sent to the board.
+        """Record the speeds that were sent to the board.
 
         Args:
-            speeds_m_s: Rim speed of each motor, as limited; ``None`` where the motors were let go:
+            speeds_m_s: Rim speed of each motor, as limited; ``None`` if the motors were let go:
                 wheels without power may turn as they like.
         """
         if speeds_m_s == self._commanded:
@@ -99,23 +99,22 @@ class WheelsCheck:
         """Judge a reading.
 
         Args:
-            stamp_ns: When the board sampled it; monotonic nanoseconds. One that is not later than
-                the last is no news.
+            stamp_ns: When the board sampled it; monotonic nanoseconds. A reading that is not later
+                than the last is ignored.
             measured_m_s: Rim speed of each motor, positive forward.
-            ticks: What each motor counted since the last reading, positive forward.
-            received_ns: When it arrived, where that is known besides the stamp.
-            earliest_ns: The board sampled it no earlier, where the stamp may be too early or too
-                late. On a machine that is busy an answer may take a while, and one guess of the
-                moment makes several times the true speed; no motor is cut for more than its counts
-                prove.
-            held_up: The line was held up, so that commands may not have been there yet.
+            ticks: The counts of each motor since the last reading, positive forward.
+            received_ns: When it arrived, if that is known besides the stamp.
+            earliest_ns: The earliest moment of its sampling, if the stamp may be wrong. On a busy
+                machine an answer may take a while, and a wrong guess of the moment multiplies the
+                speed; so no motor is cut for more than its counts prove.
+            held_up: The line was held up, so commands may not have arrived.
 
         Returns:
-            The troubles that began with it.
+            The troubles that began with this reading.
         """
         before, self._measured_ns = self._measured_ns, stamp_ns
         if before is None or stamp_ns - before > GAP_NS:
-            # It is unknown what the wheels did meanwhile.
+            # The motion meanwhile is unknown.
             self._see(received_ns or stamp_ns, ticks, earliest_ns)
             self._begun_ns = self._history.latest_ns
             for watch, speed in zip(self._watches, measured_m_s, strict=True):
@@ -149,7 +148,7 @@ class WheelsCheck:
         return tuple(faults)
 
     def reset(self) -> None:
-        """Discard what was seen: after a stop for a fault, after the board was away."""
+        """Discard past readings: after a stop for a fault, or after the board was away."""
         self._measured_ns = None
         self._stood = 0
         self._history.clear()
@@ -160,7 +159,7 @@ class WheelsCheck:
         self._history.add(received_ns, self._totals, earliest_ns)
 
     def _proven_m_s(self) -> tuple[float, ...]:
-        """The least that counts prove since some 40 ms ago; with nothing to compare, nothing."""
+        """The least speeds that counts prove over some 40 ms; zero without earlier counts."""
         found = self._history.since(PROVEN_NS)
         if found is None or self._metres_per_tick is None:
             return (0.0,) * len(self._watches)
@@ -179,9 +178,9 @@ class WheelsCheck:
 
     @property
     def owing(self) -> bool:
-        """Whether a motor shows no counts for its commands so far.
+        """Whether a motor has not counted for its latest commands.
 
-        The board's loop has added them up, and a commanded zero would leave its output where it is.
+        The board's loop has added them up, and a commanded zero would keep its output.
         """
         return any(watch.owed_m >= OWED_M for watch in self._watches)
 

@@ -1,8 +1,8 @@
-"""Recent occurrences, in bounded memory at any rate.
+"""Counts recent occurrences in bounded memory, at any rate.
 
-A window is cut into equal slices and forgets a slice at a time, so it covers between its length and
-one slice more. That is exact enough for clocks that drift and for sentences about the last seconds,
-and a flood costs no more memory than a trickle.
+A window consists of equal slices and forgets one slice at a time, so it covers between its length
+and one slice more. That is exact enough for drifting clocks and for sentences about the last
+seconds.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class SlidingMinimum:
         self._minima: deque[tuple[int, int]] = deque()
 
     def add(self, now_ns: int, value: int) -> None:
-        """Add ``value``, seen at ``now_ns``."""
+        """Add ``value`` at the time ``now_ns``."""
         self._forget(now_ns)
         index = now_ns // self._slice_ns
         if self._minima and self._minima[-1][0] == index:
@@ -29,7 +29,7 @@ class SlidingMinimum:
         self._minima.append((index, value))
 
     def smallest(self, now_ns: int) -> int | None:
-        """The smallest value, or ``None`` where there was none."""
+        """The smallest value; ``None`` if there is none."""
         self._forget(now_ns)
         return min((value for _, value in self._minima), default=None)
 
@@ -44,7 +44,7 @@ class SlidingMinimum:
 
 
 class SlidingCounts:
-    """The occurrences of each thing in the last ``window_ns``, counted."""
+    """Counts the occurrences of each thing in the last ``window_ns``."""
 
     def __init__(self, window_ns: int) -> None:
         self._window_ns = window_ns
@@ -60,7 +60,7 @@ class SlidingCounts:
         self._slices[-1][1][what] += 1
 
     def counts(self, now_ns: int) -> dict[str, int]:
-        """The things that happened, each with its count."""
+        """The count of each thing in the window."""
         self._forget(now_ns)
         total: Counter[str] = Counter()
         for _, counted in self._slices:
