@@ -24,23 +24,23 @@ if TYPE_CHECKING:
 
 DESCRIPTION = """\
 Why did the robot stop? The daemon keeps the last minute of bytes, commands, decisions and events in
-memory, and saves it at each fault, emergency stop, disconnect and crash. List what was saved,
-explain it in plain words, export it, or have it saved now. Only `save` needs a daemon.
+memory, and saves it at each fault, emergency stop, disconnect and crash. List the saved boxes,
+explain one in plain words, export it, or have it saved now. Only `save` needs a daemon.
 """
 
 EPILOG = """\
 examples:
-  yahboomd blackbox                          what was saved, and what is in memory
+  yahboomd blackbox                          the saved boxes, and those in memory
   yahboomd blackbox explain                  why the robot stopped last, with times
   yahboomd blackbox explain 12               the box with this number; a file will do, too
-  yahboomd blackbox explain --namespace bot1 of this robot, where several are on one machine
+  yahboomd blackbox explain --namespace bot1 of this robot, if there are several
   yahboomd blackbox explain --json | jq .why
   yahboomd blackbox export 12 stop.mcap      for Foxglove and other readers of MCAP
   yahboomd blackbox save                     save it now, by the daemon
 
 exit status:
   0    it was done
-  1    it was refused: the message says why
+  1    it was refused: the message has the reason
   69   no daemon is there, for `save`
   78   no such black box, or it cannot be read
 """

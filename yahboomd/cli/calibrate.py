@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 DESCRIPTION = """\
 Find the true size of the wheels and of the track, and write it to the calibration file, which goes
-over the multipliers of [chassis]. The robot drives known shapes while the daemon runs; you say
+over the multipliers of [chassis]. The robot drives known shapes while the daemon runs; you enter
 where it truly ended. It moves only while this command runs, within the bounds that it announces;
 Ctrl-C stops it. Nothing is written that cannot be trusted, and the reason is named.
 """
@@ -103,14 +103,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         each.add_argument(
             "--held",
             action="store_true",
-            help="with --dialogue: it moves only while lines come that say that a button is held",
+            help="with --dialogue: it moves only while lines report that a button is held",
         )
         add_robot_options(each)
     poses = verbs.add_parser(
         "poses",
         help="against another sensor's poses in a recording: no tape at all",
         description="Against the poses of another sensor, such as SLAM or motion capture, in a "
-        "recording with the joint states. Where the sensor sits on the robot is found too.",
+        "recording with the joint states. The place of the sensor on the robot is found too.",
     )
     poses.add_argument(
         "bags", metavar="BAG", nargs="+", type=Path, help="folder of a bag, such as record makes"
@@ -120,7 +120,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--frames",
         metavar=("PARENT", "CHILD"),
         nargs=2,
-        help="of the transform, where the topic carries transforms, such as map laser",
+        help="of the transform, if the topic carries transforms, such as map laser",
     )
     _add_result_options(poses)
     add_config_options(poses)

@@ -35,7 +35,7 @@ examples:
 
 exit status:
   0    it was done
-  1    the daemon refuses; the message in its answer says why
+  1    the daemon refuses; its answer has the reason
   2    the arguments make no sense: no such service, or no JSON
   69   no daemon is there
   78   a mistake in the configuration

@@ -30,7 +30,7 @@ USAGE = 2
 DESCRIPTION = """\
 Drive the robot with the keyboard, through a running daemon. Hold a key to drive; when you let go,
 the robot stops. (A terminal does not report when a key is let go: after the first press that
-takes up to 0.7 s.) The screen shows what the robot does, and why it stands if it does.
+takes up to 0.7 s.) The screen shows the robot's state, and the reason if it stands.
 """
 
 EPILOG = """\

@@ -40,7 +40,7 @@ exit status:
   0    everything is in place, and the service runs
   1    the service does not run, or a file cannot be written
   77   it needs root: put sudo in front
-  78   the service could not run like this; the message says why
+  78   the service could not run like this; the message has the reason
 """
 
 UDEV = Path("/run/udev/control")

@@ -40,7 +40,7 @@ once a second, however often it is scraped, and only reads. Only this machine re
 EPILOG = """\
 examples:
   yahboomd metrics                                      the daemon on this machine
-  curl http://127.0.0.1:9448/metrics                    what it says
+  curl http://127.0.0.1:9448/metrics                    the metrics as text
   yahboomd metrics --config /etc/yahboomd/front.toml --config /etc/yahboomd/rear.toml
                                                         two boards, each with its own file
   yahboomd metrics --namespace bot1 --namespace bot2 --connect tcp/192.168.1.5:7447
@@ -110,7 +110,7 @@ def run(args: argparse.Namespace) -> int:
             f"At {place} every program on the network could read the metrics, without password or "
             "encryption. Nothing is served.",
             remedy=f"Listen on {DEFAULT_PLACE} and let Prometheus, or a proxy with TLS, run on "
-            "this machine; or add --expose where everybody on that network may read them.",
+            "this machine; or add --expose if everybody on that network may read them.",
         )
     return asyncio.run(_serve(_robots(args), place, args.host_name))
 

@@ -93,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
             output.unlink()
         raise Refused(f"{output} cannot be written: {error}") from error
     if recording.is_cut:
-        words = "The recording was cut off, or is damaged; what is in front of that is drawn."
+        words = "The recording was cut off, or is damaged; the part before that is drawn."
         print(words, file=sys.stderr)
     print(output)
     return 0

@@ -45,7 +45,7 @@ FOUND_WANTING = 1
 """The exit status if the board must not be driven as it is, or did not store everything."""
 
 DESCRIPTION = """\
-Find the board's port, stop its wheels, read everything that it reports, and explain what is wrong.
+Find the board's port, stop its wheels, read everything that it reports, and explain problems.
 Nothing moves, and nothing is written to the board unless --write is given.
 """
 
@@ -239,7 +239,7 @@ def _ask_daemon(
     port = port or reported.port
     who = true_names(", ".join(holders(port))) or "another process"
     held = (
-        f"The port is held by {who}, and this is what the daemon knows over the bus. With the "
+        f"The port is held by {who}, and this is the daemon's own report of its board. With the "
         "daemon ended, probe also reports whether the counters survive a reopening."
     )
     return msgspec.structs.replace(

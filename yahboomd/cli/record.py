@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from yahboomd.tools.record.recorded_topics import Recorded
 
 DESCRIPTION = """\
-Record what the robot publishes and is commanded: poses, twists, wheels, battery, status, events and
+Record the robot's messages and its commands: poses, twists, wheels, battery, status, events and
 commands as JSON with their schemas, and the topics of ROS 2 in CDR with their definitions. The
 folder opens in Foxglove and Lichtblick, and `ros2 bag play` plays it. It ends after --for, or at
 Ctrl-C; cut off or killed, it can be read up to its last second.
@@ -48,7 +48,7 @@ examples:
   yahboomd record run1 --recover               run1 was cut off: write run1-recovered, whole
 
 exit status:
-  0    ended by --for or Ctrl-C; the last line says what was recorded and lost
+  0    ended by --for or Ctrl-C; the last line counts recorded and lost messages
   1    the folder exists, or the disk is full or lost; with --recover: it has no recording
   69   no daemon is there
   78   a mistake in the configuration

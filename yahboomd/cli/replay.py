@@ -26,10 +26,10 @@ COLUMNS = (
 """The columns of a table of poses: Unix and monotonic nanoseconds, metres, radians, seconds."""
 
 DESCRIPTION = """\
-Play a black box again. With --link its board is on a pseudo-terminal: it answers who it is when it
-is asked, then sends what it sent, with the same timing. Commands for the wheels are counted and
-turn nothing. With --odometry its bytes become poses again, by the same code as in the daemon, and
-are compared with what the daemon computed.
+Play a black box again. With --link its board is on a pseudo-terminal: it answers questions for
+its identity, then sends the recorded bytes with the same timing. Commands for the wheels are
+counted and turn nothing. With --odometry its bytes become poses again, by the same code as in the
+daemon, and are compared with the daemon's poses.
 """
 
 EPILOG = """\
@@ -89,7 +89,7 @@ def run(args: argparse.Namespace) -> int:
     if not recorded:
         raise Unplayable(
             f"{args.file}: no board was connected in it.",
-            remedy="`yahboomd blackbox explain` says what happened instead.",
+            remedy="`yahboomd blackbox explain` shows what happened instead.",
         )
     return be_a_port(recorded, box.header, args.link, as_json=args.json)
 
@@ -128,7 +128,7 @@ def _read(path: Path) -> Box:
     if box.cut:
         print(f"{path} was cut off: its end is missing.", file=sys.stderr)
     if box.damaged:
-        print(f"{path} is damaged: what follows the damage is missing.", file=sys.stderr)
+        print(f"{path} is damaged: the part after the damage is missing.", file=sys.stderr)
     return box
 
 
@@ -149,7 +149,7 @@ def _compute(box: Box, args: argparse.Namespace) -> int:
         raise Unplayable(
             f"{args.file}: no pose can be computed from it: no counts came after a state of the "
             "odometry.",
-            remedy="`yahboomd blackbox explain` says what happened instead.",
+            remedy="`yahboomd blackbox explain` shows what happened instead.",
         )
     if args.output is not None:
         _write(args.output, replay.estimates)

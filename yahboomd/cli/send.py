@@ -30,7 +30,8 @@ DESCRIPTION = """\
 Drive for a number of seconds. The command is repeated twenty times a second and ends with zeros,
 however it ends: when its time is over, at Ctrl-C, SIGTERM, SIGHUP or Ctrl-Z, and when the reader of
 its output leaves, as at the end of an SSH connection. Should this process die, the daemon stops the
-robot within half a second. It prints nothing unless the robot does not obey, and says why then.
+robot within half a second. If the robot does not obey, it prints the reason; otherwise it
+prints nothing.
 """
 
 EPILOG = """\
@@ -42,7 +43,7 @@ examples:
 exit status:
   0    the robot obeyed to the end
   1    it did not, or not to the end: stopped for an emergency, a fault, no board, another source in
-       control, or this process stood still; the message says which. The robot was stopped
+       control, or this process did not run; the message names it. The robot was stopped
   2    the arguments make no sense, such as no --for
   69   no daemon is there, or it was lost
   78   a mistake in the configuration
@@ -160,5 +161,5 @@ async def _next_status(statuses: Samples[StatusSample]) -> StatusSample | None:
 def _lost() -> NoDaemon:
     return NoDaemon(
         "The daemon was lost, or does not run any more. One that runs stops the robot by itself.",
-        remedy="Look at it; where it moves: `yahboomd stop`.",
+        remedy="Look at the robot. If it moves, run `yahboomd stop`.",
     )

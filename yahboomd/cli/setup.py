@@ -21,8 +21,8 @@ STANDARD_FILE = Path("robot.toml")
 
 DESCRIPTION = """\
 Find out how the motors are connected, and write the robot's configuration. With the wheels off the
-ground each motor turns for a moment, and you say which wheel it was and which way it went. What no
-configuration can make up for is named, with the plug to change. The daemon must not run: the port
+ground each motor turns for a moment, and you answer which wheel it was and which way it went. If
+no configuration can help, setup names the plug to change. The daemon must not run: the port
 is taken, as `probe` does.
 """
 

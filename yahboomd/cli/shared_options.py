@@ -125,7 +125,7 @@ def add_connect_option(parser: argparse.ArgumentParser) -> None:
         action="append",
         type=_endpoint,
         help="where to reach the daemon or its router, such as tcp/192.168.1.5:7447 "
-        "(default: where the configuration lets the daemon listen)",
+        "(default: the endpoints on which the configured daemon listens)",
     )
 
 

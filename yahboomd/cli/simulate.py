@@ -80,7 +80,7 @@ ROBOT = (
     ),
     (
         *("--tick-jitter", "S", "tick_jitter_s"),
-        "each of these periods is up to so much longer, at random",
+        "each of these periods is longer by a random time up to this one",
     ),
     ("--seed", "N", "seed", "of all that is random: the same number, the same faults"),
 )
@@ -92,8 +92,8 @@ LINE = (
         *("--corruption", "SHARE", "corruption"),
         "share of bytes that arrive with a bit flipped, each way, 0 to 1",
     ),
-    ("--delay", "S", "delay_s", "what every chunk waits, each way"),
-    ("--jitter", "S", "jitter_s", "up to so much more, at random"),
+    ("--delay", "S", "delay_s", "delay of every chunk, each way"),
+    ("--jitter", "S", "jitter_s", "additional random delay, up to this time"),
     ("--chunk", "S", "chunk_s", "period in which bytes arrive, 0 for each alone"),
 )
 """The options of the line, in the same form."""
@@ -102,7 +102,7 @@ LINE = (
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     robot = SimulationOptions()
-    where = parser.add_argument_group("where it appears")
+    where = parser.add_argument_group("its port and files")
     where.add_argument(
         "--link",
         metavar="PATH",
@@ -113,13 +113,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--truth",
         metavar="FILE",
         type=Path,
-        help="write where the robot truly is, 100 times a second, as JSON lines",
+        help="write the true pose of the robot, 100 times a second, as JSON lines",
     )
     where.add_argument(
         "--heard",
         metavar="FILE",
         type=Path,
-        help="write what the host sends, and when, as JSON lines",
+        help="write the frames from the host, with their times, as JSON lines",
     )
     where.add_argument(
         "--control", metavar="PATH", type=Path, help="a unix socket that takes control commands"
@@ -134,7 +134,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
     add_config_options(parser)
     what = parser.add_argument_group(
-        "what it is (motors, wheels and chassis are as --config and --set say, where one is given)"
+        "the robot (with --config or --set, its motors, wheels and chassis are those of the file)"
     )
     what.add_argument(
         "--dialect",
@@ -154,7 +154,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--plugs",
         metavar="N,N[,N,N]",
         default="",
-        help="where the motors are plugged in, 1 to 4: left, right; or front left, rear left, "
+        help="the plugs of the motors, 1 to 4: left, right; or front left, rear left, "
         "front right, rear right. Negative for one that is mounted the other way round, such as "
         "--plugs=3,-1",
     )
@@ -163,7 +163,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=VALUE",
         action="append",
         default=[],
-        help="what the board has stored, such as lines=0; may be repeated. "
+        help="a value that the board has stored, such as lines=0; may be repeated. "
         + "; ".join(
             f"{name}: {', '.join(kind.flash.__struct_fields__)}"
             for name, kind in BOARDS.items()
@@ -182,7 +182,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         default=robot.stream_pace,
         help="stream lines at the rate of a real board, or one right after the other",
     )
-    bad = parser.add_argument_group("what is wrong with the line")
+    bad = parser.add_argument_group("faults of the line")
     _add_fields(bad, LINE, robot.impairments)
 
 

@@ -17,9 +17,9 @@ UNKNOWN = 1
 """The exit status of each state, and of states that this version does not know."""
 
 DESCRIPTION = """\
-Print what the daemon does, why, who drives, its board, and what was lost or refused since it
-started. The exit status says whether the robot can drive. What it prints is half a second old at
-most.
+Print the daemon's state and the reason, who drives, its board, and counts of everything lost or
+refused since it started. The exit status tells whether the robot can drive. The facts are at most
+half a second old.
 """
 
 EPILOG = """\
@@ -34,7 +34,7 @@ computer was busy. docs/status.md explains every counter.
 
 exit status:
   0    it can drive: it stands, drives, or slows down by itself
-  1    a fault: it refuses motion; the text says what to do. Also a state of another version of
+  1    a fault: it refuses motion; the text has the remedy. Also a state of another version of
        yahboomd that this one does not know
   3    the emergency stop is engaged
   4    it waits for its board

@@ -56,9 +56,9 @@ NAMING = (SERIAL, "YAHBOOMD_ZENOH_")
 DESCRIPTION = """\
 Stop the wheels, and see that they stand. A running daemon engages its emergency stop, and keeps it
 until it is released. The daemons of this machine are reached over their local sockets, others over
-the bus: all of this machine, unless --port, --namespace, --config or --set says which. Where no
-daemon holds the port, the port itself is taken: the board is stopped, its counters are watched
-until the wheels stand, and its motors are let go.
+the bus: all of this machine, unless --port, --namespace, --config or --set names one. If no
+daemon holds the port, the command opens it: it stops the board, watches its counters until the
+wheels stand, and lets its motors go.
 
 A stop that names nothing also ends every `setup` and `tune` of this machine, on whatever port and
 whatever daemon there is: they turn wheels and obey no emergency stop. --port ends the one that has

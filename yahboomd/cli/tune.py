@@ -35,16 +35,16 @@ if TYPE_CHECKING:
 DESCRIPTION = """\
 Measure how each wheel follows a step of its speed and where its dead zone ends, and find gains for
 the board's speed loop that settle soon and do not overshoot. The wheels turn: every wheel of the
-robot has to be in the air. Takes the port itself, so the daemon must be stopped. What the board
-stores is saved before it is changed, and --undo stores it again.
+robot has to be in the air. Takes the port itself, so the daemon must be stopped. The board's
+values are saved before they are changed, and --undo stores them again.
 """
 
 EPILOG = """\
 examples:
   yahboomd tune                      measure, suggest, ask, store, measure again
   yahboomd tune --dry-run            write nothing to the board
-  yahboomd tune --undo               store again what the board had before
-  yahboomd tune --yes --json --output steps.svg    for a program that knows where the wheels are
+  yahboomd tune --undo               store the board's former values again
+  yahboomd tune --yes --json --output steps.svg    for a program; the wheels are in the air
 
 exit status:
   0    better gains are stored, or there are none; with --dry-run: measured
@@ -77,7 +77,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--dry-run", action="store_true", help="measure and suggest; write nothing to the board"
     )
     parser.add_argument(
-        "--undo", action="store_true", help="store again what the board had before; no wheel turns"
+        "--undo", action="store_true", help="store the board's former values again; no wheel turns"
     )
     parser.add_argument(
         "--speed",
@@ -186,11 +186,10 @@ class Tuning:
         if self._wrote and self._procedure is not None and self._procedure.restored:
             # Before the words: a disk that does not take it is an error of its own.
             self._finish()
-            self.say("The board stores again what it had.")
+            self.say("The board stores its former values again.")
         elif self._wrote:
             self.say(
-                "The board stores trial values now. `yahboomd tune --undo` stores again what it "
-                "had."
+                "The board stores trial values now. `yahboomd tune --undo` stores the former ones."
             )
 
     async def tune(self, procedure: Procedure) -> int:
@@ -209,7 +208,7 @@ class Tuning:
                 self._finish()
             elif result.suggested and not result.worth_writing:
                 result.notes.append(
-                    "The gains are good: what is suggested would settle hardly sooner."
+                    "The gains are good: the suggested ones would hardly settle sooner."
                 )
         except LeftTurning:
             self._left_turning = True
@@ -260,8 +259,8 @@ class Tuning:
         restart = f", and restarts the board ({RESET_S:g} s)" if resets else ""
         self.say(
             f"To be stored: {values(wanted)}. Each value costs one of some {FLASH_WRITES:,} writes "
-            f"of the board's flash{restart}; up to {ROUNDS} sets of gains are tried. What it "
-            f"stores now is saved in {self._place}."
+            f"of the board's flash{restart}; up to {ROUNDS} sets of gains are tried. Its "
+            f"present values are saved in {self._place}."
         )
         if self._args.yes:
             return True
@@ -285,7 +284,9 @@ class Tuning:
         )
         kept = save(self._place, found)
         if kept is not found:
-            self.say(f"A tuning of {kept.made} did not end: --undo stores what was before that.")
+            self.say(
+                f"A tuning of {kept.made} did not end: --undo stores the values from before it."
+            )
         self._wrote = True
 
     def _finish(self) -> None:

@@ -49,8 +49,8 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 DESCRIPTION = """\
 Serve a page from which a phone drives the robot, watches it and stops it. It is an ordinary client
 of the bus, and everything that it shows is in this installation: a robot's hotspot needs no
-internet. Only this machine reaches it, unless --listen says otherwise: then people need the link
-with a token, which is shown here, and as a QR code for the phone's camera.
+internet. Only this machine reaches it, unless --listen names another address: then people need
+the link with a token, which this command prints, also as a QR code for the phone's camera.
 """
 
 EPILOG = """\
@@ -235,7 +235,7 @@ def _links(args: argparse.Namespace, folder: Path) -> int:
 
     tokens = make_tokens(folder) if args.new_tokens else _tokens(folder)
     if args.new_tokens:
-        print("New tokens are made: start `yahboomd web` again, where it runs.")
+        print("New tokens are made. If `yahboomd web` runs, start it again.")
     place, tls = (_place(args.listen), False) if args.listen is not None else last_served(folder)
     print_links(place, tokens, tls=tls or _context(args, place, folder) is not None)
     return os.EX_OK

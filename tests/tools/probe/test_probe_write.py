@@ -48,7 +48,7 @@ def test_a_lost_answer_and_more_than_one_attempt_are_reported(
 
 def test_a_refusal_is_reported_in_the_boards_words(capsys: pytest.CaptureFixture[str]) -> None:
     words = printed(capsys, step(outcome="refused", answer="fail,type error!"), lines_now=11)
-    assert words == "encoder lines   11 -> 11   refused, the board says 'fail,type error!'"
+    assert words == "encoder lines   11 -> 11   refused, the board answered 'fail,type error!'"
 
 
 def test_a_failure_is_not_said_to_be_read_back(capsys: pytest.CaptureFixture[str]) -> None:

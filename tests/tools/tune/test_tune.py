@@ -297,6 +297,6 @@ async def test_a_tuning_that_ends_early_says_that_the_board_has_its_own_values(
     procedure._say = say
     with pytest.raises(BoardError):
         await tuning.tune(procedure)
-    assert "The board stores again what it had." in capsys.readouterr().err
+    assert "The board stores its former values again." in capsys.readouterr().err
     assert read_saved(place).finished
     assert bench.link.robot.board.flash == before

@@ -12,7 +12,7 @@ from yahboomd.cli.shell.command_tree import Argument, Command, whole
 
 DESCRIPTION = """\
 Print a script that lets a shell complete the commands and options of yahboomd. The Debian package
-and `yahboomd install` put these scripts in place; where yahboomd is installed otherwise, load one.
+and `yahboomd install` put these scripts in place; after another installation, load one.
 """
 
 EPILOG = """\

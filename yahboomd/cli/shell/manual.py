@@ -23,7 +23,7 @@ plugged in.
 FILES: Mapping[str, str] = {
     "/etc/yahboomd/config.toml": "the configuration; `yahboomd config reference` explains every "
     "key.",
-    "/etc/yahboomd/NAME.toml": "that of the service yahboomd@NAME, where there are several boards.",
+    "/etc/yahboomd/NAME.toml": "that of the service yahboomd@NAME, if there are several boards.",
     "/dev/yahboom_driver": "the board, as the udev rule names it.",
     "/run/yahboomd/stop.sock": "the socket over which root and the group yahboomd stop the robot: "
     "`echo stop | socat - UNIX-CONNECT:/run/yahboomd/stop.sock`",
@@ -32,12 +32,12 @@ FILES: Mapping[str, str] = {
 
 STATUSES: Mapping[int, str] = {
     0: "success.",
-    1: "the answer is no: what was asked for was not done, or is not so. The command's own page "
-    "says what that is.",
+    1: "the answer is no: the command refused or failed, or found that something is not so. Its "
+    "own page explains it.",
     2: "the arguments make no sense.",
     3: "the emergency stop is engaged (`yahboomd status`).",
     4: "the robot waits for its board (`yahboomd status`).",
-    65: "a file is not what the command takes.",
+    65: "a file has another format than the command takes.",
     66: "a file cannot be read.",
     69: "no port, no board or no daemon is there, or another process holds the port.",
     70: "an error of yahboomd itself; the log has a traceback.",

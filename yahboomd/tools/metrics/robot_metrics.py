@@ -241,7 +241,7 @@ class Page:
             1, {"version": self._version}
         )
         connections = exposition.family(
-            "yahboomd_metrics_connections", "counter", "connections of scrapers, by what they got"
+            "yahboomd_metrics_connections", "counter", "connections of scrapers, by outcome"
         )
         for outcome, count in self.connections.items():
             connections.set(count, {"outcome": outcome})

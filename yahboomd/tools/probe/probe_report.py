@@ -155,8 +155,8 @@ def _advice(found: Examination, reopening: Reopening | None) -> Iterable[str]:
         return
     if reopening.survival == "reset":
         yield (
-            "Opening the port resets the board, so a restart of the daemon loses what the wheels "
-            "travelled meanwhile. The port's DTR line does that: try --set serial.dtr=false, and "
+            "Opening the port resets the board, so a restart of the daemon loses the "
+            "travel meanwhile. The port's DTR line does that: try --set serial.dtr=false, and "
             "see that serial.hangup_on_close is false; then probe again."
         )
     elif reopening.survival == "unknown" and reopening.near_zero:

@@ -124,7 +124,7 @@ def listing(found: Sequence[Candidate], udev_name: str, target: str) -> list[str
     ]
     if not rows:
         return ["No serial port is on USB, nor on the computer itself."]
-    return columns([("port", "what it is", "a name that stays"), *rows])
+    return columns([("port", "device", "a name that stays"), *rows])
 
 
 def shown(row: SettingRow, settings: Sequence[StoredSetting]) -> tuple[str, str]:

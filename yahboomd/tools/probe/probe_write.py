@@ -42,7 +42,7 @@ class Printed(storing.Progress):
         before, now = shown(row, self._table)
         notes: list[str] = [step.outcome]
         if step.outcome == "refused":
-            notes.append(f"the board says {step.answer!r}")
+            notes.append(f"the board answered {step.answer!r}")
         elif not step.answer:
             read_back = ", but read back" if step.outcome == "stored" else ""
             notes.append(f"no answer heard{read_back}")

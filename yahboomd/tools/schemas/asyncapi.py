@@ -38,12 +38,12 @@ _DESCRIPTION = """\
 Every key of yahboomd on Zenoh. The rules (who drives, how old a command may be, what an emergency
 stop does) are in docs/bus.md.
 
-- `send` operations are what yahboomd publishes, `receive` operations what it takes: samples, and
-  queries where the operation has a reply.
+- `send` operations are yahboomd's samples; `receive` operations are the samples that it takes and,
+  if the operation has a reply, the queries.
 - With a `namespace` in the configuration every address has it in front, as in `bot1/yahboomd/pose`.
 - `x-zenoh` has the QoS. Payloads are JSON, or MessagePack of the same shape with
   `encoding = "msgpack"`; the Zenoh Encoding of a sample names both, as in
-  `application/json;PoseSample`. What yahboomd receives needs no Encoding.
+  `application/json;PoseSample`. Samples to yahboomd need no Encoding.
 - The keys for ROS 2 carry CDR; their names can be configured.
 """
 
@@ -210,8 +210,8 @@ def document() -> Json:
         if key in keys.SAMPLES:
             made.operation(
                 *("get", key, "receive", [QUERY]),
-                summary=f"Returns the newest {name}; before the first one a ServiceReply that "
-                "says so.",
+                summary=f"Returns the newest {name}; before the first one a ServiceReply with "
+                "the reason.",
                 zenoh={"query": True, "wildcards": True, "reply": _ANSWERS},
                 replies=made.native(output.message, ServiceReply),
                 tag="published",
@@ -229,7 +229,7 @@ def document() -> Json:
     for key, topic in ROS_TOPICS.items():
         made.operation(
             *("ros2", key, "send", made.cdr(topic.ros_type)),
-            summary=f"Published {topic.when}, where ROS 2 is enabled.",
+            summary=f"Published {topic.when}, if ROS 2 is enabled.",
             zenoh={
                 **_qos("data_high", blocks=False, encodings=[encoding_name(topic.ros_type, "cdr")]),
                 "ros2": msgspec.to_builtins(topic.qos),
@@ -295,7 +295,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """The command; returns the exit status."""
     parser = argparse.ArgumentParser(prog="python -m yahboomd.tools.schemas.asyncapi")
     parser.description = "Write the AsyncAPI document of the bus."
-    parser.add_argument("folder", type=Path, help="where it is, such as schemas")
+    parser.add_argument("folder", type=Path, help="its folder, such as schemas")
     parser.add_argument("--check", action="store_true", help="write nothing, compare")
     options = parser.parse_args(arguments)
     path: Path = options.folder / FILE

@@ -134,7 +134,7 @@ class PausedEvent(_EventOfKind, frozen=True, kw_only=True):
 class PortSlowData(msgspec.Struct, frozen=True, kw_only=True):
     """The output of the serial port."""
 
-    bytes_per_s: Annotated[int, Meta(description="What it sends, bytes/s.")]
+    bytes_per_s: Annotated[int, Meta(description="Its measured rate, bytes/s.")]
 
 
 class PortSlowEvent(_EventOfKind, frozen=True, kw_only=True):
@@ -169,7 +169,7 @@ class WheelsSlipData(msgspec.Struct, frozen=True, kw_only=True):
 
     wheels_rad: Annotated[float, Meta(description="The turn that the wheels counted, rad.")]
     gyro_rad: Annotated[float, Meta(description="The turn that the gyro saw, rad.")]
-    over_s: Annotated[float, Meta(description="Time in which they turned so far, s.")]
+    over_s: Annotated[float, Meta(description="The time in which they turned, s.")]
 
 
 class WheelsSlipEvent(_EventOfKind, frozen=True, kw_only=True):
@@ -242,7 +242,7 @@ KINDS: dict[EventKind, KindInfo] = {
     ),
     "line_noisy": KindInfo(
         ("warning",),
-        "The line damages bytes and a wheel did not do what was sent: cut for a moment.",
+        "The line damages bytes and a wheel did not follow its command: cut for a moment.",
         wheel=True,
     ),
     "runaway_against": _wheel("A wheel turns against its command."),
@@ -276,7 +276,7 @@ KINDS: dict[EventKind, KindInfo] = {
     ),
     "clock_stepped": KindInfo(
         ("info", "warning"),
-        "This machine's clock was set by a second or more; a warning where it was set back.",
+        "This machine's clock was set by a second or more; a warning if it was set back.",
         ClockSteppedEvent,
     ),
     "clock_offset": KindInfo(

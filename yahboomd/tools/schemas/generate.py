@@ -62,14 +62,14 @@ are in [`docs/bus.md`](../docs/bus.md). Everything here is generated, and checke
 | `samples/json/<Message>.json` | an example, byte for byte as it travels in JSON |
 | `samples/msgpack/<Message>.bin` | the same example in MessagePack |
 | `samples/cdr/<Type>.bin` | an example of a ROS 2 message in CDR, with its four-byte header |
-| `samples/cdr/<Type>.json` | its type and what it holds (`"NaN"` stands for not-a-number) |
+| `samples/cdr/<Type>.json` | its type and its values (`"NaN"` stands for not-a-number) |
 | `samples/refused.json` | velocity commands that are refused, as hexadecimal bytes, and why |
 
 ## How to use them
 1. Generate types from the schemas, or write them by hand: there are few, and they are flat but for
    `RosVelocityCommand`, the groups of counters in `StatusSample`, and the `data` of events and
    replies.
-2. Test the decoder: `samples/msgpack/X.bin` must decode to what `samples/json/X.json` holds, and
+2. Test the decoder: `samples/msgpack/X.bin` must decode to the values of `samples/json/X.json`, and
    `samples/cdr/X.bin` to the `values` of `samples/cdr/X.json`.
 3. Test the encoder by meaning, not by bytes: the order of fields, white space, and how wide a
    MessagePack number is are free. Fields with a default may be left out.
@@ -87,7 +87,7 @@ are in [`docs/bus.md`](../docs/bus.md). Everything here is generated, and checke
 - Numbers are SI: metres, radians, m/s, rad/s. `stamp_ns` is Unix time in nanoseconds and needs 64
   bits; in JavaScript read it as a BigInt, or lose the last three digits.
 - A JSON or MessagePack number is finite: NaN and infinities are refused. Integers are welcome
-  where a schema says number.
+  for a schema's number.
 - In CDR both byte orders are read, and little-endian is written.
 
 ## The messages
@@ -182,7 +182,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """The command; returns the exit status."""
     parser = argparse.ArgumentParser(prog="python -m yahboomd.tools.schemas.generate")
     parser.description = "Write JSON Schemas and golden samples of every message."
-    parser.add_argument("folder", type=Path, help="where they are, such as schemas")
+    parser.add_argument("folder", type=Path, help="their folder, such as schemas")
     parser.add_argument("--check", action="store_true", help="write nothing, list differences")
     options = parser.parse_args(arguments)
     folder: Path = options.folder

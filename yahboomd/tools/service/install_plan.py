@@ -56,7 +56,7 @@ Install it where every user may read it; PACKAGE is the wheel, or the folder of 
   sudo python3 -m venv /opt/yahboomd-venv
   sudo /opt/yahboomd-venv/bin/pip install PACKAGE
   sudo /opt/yahboomd-venv/bin/yahboomd install
-or, where Python is older than 3.11, with uv:
+or, if Python is older than 3.11, with uv:
   sudo env UV_TOOL_DIR=/opt/uv/tools UV_TOOL_BIN_DIR=/usr/local/bin \\
     UV_PYTHON_INSTALL_DIR=/opt/uv/python uv tool install --python 3.12 PACKAGE
   sudo yahboomd install"""
@@ -129,7 +129,7 @@ def instance_file(root: Path, name: str, port: str) -> PlannedFile:
     others = [each for each in sorted(folder.glob("*.toml")) if each != path]
     listen = free_listen_port(each.read_text(encoding="utf-8") for each in others)
     text = (
-        f"# The board {name!r}, for yahboomd@{name}.service. What is left out is at its default:\n"
+        f"# The board {name!r}, for yahboomd@{name}.service. Keys left out have their defaults:\n"
         "# yahboomd config reference --toml shows every key.\n"
         "\n"
         "[serial]\n"

@@ -24,9 +24,9 @@ KNOWN_HOLDERS = {
         ("yahboomd setup", "yahboomd tune"),
         "It turns wheels: `yahboomd stop` ends it, and sees them stand.",
     ),
-    "yahboomd's guard": "The guard lets the motors go where a setup or a tune was killed, and ends "
-    "with it, two seconds later at most.",
-    "yahboomd": "A yahboomd daemon owns the board: `yahboomd monitor` shows what it does, and "
+    "yahboomd's guard": "The guard lets the motors go if a setup or a tune is killed, and ends "
+    "within two seconds after it.",
+    "yahboomd": "A yahboomd daemon owns the board: `yahboomd monitor` watches it, and "
     "`yahboomd stop` stops its wheels. To use the port itself, end the daemon first.",
 }
 """Programs that are known to hold such ports, each with advice."""

@@ -58,7 +58,7 @@ def not_released(
             doing = f" (state {state})" if state else ""
             return type(error)(
                 f"{error.message} yahboomd (pid {pid}) runs here and does not answer{doing}.",
-                remedy=f"Repeat it: {again}\nWhere that does not help, end it: kill {pid}",
+                remedy=f"Repeat it: {again}\nIf that does not help, end it: kill {pid}",
             )
     if asked.connect:
         return error

@@ -337,5 +337,5 @@ def verdict(fastest_m_s: float | None, *, stood: bool, again: str) -> str:
         return f"The wheels still turn, at {fastest_m_s:.2f} m/s: switch their supply off."
     return (
         "The daemon receives no counts from the board, so it cannot see whether the wheels stand. "
-        "Look at them: where they turn, switch the motor supply off."
+        "Look at them: if they turn, switch the motor supply off."
     )

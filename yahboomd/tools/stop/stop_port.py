@@ -247,7 +247,7 @@ def _explained(path: str, error: OSError, asked: tuple[str, ...]) -> LinkError:
         return PortBusy(
             f"{why.message} It does not answer at {' or '.join(asked)}.",
             remedy=f"Only it can stop the wheels, and does so as it ends: {end(who)}\n"
-            f"Where it does not end within 5 s: kill -9 {end(who).removeprefix('kill ')}; "
+            f"If it does not end within 5 s: kill -9 {end(who).removeprefix('kill ')}; "
             f"yahboomd stop --port {path}",
         )
     return PortBusy(

@@ -214,7 +214,7 @@ def unresponsive(name: str, pid: int, state: str, again: str) -> tuple[str, str]
     doing = f" (state {state})" if state else ""
     remedy = (
         f"End it, which stops the wheels: kill {pid}\n"
-        f"Where it does not end within 5 s: kill -9 {pid}; {again}"
+        f"If it does not end within 5 s: kill -9 {pid}; {again}"
     )
     return f"{name} does not answer{doing}.", remedy
 
