@@ -44,9 +44,7 @@ def main() -> None:
     parser.add_argument(
         "--page", action="store_true", help="measure nothing: write the pages from stored results"
     )
-    parser.add_argument(
-        "--resume", action="store_true", help="skip what was measured within the last hour"
-    )
+    parser.add_argument("--resume", action="store_true", help="skip benchmarks of the last hour")
     args = parser.parse_args()
     names = args.names or POINTS
     if unknown := set(names) - set(POINTS):

@@ -4,12 +4,12 @@
 
 Rebuilt from the description in "Building a ROS 2 Hardware Bridge for Yahboom 520 Motor Drivers":
 one process, one serial handle, one thread. A timer asks for the counters 20 times a second with
-``readline()``, whose time-out of 50 ms always runs out because the board ends its answers with
-``#`` alone; the pose is integrated at the midpoint from the difference to the last counts, which
-are 0 at the start; a velocity becomes wheel speeds times SCALE_FACTOR 1000, each wheel clipped by
-itself, and is written once. A socket on loopback delivers velocities in place of ROS, which
-costs less; as in a single-threaded executor one callback runs at a time. At its end it sends one
-speed of zero. Poses go to LOG, one JSON line each.
+``readline()``. Its time-out of 50 ms always runs out, because the board ends its answers with ``#``
+alone. The pose is integrated at the midpoint from the difference to the last counts, which are 0 at
+the start. A velocity becomes wheel speeds times SCALE_FACTOR 1000, each wheel clipped by itself,
+and is written once. A socket on loopback delivers velocities in place of ROS, which costs less; as
+in a single-threaded executor, one callback runs at a time. At its end it sends one speed of zero.
+Poses go to LOG, one JSON line each.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class Bridge:
             print("poll failed:", error, flush=True)
 
     def stop(self) -> None:
-        """At the end of the node."""
+        """Stop the wheels at the end of the node."""
         self._serial.write(b"$speed:0,0,0,0#")
         self._serial.flush()
 
@@ -92,7 +92,7 @@ class Bridge:
 
 
 def spin(bridge: Bridge, commands: socket.socket) -> None:
-    """One callback after the other, the timer's first."""
+    """Run one callback after the other, the timer's first."""
     due = time.monotonic() + PERIOD_S
     pending = b""
     while True:

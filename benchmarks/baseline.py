@@ -28,7 +28,7 @@ from benchmarks.latency import UNLIMITED
 from benchmarks.report import Section, method, milliseconds, number, quantile
 
 SHORT = 0.25
-"""The length of each drive in the short form."""
+"""The factor for the length of each drive in the short form."""
 
 P50 = "command to wire, p50, ms"
 POLLS = "polls a second"
@@ -41,7 +41,7 @@ SHOWN = (
     "unplugged for",
     "commands end in motion",
 )
-"""Beginnings of the rows on the results page."""
+"""How the rows on the results page begin."""
 
 
 @dataclass
@@ -49,10 +49,10 @@ class Found:
     """The results of a trial with one driver.
 
     Attributes:
-        figures: By row.
-        said: Sentences.
-        compared: Whether a ratio means anything. It does not for wheels that are left turning:
-            their figures only depend on the length of the trial.
+        figures: The figures by row.
+        said: The findings, in sentences.
+        compared: Whether a ratio means anything. It does not for wheels that are left turning,
+            because their figures depend only on the length of the trial.
     """
 
     figures: dict[str, str]
@@ -107,7 +107,7 @@ def polling_and_latency(name: str, pace: float) -> Found:
 
 
 def at_start(name: str, pace: float) -> Found:  # noqa: ARG001 - has one length
-    """Counters that are not zero."""
+    """Start with counters that are not zero."""
     with trial(name, "--ticks", "123456,0,120000,0") as run:
         time.sleep(1.0)
         x, y, theta = run.pose()
@@ -118,7 +118,7 @@ def at_start(name: str, pace: float) -> Found:  # noqa: ARG001 - has one length
 
 
 def saturation(name: str, pace: float) -> Found:  # noqa: ARG001 - has one length
-    """A command beyond the limits: 0.9 m/s with 4 rad/s needs 1.2 m/s at the right wheel."""
+    """Command more than the limits: 0.9 m/s with 4 rad/s needs 1.2 m/s at the right wheel."""
     with trial(name) as run:
 
         def fastest() -> tuple[int, int, int] | None:
@@ -139,7 +139,7 @@ def saturation(name: str, pace: float) -> Found:  # noqa: ARG001 - has one lengt
 
 
 def plain_drive(name: str, pace: float) -> Found:
-    """A few seconds of curves without any fault."""
+    """Drive curves for a few seconds without any fault."""
     with trial(name) as run:
         for wz in (0.0, 1.5, -1.5, 3.0):
             run.drive(2.0 * pace, 0.4, wz)
@@ -149,7 +149,7 @@ def plain_drive(name: str, pace: float) -> Found:
 
 
 def reset(name: str, pace: float) -> Found:
-    """The board resets itself in motion."""
+    """Reset the board in motion."""
     with trial(name) as run:
         run.drive(3.0 * pace, 0.3)
         run.control("reset")
@@ -165,7 +165,7 @@ def reset(name: str, pace: float) -> Found:
 
 
 def one_garbled(name: str, pace: float) -> Found:
-    """One digit of one answer is altered, and the frame is still valid."""
+    """Alter one digit of one answer; the frame stays valid."""
     with trial(name) as run:
         run.drive(3.0 * pace, 0.3)
         run.control("garble")
@@ -181,7 +181,7 @@ def one_garbled(name: str, pace: float) -> Found:
 
 
 def noise(name: str, pace: float) -> Found:
-    """One byte in five hundred has a bit flipped."""
+    """Flip a bit in one byte of five hundred."""
     with trial(name, "--seed", "5") as run:
         run.drive(1.0, 0.3)
         run.control("corruption 0.002")
@@ -196,7 +196,7 @@ def noise(name: str, pace: float) -> Found:
 
 
 def unplug(name: str, pace: float) -> Found:
-    """The plug is out for two seconds; the board drives on meanwhile."""
+    """Unplug the board for two seconds, in which it drives on."""
     out_s = 2.0 * pace
     after_s, error_m, speed = unplugged(name, out_s, 3.0 * pace, "0,0,0,0")
     row = f"unplugged for {out_s:g} s in motion: first speed frame after the plug is back, s"
@@ -211,14 +211,14 @@ def unplug(name: str, pace: float) -> Found:
 
 
 def unplug_far(name: str, pace: float) -> Found:
-    """The same, with counters far from zero, which no reset explains: they show real travel."""
+    """Unplug with counters far from zero: no reset explains them, so they show real travel."""
     _, error_m, _ = unplugged(name, 2.0 * pace, 3.0 * pace, "120000,0,120000,0")
     row = "the same, with counters at 120000 before: pose off by, m"
     return Found({row: number(error_m)}, compared=False)
 
 
 def unplugged(name: str, out_s: float, then_s: float, ticks: str) -> tuple[float, float, float]:
-    """A drive during which the plug is out for a while, ended by a command to stand.
+    """Drive with the plug out for a while, and end with a command to stand.
 
     Returns:
         Seconds from the replug to the first speed frame (NaN: none came), the error of the pose,
@@ -226,7 +226,7 @@ def unplugged(name: str, out_s: float, then_s: float, ticks: str) -> tuple[float
     """
     with trial(name, "--ticks", ticks) as run:
         run.drive(0.5, 0.0)
-        # The pose that the counters caused at the start is measured by another trial.
+        # Another trial measures the pose that the counters cause at the start.
         origin = run.pose()
         run.drive(1.5, 0.3)
         run.control(f"unplug {out_s}")
@@ -238,7 +238,7 @@ def unplugged(name: str, out_s: float, then_s: float, ticks: str) -> tuple[float
 
 
 def silence(name: str, pace: float) -> Found:
-    """The application stops sending in motion."""
+    """Stop sending in motion."""
     watched_s = 3.0 * pace
     with trial(name) as run:
         run.drive(1.5, 0.3)

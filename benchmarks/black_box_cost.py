@@ -1,9 +1,9 @@
-"""``make black-box``: what the black box costs the daemon, in three minutes.
+"""``make black-box``: measures the black box's cost for the daemon, in three minutes.
 
 Two daemons run at the same time on two ports of one thin board, one with the black box and one
 without, in either order. Standing and driving alternate, and the CPU of the two is compared pair by
-pair; then each command is sent to both, in turn, and the time to its frame is compared: the machine
-is not quiet, and what disturbs it disturbs both.
+pair. Then each command is sent to both, in turn, and the time to its frame is compared. The machine
+is not quiet, but a disturbance affects both.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ DRIVE_HZ = 50
 def daemons(
     stack: contextlib.ExitStack, where: Path, options: tuple[str, ...], order: Sequence[str]
 ) -> tuple[rig.Process, list[int], list[Put]]:
-    """The board, the process of each daemon, and how to command it."""
+    """Start the board and each daemon; returns the board, their processes, and their puts."""
     board = stack.enter_context(rig.thin_board(where, *options, ports=2))
     pids, puts = [], []
     for number, name in enumerate(order):
@@ -56,7 +56,7 @@ def daemons(
 
 
 def each_record() -> None:
-    """Print what one record costs, the least of many runs, in one process."""
+    """Print the cost of one record, the least of many runs, in one process."""
     file = os.memfd_create("ring")
     ring = Ring(partial(os.pwrite, file), 0, SEGMENT_BYTES, SEGMENTS)
     recorder = Recorder(ring, time.monotonic_ns, time.time_ns)

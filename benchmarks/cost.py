@@ -83,7 +83,7 @@ def measure(
 
 
 def main_thread_ns(pid: int) -> int:
-    """CPU time of the event loop's thread so far."""
+    """CPU time of the event loop's thread since its start."""
     return int(Path(f"/proc/{pid}/task/{pid}/schedstat").read_text().split()[0])
 
 
@@ -177,7 +177,7 @@ def draw(section: Section, curves: dict[str, list[tuple[float, float]]], images:
 
 
 def staged(seconds: float) -> list[list[int]]:
-    """The moments of each command on its way between Zenoh's callback and the port."""
+    """Trace each command between Zenoh's callback and the port; returns its moments."""
     with rig.folder() as where:
         path = where / "stages"
         path.touch()

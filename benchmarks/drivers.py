@@ -1,6 +1,6 @@
 """One interface to the article's bridge and to yahboomd, each on its own simulated polled board.
 
-By :data:`STARTS`, to which ``ros_ways`` adds those of ROS 2.
+:data:`STARTS` starts each by its name; ``ros_ways`` adds those of ROS 2.
 """
 
 from __future__ import annotations
@@ -53,12 +53,12 @@ class ArticleDriver:
         self._connection.sendall(json.dumps([vx, wz]).encode() + b"\n")
 
     def poses(self) -> list[Pose]:
-        """All poses so far."""
+        """All poses until now."""
         lines = [json.loads(line) for line in self._log.read_text().splitlines()]
         return [(x, y, theta) for _, x, y, theta in lines]
 
     def account(self) -> str:
-        """Nothing: the bridge does not count commands."""
+        """Return nothing, because the bridge does not count commands."""
         return ""
 
 
@@ -83,7 +83,7 @@ class YahboomdDriver:
         self._put(json.dumps({"vx": vx, "wz": wz}).encode())
 
     def poses(self) -> list[Pose]:
-        """All poses so far."""
+        """All poses until now."""
         return list(self._poses)
 
     def account(self) -> str:
@@ -113,11 +113,11 @@ class Trial(NamedTuple):
 
     @property
     def process(self) -> rig.Process:
-        """The one that holds the port."""
+        """The process that holds the port."""
         return self.needed[0]
 
     def control(self, command: str) -> None:
-        """Disturb the board."""
+        """Send a command to the board's control socket."""
         with socket.socket(socket.AF_UNIX) as line:
             line.connect(str(self.where / "control"))
             line.sendall(f"{command}\n".encode())
@@ -171,7 +171,7 @@ class Started(NamedTuple):
 
     Attributes:
         driver: Takes velocities and has poses.
-        needed: Every process that has to run for it, the one that holds the port first.
+        needed: Every process that it needs, the one that holds the port first.
     """
 
     driver: Driver
@@ -183,7 +183,7 @@ Start = Callable[[contextlib.ExitStack, Path, tuple[str, ...]], Started]
 
 
 def start_article(stack: contextlib.ExitStack, where: Path, _: tuple[str, ...]) -> Started:
-    """The rebuilt bridge."""
+    """Start the rebuilt bridge."""
     port = rig.free_endpoint().rpartition(":")[2]
     arguments = (str(where / "board"), port, str(where / "poses"))
     process = stack.enter_context(rig.Process("-m", "benchmarks.article", *arguments))
@@ -194,7 +194,7 @@ def start_article(stack: contextlib.ExitStack, where: Path, _: tuple[str, ...]) 
 
 
 def start_yahboomd(stack: contextlib.ExitStack, where: Path, settings: tuple[str, ...]) -> Started:
-    """The daemon, commanded over Zenoh."""
+    """Start the daemon, commanded over Zenoh."""
     endpoint = rig.free_endpoint()
     process = rig.daemon(where, endpoint, *WHEELS, *settings, port="board")
     stack.enter_context(process)
@@ -220,7 +220,7 @@ def trial(name: str, *options: str, settings: tuple[str, ...] = ()) -> Iterator[
 
 
 def frames(heard: list[Heard], since_ns: int = 0) -> list[tuple[int, int, int]]:
-    """(when, left, right) of the speed frames."""
+    """The time, left and right speed of each speed frame."""
     return [
         (each.t_ns, int(match[1]), int(match[3]))
         for each in heard

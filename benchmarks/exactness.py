@@ -73,7 +73,7 @@ def cell(values: Sequence[float]) -> str:
 
 
 def tables_of_paths(section: Section, rates: tuple[int, ...]) -> None:
-    """The named paths, exact and counted."""
+    """Integrate the named paths, exact and counted."""
     truths = {name: truth(path) for name, path in PATHS.items()}
     at = f"at {' / '.join(map(str, rates))} Hz"
     section.table(
@@ -121,7 +121,7 @@ def tables_of_paths(section: Section, rates: tuple[int, ...]) -> None:
 
 
 def table_of_random(section: Section, many: int, rates: tuple[int, ...]) -> dict[str, list[float]]:
-    """Random paths; returns the errors at 20 Hz by formula, for the picture."""
+    """Integrate random paths; returns the errors at 20 Hz by formula, for the picture."""
     place: dict[tuple[str, int], list[float]] = {}
     turn: dict[tuple[str, int], list[float]] = {}
     own: list[float] = []
@@ -167,7 +167,7 @@ def table_of_random(section: Section, many: int, rates: tuple[int, ...]) -> dict
 
 
 def tables_of_records(section: Section, rates: tuple[int, ...]) -> None:
-    """Drives of the simulated robot."""
+    """Integrate drives of the simulated robot."""
     places, headings = [], []
     for name, drive in DRIVES.items():
         far: dict[str, list[float]] = {formula: [] for formula in FORMULAS}
@@ -252,7 +252,7 @@ def nees(runs: int, path: Path, seed: int) -> float:
 
 
 def table_of_nees(section: Section, runs: int) -> None:
-    """Consistency of the covariance with the errors."""
+    """Compare the covariance with the errors."""
     # Wilson and Hilferty's bounds of chi-squared over its degrees, 99 %.
     degrees = 3 * runs
     spread = 2.5758 * math.sqrt(2.0 / (9.0 * degrees))
@@ -288,13 +288,13 @@ def table_of_nees(section: Section, runs: int) -> None:
 
 
 LINES = ("-", "--", "-", "-", "-")
-"""Both Euler formulas err alike: one line is dashed, so that the other shows."""
+"""Both Euler formulas err alike, so one line is dashed and shows the other."""
 
 
 def draw(
     section: Section, found: dict[str, list[float]], spread: dict[str, list[float]], images: File
 ) -> None:
-    """The plots."""
+    """Draw the plots."""
     figure, axes = pictures.blank(7.5, 4.6)
     for (formula, values), colour, line in zip(found.items(), pictures.COLOURS, LINES, strict=True):
         axes.loglog(SLOPE_RATES_HZ, values, "o" + line, color=colour, label=formula, markersize=4)

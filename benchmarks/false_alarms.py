@@ -6,11 +6,11 @@
 
 Drives a simulated robot at random, in pieces of a minute. Each piece has its own dialect, share of
 lost bytes, supply voltage, motor lag and speed loop of the firmware, and ends with one wheel that
-breaks. An alarm is false when the wheel obeyed the bytes that the board received: a healthy wheel
-always does, so before the end of a piece every alarm is false. The table counts those for which the
-board had received another speed than was sent. A broken wheel shows only while it is driven: the
-time to the cut counts only while the robot is commanded to move. The longest time that it stood
-meanwhile, after a cut that blamed the line, has a row of its own.
+breaks. An alarm is false if the wheel obeyed the bytes that the board received. A healthy wheel
+always does, so every alarm before the end of a piece is false. The table also counts the alarms for
+which the board had received another speed than the sent one. A broken wheel shows only while it is
+driven, so the time to the cut counts only while the robot is commanded to move. The longest time of
+standing meanwhile, after a cut that blamed the line, has a row of its own.
 
 The second line replays one piece, by the number that ``--words`` prints. The third only breaks
 wheels.
@@ -65,8 +65,8 @@ class Piece(msgspec.Struct, frozen=True, kw_only=True):
         volts: The supply; the motors are rated for 12 V.
         lag_s: The time constant of a driven motor.
         gain: The gain of the firmware's speed loop.
-        missing: By how much the board's dead zone is below the motors', in PWM units.
-        unlimited: Whether no acceleration is limited.
+        missing: The difference of the board's dead zone below the motors', in PWM units.
+        unlimited: Whether acceleration is unlimited.
     """
 
     dialect: str
@@ -79,7 +79,7 @@ class Piece(msgspec.Struct, frozen=True, kw_only=True):
 
     @staticmethod
     def draw(chance: random.Random, lags: tuple[float, float]) -> Piece:
-        """Choose one of the healthy wheels."""
+        """Choose the properties of one robot with healthy wheels."""
         gain = chance.choice((PLAIN_GAIN, QUICK_GAIN))
         return Piece(
             dialect=chance.choice(("streamed", "streamed", "polled")),
@@ -109,7 +109,7 @@ class Tally:
 
 
 class Received:
-    """The speeds that the board received, and those that were sent."""
+    """Compares the speeds that the board received with those that were sent."""
 
     def __init__(self, bench: FaultBench) -> None:
         self._bench = bench
@@ -239,7 +239,7 @@ async def _broken(bench: AlarmBench, chance: random.Random, what: Piece, tally: 
 
 
 def run(*, numbers: range, seed: int, lags: tuple[float, float], piece_s: float) -> Tally:
-    """All pieces, one after the other."""
+    """Run all pieces, one after the other."""
     tally = Tally()
     for number in numbers:
         chance = random.Random(f"{seed} {number}")
@@ -287,7 +287,7 @@ def main() -> None:
     parser.add_argument("--lags", type=float, nargs=2, default=(0.05, 0.3), metavar="S")
     parser.add_argument("--piece", type=float, default=60.0, metavar="S")
     parser.add_argument("--first", type=int, default=0, help="the number of the first piece")
-    parser.add_argument("--pieces", type=int, help="so many, not as many as fit into the minutes")
+    parser.add_argument("--pieces", type=int, help="the number of pieces, instead of --minutes")
     parser.add_argument("--words", action="store_true", help="each alarm")
     args = parser.parse_args()
     logging.disable()

@@ -1,8 +1,8 @@
 """Features of the article's bridge and of yahboomd.
 
 The bridge's cells describe ``benchmarks/article.py``, which is rebuilt from the article;
-``docs`` explains yahboomd's. The rebuilt bridge has no ROS messages, so what they may carry beside
-the pose is marked with -.
+``docs`` explains yahboomd's. The rebuilt bridge has no ROS messages, so their optional contents are
+marked with -.
 """
 
 from __future__ import annotations

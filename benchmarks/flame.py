@@ -1,4 +1,4 @@
-"""Sampled stacks as a flame graph, and as shares of each room."""
+"""Draws sampled stacks as a flame graph, and sums them as shares of each room."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def by_function(stacks: Stacks) -> Counter[str]:
 
 
 def draw(stacks: Stacks, path: Path, title: str) -> None:
-    """Write the graph as SVG: width is time, callers below their callees' bars are above them."""
+    """Write the graph as SVG: the width is time, and callees lie above their callers."""
     total = sum(stacks.values())
     depth = max((len(stack) for stack in stacks), default=0)
     height = (depth + 2) * ROW

@@ -26,7 +26,7 @@ from benchmarks.report import Section, median, method, milliseconds, number
 
 PER_PROCESS = 100
 PER_OPERATOR = 200
-"""Thin robots on one operator: one connection carries no more."""
+"""Thin robots on one operator, because one connection carries no more."""
 POSE_HZ = 50
 COMMANDS_HZ = 10
 
@@ -61,7 +61,7 @@ def routed(count: int, seconds: float, *, listened: bool = True, thin: bool = Fa
     Args:
         count: Number of robots.
         seconds: Duration.
-        listened: An operator subscribes to them and commands them.
+        listened: Whether an operator subscribes to them and commands them.
         thin: Robots and operator spend next to no Python on a pose.
     """
     how = ("thin",) if thin else ()
@@ -228,7 +228,7 @@ def crowd(
 
 
 def limits(section: Section, full: list[tuple[int, Load]], thin: list[tuple[int, Load]]) -> None:
-    """The largest numbers, and what limited them."""
+    """Report the largest numbers, and their limit."""
     for name, found in (("robots and an operator in Python", full), ("thin robots", thin)):
         served = [each for each in found if each[1].received() > 0.99]
         for count, load in dict((*served[-1:], *found[-1:])).items():

@@ -9,10 +9,10 @@
     python -m benchmarks.fleet_load fill ROUTER SHARED MOST
 
 A robot here is a Zenoh client with a namespace that puts a pose of the daemon's size 50 times a
-second and receives its commands, so that a router sees a daemon. With HZ a router passes on no
-robot's pose more often than that. Thin robots put a pose that was made once, except the first ten
-of a process. An operator with FIRST is a thin one, for the robots from that one on: Zenoh receives
-all their poses, and it reads those of the first ten.
+second and receives its commands, so that it looks like a daemon to the router. With HZ a router
+forwards each robot's poses at most at that rate. Thin robots put a pose that was made once, except
+the first ten of a process. An operator with FIRST is thin, for the robots from that number on:
+Zenoh receives all their poses, and it reads those of the first ten.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ from yahboomd.core.messages.native import PoseSample
 POSE_HZ = 50
 TICK_S = 0.002
 PROBES = 10
-"""Robots of a process with new poses, and those that a thin operator reads."""
+"""Robots of a process with new poses, which are also the ones that a thin operator reads."""
 MOST_SESSIONS = 5000
 
 
 def until_terminated() -> threading.Event:
-    """Set when the process is asked to end."""
+    """Make an event that is set when the process is asked to end."""
     done = threading.Event()
     signal.signal(signal.SIGTERM, lambda _number, _frame: done.set())
     return done
@@ -50,7 +50,7 @@ def until_terminated() -> threading.Event:
 def router(
     listen: str, upstream: str = "", hz: str = "", count: str = "0", *, many: bool = False
 ) -> None:
-    """A router: the same code as zenohd's, in a Python process that sleeps."""
+    """Run a router: the same code as zenohd's, in a Python process that sleeps."""
     config = zenoh.Config()
     config.insert_json5("mode", '"router"')
     config.insert_json5("listen/endpoints", json.dumps([listen]))
@@ -60,7 +60,7 @@ def router(
     if upstream:
         config.insert_json5("connect/endpoints", json.dumps([upstream]))
     if hz:
-        # A rule has one clock for all keys that it matches: each robot needs one of its own.
+        # A rule has one clock for all keys that it matches, so each robot needs its own rule.
         rule = {
             "flows": ["egress"],
             "messages": ["put"],
@@ -76,7 +76,7 @@ def router(
 
 
 def pose(seq: int, sent_ns: int) -> bytes:
-    """A pose sample; the stamp is monotonic, which all processes of a machine share."""
+    """A pose sample with a monotonic stamp, because all processes of a machine share that clock."""
     sample = PoseSample(
         stamp_ns=sent_ns,
         seq=seq,
@@ -91,7 +91,7 @@ def pose(seq: int, sent_ns: int) -> bytes:
 
 
 def robots(endpoint: str, first: str, count: str, thin: str = "") -> None:
-    """Clients with namespaces, in one process, their puts spread over the period."""
+    """Run clients with namespaces, in one process, their puts spread over the period."""
     heard = [0]
     puts = []
     sessions = []
@@ -130,7 +130,7 @@ def robots(endpoint: str, first: str, count: str, thin: str = "") -> None:
 
 
 def operator(endpoint: str, count: str, seconds: str, commands_hz: str, first: str = "") -> None:
-    """Receives every pose and commands every robot; prints the result."""
+    """Receive every pose and command every robot; prints the result."""
     thin, numbers = bool(first), range(int(first or 0), int(first or 0) + int(count))
     rings = []
     ages: list[int] = []
@@ -143,8 +143,8 @@ def operator(endpoint: str, count: str, seconds: str, commands_hz: str, first: s
 
     with client(endpoint) as session:
         if thin:
-            # In a ring no Python runs for them. Those that are read share their connection, so
-            # they are lost as often, and as late.
+            # A ring runs no Python for its poses. The poses that are read share their connection,
+            # so they are lost and delayed in the same way.
             for n in numbers:
                 key = f"bot{n}/yahboomd/pose"
                 rings.append(session.declare_subscriber(key, RingChannel(1)))
@@ -182,7 +182,7 @@ def operator(endpoint: str, count: str, seconds: str, commands_hz: str, first: s
 
 
 def ears(seconds: str, *endpoints: str) -> None:
-    """Receives the poses of daemons, each at its own endpoint; prints their number and age."""
+    """Receive the poses of daemons, each at its own endpoint; prints their number and age."""
     ages: list[int] = []
 
     def take(sample: zenoh.Sample) -> None:
@@ -208,7 +208,7 @@ def ears(seconds: str, *endpoints: str) -> None:
 
 
 def join(endpoint: str, mode: str, count: str) -> None:
-    """Sessions that join a router and subscribe; prints their CPU seconds."""
+    """Join a router with many sessions that subscribe; prints their CPU seconds."""
     sessions = []
     before = time.process_time()
     for n in range(int(count)):
@@ -225,7 +225,7 @@ def join(endpoint: str, mode: str, count: str) -> None:
 
 
 def fill(endpoint: str, shared: str, most: str) -> None:
-    """Idle clients, until the router refuses one or there are ``most``; prints their number."""
+    """Open idle clients until the router refuses one or there are ``most``; prints their number."""
     sessions: list[zenoh.Session] = []
     config = client_config(endpoint, shared=shared == "shared")
     # A full router refuses again; a busy one accepts the second attempt.

@@ -1,4 +1,4 @@
-"""Floors: processes that do one thing at a port, and nothing else.
+"""Processes that do one thing at a port, and nothing else: the floors of the measurements.
 
 python -m benchmarks.floors zenoh tcp/127.0.0.1:PORT PTY
 python -m benchmarks.floors loop tcp/127.0.0.1:PORT PTY
@@ -39,7 +39,7 @@ def router(endpoint: str) -> zenoh.Config:
 
 
 def zenoh_floor(endpoint: str, fd: int) -> None:
-    """A bare callback of a session that is a router, as the daemon's is."""
+    """Write in the bare callback of a session that is a router, as the daemon's is."""
     done = threading.Event()
     signal.signal(signal.SIGTERM, lambda _number, _frame: done.set())
     with zenoh.open(router(endpoint)) as session:
@@ -53,7 +53,7 @@ def zenoh_floor(endpoint: str, fd: int) -> None:
 
 
 def loop_floor(endpoint: str, fd: int) -> None:
-    """The same by way of an event loop that has nothing else to do."""
+    """Write through an event loop that has nothing else to do."""
 
     async def write() -> None:
         loop, done = asyncio.get_running_loop(), asyncio.Event()
@@ -71,7 +71,7 @@ def loop_floor(endpoint: str, fd: int) -> None:
 
 
 def socket_floor(endpoint: str, fd: int) -> None:
-    """A TCP connection on loopback."""
+    """Write the bytes of a TCP connection on loopback."""
     host, _, port = endpoint.removeprefix("tcp/").rpartition(":")
     with socket.create_server((host, int(port))) as server:
         print("ready", flush=True)
@@ -109,7 +109,7 @@ def poll_floor(seconds: str, fd: int) -> None:
 
 
 class Counted(msgspec.Struct):
-    """What a bare reader puts: as many numbers as a pose has."""
+    """The sample of a bare reader: as many numbers as a pose has."""
 
     stamp_ns: int
     seq: int
@@ -120,11 +120,11 @@ class Counted(msgspec.Struct):
 
 
 def reader_floor(dialect: str, endpoint: str, fd: int) -> None:
-    """The least that an asyncio program does with counts: read, cut, decode; at 50 Hz, put.
+    """Do the least that an asyncio program does with counts: read, cut, decode; at 50 Hz, put.
 
     Args:
         dialect: ``polled`` asks 50 times a second; ``streamed`` asks once.
-        endpoint: Where it listens as a Zenoh router and puts; nowhere for ``-``.
+        endpoint: The endpoint of its Zenoh router, on which it puts; ``-`` for none.
         fd: The port.
     """
     if endpoint == "-":
@@ -138,8 +138,8 @@ def reader_floor(dialect: str, endpoint: str, fd: int) -> None:
 
 
 def driver_floor(dialect: str, endpoint: str, fd: int) -> None:
-    """The least that drives: as :func:`reader_floor`, but with three samples for the one, and a
-    frame of speeds for each command, which its event loop writes. No odometry, and no care."""
+    """Do the least that drives: as :func:`reader_floor`, but with three samples for the one, and a
+    frame of speeds for each command, which the event loop writes. No odometry, no safety."""
     with zenoh.open(router(endpoint)) as session:
         publishers = [
             session.declare_publisher(

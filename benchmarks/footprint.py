@@ -92,7 +92,7 @@ def _on(
 
 
 def _usage(pid: int, application: Application, seconds: float) -> Usage:
-    # Driven first, and at rest then: counters have the digits that they have on a robot in use.
+    # Driven first and then at rest, so that counters have as many digits as on a robot in use.
     with application.driving():
         cpu, rate = _cpu(pid, application, seconds)
     cpu_at_rest, _ = _cpu(pid, application, seconds)
@@ -202,7 +202,7 @@ class Application:
 
     def __exit__(self, *_: object) -> None:
         if self._driver is not None:
-            # The end of driving; the next one is the end of the application.
+            # Ends the driving; the next call ends the application.
             self._stop.set()
             self._driver.join()
             self._driver = None
@@ -213,7 +213,7 @@ class Application:
 def _daemon(port: Path, endpoint: str, settings: list[str]) -> subprocess.Popen[bytes]:
     more = [word for setting in settings for word in ("--set", setting)]
     return _yahboomd(
-        # As by default it listens, and joins a router: both of its sessions are open.
+        # It listens and joins a router, as by default, so both of its sessions are open.
         *("run", "--no-guard", "--port", str(port), "--set", f'zenoh.listen=["{free_endpoint()}"]'),
         *("--set", f'zenoh.connect=["{endpoint}"]'),
         *(

@@ -1,8 +1,7 @@
 """Formulas from counts to pose: published ones of other projects, and yahboomd's.
 
 Each takes the counters of the left and of the right wheel and returns (x, y, theta), all at every
-sample. Those of others are their published formulas, rewritten here for whole
-arrays.
+sample. The others' are their published formulas, rewritten for whole arrays.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ def _headings(turns: Array) -> Array:
 
 
 def euler(left: Counted, right: Counted, ticks: float) -> Places:
-    """linorobot2: forward Euler, the heading before the step, in single precision."""
+    """linorobot2: forward Euler with the heading before the step, in single precision."""
     ds, turns = (each.astype(np.float32) for each in _steps(left, right, ticks))
     zero = np.zeros(1, np.float32)
     # np.cumsum of float32 adds one after the other in float32, as a microcontroller does.

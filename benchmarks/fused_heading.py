@@ -1,11 +1,11 @@
-"""The heading by wheels and gyro, against the wheels alone: ``make heading``.
+"""Measures the heading by wheels and gyro against the wheels alone: ``make heading``.
 
-A base drives about for ten minutes: straight, in curves, on the spot, with stops; motors lag by 60
+A base drives about for ten minutes: straight, in curves, on the spot, with stops. Motors lag by 60
 ms, and sensors are read as a board of 41 ms does. Its gyro is the simulator's, with the noise, zero
 and warming of a datasheet, calibrated to 0.1 % of scale, its samples up to 20 ms older than
-yahboomd takes them for; 100 runs, each with another sensor, floor and way. A skid-steer base acts
-on each square metre of floor as if it were up to 20 % wider or narrower than configured. The other
-base is differential, and does not slip.
+yahboomd assumes. There are 100 runs, each with another sensor, floor and way. A skid-steer base
+acts on each square metre of floor as if it were up to 20 % wider or narrower than configured. The
+other base is differential, and does not slip.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ CYCLE_S, IMU_S, STEP_S = 0.041, 0.021, 0.0041
 LATE_NS = 20_000_000
 
 SCALE = 0.001
-"""A gyro of which ten turns by hand were compared with a mark on the floor."""
+"""The error of a gyro after ten turns by hand were compared with a mark on the floor."""
 
 UNITS_RAD_S = {"mpu9250": 1.0 / 3754.9, "icm20948": 1e-3}
 ACCELERATION_M_S2, ACCELERATION_RAD_S2, LAG_S = 2.5, 12.0, 0.06
@@ -119,7 +119,7 @@ class Run:
         self.theta = self._x = self._y = self._left = self._right = 0.0
 
     def drive(self, seconds: float) -> list[Look]:
-        """Drive for so long, and look at the heading every ten seconds."""
+        """Drive for some seconds, and record the heading every ten seconds."""
         looks: list[Look] = []
         now_s = 0.0
         per_cycle, imu_at = round(CYCLE_S / STEP_S), round(IMU_S / STEP_S)

@@ -2,10 +2,10 @@
 
     python -m benchmarks.garbling --link PATH ...
 
-Its options are those of ``yahboomd simulate``; on its control socket ``garble`` alters one digit of
-the board's next answer and nothing else. The frame stays well formed and has no checksum: the
-error shows only in the meaning of the counts. ``answers FILE`` writes each answer from then on with
-its time, [monotonic ns, text], a JSON line each.
+Its options are those of ``yahboomd simulate``. On its control socket ``garble`` alters one digit of
+the board's next answer and nothing else. The frame stays well formed and has no checksum, so the
+error shows only in the meaning of the counts. ``answers FILE`` writes each later answer with its
+time, [monotonic ns, text], a JSON line each.
 """
 
 from __future__ import annotations

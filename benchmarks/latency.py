@@ -41,9 +41,9 @@ class Run(NamedTuple):
 
     Attributes:
         free: The daemon's, for commands that found the line free.
-        waited: The daemon's, for commands that waited for the spacing or answer of another frame.
+        waited: The daemon's, for commands that waited for another frame's spacing or answer.
         zenoh: The bare callback's.
-        loop: The bare callback's by way of an event loop.
+        loop: The bare callback's through an event loop.
         socket: The bare socket's.
         lost: The number of commands whose frame never came.
     """
@@ -114,7 +114,7 @@ def send(puts: Sequence[Callable[[bytes], object]], count: int, chance: random.R
     """Send commands to each target, at times unrelated to the daemon's schedules."""
     sent: Sent = []
     for n in range(count):
-        # A value returns only when its earlier frame is no longer repeated.
+        # A value returns only after its earlier frame is no longer repeated.
         units = 300 + 7 * n % 400
         frame = b"$spd:%d,0,%d,0#" % (units, units)
         for target in chance.sample(range(len(puts)), len(puts)):
@@ -243,7 +243,7 @@ def draw(section: Section, run: Run, images: Path) -> None:
 
 
 def findings(run: Run, dialect: str) -> list[str]:
-    """Goals, and how far they were reached."""
+    """State each goal, and how far it was reached."""
     sentences = []
     for share, name in ((0.5, "p50"), (0.99, "p99")):
         ours, bare = quantile(run.free, share), quantile(run.zenoh, share)

@@ -2,7 +2,7 @@
 that a phone loads first.
 
 A simulated board, the daemon and `yahboomd web` run as processes, with their default settings. One
-page drives at 20 commands a second, the others watch; all get everything.
+page drives at 20 commands a second, the others watch, and all receive every message.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ async def _page(where: str, received: list[int], index: int, *, drives: bool) ->
             await socket.send('{"type":"control","want":true}')
         async for frame in socket:
             received[index] += len(frame)
-            # A beat comes every 50 ms: each is answered by one command.
+            # A beat comes every 50 ms, and one command answers each.
             beat = re.search(r'"beat":(\d+)', str(frame))
             if drives and beat is not None:
                 command = {"type": "drive", "beat": int(beat[1]), "vx": 0.2, "vy": 0, "wz": 0.5}

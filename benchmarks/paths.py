@@ -58,7 +58,7 @@ def _swell(t: Array, begin: float, length: float) -> Array:
 
 
 def _square_speed(t: Array) -> Array:
-    # Two seconds a side, one a corner: 1 m at 0.5 m/s on average.
+    # Two seconds a side and one a corner: 1 m at 0.5 m/s on average.
     u = np.clip(t % 3.0 / 2.0, 0.0, 1.0)
     return 0.5 * (1.0 - np.cos(2.0 * np.pi * u))
 
@@ -71,7 +71,7 @@ def _square_heading(t: Array) -> Array:
 
 
 def random_path(seed: int, seconds: float = 20.0) -> Path:
-    """Some waves of heading and of speed; up to 0.5 m/s, some backward."""
+    """Waves of heading and of speed; up to 0.5 m/s, some backward."""
     chance = np.random.default_rng(seed)
     size, rate, phase = (chance.uniform(a, b, 5) for a, b in ((0.2, 1.2), (0.3, 1.5), (0.0, 6.3)))
     mean, swing, beat, start = (

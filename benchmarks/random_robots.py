@@ -3,7 +3,7 @@
 A differential base of 0.17 m track, its radius off by up to 5 %, its track by up to 10 %, its ratio
 by up to 2 %. It drives squares of 2 m each way and a straight of 5 m by its own counts. Slip is
 white noise on each wheel's travel. A person measures with a tape, the heading by two marks 0.3 m
-apart. Then it drives a figure of eight of 40 m with what was found, beside a robot that is known
+apart. Then the calibrated robot drives a figure of eight of 40 m beside a robot that is known
 perfectly, on the same slip.
 """
 
@@ -28,7 +28,7 @@ HEADING_RAD = math.sqrt(2.0) * TAPE_M / 0.3
 SQUARES = 5
 EIGHT_M = 40.0
 MEDIAN = 0.6745
-"""Half of all errors are below this part of their deviation."""
+"""Half of all errors are smaller than this part of their deviation."""
 
 
 class Trial(NamedTuple):
@@ -85,7 +85,7 @@ class Robot:
         self._slip = slip
 
     def drive(self, left: Floats, right: Floats) -> Path:
-        """The true path of what the counts call ``left`` and ``right``."""
+        """The true path for counts that show ``left`` and ``right``."""
 
         def rolled(travel: Floats, factor: float) -> Floats:
             noise = self._rng.normal(size=len(travel)) * np.sqrt(np.abs(travel))
@@ -150,14 +150,14 @@ def trial(rng: np.random.Generator, slip: float) -> Trial:
         abs(found.track / true.track - 1.0),
         abs(found.scale / true.scale - 1.0),
         abs(found.ratio / true.ratio - 1.0),
-        # The formulas know the track relative to the wheels' size.
+        # The formulas give the track relative to the wheels' size.
         abs(by_umbmark_track / (true.track / true.scale) - 1.0),
         abs(by_umbmark_ratio / true.ratio - 1.0),
         off(found),
         off(true),
         # The median error of a fit that wastes nothing of these measurements.
         *(MEDIAN * each for each in (std.track, std.scale, std.ratio)),
-        # Were every step of the true path known: slip alone limits the ratio.
+        # If every step of the true path were known, slip alone would limit the ratio.
         slip * math.sqrt(2.0 / driven),
     )
 

@@ -1,10 +1,10 @@
-"""``make ratios``: what the daemon costs beside the least that a program can do, in two minutes.
+"""``make ratios``: compares the daemon's cost with the least possible, in two minutes.
 
 All processes run at the same time: the daemon; a bare asyncio reader of the same lines, which
 decodes them and puts one sample 50 times a second; one that puts nothing; and one that puts the
-daemon's three samples and drives as commanded, with no odometry and no care. Each has its own port
-of one thin board, and its own subscriber. Standing and driving alternate, and the ratios are taken
-pair by pair: the machine is not quiet, and what disturbs it disturbs all of them. CPU is the
+daemon's three samples and drives as commanded, with no odometry and no safety. Each has its own
+port of one thin board, and its own subscriber. Standing and driving alternate, and the ratios are
+taken pair by pair: the machine is not quiet, but a disturbance affects all of them. CPU is the
 kernel's account; wakeups are voluntary switches of the event loop's thread. ``--beside`` runs the
 daemon of another checkout in the same run.
 """
@@ -43,7 +43,7 @@ class Use(NamedTuple):
 
 
 def switches(pid: int) -> int:
-    """How often the main thread has waited."""
+    """The number of times that the main thread has waited."""
     status = Path(f"/proc/{pid}/task/{pid}/status").read_text()
     line = next(each for each in status.splitlines() if each.startswith("voluntary"))
     return int(line.split()[1])
@@ -110,13 +110,13 @@ def costs(
                     uses[name].append(
                         Use(rig.share_of_core(use, now_use), (now_count - count) / took_s)
                     )
-            # Until the wheels stand, and that was seen.
+            # The daemon needs this time to stop the wheels and to see them stand.
             time.sleep(2.0)
         return rest, driving, {name: memory_mb(pid) for name, pid in pids.items()}
 
 
 def listen(stack: contextlib.ExitStack, endpoint: str) -> None:
-    """Have a process receive every sample."""
+    """Start a process that receives every sample."""
     listener = rig.Process("-m", "benchmarks.listener", endpoint)
     stack.enter_context(listener).says("ready")
 
@@ -149,7 +149,7 @@ def main() -> None:
     args = parser.parse_args()
     floor = "bare reader that puts"
     for tree in (ROOT, *args.beside):
-        # As installed: what is compiled at the start leaves its memory behind.
+        # Compiled before, as an installation is: compiling at the start leaves its memory behind.
         compileall.compile_dir(tree / "yahboomd", quiet=1)
     for dialect in args.dialects:
         rest, driving, memory = costs(dialect, [ROOT, *args.beside], args.seconds, args.rounds)

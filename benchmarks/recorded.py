@@ -1,4 +1,4 @@
-"""Counts recorded from the simulated robot, through the real link, on virtual time."""
+"""Records counts of the simulated robot, through the real link, on virtual time."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ async def _record(drive: Drive, dialect: str, poll_rate_hz: float) -> Record:
     await asyncio.sleep(2.5 / poll_rate_hz)
     task.cancel()
     await asyncio.gather(task, return_exceptions=True)
-    # As seen from where it stood.
+    # Relative to the pose at the start.
     cos, sin = math.cos(start.theta), math.sin(start.theta)
     dx, dy = end.x - start.x, end.y - start.y
     there = Pose2d(x=cos * dx + sin * dy, y=cos * dy - sin * dx, theta=end.theta - start.theta)

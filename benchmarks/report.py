@@ -1,4 +1,4 @@
-"""Results of the benchmarks: stored as JSON, published as Markdown.
+"""Stores the results of the benchmarks as JSON, and publishes them as Markdown.
 
 Each benchmark stores a :class:`Section` in ``build/benchmarks``. The pages are written from all
 stored sections, so that one benchmark can be repeated alone: ``docs/benchmarks.md`` has results and
@@ -21,7 +21,7 @@ STORE = ROOT / "build" / "benchmarks"
 
 
 class NotHere(Exception):
-    """Raised where a benchmark cannot run on this machine; the text says what is missing."""
+    """A benchmark cannot run on this machine; the message names the missing part."""
 
 
 class Table(msgspec.Struct, kw_only=True):
@@ -51,7 +51,7 @@ class Section(msgspec.Struct, kw_only=True):
     Attributes:
         name: Its name on the command line, and of its page of tables.
         title: Its heading.
-        about: What is measured and why it matters, for the results page.
+        about: The subject and its importance, for the results page.
         how: The method, a paragraph for the page of tables.
         findings: The results, a sentence each: goals reached and goals missed.
         tables: All figures.

@@ -1,4 +1,4 @@
-"""Processes, sessions and meters of the benchmarks. Every process that is started is ended."""
+"""Starts the processes, sessions and meters of the benchmarks, and ends every process."""
 
 from __future__ import annotations
 
@@ -41,10 +41,10 @@ class Process:
     """A child; its output is kept. ``Process("-m", "yahboomd", ...)``.
 
     Args:
-        arguments: Python's, or the program's.
-        environ: More than ours.
+        arguments: The arguments of Python, or of the program.
+        environ: Additions to this process's environment.
         program: Another program than this Python.
-        nice: Its niceness; without the right to it, ``nice`` says so and runs it as it is.
+        nice: Its niceness; without the permission ``nice`` prints a warning and runs it unchanged.
     """
 
     def __init__(
@@ -83,12 +83,12 @@ class Process:
         return self.process.poll() is None
 
     def says(self, words: str) -> str:
-        """Wait until it has printed a line with these words; the line."""
+        """Wait until it has printed a line with these words; returns the line."""
 
         def found() -> str | None:
             ended = not self.alive
             if ended:
-                # What it said last may still be on its way.
+                # Its last output may still be on the way.
                 self._reader.join()
             line = next((line for line in self.lines if words in line), None)
             if line is None and ended:
@@ -98,13 +98,13 @@ class Process:
         return wait_for(found, words)
 
     def end(self) -> int:
-        """Terminate it, and wait until it has ended; its status."""
+        """Terminate it, and wait until it has ended; returns its status."""
         if self.alive:
             self.process.send_signal(signal.SIGTERM)
         return self.end_by_itself()
 
     def end_by_itself(self) -> int:
-        """Wait until it ends, and make it where it does not; its status."""
+        """Wait until it ends, and kill it if it does not; returns its status."""
         try:
             status = self.process.wait(PATIENCE_S)
         except subprocess.TimeoutExpired:
@@ -183,11 +183,11 @@ _RESERVED: deque[socket.socket] = deque()
 def free_endpoint() -> str:
     """A loopback endpoint that is not in use, and that no other caller on this machine gets."""
     while True:
-        # Below the range from which the system gives ports to clients.
+        # Below the range of the system's ports for clients.
         port = random.SystemRandom().randrange(10_000, 32_000)
         reserved = socket.socket(socket.AF_UNIX)
         try:
-            # An abstract name: the kernel gives it to one process, until that closes it or ends.
+            # An abstract name: the kernel gives it to one process until that closes it or ends.
             reserved.bind(f"\0yahboomd test port {port}")
             with socket.socket() as probe:
                 probe.bind(("127.0.0.1", port))
@@ -211,7 +211,7 @@ def client_config(endpoint: str, *, mode: str = "client", shared: bool = False) 
 
 
 def client(endpoint: str) -> zenoh.Session:
-    """A Zenoh client of a router on loopback, which may be about to start."""
+    """Open a Zenoh client of a router on loopback, which may be about to start."""
     config = client_config(endpoint)
 
     def opened() -> zenoh.Session | None:
@@ -249,14 +249,14 @@ class Usage(NamedTuple):
 
 
 def usage(pid: int) -> Usage:
-    """Read from /proc; CPU in nanoseconds, of all threads."""
+    """Read /proc; CPU in nanoseconds, of all threads."""
     tasks = list(Path(f"/proc/{pid}/task").iterdir())
     cpu_ns = 0
     for task in tasks:
         with contextlib.suppress(OSError):
             cpu_ns += int((task / "schedstat").read_text().split()[0])
     status = Path(f"/proc/{pid}/status").read_text()
-    # One that has ended, and was not waited for yet, has none.
+    # A process that has ended and was not waited for has none.
     rss = next((line for line in status.splitlines() if line.startswith("VmRSS:")), "VmRSS: 0 kB")
     return Usage(cpu_ns, time.monotonic_ns(), int(rss.split()[1]) * 1024 / 1e6, len(tasks))
 

@@ -55,7 +55,7 @@ class Meter(Node):
 
 
 def take_orders(meter: Meter, server: socket.socket) -> None:
-    """Publish what the socket says, until it closes."""
+    """Publish the velocities from the socket, until it closes."""
     connection, _ = server.accept()
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     for line in connection.makefile():

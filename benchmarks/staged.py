@@ -45,7 +45,7 @@ def install(path: Path) -> None:
     def stamped(stage: str, function: Callable[..., Any]) -> Callable[..., Any]:
         def call(*args: Any, **kwargs: Any) -> Any:  # noqa: ANN401 - whatever it is, it is passed on
             if stage == first:
-                # What the beats in between passed is no part of this command's way.
+                # The moments that beats passed in between do not belong to this command's way.
                 begun.clear()
             begun[stage] = time.perf_counter_ns()
             result = function(*args, **kwargs)

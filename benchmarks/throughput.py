@@ -10,7 +10,7 @@ from a grid of 20 ms, for the polls of one daemon, and then for the control step
 ramp so slow that each step adds one mm/s), beside a bare process that sleeps until its time and
 writes. Each is measured without and with a process that keeps one of the two cores busy. Daemon and
 bare process have the niceness of the service's unit, -5, and the process that stamps the frames has
--10, where that is permitted. A frame more than half a period away counts for the next step.
+-10, if that is permitted. A frame more than half a period away counts for the next step.
 """
 
 from __future__ import annotations

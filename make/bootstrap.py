@@ -32,7 +32,7 @@ def check():
 
 
 def works(python):
-    """Whether an environment exists and has pip: an interrupted one may lack it."""
+    """Whether an environment exists and has pip, which an interrupted one may lack."""
     if not os.path.exists(python):
         return False
     with open(os.devnull, "w") as nowhere:
@@ -51,11 +51,11 @@ def main():
         sys.stdout.flush()
         make = [sys.executable, "-m", "venv", folder]
         if os.path.exists(os.path.join(folder, "pyvenv.cfg")):
-            # Only an environment is removed.
+            # Clears an environment only, never another folder.
             make.append("--clear")
         if subprocess.call(make) != 0:
             fail("the virtual environment could not be made in %s; see above." % folder)
-    sys.stdout.write("yahboomd: installing what it needs (a minute, the first time)\n")
+    sys.stdout.write("yahboomd: installing its packages (a minute, the first time)\n")
     sys.stdout.flush()
     target = ".[%s]" % extras if extras else "."
     pip = [python, "-m", "pip", "--disable-pip-version-check", "install", "--quiet", "-e", target]

@@ -1,7 +1,7 @@
 """`make firmware`: tests on the vendors' own firmwares, which are no part of this project.
 
-Their files are looked for in the folder that YAHBOOMD_FIRMWARE names, else in ../shared/firmware.
-Without them nothing is tried, and the last line says so.
+The files are in the folder that YAHBOOMD_FIRMWARE names, else in ../shared/firmware. Without them
+no test runs, and the last line reports it.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ CACHE = Path(
     os.environ.get("YAHBOOMD_CACHE")
     or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "yahboomd"
 )
-WHERE = "docs/protocol.md names where the vendor's files are"
+WHERE = "docs/protocol.md names the place of the vendor's files"
 
 
 def main() -> int:

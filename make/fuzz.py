@@ -16,7 +16,7 @@ import sys
 HERE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 PLUGINS = os.path.join(HERE, "tests", "plugins")
 CORPUS = os.path.join(HERE, "tests", "fuzz", "corpus")
-LONGEST = 4200  # a little more than a command may have
+LONGEST = 4200  # slightly more than a command may have
 MEMORY_MB = 1024  # libFuzzer ends a target that takes more
 
 

@@ -58,7 +58,7 @@ def main() -> int:
         sys.stderr.write(f"yahboomd: {pasteable(readable(str(error)))}\n")
         return error.exit_code
     endpoints = daemon_endpoints(options, config)
-    # Until the daemon is there: whatever started meanwhile is ended.
+    # Until the daemon is there, a signal ends everything that was started.
     for number in PASSED_ON:
         signal.signal(number, lambda number, _: sys.exit(128 + number))
     if args.port:
@@ -68,7 +68,7 @@ def main() -> int:
         with subprocess.Popen(
             [*_yahboomd(), "simulate", "--link", str(link), *_robot(options, link)],
             stdout=subprocess.DEVNULL,
-            # Ctrl-C goes to the daemon: the board must live until the wheels are stopped.
+            # Ctrl-C must reach only the daemon: the board must live until the wheels are stopped.
             start_new_session=True,
         ) as board:
             try:
@@ -79,8 +79,8 @@ def main() -> int:
                         return 1
                     time.sleep(0.05)
                 sys.stdout.write(f"A simulated board is at {link}, and yahboomd starts on it.\n")
-                # The e-stop of a simulated robot goes with it, and so do its wheels: a guard would
-                # only report that they may turn.
+                # A simulated robot's e-stop and wheels end with it, so a guard would only report
+                # that they may turn.
                 own = ("--no-guard", "--set", f"estop.latch_file={Path(folder) / 'estop'}")
                 return _drive(str(link), more, endpoints, args.listen, own)
             except KeyboardInterrupt:
@@ -90,7 +90,7 @@ def main() -> int:
 
 
 def _robot(options: argparse.Namespace, link: Path) -> list[str]:
-    """The options of `simulate` that give the board the motors and chassis of the daemon."""
+    """Options of `simulate` that give the board the daemon's motors and chassis."""
     words = ["--config", str(options.config)] if options.config else []
     sets = (*options.overrides, f"serial.port={link}")
     return [*words, *(word for each in sets for word in ("--set", each))]
@@ -103,13 +103,13 @@ def _drive(
     listen: str,
     own: tuple[str, ...] = (),
 ) -> int:
-    """Run the daemon, and the page and how to drive it once it listens.
+    """Run the daemon, and once it listens start the page and print how to drive.
 
     Args:
-        port: The board's.
-        more: Options of the daemon; other commands need them, too, to reach it.
-        endpoints: Where it listens.
-        listen: Where the page is served.
+        port: The board's port.
+        more: Options of the daemon; other commands need them too, to reach it.
+        endpoints: The daemon's endpoints.
+        listen: The address of the page.
         own: Further options of the daemon.
     """
     from yahboomd.tools.stop.unresponsive import listener
@@ -136,7 +136,7 @@ def _drive(
         except subprocess.TimeoutExpired:
             continue
         except KeyboardInterrupt:
-            # It reached the daemon as well, which stops the wheels first.
+            # The signal also reached the daemon, which stops the wheels first.
             continue
 
 

@@ -1,11 +1,11 @@
-"""Whether tests notice one-token changes of a room: `make mutants ROOM=drive SAMPLE=120 SEED=1`.
+"""Checks whether tests notice one-token changes: `make mutants ROOM=drive SAMPLE=120 SEED=1`.
 
 cosmic-ray makes the changes: comparisons, signs, and/or, min/max, numbers. A sample has as large a
 part of each file. Each change is imported in a forked process, from memory, so that no file
 changes. There the tests of the changed file run first, then the room's others, the quickest of each
-first, up to the first failure; those with real time are left out. A change that no test notices
-survives: a claim is missing, or code that is not needed. Changes that cannot be noticed are listed,
-each with its reason, in tests/equivalent_mutants.txt, and count as equivalent.
+first, up to the first failure; tests in real time are left out. If no test notices a change, it
+survives: a claim is missing, or the code is not needed. tests/equivalent_mutants.txt lists changes
+that cannot be noticed, each with its reason; they count as equivalent.
 """
 
 import argparse
@@ -63,7 +63,7 @@ class Token(Operator):
     """Replaces one token by another."""
 
     def other(self, value):
-        """The replacement of a token; None for one that stays."""
+        """The replacement of a token; None for a token that stays."""
         raise NotImplementedError
 
     def mutation_positions(self, node):
@@ -77,33 +77,33 @@ class Token(Operator):
 
     @classmethod
     def examples(cls):
-        """None."""
+        """Return none."""
         return ()
 
 
 class MinMax(Token):
-    """The other end."""
+    """Replaces min and max by each other."""
 
     kind = parso.python.tree.Name
 
     def other(self, value):
-        """See there."""
+        """See the base class."""
         return {"min": "max", "max": "min"}.get(value)
 
 
 class Number(Token):
-    """One more; twice as much where one more would hardly show."""
+    """Adds one to a number, or doubles it if one more would hardly show."""
 
     kind = parso.python.tree.Number
 
     def other(self, value):
-        """See there."""
+        """See the base class."""
         number = ast.literal_eval(value)
         return repr(number + 1 if abs(number) < 1 or number in range(10) else number * 2)
 
 
 def operators():
-    """Every change that is made."""
+    """The operators of every change."""
     provider = OperatorProvider()
     for kind, pairs in NEIGHBOURS.items():
         for pair in pairs.split():
@@ -114,9 +114,9 @@ def operators():
 
 
 def places(path):
-    """The places where one file can be changed: operator, number of its occurrence, and line.
+    """The possible changes of a file: operator, number of its occurrence, and line.
 
-    Not where classes are declared, and not the guard of `zip(strict=True)` against ourselves.
+    Class declarations are left out, and so is `zip(strict=True)`, which guards against mistakes.
     """
     source = path.read_text()
     nodes = list(ast_nodes(get_ast(source)))
@@ -132,7 +132,7 @@ def places(path):
 
 
 def sampled(paths, seed):
-    """All places in an order drawn by `seed`, in which every file has its part of any beginning."""
+    """All places in an order drawn by `seed`: any beginning has its part of every file."""
     chance = random.Random(seed)
     ranked = []
     for path in paths:
@@ -144,7 +144,7 @@ def sampled(paths, seed):
 
 
 def change(path, operator, occurrence, line):
-    """The changed text, and the line before and after; None where that is no Python."""
+    """The changed text, and the line before and after; None if the result is no Python."""
     source = path.read_text()
     changed = mutate_code(source, operator, occurrence)
     try:
@@ -160,7 +160,7 @@ TOOK = {}
 
 
 class Hurry:
-    """Slow tests come last, and hypothesis looks for no smaller example of what fails."""
+    """Runs slow tests last, and keeps hypothesis from looking for smaller examples."""
 
     def pytest_configure(self):
         """Load a profile after conftest.py did."""
@@ -170,11 +170,11 @@ class Hurry:
         settings.load_profile("mutants")
 
     def pytest_collection_modifyitems(self, items):
-        """The quickest first."""
+        """Sort the tests, the quickest first."""
         items.sort(key=lambda item: TOOK.get(item.nodeid, 0.0))
 
     def pytest_runtest_logreport(self, report):
-        """Remember how long each one took."""
+        """Add up the time of each test."""
         TOOK[report.nodeid] = TOOK.get(report.nodeid, 0.0) + report.duration
 
 
@@ -182,20 +182,20 @@ def passes(*arguments):
     """Whether pytest finds no failure, in this process; no test at all is none."""
     quiet = ["-x", "-q", "--no-header", "--tb=no", "--assert=plain"]
     quiet += ["-p", "no:cacheprovider", "-p", "no:xdist", "-p", "no:unraisableexception"]
-    # What is imported before pytest is no reason to fail.
+    # Warnings of modules imported before pytest must not fail.
     quiet += ["-o", "filterwarnings=", "-m", "not realtime"]
     return pytest.main([*quiet, *arguments], [Hurry()]) in (0, 5)
 
 
 def passes_unchanged(note, tests):
-    """Whether tests pass as things are; how long each took is written to the file `note`."""
+    """Whether tests pass without a change; writes the time of each to the file `note`."""
     passed = passes(*tests)
     Path(note).write_text(json.dumps(TOOK))
     return passed
 
 
 def import_libraries(tests):
-    """Import once what every run would: all that is not of this tree."""
+    """Import all modules from outside this tree once, for every run."""
     with contextlib.redirect_stdout(io.StringIO()):
         passes("--collect-only", *tests)
     for name, module in list(sys.modules.items()):
@@ -219,9 +219,9 @@ def unnoticed(path, changed, tests):
 
 
 def forked(limit_s, work, *arguments):
-    """The CPU seconds of `work` in a process of its own; None where it fails, or has no end.
+    """The CPU seconds of `work` in a process of its own; None if it fails or exceeds the limit.
 
-    The limit is in CPU seconds too: a busy machine is no reason to end it.
+    The limit is in CPU seconds too, so that a busy machine does not end it.
     """
     pid = os.fork()
     if not pid:

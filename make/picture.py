@@ -3,8 +3,8 @@
     .venv/bin/python make/picture.py [docs/images/path.png]
 
 Three processes, as on a robot: a simulated board on a pseudo-terminal, the daemon on its port, and
-this application. It steers by `yahboomd/pose` alone. Afterwards every pose
-that was published is compared with where the simulated robot truly was at that moment.
+this application. It steers by `yahboomd/pose` alone. Afterwards it compares every published pose
+with the true pose of the simulated robot at that moment.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ TRUE, POSE, ERROR = "#f4b183", "#0b5cad", "#0b5cad"
 
 
 class Pose(NamedTuple):
-    """A published pose; the stamp on the monotonic clock, which the ground truth has too."""
+    """A published pose; its stamp is on the monotonic clock, like the ground truth's."""
 
     t_ns: int
     x: float
@@ -51,7 +51,7 @@ class Pose(NamedTuple):
 def figure_of_eight(share: float) -> tuple[float, float]:
     """A point of the path, at ``share`` of a round.
 
-    It starts at the origin along x, as the robot does: on top of the left half.
+    It starts at the origin along x, like the robot: on top of the left half.
     """
     turn = 2 * math.pi * (share - 1 / 8)
     x, y = LENGTH_M / 2 * math.sin(turn), -WIDTH_M / 2 * math.sin(2 * turn)
@@ -108,7 +108,7 @@ def errors_mm(poses: list[Pose], truth: list[TruthSample]) -> list[float]:
 
 
 def draw(poses: list[Pose], truth: list[TruthSample], target: Path) -> None:
-    """The path above, the error below."""
+    """Draw the path above, and the error below."""
     plt.rcParams.update({"font.size": 10, "text.color": INK, "axes.edgecolor": MUTED})
     plt.rcParams.update({"axes.labelcolor": INK, "xtick.color": MUTED, "ytick.color": MUTED})
     figure, (path, error) = plt.subplots(

@@ -1,4 +1,4 @@
-"""`make plug-test`: plugging a board in, on a real kernel with a real udev.
+"""`make plug-test`: plugs a board in, on a real kernel with a real udev.
 
 An emulated PC (qemu, without need of virtualisation) boots Debian with Debian's kernel, with the
 package installed. Inside, tests/system/plug/check.py puts simulated CH340 chips on virtual USB

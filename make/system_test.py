@@ -1,8 +1,8 @@
-"""`make system-test`: the service under a real systemd, in a Debian container.
+"""`make system-test`: tests the service under a real systemd, in a Debian container.
 
-Prepares what the tests need and runs them:
+Prepares and runs the tests:
 
-- debootstrap and systemd-nspawn, installed by apt where this runs as root;
+- debootstrap and systemd-nspawn, installed by apt if this runs as root;
 - a Debian with systemd, made once in ${YAHBOOMD_CACHE:-~/.cache/yahboomd}/system-test;
 - the Debian package of this tree, built on the same distribution.
 
@@ -30,7 +30,7 @@ NEEDED = {
 
 
 class Impossible(Exception):
-    """This machine cannot run the tests; the message says why."""
+    """This machine cannot run the tests; the message has the reason."""
 
 
 def main() -> int:
@@ -40,7 +40,7 @@ def main() -> int:
         "--short", action="store_true", help="the main claims only, for every change"
     )
     parser.add_argument(
-        "--if-possible", action="store_true", help="end well where this machine cannot do it"
+        "--if-possible", action="store_true", help="end well if this machine cannot do it"
     )
     args, more = parser.parse_known_args()
     try:
@@ -94,7 +94,7 @@ def make_root(cache: Path, suite: str) -> Path:
     if root.exists():
         return root
     print(f"system-test: making a Debian {suite} in {root} (two minutes, once)", flush=True)
-    # Made beside it and renamed, so that a half one is never taken for whole.
+    # Made beside it and renamed, so that an incomplete one is never used.
     with tempfile.TemporaryDirectory(dir=cache, prefix=f".{suite}-") as folder:
         half = Path(folder) / "root"
         log = cache / f"{suite}.log"
@@ -141,7 +141,7 @@ def build_package(cache: Path, root: Path) -> Path:
 
 
 def _build_inside(root: Path, output: Path) -> int:
-    """Build on the distribution that is booted, with this machine's network and certificates."""
+    """Build in the booted distribution, with this machine's network and certificates."""
     certificates = "/etc/ssl/certs/ca-certificates.crt"
     trusted = ()
     if Path(certificates).exists():

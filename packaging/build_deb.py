@@ -3,8 +3,8 @@
     python3 packaging/build_deb.py [--output FOLDER]
 
 The package carries its dependencies in a virtual environment under /opt/yahboomd, made for the
-distribution's own Python. It is put together by hand rather than copied from a venv, so that no
-path of the building machine is in it. Needs dpkg-deb, and python3-venv of the distribution.
+distribution's own Python. It is assembled file by file rather than copied from a venv, so that it
+contains no path of the building machine. Needs dpkg-deb, and python3-venv of the distribution.
 """
 
 from __future__ import annotations
@@ -82,12 +82,12 @@ def _environment(work: Path, stage: Path, python: tuple[int, int]) -> str:
         *pip, "install", "--no-compile", "--only-binary=:all:", "--target", str(site),
         f"{wheel}[{EXTRAS}]",
     )  # fmt: skip
-    # Scripts for the build machine's Python; the one that is needed is written below.
+    # These scripts start the build machine's Python; the needed one is written below.
     shutil.rmtree(site / "bin", ignore_errors=True)
-    # Man pages and completions: they go where man and the shells look for them.
+    # Man pages and completions go to the folders of man and the shells.
     shutil.rmtree(site / "share", ignore_errors=True)
     for leftover in site.rglob("direct_url.json"):
-        # It would tell the folder that the wheel was built in.
+        # It contains the folder in which the wheel was built.
         leftover.unlink()
     for path in site.rglob("*"):
         # Modules are imported, not run: pip leaves some executable, their authors some with #!.
@@ -95,7 +95,7 @@ def _environment(work: Path, stage: Path, python: tuple[int, int]) -> str:
         if path.suffix == ".py" and path.read_bytes().startswith(b"#!"):
             path.write_bytes(b"#" + path.read_bytes()[2:])
     if shutil.which("strip"):
-        # Libraries that a wheel brings along were patched, and cannot be loaded once stripped.
+        # Libraries inside a wheel were patched, and cannot be loaded once stripped.
         ours = [each for each in site.rglob("*.so") if not each.parent.name.endswith(".libs")]
         _run("strip", "--strip-unneeded", *map(str, sorted(ours)))
     programs = stage / HOME / "bin"
@@ -106,7 +106,7 @@ def _environment(work: Path, stage: Path, python: tuple[int, int]) -> str:
     )
     _write(
         programs / "yahboomd",
-        # -I: neither the caller's folder nor his environment decides what is imported.
+        # -I: neither the caller's folder nor the environment affects the imports.
         "#!/opt/yahboomd/bin/python3 -I\n"
         "import sys\n\nfrom yahboomd.cli.main import main\n\nsys.exit(main())\n",
         executable=True,
@@ -115,7 +115,7 @@ def _environment(work: Path, stage: Path, python: tuple[int, int]) -> str:
 
 
 def documents() -> list[Path]:
-    """The pages and what they link to, as paths in the source; the package keeps their places."""
+    """The pages and the files they link to, as paths in the source; the package keeps them."""
     pages = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "LICENSE", "config.toml"]
     folders = ("docs", "examples", "schemas")
     found = [path for folder in folders for path in (TREE / folder).rglob("*") if path.is_file()]
@@ -129,7 +129,7 @@ def shared() -> dict[str, str]:
         for path in sorted((TREE / "share").rglob("*"))
         if path.is_file()
     }
-    # Debian's zsh looks for what packages bring in a folder of its own.
+    # Debian's zsh looks for packages' completions in a folder of its own.
     texts["zsh/vendor-completions/_yahboomd"] = texts.pop("zsh/site-functions/_yahboomd")
     return texts
 
@@ -228,7 +228,7 @@ def _maintainer() -> str:
 
 
 def _epoch() -> str:
-    """The moment of the source: the same tree makes the same package."""
+    """The time of the source, so that the same tree makes the same package."""
     if given := os.environ.get("SOURCE_DATE_EPOCH"):
         return given
     if not shutil.which("git"):

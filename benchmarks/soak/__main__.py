@@ -36,14 +36,14 @@ from yahboomd.core.errors import YahboomdError
 RSS_GROWTH_MB = 30.0
 
 STARVED_S = 1.0
-"""A share of the four seconds after which the watchdog acts on a daemon that is silent for two."""
+"""A daemon that had no processor for this part of its last four seconds may end by the watchdog."""
 
 
 def main(arguments: list[str]) -> int:
-    """Run it.
+    """Run the soak.
 
     Returns:
-        0 where everything held, 1 where something did not, 2 where it could not be run.
+        0 if everything held, 1 if something did not, 2 if it could not be run.
     """
     parser = argparse.ArgumentParser(prog="python -m benchmarks.soak", description=__doc__)
     parser.add_argument("--minutes", type=float, default=2.0)
@@ -61,7 +61,7 @@ def main(arguments: list[str]) -> int:
     if kinds and args.dialect and WITHOUT[args.dialect].issuperset(kinds):
         parser.error(f"a {args.dialect} board does not go through {', '.join(kinds)}")
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    # A shell's background jobs ignore it, and so would the daemon.
+    # A shell's background jobs ignore it, and the daemon would inherit that.
     signal.signal(signal.SIGQUIT, signal.SIG_DFL)
     folder = Path(tempfile.mkdtemp(prefix="yahboomd-soak-"))
     ledger = Ledger()
@@ -109,7 +109,7 @@ def drive(course: Course, for_s: float, kinds: list[str], dialects: Sequence[str
 
 
 def another_board(course: Course, dialect: str) -> None:
-    """The board is replaced by one of another dialect; the daemon goes on."""
+    """Replace the board by one of another dialect; the daemon goes on."""
     course.kind = "another board"
     course.turn_ns = time.monotonic_ns()
     course.ledger.faults[course.kind] += 1
@@ -206,7 +206,7 @@ def finish(course: Course) -> dict[str, Any]:
 
 
 def black_boxes(folder: Path) -> tuple[int, list[str]]:
-    """How many black boxes were saved, and what is wrong: none may be cut, nor all too large."""
+    """Count the saved black boxes, and list problems: none may be cut, nor all too large."""
     found = saved_boxes(folder)
     wrong = []
     for box in found:
@@ -222,7 +222,7 @@ def black_boxes(folder: Path) -> tuple[int, list[str]]:
 
 
 def rounded(mb: float | None) -> float:
-    """The figures, rounded for people."""
+    """Round a figure for people."""
     return round(mb or 0.0, 1)
 
 
@@ -247,7 +247,7 @@ def figures(ledger: Ledger, facts: dict[str, Any]) -> dict[str, Any]:
 
 
 def report(ledger: Ledger, text: str) -> None:
-    """The tables, what failed, and the verdict."""
+    """Print the tables, the failures, and the verdict."""
     print(f"\n{text}\n")
     for words in (*ledger.failures, *ledger.too_late):
         print(f"FAILED {words}")

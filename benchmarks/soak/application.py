@@ -34,14 +34,14 @@ class Application:
     """A client of the daemon.
 
     Attributes:
-        poses: Watches what is published.
-        commands: How many were sent.
-        last_ns: When the latest was.
-        events: How many of each kind came.
+        poses: Watches the published poses.
+        commands: The number of sent commands.
+        last_ns: When the latest was sent.
+        events: The number of received events of each kind.
 
     Args:
-        endpoint: Where the daemon is.
-        random: Decides where to drive.
+        endpoint: The daemon's endpoint.
+        random: Decides the way.
     """
 
     def __init__(self, endpoint: str, random: Random) -> None:
@@ -89,8 +89,6 @@ class Application:
         ]
         self._driver = threading.Thread(target=self._drive, daemon=True)
         self._driver.start()
-
-    # Driving.
 
     def steady(self, vx: float, wz: float = 0.0) -> None:
         """Command one velocity from now on."""
@@ -146,8 +144,6 @@ class Application:
             due = max(due + PERIOD_S, time.monotonic() - PERIOD_S)
             self._ending.wait(max(0.0, due - time.monotonic()))
 
-    # Listening.
-
     @property
     def status(self) -> StatusSample | None:
         """The latest status, unless it is stale."""
@@ -175,8 +171,6 @@ class Application:
         return [
             event for at_ns, event in list(self._recent) if at_ns >= t_ns and event.kind in kinds
         ]
-
-    # Asking.
 
     def ask(self, key: str) -> ServiceReply | None:
         """Call a service; None without an answer."""

@@ -23,7 +23,7 @@ ENDING = (
 
 
 def key_flood(course: Course) -> None:
-    """The e-stop's own key is flooded with requests to disengage, which are refused."""
+    """Flood the e-stop's own key with requests to disengage, which are refused."""
     helper = Helper("flood", course.endpoint, "yahboomd/estop", "refusal")
     try:
         helper.wait_ready()
@@ -42,7 +42,7 @@ def key_flood(course: Course) -> None:
 
 
 def attachments(course: Course) -> None:
-    """Attachments of 15 MB on commands and on the e-stop, 1 MB of parameters in queries."""
+    """Attach 15 MB to commands and to the e-stop, and 1 MB of parameters to queries."""
     pid = course.manager.life.pid
     before_mb, _ = memory_mb(pid, forget_peak=True)
     for key, kind in (("cmd_vel", "attachment"), ("yahboomd/board", "query")):
@@ -60,7 +60,7 @@ def attachments(course: Course) -> None:
     large = os.urandom(ATTACHMENT_BYTES)
     engage(course, "e-stop with an attachment", attachment=large)
     if course.manager.life.pid != pid:
-        # That it ended is judged with every other end.
+        # Another check judges the end of the daemon.
         return
     _, most_mb = memory_mb(pid)
     if most_mb - before_mb > MEMORY_MB:
@@ -68,7 +68,7 @@ def attachments(course: Course) -> None:
 
 
 def other_signal(course: Course) -> None:
-    """A signal of a terminal, or a rare one: the daemon stops first, then obeys."""
+    """Send a terminal's signal, or a rare one: the daemon stops first, then obeys."""
     course.move()
     number = course.random.choice([*STOPPING, *ENDING])
     life = course.manager.life

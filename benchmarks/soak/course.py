@@ -22,38 +22,38 @@ from yahboomd.simulation.truth import TruthSample
 LOOK_S = 0.01
 RECOVER_S = 25.0
 EXCUSE_S = 0.1
-"""A machine that stands still for so long is no real-time machine; what comes of it is noted."""
+"""A machine that stands still for this time is no real-time machine; its effects are noted only."""
 
 EXCUSE_WAIT_S = 0.5
-"""So is one that lets one of our threads wait for so long in all, ready to run, during a fault."""
+"""The same for one thread of the soak that is ready to run and waits this time in all."""
 
 BRAKE_S = 0.8
-"""The time after a stop frame by which wheels at the speeds of the soak stand, with room."""
+"""The time after a stop frame in which wheels at the soak's speeds stop, with a margin."""
 
 
 MOST_M = 0.03
 MOST_RAD = 0.03
-"""A way between two stands, on a line that is no worse than it should be, errs by less."""
+"""The largest error of a way between two stands, on a line that is no worse than it should be."""
 
 SIGMAS = 3.0
-"""The further standard deviations that are allowed where the covariance says so."""
+"""Larger errors are allowed up to this many standard deviations of the published covariance."""
 
 NEAR_ZERO = "a polled board was reset with its counters near zero"
 """The board does not report it, and a wheel may have rolled from one small count to another."""
 
 
 NOISY = frozenset({"byte loss", "corruption", "output stall"})
-"""Faults in which the board does not get the speeds that it is sent: then wheels may be cut."""
+"""Faults that keep sent speeds from the board, so that wheels may be cut."""
 
 
 class Course:
-    """A robot that is driven, and disturbed.
+    """A robot that is driven and disturbed.
 
     Args:
-        folder: Where everything goes.
-        seed: Decides everything that is random.
-        ledger: Takes what is found.
-        dialect: What the first board speaks.
+        folder: The folder for all files.
+        seed: Decides everything random.
+        ledger: Records the findings.
+        dialect: The dialect of the first board.
     """
 
     def __init__(self, folder: Path, seed: int, ledger: Ledger, dialect: str) -> None:
@@ -94,7 +94,7 @@ class Course:
         self.stalls.close()
 
     def change_board(self, dialect: str) -> None:
-        """Another board behind the same port name; the daemon goes on."""
+        """Put another board behind the same port name; the daemon goes on."""
         self._anchor = None
         self.resets = 0
         self.board.close()
@@ -107,10 +107,8 @@ class Course:
 
     @property
     def announces(self) -> bool:
-        """Whether the board says when it was reset."""
+        """Whether the board reports its resets."""
         return self.board.dialect != "polled"
-
-    # Waiting and telling.
 
     def fail(self, words: str) -> None:
         """Record a failure."""
@@ -122,12 +120,12 @@ class Course:
         print(words, flush=True)
 
     def unexpected(self, words: str, since_ns: int | None = None) -> None:
-        """Something that only a machine that did not run us could explain.
+        """Record a failure, unless the machine did not run the soak's processes.
 
         Args:
-            words: What happened.
-            since_ns: From when on the machine could have caused it; since the fault began by
-                default.
+            words: The failure.
+            since_ns: The time from which the machine could have caused it; by default the beginning
+                of the fault.
         """
         since_ns = self.turn_ns if since_ns is None else since_ns
         stood_s = self.stalls.longest_s(since_ns)
@@ -139,7 +137,7 @@ class Course:
             self.ledger.notes[f"while the machine stood still: {words}"] += 1
 
     def wait(self, condition: Callable[[], object], within_s: float) -> bool:
-        """Wait for a condition; whether it came true in time."""
+        """Wait for a condition; returns whether it came true in time."""
         deadline = time.monotonic() + within_s
         while not condition():
             if time.monotonic() > deadline:
@@ -148,20 +146,18 @@ class Course:
         return True
 
     def stalled_s(self, since_ns: int, until_ns: int) -> float:
-        """The time that the machine stood still, or let one of us wait for a processor."""
+        """The time that the machine stood still, or let one of the soak's threads wait."""
         return max(
             self.stalls.within_s(since_ns, until_ns), self.waiting.within_s(since_ns, until_ns)
         )
 
     @property
     def anchor(self) -> tuple[PoseSample, TruthSample] | None:
-        """Pose and truth where it last stood, while nothing is unknown of the way since then."""
+        """Pose and truth at the last stand, unless something since then is unknown."""
         if self._anchor is None or self.apart or self._anchor[2] < self.manager.life.began_ns:
             return None
         pose, truth, since_ns = self._anchor
         return None if self._unknown_m(since_ns) else (pose, truth)
-
-    # Stops.
 
     def frame(
         self, kind: str, since_ns: int, wanted: Callable[[Order], bool] = is_stop, *, wait_s: float
@@ -192,7 +188,7 @@ class Course:
                 found.append(at_ns)
             return at_ns is not None
 
-        # Truth arrives in lumps of 0.2 s.
+        # The ground truth arrives in batches of 0.2 s.
         self.wait(stood, within_s + 1.0)
         took_s = (found[0] - since_ns) / 1e9 if found else float("inf")
         until_ns = found[0] if found else time.monotonic_ns()
@@ -215,17 +211,15 @@ class Course:
             self.fail(f"the wheels moved at {speed:.2f} m/s while they had to stand")
 
     def move(self, vx: float = 0.35, wz: float = 0.3, for_s: float = 0.7) -> None:
-        """Have the wheels turn, at a steady speed."""
+        """Make the wheels turn, at a steady speed."""
         self.app.steady(vx, wz)
         slow_ns = time.monotonic_ns()
         if not self.wait(lambda: self.board.truth.travelled_m(slow_ns) > 0.02, 10.0):
             self.unexpected("it does not drive")
         time.sleep(for_s)
 
-    # Between faults.
-
     def ready(self) -> bool:
-        """Wait until it may drive, releasing what is latched, as a person would."""
+        """Wait until it may drive, and release latches as a person would."""
         self.app.steady(0.0)
         began_ns = time.monotonic_ns()
         deadline = time.monotonic() + RECOVER_S
@@ -264,11 +258,11 @@ class Course:
         return moved()
 
     def _moves_when_released(self, since_ns: int) -> bool:
-        """After a reset that nothing shows, the robot stands until a person releases it."""
+        """After a reset that nothing shows, release the robot as a person would."""
         if not self.latched:
             return False
         if self.kind in NOISY:
-            # Whether it was right to is judged with all its events.
+            # Another check judges with all events whether the fault was right.
             self.ledger.notes[f"{self.kind}: {self.why}"] += 1
         elif self.apart == NEAR_ZERO:
             self.ledger.notes["an unannounced reset: released by a person"] += 1
@@ -281,25 +275,25 @@ class Course:
 
     @property
     def latched(self) -> bool:
-        """Whether a fault or an e-stop keeps it where it is."""
+        """Whether a fault or an e-stop is latched."""
         status = self.app.status
         return status is not None and status.state in {"fault", "estopped"}
 
     @property
     def why(self) -> str:
-        """The status' reason to stand, without figures that change."""
+        """The status's reason to stand, without figures that change."""
         status = self.app.status
         return status.why.split(":")[0].split("(since")[0] if status is not None else "no status"
 
     def compare(self) -> None:
-        """Stand still, and compare the way since the last time with the one truly driven."""
+        """Stand still, and compare the way since the last time with the true one."""
         self.app.steady(0.0)
         began_ns = time.monotonic_ns()
         life = self.manager.life
         if not self.wait(lambda: self.board.truth.stood_at(began_ns), 5.0):
             self.unexpected("it does not stand when commanded to")
             return
-        # What the board had said before the wheels stood has been published by now.
+        # After this time the last counts before the standstill have been published.
         time.sleep(0.25)
         now_ns = time.monotonic_ns()
         if not self.wait(lambda: self.app.pose_since(now_ns), 5.0) or not self.wait(
@@ -325,14 +319,14 @@ class Course:
         way_m = max(abs(b - a) for a, b in ways)
         most_m, most_rad = MOST_M, MOST_RAD
         if unknown_m := self._unknown_m(anchor[2]):
-            # What each wheel may have rolled unseen turns the base, and bends all that follows.
+            # The unseen travel of a wheel turns the base, and bends the rest of the way.
             turned = 2.0 * unknown_m / SEPARATION_M
             most_m += unknown_m + way_m * min(2.0, turned)
             most_rad += turned
             self.ledger.uncertain += 1
             self._begin_again()
         else:
-            # A line without a checksum can be so bad that this cannot be seen: but that is known.
+            # A bad line without a checksum can hide this; the covariance may show it.
             xx, yy, tt = way_covariance(
                 _pose(anchor[0]), anchor[0].covariance, where, pose.covariance
             )
@@ -352,7 +346,7 @@ class Course:
             self.fail(f"the pose is {metres * 1e3:.1f} mm and {radians:.4f} rad off the truth")
 
     def _begin_again(self) -> None:
-        """Reset the pose: the uncertainty of this way would hide that of the next."""
+        """Reset the pose, because the uncertainty of this way would hide that of the next."""
         self.app.poses.pause()
         reply = self.app.ask("yahboomd/odometry/reset")
         if reply is None or not reply.success:

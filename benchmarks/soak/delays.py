@@ -12,26 +12,26 @@ from benchmarks.soak.processes import WATCHDOG_S
 from benchmarks.soak.tail import STANDING_M_S, Order, is_stop
 
 EX_TEMPFAIL = 75
-"""The daemon's exit code where standstill was not confirmed."""
+"""The daemon's exit code if standstill was not confirmed."""
 
 NOTICE_S = 2.0
-"""The time that the odometry may take to notice another tick."""
+"""The time in which the odometry must notice another tick."""
 
 BACKED_M = 0.01
 """The backward travel that brakes may give a wheel."""
 
 QUEUE_S = 0.4
-"""The time on the wire of what queued during a stall."""
+"""The time on the wire of the bytes that queued during a stall."""
 
 
 def frozen(course: Course) -> None:
-    """The daemon's process does not run for less than the watchdog waits, then goes on."""
+    """Freeze the daemon's process for less than the watchdog's time."""
     for_s = course.random.uniform(0.3, 1.9)
     _freeze(course, for_s, reverses=for_s > TIMEOUT_S + 0.2 and course.random.random() < 0.5)
 
 
 def frozen_full(course: Course) -> None:
-    """Frozen until the kernel's buffer is full: lines that come after that are lost."""
+    """Freeze it until the kernel's buffer is full, so that later lines are lost."""
     _freeze(course, course.random.uniform(1.2, 1.9), reverses=False)
 
 
@@ -54,7 +54,7 @@ def _freeze(course: Course, for_s: float, *, reverses: bool) -> None:
     else:
         time.sleep(1.0)
     if life.ended_ns is not None and for_s > WATCHDOG_S / 2:
-        # Only a machine that did not run the daemon after the thaw, or the soak in time.
+        # Only if the machine ran neither the daemon nor the soak in time.
         life.asked = True
         course.ledger.notes[f"{course.kind}: the watchdog ended it"] += 1
         return
@@ -63,7 +63,7 @@ def _freeze(course: Course, for_s: float, *, reverses: bool) -> None:
 
 
 def _nothing_old(course: Course, thawed_ns: int) -> None:
-    """Commands that waited in a frozen daemon are not executed: it slows down and stands."""
+    """Verify that commands which waited in a frozen daemon move nothing."""
     before = course.board.wire.last_before(thawed_ns)
     most = before.largest if before is not None else 0
     course.frame(
@@ -78,7 +78,7 @@ def _nothing_old(course: Course, thawed_ns: int) -> None:
 
 
 def burst(course: Course) -> None:
-    """The board's lines are held back and arrive at once, again and again."""
+    """Hold the board's lines back and deliver them at once, again and again."""
     since_ns = time.monotonic_ns()
     course.app.wander()
     for _ in range(3):
@@ -90,7 +90,7 @@ def burst(course: Course) -> None:
 
 
 def another_tick(course: Course) -> None:
-    """The board renews its totals at another period than those seen so far, as other firmware."""
+    """Change the period in which the board renews its totals, as other firmware does."""
     since_ns = time.monotonic_ns()
     course.move(0.3, 0.0)
     course.board.do(f"tick-period {course.random.choice([0.005, 0.02, 0.0])}")
@@ -106,7 +106,7 @@ def another_tick(course: Course) -> None:
 
 
 def lost_answers(course: Course) -> None:
-    """A question of the daemon's goes unanswered; commands reach the board all the same."""
+    """Leave a question of the daemon unanswered; commands still reach the board."""
     course.move(0.2, 0.0, for_s=0.3)
     since_ns = time.monotonic_ns()
     course.board.do("unanswered $Battery 1" if course.streamed else "unanswered $data 0.3")
@@ -120,7 +120,7 @@ def lost_answers(course: Course) -> None:
 
 
 def _changes(course: Course, vx: float) -> None:
-    """Measure how long another speed takes to the board."""
+    """Measure the time until another speed reaches the board."""
     before = course.board.wire.last_before(time.monotonic_ns())
     speed = before.largest if before is not None else 0
     sent_ns = course.app.now(vx)
@@ -132,11 +132,8 @@ def _changes(course: Course, vx: float) -> None:
     time.sleep(course.random.uniform(0.05, 0.2))
 
 
-# The port takes no output.
-
-
 def output_stall(course: Course) -> None:
-    """The port takes no output for a while, then all that has queued at once."""
+    """Stall the port's output for a while; everything queued then goes out at once."""
     course.app.wander()
     for_s = course.random.uniform(0.1, 2.0)
     since_ns = course.board.do(f"stall {for_s:.3f}")
@@ -146,7 +143,7 @@ def output_stall(course: Course) -> None:
 
 
 def estop_in_output_stall(course: Course) -> None:
-    """The e-stop is engaged while the port takes no output."""
+    """Engage the e-stop while the port takes no output."""
     course.move()
     for_s = course.random.uniform(0.3, 2.0)
     ends_ns = course.board.stall(for_s)
@@ -155,7 +152,7 @@ def estop_in_output_stall(course: Course) -> None:
 
 
 def sigterm_in_output_stall(course: Course) -> None:
-    """The service is stopped while the port takes no output: status 0 only if the wheels stand."""
+    """Stop the service while the port takes no output: status 0 only if the wheels stand."""
     course.move()
     life = course.manager.life
     stops = len(course.manager.stop_statuses)
@@ -163,7 +160,7 @@ def sigterm_in_output_stall(course: Course) -> None:
     ends_ns = course.board.stall(for_s)
     time.sleep(course.random.uniform(0.05, 0.3))
     course.manager.signal(signal.SIGTERM)
-    # The daemon that follows must not drive at once.
+    # The next daemon must not drive at once.
     course.app.silent()
     if not course.wait(lambda: life.status is not None, 15.0) or life.ended_ns is None:
         course.unexpected("the daemon does not end")

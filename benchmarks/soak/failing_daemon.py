@@ -1,8 +1,8 @@
-"""``yahboomd run`` whose recorders fail once each, from the moment that a file appears.
+"""Runs ``yahboomd run`` with recorders that fail once each, after a file appears.
 
     python -m benchmarks.soak.failing_daemon FILE run ...
 
-Only the soak knows it: the exceptions are those that a full disk and a mistake in a recorder raise.
+Only the soak uses it. The exceptions are those of a full disk and of a mistake in a recorder.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from yahboomd.cli.main import main
 from yahboomd.core.daemon.recorders import Recorders
 
 SPARED = re.compile(r"The (pose|events) on the bus|The status(?! for)")
-"""The soak judges by these."""
+"""The soak needs these, so they do not fail."""
 
 ERRORS: tuple[BaseException, ...] = (
     OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)),
@@ -46,14 +46,14 @@ class Fuse:
         self._lit = True
 
     def burn(self, name: str) -> None:
-        """Raise, if this recorder has not yet."""
+        """Raise, unless this recorder has failed before."""
         if self._lit and not SPARED.match(name) and name not in self._failed:
             self._failed.add(name)
             raise next(self._errors)
 
 
 def fit(fuse: Fuse) -> None:
-    """Have every call of a recorder pass the fuse."""
+    """Make every call of a recorder pass the fuse."""
     call, guarded = Recorders.call, Recorders.guarded
 
     def burning(name: str, function: Callable[..., Any]) -> Callable[..., Any]:

@@ -15,17 +15,14 @@ from yahboomd.core.config import runtime_folder
 TIMEOUT_S = 0.5
 RAMP_S = 0.25
 SILENT_S = 1.0
-"""After so long without counts the link gives a board up."""
+"""After this time without counts the link gives a board up."""
 CONNECT_S = 3.0
 NOISY_S = 10.5
-"""The time from a port that is back to a stopped board: back-off, and the handshake's stop."""
-
-
-# What people and applications do.
+"""From the return of a port to a stopped board: the back-off, and the handshake's stop."""
 
 
 def estop(course: Course) -> None:
-    """The emergency stop, against an application that drives on."""
+    """Engage the emergency stop, against an application that drives on."""
     course.move()
     engage(course, "e-stop")
     reply = course.app.ask("yahboomd/estop/reset")
@@ -41,14 +38,14 @@ def engage(
     within_s: float = BRAKE_S,
     attachment: bytes | None = None,
 ) -> None:
-    """Press the e-stop, and verify what follows.
+    """Press the e-stop, and verify the consequences.
 
     Args:
         course: The robot.
-        kind: What the latency is counted as.
-        taken_ns: When the port takes output again, if it does not now: then it counts from there.
-        within_s: Until when the wheels must stand.
-        attachment: What the sample carries besides.
+        kind: The kind of the measured latency.
+        taken_ns: When the port takes output again, if it does not now: the latency starts there.
+        within_s: The time in which the wheels must stand.
+        attachment: An attachment of the sample.
     """
     since_ns = time.monotonic_ns()
     course.app.session.put("yahboomd/estop", b"", attachment=attachment)
@@ -63,7 +60,7 @@ def engage(
 
 
 def silence(course: Course) -> None:
-    """The application stops sending in motion."""
+    """Stop sending in motion."""
     course.move()
     _lapse(course, "command silence", course.app.silent())
 
@@ -80,7 +77,7 @@ def _lapse(course: Course, kind: str, last_ns: int) -> None:
 
 
 def client_killed(course: Course) -> None:
-    """An application is killed in motion."""
+    """Kill an application in motion."""
     course.app.silent()
     helper = Helper("drive", course.endpoint, "cmd_vel", "0.35", "-0.4")
     try:
@@ -94,7 +91,7 @@ def client_killed(course: Course) -> None:
 
 
 def flood(course: Course) -> None:
-    """Floods from several applications, and an e-stop in the midst of them."""
+    """Flood from several applications, and engage an e-stop among them."""
     kinds = course.random.sample(["garbage", "large", "valid=0.35", "garbage"], k=2)
     course.move(0.35, 0.0)
     helpers = [Helper("flood", course.endpoint, "cmd_vel", kind) for kind in kinds]
@@ -108,11 +105,8 @@ def flood(course: Course) -> None:
             helper.kill()
 
 
-# What happens to the daemon.
-
-
 def sigterm(course: Course) -> None:
-    """The service is stopped, as by a shutdown; the manager starts it again."""
+    """Stop the service, as a shutdown does; the manager starts it again."""
     course.move()
     life = course.manager.life
     number = course.random.choice([signal.SIGTERM, signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
@@ -124,7 +118,7 @@ def sigterm(course: Course) -> None:
 
 
 def sigkill(course: Course) -> None:
-    """The daemon is killed; what the manager runs after it stops the wheels."""
+    """Kill the daemon; the manager's next command stops the wheels."""
     course.move()
     since_ns = course.manager.signal(signal.SIGKILL)
     course.frame("SIGKILL", since_ns, wait_s=10.0)
@@ -132,7 +126,7 @@ def sigkill(course: Course) -> None:
 
 
 def damaged_rings(course: Course) -> None:
-    """Killed, and beside its ring lie two that are damaged: the next daemon drives all the same."""
+    """Kill it, and put two damaged rings beside its own: the next daemon still drives."""
     user_id = os.getuid()
     folder = ring_folder(runtime_folder(os.environ, user_id=user_id), user_id)
     whole = next((path.read_bytes() for path in rings(folder)), b"")
@@ -151,7 +145,7 @@ def damaged_rings(course: Course) -> None:
 
 
 def recorders_fail(course: Course) -> None:
-    """Whatever only records raises, one part after the other: it drives, and stops at an e-stop."""
+    """Make each recorder raise, one after the other: it drives, and stops at an e-stop."""
     course.move()
     since_ns = time.monotonic_ns()
     fuse = course.manager.fuse
@@ -175,29 +169,26 @@ def recorders_fail(course: Course) -> None:
 
 
 def sigstop(course: Course) -> None:
-    """The daemon hangs; the watchdog ends it."""
+    """Hang the daemon; the watchdog ends it."""
     course.move()
     kills = course.manager.watchdog_kills
     since_ns = course.manager.signal(signal.SIGSTOP)
-    # What it had written is not a stop.
+    # Frames written before the signal are no stop.
     course.frame("SIGSTOP", since_ns, wait_s=10.0)
     course.stands(since_ns, WATCHDOG_S + 1.0 + BRAKE_S)
     if course.manager.watchdog_kills == kills:
         course.unexpected("the watchdog did not act")
 
 
-# What happens to the board.
-
-
 def reset(course: Course) -> None:
-    """The board resets itself in motion."""
+    """Reset the board in motion."""
     course.move()
     _counts_from_zero(course)
     _after_reset(course, course.board.do("reset"))
 
 
 def brown_out(course: Course) -> None:
-    """The board's supply fails for a moment."""
+    """Interrupt the board's supply for a moment."""
     course.move()
     _counts_from_zero(course)
     off_s = course.random.choice([0.02, 0.1, 0.4])
@@ -205,7 +196,7 @@ def brown_out(course: Course) -> None:
 
 
 def dip(course: Course) -> None:
-    """The supply dips until after a stop was due: no wheel is accused."""
+    """Dip the supply until after a stop was due: no wheel is accused."""
     course.move()
     _counts_from_zero(course)
     since_ns = course.board.do(f"brown-out {course.random.choice([0.3, 0.6, 0.8])}")
@@ -224,15 +215,15 @@ def _counts_from_zero(course: Course) -> None:
 def _after_reset(course: Course, since_ns: int) -> None:
     stood_ns = course.stands(since_ns, 1.0)
     if course.announces and stood_ns is not None:
-        # It stands a second from the moment that the board says so.
+        # It stands for a second from the board's report on.
         rest_s = 0.95 - (stood_ns - since_ns) / 1e9
         course.stays(stood_ns, max(0.0, rest_s))
 
 
 def reset_loop(course: Course) -> None:
-    """The board resets itself again and again."""
+    """Reset the board again and again."""
     if not course.announces:
-        # Such a board does not say that it was reset.
+        # Such a board does not report its resets.
         brown_out(course)
         return
     course.move()
@@ -245,7 +236,7 @@ def reset_loop(course: Course) -> None:
 
 
 def board_hangs(course: Course) -> None:
-    """The board's processor hangs with its motors on; only its supply can stop them."""
+    """Hang the board's processor with its motors on; only its supply can stop them."""
     course.move(0.2, 0.0)
     _counts_from_zero(course)
     course.board.do("hang")
@@ -254,7 +245,7 @@ def board_hangs(course: Course) -> None:
 
 
 def mute_short(course: Course) -> None:
-    """The board's output is lost for a moment."""
+    """Lose the board's output for a moment."""
     course.app.wander()
     time.sleep(0.5)
     course.board.do(f"mute {course.random.uniform(0.05, 0.7):.3f}")
@@ -262,7 +253,7 @@ def mute_short(course: Course) -> None:
 
 
 def mute_long(course: Course) -> None:
-    """The board's output is lost for a while."""
+    """Lose the board's output for a while."""
     course.move()
     since_ns = course.board.do("mute 2.5")
     course.stands(since_ns, SILENT_S + BRAKE_S + 0.2)
@@ -270,7 +261,7 @@ def mute_long(course: Course) -> None:
 
 
 def babble(course: Course) -> None:
-    """Random bytes arrive instead of the board's output."""
+    """Deliver random bytes instead of the board's output."""
     course.move()
     for_s = course.random.choice([0.2, 0.6, 2.2])
     since_ns = course.board.do(f"babble {for_s}")
@@ -282,16 +273,13 @@ def babble(course: Course) -> None:
     course.damaged_ns = time.monotonic_ns()
 
 
-# What happens to the line.
-
-
 def unplug_short(course: Course) -> None:
-    """The cable is out for less than a second."""
+    """Unplug the cable for less than a second."""
     _unplug(course, course.random.uniform(0.05, 0.8))
 
 
 def unplug_long(course: Course) -> None:
-    """The cable is out for seconds: the wheels turn on, and are stopped when it is back."""
+    """Unplug it for seconds: the wheels turn on, and are stopped when it is back."""
     _unplug(course, course.random.uniform(2.0, 4.0))
 
 
@@ -303,25 +291,25 @@ def _unplug(course: Course, for_s: float) -> None:
         course.app.silent()
     course.wait(lambda: time.monotonic_ns() > back_ns, for_s + 1.0)
     course.frame("unplug: from the replug", back_ns, is_stop, wait_s=10.0)
-    # A source that keeps commanding drives on, and the wheels need not stand in between.
+    # A source that keeps commanding drives on, so the wheels need not stand in between.
     if lapses:
         course.stands(back_ns, CONNECT_S)
 
 
 def loss(course: Course) -> None:
-    """Bytes vanish, up to one in five; it must stop all the same."""
+    """Lose bytes, up to one in five; it must still stop."""
     share = course.random.choice([0.01, 0.05, 0.2])
     _noise(course, f"loss {share}")
 
 
 def corruption(course: Course) -> None:
-    """Bytes arrive changed."""
+    """Change bytes."""
     share = course.random.choice([0.001, 0.01, 0.05])
     _noise(course, f"corruption {share}")
 
 
 def jitter(course: Course) -> None:
-    """Bytes arrive late, and not evenly."""
+    """Deliver bytes late and unevenly."""
     _noise(
         course, f"delay {course.random.choice([0.0, 0.01])} {course.random.choice([0.01, 0.04])}"
     )
@@ -336,38 +324,35 @@ def _noise(course: Course, command: str) -> None:
     course.damaged_ns = time.monotonic_ns()
 
 
-# What happens to motors.
-
-
 def encoder_dead(course: Course) -> None:
-    """An encoder stops counting, and the board's loop runs away."""
+    """Stop an encoder's counts: the board's loop runs away."""
     _lies(course, "encoder-dead")
 
 
 def encoder_reversed(course: Course) -> None:
-    """An encoder counts the other way, and the board's loop runs away."""
+    """Reverse an encoder's counts: the board's loop runs away."""
     _lies(course, "encoder-reversed")
 
 
 def motor_unplugged(course: Course) -> None:
-    """A motor's cable comes off."""
+    """Unplug a motor."""
     _lies(course, "unplugged")
 
 
 def stalled(course: Course) -> None:
-    """A wheel is held."""
+    """Hold a wheel."""
     _lies(course, "stalled", honest=True)
 
 
 def _on_a_clean_line(course: Course) -> None:
-    """Wait until the line is no longer blamed for what a wheel does."""
+    """Wait until the line is no longer blamed for a wheel's motion."""
     course.wait(lambda: time.monotonic_ns() - course.damaged_ns > NOISY_S * 1e9, NOISY_S)
 
 
 def _lies(course: Course, fault: str, *, honest: bool = False) -> None:
     _on_a_clean_line(course)
     wheel = course.random.choice(["left", "right"])
-    # Not slower than the checks look at.
+    # At least as fast as the checks require.
     speed = course.random.choice([0.15, 0.35]) * course.random.choice([1, -1])
     course.move(speed, 0.0, for_s=1.0)
     if not honest:
@@ -381,10 +366,9 @@ def _lies(course: Course, fault: str, *, honest: bool = False) -> None:
 
 
 def turning(course: Course) -> None:
-    """A wheel is turned by hand: slowly is reported, faster than the checks' margin is a fault."""
+    """Turn a wheel by hand: slow turning is reported, turning beyond the margin is a fault."""
     _on_a_clean_line(course)
-    # A wheel that crawled and had not yet begun to roll leaves the motors let go: then everybody
-    # may turn them.
+    # Drive first: after a crawl without rolling the motors are let go, and may turn freely.
     course.move(0.25, 0.0)
     silent_ns = course.app.silent()
     course.stands(silent_ns, TIMEOUT_S + RAMP_S + BRAKE_S, "command silence")

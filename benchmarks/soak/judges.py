@@ -1,4 +1,4 @@
-"""Checks against the ground truth after a fault: alarms, and the pose in motion."""
+"""Checks alarms, and the pose in motion, against the ground truth after a fault."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ STEADY_SHARE = 0.05
 STEADY_M_S = 0.01
 
 TRUTH_S = 1.0
-"""The ground truth arrives in lumps of 0.2 s."""
+"""The time to wait for the ground truth, which arrives in batches of 0.2 s."""
 
 
 def alarms(course: Course, since_ns: int) -> None:
@@ -36,7 +36,7 @@ def not_accused(course: Course, since_ns: int) -> None:
 
 
 def motion(course: Course, since_ns: int) -> None:
-    """Poses and twists that came since then agree with the truth at their stamps."""
+    """Verify that later poses and twists agree with the truth at their stamps."""
     now_ns = time.monotonic_ns()
     course.wait(lambda: course.board.truth.since(now_ns), TRUTH_S)
     truths = course.board.truth.since(since_ns - TWIST_SPAN_NS)
@@ -53,7 +53,7 @@ def motion(course: Course, since_ns: int) -> None:
 
 
 def steady_twist(course: Course, since_ns: int) -> None:
-    """At a steady speed the median of the twists is that of the truth."""
+    """Verify that at a steady speed the median of the twists equals that of the truth."""
     twists = course.app.twists_since(since_ns)
     truths = course.board.truth.since(since_ns)
     if not twists or not truths:

@@ -25,9 +25,9 @@ BUDGETS_S: dict[str, float] = {
     "SIGSTOP": 3.0,
 }
 """From the fault to the first stop frame on the wire; for silence, to the first decelerating one:
-the timeout of 0.5 s and a control period. A stopped process has the watchdog's 2 s besides. In an
-output stall it counts from the moment at which the port takes output again; an attachment of 15 MB
-has to arrive first."""
+the timeout of 0.5 s and a control period. A stopped process also has the watchdog's 2 s. In an
+output stall the time starts when the port takes output again; an attachment of 15 MB has to arrive
+first."""
 
 
 class Latency(msgspec.Struct, frozen=True, kw_only=True):
@@ -35,7 +35,7 @@ class Latency(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         seconds: From the fault to the frame.
-        stalled_s: For how much of it the machine stood still.
+        stalled_s: The part of it for which the machine stood still.
     """
 
     seconds: float
@@ -43,24 +43,24 @@ class Latency(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Ledger:
-    """Counts what happens.
+    """Counts the events of a run.
 
     Attributes:
-        faults: By kind.
+        faults: Faults by kind.
         latencies: From a fault to the stop frame, by kind.
-        stood_s: From a fault, or its end, to wheels that stand, by kind.
-        stops: How many stops the ground truth showed.
-        drives: After how many faults it drove again.
-        recovery_s: How long that took.
-        errors_m: Of the pose, stretch by stretch.
-        errors_rad: Of the heading.
-        worst_way: Where the pose erred most.
-        driven_m: How far those stretches were.
-        uncertain: Stretches in which travel was lost, and said so.
-        covered: Stretches that erred by more than usual, within three of their standard deviations.
+        stood_s: From a fault, or its end, to standing wheels, by kind.
+        stops: Stops that the ground truth showed.
+        drives: Faults after which it drove again.
+        recovery_s: The time until it drove again.
+        errors_m: Errors of the pose, stretch by stretch.
+        errors_rad: Errors of the heading.
+        worst_way: The stretch with the largest error of the pose.
+        driven_m: The length of those stretches.
+        uncertain: Stretches with lost travel that was reported.
+        covered: Stretches with a larger error, within three of their standard deviations.
         apart: Stretches that are not compared, by reason.
-        notes: What happened and is no failure.
-        failures: What should not have happened.
+        notes: Observations that are no failures.
+        failures: Failures.
         too_late: Latencies over their budget that no stall of the machine explains.
     """
 
@@ -83,26 +83,26 @@ class Ledger:
         self.too_late: list[str] = []
 
     def latency(self, kind: str, seconds: float, stalled_s: float) -> None:
-        """A stop frame came."""
+        """Record a stop frame."""
         self.latencies.setdefault(kind, []).append(Latency(seconds=seconds, stalled_s=stalled_s))
 
     def stopped(self, kind: str, seconds: float) -> None:
-        """The wheels stood."""
+        """Record that the wheels stood."""
         self.stops += 1
         self.stood_s.setdefault(kind, []).append(seconds)
 
     def late(self, kind: str) -> list[Latency]:
-        """Measurements over the budget."""
+        """Latencies over the budget."""
         most = BUDGETS_S.get(kind, float("inf"))
         return [each for each in self.latencies.get(kind, []) if each.seconds > most]
 
     def unexplained(self, kind: str) -> list[Latency]:
-        """The findings that the machine's own stalls do not explain."""
+        """Latencies over the budget that the machine's own stalls do not explain."""
         most = BUDGETS_S.get(kind, float("inf"))
         return [each for each in self.late(kind) if each.seconds > most + each.stalled_s]
 
 
 def quantile(values: Iterable[float], share: float) -> float:
-    """A value that this share of all is not above; NaN without any."""
+    """The smallest value that this share of all does not exceed; NaN without any."""
     ordered = sorted(values)
     return ordered[min(len(ordered) - 1, int(share * len(ordered)))] if ordered else float("nan")

@@ -11,14 +11,14 @@ from yahboomd.core.messages.native import PoseSample, TwistSample
 from yahboomd.simulation.truth import TruthSample
 
 LATE_S = 0.05
-"""A stamp may disagree with the moment at which the robot was there by so much."""
+"""The most by which a stamp may differ from the moment of the pose."""
 
 MARGIN_M = 0.03
 MARGIN_M_S = 0.1
 SIGMAS = 3.0
 
 TWIST_SPAN_NS = 1_200_000_000
-"""A twist is a mean over the time since the last reading, which a gap makes long."""
+"""A twist is a mean since the previous reading, and a gap makes that time long."""
 
 AROUND_NS = 300_000_000
 
@@ -27,8 +27,8 @@ class Track:
     """The ground truth of some seconds, at any moment within.
 
     Args:
-        truths: In the order of time.
-        wall_ns: What a Unix stamp is later than the monotonic time of the same moment.
+        truths: The samples, in the order of time.
+        wall_ns: Unix time less monotonic time.
     """
 
     def __init__(self, truths: Sequence[TruthSample], wall_ns: int) -> None:
@@ -58,9 +58,9 @@ class Track:
 def pose_excess_m(
     anchor: PoseSample, anchor_truth: TruthSample, poses: Sequence[PoseSample], track: Track
 ) -> float:
-    """The distance by which the worst pose is further from the truth at its stamp than it may be.
+    """The largest distance of a pose from the truth at its stamp, beyond the allowed one.
 
-    It may be off by :data:`MARGIN_M`, what its covariance admits, and :data:`LATE_S` of driving.
+    Allowed are :data:`MARGIN_M`, the covariance's share, and :data:`LATE_S` of driving.
     """
     worst_m = 0.0
     for pose in poses:
@@ -81,9 +81,9 @@ def pose_excess_m(
 
 
 def twist_excess_m_s(twists: Sequence[TwistSample], track: Track) -> float:
-    """The amount by which the worst forward speed is outside of what the robot did lately.
+    """The most by which a forward speed lies outside of the robot's recent true speeds.
 
-    It may be outside by :data:`MARGIN_M_S` and what its covariance admits.
+    Allowed are :data:`MARGIN_M_S` and the covariance's share.
     """
     worst_m_s = 0.0
     for twist in twists:

@@ -1,4 +1,4 @@
-"""The result as the page ``docs/safety.md`` has it, in markdown."""
+"""Writes the result as markdown, for the page ``docs/safety.md``."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def rows(head: Sequence[str], body: Iterable[Sequence[str]]) -> str:
 
 
 def insert(path: Path, text: str) -> None:
-    """Replace what stands between the marks of a page.
+    """Replace the text between the marks of a page.
 
     Raises:
         ValueError: It has no marks.

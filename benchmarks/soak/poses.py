@@ -15,7 +15,7 @@ V_MAX_M_S = 2.0
 SEPARATION_M = 0.15
 TICK_M = math.pi * 0.067 / 1320
 STAMP_SLACK_S = 1e-6
-"""The wall clock is adjusted while it runs."""
+"""Allows for the wall clock, which is adjusted while it runs."""
 
 MOST_FOUND = 10_000
 
@@ -24,13 +24,13 @@ AHEAD_S = 0.002
 
 
 class Jump(msgspec.Struct, frozen=True, kw_only=True):
-    """Two samples in a row that cannot be.
+    """Two consecutive samples that are impossible.
 
     Attributes:
         kind: ``position``, ``heading``, ``covariance``, ``stamp`` or ``future``.
-        step: How far it went: metres, radians, a ratio, seconds.
-        most: How far it might have gone.
-        stamp_ns: Of the second sample.
+        step: The step: metres, radians, a ratio, seconds.
+        most: The largest possible step.
+        stamp_ns: The stamp of the second sample.
     """
 
     kind: str
@@ -43,11 +43,11 @@ class PoseWatch:
     """Compares each pose with the one before it.
 
     A jump is a step longer than v_max x Δt plus one count (for the heading: both wheels, over the
-    track). The covariance shrinks where its determinant does.
+    track). The covariance shrinks if its determinant does.
 
     Attributes:
-        found: What was wrong, up to :data:`MOST_FOUND`.
-        samples: How many were looked at.
+        found: The jumps, up to :data:`MOST_FOUND`.
+        samples: The number of compared samples.
         fastest_m_s: The fastest step, less a count, over its time.
     """
 
@@ -89,7 +89,7 @@ class PoseWatch:
         self._check("position", step_m, rolled_m, pose)
         self._check("heading", turn, 2.0 * rolled_m / SEPARATION_M, pose)
         before, after = determinant(last.covariance), determinant(pose.covariance)
-        # Rounding: a determinant is a difference of products as large as its diagonal's.
+        # For rounding: a determinant is a difference of products as large as its diagonal's.
         rounding = 1e-9 * pose.covariance[0] * pose.covariance[4] * pose.covariance[8]
         if after < before * (1.0 - 1e-9) - rounding:
             self._add("covariance", after, before, pose)
@@ -118,9 +118,9 @@ def error(
     truth_0: tuple[float, float, float],
     truth_1: tuple[float, float, float],
 ) -> tuple[float, float]:
-    """The distance between the end of a way as measured and the end of the same way as driven.
+    """The distance between the measured and the true end of a way.
 
-    Both are seen from where they began.
+    Both are relative to their beginnings.
 
     Returns:
         Metres and radians.
@@ -133,9 +133,9 @@ def error(
 def way_covariance(
     then: tuple[float, float, float], p_then: Matrix3, now: tuple[float, float, float], p: Matrix3
 ) -> tuple[float, float, float]:
-    """The covariance of the way between two poses, without what was unsure before it.
+    """The covariance of the way between two poses, without the uncertainty from before it.
 
-    A heading that is off by a little swings all that follows about the place where it went wrong:
+    An error of the heading swings the rest of the way around the place of the error:
     ``P = J · P_then · Jᵀ + Q`` with ``J = [1 0 -dy; 0 1 dx; 0 0 1]``; this is Q's diagonal.
 
     Returns:

@@ -21,14 +21,14 @@ import msgspec
 from benchmarks.soak.tail import Truth, Wire
 
 WATCHDOG_S = 2.0
-"""As in the unit, like the niceness and what follows a daemon that failed."""
+"""The unit's value, like the niceness and the command after a failed daemon."""
 
 DAEMON_NICE = -5
 BOARD_NICE = -15
-"""A real board has a processor of its own: what else this machine does must not delay it.
+"""A real board has a processor of its own, so other processes must not delay it.
 
-Both are relative to our own niceness: ``nice -n -10 make soak`` puts all of it before the rest of a
-busy machine.
+Both are relative to the soak's own niceness: ``nice -n -10 make soak`` puts all of it before the
+rest of a busy machine.
 """
 
 FED_LATELY_NS = 50_000_000
@@ -40,7 +40,7 @@ INITIAL_TICKS = "3000000,0,3000000,0"
 
 
 def prefer(process: subprocess.Popen[str] | subprocess.Popen[bytes], nice: int) -> bool:
-    """Give a process more of the machine, where we may."""
+    """Give a process a higher priority, if that is permitted."""
     try:
         own = os.getpriority(os.PRIO_PROCESS, 0)
         os.setpriority(os.PRIO_PROCESS, process.pid, max(-20, own + nice))
@@ -50,7 +50,7 @@ def prefer(process: subprocess.Popen[str] | subprocess.Popen[bytes], nice: int) 
 
 
 def end(process: subprocess.Popen[str]) -> int:
-    """Ask a process to end, and make it."""
+    """Ask a process to end, and kill it if it does not."""
     if process.poll() is None:
         process.send_signal(signal.SIGCONT)
         process.terminate()
@@ -62,7 +62,7 @@ def end(process: subprocess.Popen[str]) -> int:
 
 
 class Helper:
-    """A child of :mod:`benchmarks.soak.children`, and what it prints."""
+    """A child of :mod:`benchmarks.soak.children` and its output."""
 
     def __init__(self, *arguments: str) -> None:
         self.lines: list[str] = []
@@ -88,7 +88,7 @@ class Helper:
             time.sleep(0.005)
 
     def kill(self) -> None:
-        """End it as a power failure would."""
+        """Kill it, as a power failure would."""
         self.process.kill()
         self.process.wait()
         self._reader.join()
@@ -97,7 +97,7 @@ class Helper:
 
 
 class Stalls:
-    """Times at which the machine ran no process, measured by a process beside ours."""
+    """Times in which the machine ran no process, measured by a process beside the soak's."""
 
     def __init__(self) -> None:
         self._helper = Helper("stalls")
@@ -114,7 +114,7 @@ class Stalls:
         return self._found
 
     def within_s(self, since_ns: int, until_ns: int) -> float:
-        """The time that it stood still in a stretch of time, in all."""
+        """The total time that it stood still in a stretch of time."""
         return (
             sum(
                 late
@@ -125,18 +125,18 @@ class Stalls:
         )
 
     def longest_s(self, since_ns: int) -> float:
-        """The longest from a moment on."""
+        """The longest stall from a moment on."""
         late = [late for before, late in self._look() if before + late >= since_ns]
         return max(late, default=0) / 1e9
 
     @property
     def worst_s(self) -> float:
-        """The longest so far."""
+        """The longest stall."""
         return max((late for _, late in self._look()), default=0) / 1e9
 
     @property
     def count(self) -> int:
-        """The count so far."""
+        """The number of stalls."""
         return len(self._look())
 
     def close(self) -> None:
@@ -148,9 +148,9 @@ class Board:
     """A simulated board on a pty, behind a name that outlives it.
 
     Args:
-        folder: Where its files go.
-        dialect: What it speaks.
-        seed: Of its random things.
+        folder: The folder for its files.
+        dialect: Its dialect.
+        seed: Decides its random events.
     """
 
     def __init__(self, folder: Path, dialect: str, seed: int) -> None:
@@ -166,7 +166,7 @@ class Board:
                 *("--link", str(self.port), "--seed", str(seed), "--ticks", INITIAL_TICKS),
                 # Every other board fills the wire with its lines, if it streams them.
                 *("--stream-pace", "wire" if seed % 2 else "measured"),
-                # The ten seconds of a real one would be most of the run.
+                # A real board's ten seconds would be most of the run.
                 *("--start-up", "0.3"),
                 *("--truth", str(self._files[0]), "--heard", str(self._files[1])),
                 *("--control", str(self._control)),
@@ -180,13 +180,13 @@ class Board:
             raise RuntimeError("the simulated board did not start")
 
     def do(self, command: str) -> int:
-        """Carry a control command out; returns when it was sent."""
+        """Send a control command; returns when it was sent."""
         return self._ask(command)[0]
 
     def stall(self, for_s: float) -> int:
-        """Let the port take no output for a while; returns when it takes some again.
+        """Stall the port's output for a while; returns when the port takes output again.
 
-        The board says when: it may hear the command late.
+        The board reports that time, because it may receive the command late.
         """
         return int(self._ask(f"stall {for_s:.3f}")[1].removeprefix("ok until "))
 
@@ -219,10 +219,10 @@ class Life(msgspec.Struct, kw_only=True):
     Attributes:
         began_ns: When it was started.
         pid: Its process.
-        ended_ns: When it was over.
-        status: How it ended; negative: by that signal.
-        asked: Whether we ended it.
-        note: What it did when the watchdog ended it.
+        ended_ns: When it ended.
+        status: Its exit status; negative for a signal.
+        asked: Whether the soak ended it.
+        note: Its state when the watchdog ended it.
         rss_first_mb: Resident memory soon after its start.
         rss_mb: The latest figure.
         rss_most_mb: The largest.
@@ -245,12 +245,12 @@ class Life(msgspec.Struct, kw_only=True):
 
 
 class ServiceManager:
-    """Systemd's part for the unit: it starts the daemon, watches it, stops after it, restarts.
+    """Acts as systemd does for the unit: starts the daemon, watches it, stops after it, restarts.
 
     Args:
         folder: For the log, the e-stop's file and the notification socket.
-        port: Where the daemon finds its board.
-        endpoint: Where it listens.
+        port: The port of the board.
+        endpoint: The daemon's endpoint.
     """
 
     def __init__(self, folder: Path, port: Path, endpoint: str) -> None:
@@ -288,7 +288,7 @@ class ServiceManager:
         return self.lives[-1]
 
     def signal(self, number: int) -> int:
-        """Send the daemon a signal that ends it; returns when."""
+        """Send the daemon a signal that ends it; returns when it was sent."""
         process = self._process
         assert process is not None
         self.life.asked = True
@@ -309,7 +309,7 @@ class ServiceManager:
         return frozen_ns
 
     def thaw(self) -> int:
-        """Let it go on, if it is still there; returns when."""
+        """Continue it, if it still exists; returns when."""
         thawed_ns = time.monotonic_ns()
         process = self._process
         if process is not None and process.poll() is None:
@@ -349,7 +349,7 @@ class ServiceManager:
             self._ending.wait(RESTART_S)
 
     def _stop_post(self) -> None:
-        """The command that the unit runs after a daemon that failed."""
+        """Run the unit's command after a failed daemon."""
         stop = subprocess.Popen(
             [
                 *(sys.executable, "-m", "yahboomd", "stop", "--direct"),
@@ -395,7 +395,7 @@ class ServiceManager:
 
     @property
     def tracebacks(self) -> int:
-        """Tracebacks in the daemon's log, but for those of recorders that were to fail."""
+        """Tracebacks in the daemon's log, except those of recorders that were made to fail."""
         words = self.log_path.read_text(errors="replace")
         return words.count("Traceback") - words.count("failed and is switched off until")
 
@@ -418,11 +418,11 @@ class ServiceManager:
 
 
 def memory_mb(pid: int, *, forget_peak: bool = False) -> tuple[float, float]:
-    """Resident memory of a process, and the most that it has been.
+    """Resident memory of a process, and its peak.
 
     Args:
         pid: The process.
-        forget_peak: Let the peak start again from here.
+        forget_peak: Restart the peak.
     """
     if forget_peak:
         Path(f"/proc/{pid}/clear_refs").write_text("5")

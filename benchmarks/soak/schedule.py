@@ -40,7 +40,7 @@ FAULTS: dict[str, Fault] = {
     "flood of the e-stop's key": attacks.key_flood,
     "attachments": attacks.attachments,
 }
-"""Faults that daemon and board live through."""
+"""Faults that daemon and board survive."""
 
 RESETS: dict[str, Fault] = {
     "board reset": injections.reset,
@@ -68,8 +68,8 @@ SHOWN = frozenset(
         *RESETS,
     }
 )
-"""The faults in which wheels move as reported, or a board that forgot its motors
-turns none."""
+"""Faults in which wheels really move as reported, or a board that forgot its motors turns
+none."""
 
 DIALECTS = ("streamed", "polled", "rosmaster")
 
@@ -78,7 +78,7 @@ WITHOUT: dict[str, frozenset[str]] = {
     "polled": frozenset({"another tick"}),
     "rosmaster": frozenset({"another tick", "lost answers"}),
 }
-"""The faults that a board cannot have: no tick that could be another, no question to answer."""
+"""Faults that a board cannot have, because it has no such tick or question."""
 
 
 class Turn(msgspec.Struct, frozen=True, kw_only=True):
@@ -98,16 +98,16 @@ class Segment(msgspec.Struct, frozen=True, kw_only=True):
 def segments(random: Random, kinds: list[str], dialects: Sequence[str]) -> Iterator[Segment]:
     """Every fault on all dialects, again and again, in random order.
 
-    A board takes half of the faults, the next one, of another dialect, the other half; then the
-    halves change places. A board's resets come last: after one its counts are near zero, and
-    travel that it counted unheard can no longer be distinguished from a reset. The faults
-    that end the daemon come in every other such cycle, so that it lives long enough in between for
-    its memory to tell something.
+    A board takes half of the faults; the next one, of another dialect, takes the other half; then
+    the halves change places. A board's resets come last, because after one its counts are near
+    zero, and travel that was not heard can no longer be distinguished from a reset. Faults that end
+    the daemon come in every other such cycle, so that it lives long enough in between for its
+    memory to mean something.
 
     Args:
-        random: Shuffles.
+        random: Shuffles the faults.
         kinds: Only these; empty for all.
-        dialects: What the boards speak.
+        dialects: The dialects of the boards.
     """
     cycle = 0
     while True:

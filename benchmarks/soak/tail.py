@@ -29,7 +29,7 @@ class Tail(Generic[Line]):
 
     Args:
         path: The file; it need not exist yet.
-        line: What each line is.
+        line: The type of each line.
     """
 
     def __init__(self, path: Path, line: type[Line]) -> None:
@@ -90,7 +90,7 @@ class Truth:
         return None
 
     def travelled_m(self, since_ns: int) -> float:
-        """The longest way of any wheel from a moment on, there and back counted."""
+        """The longest way of any wheel from a moment on, counted in both directions."""
         samples = self.since(since_ns)
         return max(
             (
@@ -174,7 +174,7 @@ class Wire:
         )
 
     def last_before(self, t_ns: int) -> Order | None:
-        """The faults in force at a moment."""
+        """The order in force at a moment."""
         self.look()
         return next((order for order in reversed(self.orders) if order.t_ns < t_ns), None)
 

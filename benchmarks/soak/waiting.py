@@ -24,10 +24,10 @@ Sample = tuple[int, dict[str, int]]
 
 
 class Waiting:
-    """Follows the threads of some processes.
+    """Samples the waits of the threads of some processes.
 
     Args:
-        processes: Which ones, by id; asked at every sample.
+        processes: Returns their ids; called at every sample.
     """
 
     def __init__(self, processes: Callable[[], Iterable[int]]) -> None:
@@ -38,7 +38,7 @@ class Waiting:
         self._thread.start()
 
     def within_s(self, since_ns: int, until_ns: int) -> float:
-        """For how long the thread that waited longest did so in a stretch of time.
+        """The longest wait of any thread in a stretch of time.
 
         The stretch is widened to the samples around it.
         """
@@ -68,7 +68,7 @@ class Waiting:
 
 
 def waits_ns(processes: Iterable[int]) -> dict[str, int]:
-    """The time that every thread of some processes has waited so far."""
+    """The time that every thread of some processes has waited until now."""
     found: dict[str, int] = {}
     for process in processes:
         with contextlib.suppress(OSError):
@@ -79,13 +79,13 @@ def waits_ns(processes: Iterable[int]) -> dict[str, int]:
 
 
 def held_by_the_kernel(processes: Iterable[int]) -> list[str]:
-    """The threads that the kernel holds now, in a sleep that nothing interrupts."""
+    """The threads that the kernel holds now, in an uninterruptible sleep."""
     found: list[str] = []
     for process in processes:
         with contextlib.suppress(OSError):
             for thread in Path(f"/proc/{process}/task").iterdir():
                 with contextlib.suppress(OSError, IndexError):
-                    # The name, in brackets, may hold anything.
+                    # The name, in brackets, may contain anything.
                     state = (thread / "stat").read_text().rpartition(")")[2].split()[0]
                     if state == "D":
                         found.append(thread.name)
@@ -93,7 +93,7 @@ def held_by_the_kernel(processes: Iterable[int]) -> list[str]:
 
 
 def longest_wait_ns(samples: list[Sample], since_ns: int, until_ns: int) -> int:
-    """The most that the wait of any one thread grew from before a moment to after another."""
+    """The largest growth of any thread's wait from before a moment to after another."""
     before = [waits for at_ns, waits in samples if at_ns <= since_ns]
     after = [waits for at_ns, waits in samples if at_ns >= until_ns]
     first = before[-1] if before else samples[0][1] if samples else {}

@@ -17,10 +17,10 @@ WHEELS = ("left", "right")
 
 
 def shown(event: EventSample, truth: Iterable[TruthSample], event_ns: int) -> bool:
-    """Whether a wheel really did what the event reports.
+    """Whether a wheel really moved as the event reports.
 
-    On a noisy line a speed that is garbled on its way to the board is driven, and one that is lost
-    is not: then a wheel does turn against its command, or stands.
+    On a noisy line the board obeys a garbled speed and misses a lost one: then a wheel does turn
+    against its command, or stands.
 
     Args:
         event: One of :data:`ALARMS`.
