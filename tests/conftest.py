@@ -22,8 +22,8 @@ from zenoh_fixtures import zenoh_router
 from yahboomd.core.blackbox.ring_file import ring_folder
 from yahboomd.simulation import virtual_time
 
-# A shell ignores these for what it starts in the background, `nohup` the first one, and every
-# process inherits it.
+# A shell ignores these for its background jobs, `nohup` the first one, and every process inherits
+# it.
 for _number, _usual in (
     (signal.SIGHUP, signal.SIG_DFL),
     (signal.SIGINT, signal.default_int_handler),
@@ -38,7 +38,7 @@ NICE = os.nice(0)
 REAL = {"fake_daemon", "real_robot", "simulated_board", "site", "terminal", "zenoh_app"}
 """Fixtures of processes, terminals and sessions, which wait in real time."""
 
-# How long an example takes says how busy the machine is, not whether the code is right.
+# The duration of an example depends on how busy the machine is, not on the code.
 settings.register_profile(
     "explore", deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=False
 )
@@ -73,7 +73,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
 
 @functools.lru_cache(maxsize=1)
 def weigh(nice: int) -> None:
-    """Set how nice the session of this process is, where that is not what was set before."""
+    """Set the niceness of this process's session, unless it is set already."""
     with contextlib.suppress(OSError):
         Path("/proc/self/autogroup").write_text(str(nice), encoding="ascii")
 
@@ -87,7 +87,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     marked = marked or item.get_closest_marker("xdist_group")
     lanes = getattr(item.config.option, "loadgroup", False)
     if lanes:
-        # Without the right to it a process stays where it is.
+        # Without permission a process stays in its session.
         with contextlib.suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, 0, NICE if marked else NICE + 10)
         if os.getsid(0) == os.getpid():

@@ -165,7 +165,7 @@ def test_being_held_up_between_two_clocks_is_no_suspend() -> None:
 
 def test_a_machine_that_was_never_suspended_says_so_to_the_microsecond() -> None:
     clock = SystemClock()
-    # Where it was not held up between two clocks, or two readings.
+    # A pair that was read without a delay between the two clocks, or the two readings.
     changes = [abs(clock.suspended_ns() - clock.suspended_ns()) for _ in range(10)]
     assert min(changes) < 1_000_000
 

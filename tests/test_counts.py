@@ -201,7 +201,7 @@ def test_five_readings_over_a_fifth_of_a_second_are_witnesses() -> None:
 
 
 def test_witnesses_are_no_older_than_80_ms_where_there_are_enough() -> None:
-    # It rolled on for long, and then stood: what is older does not count.
+    # It rolled on for long, and then stood: older counts do not matter.
     rolled = [(1000 - 20 * n, -1000 * n) for n in range(8, 0, -1)]
     stood = [(1000 + 20 * n, 0) for n in range(5)]
     assert seen([*rolled, *stood]).witnessed(0) == 0.0

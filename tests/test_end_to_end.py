@@ -24,7 +24,7 @@ pytestmark = pytest.mark.realtime
 SEPARATION_M = 0.15
 TICK_M = math.pi * 0.067 / 1320
 PATIENCE_S = 300.0
-"""Only a program that hangs takes so long."""
+"""Only a program that hangs takes this long."""
 
 CDR_TWIST = b"\x00\x01\x00\x00" + struct.pack("<6d", 0.25, 0.0, 0.0, 0.0, 0.0, 0.6)
 COMMANDS = {
@@ -35,7 +35,7 @@ COMMANDS = {
 
 
 def assert_at(pose: dict[str, Any], truth: TruthSample) -> None:
-    """The pose is the truth, but for what the encoders cannot see."""
+    """The pose is the truth, up to the encoders' resolution."""
     assert math.hypot(pose["x"] - truth.x, pose["y"] - truth.y) < 0.008
     assert abs(pose["theta"] - truth.theta) <= 2 * TICK_M / SEPARATION_M
 
@@ -253,7 +253,7 @@ def test_garbage_on_the_port_is_counted_and_raises_nothing(
         app.drive(COMMANDS["json"], 0.5)
         end = robot.settled_truth()
         after = app.pose_at(end)
-        # A daemon that got no processor says what it does not know.
+        # A daemon without a processor reports the unknown travel.
         if unknown() == known:
             break
     moved_m = math.hypot(after["x"] - before["x"], after["y"] - before["y"])

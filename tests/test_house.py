@@ -218,7 +218,7 @@ FAULTS = [
 
 
 def rows() -> list[list[str]]:
-    """The rows of the tables that say what shows a thing, in cells."""
+    """The rows of the tables of evidence, in cells."""
     found: list[list[str]] = []
     shows = False
     for line in SAFETY.splitlines():

@@ -1,4 +1,4 @@
-"""The stages of a command are where the daemon still passes them."""
+"""The daemon still passes the stages of a command."""
 
 import pytest
 

@@ -18,7 +18,7 @@ def header() -> Header:
 
 @pytest.fixture
 def memory() -> Callable[..., tuple[bytearray, Ring]]:
-    """Makes a ring of so many segments, in bytes that can be looked at."""
+    """Makes a ring with a number of segments, in bytes that a test can look at."""
 
     def make(segments: int = 4) -> tuple[bytearray, Ring]:
         head = encode_header(HEADER)

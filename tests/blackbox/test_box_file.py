@@ -109,7 +109,7 @@ def test_segments_that_are_missing_in_the_middle_are_counted(memory):
     whole = read_box(image)
     assert whole.damaged == 0
     head = len(image) - 4 * 4096
-    # The ring has gone round: what was cut off lies between the oldest and the newest.
+    # The ring has gone round, so the cut lies between the oldest and the newest.
     newest = max(range(4), key=lambda at: image[head + 4096 * at + 1 : head + 4096 * at + 9][::-1])
     moved = [(newest + 2 + each) % 4 for each in range(4)]
     segments = [image[head + 4096 * at : head + 4096 * (at + 1)] for at in moved]
@@ -138,7 +138,7 @@ def test_the_header_is_read_without_the_records() -> None:
 
 
 def test_a_header_with_any_flipped_bit_is_read_or_refused() -> None:
-    """What a daemon left behind meets the writer of the next one: nothing else may come of it."""
+    """The next daemon's writer meets the leftovers of this one, and must survive them."""
     data = ring_of((1.0, Received(data=b"$MAll:1,2,3,4#")), (0.5, Ended(reasons=("crash",))))
     words = PREFIX.size + PREFIX.unpack_from(data)[2]
     for at in range(words):

@@ -1,4 +1,4 @@
-"""What a recorder writes, and what it leaves out."""
+"""A recorder writes some things, and leaves others out."""
 
 from __future__ import annotations
 

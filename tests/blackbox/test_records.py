@@ -1,4 +1,4 @@
-"""Records are what they were before they were written."""
+"""Records are the same after they were written."""
 
 from __future__ import annotations
 

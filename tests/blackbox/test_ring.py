@@ -1,4 +1,4 @@
-"""The ring: what it keeps, and that it is readable at every moment."""
+"""The ring keeps its newest records, and is readable at every moment."""
 
 from __future__ import annotations
 

@@ -167,7 +167,7 @@ def test_a_file_that_another_process_cuts_costs_records_only(tmp_path, header, c
         path.unlink()
     for number in range(SEGMENTS * header.segment_bytes // 50):
         note(file, b"%50d" % number)
-    # What was written since then is in the copy that is saved, once a new segment has begun.
+    # Later records are in the saved copy, once a new segment has begun.
     box = read_box(encode_header(header) + file.segments())
     assert box.records[-1].meaning == Received(data=b"%50d" % number)
     file.close(keep=False)

@@ -12,7 +12,7 @@ from page_bench import PageBench
 
 @pytest.fixture(scope="session")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chromium]:
-    """Debian's Chromium; the test is skipped where there is none."""
+    """Debian's Chromium; skips the test if it is missing."""
     browser = Chromium(tmp_path_factory.mktemp("browser"))
     yield browser
     browser.close()

@@ -70,7 +70,7 @@ IN_SHORT = {"tab hidden", "screen locked", "page reloaded"}
 
 
 def screen(page: Page, width: int, height: int, angle: int = 0) -> None:
-    """The screen has another size, under fingers that stay where they are."""
+    """Change the screen's size under fingers that stay in their places."""
     kind = "landscapePrimary" if angle else "portraitPrimary"
     page.order(
         "Emulation.setDeviceMetricsOverride",

@@ -1,4 +1,4 @@
-"""What the views show, and that everybody can read and use them."""
+"""The views show the robot, and everybody can read and use them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PHONE, DESKTOP = (360, 740), (1920, 1080)
 
 
 def axe() -> str:
-    """The program that checks accessibility; skips the test where it is not there."""
+    """The program that checks accessibility; skips the test if it is missing."""
     cache = os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")
     folder = Path(os.environ.get("YAHBOOMD_CACHE", Path(cache) / "yahboomd"))
     path = folder / "browser" / "axe" / "axe.min.js"
@@ -42,7 +42,7 @@ def violations(page: Page) -> list[str]:
 
 
 def spills(page: Page) -> list[str]:
-    """What is wider than the screen."""
+    """The elements that are wider than the screen."""
     found: list[str] = page.evaluate(
         "[...document.querySelectorAll('body *')].filter((e) => e.checkVisibility()"
         " && !e.closest('nav, .skip') && e.getBoundingClientRect().right > innerWidth + 0.5)"
@@ -198,7 +198,7 @@ def test_wheels_and_health_show_what_the_bus_says(bench: PageBench, page: Page) 
     bench.make_events()
     for event in bench.application.samples["events"][-2:]:
         page.says(".events", event["message"])
-    # A page that comes later knows the events of before, and what the counters mean.
+    # A later page knows the earlier events, and the meaning of the counters.
     with bench.page() as other:
         show(other, "health")
         other.says(".events", bench.application.samples["events"][-1]["message"])

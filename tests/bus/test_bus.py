@@ -148,7 +148,7 @@ async def test_an_application_reaches_the_robot_by_a_unix_socket(zenoh_app, tmp_
 
 
 def listening_addresses():
-    """The addresses that this process listens on, as the kernel says."""
+    """The addresses that this process listens on, as the kernel lists them."""
     inodes = set()
     for fd in os.listdir("/proc/self/fd"):
         try:
@@ -347,8 +347,8 @@ async def test_who_may_not_drive_may_still_watch(guarded, certificates, zenoh_ap
 
         await operator.reach("cmd_vel")
         viewer.session.put("cmd_vel", b"from the viewer")
-        # What the viewer asks for is not let through; that it has an end shows that its command
-        # would have been here by now: both came over the same connection, in this order.
+        # The viewer's query is not let through. It uses the same connection, in order, so its end
+        # shows that the command would have arrived by now.
         assert await viewer.ask("yahboomd/estop/reset") == []
         operator.session.put("cmd_vel", b"from the operator")
         await eventually(lambda: commands)

@@ -336,7 +336,7 @@ async def test_an_acknowledgement_does_not_wait_for_other_answers(bus, app):
 
 
 async def test_a_handler_whose_answers_take_long_holds_few_queries(bus, app):
-    """The work that the handler did at once is done; the answer says that there are too many."""
+    """The handler's immediate work is done; the answer reports that there are too many."""
     go, begun = asyncio.Event(), []
 
     def handle(request):

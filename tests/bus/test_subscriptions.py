@@ -110,7 +110,7 @@ async def test_an_attachment_counts_as_much_as_the_payload(bus, zenoh_app):
 
 
 async def test_nothing_large_is_kept_while_the_loop_stands_still(bus, zenoh_app):
-    """Looked at as it arrives: what waits for the loop is small already."""
+    """Samples are checked as they arrive, so only small ones wait for the loop."""
     subscription = bus.subscribe(keys.CMD_VEL, lambda _: None, keep_oversize=True)
     session = zenoh_app("client", bus.options.listen[0]).session
     pause = threading.Event()

@@ -32,7 +32,7 @@ mountings = st.sampled_from(ROTATIONS)
 
 
 def shown(true_axes: str, vector: Vector3) -> Vector3:
-    """What a sensor that is mounted so shows of a vector along the base."""
+    """A vector along the base, as a sensor in this mounting shows it."""
     out = [0.0, 0.0, 0.0]
     for value, word in zip(vector, true_axes.split(), strict=True):
         out["xyz".index(word[-1])] = -value if word.startswith("-") else value

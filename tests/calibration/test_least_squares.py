@@ -1,4 +1,4 @@
-"""The laws of a calibration: exact without noise, honest with it, refusing what it cannot see."""
+"""A calibration is exact without noise, honest with it, and refuses what it cannot see."""
 
 from __future__ import annotations
 

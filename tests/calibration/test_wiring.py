@@ -17,12 +17,12 @@ TICKS = 1320.0
 
 
 class Robot(msgspec.Struct, kw_only=True):
-    """What a person and the counters see of a robot.
+    """The true wiring of a robot, as a person and the counters see it.
 
     Attributes:
         plugs: For each wheel its motor's plug.
         signs: For each wheel -1 for a motor that is mounted the other way round.
-        encoder_at: For each plug, where the encoder of its motor arrives.
+        encoder_at: For each plug, the plug at which its motor's encoder arrives.
         swapped: Plugs whose encoder counts the other way.
         dead_encoders: Plugs whose encoder does not count.
         dead_motors: Plugs whose motor does not turn.

@@ -19,7 +19,7 @@ from yahboomd.core.errors import ConfigError
 
 
 def run(script: str) -> str:
-    """What a process of its own prints: this one has threads."""
+    """The output of a separate process, because this one has threads."""
     done = subprocess.run(
         [sys.executable, "-c", START + script],
         check=False,

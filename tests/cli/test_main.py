@@ -20,7 +20,7 @@ from yahboomd.core.program import COMMANDS, install_command
 
 @pytest.fixture
 def command(monkeypatch):
-    """Put a command in the place of ``drive`` that does what the test says."""
+    """Replace ``drive`` by a command that the test defines."""
 
     def install(body, options=()):
         module = types.ModuleType("yahboomd.cli.drive")
@@ -82,7 +82,7 @@ def test_the_daemon_loads_none_of_the_libraries_that_it_has_no_use_for():
         [sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=True
     )
     assert done.stdout.strip().split("\n")[-1] == "[]"
-    # hashlib complains where an algorithm is missing.
+    # hashlib complains if an algorithm is missing.
     assert not done.stderr
 
 

@@ -81,7 +81,7 @@ def test_a_daemon_that_is_killed_crashes_or_freezes_in_motion_leaves_standing_wh
 def test_a_pause_of_daemon_and_guard_together_is_no_freeze_of_the_daemon(
     guarded: RealRobot,
 ) -> None:
-    """As where a whole machine, or a control group, stands still."""
+    """As when a whole machine, or a control group, stands still."""
     pids = (*guards(guarded.daemon.pid), guarded.daemon.pid)
     for pid in pids:
         os.kill(pid, signal.SIGSTOP)

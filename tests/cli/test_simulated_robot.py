@@ -1,4 +1,4 @@
-"""The simulated robot is built as the configuration says."""
+"""The simulated robot is built from the configuration."""
 
 from __future__ import annotations
 

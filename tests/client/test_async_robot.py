@@ -154,7 +154,7 @@ async def test_a_loop_that_drives_by_old_poses_is_warned_once(
     clock = Ahead()
     async with AsyncRobot(client_options(daemon.endpoint), clock=clock) as robot:
         poses, newest = robot.samples(PoseSample, depth=depth), robot.samples(PoseSample)
-        # What has lost one holds one.
+        # A stream that lost a sample holds one.
         await eventually(lambda: newest.dropped)
         clock.ahead_ns += 400_000_000
         if depth is not None:
@@ -267,7 +267,7 @@ async def test_streams_that_ended_leave_nothing_behind(fake_daemon: Any) -> None
             robot.samples(PoseSample).close()
         stream = robot.samples(PoseSample)
         assert sum(isinstance(each, Subscription) for each in robot.bus._declared) == 2
-    # It ends with the robot, after what was kept.
+    # It ends with the robot, after the kept samples.
     assert all([isinstance(sample, PoseSample) async for sample in stream])
 
 

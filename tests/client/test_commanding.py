@@ -180,7 +180,7 @@ async def test_a_command_that_waited_for_a_program_that_did_not_run_moves_nothin
         with pytest.raises(CommandEnded, match=r"did not run for 3\.\d s.* Call drive\(\) again"):
             await robot.finished()
         assert robot.counters.interrupted == 1
-        # As by a program that computed meanwhile, and knows what it commands now.
+        # As after a computation of a program that knows its present command.
         clock.slept_ns = 6_000_000_000
         assert robot.drive(0.3, for_s=0.2)
         assert await robot.finished()

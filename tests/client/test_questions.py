@@ -75,7 +75,7 @@ async def test_every_daemon_is_asked_not_the_nearest_alone(fake_daemon: Any) -> 
     async with client(daemon.endpoint) as other, client(daemon.endpoint) as us:
         other.serve(keys.ESTOP, lambda _: reply, fallback=lambda *_: reply)
         async with asyncio.timeout(PATIENCE_S):
-            # What the other serves has to become known first.
+            # The other's services have to become known first.
             while (answer := await asked(us)).answered < 2:
                 await asyncio.sleep(0.01)
     assert "The emergency stop is engaged." in answer.message

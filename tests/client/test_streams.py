@@ -1,4 +1,4 @@
-"""Samples of either encoding, and of none; what a slow reader loses."""
+"""Samples of either encoding and of none, and the losses of a slow reader."""
 
 from __future__ import annotations
 

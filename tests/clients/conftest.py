@@ -23,7 +23,7 @@ ALL = bool(os.environ.get("YAHBOOMD_CLIENTS"))
 
 @functools.cache
 def built(name: str) -> Built | str:
-    """The commands that start a language's programs, or what is missing."""
+    """The commands that start a language's programs, or the name of the missing tool."""
     CACHE.mkdir(parents=True, exist_ok=True)
     with (CACHE / f"{name}.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
@@ -43,7 +43,7 @@ class Done:
 
 
 class Running:
-    """A program in a process group of its own, so that a signal reaches what it starts."""
+    """A program in a process group of its own, so that a signal also reaches its children."""
 
     def __init__(self, command: Command, environ: dict[str, str], folder: Path) -> None:
         self._out, self._err = folder / "out", folder / "err"
@@ -137,7 +137,7 @@ class ClientProgram:
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """All languages that can do what the test's mark ``commands`` names."""
+    """All languages that can do the commands in the test's mark ``commands``."""
     if "program" not in metafunc.fixturenames:
         return
     needed: Sequence[str] = next(
@@ -149,7 +149,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 @pytest.fixture
 def program(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[ClientProgram]:
-    """A language's example, built; skipped with what is missing."""
+    """A language's example, built; skipped with the name of a missing tool."""
     name: str = request.param
     if PROGRAMS[name].slow and not ALL:
         pytest.skip("minutes of compiling: make clients")

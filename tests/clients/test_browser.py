@@ -55,7 +55,7 @@ class Browser:
         )
 
     def __call__(self, *order: Any) -> Any:
-        """Carry out one order; what it returns."""
+        """Carry out one order; returns its result."""
         assert self.process.stdin is not None
         assert self.process.stdout is not None
         self.process.stdin.write(json.dumps(order) + "\n")
@@ -98,7 +98,7 @@ def robot(real_robot: Callable[..., RealRobot]) -> RealRobot:
 
 @pytest.fixture
 def gateway(robot: RealRobot, tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Gateway]:
-    """In front of the robot; its clients may drive, unless the test's mark says ``watching``."""
+    """A gateway before the robot; its clients may drive, unless the test is marked ``watching``."""
     try:
         program, page = web_programs.gateway_program(), web_programs.typescript()
     except Missing as missing:

@@ -45,7 +45,7 @@ def robot(real_robot: Callable[..., RealRobot]) -> RealRobot:
 def assert_square(
     robot: RealRobot, out: str, *, unseen_m: float = 0.1, unseen_rad: float = 0.2
 ) -> None:
-    """The true path went round a square of that side, and ended where the program believes it did.
+    """The true path was a square of that side, and ended near the program's own pose.
 
     A program that a busy machine delays drives past a corner, until its own deadman stops it:
     at most 0.25 m/s for 0.5 s.

@@ -57,7 +57,7 @@ SITE = {"Origin": FOREIGN, **CROSS}
 REBOUND = {"Host": "evil.example", "Sec-Fetch-Site": "same-origin"}
 """A name of the attacker's that resolves to this machine is of one origin with his page."""
 
-# What a browser sends for a page of another site, and what programs forge.
+# Requests of a browser for a page of another site, and forgeries of programs.
 REFUSED: dict[str, tuple[int, str, str, dict[str, str]]] = {
     "a script's GET": (403, "GET", "/rest/yahboomd/status", SITE),
     "a script's PUT": (403, "PUT", MOVE, SITE),

@@ -1,4 +1,4 @@
-"""Every example reads the golden samples, field by field, and refuses what is no such message."""
+"""Every example reads the golden samples, field by field, and refuses other bytes."""
 
 from __future__ import annotations
 

@@ -162,7 +162,7 @@ def test_a_mecanum_base_has_three_multipliers_and_others_two(tmp_path: Path) -> 
     assert "calibration.toml" in found.origins["chassis", "sideways_multiplier"].words
     (warning,) = loaded(tmp_path, base[0], "chassis.wheel_base_m=0.21").warnings
     assert "chassis.wheel_base_m was 0.2 and is 0.21" in warning
-    # One that was written before it said so is still used.
+    # An older file without that comment is still used.
     lines = [line for line in path.read_text().splitlines() if "wheel_base_m" not in line]
     path.write_text("\n".join(lines))
     assert loaded(tmp_path, *base).config.chassis.sideways_multiplier == 0.87

@@ -165,7 +165,7 @@ def test_variables_of_others_are_let_alone(layers):
     [
         'sources."cmd_vel/teleop".priority=5',
         "sources.'cmd_vel/teleop'.priority = 5",
-        # What is left when a shell has eaten the quotes.
+        # The text after a shell has removed the quotes.
         "sources.cmd_vel/teleop.priority=5",
     ],
 )

@@ -69,7 +69,7 @@ class Rig:
         return [box.header.saved.reasons for box in self.saved if box.header.saved is not None]
 
     async def until(self, count: int) -> None:
-        """Until so many boxes are there."""
+        """Wait until this number of boxes exists."""
         async with asyncio.timeout(600.0):
             while len(saved_boxes(self.folder)) < count or self.box._writer.busy:
                 await asyncio.sleep(0.01)
@@ -98,7 +98,7 @@ async def test_each_reason_has_it_saved_a_second_later(tmp_path: Path, kind: Eve
         assert box.header.saved is not None
         assert box.header.saved.reasons == (REASONS[kind],)
         assert 1.0 <= (box.header.saved.at_ns - at_ns) * 1e-9 < 1.5
-        # What came of it is in it as well.
+        # The consequence is in the box as well.
         meanings = [each.meaning for each in box.records]
         events = [each.event.kind for each in meanings if isinstance(each, Happened)]
         assert events == [kind, "estop_released"]
@@ -300,7 +300,7 @@ async def test_a_crash_within_a_minute_of_another_is_left_for_the_next_start(
         assert len(rig.saved) == 1
         assert len(rings(rig.rings)) == 1
     with rig_in(tmp_path) as later:
-        # Its file says when the newest was written.
+        # The file's time is that of the newest record.
         os.utime(saved_boxes(rig.folder)[0].path, ns=(0, later.clock.wall_ns() - 70 * 10**9))
         await later.until(2)
         assert later.reasons[1] == ("crash",)

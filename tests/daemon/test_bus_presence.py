@@ -1,4 +1,4 @@
-"""The daemon's presence on a real bus, and what it reports of others."""
+"""The daemon's presence on a real bus, and its reports of others."""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ async def test_nothing_moves_before_the_first_counts(tmp_path: Path) -> None:
         assert "No board yet." in why
         await bench.ready()
         await asyncio.sleep(0.1)
-        # What was commanded while there was no board is over.
+        # Commands from the time without a board are over.
         assert bench.standing
 
 

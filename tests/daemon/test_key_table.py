@@ -1,4 +1,4 @@
-"""The table of keys holds every key, and what is declared is what it says."""
+"""The table of keys holds every key, and agrees with the declared ones."""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ def test_a_reader_that_stopped_reading_is_not_waited_for(log: logging.Logger) ->
         while b"lines were lost" not in text or b"line 0" not in text:
             with contextlib.suppress(BlockingIOError):
                 text = (text + os.read(reading, 1 << 16)).lstrip(b".")
-            # What comes after the gap tells of it.
+            # The first line after the gap reports it.
             log.debug("more")
         # The thread that writes may be stuck with a line; this lets it go.
         os.close(reading)
@@ -142,7 +142,7 @@ def test_of_a_fault_each_second_for_an_hour_few_lines_are_written_and_none_is_un
     counted = sum(
         int(line.partition("(")[2].split()[0]) for line in log.written if " before)" in line
     )
-    # What the last minute suppressed is not reported yet.
+    # The last minute's suppressed lines are not reported yet.
     assert len(log.written) + counted == 3600 - (WINDOW_S - WRITTEN)
 
 

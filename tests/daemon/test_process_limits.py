@@ -1,4 +1,4 @@
-"""What the system allows a process, on processes whose limits are set."""
+"""The limits of a process, on processes whose limits are set."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from yahboomd.core.daemon.process_limits import ADDRESSES, THREADS, WANTED, make
 
 @pytest.fixture(autouse=True)
 def limits() -> Iterator[int]:
-    """The hard limit; what a test does to the soft one is taken back."""
+    """The hard limit; restores the soft one after the test."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     yield hard
     resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))

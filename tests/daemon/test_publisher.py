@@ -36,7 +36,7 @@ def event(kind: EventKind = "board_reset") -> Event:
 
 
 class Gate:
-    """The gate, and what came through."""
+    """The gate, and the samples that passed it."""
 
     def __init__(self) -> None:
         self.heard = Heard()

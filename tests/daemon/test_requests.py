@@ -184,7 +184,7 @@ async def test_an_acknowledgement_says_when_the_stop_would_not_survive_a_restart
 
 
 class Bus:
-    """Keeps what is declared."""
+    """Keeps the declared keys."""
 
     neighbours: tuple[Neighbour, ...] = ()
 

@@ -34,7 +34,7 @@ pytestmark = pytest.mark.realtime
 
 
 class Running:
-    """A daemon on the test's own loop, and what it publishes."""
+    """A daemon on the test's own loop, and its published samples."""
 
     def __init__(self, folder: Path, environ: Mapping[str, str] = MappingProxyType({})) -> None:
         self.endpoint = free_endpoint()
@@ -297,7 +297,7 @@ async def test_a_release_on_the_estop_key_is_refused_and_counted(running: Runnin
     )
     answer = await running.ask("yahboomd/estop", b'{"engaged": false}')
     assert not answer["success"]
-    # A status that was on its way before the second one still says 1.
+    # A status from before the second release still has 1.
     await eventually(lambda: running.decoded("status")[-1]["command"]["release_refused"] > 1)
     assert running.decoded("status")[-1]["command"]["release_refused"] == 2
 

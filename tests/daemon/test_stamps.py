@@ -1,4 +1,4 @@
-"""Wall stamps that run backwards only where the clock was set."""
+"""Wall stamps run backwards only if the clock was set."""
 
 from __future__ import annotations
 

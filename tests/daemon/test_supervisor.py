@@ -215,7 +215,7 @@ async def test_a_port_that_goes_away_while_it_is_asked_to_end_does_not_keep_it()
             try:
                 await asyncio.sleep(1000.0)
             except asyncio.CancelledError:
-                # What a task group does with a cancellation that an error overtakes.
+                # A task group does this to a cancellation that an error overtakes.
                 raise PortLost("/dev/x: the port went away.") from None
 
     task = asyncio.create_task(

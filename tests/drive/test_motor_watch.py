@@ -78,7 +78,7 @@ def drive(
     period_ns: int = 20 * MS,
     min_speed_m_s: float = 0.08,
 ) -> list[tuple[int, Fault]]:
-    """Run a wheel by a list of (time, speed; ``None``: let go) and return what was found."""
+    """Run a wheel by a list of (time, speed; ``None``: let go), and return its faults."""
     check = WheelsCheck(["left"], min_speed_m_s=min_speed_m_s)
     schedule = deque(commands)
     command: float | None = 0.0

@@ -31,7 +31,7 @@ def test_a_motor_owes_what_was_commanded_since_it_last_counted(travel_ms: int, o
 
 
 def drive(commanded: float, counted: dict[str, int]) -> list[Fault]:
-    """Two seconds of one command to motors that count so much for each reading."""
+    """Two seconds of one command to motors that count these ticks for each reading."""
     check = WheelsCheck(list(counted))
     ticks = list(counted.values())
     speeds = [count * METRES_PER_TICK / 0.02 for count in ticks]

@@ -1,4 +1,4 @@
-"""Sources compete: old commands move nothing, and status says why the robot stands."""
+"""Sources compete: old commands move nothing, and the status explains why the robot stands."""
 
 from __future__ import annotations
 

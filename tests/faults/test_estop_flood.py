@@ -102,7 +102,7 @@ def test_estops_by_query_are_not_refused_while_others_fill_the_queue(
     assert operator.app.latest("status")["state"] == "estopped"
 
     def released() -> bool:
-        # What the flood had on its way when it ended may engage the stop once more.
+        # Samples still on their way when the flood ended may engage the stop once more.
         operator.app.ask("yahboomd/estop/reset")
         return operator.app.latest("status")["state"] == "standing"
 

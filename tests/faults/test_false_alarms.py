@@ -166,5 +166,5 @@ async def test_a_line_that_loses_bytes_is_blamed_for_what_healthy_wheels_make_of
         assert bench.controller.state()[0] != "fault"
         # The line is blamed, and it drives again without a person.
         assert bench.controller.counters["noisy_cuts"] == len(bench.events("line_noisy"))
-        # Where it loses much, streamed counts show it.
+        # A streamed line that loses much shows it by its counts.
         assert loss < 0.08 or bench.events("line_noisy")

@@ -1,7 +1,7 @@
-"""However much comes, the e-stop acts, the polls keep their schedule, and memory is bounded.
+"""In any flood the e-stop acts, the polls keep their schedule, and memory is bounded.
 
-The control path on virtual time, where its figures are exact; then real processes that flood a
-real daemon, whose figures are printed.
+The control path runs on virtual time, for exact figures. Then real processes flood a real daemon,
+and their figures are printed.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ while True:
 
 @contextlib.contextmanager
 def processes(*commands: list[str]) -> Iterator[None]:
-    """Scripts that run for as long as the block does; each has said its first word."""
+    """Scripts that run during the block; each has printed its first line."""
     with contextlib.ExitStack() as stack:
         for command in commands:
             process = subprocess.Popen(
@@ -124,8 +124,8 @@ def readings_between(first: dict[str, Any], last: dict[str, Any]) -> tuple[float
 
 
 MOST_MB = 2 * RING + 32
-"""The most that a flood of megabytes may occupy: a full ring, another that the loop has just taken,
-and what the network's own buffers hold. In the test some gigabytes are sent."""
+"""The most memory that a flood of megabytes may occupy: a full ring, another that the loop has just
+taken, and the network's own buffers. In the test some gigabytes are sent."""
 
 FLOODS = {
     "commands from one": ("polled", ["commands"]),
@@ -159,7 +159,7 @@ def test_while_processes_flood_the_estop_acts_the_polls_go_on_and_memory_is_boun
         return app.latest("status")
 
     def rate_hz(statuses: int) -> float:
-        """Readings a second, over so many statuses."""
+        """Readings a second, over a number of statuses."""
         first = next_status()
         for _ in range(statuses):
             last = next_status()

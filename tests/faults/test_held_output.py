@@ -126,10 +126,10 @@ async def test_after_a_stall_no_motion_follows_a_stop_that_was_engaged_during_it
 @pytest.mark.parametrize(
     ("drops", "tells", "stalls_s"),
     [
-        # Where the queue is seen, the port is opened again after 0.3 s, and then every second.
+        # If the queue is seen, the port is opened again after 0.3 s, and then every second.
         (True, True, [0.31, 0.4, 1.4, 1.5, 2.7, 2.9]),
         (False, True, [0.31, 0.4, 1.4, 1.5, 2.7, 2.9]),
-        # Where it is not, a board that is polled is silent, and the session with it ends.
+        # If not, a polled board is silent, and the session with it ends.
         (True, False, [1.88, 1.9, 1.92, 1.94, 1.96, 1.98]),
     ],
     ids=["uart", "usb", "pty"],

@@ -1,6 +1,6 @@
 """Whatever fails inside, the wheels stop and the process ends, so that it can be restarted.
 
-A real bus and a real loop: errors are raised where no handler catches them.
+A real bus and a real loop: errors are raised outside of every handler.
 """
 
 from __future__ import annotations

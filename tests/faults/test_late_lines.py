@@ -27,7 +27,7 @@ from yahboomd.simulation.virtual_time import VirtualTimeLoop, on_virtual_time
 FAR = (60_000, 0, 60_000, 0)
 NEAR = (0, 0, 0, 0)
 KERNEL_BYTES = 4096
-"""What a terminal of Linux keeps for its reader."""
+"""The size of a Linux terminal's buffer for its reader."""
 
 BOARDS = [*((dialect, "measured") for dialect in DIALECTS), ("streamed", "wire")]
 """Each, and one that fills the wire with its lines."""
@@ -120,9 +120,9 @@ async def test_after_a_frozen_process_stamps_and_speeds_are_those_of_the_board(
 
 
 class ReadingPort(BoardPort):
-    """Hands bytes over as a serial port does: so many in one read at most, which takes a while.
+    """Delivers bytes as a serial port does: at most this many in one read, which takes a while.
 
-    What finds the kernel's buffer full is lost, in the middle of a line too: the oldest bytes stay.
+    Bytes for a full kernel buffer are lost, in the middle of a line too: the oldest bytes stay.
     """
 
     def listen(self, on_data: Any, on_lost: Any) -> None:

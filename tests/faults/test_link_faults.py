@@ -201,7 +201,7 @@ async def test_bytes_that_come_one_by_one_and_late_drive_as_well(
 
 
 class HalvingPort(BoardPort):
-    """Each so many-th line of either side is broken off in its middle."""
+    """Breaks every nth line of either side off in its middle."""
 
     every = 0
 
@@ -259,7 +259,7 @@ async def test_half_frames_either_way_may_stop_the_robot_and_move_nothing_that_w
 # Resets.
 
 
-# A Rosmaster is silent for so long after a reset that the session ends: see test_rosmaster.py.
+# A Rosmaster's silence after a reset is long enough to end the session: see test_rosmaster.py.
 HEARD_OR_NOT = [
     (dialect, announced)
     for dialect in STREAMS
@@ -285,7 +285,7 @@ async def test_after_a_reset_in_motion_the_robot_stands_a_second_heard_or_not(
         assert len(bench.events("board_reset")) == 1
         stop_ns = first_stop_ns(bench.orders_since(now_ns))
         moving = [at for at, order in bench.orders_since(stop_ns) if not is_stop(order)]
-        # From when the board said so; the stop may have waited for the line to be free.
+        # From the board's report on; the stop may have waited for the line to be free.
         assert moving[0] - stop_ns >= 980 * MS
         assert min(bench.rim_speeds) > 0.2
 

@@ -24,7 +24,7 @@ FAR = "10000000,0,10000000,0"
 """Counters of a board that has been driven for 1.6 km: no reset could have led back to them."""
 
 UNHURRIED = ("--set", "command.timeout_s=3")
-"""Where the wheels have to turn until this process does the next thing, however late."""
+"""For tests in which the wheels must turn until this process does the next thing, even late."""
 
 
 @pytest.fixture
@@ -64,7 +64,7 @@ def cpu_s(pid: int) -> float:
 
 
 def assert_at_truth(app: Client, robot: RealRobot) -> None:
-    """The pose that is published now is where the robot stands."""
+    """The published pose is the robot's true one."""
     truth = robot.settled_truth()
     pose = app.pose_at(truth)
     assert math.hypot(pose["x"] - truth.x, pose["y"] - truth.y) < 0.008
@@ -158,7 +158,7 @@ def test_where_the_counters_may_have_been_reset_the_pose_holds_and_an_event_says
     print(f"went on within {held_m * 1000:.1f} mm, lost {lost_m:.2f} m, reported {event['data']}")
     assert held_m < 0.05
     assert 0.1 < lost_m < event["data"]["unknown_m"]
-    # Three standard deviations of what is published reach as far as what was lost.
+    # Three standard deviations of the published pose cover the lost travel.
     assert 3.0 * math.sqrt(after["covariance"][0] + after["covariance"][4]) > lost_m
     assert_no_jump(app.samples["pose"])
 

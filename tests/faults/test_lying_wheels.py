@@ -241,7 +241,7 @@ async def test_a_wheel_that_no_cut_stops_is_reported_with_the_supply_to_switch_o
         state, why = bench.controller.state()
         assert state == "fault"
         assert SWITCH_OFF.search(why)
-        # What is to be repaired is said as well.
+        # The repair is named as well.
         assert "It was cut because: left turns at " in why
         await bench.drive(3.0, 0.3)
         assert len(list(filter(SWITCH_OFF.search, bench.events("stop_not_obeyed")))) == 1

@@ -1,4 +1,4 @@
-"""The pose goes on through every fault: it never jumps, and says what it does not know.
+"""The pose goes on through every fault: it never jumps, and unknown travel is reported.
 
 On virtual time, against the ground truth of the simulated robot.
 """
@@ -19,7 +19,7 @@ from yahboomd.simulation.truth import pose_at
 from yahboomd.simulation.virtual_time import on_virtual_time
 
 FAR = (60_000, 0, 60_000, 0)
-"""Counters of a board that has been driven: far from what a reset leaves."""
+"""Counters of a board that has been driven: far from those after a reset."""
 
 
 def robot(tmp_path: Path, *overrides: str, **simulation: object) -> FaultBench:
@@ -35,7 +35,7 @@ def error_m(bench: FaultBench, estimate: OdometryEstimate) -> float:
 
 
 def unknown_m(bench: FaultBench) -> float:
-    """The travel of a wheel that events say is unknown."""
+    """The travel of a wheel that events report as unknown."""
     return said_m(bench, "unknown_m")
 
 
@@ -148,7 +148,7 @@ async def test_after_a_reset_the_pose_holds_and_an_event_says_how_much_is_unknow
         )
         assert lost_m < reported_m
         assert bench.events("odometry_discontinuity")
-        # What was reported is in the covariance: three standard deviations reach as far.
+        # The covariance has the reported travel: three standard deviations cover it.
         grown = after.pose_covariance[0] - before.pose_covariance[0]
         assert 3.0 * math.sqrt(grown) > lost_m
         assert_no_jump(bench.heard.estimates)

@@ -151,7 +151,7 @@ async def test_commands_that_waited_for_a_paused_process_move_nothing(
         await asyncio.sleep(1.0)
         assert bench.fastest_since(now_ns) < 0.01
         assert bench.arbiter.counters["after_pause"] == 3
-        # A stop is obeyed however old it is, and what comes later drives.
+        # A stop is obeyed at any age, and later commands drive.
         freeze(6.0)
         bench.command(0.0)
         assert bench.arbiter.counters["accepted"] == 1
@@ -176,7 +176,7 @@ async def test_of_stamped_commands_that_waited_only_the_fresh_ones_move_anything
             bench.payload(stamped(bench, 0.5, for_s - 0.05 * n))
             if for_s - 0.05 * n > 0.5:
                 assert bench.arbiter.current(bench.clock.now_ns()).twist.is_zero
-        # The differences of the last 10 s say what is fresh; after more there are none.
+        # The differences of the last 10 s show which commands are fresh; later there are none.
         driving = bench.arbiter.current(bench.clock.now_ns()).why == "driving"
         assert driving == (for_s < 10.0)
 
@@ -209,7 +209,7 @@ async def test_after_a_suspend_nothing_of_before_moves_anything(
         assert is_stop(order)
         assert at_ns - awake_ns <= 20 * MS
         assert all(is_stop(order) for _, order in bench.orders_since(awake_ns))
-        # What was sent again over the network comes late; after as long again nothing does.
+        # Retransmitted commands come late; after that time again none does.
         await asyncio.sleep(2.0)
         command(0.5, 3.5)
         assert bench.arbiter.current(bench.clock.now_ns()).twist.is_zero

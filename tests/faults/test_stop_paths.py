@@ -37,7 +37,7 @@ def robot(tmp_path: Path, *overrides: str, **simulation: object) -> FaultBench:
     return FaultBench(tmp_path, overrides, SimulationOptions(**simulation))  # type: ignore[arg-type]
 
 
-# Each way to end a drive that is under way. What follows each is the same for all.
+# Each way to end a drive. The consequences are the same for all.
 
 
 async def estop(bench: FaultBench) -> None:

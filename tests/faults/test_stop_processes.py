@@ -87,7 +87,7 @@ def robot(real_robot: Callable[..., RealRobot], client: Callable[..., Client]) -
 
 
 UNHURRIED = ("--set", "command.timeout_s=10")
-"""Where the wheels have to turn all the time, though a busy machine may hold the driver up."""
+"""For tests in which the wheels must turn all the time, though a busy machine delays the driver."""
 
 
 @pytest.fixture
@@ -250,7 +250,7 @@ def test_an_end_while_the_port_takes_no_output_says_whether_the_wheels_stood(
         robot.do(f"stall {stall_s}")
         over_s = time.monotonic() + stall_s
         status = robot.daemon.end()
-    # A pseudo-terminal tells nothing of what it holds back: what counts is what the counters show.
+    # A pseudo-terminal does not report the bytes that it holds back, so the counters decide.
     assert status in {0, os.EX_TEMPFAIL}
     if status == os.EX_TEMPFAIL:
         assert "did not see the wheels stand" in robot.daemon.output
@@ -397,7 +397,7 @@ def test_a_client_that_is_killed_in_mid_motion_leaves_standing_wheels(
 
 
 def silent(app: Client) -> dict[str, Any]:
-    """The status that says that the wheels stand because a source fell silent."""
+    """The status of wheels that stand because a source fell silent."""
 
     def found() -> dict[str, Any] | None:
         status = app.in_state("standing")
@@ -472,7 +472,7 @@ def stop(robot: RealRobot, *options: str) -> Process:
 
 @contextlib.contextmanager
 def locked_out(robot: RealRobot) -> Iterator[None]:
-    """150 connections that say nothing: no other Zenoh session opens."""
+    """150 silent connections, so that no other Zenoh session opens."""
     host, _, port = robot.endpoint.removeprefix("tcp/").rpartition(":")
     silent = []
     try:
@@ -518,7 +518,7 @@ def test_a_frozen_daemon_is_named_with_what_ends_it(local_robot: RealRobot) -> N
         assert f"yahboomd (pid {pid}) is frozen (stopped by a signal, state T)" in ran.output
         assert f"kill -9 {pid}; " in ran.output
         assert f"stop --port {local_robot.port}" in ran.output
-        # As it says.
+        # Obey that advice.
         local_robot.daemon.end(signal.SIGKILL)
         ran = stop(local_robot)
         assert ran.process.returncode == 0, ran.output
@@ -559,7 +559,7 @@ def test_the_socket_of_a_killed_daemon_is_taken_over_and_a_living_ones_is_not(
     other.daemon.says("Connected")
     names = {"stop.sock", f"stop-{other.daemon.process.pid}.sock"}
     assert {path.name for path in run.glob("stop*")} == names
-    # Each is reached by what it is called.
+    # The name of each reaches it.
     assert stop(other, "--namespace", "bot1").process.returncode == 0
     assert "Emergency stop engaged" not in local_robot.daemon.output
     local_robot.daemon.end(signal.SIGKILL)
@@ -688,7 +688,7 @@ def test_a_named_port_stops_no_daemon_on_another_port(local_robot: RealRobot) ->
             driven(local_robot)
             arguments = ("stop", *named(local_robot), "--port", os.ttyname(port))
             ran = Process(*arguments, environ=local_robot.environ)
-            # It takes that port, where no board answers.
+            # It takes that port, and no board answers there.
             assert ran.end_by_itself() == 1, ran.output
             assert turning(local_robot)
     finally:
@@ -735,10 +735,10 @@ def test_a_daemon_with_a_runtime_folder_of_its_own_is_named_with_the_command_tha
     port = os.path.realpath(local_robot.port)
     assert f"yahboomd (pid {local_robot.daemon.process.pid}) holds {port}" in ran.output
     assert f"RUNTIME_DIRECTORY={tmp_path / 'run'} " in ran.output
-    # As it says.
+    # Obey that advice.
     ran = Process("stop", "--port", port, environ=local_robot.environ)
     assert ran.end_by_itself() == 0, ran.output
-    # And as that says.
+    # And the next advice.
     again = ran.output.partition("To drive again: ")[2].partition("stop ")[2].split()
     ran = Process("stop", *again, environ=local_robot.environ)
     assert ran.end_by_itself() == 0, ran.output

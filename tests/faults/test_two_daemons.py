@@ -22,7 +22,7 @@ def pair(
     real_robot: Callable[..., RealRobot],
     zenoh_router: ZenohRouter,
 ) -> Pair:
-    """Both robots, and where a client reaches them."""
+    """Both robots, and the endpoint for clients."""
     if request.param == "behind a router":
         zenoh_router.start()
         joined = ["--set", f'zenoh.connect=["{zenoh_router.endpoint}"]']

@@ -1,6 +1,6 @@
-"""Every target over its corpus, and over a seeded crowd of inputs made of it.
+"""Every target over its corpus, and over seeded variations of it.
 
-``make fuzz`` tries millions, following the code's branches; what it finds joins the corpus.
+``make fuzz`` tries millions, following the code's branches; its finds join the corpus.
 """
 
 from __future__ import annotations

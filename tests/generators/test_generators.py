@@ -1,7 +1,8 @@
 """Types that generators make of ``schemas/`` read every golden sample, in six languages.
 
-The generators are installed once, into a cache outside the tree. What a machine lacks is named and
-skipped. ``make generators`` runs all of it; ``make check`` runs what is quick (marked so).
+The generators are installed once, into a cache outside the tree. If this machine lacks one, its
+name is printed and it is skipped. ``make generators`` runs all of them; ``make check`` runs the
+quick ones (marked so).
 """
 
 from __future__ import annotations
@@ -59,14 +60,14 @@ def quicktype(node: Path, language: str, output: Path, *options: str) -> None:
 
 
 def without_nulls(value: object) -> object:
-    """Some languages leave out what is null."""
+    """The value without nulls, which some languages leave out."""
     if isinstance(value, dict):
         return {key: without_nulls(each) for key, each in value.items() if each is not None}
     return value
 
 
 def assert_the_same(output: str) -> None:
-    """Each line of the output is a message's name and what came back of its golden sample."""
+    """Each line of the output is a message's name and its golden sample, read and written again."""
     back = dict(line.split("\t", 1) for line in output.splitlines())
     assert back.keys() == FILES.keys()
     for name, text in back.items():

@@ -22,7 +22,7 @@ from yahboomd.core.messages import cdr, ros2
 LASER = 'ros2.static_transforms=[{parent="base_link",child="laser",x=0.1,yaw=1.5707963267948966}]'
 
 FAR = "10000000,0,10000000,0"
-"""Counters that no reset leads back to: where a busy machine holds the board up, no way is lost."""
+"""Counters far from those after a reset, so that a delayed board loses no way."""
 
 
 @dataclass(frozen=True)
@@ -170,7 +170,7 @@ def join() -> Callable[..., AbstractContextManager[zenoh.Session]]:
 
 @pytest.fixture
 def eventually() -> Callable[..., Any]:
-    """Waits for a condition: `eventually(lambda: ..., "what it is")` is its first true value."""
+    """Waits for a condition: `eventually(lambda: ..., "its name")` is its first true value."""
     return until
 
 
@@ -239,7 +239,7 @@ class Router:
 
 @pytest.fixture
 def router() -> Iterator[Router]:
-    """A router as rmw_zenoh's daemon is one: it listens, forwards, and says nothing itself."""
+    """A router like rmw_zenoh's daemon: it listens and forwards, and publishes nothing itself."""
     endpoint = free_endpoint()
     config = zenoh.Config()
     config.insert_json5("mode", '"router"')

@@ -69,7 +69,7 @@ HEARD = {
     "/diagnostics": (t.DiagnosticArray, RELIABLE),
 }
 STRANGE = dict.fromkeys(("/yahboomd/pose", "/yahboomd/status", "/odometry"), (t.Odometry, RELIABLE))
-"""Topics that no robot base publishes as a ROS message; received where they are named."""
+"""Topics that no robot base publishes as a ROS message; received only if they are named."""
 SERVICES = {
     "/yahboomd/estop": (t.SetBoolRequest, t.SetBoolResponse),
     "/yahboomd/estop/reset": (t.TriggerRequest, t.TriggerResponse),
@@ -172,7 +172,7 @@ class Node:
             self.cmd_vel.write(twist)
 
     def call(self, service: str, data: bool | None) -> None:
-        """Ask; `answers` gives what comes back, or that nothing did."""
+        """Call; `answers` returns the answer, or that none came."""
         if service not in self.clients:
             request, reply = SERVICES[service]
             self.clients[service] = (
@@ -237,7 +237,7 @@ def gid(entity: Any) -> t.Gid:
 
 
 def taken(reader: DataReader) -> list[Any]:
-    """The samples that came in, without those that only say that a writer has gone."""
+    """The received samples, without those that only report that a writer has gone."""
     return [sample for sample in reader.take(100) if isinstance(sample, t.IdlStruct)]
 
 

@@ -5,8 +5,8 @@ simulated board, all on one machine.
 
 A latency of a topic is the time from the board's reading, which is the message's stamp, to the
 callback in the node, the board's line included. That of a command is the time from `publish` to the
-frame at the board's port. Losses are counted against what a Zenoh subscriber at the daemon's own
-port got.
+frame at the board's port. Losses are relative to the samples that a Zenoh subscriber at the
+daemon's own port received.
 """
 
 import json
@@ -43,7 +43,7 @@ def show(capsys, *rows):
 
 @pytest.fixture
 def observed(tmp_path, ros_bridge):
-    """A robot whose board notes what it is sent; every command becomes one frame."""
+    """A robot whose board notes its commands; every command becomes one frame."""
     run = [f'zenoh.connect=["{ros_bridge.endpoint}"]', *UNLIMITED]
     driven = RealRobot(
         tmp_path,

@@ -1,8 +1,8 @@
 """Launches a file in ROS 2's own `launch`: `launched.py FILE [ARGUMENT:=VALUE ...]`.
 
-Prints a JSON line for each process that starts, and one for the first error. It ends what it
-started when its standard input ends. `launched.py --stand-in ...` is what is started in place of a
-node that cannot be had here: it prints the name, the topics and the parameters that it was given.
+Prints a JSON line for each process that starts, and one for the first error. It ends its processes
+when its standard input ends. `launched.py --stand-in ...` is started in place of a node that is not
+available: it prints its name, topics and parameters.
 """
 
 import contextlib

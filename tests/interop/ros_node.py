@@ -11,7 +11,7 @@ standard input:
     {"do":"graph"}
     {"do":"measure"}                            from now on print nothing, only note arrivals
     {"do":"ramp","count":1000}                  commands that are all different, 30 to 70 ms apart
-    {"do":"measured"}                           print what was noted
+    {"do":"measured"}                           print the noted arrivals
 """
 
 import json

@@ -29,7 +29,7 @@ def test_it_drives_publishes_a_pose_and_stops_the_wheels_when_it_ends() -> None:
         assert (300, 300) in {(left, right) for _, left, right in frames(run.heard())}
         ended_ns = time.monotonic_ns()
         run.process.end()
-        # What it wrote last is read, and noted, a moment later.
+        # Its last output is read and noted a moment later.
         until(
             lambda: (0, 0) in [frame[1:] for frame in frames(run.heard(), ended_ns)[-1:]],
             "a stop as its last frame",

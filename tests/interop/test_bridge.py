@@ -51,7 +51,7 @@ def tokens(session, spoken):
 
 
 def serve(session, asked, said="as you wish"):
-    """Answers the three services, and notes what they were asked."""
+    """Answers the three services, and notes the requests."""
 
     def answer(query):
         asked.append((str(query.key_expr), query.payload.to_bytes()))

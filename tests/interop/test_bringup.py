@@ -1,8 +1,8 @@
-"""The bring-up package: built by colcon, launched by ROS 2's own `launch` where that can be had.
+"""The bring-up package: built by colcon, launched by ROS 2's own `launch` if it is available.
 
-`launch` is not among the wheels. Where `python3` of the environment has it (a ROS installation that
-is sourced), or the interpreter that YAHBOOMD_LAUNCH_PYTHON names, the launch files are launched;
-stand-ins that read their parameters by ROS 2's own reader are started in place of the nodes.
+`launch` is not among the wheels. If `python3` of the environment has it (a sourced ROS
+installation), or the interpreter that YAHBOOMD_LAUNCH_PYTHON names, the launch files are launched.
+Stand-ins that read their parameters by ROS 2's own reader are started in place of the nodes.
 """
 
 from __future__ import annotations
@@ -171,7 +171,7 @@ def launch_python() -> str:
 
 @pytest.fixture
 def launch(installed, launch_python, tmp_path) -> Callable[..., list[dict]]:
-    """Launches a file; the events until each of so many nodes printed what it was given."""
+    """Launches a file; the events until that number of nodes printed their parameters."""
     prefix = tmp_path / "prefix"
     for package, program in NODES.items():
         stand_in = prefix / "lib" / package / program

@@ -126,7 +126,7 @@ def test_32_copies_of_each_request_over_zenoh_act_as_once(robot, bridge, applica
     # One that comes between the copies of a release is not released by them.
     assert asker.ask("yahboomd/estop")["success"]
     if any(copies("yahboomd/estop/reset")):
-        # Unless this machine took so long that they are none of that release.
+        # Unless this machine was too slow for them to belong to that release.
         wait_for(lambda: len(kinds(watcher, "estop_released")) > 1, "the event")
         first, second, *more = [e["stamp_ns"] for e in kinds(watcher, "estop_released")]
         assert not more

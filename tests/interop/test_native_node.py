@@ -69,7 +69,7 @@ class Us:
         return self.session.declare_subscriber(self.key("cmd_vel", ros2.TWIST), got.append)
 
     def serve(self, asked):
-        """Answers the services, each reply with its request's attachment; notes what was asked."""
+        """Answers the services, each reply with its request's attachment; notes the requests."""
 
         def answer(query):
             asked.append((str(query.key_expr).split("/std_srvs")[0], query.payload.to_bytes()))

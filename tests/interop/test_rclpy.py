@@ -68,9 +68,9 @@ def press(node, eventually, data, times=1):
 
 
 def stop(node, eventually):
-    """Press the button until that was heard, and see it.
+    """Press the button until it was received, and see the effect.
 
-    DDS may lose what is published before the reader knows its writer as well.
+    DDS may lose samples that are published before the reader knows its writer as well.
     """
 
     def stopped():
@@ -91,7 +91,7 @@ def test_it_drives_stops_by_a_topic_and_sees_so(
     estopped(node, False)
     node.order("drive", vx=0.2, hz=20)
     drives(node)
-    # A button that says all the time that it is not pressed.
+    # A button that publishes all the time that it is not pressed.
     press(node, eventually, False, times=20)
     node.events.clear()
     drives(node)
@@ -134,7 +134,7 @@ def test_events_are_lines_of_the_log_and_a_late_node_gets_them(
     driven, node = robot(ros_bridge.endpoint), start_ros_node()
 
     def engaged():
-        # DDS may lose what is published before the reader knows its writer as well.
+        # DDS may lose samples that are published before the reader knows its writer as well.
         press(node, eventually, True, times=3)
         return "Emergency stop engaged" in driven.daemon.output
 

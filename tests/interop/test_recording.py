@@ -38,7 +38,7 @@ def record(robot: RealRobot, folder: Path) -> None:
         wait_for(lambda: list(folder.glob("ros2*.mcap")), "it records")
         drive = ["send", "--vx", "0.3", "--wz", "0.3", "--for", "2", *at]
         command = [sys.executable, "-m", "yahboomd", *drive]
-        # Again, where a busy machine held the board up and the daemon stopped.
+        # Repeated, in case a busy machine held the board up and the daemon stopped.
         wait_for(lambda: subprocess.call(command) == os.EX_OK, "it drives")
     finally:
         process.send_signal(signal.SIGINT)

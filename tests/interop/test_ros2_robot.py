@@ -51,7 +51,7 @@ def reading_of(node):
 
 
 def sees_the_robot_move(node, robot):
-    """Drives by the node's /cmd_vel, and reads what it hears of that."""
+    """Drives by the node's /cmd_vel, and reads its topics."""
     node.order("drive", vx=0.25, wz=0.3, hz=20)
     odom, (transform,) = reading_of(node)
     assert (odom["header"]["frame_id"], odom["child_frame_id"]) == ("odom", "base_link")

@@ -31,7 +31,7 @@ NODES = {
     "peer": (f"{RANGE}=LOCALHOST", f"ROS_STATIC_PEERS={ROBOT}"),
 }
 UNFOUND_S = 5.0
-"""Discovery takes one second here; what is not found by then is not found."""
+"""Discovery takes one second here; after this time it has failed."""
 
 
 def ip(*arguments):
@@ -177,7 +177,7 @@ def drives_and_stops(node):
     node.message("/odom", lambda m: m["twist"]["twist"]["linear"]["x"] > 0.15, "it to drive")
 
     def stopped():
-        # DDS may lose what is published before the reader knows its writer as well.
+        # DDS may lose samples that are published before the reader knows its writer as well.
         node.order("press", data=True)
         heard = [event for event in list(node.events) if event.get("topic") == "/estopped"]
         return any(event["message"]["data"] for event in heard)

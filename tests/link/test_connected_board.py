@@ -1,4 +1,4 @@
-"""A board that takes commands, and what it makes known."""
+"""A board that takes commands, and its reports."""
 
 from __future__ import annotations
 

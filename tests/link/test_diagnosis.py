@@ -1,4 +1,4 @@
-"""Diagnoses, in words that say what to do."""
+"""Diagnoses, with advice."""
 
 from __future__ import annotations
 

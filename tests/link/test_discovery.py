@@ -1,4 +1,4 @@
-"""The port that is chosen, and the fault where there is none."""
+"""The port that is chosen, and the fault without one."""
 
 from __future__ import annotations
 

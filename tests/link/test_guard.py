@@ -1,4 +1,4 @@
-"""The guard lets the motors go where the process that it watches dies, or hangs, in a pulse."""
+"""The guard lets the motors go if the process that it watches dies, or hangs, in a pulse."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Getting to know a board, whatever it says."""
+"""Identifying a board, whatever it sends."""
 
 from __future__ import annotations
 
@@ -147,7 +147,7 @@ async def test_a_version_alone_is_unclear_so_long_as_it_may_answer_a_question() 
     async with line.attended():
         talk = await Conversation.begin(line)
         line._receive(alone)
-        # What it said when it was identified is enough: only the second time it is asked.
+        # Its earlier answer is enough: it is asked only the second time.
         await talk.read_settings(PROFILES["520"].settings)
         await asyncio.sleep(5.0)
         line._receive(alone)

@@ -1,4 +1,4 @@
-"""A chip that keeps what it has received, as sysfs shows it."""
+"""A chip that holds received bytes back, as sysfs shows it."""
 
 from __future__ import annotations
 

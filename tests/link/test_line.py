@@ -24,7 +24,7 @@ COUNTS = b"$MAll:1,2,3,4#\r\n"
 
 
 class Desk:
-    """A port that writes down what it is asked for, and what a line over it makes of bytes."""
+    """A port that notes its calls, and a line's results for bytes."""
 
     name = "/dev/desk"
     byte_ns = 86_805
@@ -170,7 +170,7 @@ async def test_the_version_among_the_settings_is_no_reset_and_a_banner_is_one() 
         board.robot.brown_out(board.now_ns)
         await asyncio.sleep(0.2)
         assert line.heard.resets == 2
-        # The version that comes alone, so soon after a question for it, may be an answer.
+        # A version that comes alone, soon after a question for it, may be an answer.
         assert [each for each in notices if each != "none"] == ["start", "unclear"]
         assert line.counters["board_resets"] == 1
 

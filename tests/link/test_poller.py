@@ -16,7 +16,7 @@ from yahboomd.simulation.virtual_time import VirtualTimeLoop, on_virtual_time
 
 
 class Pen:
-    """A writer that writes down what it is asked to send, and a port that is looked at."""
+    """A writer that notes the frames to send, and a port that is looked at."""
 
     name = "/dev/x"
 

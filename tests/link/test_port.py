@@ -49,7 +49,7 @@ class Device:
             return b""
 
     def read_first_words(self) -> None:
-        """Read what a port begins with, which may come in pieces."""
+        """Read the first words of a port, which may come in pieces."""
         left = len(b"".join(FIRST_WORDS.values()))
         while left:
             left -= len(self.read(left))
@@ -268,7 +268,7 @@ async def test_a_line_in_pieces_wakes_the_reader_once(port: SerialPort, device: 
             await asyncio.sleep(0.001)
     await until(lambda: heard)
     assert heard == [b"$data:1,2,3,4#"]
-    # What is less waits until somebody looks.
+    # An incomplete frame waits until somebody looks.
     os.write(device.master, b"$data:")
     await asyncio.sleep(0.02)
     assert len(heard) == 1
@@ -307,11 +307,11 @@ async def test_closing_a_port_that_takes_no_output_does_not_block(
         fcntl.fcntl(port._fd, fcntl.F_GETFD)
 
 
-# What the library does by itself, and why the port does not leave it to it.
+# The library's own behaviour, and why the port does not rely on it.
 
 
 class Bare(asyncio.Protocol):
-    """Keeps what the library's own transport tells."""
+    """Keeps the calls of the library's own transport."""
 
     def __init__(self) -> None:
         self.losses: list[Exception | None] = []

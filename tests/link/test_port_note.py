@@ -42,7 +42,7 @@ def test_notes_of_daemons_that_are_gone_stay_only_where_the_wheels_may_turn(tmp_
     ended = NOTE._replace(pid=gone.pid, path="/dev/pts/1", ended=True)
     killed = NOTE._replace(pid=gone.pid, path="/dev/pts/2", namespace="a")
     lives = NOTE._replace(pid=os.getppid(), path="/dev/pts/3", ended=True)
-    # All of them are found by name; written one by one, each would remove what it may.
+    # All of them are found by name; written one by one, each would remove others.
     for number, note in enumerate((ended, killed, lives)):
         folder = tmp_path / str(number)
         folder.mkdir()

@@ -180,7 +180,7 @@ def test_a_pseudo_terminal_whose_owner_was_killed_can_be_taken_without_being_roo
 
 @pytest.fixture
 def held(device: Device, monkeypatch: pytest.MonkeyPatch) -> threading.Event:
-    """The pty tells what it holds, as a serial port does; set once it was asked for something."""
+    """The pty reports its queue, as a serial port does; set once it was asked."""
     ioctl = fcntl.ioctl
     asked = threading.Event()
 

@@ -1,4 +1,4 @@
-"""A banner, an answer, and what may be either."""
+"""A banner, an answer, and lines that may be either."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ async def test_a_stop_that_was_said_already_is_not_said_again_before_the_questio
     await board.drive()
     began_ns = board.now_ns - 100_000_000
     report = await take_over(await board.open(), board.clock, spoken_ns=began_ns)
-    # Its stream tells what it is: the first frame is the brake of a board that is known.
+    # Its stream identifies it: the first frame is the brake of a known board.
     assert board.frames[0] == b"$spd:0,0,0,0#"
     assert report.within_s > 0.1
 

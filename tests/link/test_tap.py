@@ -17,7 +17,7 @@ from yahboomd.simulation.virtual_time import on_virtual_time
 
 
 class Notes:
-    """A tap that notes what it sees."""
+    """A tap that notes its calls."""
 
     due = True
 

@@ -29,7 +29,7 @@ def bootstrap(
 
 
 def environment(folder: Path, *, pip: int = 0, install: int = 0) -> Path:
-    """An environment that is there already; its Python says what it was asked for."""
+    """An environment that exists already; its Python prints its arguments."""
     python = folder / "bin" / "python"
     python.parent.mkdir(parents=True)
     python.write_text(
@@ -102,7 +102,7 @@ def test_an_environment_that_was_left_half_made_is_made_again(tmp_path: Path) ->
     script.write_text(SCRIPT.read_text().replace('"-m", "venv"', f'"-c", "{would}"'))
     done = bootstrap(str(folder), "monitor", script=script)
     assert f"made ['{folder}']" in done.stdout
-    # Nothing is cleared away but what was an environment.
+    # Only a former environment is cleared away.
     (folder / "pyvenv.cfg").write_text("")
     done = bootstrap(str(folder), "monitor", script=script)
     assert f"made ['{folder}', '--clear']" in done.stdout

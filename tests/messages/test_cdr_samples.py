@@ -1,4 +1,4 @@
-"""The golden samples of ROS 2's messages are what they claim to be."""
+"""The golden samples of ROS 2's messages are correct."""
 
 from __future__ import annotations
 

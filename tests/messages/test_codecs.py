@@ -61,7 +61,7 @@ def twist(*six, order="<"):
     return bytes((0, order == "<", 0, 0)) + struct.pack(f"{order}6d", *six)
 
 
-# --- what is taken --------------------------------------------------------------------------
+# --- accepted --------------------------------------------------------------------------------
 
 
 @given(speeds, speeds, speeds, stamps_ns, words, st.sampled_from(["json", "msgpack"]))
@@ -131,7 +131,7 @@ def test_a_long_source_label_is_cut_not_refused():
     assert got.source == "x" * MAX_LABEL
 
 
-# --- what is refused ------------------------------------------------------------------------
+# --- refused ---------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -252,7 +252,7 @@ def check(payload):
         assert all(map(math.isfinite, (result.vx, result.vy, result.wz)))
         assert result.stamp_ns is None or 0 < result.stamp_ns < 2**63
         assert result.encoding == encoding_of(payload)
-        encode(result, "json")  # what is taken can be reported
+        encode(result, "json")  # an accepted message can be reported
     assert isinstance(decode_set_pose(payload), SetPoseRequest | Refusal)
     assert isinstance(is_release_attempt(payload), bool)
     assert isinstance(is_release_attempt(payload, query=True), bool)

@@ -17,7 +17,7 @@ SOURCE = Path(__file__).parents[2] / "yahboomd"
 
 
 def calls() -> list[tuple[str, dict[str, ast.expr]]]:
-    """Every place that makes an event: where it is, and what it passes."""
+    """Every place that makes an event, and its arguments."""
     found = []
     for path in SOURCE.rglob("*.py"):
         if "Event(" not in (text := path.read_text()):

@@ -1,4 +1,4 @@
-"""The generated pages are what the registries say, now."""
+"""The generated pages agree with the registries."""
 
 from __future__ import annotations
 

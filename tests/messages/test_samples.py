@@ -1,4 +1,4 @@
-"""The golden samples are what they claim to be."""
+"""The golden samples are correct."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The registry of the status: complete, unambiguous, and what the source counts."""
+"""The registry of the status is complete, unambiguous, and agrees with the source's counters."""
 
 from __future__ import annotations
 

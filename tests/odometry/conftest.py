@@ -62,7 +62,7 @@ def _motors(
 
 
 class Line(NamedTuple):
-    """A line of totals as it arrived, and when the board took what is in it."""
+    """A line of totals as it arrived, and when the board sampled its counts."""
 
     reading: EncoderReading
     sampled_ns: int
@@ -84,14 +84,14 @@ def _stream(
 
     Args:
         rate: Ticks a second of the left and the right wheel, over seconds.
-        seconds: For how long.
+        seconds: The duration.
         gap_ms: From line to line.
-        wire_ms: How long a line takes on the wire.
-        timer_ms: The USB bridge hands over what it has every so often; 0 hands over at once.
-        ppm: How much too long the board's ticks are.
+        wire_ms: The time of a line on the wire.
+        timer_ms: The period at which the USB bridge delivers its bytes; 0 delivers at once.
+        ppm: The error of the board's ticks, positive for too long.
         loss: The share of lines that get lost.
         seed: For the phases of the three clocks.
-        tick_ms: The board renews its totals so often; 0 renews them with every line.
+        tick_ms: The period at which the board renews its totals; 0: with every line.
     """
     chance = random.Random(seed)
     every_line = not tick_ms

@@ -125,7 +125,7 @@ def test_two_motors_of_a_side_are_one_wheel(kit):
 
 
 def test_the_jacobians_are_the_derivatives_of_the_arc(kit):
-    """Push one wheel a little and see where the pose goes; covariance from those by hand."""
+    """Push one wheel a little and see the change of the pose; compute covariance from those."""
     motors = kit.motors()
 
     def end(left, right):
@@ -391,7 +391,7 @@ def test_a_way_back_makes_the_pose_no_surer(kit):
 
 @pytest.mark.parametrize("path", ["straight", "curves", "spin"])
 def test_the_average_nees_of_many_runs_lies_in_its_chi_squared_bounds(kit, path):
-    """Wheels roll farther or less far than counted, as the model says; counts are whole."""
+    """Wheels roll farther or less far than counted, by the model; counts are whole."""
     runs, steps, noise_m = 150, 120, 1e-5
     chance = np.random.default_rng(7)
     nees = []
@@ -479,7 +479,7 @@ def test_without_a_window_nothing_is_known_of_the_twist(kit):
 
 def test_where_the_base_is_heading_makes_no_difference_to_how_well_its_pose_is_known(kit):
     motors = kit.motors((0, 1, 2, 3))
-    # Wheels of different sizes: what they say of forward and of sideways hangs together.
+    # Wheels of different sizes make the forward and the sideways measurement depend on each other.
     uneven = tuple(
         msgspec.structs.replace(motor, radius_m=motor.radius_m * (1.0 + 0.2 * n))
         for n, motor in enumerate(motors)

@@ -170,7 +170,7 @@ def test_a_garbled_reading_that_was_believed_is_taken_back_however_fast_the_next
     encoders, kit, apart_ms
 ):
     feed(encoders, (3_000_000, 3_000_000), 0, 0)
-    # Several lines were lost, so that the wheel might have rolled so far.
+    # Several lines were lost, so the wheel might have rolled this far.
     wrong = int(2.0 * 0.080 / kit.tick_m)
     assert feed(encoders, (3_000_000 + wrong, 3_000_010), 80, 80) == "held"
     assert feed(encoders, (3_000_000 + wrong, 3_000_010), 80, 80) == "travel"
@@ -314,7 +314,7 @@ TURNING = (0.3, 0.3)
         (1_500, 2_821 + 500, "gap_lost"),  # farther than that
         (1_500, 2_821 - 500, "gap_lost"),
         (1_500, -1_400, "gap_lost"),  # the board was reset, and its wheels rolled out
-        (-2_821, 2_821, "gap_lost"),  # just where a reset leads as well
+        (-2_821, 2_821, "gap_lost"),  # where a reset also leads
         (-2_821 + 1_200, 2_821, "gap_kept"),  # too far for wheels that were let go
     ],
 )

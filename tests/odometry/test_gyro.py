@@ -1,4 +1,4 @@
-"""The gyro's integral is exact for what it can be, and is withheld when it cannot be believed."""
+"""The gyro's integral is exact within its limits, and is withheld when it cannot be believed."""
 
 from __future__ import annotations
 

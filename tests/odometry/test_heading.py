@@ -1,4 +1,4 @@
-"""Wheels and gyro, step by step: what each is believed, and what is said about it."""
+"""Wheels and gyro, step by step: the trust in each, and the reports."""
 
 from __future__ import annotations
 
@@ -394,7 +394,7 @@ def test_a_slip_shows_after_a_second_and_a_bias_after_three() -> None:
                 acceleration_m_s2=(0.0, 0.0, 9.8 + 0.001 * number),
             )
         )
-        # The wheels move once: what stands begins again.
+        # The wheels move once, so the rest begins again.
         heading.fuse(1e-3 if number == 24 else 0.0, 0.0, number * step_ns, step_ns)
         for event in heading.events:
             began.setdefault(event.kind, number)

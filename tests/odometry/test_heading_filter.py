@@ -1,4 +1,4 @@
-"""The filter's result for wheels and gyro, where the answer is known."""
+"""The filter's result for wheels and gyro, in cases with a known answer."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def test_a_gyro_of_another_scale_is_not_learned_from_wheels_but_makes_the_headin
     assert math.sqrt(grown) == pytest.approx(0.01 * turned, rel=0.02)
     for _ in range(100):
         fuse(made, -0.05, -0.04, slip=0.04 * 0.05)
-    # Turned back, what the scale did is undone.
+    # Turning back undoes the effect of the scale.
     assert made.variance(0.01) - made.variance(0.0) < 0.01 * grown
 
 
@@ -165,7 +165,7 @@ def test_samples_that_are_late_are_no_slip() -> None:
     for number in range(1500):
         rate = 1.5 * math.sin(number * DT_S)
         turned += rate * DT_S
-        # The gyro's integral is behind by what the base turned meanwhile.
+        # The gyro's integral lags by the base's turn meanwhile.
         behind = turned - late_s * rate
         fuse(made, rate * DT_S, behind - before, slip=1e-12, rate=rate)
         slips += made.slipped

@@ -117,7 +117,7 @@ FINE = 1e13
 
 
 def figure_of_eight(steps_count, seconds=40.0, spread=1.2):
-    """Wheel travel of equal steps on a path whose curvature swings, and where it truly ends."""
+    """Wheel travel of equal steps on a path whose curvature swings, and the path's true end."""
     omega = 2.0 * math.pi / (seconds / 2)
 
     def theta(t):

@@ -12,7 +12,7 @@ LINE_NS, TICK_NS = 41 * MS, 10 * MS
 
 
 def observed(first_ms, speed, lines=200, *, jitter_ms=0.0, lost=0.0, fresh=False, seed=1):
-    """A board's lines: what is found of each, and the truth."""
+    """A board's lines: the estimate for each, and the truth."""
     random, age = Random(seed), LineAge(LINE_NS, TICK_NS)
     found, before = [], None
     for number in range(lines):

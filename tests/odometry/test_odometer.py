@@ -64,7 +64,7 @@ class Rig:
             room = SPEED_MAX * (b.stamp_ns - a.stamp_ns) * 1e-9 + tick
             for old, new in zip(a.motor_ticks, b.motor_ticks, strict=True):
                 assert abs(new - old) * tick <= room * (1.0 + 1e-9)
-            # A correction adds a little sideways to what the wheels rolled.
+            # A correction adds a little sideways to the rolled way.
             assert math.dist((a.pose.x, a.pose.y), (b.pose.x, b.pose.y)) <= 1.05 * room
 
     def check_covariance_grew(self):
@@ -156,7 +156,7 @@ def test_before_the_first_reading_the_pose_can_be_set(rig):
     assert rig.feed(5, 5).estimate.pose == Pose2d(x=1.0)
 
 
-# The fifth proof: what the wire does to counts
+# The fifth proof: the effect of the wire on counts
 
 
 def test_the_wrap_is_no_jump(rig, kit):
@@ -483,7 +483,7 @@ def test_answers_to_questions_of_unknown_time_make_no_speed_of_one_renewal(kit):
         now_ns = START_NS + round((rig.now_ms + 20.0) * MS)
         ticks = 1_000_000 + 60 * n
         rig.feed(ticks, ticks, after_ms=20.0, requested_ns=now_ns - MS // 2)
-    # As at the end of a session, when what a port held back comes.
+    # As at the end of a session, when a port delivers its held bytes.
     assert rig.feed(ticks + 900, ticks + 900, after_ms=600.0).estimate is None
     for _ in range(4):
         assert rig.feed(ticks + 900, ticks + 900, after_ms=3.0).estimate is None
@@ -652,7 +652,7 @@ STREAMS = {
 
 @pytest.mark.parametrize("name", STREAMS)
 def test_the_errors_of_a_stream_are_the_known_ones(kit, name):
-    """Stamps are late by so many us, speeds off by so many mm/s: known_errors.json."""
+    """The stamps' delays in us and the speeds' errors in mm/s are those of known_errors.json."""
     rates, lines, options = STREAMS[name]
     odometer = Odometer(kit.differential(), kit.motors(), speed_max_m_s=SPEED_MAX)
     odometer.set_sample_period(None if lines is asked else 10 * MS)
@@ -701,7 +701,7 @@ SENSOR = ImuSensor(
 
 
 def sample(rig, rate, *, after_ms, number=0):
-    """A sample of the sensor, so long after the latest counters left the board."""
+    """A sample of the sensor, this time after the latest counters left the board."""
     return rig.odometer.accept(
         ImuReading(
             sensor=SENSOR,
@@ -923,6 +923,6 @@ def test_a_reading_of_wheels_that_stand_on_goes_the_short_way(kit, monkeypatch):
     monkeypatch.setattr(Odometer, "_travel", None)
     assert rig.feed(0, 0).estimate is not None
     assert rig.estimates[-1].stamp_ns == START_NS + 610 * MS
-    # Of what is not known the whole way tells: a long step, and a board that is another one.
+    # The whole way shows unknown travel: a long step, and another board.
     with pytest.raises(TypeError):
         rig.feed(0, 0, after_ms=200.0)

@@ -75,7 +75,7 @@ class Heard:
     ("ppm", "after_s"), [(-100.0, 3.0), (30.0, 3.0), (100.0, 3.0), (500.0, 18.0)]
 )
 def test_locked_stamps_are_within_a_millisecond_behind_a_usb_bridge(kit, gap_ms, ppm, after_s):
-    """USB hands over once a millisecond; 500 ppm is ten times what a crystal may be off."""
+    """USB delivers once a millisecond; 500 ppm is ten times the error of a crystal."""
     lines = kit.stream(steady, seconds=25.0, gap_ms=gap_ms, timer_ms=1.0007, ppm=ppm, seed=5)
     heard = Heard(lines, after_s=after_s)
     assert heard.wrong_steps == 0
@@ -408,7 +408,7 @@ def test_a_run_begins_with_three_counts_a_tick(ticks, stamp_ms):
 
 
 def running(lines):
-    """A clock, and the last of so many lines that came 10 ms apart with 30 counts each."""
+    """A clock, and the last of these lines, which came 10 ms apart with 30 counts each."""
     clock = StreamedClock(TICK_NS)
     clock.observe(line(START_NS))
     for number in range(1, lines):

@@ -37,7 +37,7 @@ def test_a_steady_speed_reads_true_within_one_tick_of_its_window(velocity, kit):
 
 
 def test_a_slow_wheel_does_not_read_as_standing_and_darting(velocity, kit):
-    # One tick every 30 ms: 5.3 mm/s, where one sample says 0 or 16.
+    # One tick every 30 ms: 5.3 mm/s, while a single sample shows 0 or 16.
     read = run(velocity, [n / 3 for n in range(1, 300)])[20:]
     assert min(read) > 0.0
     assert max(read) - min(read) <= 1.01 * kit.tick_m / 0.1
@@ -118,7 +118,7 @@ def test_one_unseen_tick_more_or_less_is_a_quarter_of_the_speed_at_most(velocity
     velocity.tick_ns = 10 * MS
     velocity.interrupt((0, 0))
     total, read = 0, []
-    # Asked every 20 ms, just where the counters are renewed.
+    # Asked every 20 ms, exactly when the counters are renewed.
     for ticks in [2] * 10 + [3, 1, 2, 3, 2, 1, 2] * 5:
         total += 40 * ticks
         read.append(velocity.motor_speeds(velocity.measure((total, total), 20 * MS))[0])

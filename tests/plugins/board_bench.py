@@ -18,7 +18,7 @@ from yahboomd.simulation.robot import SimulatedRobot
 
 
 class BoardPort:
-    """The simulated board's line, as the session wants a port; it keeps what was written.
+    """The simulated board's line as a session's port; it keeps the written bytes.
 
     As in a kernel, bytes wait until there are as many as the session wants at once.
     """
@@ -90,7 +90,7 @@ class BoardPort:
 
 
 class Recorder:
-    """Hears what the session tells."""
+    """Records the session's calls."""
 
     def __init__(self) -> None:
         self.board: ConnectedBoard | None = None
@@ -132,7 +132,7 @@ class Recorder:
 
 
 class Bench:
-    """A robot, a session with it, and what both said."""
+    """A robot, a session with it, and the bytes of both."""
 
     def __init__(
         self, simulation: SimulationOptions | None = None, options: SessionOptions | None = None
@@ -196,8 +196,8 @@ class LinkBench:
     """A simulated robot behind a port that is opened and closed again, on virtual time.
 
     Attributes:
-        on_open: Called at each opening, with how many there were before.
-        on_write: May change what the host writes (None loses it).
+        on_open: Called at each opening, with the number of earlier openings.
+        on_write: May change the host's bytes (None loses them).
     """
 
     def __init__(self, **options: Any) -> None:

@@ -56,7 +56,7 @@ class BrowserError(Exception):
 
 
 def chromium_program() -> str:
-    """The browser; skips the test where there is none."""
+    """The browser; skips the test if it is missing."""
     for name in ("chromium", "chromium-browser", "google-chrome"):
         if found := shutil.which(name):
             return found
@@ -129,7 +129,7 @@ class Chromium:
     def begin(
         self, method: str, session: str | None = None, **parameters: Any
     ) -> Callable[[], dict[str, Any]]:
-        """Send an order; what is returned waits for its result."""
+        """Send an order; the returned function waits for its result."""
         number = next(self._numbers)
         answers: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
         self._answers[number] = answers
@@ -225,11 +225,11 @@ class Page:
         )
 
     def picture(self, path: Path) -> None:
-        """Keep a picture of what is seen."""
+        """Keep a picture of the page."""
         data = self.order("Page.captureScreenshot", format="png")["data"]
         path.write_bytes(base64.b64decode(data))
 
-    # What is on it.
+    # Contents of the page.
 
     def go(self, url: str) -> None:
         """Load a page, and wait until it has loaded."""
@@ -271,7 +271,7 @@ class Page:
         self.until(f"document.querySelector({quoted})?.innerText.includes({json.dumps(words)})")
 
     def says_driving(self) -> bool:
-        """Whether the page of the robot says that it drives."""
+        """Whether the robot's page shows that it drives."""
         return self.text(".words").startswith("Driving")
 
     def middle(self, selector: str) -> tuple[float, float]:
@@ -284,7 +284,7 @@ class Page:
         return box[0], box[1]
 
     def problems(self) -> list[str]:
-        """What the browser complained of: exceptions, refused sources, failed requests."""
+        """The browser's complaints: exceptions, refused sources, failed requests."""
         found = []
         for event in self.browser.events:
             if event.get("sessionId") != self.session:
@@ -306,7 +306,7 @@ class Page:
         self.order("Input.dispatchTouchEvent", type=kind, touchPoints=_points(points))
 
     def lift(self) -> None:
-        """Lift all fingers, where there are any."""
+        """Lift all fingers, if there are any."""
         if not self._touched:
             return
         self._touched = False

@@ -1,7 +1,7 @@
 """The example programs of ``examples/clients/``: how each is built and started.
 
-A row of ``PROGRAMS`` is a language. What is built goes to a cache outside the tree, once for each
-state of the sources. A language that cannot be built here says what is missing, and is skipped.
+A row of ``PROGRAMS`` is a language. Builds go to a cache outside the tree, once for each state of
+the sources. A language that cannot be built here is skipped with the name of the missing tool.
 """
 
 from __future__ import annotations
@@ -55,9 +55,9 @@ class Program:
     """A language's example.
 
     Attributes:
-        build: Builds it where that is needed; raises :class:`Missing` where it cannot.
+        build: Builds it if necessary; raises :class:`Missing` if it cannot.
         slow: It takes minutes of compiling: only ``make clients`` runs it.
-        commands: What of the contract it can do; docs/clients.md says why not the rest.
+        commands: The part of the contract that it can do; docs/clients.md explains the rest.
         gateway: How it reaches the robot through the gateway of web clients: scheme and path.
     """
 
@@ -82,7 +82,7 @@ def _python(name: str) -> Built:
 
 
 def _run(*command: str | Path, cwd: Path, environ: dict[str, str] | None = None) -> None:
-    """Runs a step of a build; its output is kept beside what it builds."""
+    """Runs a step of a build, and keeps its output beside its product."""
     log = CACHE / f"{cwd.name}.log"
     with log.open("w") as output:
         done = subprocess.run(

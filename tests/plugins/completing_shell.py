@@ -1,4 +1,4 @@
-"""Shells that complete commands of ours: real ones, on a pseudo-terminal where they need one."""
+"""Shells that complete yahboomd's commands: real ones, on a pseudo-terminal if they need one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Finds what has no caller. By name: a name that two things share counts for both."""
+"""Finds code without a caller. By name: a name that two things share counts for both."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 import msgspec
 
 PLAIN = {"property", "staticmethod", "classmethod", "cache", "contextmanager"}
-"""Decorators that leave the calling to others; any other one registers what it decorates."""
+"""Decorators that leave the calling to others; any other one registers its function."""
 
 
 class Definition(msgspec.Struct, frozen=True, kw_only=True, eq=False):
@@ -37,7 +37,7 @@ def without_callers(
 ) -> list[Definition]:
     """Names in ``sources`` that neither they nor ``callers`` nor ``called_by_others`` use.
 
-    A use inside of what has no caller is none. Fields of classes count as used: they are data.
+    A use inside of unused code does not count. Fields of classes count as used: they are data.
     """
     trees = {path: ast.parse(text) for path, text in sources.items()}
     every = [*trees.values(), *map(ast.parse, callers)]

@@ -1,6 +1,6 @@
 """Daemons that are killed right after they acknowledged an emergency stop.
 
-The board is a process of its own and outlives them: what it heard last decides.
+The board is a process of its own and outlives them: its last received frame decides.
 """
 
 from __future__ import annotations
@@ -124,7 +124,7 @@ class KillableRobot:
         killed_ns = time.monotonic_ns()
         self.found[way] += 1
         wait_for(lambda: not _runs(pid), "the kernel has ended it")
-        # What the port took is with the board by then.
+        # By then the board has received all bytes of the port.
         while self._truth.stood_at(killed_ns) is None:
             self._wire.look()
             before, last = list(self._wire.orders)[-2:]

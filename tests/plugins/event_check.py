@@ -12,7 +12,7 @@ from yahboomd.tools.schemas.event_kinds import KINDS
 
 
 def assert_registered(event: Mapping[str, Any]) -> None:
-    """Its kind is registered; severity, wheel and data are what the registry says.
+    """The kind is registered; severity, wheel and data agree with the registry.
 
     Args:
         event: As published, decoded.

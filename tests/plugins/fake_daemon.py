@@ -1,4 +1,4 @@
-"""Something on a real bus that looks like a daemon to a client, and records what it received.
+"""A process on a real bus that looks like a daemon to a client, and records received samples.
 
 Import the fixture by name in a conftest.py to have it.
 """
@@ -32,9 +32,9 @@ class FakeDaemon:
     """A router that publishes samples ten times a second and answers the e-stop's services.
 
     Args:
-        endpoint: Where it is reached.
+        endpoint: Its endpoint.
         namespace: Its robot's name.
-        config: What it answers for its configuration; None for no answer.
+        config: Its answer for its configuration; None for no answer.
 
     Attributes:
         payloads: Published instead of its own samples, by key.

@@ -14,11 +14,11 @@ from yahboomd.core.messages.codecs import encode
 
 
 class FakeRobot:
-    """Stands at one place, whatever it is commanded; keeps the commands.
+    """Stands still, whatever it is commanded; keeps the commands.
 
     Attributes:
         commands: All of them, in order.
-        payload: What is published as the pose; None is a pose, else these bytes; empty is silence.
+        payload: The published pose; None is a pose, else these bytes; empty is silence.
     """
 
     def __init__(self) -> None:

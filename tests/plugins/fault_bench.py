@@ -52,7 +52,7 @@ _ORDER = re.compile(
 
 
 class Kept:
-    """An outlet that keeps what it is given."""
+    """An outlet that keeps its samples."""
 
     has_subscribers = True
 
@@ -65,7 +65,7 @@ class Kept:
 
 
 class FaultBench(RobotBench):
-    """A robot bench that keeps every port that was opened, and where the robot truly was."""
+    """A robot bench that keeps every port that was opened, and the robot's true poses."""
 
     def __init__(
         self,
@@ -94,7 +94,7 @@ class FaultBench(RobotBench):
 
     @property
     def orders(self) -> list[tuple[int, bytes]]:
-        """Every speed and every stop that was written so far, on whichever port, with its time."""
+        """Every speed and every stop that was written to any port, with its time."""
         return list(itertools.chain.from_iterable(map(orders_of, self.ports)))
 
     def orders_since(self, ns: int) -> list[tuple[int, bytes]]:
@@ -151,7 +151,7 @@ def assert_no_jump(estimates: Sequence[OdometryEstimate]) -> None:
         room_m = SPEED_MAX_M_S * (after.stamp_ns - before.stamp_ns) / 1e9 + TICK_M
         for old, new in zip(before.motor_ticks, after.motor_ticks, strict=True):
             assert abs(new - old) * TICK_M <= room_m * (1.0 + 1e-9)
-        # The correction for curvature adds a little sideways to what the wheels rolled.
+        # The correction for curvature adds a little sideways to the rolled way.
         moved = (after.pose.x - before.pose.x, after.pose.y - before.pose.y)
         assert math.hypot(*moved) <= 1.05 * room_m
 

@@ -1,7 +1,7 @@
-"""Laws for any bytes whatever, target by target.
+"""Laws for any bytes, target by target.
 
-A target takes bytes and asserts; it raises where a law is broken. ``tests/fuzz`` runs each over its
-corpus and over what is made of it, ``make fuzz`` under a fuzzer that follows the code's branches.
+A target takes bytes and asserts; it raises if a law is broken. ``tests/fuzz`` runs each over its
+corpus and over variations of it, ``make fuzz`` under a fuzzer that follows the code's branches.
 """
 
 from __future__ import annotations
@@ -243,7 +243,7 @@ def set_pose(data: bytes) -> None:
 
 
 def estop(data: bytes) -> None:
-    """Only what plainly says false is no e-stop; all else engages."""
+    """Only a plain false does not engage the e-stop; everything else engages it."""
     for query in (False, True):
         if not is_release_attempt(data, query=query):
             continue
@@ -299,7 +299,7 @@ def _loads(path: Path, environ: dict[str, str], overrides: list[str]) -> None:
     assert isinstance(found, Config)
     finite = found.as_data()
     assert all(math.isfinite(number) for number in _numbers(finite))
-    # What the daemon makes of it at the start.
+    # The daemon's use of it at the start.
     motors = found.motors()
     assert len({motor.position for motor in motors}) == len(motors)
     kinematics = found.kinematics()

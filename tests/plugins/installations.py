@@ -36,7 +36,7 @@ def needs(program: str) -> str:
 
 
 def installed(name: str, words: str) -> Path | None:
-    """The folder of an installation, where it is as described; else None, and an empty folder."""
+    """The folder of an installation, if it is as described; else None, and an empty folder."""
     folder = CACHE / name
     mark = folder / ".installed"
     if mark.exists() and mark.read_text() == words:

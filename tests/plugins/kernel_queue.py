@@ -54,7 +54,7 @@ class QueueingPort(BoardPort):
             asyncio.get_running_loop().call_later(1.0 / self.line.bytes_per_s, self._send)
 
     def interrupted(self, frame: bytes, sent: int) -> None:
-        """A frame of which so many bytes are on the wire, and the rest waits."""
+        """A frame with this number of bytes on the wire, while the rest waits."""
         self._memory.write(frame[:sent])
         self._queue += frame[sent:]
 

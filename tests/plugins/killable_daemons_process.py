@@ -1,4 +1,4 @@
-"""A process that forks daemons, each to be killed: what they import is imported once.
+"""A process that forks daemons, each to be killed: their modules are imported once.
 
 Its arguments are those of ``--set``. For each line on standard input it starts a daemon and prints
 its process id.

@@ -126,7 +126,7 @@ class Lanes(LoadScopeScheduling):  # type: ignore[misc]
         )
 
     def _next_scope(self, number: int) -> str | None:
-        """The next one for a process: the first takes what comes, and what computes is last."""
+        """The next scope for a process: the first takes them in order, computations come last."""
         if computes(number):
             return next(reversed(self.workqueue), None)
         return next(
@@ -145,7 +145,7 @@ class Lanes(LoadScopeScheduling):  # type: ignore[misc]
         return all_real or nodeid.partition("::")[2].partition("[")[0] in some
 
     def _rank(self, scope: str) -> tuple[bool, bool, bool, bool]:
-        """Real time first, and in it what is heavy, groups and what takes long."""
+        """Real time first, and in it heavy tests, groups and long tests."""
         return (
             scope not in self._waits,
             scope not in self._heavy,

@@ -24,7 +24,7 @@ Begin = TypeVar("Begin")
 
 
 class LedCalibration:
-    """The command, what it wrote, and the button that is held.
+    """The command, its lines, and the button that is held.
 
     Args:
         endpoint: Of the daemon.
@@ -75,7 +75,7 @@ class LedCalibration:
             self.process.stdin.write(json.dumps(message).encode() + b"\n")
 
     def of_type(self, *types: str) -> list[dict[str, Any]]:
-        """The lines of these types so far."""
+        """The lines of these types."""
         return [line for line in self.lines if line["type"] in types]
 
     def question(self) -> dict[str, Any]:
@@ -106,7 +106,7 @@ class LedCalibration:
             self.answer(question)
 
     def fall_silent(self) -> None:
-        """Say no longer that it is held."""
+        """Report no longer that it is held."""
         self._held = ""
 
     def release(self) -> None:
@@ -117,10 +117,10 @@ class LedCalibration:
     def moved_until(
         self, question: dict[str, Any], condition: Callable[[], object]
     ) -> dict[str, Any]:
-        """Let it move until something is true; again, where a busy machine let the run lapse.
+        """Let it move until something is true; again, if a busy machine let the run lapse.
 
         Returns:
-            The question whose movement it is in the end.
+            The question of the last movement.
         """
         assert question["kind"] in MOVEMENTS, question
         self._begin(question)

@@ -72,7 +72,7 @@ def into(buffer: bytearray) -> Callable[[bytes, int], None]:
 
 
 def ring_of(*happened: tuple[float, Meaning]) -> bytes:
-    """A ring with records, each so many seconds before the end."""
+    """A ring with records, each at a number of seconds before the end."""
     header = msgspec.structs.replace(
         HEADER, started_ns=END_NS - 90 * SECOND_NS, started_wall_ns=WALL_NS - 90 * SECOND_NS
     )
@@ -89,7 +89,7 @@ def saved_box(
     reasons: tuple[str, ...] = ("estop",),
     config: dict[str, Any] = HEADER.config,
 ) -> bytes:
-    """A saved box with records, each so many seconds before the save."""
+    """A saved box with records, each at a number of seconds before the save."""
     ring = ring_of(*happened)
     header = msgspec.structs.replace(
         HEADER,

@@ -38,7 +38,7 @@ class Exporter:
         }
 
     def value(self, name: str, robot: str = "yahboomd", **labels: str) -> float | None:
-        """One series of one robot; None where it is not there."""
+        """One series of one robot; None if it does not exist."""
         return self.series().get((name, (("robot", robot), *labels.items())))
 
 

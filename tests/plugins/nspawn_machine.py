@@ -30,10 +30,10 @@ class Machine:
     """One container.
 
     Args:
-        root: A Debian, which is only read: what is written goes to memory.
+        root: A Debian, which is only read: changes go to memory.
         package: A Debian package, found inside as ``/run/packages/…``.
         shared: A folder of the host, found inside as ``/run/shared``.
-        log: Where the console goes.
+        log: The file for the console.
     """
 
     def __init__(self, root: Path, package: Path, shared: Path, log: Path) -> None:
@@ -107,7 +107,7 @@ class Machine:
     def close(self) -> None:
         """Switch it off."""
         if self._process.poll() is None and getattr(self, "_leader", 0):
-            # What systemd calls halting, said to process 1 of a container.
+            # systemd's halt for process 1 of a container.
             with contextlib.suppress(ProcessLookupError):
                 os.kill(self._leader, signal.SIGRTMIN + 3)
         try:

@@ -32,7 +32,7 @@ LONG = pytest.mark.skipif(
 """Beyond the short form."""
 
 HELD_NS = 250_000_000
-"""The daemon repeats a speed at least so often."""
+"""The daemon repeats a speed at least at this period."""
 
 QUIET_S = 1.6
 """Then nothing that waited anywhere moves the robot: zeros are sent for a second."""
@@ -139,7 +139,7 @@ class PageBench:
     def press(self, page: Page, *, up: float = 0.8, right: float = 0.0) -> tuple[float, float]:
         """Put a thumb on the joystick; returns once the wheels turn.
 
-        Where this machine is too busy to drive, the page or the server ends it: again, then.
+        If this machine is too busy to drive, the page or the server ends it; then try again.
         """
         self.ready(page)
         place = self.place(page, right, up)
@@ -177,7 +177,7 @@ class PageBench:
             Seconds from the loss to the last frame with motion.
         """
         loss()
-        # Not before: a busy browser takes its time to carry out what it is asked to do.
+        # Not before, because a busy browser is slow.
         lost_ns = time.monotonic_ns()
         self.robot.settled_truth()
         quiet_ns = time.monotonic_ns() + round(QUIET_S * 1e9)

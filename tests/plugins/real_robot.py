@@ -1,6 +1,6 @@
-"""A simulated board and the daemon, each a real process on a real pty, and what they print.
+"""A simulated board and the daemon, each a real process on a real pty, with their output.
 
-Whatever is started here is ended by its handle.
+Each process is ended by its handle.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class RealRobot:
         folder: For the port's name, the truth, the control socket and the e-stop's file.
         simulate: More arguments of ``yahboomd simulate``.
         run: More arguments of ``yahboomd run``.
-        port: Where the daemon looks for the board, if not where it is.
+        port: The port at which the daemon expects the board, if it is another one.
         environ: More of the daemon's environment.
         guarded: Start the daemon's guard, too. A busy machine may starve a daemon for two seconds,
             which its guard takes for a freeze.
@@ -139,13 +139,13 @@ class RealRobot:
             return control.makefile().readline().strip()
 
     def truth(self) -> list[TruthSample]:
-        """The true path of the robot so far."""
+        """The true path of the robot."""
         with self._reading:
             self._truth += self._tail.news()
             return list(self._truth)
 
     def travelled_m(self) -> float:
-        """The travel of its wheels so far, added up."""
+        """The travel of its wheels, added up."""
         return sum(self.truth()[-1].travel_m)
 
     def settled_truth(self) -> TruthSample:
@@ -167,7 +167,7 @@ class RealRobot:
         """End both."""
         for daemon in self._daemons:
             daemon.end()
-            # pytest shows it where the test failed.
+            # pytest shows it if the test failed.
             print(daemon.output)
         self.simulation.end()
         self._tail.close()
@@ -229,7 +229,7 @@ class Client:
         return self.samples["status"][self._passed - 1]
 
     def drive(self, payload: bytes, for_s: float, key: str = "cmd_vel") -> None:
-        """Say one command 20 times a second."""
+        """Send one command 20 times a second."""
         for _ in range(round(for_s / 0.05)):
             self.session.put(key, payload)
             time.sleep(0.05)
@@ -237,7 +237,7 @@ class Client:
     def drive_until(
         self, payload: bytes, condition: Callable[[], Any], what: str, key: str = "cmd_vel"
     ) -> None:
-        """Say one command about 20 times a second until something is true."""
+        """Send one command about 20 times a second until something is true."""
 
         def found() -> bool:
             self.session.put(key, payload)

@@ -80,11 +80,11 @@ class RobotBench:
     """A daemon without its bus, driving a simulated robot.
 
     Args:
-        folder: Where the e-stop's file lies.
+        folder: For the e-stop's file.
         overrides: As for ``--set``.
         simulation: The robot.
         file: The configuration.
-        ring: Where a black box is recorded.
+        ring: Records a black box.
     """
 
     def __init__(
@@ -155,7 +155,7 @@ class RobotBench:
         self.controller.close()
         self.latch.settle()
 
-    # What a test does.
+    # Actions of a test.
 
     async def ready(self) -> None:
         """Until the wheels may turn."""

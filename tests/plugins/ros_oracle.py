@@ -90,7 +90,7 @@ class Oracle:
         )
 
     def build(self, typename: str, value: Any) -> Any:
-        """A rosbags message from nested dicts; what is not given is refused."""
+        """A rosbags message from nested dicts; a missing field is refused."""
         fields = self.store.fielddefs[typename][1]
         assert {field for field, _ in fields} == set(value), typename
         return self.store.types[typename](

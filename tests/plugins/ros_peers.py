@@ -40,7 +40,7 @@ Event = dict[str, Any]
 
 
 def built(name: str) -> Path:
-    """The program or environment `name` out of the cache, or a skip that says how to get it."""
+    """The program or environment `name` from the cache, or a skip that explains how to get it."""
     path = CACHE / (f"{name}/bin/python" if name in ENVIRONMENTS else f"bin/current/{name}")
     if not path.exists():
         pytest.skip(f"{name} is not built: `make interop` builds it ({path} is missing)")
@@ -171,7 +171,7 @@ class Peer:
 
 
 def ros_node(distro: str, domain: int, *consumers: str) -> list[str]:
-    """The command of a node of ROS 2 itself, or a skip that says what is missing.
+    """The command of a node of ROS 2 itself, or a skip that names the missing part.
 
     Args:
         distro: Its distribution.

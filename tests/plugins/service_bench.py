@@ -81,7 +81,7 @@ class Board:
         assert answer.startswith("ok"), answer
 
     def truth(self) -> list[TruthSample]:
-        """The true path of the robot so far."""
+        """The true path of the robot."""
         return read_truth(self._truth)
 
     def speed_m_s(self) -> float:
@@ -126,7 +126,7 @@ class Bench:
     """The service with its board and the application that drives.
 
     Args:
-        machine: Where the package is installed.
+        machine: The container with the package.
     """
 
     def __init__(self, machine: Machine) -> None:
@@ -172,8 +172,8 @@ class Bench:
         return self.machine.show(SERVICE, "StatusText")
 
     def wait_for_status(self, state: str) -> None:
-        """Until the service says that it is in a state."""
-        # A service that is down keeps what it said last.
+        """Wait until the service reports a state."""
+        # The last status of a service that is down remains.
         wait_until(
             lambda: (
                 self.status().startswith(f"{state}:")
@@ -212,7 +212,7 @@ class Bench:
         return [(int(each["PRIORITY"]), str(each["MESSAGE"])) for each in entries]
 
     def wait_for_line(self, words: str, times: int = 1) -> None:
-        """Until so many lines of the journal since :meth:`begin` have these words."""
+        """Wait until this many lines of the journal since :meth:`begin` have these words."""
         wait_until(
             lambda: sum(words in text for _, text in self.journal()) >= times,
             f"the journal says {words}",

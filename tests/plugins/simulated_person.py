@@ -21,23 +21,23 @@ from yahboomd.tools.setup.robot_drawing import CORNERS
 from yahboomd.tools.setup.setup_wizard import Wizard
 
 SEEN_M = 0.003
-"""A wheel that rolled so far was seen to turn: five degrees."""
+"""A wheel that rolled this far was seen to turn: five degrees."""
 
 
 class SimulatedPerson:
-    """Answers by what truly happened.
+    """Answers by the true motion.
 
     Args:
         bench: The robot.
 
     Attributes:
-        questions: All that was asked.
+        questions: All questions.
         others: Answers to questions that no truth answers, by their first words; of several each
-            is given once, and the last one from then on.
+            is given once, and then the last one again.
         looks: They look at the wheels again in the end.
-        lies: Wrong answers to the next questions that begin so.
+        lies: Wrong answers to the next questions with this beginning.
         turned: The most that any wheel turned between two questions, in turns.
-        repair: What is done when a repair is asked for; None: the file is wanted as it is.
+        repair: Called when a repair is asked for; None: the file is wanted as it is.
     """
 
     def __init__(self, bench: LinkBench) -> None:
@@ -109,7 +109,7 @@ class SimulatedPerson:
         return None
 
     def _look(self, question: str, now: dict[str, float]) -> str:
-        """What they see in the last look; empty for other questions."""
+        """Their answer in the last look; empty for other questions."""
         if question.startswith("y, and all wheels"):
             self._marked = now
             return "y"

@@ -1,4 +1,4 @@
-"""A TCP relay that stalls, as a radio link does: what was sent meanwhile comes all at once."""
+"""A TCP relay that stalls, as a radio link does, and then delivers all bytes at once."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class StalledRelay:
         self._flows.clear()
 
     def flow(self) -> None:
-        """Carry again, first of all what has piled up."""
+        """Deliver again, first the queued bytes."""
         self._flows.set()
 
     def close(self) -> None:

@@ -24,7 +24,7 @@ def assert_registered(status: Mapping[str, Any], sources: set[str]) -> None:
         "command": command,
         **{f"sources {source}": account for source, account in accounts.items()},
     }
-    # Without a board there is nothing to say of it.
+    # Without a board the group is empty.
     if status["board"]:
         found["board"] = status["board"]
     for name, group in found.items():

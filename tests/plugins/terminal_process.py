@@ -1,4 +1,4 @@
-"""A command of ours on a real pseudo-terminal: what it shows, and what it leaves behind.
+"""A command on a real pseudo-terminal, with its screen and the state that it leaves behind.
 
 Import the fixture by name in a conftest.py to have it.
 """
@@ -74,10 +74,10 @@ class TerminalProcess:
         os.write(self._master, keys.encode())
 
     async def shows(self, words: str) -> None:
-        """Wait until the screen, or what stands there without one, holds some words."""
+        """Wait until the screen, or the output without one, holds some words."""
         await eventually(lambda: words in self.screen or self.process.poll() is not None)
         if words not in self.screen:
-            # What it said last may still be on its way.
+            # Its last output may still be on the way.
             await self.ended()
         assert words in self.screen, self.screen
 
@@ -85,7 +85,7 @@ class TerminalProcess:
         """Wait until it has ended, and all that it wrote was read; its status."""
         await eventually(lambda: self.process.poll() is not None)
         if self._open:
-            # What the terminal carries last came after everything of the process.
+            # This comes after everything that the process wrote.
             os.write(self._slave, _LAST)
             await eventually(lambda: self._written.endswith(_LAST))
             self._written = self._written.removesuffix(_LAST)

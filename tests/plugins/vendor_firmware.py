@@ -1,9 +1,9 @@
 """The vendors' own firmwares as boards of simulated robots: the judges of the simulated boards.
 
-Nothing of a vendor's is in this project. The files are looked for in the folder that
-``YAHBOOMD_FIRMWARE`` names, else beside the project; `make firmware` prints where they can be had.
-The firmware computes; motors, chassis, line and every fault are those of the simulated robot, so
-that each test of a simulated board can be one of the firmware's.
+Nothing of a vendor's is in this project. The files are in the folder that ``YAHBOOMD_FIRMWARE``
+names, or else beside the project; `make firmware` prints where to get them. The firmware computes;
+motors, chassis, line and every fault are those of the simulated robot, so that each test of a
+simulated board can be one of the firmware's.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ MOTORS: dict[str, dict[str, Any]] = {
 
 
 def missing() -> str:
-    """Why the four-channel board's firmware cannot run here; empty where it can."""
+    """Why the four-channel board's firmware cannot run here; empty if it can."""
     if not (FOLDER / IMAGE).exists():
         return f"{FOLDER / IMAGE} is missing"
     if importlib.util.find_spec("unicorn") is None:
@@ -87,7 +87,7 @@ ROSMASTER_LIBRARY = (
 
 
 def rosmaster_missing() -> str:
-    """Why the Rosmaster board's firmware cannot run here; empty where it can."""
+    """Why the Rosmaster board's firmware cannot run here; empty if it can."""
     return "" if ROSMASTER_LIBRARY.exists() else f"{ROSMASTER_LIBRARY} is missing"
 
 
@@ -95,8 +95,8 @@ def rosmaster(car: int, car_type: int) -> Any:
     """The Rosmaster board's firmware with motors of its rig, moved on by ``ms()``.
 
     Args:
-        car: What it is built into.
-        car_type: What it stores.
+        car: The car that it is built into.
+        car_type: The stored car type.
     """
     os.environ["ROSMASTER_FIRMWARE"] = str(ROSMASTER_LIBRARY)
     return rig("rosmaster/rosmaster_board").Board(car=car, type_=car_type)

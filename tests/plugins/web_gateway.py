@@ -19,12 +19,12 @@ STAND_IN = f"{sys.executable} {Path(__file__).with_name('web_plugins_process.py'
 
 
 class Gateway:
-    """One that runs.
+    """A running gateway.
 
     Args:
         folder: For its copy and its sockets.
         robot: The endpoint of the daemon.
-        zenohd: The program with both plugins, or what stands for it.
+        zenohd: The program with both plugins, or its substitute.
         drive: The configuration lets pages and programs drive, not only watch and stop.
         namespace: Of the daemon.
         page: The folder of the page.
@@ -89,7 +89,7 @@ class Gateway:
         return folder
 
     def curl(self, path: str, *arguments: str) -> int:
-        """The status of the answer to a request; 0 where none came."""
+        """The status of the answer to a request; 0 if none came."""
         done = subprocess.run(
             ["curl", "--silent", "--noproxy", "*", "--max-time", "60", "--output", "/dev/null",
              "--write-out", "%{http_code}", *arguments, f"{self.origin}{path}"],

@@ -34,7 +34,7 @@ ZERO = (0.0, 0.0)
 
 
 class Page:
-    """A page: a WebSocket that remembers what came."""
+    """A page: a WebSocket that remembers its messages."""
 
     def __init__(self, socket: ClientConnection) -> None:
         self.socket = socket
@@ -98,7 +98,7 @@ class Page:
             await asyncio.sleep(0.05)
 
     async def press(self, until: Callable[[], Any], vx: float = 0.2) -> Any:
-        """Drive until something is true; let go and press again where this machine was too busy."""
+        """Drive until something is true; if this machine was too busy, let go and press again."""
         refused = len(self.of("refused"))
         while not (found := until()):
             if len(self.of("refused")) > refused:

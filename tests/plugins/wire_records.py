@@ -1,4 +1,4 @@
-"""What goes over the wire of a simulated robot and its daemon, as the records of a black box."""
+"""The bytes between a simulated robot and its daemon, as the records of a black box."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ class WireBench(FaultBench):
             close()
 
         port.listen = lambda on_data, on_lost: listen(lambda data: hear(data, on_data), on_lost)  # type: ignore[method-assign]
-        # What is noted here has the moment of its read, so that each read is one line at most.
+        # Each record has the moment of its read, so that each read is one line at most.
         port.gather = lambda _least: None  # type: ignore[method-assign]
         port.write = written  # type: ignore[method-assign]
         port.close = closed  # type: ignore[method-assign]
@@ -163,7 +163,7 @@ class DevicePort(BoardPort):
 
 
 class _Robot:
-    """What a memory port wants of a robot, by any device."""
+    """The part of a robot that a memory port needs, by any device."""
 
     def __init__(self, device) -> None:
         self.device = device

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 PATIENCE_S = 60.0
-"""Nothing here is judged by time; after so long a condition is taken never to come."""
+"""No test is judged by time; after this time a condition has failed."""
 
 
 async def eventually(condition: Callable[[], Any]) -> Any:
@@ -66,7 +66,7 @@ class ZenohRouter:
 def late_subscriber(
     session: zenoh.Session, key: str, newest: int | None = None
 ) -> Iterator[list[zenoh.Sample]]:
-    """What is given to one who comes late, as a bridge and a node subscribe to a latched topic."""
+    """The samples for a late subscriber, as a bridge and a node subscribe to a latched topic."""
     history = zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=newest)
     heard: list[zenoh.Sample] = []
     subscriber = zenoh.ext.declare_advanced_subscriber(session, key, heard.append, history=history)

@@ -35,7 +35,7 @@ needs_prometheus = pytest.mark.skipif(
 
 
 def promtool(*arguments: str, stdin: str = "") -> None:
-    """Run it; what it complains about fails the test."""
+    """Run it; a complaint fails the test."""
     ran = subprocess.run(
         ["promtool", *arguments], input=stdin, capture_output=True, text=True, check=False
     )
@@ -140,7 +140,7 @@ def test_prometheus_stores_a_drive_and_no_alert_is_a_false_one(
     volts = {"type": "gauge", "unit": "volts", "help": "the latest voltage of the motors' supply"}
     assert volts.items() <= known["yahboomd_board_volts"].items()
     assert known["yahboomd_link_readings"]["type"] == "counter"
-    # What it stores is what the daemon counted.
+    # It stores the daemon's counts.
     before = application.ask("yahboomd/status")["link"]["readings"]
     stored = wait_for(
         lambda: (found := server.value("yahboomd_link_readings_total") or 0) >= before and found,
@@ -156,7 +156,7 @@ def test_prometheus_stores_a_drive_and_no_alert_is_a_false_one(
     robot.daemon.end()
     wait_for(lambda: server.value("yahboomd_up") == 0, "Prometheus sees the daemon gone")
     assert server.value("yahboomd_link_readings_total") is None
-    # The last status of a daemon that ends says that it has no board.
+    # The last status of a daemon that ends has no board.
     wait_for(lambda: server.alerts() == {"YahboomdAway": "pending"}, "the alert is on its way")
 
 

@@ -72,7 +72,7 @@ def test_a_file_cut_anywhere_lacks_its_last_chunk_at_most(tmp_path: Path) -> Non
     for cut in range(len(whole) // 7, len(whole), len(whole) // 23):
         found = messages(whole[:cut])
         assert found == full[: len(found)]
-        # What a chunk holds uncompressed bounds what the cut one can cost.
+        # The uncompressed size of a chunk bounds the loss by a cut one.
         lost = cut / len(whole) * len(full) - len(found)
         assert lost < 2.0 * CHUNK_BYTES / 600, (cut, lost)
 

@@ -57,7 +57,7 @@ _KEY = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes")
 
 
 class Client:
-    """An application with or without papers; opening it raises where it is not let in."""
+    """An application with or without papers; opening it raises if it is refused."""
 
     def __init__(self, endpoint: str, settings: dict[str, Any]) -> None:
         config = zenoh.Config()
@@ -153,7 +153,7 @@ def app() -> Iterator[Callable[..., Client]]:
 
 @pytest.fixture
 def example() -> Callable[..., str]:
-    """An example file, with what stands for a path replaced: ``example("zenoh-mtls.json5", …)``."""
+    """An example file with its placeholder path replaced: ``example("zenoh-mtls.json5", …)``."""
 
     def read(name: str, **replacements: str) -> str:
         text = (EXAMPLES / name).read_text()

@@ -303,7 +303,7 @@ def test_a_flood_without_certificates_keeps_neither_the_connected_nor_this_machi
 def test_connections_that_wait_by_the_hundred_leave_a_descriptor_for_the_port(
     guarded: Callable[..., RealRobot], example: Callable[..., str], authority: Any
 ) -> None:
-    """A replug in motion, while 1,200 clients without a certificate say nothing."""
+    """A replug in motion, among 1,200 silent clients without a certificate."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     if hard != resource.RLIM_INFINITY and hard < 4096:
         pytest.skip("this machine allows too few descriptors")

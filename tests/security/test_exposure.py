@@ -40,7 +40,7 @@ def address_of(text: str) -> tuple[str, int]:
 
 
 def reachable(pid: int) -> dict[str, set[tuple[str, int]]]:
-    """The addresses where a process takes connections (tcp) or packets (udp), by protocol."""
+    """The addresses on which a process takes connections (tcp) or packets (udp), by protocol."""
     own = sockets_of(pid)
     found: dict[str, set[tuple[str, int]]] = {}
     for table in ("tcp", "tcp6", "udp", "udp6", "udplite", "udplite6", "raw", "raw6"):

@@ -14,7 +14,7 @@ RESYNC = b"\n" * 64
 
 
 class Bench:
-    """A host that writes, waits, and keeps what it has read."""
+    """A host that writes, waits, and keeps the bytes that it read."""
 
     def __init__(self, **options: Any) -> None:
         self.robot = SimulatedRobot(SimulationOptions(**options))
@@ -41,7 +41,7 @@ class Bench:
         return [motor.speed_m_s for motor in self.robot.plant.motors]
 
     def totals(self) -> list[tuple[int, ...]]:
-        """Every total line that has arrived so far."""
+        """Every total line that has arrived."""
         text = b"".join(chunk for _, chunk in self.chunks).decode()
         return [
             tuple(int(n) for n in line[6:-1].split(","))

@@ -1,4 +1,4 @@
-"""The simulated inertial sensor shows the truth, and errs as its datasheet says."""
+"""The simulated inertial sensor shows the truth, with the errors of its datasheet."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_the_field_turns_against_the_robot() -> None:
 def test_axes_place_each_direction_on_the_axis_that_points_there() -> None:
     shown = sensor(axes="-y x -z").sample(0, Twist2d(vx=1.0, wz=0.5), 0.0)
     assert shown.gyro_rad_s == (0.0, 0.0, -0.5)
-    # To the left, where the curve pulls, is its x; up is against its z.
+    # To the left, the side to which the curve pulls, is its x; up is against its z.
     assert shown.acceleration_m_s2 == pytest.approx((0.5, 0.0, -GRAVITY_M_S2))
 
 

@@ -63,7 +63,7 @@ def bench(machine: Machine) -> Iterator[Bench]:
     made.begin()
     yield made
     made.end()
-    # Whatever was done to it, what it wrote is for people to read.
+    # Its journal is for people to read, whatever was sent to it.
     words = "\n".join(text for _, text in made.journal())
     assert "Traceback" not in words, words
 

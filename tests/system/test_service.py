@@ -180,7 +180,7 @@ def test_a_listen_port_that_another_process_has_is_waited_for_with_few_words(ben
             "STATUS= says what it waits for",
         )
         assert machine.show(SERVICE, "ActiveState") == "activating"
-        # Over its patience with one start, so that what a restart says is counted too.
+        # Longer than its patience with one start, so that a restart's messages count too.
         wait_until(lambda: machine.show(SERVICE, "NRestarts") != "0", "a restart", 90.0)
         elapsed_s = max(60.0, time.monotonic() - began_s)
         lines = bench.journal()[count:]
@@ -410,10 +410,10 @@ def test_the_page_writes_the_calibration_and_reads_the_black_boxes(bench) -> Non
         found = json.loads(machine.run(PYTHON, "-c", TOOLS))
         assert found["boxes"]["problem"] == ""
         assert found["boxes"]["boxes"]
-        # It may write there: what was to be undone is gone, and a calibration may begin.
+        # It may write there: the undone calibration is gone, and another may begin.
         assert "calibration.toml" not in machine.run("ls", state)
         assert "Done" in found["asked"], found
-        # Boxes are for its reading alone: even root writes none where it runs.
+        # Boxes are read-only for it: in its service even root writes none.
         pid = machine.show(unit, "MainPID")
         inside = f"nsenter --mount --target={pid} touch {state}/blackbox/x 2>&1"
         assert "Read-only" in machine.run("sh", "-c", inside, check=False)

@@ -1,4 +1,4 @@
-"""Children end with the server, in order where they can, by force where they do not."""
+"""Children end with the server, in order if they can, by force if they do not."""
 
 from __future__ import annotations
 

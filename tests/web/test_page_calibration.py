@@ -45,12 +45,12 @@ def state(tmp_path: Path) -> Path:
 
 
 class Thumb:
-    """Holds the button of a page, 20 times a second; again where a busy machine let it lapse.
+    """Holds the button of a page, 20 times a second; again if a busy machine let it lapse.
 
     Args:
         page: With the button.
-        question: Whose button is held, whatever is asked by now; None: of the latest.
-        behind: How many beats ago each hold pretends to be.
+        question: The question of the button, even if another was asked since; None: the latest.
+        behind: The number of beats by which each hold is late.
     """
 
     def __init__(self, page: Page, question: dict[str, Any] | None = None, behind: int = 0) -> None:
@@ -78,7 +78,7 @@ async def use(page: Page, do: str, **args: Any) -> dict[str, Any]:
 
 
 async def patiently(condition: Callable[[], Any]) -> Any:
-    """As ``eventually``, for what a busy machine may have to do several times."""
+    """As ``eventually``, for work that a busy machine may have to repeat."""
     async with asyncio.timeout(300.0):
         while not (found := condition()):
             await asyncio.sleep(0.02)
@@ -108,7 +108,7 @@ def travelled(before: TruthSample, after: TruthSample) -> float:
 async def moved_through(
     page: Page, robot: RealRobot, asked: dict[str, Any]
 ) -> tuple[TruthSample, dict[str, Any]]:
-    """Hold until a run is over, again where it was interrupted; its begin, and what is asked."""
+    """Hold until a run is over, again if it was interrupted; its begin, and the question."""
     while asked["kind"] == "hold":
         begin = await asyncio.to_thread(robot.settled_truth)
         thumb = Thumb(page, asked)

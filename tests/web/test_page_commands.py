@@ -54,7 +54,7 @@ class Scene:
         self.changes += 1
 
     def why(self, page: int, twist: Twist2d = FORWARD, age_ns: int | None = FRESH_NS) -> str:
-        """The reason of a refusal; empty where the command is obeyed."""
+        """The reason of a refusal; empty if the command is obeyed."""
         refusal = self.commands.command(page, twist, age_ns)
         return "" if refusal is None else refusal.why
 

@@ -1,4 +1,4 @@
-"""Downloads are for people with a session, of recordings alone, and end where they are not read."""
+"""Downloads are for people with a session, of recordings alone, and end if they are not read."""
 
 from __future__ import annotations
 

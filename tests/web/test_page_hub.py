@@ -67,7 +67,7 @@ async def test_a_page_drives_and_its_zeros_arrive_and_nothing_after_them(
     daemon = await fake_daemon()
     page = await (await site(daemon)).driver()
     await page.press(lambda: len(daemon.velocities) >= 5)
-    # Its zeros count for so long after motion.
+    # Its zeros count for this time after motion.
     monkeypatch.setattr(page_commands, "ZEROS_NS", 60_000_000_000)
     await page.drive(0.0)
     await eventually(lambda: daemon.velocities[-1] == ZERO)

@@ -184,7 +184,7 @@ async def test_a_recording_is_made_downloaded_and_deleted_and_a_viewer_only_watc
     await viewer.one("recording", name="run-001")
     async with asyncio.timeout(300.0):
         while not list(folder.glob("run-001/native_0.mcap")):
-            # On a busy machine a recorder may not reach the daemon in time, and says so.
+            # On a busy machine a recorder may report that it did not reach the daemon in time.
             await use(driver, "record")
             await asyncio.sleep(0.1)
     assert "End it first" in (await use(driver, "delete_recording", name="run-001"))["text"]

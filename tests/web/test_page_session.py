@@ -1,4 +1,4 @@
-"""What one page is sent, and how much it may send."""
+"""The messages to one page, and the rate at which it may send."""
 
 from __future__ import annotations
 

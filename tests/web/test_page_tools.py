@@ -70,7 +70,7 @@ async def test_recorder_and_wizard_end_with_the_server(
     assert (await page.one("answer", id=1))["ok"]
     async with asyncio.timeout(300.0):
         while not (parts := list(folder.glob("*/native_0.mcap"))):
-            # On a busy machine a recorder may not reach the daemon in time, and says so.
+            # On a busy machine a recorder may report that it did not reach the daemon in time.
             await tools.recordings.begin()
             await asyncio.sleep(0.1)
     await tools.close()

@@ -214,7 +214,7 @@ async def test_no_token_and_no_cookie_is_logged(
     caplog.set_level(logging.DEBUG)
     served = await site(endpoint=free_endpoint(), tokens=TOKENS)
     await served.request("POST", "/session", login(TOKENS.driver))
-    # A person who puts it where it does not belong.
+    # A person who puts it into the wrong place.
     await served.request("GET", f"/?token={TOKENS.driver}")
     await served.request("GET", f"/{TOKENS.driver}", Cookie=f"a={TOKENS.driver}")
     await served.raw(f"{TOKENS.driver}\r\n\r\n".encode())

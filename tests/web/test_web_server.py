@@ -196,7 +196,7 @@ async def test_a_page_that_stops_reading_delays_no_other_and_gets_no_old_samples
 
         # Written on until it takes no more: then given up after five seconds.
         await eventually(given_up)
-        # A beat comes every 50 ms, and a look is taken every 10 ms, where this machine has time.
+        # A beat comes every 50 ms, and a look is taken every 10 ms, if this machine has time.
         assert len(page.of("beat")) > begun + looks / 8
     finally:
         slow.close()

@@ -61,7 +61,7 @@ def steady_truth(bench: FaultBench, over_s: float) -> Twist2d:
 
 
 def steady_estimate(bench: FaultBench, over_s: float) -> Twist2d:
-    """The same of what odometry says."""
+    """The same of the odometry's estimate."""
     since_ns = bench.heard.estimates[-1].stamp_ns - round(over_s * 1e9)
     seen = [each.twist for each in bench.heard.estimates if each.stamp_ns >= since_ns]
     return Twist2d(
@@ -72,7 +72,7 @@ def steady_estimate(bench: FaultBench, over_s: float) -> Twist2d:
 
 
 def assert_at_truth(bench: FaultBench) -> TruthSample:
-    """Odometry is where the robot is, but for what the encoders cannot see."""
+    """The odometry's pose is the robot's, up to the encoders' resolution."""
     bench.robot.advance(bench.clock.now_ns())
     pose, truth = bench.heard.estimates[-1].pose, bench.truth[-1]
     assert math.hypot(pose.x - truth.x, pose.y - truth.y) < 0.008

@@ -55,7 +55,7 @@ def test_an_emergency_stop_that_could_not_be_written_is_written_when_it_can_be(
     real_robot: Callable[..., RealRobot], client: Callable[..., Client], tmp_path: Path
 ) -> None:
     disk = tmp_path / "disk"
-    # A file where a folder is needed: nothing can be written, for root neither.
+    # A file stands in the folder's place, so that not even root can write.
     disk.touch()
     robot = real_robot(run=["--set", f"estop.latch_file={disk / 'estop'}"])
     first = client("client", robot.endpoint)

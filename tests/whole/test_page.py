@@ -68,7 +68,7 @@ class Served:
         return self.speed_m_s < STANDING_M_S
 
     async def stays(self, page: Page, beats: int = 20) -> None:
-        """Assert that the wheels stand from now on, for so many beats of a page."""
+        """Assert that the wheels stand from now on, for this number of a page's beats."""
         begun, last = len(self.robot.truth()), page.beat + beats
         await eventually(lambda: page.beat > last)
         since = self.robot.truth()[begun:]
@@ -102,7 +102,7 @@ async def served(one_robot: RealRobot) -> AsyncIterator[Callable[..., Awaitable[
             await page.close()
         each.web.process.send_signal(signal.SIGCONT)
         await asyncio.to_thread(each.web.end)
-        # pytest shows it where the test failed.
+        # pytest shows it if the test failed.
         print(each.web.output)
         assert "Traceback" not in each.web.output
 
@@ -157,7 +157,7 @@ async def test_frames_that_queued_while_the_server_was_frozen_move_nothing(serve
     site = await served()
     page = await site.driving()
     site.web.process.send_signal(signal.SIGSTOP)
-    # The thumb stays down; what is sent waits in the server's socket.
+    # The thumb stays down; its messages wait in the server's socket.
     await page.hold(site.stands, vx=0.3)
     for _ in range(20):
         await page.drive(0.3)
@@ -238,7 +238,7 @@ async def test_a_thumb_that_is_down_while_the_emergency_stop_is_released_moves_n
 
 
 class slow_network:  # noqa: N801 - used as a statement
-    """A relay on loopback that delivers everything so much later, each way."""
+    """A relay on loopback that delivers everything with this delay, each way."""
 
     def __init__(self, port: int, delay_s: float) -> None:
         self._port = port

@@ -93,8 +93,8 @@ async def test_polls_keep_an_absolute_schedule(tmp_path: Path) -> None:
         begin, begin_ns = beats(), robot.clock.now_ns()
 
         def on_schedule() -> bool:
-            # However late single polls were: so many periods have passed, and as many beats. A
-            # loop that was held up just now has not counted the beats of its delay yet.
+            # Even if single polls were late, there are as many beats as periods. A loop that was
+            # just held up has not counted the beats of its delay yet.
             counted, took_ns = beats() - begin, robot.clock.now_ns() - begin_ns
             return counted >= 200 and abs(counted * 10_000_000 - took_ns) <= 20_000_000
 

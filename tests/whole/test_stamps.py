@@ -64,7 +64,7 @@ def true_x(bench: FaultBench, at_ns: int) -> float:
 
 
 async def late_ms(bench: Published) -> list[float]:
-    """By how much the poses of a steady run are older than their stamps say, sorted."""
+    """The delays of a steady run's poses behind their stamps, sorted."""
     await bench.ready()
     # Once it moves the board's clock can be seen; ten seconds later a steady run is judged.
     await bench.drive(12.0, 0.4)

@@ -44,7 +44,7 @@ async def test_a_reading_of_a_robot_that_stands_costs_few_calls(
     async with RobotBench(tmp_path, (), SimulationOptions(dialect=dialect)) as bench:
         await bench.ready()
         await bench.drive(0.5, 0.3)
-        # Until the wheels have stood for a while: what was commanded may still show before.
+        # Until the wheels have stood for a while, because earlier commands may still show.
         await asyncio.sleep(5.0)
         facts = bench.supervisor.status_values()
         with Calls() as calls:

@@ -49,7 +49,7 @@ def test_a_link_fits_a_terminal_as_a_qr_code_of_white_and_black() -> None:
     assert all(line.startswith(white) and line.endswith(end) for line in lines)
     shown = [line.removeprefix(white).removesuffix(end) for line in lines]
     assert max(map(len, shown)) < 80
-    # Black where nothing is drawn, on a white border.
+    # Undrawn cells are black, on a white border.
     upper = [[char in " ▄" for char in line] for line in shown]
     lower = [[char in " ▀" for char in line] for line in shown]
     dark = [row for pair in zip(upper, lower, strict=True) for row in pair]

@@ -73,7 +73,7 @@ def test_pressed_again_when_there_is_room_it_is_written_at_once(
     keeper.engage("one")
     assert keeper.settled(60.0)
     assert disk.load() == "one"
-    # Once what is wrong, and once that it is over.
+    # Once for the trouble, and once for its end.
     assert ["cannot be written" in words for words in caplog.messages] == [True, False]
     assert "No space left on device" in caplog.text
     assert "is on file now" in caplog.text
@@ -151,7 +151,7 @@ def test_the_file_of_an_engaged_latch_that_was_removed_is_written_again(
     assert latch.settle()
     shutil.rmtree(session)
     if not writable:
-        # No session of this user: a file stands where its folder would be.
+        # No session of this user, because a file stands in its folder's place.
         session.touch()
     latch.restore_file(4_999_999_999)
     latch.restore_file(5_000_000_000)

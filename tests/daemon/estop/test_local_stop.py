@@ -259,7 +259,7 @@ async def test_in_a_folder_that_was_removed_it_listens_again_once_it_can(
     session = tmp_path / "session"
     robot = Robot(session / "yahboomd")
     if from_the_start:
-        # No session of this user: a file stands where its folder would be.
+        # No session of this user, because a file stands in its folder's place.
         session.touch()
     await robot.local.open()
     if not from_the_start:

@@ -22,7 +22,7 @@ AFTER_MS = range(0, 40, 5)
 
 
 class Watched(RobotBench):
-    """Notes what was on the wire when the stop was reported.
+    """Notes the last frame on the wire when the stop was reported.
 
     Attributes:
         reported: The kind of each event, and whether the last frame then was a stop.

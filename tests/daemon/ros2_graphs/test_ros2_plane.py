@@ -308,7 +308,7 @@ def test_the_node_answers_for_its_parameters(
     described = ask("describe_parameters", ros2.DESCRIBE_PARAMETERS, wanted)["descriptors"]
     assert len(described) == 3 * len(names)
     assert all(each["description"] for each in described)
-    # What is no request is answered as well.
+    # Other bytes than a request are answered as well.
     for payload in (b"", b"{}"):
         assert ask("get_parameters", ros2.GET_PARAMETERS, payload) == {"values": []}
 

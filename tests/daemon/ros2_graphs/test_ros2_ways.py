@@ -1,4 +1,4 @@
-"""Each way into ROS 2 on real sessions: what a bridge and an rmw_zenoh graph see of it."""
+"""Each way into ROS 2 on real sessions, as a bridge and an rmw_zenoh graph see it."""
 
 from __future__ import annotations
 

@@ -141,7 +141,7 @@ def test_the_chunks_make_no_difference(parts):
 
 @given(streams)
 def test_a_frame_is_found_whatever_came_before(parts):
-    # A start may have been seen in what came before: it claims 42 bytes at most.
+    # Earlier bytes may contain a start: it claims 42 bytes at most.
     last = fed(*parts, SPEED, SPEED, SPEED, SPEED, COUNTS)[-1]
     assert isinstance(last, Packet)
     assert last.payload == COUNTS[4:-1]

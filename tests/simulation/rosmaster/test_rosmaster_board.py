@@ -25,7 +25,7 @@ def motion(vx: int, vy: int = 0, wz: int = 0) -> bytes:
 
 
 class Desk:
-    """A robot, what it sent, and when."""
+    """A robot and its sent bytes, with their times."""
 
     def __init__(self, **options: object) -> None:
         self.robot = SimulatedRobot(

@@ -1,4 +1,4 @@
-"""Runs inside the emulated PC: plugs simulated boards in and says what came of it.
+"""Runs inside the emulated PC: plugs simulated boards in and prints the results.
 
 Each line on the console that starts with ``ok:`` or ``FAILED:`` is a claim.
 """
@@ -41,7 +41,7 @@ def show(unit: str, key: str) -> str:
 
 
 def says(unit: str, state: str) -> bool:
-    # A service that is down keeps what it said last.
+    # The last status of a service that is down remains.
     active = show(unit, "ActiveState") == "active"
     return active and show(unit, "StatusText").startswith(f"{state}:")
 
@@ -52,7 +52,7 @@ def stopped() -> bool:
 
 def board(number: int) -> None:
     path = Path(f"/run/board{number}")
-    # An emulated PC is slow, and a polled board says little by itself.
+    # An emulated PC is slow, and a polled board sends little by itself.
     sh(f"systemd-run --unit=board{number} yahboomd simulate --dialect polled --link {path}")
     while not path.exists():
         time.sleep(0.1)
@@ -99,7 +99,7 @@ def main() -> None:
     killed = show("yahboomd", "MainPID")
     os.kill(int(killed), signal.SIGKILL)
     claim("after SIGKILL the port is taken to stop the wheels", stopped)
-    # What the dead one said last stands until the next one speaks.
+    # The dead daemon's last status remains until the next one publishes.
     claim(
         "and the service is back",
         lambda: (

@@ -2,8 +2,8 @@
 
     usbip_ch340.py SOCKET DEVICE PRODUCT        such as 0 /run/board 7523
 
-The kernel's own ch341 driver finds it and makes a tty of it; what the driver asks is answered here,
-and bytes go to and from DEVICE. Ends when it is unplugged.
+The kernel's own ch341 driver finds it and makes a tty of it. This program answers the driver's
+questions, and passes bytes to and from DEVICE. Ends when it is unplugged.
 """
 
 from __future__ import annotations

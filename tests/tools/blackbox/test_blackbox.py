@@ -1,4 +1,4 @@
-"""``yahboomd blackbox``: what it prints, and its exit statuses, without a daemon."""
+"""``yahboomd blackbox``: its output and its exit statuses, without a daemon."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ def test_boxes_are_listed_by_their_time_and_the_running_one_last(tmp_path: Path)
     killed, running = (RingFile(where.rings[0], HEADER) for _ in range(2))
     killed.close(keep=True)
     found = boxes(where)
-    # The header of these rings says 2023.
+    # The header of these rings has the year 2023.
     assert [each.kind for each in found] == ["left", "saved", "saved", "running"]
     assert [each.name for each in found[1:3]] == ["1", "2"]
     # A ring is read by its name, with its daemon dead or alive.

@@ -1,4 +1,4 @@
-"""A box in words: why it stopped, what came before, and when."""
+"""A box in words: why the robot stopped, and what happened before, with times."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ def test_events_poses_losses_and_the_end_are_in_it_once() -> None:
     )
     assert [words for _, _, words in lines] == [
         "standing: No command for 0.5 s.",
-        # What came over the bus commands no terminal.
+        # Control characters from the bus do not reach a terminal.
         "Emergency stop [31m engaged.",
         "The pose was set: x 1.5, y 0, theta 0.",
         "400 more commands came in a second and are left out.",
@@ -183,7 +183,7 @@ Happens = Callable[[RobotBench], Awaitable[object]]
 async def why_after(
     folder: Path, happens: Happens, *overrides: str, before_s: float = 1.0, **simulation: object
 ) -> str:
-    """Drive, let something happen, and look at what the box makes of it at that moment."""
+    """Drive, let something happen, and read the box at that moment."""
     head, size = encode_header(HEADER), HEADER.segment_bytes
     buffer = bytearray(head + bytes(64 * size))
     options = SimulationOptions(**simulation)  # type: ignore[arg-type]

@@ -53,7 +53,7 @@ class Wizard:
 
     @property
     def asked(self) -> str:
-        """What it wrote since the latest question that was answered."""
+        """Its output since the latest answered question."""
         return self._written[self._answered :]
 
     def answer(self, question: str, text: str = "") -> None:
@@ -65,10 +65,10 @@ class Wizard:
         self.process.stdin.write(text.encode() + b"\n")
 
     def moved(self, robot: RealRobot, question: str) -> tuple[TruthSample, TruthSample]:
-        """Let it move until this is asked; again, where a busy machine let the run lapse.
+        """Let it move until this is asked; again, if a busy machine let the run lapse.
 
         Returns:
-            Where the movement that counts began and ended.
+            The begin and the end of the movement that counts.
         """
         while True:
             begin = robot.settled_truth()
@@ -162,7 +162,7 @@ def test_ctrl_c_in_mid_run_stops_the_wheels_and_writes_nothing(
     asked.answer(FREE)
 
     def drives() -> bool:
-        # Where a busy machine let the run lapse, it is asked for again.
+        # After a run that a busy machine let lapse, the question is repeated.
         if FREE in asked.asked:
             asked.answer(FREE)
         return max(map(abs, robot.truth()[-1].speed_m_s)) > 0.1

@@ -1,4 +1,4 @@
-"""A program leads the wizard; the robot moves only while it says that a button is held."""
+"""A program leads the wizard; the robot moves only while it reports that a button is held."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run counts from where the person let it begin."""
+"""A run counts from the moment at which the person let it begin."""
 
 from __future__ import annotations
 

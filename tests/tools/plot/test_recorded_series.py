@@ -1,4 +1,4 @@
-"""Recordings as series: whole, in parts, cut off, and what is none."""
+"""Recordings as series: whole, in parts, cut off, and other files."""
 
 from __future__ import annotations
 

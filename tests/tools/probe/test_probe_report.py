@@ -1,4 +1,4 @@
-"""The report on a board says what is wrong."""
+"""The report on a board names its problems."""
 
 from __future__ import annotations
 

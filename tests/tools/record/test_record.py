@@ -40,7 +40,7 @@ def start(robot: RealRobot, *arguments: str) -> subprocess.Popen[str]:
 
 
 def drive(on_robot: Callable[..., int], *how: str) -> None:
-    """Drive to the end; again, where a busy machine held the board up and the daemon stopped."""
+    """Drive to the end; again, if a busy machine held the board up and the daemon stopped."""
     wait_for(lambda: on_robot("send", *how) == os.EX_OK, "it drives")
 
 
@@ -129,7 +129,7 @@ def test_a_recorder_that_is_killed_leaves_what_it_has_written(
         assert reader.message_count > 0
         assert sum(1 for _ in reader.messages()) == reader.message_count
     assert part.stat().st_size > 20_000
-    # What was recovered is not written over.
+    # A recovered recording is not overwritten.
     assert on_robot("record", str(folder), "--recover") == 1
 
 

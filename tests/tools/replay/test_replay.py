@@ -1,4 +1,4 @@
-"""The command: what it prints and writes, and what it refuses."""
+"""The command: its output, its files, and its refusals."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from yahboomd.simulation.virtual_time import run as run_on_virtual_time
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, WireBench]:
-    """A black box of a short drive, and what the daemon published."""
+    """A black box of a short drive, and the daemon's samples."""
     folder = tmp_path_factory.mktemp("replay")
 
     async def drive() -> WireBench:

@@ -25,7 +25,7 @@ def recorded(folder: Path, dialect: str) -> tuple[Path, WireBench]:
     """A black box of a short drive."""
 
     async def drive() -> WireBench:
-        # Far from zero: where this machine is busy, no late line looks like a reset.
+        # Far from zero, so that on a busy machine no late line looks like a reset.
         ticks = (100_000, 200_000, 300_000, 400_000)
         async with WireBench(folder, dialect, initial_ticks=ticks) as bench:
             await drive_about(bench)

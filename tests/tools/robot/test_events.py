@@ -21,7 +21,7 @@ pytestmark = [pytest.mark.realtime, pytest.mark.xdist_group("one_robot")]
 
 
 class Reader:
-    """The command in a process, and the lines that it has printed so far."""
+    """The command in a process, and its printed lines."""
 
     def __init__(self, robot: RealRobot, *arguments: str) -> None:
         self.lines: list[str] = []

@@ -81,7 +81,7 @@ def test_a_refusal_is_reported_with_its_reason() -> None:
     found = judged(status(), status(stale=5), status(stale=9))
     assert found[0] == ""
     assert found[1] == f"The daemon refuses the commands on cmd_vel: {REFUSALS['stale']}."
-    # Where it was too short for a second status, the end tells.
+    # If it was too short for a second status, the end reports it.
     assert judged(status(), status(stale=1))[-1] == found[1]
 
 

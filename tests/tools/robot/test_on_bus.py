@@ -14,7 +14,7 @@ from yahboomd.tools.robot.on_bus import newest, one_line
 
 
 class Asked:
-    """A robot whose daemons answer with what is given."""
+    """A robot whose daemons give these answers."""
 
     def __init__(self, *payloads: bytes) -> None:
         self.payloads = payloads

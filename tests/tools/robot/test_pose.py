@@ -37,7 +37,7 @@ def test_the_pose_is_set_printed_and_reset(
 def test_json_is_the_sample_in_one_line(on_robot: Callable[..., int], capsys) -> None:
     def printed() -> bool:
         capsys.readouterr()
-        # It is old where a busy machine holds the board up.
+        # It is old if a busy machine holds the board up.
         return on_robot("pose", "--json") == 0
 
     wait_for(printed, "a pose that is not old")

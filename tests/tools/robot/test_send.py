@@ -27,7 +27,7 @@ def fast(robot: RealRobot) -> bool:
 class Sending:
     """Starts the command in a process, and waits until the robot drives.
 
-    It is started again where a busy machine held the board up, and the daemon stopped.
+    If a busy machine held the board up and the daemon stopped, it is started again.
     """
 
     def __init__(self) -> None:
@@ -184,7 +184,7 @@ def test_a_daemon_that_is_suspended_ends_it(
         one_robot.daemon.process.send_signal(signal.SIGCONT)
     assert process.returncode == 69, err
     assert f"yahboomd (pid {one_robot.daemon.process.pid}) is suspended" in err
-    # On a busy machine the board turned its wheels for so long that a wheel was accused.
+    # On a busy machine the board turned its wheels long enough for one to be accused.
     one_robot.settled_truth()
     wait_for(lambda: on_robot("stop", "--release") == 0, "it is ready to drive")
 

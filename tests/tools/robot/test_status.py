@@ -96,7 +96,7 @@ def test_a_robot_without_its_board_ends_with_4(real_robot, capsys) -> None:
     arguments = ["status", "--connect", robot.endpoint]
     assert main(arguments) == 4
     assert "waiting for " in capsys.readouterr().out
-    # The daemon's samples are MessagePack here; what is printed is JSON all the same.
+    # The daemon's samples are MessagePack here; the output is still JSON.
     assert main([*arguments, "--json"]) == 4
     assert json.loads(capsys.readouterr().out)["state"] == "waiting"
 

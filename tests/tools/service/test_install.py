@@ -1,4 +1,4 @@
-"""`yahboomd install`: into a folder, and what it would run on a live system."""
+"""`yahboomd install`: into a folder, and its commands for a live system."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ UNIT = "etc/systemd/system/yahboomd.service"
 
 
 class Commands:
-    """Stands for the machine: remembers what was run; what is in ``failing`` fails."""
+    """Stands for the machine: remembers the commands; those in ``failing`` fail."""
 
     def __init__(self, *failing: str) -> None:
         self.ran: list[str] = []

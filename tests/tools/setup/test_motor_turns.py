@@ -20,7 +20,7 @@ TWO = Given(
 
 
 class Hesitating(SimulatedPerson):
-    """Gives some answers first that are none, by what the question begins with."""
+    """Gives some useless answers first, by the beginning of the question."""
 
     def __init__(self, bench: LinkBench, **first: list[str]) -> None:
         super().__init__(bench)

@@ -275,7 +275,7 @@ async def pulsing(
 
     def turns() -> bool:
         for question, text in zip(answered, ("\n", "a\n"), strict=True):
-            # Again, where this test was held up for as long as the pulse was.
+            # Again, if this test was held up for as long as the pulse was.
             if process.written.count(question) > answered[question]:
                 answered[question] += 1
                 process.type(text)

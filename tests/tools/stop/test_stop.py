@@ -310,8 +310,7 @@ def test_a_broken_configuration_is_reported_once(
 
     monkeypatch.setattr(stop_local, "sockets", lambda _: [])
     monkeypatch.setattr(discovery, "choose", none_found)
-    # What this machine tunes meanwhile is left alone by this test, and so is a daemon where the
-    # defaults expect one.
+    # This test leaves alone other tunings on this machine, and a daemon at the default endpoint.
     monkeypatch.setattr(stop_port, "measured_ports", lambda _: [])
     endpoint = free_endpoint()
     monkeypatch.setattr(stop, "daemon_endpoints", lambda *_: (endpoint,))

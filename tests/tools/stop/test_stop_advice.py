@@ -1,4 +1,4 @@
-"""Advice where no daemon was reached; test_stop.py has it on real processes."""
+"""Advice if no daemon was reached; test_stop.py has it on real processes."""
 
 from __future__ import annotations
 

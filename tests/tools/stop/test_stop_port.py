@@ -1,4 +1,4 @@
-"""The port half of stop: which port, and what is said of the outcome."""
+"""The port half of stop: which port, and the words for the outcome."""
 
 from __future__ import annotations
 

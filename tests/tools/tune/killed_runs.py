@@ -22,7 +22,7 @@ MOMENTS = ("at any moment", "after a write began", "with the supply lost within 
 
 
 def shown(board: SimulatedBoard) -> dict[str, float]:
-    """What the board stores, as another command reads it."""
+    """The board's stored values, as another command reads them."""
     probing = Process("probe", "--json", "--port", board.port)
     probing.end_by_itself()
     report = json.loads(probing.output[probing.output.index("{") :])

@@ -1,4 +1,4 @@
-"""Tunings of simulated boards on virtual time: what is measured, suggested, written, and not."""
+"""Tunings of simulated boards on virtual time: measured, suggested and written values."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ async def test_gains_with_5_percent_of_overshoot_settle_30_percent_sooner(
     assert after.settling_s is not None
     assert before.settling_s is None or after.settling_s <= 0.7 * before.settling_s
     assert result.writes <= most_writes
-    # What was measured is what is true, to the ticks of a slope.
+    # The measured values are the true ones, to the ticks of a slope.
     worst = max(wheel.after.settling_s for wheel in result.wheels)
     assert worst == pytest.approx(after.settling_s, abs=0.1)
 
@@ -103,7 +103,7 @@ async def test_where_no_gains_are_better_the_board_has_its_own_again(monkeypatch
     bench = TuningBench("520", "as sold")
     procedure = bench.procedure()
     await procedure.examine()
-    # Suggestions of a wrong model: they settle later than what the board has.
+    # Suggestions of a wrong model: they settle later than the board's own gains.
     monkeypatch.setattr(
         Procedure, "_suggest", lambda self, _least=0.0: self.result.suggested.update(pid=BAD)
     )

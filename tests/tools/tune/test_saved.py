@@ -1,4 +1,4 @@
-"""What a board stored is on the disk before it is changed, whole, and kept until it is restored."""
+"""A board's values are on the disk before they are changed, whole, until they are restored."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ MOTORS = (
 
 
 def readings(number: int, per_reading: int) -> list[tuple[int, Counts]]:
-    """Both wheels roll on by so much each time; a counter passes its end."""
+    """Both wheels roll on by the same distance each time; a counter passes its end."""
     found = []
     for index in range(number):
         travelled = index * per_reading

@@ -1,4 +1,4 @@
-"""`yahboomd tune` as a process, on a real pty: refusals, ends by any signal, and what is left."""
+"""`yahboomd tune` as a process, on a real pty: refusals, ends by any signal, and leftovers."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def turning(board: SimulatedBoard) -> bool:
 
 
 def begun(tune: Callable[..., Process], board: SimulatedBoard) -> Process:
-    """A tuning that turns a wheel; another one, where a busy machine kept it from measuring."""
+    """A tuning that turns a wheel; another one, if a busy machine kept it from measuring."""
 
     def begin() -> Process | None:
         tuning = tune(board, "--yes")
@@ -85,7 +85,7 @@ def test_killed_among_its_writes_the_wheels_stand_and_undo_restores_the_board(
         try:
             tuning.says("gains P, I, D")
         except ChildProcessError:
-            # A busy machine may hold the board up for so long that it counts as silent.
+            # A busy machine may hold the board up long enough for it to count as silent.
             assert tuning.end_by_itself() == os.EX_UNAVAILABLE, tuning.output
             return None
         return tuning
@@ -175,7 +175,7 @@ def test_a_dry_run_measures_suggests_and_writes_nothing(simulated_board, tune, t
     def measured() -> Process | None:
         tuning = tune(board, "--yes", "--dry-run", "--json")
         status = tuning.end_by_itself()
-        # A busy machine may hold the board up for so long that it counts as silent.
+        # A busy machine may hold the board up long enough for it to count as silent.
         assert status in {os.EX_OK, os.EX_UNAVAILABLE}, tuning.output
         # Steps are taken as they are once many had to be repeated.
         busy = tuning.output.count("as on a busy computer") >= SPARE_STEPS

@@ -1,4 +1,4 @@
-"""--undo stores what was saved, once, and only on the board that it is of."""
+"""--undo stores the saved values, once, and only on their own board."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is said of wheels that do not follow, by their counts alone."""
+"""Reports of wheels that do not follow, by their counts alone."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ A_METRE = round(1.0 / LEFT.metres_per_tick)
 
 
 def found(left: float, right: float, waited_s: float = 0.5, *, ramped: bool = False) -> str:
-    """What is said of both wheels after so many metres, at 0.4 m/s."""
+    """The report of both wheels after these metres, at 0.4 m/s."""
     counted: Counts = (round(left * A_METRE), 0, -round(right * A_METRE), 0)
     return wheel_faults.found((LEFT, RIGHT), (0.4, 0.4), counted, waited_s, ramped=ramped)
 
