@@ -28,7 +28,7 @@ from yahboomd.web.beats import LAPSE_NS
 
 ROOT = Path(__file__).resolve().parents[1]
 WRITTEN = [
-    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md")),
+    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")),
     *sorted((ROOT / "docs").rglob("*.md")),
     *sorted((ROOT / "examples").glob("clients/*.md")),
 ]
