@@ -13,7 +13,10 @@ wire. A sample's way begins as the board answers with those counts, found by the
 pose is made of. CPU and memory are those of all processes that have to run but the commanding node.
 The faults happen once with each way. `kill -9` is followed by what the service manager runs after
 it: nothing, or `yahboomd stop --direct`. yahboomd's limits of acceleration are off for the times,
-so that one command is one frame as it is in the node, and on for the faults.
+so that one command is one frame as it is in the node, and on for the faults. For the article's own
+work yahboomd polls 18 times a second, and has `/cmd_vel` and `/odom` alone, with 20 commands a
+second; natively a Zenoh program with rmw_zenoh's keys and CDR commands it, as its own CPU does not
+count.
 """
 
 from __future__ import annotations
@@ -44,6 +47,9 @@ M_PER_COUNT = 2.0 * math.pi * WHEEL_RADIUS_M / TICKS_PER_REV
 POLLS = "polls a second"
 ODOM_P50, ODOM_P95 = "sample to `/odom` callback, p50, ms", "sample to `/odom` callback, p95, ms"
 CPU, MEMORY = "CPU of all that has to run, % of a core", "memory of all that has to run, MB"
+
+OWN_WORK_S = 30.0
+OWN_POLLS, OWN_CPU = "its polls a second", "its CPU, % of a core"
 
 NODE_WAITS = (
     "The article's node has one thread, which waits 50 ms in each poll, so it takes about as many "
@@ -109,6 +115,22 @@ def times(way: str, pace: float, seed: int) -> dict[str, float]:
     took = sample_times(answers, [each for each in arrivals if each[0] < end_ns])
     figures[ODOM_P50], figures[ODOM_P95] = (quantile(took, share) / 1e6 for share in (0.5, 0.95))
     return figures
+
+
+def own_work(way: str, pace: float) -> dict[str, float]:
+    """CPU and polls of one round of the article's own work, with 20 commands a second."""
+    with trial(way, settings=(*UNLIMITED, *ros_ways.OWN_WORK)) as run:
+        run.drive(2.0, 0.3)
+        begin_ns, before = time.monotonic_ns(), [rig.usage(each.pid) for each in run.needed]
+        run.drive(OWN_WORK_S * pace, 0.3)
+        end_ns, after = time.monotonic_ns(), [rig.usage(each.pid) for each in run.needed]
+        heard = run.heard()
+    polls = sum(each.data.count("$read#") for each in heard if begin_ns <= each.t_ns < end_ns)
+    pairs = zip(before, after, strict=True)
+    return {
+        OWN_POLLS: polls / (end_ns - begin_ns) * 1e9,
+        OWN_CPU: sum(100.0 * rig.share_of_core(*pair) for pair in pairs),
+    }
 
 
 def _least(count: float) -> int:
@@ -254,8 +276,29 @@ def bench(*, short: bool, images: Path) -> Section:  # noqa: ARG001 - draws no p
             for n, each in enumerate(rounds, start=1)
         ],
     )
+    _own_work(section, short=short)
     section.findings += _findings(rounds, ways)
     return section
+
+
+def _own_work(section: Section, *, short: bool) -> None:
+    ways = (ros_ways.NODE, ros_ways.BRIDGE, ros_ways.BY_KEYS)
+    rounds = [
+        {way: own_work(way, 0.1 if short else 1.0) for way in ways}
+        for _ in range(1 if short else ROUNDS)
+    ]
+    rows = [
+        [what, *(number(median([each[way][what] for each in rounds])) for way in ways)]
+        for what in (OWN_POLLS, OWN_CPU)
+    ]
+    times_the_node = [
+        [each[way][OWN_CPU] / each[ros_ways.NODE][OWN_CPU] for each in rounds] for way in ways[1:]
+    ]
+    rows.append(
+        ["its CPU, times the node's: median, least and greatest of the rounds", "1"]
+        + [f"{number(median(x))} ({number(min(x))} to {number(max(x))})" for x in times_the_node]
+    )
+    section.table("The article's own work.", ["", *ways], rows, result=True)
 
 
 def _ratios(rounds: Sequence[dict[str, dict[str, float]]], what: str, way: str) -> str:

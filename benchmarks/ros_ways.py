@@ -11,19 +11,30 @@ import itertools
 import json
 import os
 import socket
+from functools import partial
 from pathlib import Path
 
 import serial
+import zenoh
 
 from benchmarks import rig
 from benchmarks.drivers import STARTS, WHEELS, ArticleDriver, Started
 from benchmarks.report import ROOT, NotHere
+from yahboomd.core.messages import cdr, ros2
 
 NODE, BRIDGE, NATIVE = WAYS = (
     "the article's node",
     "yahboomd, through the bridge",
     "yahboomd, natively",
 )
+BY_KEYS = "yahboomd, natively, by a Zenoh program"
+"""A program that uses rmw_zenoh's keys and CDR stands in for the commanding node."""
+OWN_WORK = (
+    *("odometry.poll_rate_hz=18", "odometry.publish_rate_hz=18", "command.rate_hz=20"),
+    *(f"ros2.{topic}=false" for topic in ("publish_tf", "joint_states", "imu", "battery_state",
+                                          "diagnostics")),
+)  # fmt: skip
+"""The daemon does what the article's node does: its polls a second, `/cmd_vel` and `/odom`."""
 CACHE = (
     Path(
         os.environ.get("YAHBOOMD_CACHE")
@@ -143,7 +154,35 @@ def start_native(stack: contextlib.ExitStack, where: Path, settings: tuple[str, 
     return Started(_meter(stack, where, python, environ), (daemon,))
 
 
-STARTS |= {NODE: start_node, BRIDGE: start_bridge, NATIVE: start_native}
+class KeysDriver(RosDriver):
+    """A Zenoh program that commands and listens as a node of rmw_zenoh does."""
+
+    def __init__(self, session: zenoh.Session, where: Path) -> None:
+        self._where = where
+        node = ros2.Node(domain_id=0, zid="0", namespace="", name="meter")
+        key = partial(ros2.native_key, node, distro="jazzy")
+        self._poses = 0
+        session.declare_subscriber(key(topic="odom", ros_type=ros2.ODOMETRY), self._heard)
+        self._put = session.declare_publisher(key(topic="cmd_vel", ros_type=ros2.TWIST)).put
+        rig.wait_for(lambda: self._poses or None, "/odom")
+
+    def _heard(self, _: zenoh.Sample) -> None:
+        self._poses += 1
+
+    def say(self, vx: float, wz: float = 0.0) -> None:
+        """Publish a velocity."""
+        self._put(cdr.twist((vx, 0.0, 0.0, 0.0, 0.0, wz)))
+
+
+def start_keys(stack: contextlib.ExitStack, where: Path, settings: tuple[str, ...]) -> Started:
+    """The daemon, and a Zenoh program on the keys of rmw_zenoh's graph."""
+    endpoint = rig.free_endpoint()
+    own = ("ros2.bridge=false", "ros2.rmw_zenoh=true")
+    daemon = _daemon(stack, where, (*own, *settings), endpoint=endpoint)
+    return Started(KeysDriver(stack.enter_context(rig.client(endpoint)), where), (daemon,))
+
+
+STARTS |= {NODE: start_node, BRIDGE: start_bridge, NATIVE: start_native, BY_KEYS: start_keys}
 
 
 def _daemon(
