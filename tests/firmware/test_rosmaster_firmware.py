@@ -25,7 +25,7 @@ OWN = DIALECTS["rosmaster"]
 
 @pytest.mark.parametrize("car_type", range(7))
 @pytest.mark.parametrize(
-    "command", [OWN.outputs((2200,) * 4), OWN.speeds((300, 0, 0))], ids=["outputs", "speed"]
+    "command", [OWN.outputs((2200,) * 4, {}), OWN.speeds((300, 0, 0))], ids=["outputs", "speed"]
 )
 def test_the_first_words_stop_wheels_whatever_car_type_is_stored(
     car_type: int, command: bytes

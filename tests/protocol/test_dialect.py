@@ -80,12 +80,14 @@ def test_every_speed_frame_carries_four_numbers_in_range(dialect, units):
 
 @given(st.sampled_from([DIALECTS[name] for name in TEXT]), st.tuples(*[st.integers()] * 4))
 def test_outputs_without_regulation_are_in_range_where_there_are_any(dialect, outputs):
-    frame = dialect.outputs(outputs)
+    stored = 1600
+    frame = dialect.outputs(outputs, {"deadzone": stored})
     assert bool(frame) == bool(dialect.most_output)
     if frame:
         numbers = [int(number) for number in frame.split(b":")[1].rstrip(b"#").split(b",")]
         most = dialect.most_output
-        assert numbers == [max(-most, min(most, each)) for each in outputs]
+        above = [max(0, abs(each) - stored) * (1 if each > 0 else -1) for each in outputs]
+        assert numbers == [max(-most, min(most, each)) for each in above]
 
 
 @pytest.mark.parametrize("name", DIALECTS)

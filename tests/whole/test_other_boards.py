@@ -203,7 +203,7 @@ def test_the_first_stops_stop_a_rosmaster_board_whatever_car_type_it_stores(car_
     own, flash = DIALECTS["rosmaster"], RosmasterStored(car_type=car_type)
     board = SimulatedRobot(SimulationOptions(dialect="rosmaster", flash=flash))
     board.start(0)
-    board.host_wrote(own.outputs((2400,) * 4), 500 * MS)
+    board.host_wrote(own.outputs((2400,) * 4, {}), 500 * MS)
     board.advance(1500 * MS)
     assert min(speeds(board)) > 0.25
     board.host_wrote(FIRST_WORDS["rosmaster"], 1500 * MS)

@@ -76,12 +76,14 @@ class SpeedLoop:
         )
         self._error_before, self._error = self._error, error
         self._output = min(PWM_MAX, max(-PWM_MAX, self._output + self._gain * change))
-        whole = int(self._output)
-        if whole == 0:
-            return 0
-        if whole > 0:
-            return min(PWM_MAX, whole + tuning.dead_zone)
-        return max(-PWM_MAX, whole - tuning.dead_zone)
+        return beyond(int(self._output), tuning.dead_zone)
+
+
+def beyond(output: int, dead_zone: int) -> int:
+    """The output that the board gives a motor: the dead zone is added to each that is not 0."""
+    if output == 0:
+        return 0
+    return min(PWM_MAX, output + dead_zone) if output > 0 else max(-PWM_MAX, output - dead_zone)
 
 
 class MotorControl:

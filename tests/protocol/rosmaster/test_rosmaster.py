@@ -41,9 +41,9 @@ def test_it_never_commands_the_open_loop_or_what_holds_the_heading():
 
 
 def test_outputs_are_shares_above_the_boards_own_dead_zone():
-    assert ROSMASTER.outputs((2600, -2600, 0, 3600)) == bytes.fromhex("FFFC0710 32CE0064 7B")
+    assert ROSMASTER.outputs((2600, -2600, 0, 3600), {}) == bytes.fromhex("FFFC0710 32CE0064 7B")
     # Up to the dead zone there is none, and none is more than all.
-    assert ROSMASTER.outputs((1600, -1600, 1619, -9999)) == frame(0x10, 0, 0, 0, 256 - 100)
+    assert ROSMASTER.outputs((1600, -1600, 1619, -9999), {}) == frame(0x10, 0, 0, 0, 256 - 100)
 
 
 def test_it_listens_for_longer_than_two_reports_of_a_kind():

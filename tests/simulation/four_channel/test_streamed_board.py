@@ -91,7 +91,7 @@ def test_commands_10_ms_apart_suffice_with_totals_alone(bench: MakeBench) -> Non
     for number in range(200):
         speed = number % 2
         desk.send(b"$pwm:%d,0,%d,0#" % (speed, speed), 0.0112)
-        seen += desk.robot.plant.motors[0].pwm == speed
+        seen += desk.robot.plant.motors[0].pwm == 1601 * speed
     assert seen == 200
 
 
@@ -99,7 +99,7 @@ def test_commands_10_ms_apart_get_lost_with_every_stream_on(bench: MakeBench) ->
     desk = bench(drive="skid_steer", initial_ticks=(-12345678,) * 4)
     desk.send(b"$upload:1,1,1#", 0.1)
     carried_out = set()
-    for number in range(3000, 3400):
+    for number in range(1000, 1400):
         frame = b"$pwm:%d,%d,%d,%d#" % (number, -number, number, -number)
         frame_s = len(frame) * 10 / 115200
         for _ in range(10):
@@ -125,7 +125,7 @@ def test_64_newlines_make_the_next_command_safe(bench: MakeBench) -> None:
     desk.send(b"$spd:100,1", 0.1)
     answer = desk.send(RESYNC + b"$pwm:0,0,77,0#", 0.1)
     assert answer == b"fail,command is long!\r\n"
-    assert desk.robot.plant.motors[1].pwm == 77
+    assert desk.robot.plant.motors[1].pwm == 1677
 
 
 # Numbers.
@@ -134,15 +134,16 @@ def test_64_newlines_make_the_next_command_safe(bench: MakeBench) -> None:
 @pytest.mark.parametrize(
     ("numbers", "pwm"),
     [
-        (b"100,0,200,0", (100, 200)),
-        (b"100", (100, 0)),
+        (b"100,0,200,0", (1700, 1800)),
+        (b"100", (1700, 0)),
         (b"", (0, 0)),
         (b"9999,0,-9999,0", (3600, -3600)),
         (b"40000,0,100100,0", (-3600, -3600)),
-        (b"1,2,3,4,5,6,7,8,9,10,11,12,13", (1, 3)),
+        (b"2000,0,-1,0", (3600, -1601)),
+        (b"1,2,3,4,5,6,7,8,9,10,11,12,13", (1601, 1603)),
     ],
 )
-def test_numbers_are_filled_wrapped_and_clamped(
+def test_numbers_are_filled_wrapped_and_clamped_and_the_dead_zone_is_added(
     bench: MakeBench, numbers: bytes, pwm: tuple[int, int]
 ) -> None:
     desk = bench()

@@ -35,6 +35,15 @@ def test_a_side_is_the_mean_of_its_motors_without_any_calibration(preset: str) -
     assert right[0] == 0.0
 
 
+def test_a_wheel_that_the_board_holds_stands_though_its_counts_hunt() -> None:
+    made = config("2wd")
+    sides = Sides(made, [motor.name for motor in made.motors()])
+    # Eight counts were the most on the vendor's firmware; a wheel that rolls on passes 2 mm.
+    assert not sides.moved((1000, 1000), (1008, 992))
+    assert sides.moved((1000, 1000), (1000, 1014))
+    assert sides.moved((1000, 1000), (986, 1000))
+
+
 def test_a_leg_is_done_by_the_counts_and_lasts_no_longer_than_it_says() -> None:
     back = Leg(-0.2, 0.0, 1.0)
     assert back.done(-0.5, -0.5, 0.2) == 0.5

@@ -260,8 +260,8 @@ def test_what_it_does_not_know_is_named(capsys, option, words) -> None:
     assert words in capsys.readouterr().err
 
 
-SLOW = ("--lines", "1", "--flash", "dead_zone=1900")
-"""Few counts: the pulses last as long as any."""
+SLOW = ("--lines", "3", "--flash", "dead_zone=1900")
+"""Few counts, though enough to be seen soon: the pulses last as long as any."""
 
 
 async def pulsing(

@@ -148,13 +148,24 @@ async def test_steps_whose_readings_were_held_up_are_measured_again() -> None:
 
 @on_virtual_time
 async def test_dead_zones_are_found_to_2_percent_of_full_output() -> None:
-    bench = TuningBench("520", options={"motor_dead_zone": 1500})
+    bench = TuningBench("520", options={"motor_dead_zone": 1800})
     procedure = bench.procedure()
     await procedure.examine()
     for wheel in procedure.result.wheels:
         for found in wheel.turning_output:
-            assert abs(found - 1500) <= 0.02 * 3600
-    assert procedure.result.suggested["deadzone"] < 1500
+            assert abs(found - 1800) <= 0.02 * 3600
+    assert procedure.result.suggested["deadzone"] < 1800
+    assert procedure.result.notes == []
+
+
+@on_virtual_time
+async def test_motors_that_turn_at_the_least_output_are_reported_and_get_less() -> None:
+    procedure = TuningBench("520", options={"motor_dead_zone": 1300}).procedure()
+    await procedure.examine()
+    assert procedure.result.suggested["deadzone"] < 1600
+    (note,) = procedure.result.notes
+    assert "turn with the least output" in note
+    assert "tune again" in note
 
 
 class Garbling:

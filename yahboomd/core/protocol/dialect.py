@@ -394,11 +394,14 @@ class Dialect(msgspec.Struct, frozen=True, kw_only=True):
     most_output: int = 0
     """The largest of :meth:`outputs`; 0 where motors cannot be driven without regulation."""
 
-    def outputs(self, outputs: Units) -> bytes:  # noqa: ARG002
+    def outputs(self, outputs: Units, settings: BoardSettings) -> bytes:  # noqa: ARG002
         """Drive the motors without regulation: they turn though no encoder works.
 
+        The board adds its dead zone to each, so an output up to there is none.
+
         Args:
-            outputs: One for each position, in the unit of the stored dead zone; clamped.
+            outputs: One for each position, in the unit of the dead zone; clamped.
+            settings: What the board stores.
         """
         return b""
 

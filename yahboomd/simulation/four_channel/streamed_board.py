@@ -30,7 +30,7 @@ from yahboomd.simulation.four_channel.mailbox import Mailbox
 from yahboomd.simulation.motors import PWM_MAX
 from yahboomd.simulation.options import SimulationOptions, StreamPace
 from yahboomd.simulation.plant import Plant
-from yahboomd.simulation.speed_loop import SPEED_MAX, TICK_NS, MotorControl
+from yahboomd.simulation.speed_loop import SPEED_MAX, TICK_NS, MotorControl, beyond
 from yahboomd.simulation.wire import transfer_ns
 
 NOTICE_NS = 400_000
@@ -287,7 +287,9 @@ class StreamedBoard:
     def _pwm(self, args: bytes, now_ns: int) -> None:
         if (outputs := self._motor_numbers(args, PWM_MAX)) is not None:
             self._plant.advance(now_ns)
-            self._control.drive(outputs, inverted=self._tuning.inverted)
+            tuning = self._tuning
+            above = tuple(beyond(output, tuning.dead_zone) for output in outputs)
+            self._control.drive(above, inverted=tuning.inverted)
             self._occupy(now_ns + CARRY_OUT_NS, then=self._done)
 
     def _upload(self, args: bytes, now_ns: int) -> None:

@@ -26,7 +26,10 @@ DAEMON_WITHIN_S = 8.0
 busy is waited for, since a person has put the robot onto its mark."""
 
 REST_NS = NS_PER_S // 2
-"""Counts that have not changed for so long do not change by rolling on."""
+"""Counts that have not moved within this time do not change by rolling on."""
+
+HUNTS_M = 0.002
+"""A board that holds its wheels may hunt by a few counts: 8 on the vendor's firmware, 1.3 mm."""
 
 STANDS_WITHIN_NS = 20 * NS_PER_S
 
@@ -52,6 +55,7 @@ class Sides:
             mine = [i for i, name in enumerate(names) if side[name].endswith(which)]
             self._weights[row, mine] = per_tick / len(mine)
         self.separation_m = geometry.wheel_separation_m
+        self._hunts_ticks = max(1.0, HUNTS_M / per_tick)
         kinematics = config.kinematics()
         self._to_the_left = np.zeros(len(names))
         if kinematics.holonomic:
@@ -65,6 +69,12 @@ class Sides:
         """The travel of the left and the right side between the readings, metres."""
         steps = np.diff(np.array(ticks, dtype=float), axis=0) @ self._weights.T
         return steps[:, 0], steps[:, 1]
+
+    def moved(self, before: Sequence[int], after: Sequence[int]) -> bool:
+        """Whether a wheel turned farther than one that the board holds."""
+        return any(
+            abs(new - old) > self._hunts_ticks for new, old in zip(after, before, strict=True)
+        )
 
     def to_the_left(self, ticks: Sequence[Sequence[int]]) -> Floats:
         """The travel of a mecanum base to the left between the readings, metres, without slip."""
@@ -133,6 +143,7 @@ class Driver:
         self._lost = ""
         robot.on(EventSample, self._notice)
         self._ticks: list[tuple[int, ...]] = []
+        self._stood: tuple[int, ...] | None = None
         self._stamp_ns = self._changed_ns = 0
         self.sides: Sides | None = None
 
@@ -159,8 +170,8 @@ class Driver:
             ) from None
         if self.sides is None:
             self.sides = Sides(self._config, sample.names)
-        if not self._ticks or sample.ticks != self._ticks[-1]:
-            self._changed_ns = sample.stamp_ns
+        if self._stood is None or self.sides.moved(self._stood, sample.ticks):
+            self._stood, self._changed_ns = sample.ticks, sample.stamp_ns
         self._ticks.append(sample.ticks)
         self._stamp_ns = sample.stamp_ns
         return self.sides
@@ -187,7 +198,7 @@ class Driver:
             waiting.cancel()
 
     async def _rest(self) -> None:
-        """Gather until the counts have not changed for a while."""
+        """Gather until no wheel has moved for a while."""
         await self._next()
         begin_ns = self._stamp_ns
         while self._stamp_ns - self._changed_ns < REST_NS:

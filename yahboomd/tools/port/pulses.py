@@ -2,9 +2,11 @@
 
 The bounds: a pulse lasts half a second at most, and no wheel turns by more than half a turn, even
 if its gear is faster than configured. In all pulses of one call no wheel turns by more than one
-turn. A pulse ends when any counter shows the bound. If no counter moves, it ends when the fastest
-existing motor would have reached the bound. A pulse sets an output, never a speed: with a dead or
-reversed encoder the board's speed loop would drive the wheel as fast as it can.
+turn. A pulse ends when the counters show that the wheel will have turned this far once it has
+rolled out. While no counter moves, the fastest existing motor bounds each pulse and all of them
+together; a motor that does not move within that is reported as one that did not turn. A pulse sets
+an output, never a speed: with a dead or reversed encoder the board's speed loop would drive the
+wheel as fast as it can.
 """
 
 from __future__ import annotations
@@ -15,26 +17,33 @@ from collections.abc import Callable, Mapping
 
 import msgspec
 
-from yahboomd.core.clock import Clock, nanoseconds, sleep_until
+from yahboomd.core.clock import Clock, nanoseconds, seconds, sleep_until
 from yahboomd.core.counts import unwrapped
 from yahboomd.core.errors import BoardError
 from yahboomd.core.link.line import Line
 from yahboomd.core.model import CHANNELS, Counts
 from yahboomd.core.protocol.dialect import Dialect
+from yahboomd.core.protocol.settings import BoardSettings
 
-LONGEST_S = 0.5
+LONGEST_S, LONGEST_TURNS = 0.5, 0.5
 
 BOUND_TURNS = 0.3
 """A pulse ends at this count: the wheel rolls on, and counts are some milliseconds old."""
 
-BLIND_TURNS = 0.5
-"""The bound by time, for the fastest existing motor, including the roll after the pulse."""
+TURNS = 0.45
+"""A pulse ends before the wheel turns farther, by its counts and by their speed."""
 
-ROLLS_S = 0.08
-"""A wheel that is let go rolls on as far as it turned in this time."""
+BLIND_TURNS, MOST_BLIND_TURNS = 0.25, 1.0
+"""The fastest motor's turns in a pulse that no counter shows, and in all pulses of a call."""
+
+ROLLS_S = 0.15
+"""A wheel that is let go rolls on at most as far as it turned in this time."""
+
+LAG_S = 0.05
+"""The quickest motor reaches 63 % of its speed in this time."""
 
 SHORTEST_S = 0.04
-"""No motor gets far in this time, and none visibly moves in less."""
+"""The shortest pulse: no motor visibly moves in less."""
 
 SHOWN_TURNS = 0.1
 """A person sees a wheel turn if it turns by this much."""
@@ -50,16 +59,22 @@ NEAR_SHARE = 0.03
 MOVED_TURNS = 0.01
 """Less is no motion, because gears have play."""
 
+SEEN_COUNTS = 3
+"""A wheel that counted this much has an encoder that works."""
+
 STEPS = tuple(step / 100.0 for step in range(30, 80, 6))
 """Outputs to try, as shares of the largest one; the smallest ones turn no motor."""
 
-DEAD_SHARE = 0.3
-"""No motor turns with a smaller share of the output."""
+DEAD_SHARE = 0.33
+"""No motor of the vendor's turns with a smaller share of the output."""
 
 UNSEEN_S = 0.6
 """A wheel that no counter shows stops within this time of full output, else in proportion."""
 
 STAND_WITHIN_S = 3.0
+SPEED_NS = 15_000_000
+"""The counters are renewed every 10 ms: a speed is a mean over this time at least."""
+
 HELD_UP_NS = 100_000_000
 """A wait that ends this late means that the process did not run."""
 
@@ -86,6 +101,7 @@ class Pulses:
 
     Args:
         line: An attended line whose wheels were stopped and whose counters come.
+        settings: What the board stores; its dead zone is taken off each output.
         fastest_turns_per_s: No wheel turns faster at full output.
         least_ticks: The fewest counts that a turn of a wheel may have; None: as configured.
         on_pulse: Called with True before each pulse, and with False when the wheels stand again.
@@ -95,6 +111,7 @@ class Pulses:
         self,
         line: Line,
         dialect: Dialect,
+        settings: BoardSettings,
         *,
         ticks_per_revolution: float,
         fastest_turns_per_s: float,
@@ -104,6 +121,8 @@ class Pulses:
         self._line = line
         self._clock: Clock = line.clock
         self._dialect = dialect
+        self._settings = settings
+        self._shares = [share for share in STEPS if self._is_output(share)]
         self._ticks = ticks_per_revolution
         self._least = min(ticks_per_revolution, least_ticks or ticks_per_revolution)
         self._fastest = fastest_turns_per_s
@@ -127,10 +146,17 @@ class Pulses:
         Raises:
             BoardError: The board reset itself, a wheel does not stop, or no counts come.
         """
-        counted = 0.0
-        for number in range(self._first, len(STEPS)):
+        counted = blind = 0.0
+        pulse: Pulse | None = None
+        number, stretch = self._first, 1
+        while number < len(self._shares):
+            share = self._shares[number]
+            limit_s = min(LONGEST_S, stretch * self.limit_s(share))
+            most = self._turns_unseen(share, limit_s)
+            if stretch == 1 and (most > LONGEST_TURNS or blind + most > MOST_BLIND_TURNS):
+                break
             on_step()
-            pulse, _ = await self._pulse({position: 1}, STEPS[number])
+            pulse, _ = await self._pulse({position: 1}, share, limit_s=limit_s)
             counted += pulse.turns * self._ticks
             if pulse.turns >= SHOWN_TURNS:
                 # The next motor will need about the same output.
@@ -138,6 +164,21 @@ class Pulses:
                 break
             if counted >= BOUND_TURNS * self._least:
                 break
+            if pulse.turns * self._ticks < SEEN_COUNTS:
+                blind += most
+            elif limit_s < LONGEST_S:
+                # The encoder works, but its counts come too seldom to extend so short a pulse.
+                stretch *= 2
+                continue
+            number, stretch = number + 1, 1
+        if pulse is None:
+            raise BoardError(
+                f"{self._line.port.name}: the board stores a dead zone of "
+                f"{self._settings.get('deadzone')}, so its least output may turn a wheel by more "
+                "than half a turn.",
+                remedy="Store the motors' own dead zone with `yahboomd probe --write`, or turn the "
+                "wheels by hand: `yahboomd setup --by-hand`.",
+            )
         return pulse
 
     @property
@@ -170,10 +211,10 @@ class Pulses:
             if left <= max(rolls, NEAR_SHARE * counts):
                 break
             bound = min(left - rolls, self.most_counts - max(ways))
-            if bound <= 0.0 or number >= len(STEPS):
+            if bound <= 0.0 or number >= len(self._shares):
                 break
             on_step()
-            pulse, rolls = await self._pulse(signs, STEPS[number], bound)
+            pulse, rolls = await self._pulse(signs, self._shares[number], bound)
             done = tuple(map(sum, zip(done, pulse.counts, strict=True)))  # type: ignore[assignment]
             if min(abs(pulse.counts[each - 1]) for each in signs) < MOVED_TURNS * self._least:
                 number += 1
@@ -181,17 +222,43 @@ class Pulses:
 
     def limit_s(self, share: float) -> float:
         """The longest pulse of an output while no counter moves."""
-        until_s = BLIND_TURNS / max(1e-9, self._fastest * _effect(share)) - ROLLS_S
-        return min(LONGEST_S, max(SHORTEST_S, until_s))
+        limit_s = SHORTEST_S
+        while limit_s < LONGEST_S and self._turns_unseen(share, limit_s + 0.01) <= BLIND_TURNS:
+            limit_s += 0.01
+        return limit_s
+
+    def _turns_unseen(self, share: float, pulse_s: float) -> float:
+        """The turns of the fastest motor by such a pulse, until it has rolled out.
+
+        It follows an output with a lag of the first order, v (t - T (1 - e^(-t/T))), and rolls on
+        from the speed that it has at the end.
+        """
+        lagged = 1.0 - math.exp(-pulse_s / LAG_S)
+        return self._fastest * _effect(share) * (pulse_s + (ROLLS_S - LAG_S) * lagged)
+
+    def _is_output(self, share: float) -> bool:
+        """Whether the board can give so little: it adds its own dead zone to each output."""
+        output = round(share * self._dialect.most_output)
+        none = self._dialect.outputs((0, 0, 0, 0), self._settings)
+        return self._dialect.outputs((output, 0, 0, 0), self._settings) != none
 
     async def _pulse(
-        self, signs: Mapping[int, int], share: float, bound: float = math.inf
+        self,
+        signs: Mapping[int, int],
+        share: float,
+        bound: float = math.inf,
+        *,
+        limit_s: float | None = None,
     ) -> tuple[Pulse, float]:
         """Do one pulse; returns it with the distance that the fastest wheel rolled afterwards.
 
         Args:
             bound: The count at which it ends at the latest.
+            limit_s: The longest time while no counter moves; None: :meth:`limit_s`.
         """
+        unseen_s = self.limit_s(share) if limit_s is None else limit_s
+        # The counters are that much older than what happens.
+        rolls_s = ROLLS_S + seconds(self._dialect.sample_period_ns or 0)
         line, clock, dialect = self._line, self._clock, self._dialect
         output = round(share * dialect.most_output)
         each = [output * signs.get(position, 0) for position in range(1, CHANNELS + 1)]
@@ -201,16 +268,22 @@ class Pulses:
         before = await self._standing(motors, resets)
         start_ns = clock.now_ns()
         self._on_pulse(True)
-        line.writer.velocity(dialect.outputs((each[0], each[1], each[2], each[3])))
+        line.writer.velocity(dialect.outputs((each[0], each[1], each[2], each[3]), self._settings))
+        then_ns, then = start_ns, 0.0
         try:
             while True:
                 now_ns = clock.now_ns()
                 self._check_reset(motors, resets)
                 turns = self._turns(before)
-                limit_s = LONGEST_S if turns >= MOVED_TURNS else self.limit_s(share)
-                end_ns = start_ns + nanoseconds(limit_s)
+                seen = turns * self._ticks >= SEEN_COUNTS
+                end_ns = start_ns + nanoseconds(LONGEST_S if seen else unseen_s)
                 if turns * self._ticks >= bound or now_ns >= end_ns:
                     break
+                if now_ns - then_ns >= SPEED_NS:
+                    rolls = (turns - then) / seconds(now_ns - then_ns) * rolls_s
+                    if turns + rolls >= TURNS * self._least / self._ticks:
+                        break
+                    then_ns, then = now_ns, turns
                 await self._counted(end_ns)
         finally:
             self._cut()

@@ -18,7 +18,7 @@ from yahboomd.core.link.line import Line
 from yahboomd.core.link.port import Opener
 from yahboomd.core.model import ImuReading
 from yahboomd.core.protocol.dialect import Dialect
-from yahboomd.core.protocol.profiles import MotorProfile
+from yahboomd.core.protocol.profiles import FASTEST_RATIO, MotorProfile
 from yahboomd.core.protocol.settings import BoardSettings
 from yahboomd.tools.calibrate.estimates.wiring import Wiring
 from yahboomd.tools.port import probing
@@ -209,8 +209,9 @@ class Wizard:
             pulses = Pulses(
                 line,
                 talk.dialect,
+                self._settings or {},
                 ticks_per_revolution=profile.ticks_per_revolution,
-                fastest_turns_per_s=MOTOR_TURNS_PER_S / profile.ratio,
+                fastest_turns_per_s=MOTOR_TURNS_PER_S / min(profile.ratio, FASTEST_RATIO),
                 least_ticks=profile.least_ticks_per_revolution,
                 on_pulse=guard.mark,
             )

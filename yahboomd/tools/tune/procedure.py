@@ -53,6 +53,13 @@ FOLLOWS = 0.3
 """A wheel that comes to less of a step by its end shows too little of its motor."""
 
 DEAD_ZONE_OFF_SHARE = 0.012
+NEAR_LEAST = 40
+"""A wheel that turns with an output this near to the stored dead zone may need less."""
+
+LEAST_OUTPUT = (
+    "The wheels turn with the least output that the board gives, so their own dead zone may be "
+    "smaller still: tune again after this one is stored."
+)
 GAP_LEFT = 0.05
 FASTEST_M_S = 1.5
 
@@ -243,6 +250,8 @@ class Procedure:
             measured = dead_zone.made_up_for(turning, dialect.most_output)
             if abs(measured - stored) > DEAD_ZONE_OFF_SHARE * dialect.most_output:
                 wanted[DEAD_ZONE] = measured
+                if LEAST_OUTPUT not in result.notes and min(turning) < stored + NEAR_LEAST:
+                    result.notes.append(LEAST_OUTPUT)
                 most = GAP_LEFT * target
                 models = [msgspec.structs.replace(it, gap=min(it.gap, most)) for it in models]
         unexplained = max(wheel.unexplained or 0.0 for wheel in result.wheels)

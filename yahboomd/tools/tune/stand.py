@@ -199,7 +199,7 @@ class Stand:
                 output = min(dialect.most_output, round(RAMP_UNITS_PER_S * elapsed_s))
                 signed = output * motor.command_sign * way
                 each = [signed if place == position else 0 for place in range(1, CHANNELS + 1)]
-                self._line.writer.velocity(dialect.outputs(tuple(each)))
+                self._line.writer.velocity(dialect.outputs(tuple(each), self.settings or {}))
                 await self._look(2 * LOOK_NS)
                 counts = self._counts_since(first)
                 own = counts[position - 1] * motor.encoder_sign * way

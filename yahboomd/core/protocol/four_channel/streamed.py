@@ -6,6 +6,7 @@ command table and the firmware's habits are in ``docs/protocol.md``.
 
 from __future__ import annotations
 
+import operator
 from functools import lru_cache
 from typing import Final
 
@@ -112,9 +113,13 @@ class Streamed(Dialect, frozen=True, kw_only=True):
         """Closed loop, in mm/s as the board believes: -1000..1000."""
         return command("spd", units, MAX_SPEED)
 
-    def outputs(self, outputs: Units) -> bytes:
-        """Open loop, in PWM units: -3600..3600."""
-        return command("pwm", outputs, MAX_PWM)
+    def outputs(self, outputs: Units, settings: BoardSettings) -> bytes:
+        """Open loop, in PWM units: -3600..3600, less the stored dead zone."""
+        stored = settings.get("deadzone")
+        added = stored if isinstance(stored, int) else 0
+        wanted = [operator.index(each) for each in outputs]
+        above = [max(0, abs(each) - added) * (1 if each > 0 else -1) for each in wanted]
+        return command("pwm", above, MAX_PWM)
 
     def decode(self, item: Frame | TextLine) -> Decoded:
         """Interpret frames by their exact names, and lines as a whole."""

@@ -155,6 +155,6 @@ class Rosmaster(Dialect, frozen=True, kw_only=True):
         vx, vy, wz = map(operator.index, units)
         return motion(vx, vy, wz)
 
-    def outputs(self, outputs: Units) -> bytes:
+    def outputs(self, outputs: Units, settings: BoardSettings) -> bytes:  # noqa: ARG002
         """Open loop, as shares of 100 of what lies above the board's own dead zone."""
         return open_loop(tuple(map(operator.index, outputs)))

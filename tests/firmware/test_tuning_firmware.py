@@ -1,0 +1,32 @@
+"""`tune` on the vendor's firmware, whose speed loop and flash are its own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from tuning_bench import TuningBench
+from vendor_firmware import MOTORS, instead_of_simulated, missing
+
+from yahboomd.simulation.virtual_time import on_virtual_time
+
+pytestmark = pytest.mark.skipif(bool(missing()), reason=missing())
+
+
+@pytest.fixture(autouse=True)
+def _firmware() -> Iterator[None]:
+    with instead_of_simulated():
+        yield
+
+
+@pytest.mark.parametrize("motor", MOTORS)
+@on_virtual_time
+async def test_each_motor_follows_better_after_three_writes_at_most(motor: str) -> None:
+    result = await TuningBench(options=MOTORS[motor]).tune()
+    for wheel in result.wheels:
+        assert wheel.before is not None
+        assert wheel.after is not None
+        assert wheel.before.settling_s is not None
+        assert wheel.after.settling_s is not None
+        assert wheel.after.settling_s < 0.75 * wheel.before.settling_s
+    assert result.writes <= 3
