@@ -21,6 +21,15 @@ def test_by_default_only_this_machine_reaches_the_bus():
     assert BusOptions().exposed == ()
 
 
+def test_a_router_that_gossips_connects_to_nobody_it_hears_of():
+    config = zenoh_config(BusOptions(gossip=True))
+    assert read(config, "scouting/gossip/enabled") is True
+    assert read(config, "scouting/gossip/autoconnect") == {"router": [], "peer": []}
+    assert read(config, "scouting/multicast/enabled") is False
+    uplink = zenoh_config(BusOptions(gossip=True), uplink=True)
+    assert read(uplink, "scouting/gossip/enabled") is False
+
+
 def test_the_machines_router_is_joined_by_a_client_of_its_own():
     options = BusOptions()
     assert options.has_uplink

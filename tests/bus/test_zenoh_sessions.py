@@ -1,6 +1,7 @@
 """Opening and closing real sessions: errors in words, the uplink, stuck connections."""
 
 import asyncio
+import json
 import os
 import socket
 import threading
@@ -64,6 +65,40 @@ def test_an_address_in_use_is_reported_with_its_holder_and_the_remedy(listener):
 def test_an_address_of_another_machine_is_reported():
     error = failure(BusOptions(listen=("tcp/192.0.2.1:7448",), connect=()))
     assert "no address tcp/192.0.2.1:7448" in error.message
+
+
+def rmw_zenoh_node(endpoint):
+    """A session with what rmw_zenoh's own configuration has for nodes."""
+    config = zenoh.Config()
+    for key, value in {
+        "mode": "peer",
+        "connect/endpoints": [endpoint],
+        "listen/endpoints": ["tcp/127.0.0.1:0"],
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": True,
+        "scouting/gossip/autoconnect": {"router": [], "peer": ["router", "peer"]},
+    }.items():
+        config.insert_json5(key, json.dumps(value))
+    return zenoh.open(config)
+
+
+async def test_nodes_of_a_router_that_gossips_hear_each_other():
+    endpoint = free_endpoint()
+    options = BusOptions(listen=(endpoint,), connect=(), gossip=True)
+    with (
+        zenoh.open(zenoh_config(options)),
+        rmw_zenoh_node(endpoint) as talker,
+        rmw_zenoh_node(endpoint) as listener,
+    ):
+        heard = []
+        listener.declare_subscriber("0/chatter", lambda sample: heard.append(bytes(sample.payload)))
+
+        def talked():
+            talker.put("0/chatter", b"hello")
+            return heard
+
+        await eventually(talked)
+        assert heard[0] == b"hello"
 
 
 def test_a_missing_router_is_reported_to_a_client():

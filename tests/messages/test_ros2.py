@@ -165,7 +165,7 @@ names = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*){0,2}", f
 @given(
     st.sampled_from(["MP", "MS", "SS"]),
     st.sampled_from(list(ros2.TYPE_HASHES)),
-    st.sampled_from(["humble", "iron", "jazzy", "kilted", "rolling"]),
+    st.sampled_from(["humble", "iron", "jazzy", "kilted", "lyrical", "rolling"]),
     st.integers(0, 232),
     st.just("") | names,
     names,

@@ -7,7 +7,7 @@ from typing import Any, Dict, Sequence
 
 import yaml
 
-DISTRIBUTIONS = ("humble", "iron", "jazzy", "kilted", "rolling")
+DISTRIBUTIONS = ("humble", "iron", "jazzy", "kilted", "lyrical", "rolling")
 
 Tree = Dict[str, Any]
 

@@ -59,6 +59,8 @@ class BusOptions(msgspec.Struct, frozen=True, kw_only=True):
             what reaches the daemon: a tool that reads the same file would refuse what the daemon
             tells it.
         unix_socket: Path of a Unix socket to listen on as well; its folder must exist.
+        gossip: Tell the peers that a router serves of each other, as nodes of rmw_zenoh need it to
+            exchange anything. The session itself connects to none of them.
         lease_s: After so long without a sign of life the others take this session for gone.
         open_timeout_s: The longest wait for the session to open.
         close_timeout_s: The longest wait for it to close.
@@ -71,6 +73,7 @@ class BusOptions(msgspec.Struct, frozen=True, kw_only=True):
     config_file: Path | None = None
     enforces: bool = True
     unix_socket: Path | None = None
+    gossip: bool = False
     lease_s: float = 2.0
     open_timeout_s: float = 5.0
     close_timeout_s: float = 3.0
@@ -164,7 +167,8 @@ def _unless_set(options: BusOptions, *, uplink: bool) -> dict[str, Any]:
     client = uplink or options.mode == "client"
     return {
         "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": False,
+        "scouting/gossip/enabled": options.gossip and not client,
+        "scouting/gossip/autoconnect": {"router": [], "peer": []},
         # A router waits so long at open for what scouting may find: half a second by default.
         "scouting/delay": 0,
         "open/return_conditions/connect_scouted": False,

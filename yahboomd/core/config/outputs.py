@@ -118,7 +118,7 @@ class Ros2(Section):
     rmw_zenoh: bool = key(
         default=False, description="Appear as a node of rmw_zenoh, without a bridge."
     )
-    distro: Literal["humble", "iron", "jazzy", "kilted", "rolling"] = key(
+    distro: Literal["humble", "iron", "jazzy", "kilted", "lyrical", "rolling"] = key(
         default="jazzy", description="The distribution of the ROS 2 graph."
     )
     domain_id: int = key(

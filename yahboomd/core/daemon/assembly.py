@@ -52,6 +52,7 @@ def bus_options(config: Config) -> BusOptions:
         connect=zenoh.connect,
         namespace=zenoh.namespace,
         config_file=Path(zenoh.config) if zenoh.config else None,
+        gossip=config.ros2.rmw_zenoh,
     )
 
 
